@@ -92,7 +92,10 @@ def test_unsaid_no_model_is_asked_and_without_a_record_nothing_is_branched(
     asked = len(server.requests)
     assert main(["fork", str(seen.path), "--at", "2"]) == ExitCode.USAGE
     told = capsys.readouterr().err
-    assert "`scout` asked chat models: beyond the branch nothing is recorded" in told and "--calls live" in told
+    assert (
+        "`scout` called chat models, and no answers are recorded after the branch point" in told
+        and "--calls live" in told
+    )
     alone = tmp_path / "trace.mcap"
     alone.write_bytes(seen.path.read_bytes())
     with (

@@ -107,7 +107,7 @@ def best_frames(traces: Iterable[Trace]) -> list[PageFrame]:
 def unrecorded_frames(trace: Trace, shown: Iterable[PageFrame], redraw: Redraw) -> list[PageFrame]:
     """Draw a frame of each kind of mounted camera that is not among `shown`: the best of a few moments.
 
-    `redraw` is the function of `lingjing.causal.lookback`. Returns [] if the city cannot be rebuilt. Raises
+    `redraw` is the function of `lingjing.causal.redraw`. Returns [] if the city cannot be rebuilt. Raises
     `InfrastructureError` if no picture can be drawn on this machine.
     """
     present = {_kind(frame) for frame in shown}

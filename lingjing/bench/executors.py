@@ -27,7 +27,7 @@ class Executor(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class LocalExecutor:
-    """An executor with child processes of this process."""
+    """An executor that plays episodes in child processes."""
 
     jobs: int = 1
 

@@ -1,4 +1,4 @@
-"""`BranchBudget`: the branches that one search may play, and what came of them."""
+"""The budget of branches of one search, and their results."""
 
 from __future__ import annotations
 
@@ -11,9 +11,11 @@ from lingjing.causal.interventions import BranchPlan
 
 
 class BranchBudget:
-    """At most so many branches of a host. What came of a plan that is kept is never played again. `short` says that
-    more was wanted than there was; `unanswered` counts the branches in which policies failed for reasons for which none
-    does in the trace."""
+    """A limited number of branches of a host. Results that are kept are not played again.
+
+    `short`: True if more branches were needed than available. `unanswered`: branches with replaced answers of
+    policies, by reason, without the trace's own reasons.
+    """
 
     def __init__(self, host: BranchHost, most: int) -> None:
         self.short = False
@@ -25,35 +27,38 @@ class BranchBudget:
 
     @property
     def left(self) -> int:
-        """How many may still be played."""
+        """The number of branches that may still be played."""
         return max(0, self._most - self._host.played)
 
     @property
     def kept(self) -> int:
-        """Of how many plans it is kept what came of them."""
+        """The number of kept results."""
         return len(self._kept)
 
     def play(
-        self, plans: Sequence[BranchPlan], what: str, ahead: Sequence[BranchPlan] = ()
+        self, plans: Sequence[BranchPlan], work: str, ahead: Sequence[BranchPlan] = ()
     ) -> tuple[BranchResult, ...]:
-        """Play these, whatever is left; what will be asked for next is said `ahead`, likeliest first."""
-        results = self._host.play(plans, what, ahead)
+        """Play these plans, without regard to the budget; plans `ahead` may be requested next, the likeliest first."""
+        results = self._host.play(plans, work, ahead)
         self.unanswered.update(failed_answers(results, self._own_failures))
         return results
 
     def keep(self, plan: BranchPlan, result: BranchResult) -> None:
-        """Remember what came of a plan."""
+        """Keep the result of a plan."""
         self._kept[plan] = result
 
     def result(self, plan: BranchPlan) -> BranchResult | None:
-        """What came of a plan; None if that is not kept."""
+        """Return the kept result of a plan, or None."""
         return self._kept.get(plan)
 
-    def won(self, plans: Sequence[BranchPlan], what: str) -> list[bool]:
-        """Whether each wins. Those that are not kept are played as far as the budget goes, and are kept then; what is
-        not played counts as lost."""
+    def won(self, plans: Sequence[BranchPlan], work: str) -> list[bool]:
+        """Return whether each plan wins.
+
+        Plans without a kept result are played within the budget, and their results are kept. Plans beyond the budget
+        count as lost.
+        """
         new = [plan for plan in dict.fromkeys(plans) if plan not in self._kept]
         within = new[: self.left]
         self.short |= len(within) < len(new)
-        self._kept |= zip(within, self.play(within, what), strict=True)
+        self._kept |= zip(within, self.play(within, work), strict=True)
         return [plan in self._kept and self._kept[plan].success for plan in plans]

@@ -1,4 +1,4 @@
-"""`BranchHost`: the caller's end of a process that holds an episode and plays branches of it. A context manager."""
+"""The client of the branch server, a process that holds an episode and plays branches of it."""
 
 from __future__ import annotations
 
@@ -31,16 +31,19 @@ from lingjing.processes.fork_client import environment, start_to_last
 from lingjing.trace.reader import Trace
 
 HostProgress = Callable[[str, int, int], None]
-"""Told what goes on, how much of it is done, and how much there is."""
+"""Receives the current work, and the numbers of done and of all items."""
 
 ReplyT = TypeVar("ReplyT", bound=HostMessage)
 
 
 class BranchHost:
-    """Branches of one trace. Raises `UsageError` that says why it cannot be branched here.
+    """A context manager for the branches of one trace. Raises `UsageError` with the reason if the trace cannot be
+    branched.
 
-    `agreements` are known with the `departures`: the boundaries at which an agent decided something of a faculty and
-    decided as its reference did, by (faculty, agent)."""
+    `played`, `cpu_s` and `pictures` count all branches; `driven_s` is the CPU time of the replay, `camera_s` that of
+    the camera, `unused_s` that of unused branches ahead. `agreements`, known after `departures`, are boundaries by
+    (faculty, agent) at which an agent decided as its reference.
+    """
 
     def __init__(self, trace: Trace, options: BranchOptions, progress: HostProgress | None = None) -> None:
         check_trace(trace)
@@ -53,7 +56,7 @@ class BranchHost:
         self.camera_s = 0.0
         self.unused_s = 0.0
         self.agreements: dict[tuple[str, str], tuple[int, ...]] = {}
-        self._progress: HostProgress = progress or (lambda what, done, due: None)
+        self._progress: HostProgress = progress or (lambda work, done, due: None)
         ours, theirs = socket.socketpair()
         command = [sys.executable, "-P", "-m", "lingjing.causal.branch_process"]
         try:
@@ -73,29 +76,28 @@ class BranchHost:
             self._progress("starting", 0, 0)
             self._send(OpenTrace(options=options))
             self.models = self._expect(TraceOpened).models
-            self._refuse_silent_calls()
+            self._refuse_unrecorded_calls()
         except BaseException:
             self.close()
             raise
 
     def departures(self) -> dict[tuple[str, str], tuple[int, ...]]:
-        """Where each agent decided otherwise than its reference: the boundaries by (faculty, agent)."""
+        """Return the departures of all agents: boundaries by (faculty, agent)."""
         self._send(DriveOn())
-        told = self._expect(EpisodeDriven)
-        self.driven_s = told.cpu_s
-        self.agreements = {(faculty, agent): ticks for faculty, agent, ticks in told.agreements}
-        return {(faculty, agent): ticks for faculty, agent, ticks in told.departures}
+        reply = self._expect(EpisodeDriven)
+        self.driven_s = reply.cpu_s
+        self.agreements = {(faculty, agent): ticks for faculty, agent, ticks in reply.agreements}
+        return {(faculty, agent): ticks for faculty, agent, ticks in reply.departures}
 
     def play(
-        self, plans: Sequence[BranchPlan], what: str = "branches", ahead: Sequence[BranchPlan] = ()
+        self, plans: Sequence[BranchPlan], work: str = "branches", ahead: Sequence[BranchPlan] = ()
     ) -> tuple[BranchResult, ...]:
-        """Play branches, as many at once as the options say; the results in the order of the plans.
+        """Play branches in parallel and return their results in the order of the plans.
 
-        What may be asked for next is said `ahead`, likeliest first: whoever has nothing else to do begins with it. That
-        changes when results come, and neither them nor what counts as played.
-
-        Raises `UsageError` for a plan that the trace has no place for, and the error of the first branch that fails:
-        the others of its call are ended, and the host with them.
+        Plans `ahead` may be requested next, the likeliest first; idle workers begin with them. They change when
+        results arrive, never the results or the number of played branches. Raises `UsageError` for a plan that the
+        trace does not allow, and the error of the first failed branch; a failure among several ends all of them and
+        the host.
         """
         for plan in (*plans, *ahead):
             check(plan, self.trace)
@@ -104,18 +106,18 @@ class BranchHost:
         self._send(PlayBranches(plans=tuple(plans), ahead=tuple(ahead)))
         results: dict[int, BranchResult] = {}
         while len(results) < len(plans):
-            self._progress(what, len(results), len(plans))
-            told = self._expect(BranchPlayed)
-            if told.result.failed:
+            self._progress(work, len(results), len(plans))
+            reply = self._expect(BranchPlayed)
+            if reply.result.failed:
                 if len(plans) > 1:
                     self.close()
-                raise told.result.error()
-            results[told.index] = told.result
+                raise reply.result.error()
+            results[reply.index] = reply.result
             self.played += 1
-            self.cpu_s += told.result.cpu_s
-            self.pictures += told.result.pictures
-            self.camera_s, self.unused_s = told.camera_s, told.unused_s
-        self._progress(what, len(plans), len(plans))
+            self.cpu_s += reply.result.cpu_s
+            self.pictures += reply.result.pictures
+            self.camera_s, self.unused_s = reply.camera_s, reply.unused_s
+        self._progress(work, len(plans), len(plans))
         return tuple(results[index] for index in range(len(plans)))
 
     def close(self) -> None:
@@ -130,39 +132,39 @@ class BranchHost:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _refuse_silent_calls(self) -> None:
+    def _refuse_unrecorded_calls(self) -> None:
         if self.models and self.options.calls != "live":
-            who = ", ".join(f"`{name}`" for name in self.models)
+            agents = ", ".join(f"`{name}`" for name in self.models)
             raise UsageError(
-                f"{who} asked chat models: beyond the branch nothing is recorded, and nobody is asked unsaid",
-                hint="--calls live asks the models there, for what they cost",
+                f"{agents} called chat models, and no answers are recorded after the branch point",
+                hint="--calls live calls the models there, at their cost",
             )
 
     def _send(self, message: HostMessage) -> None:
         try:
             self._channel.send(msgspec.msgpack.encode(message))
         except ChannelClosedError:
-            raise self._gone() from None
+            raise self._ended_error() from None
 
     def _expect(self, kind: type[ReplyT]) -> ReplyT:
         while True:
             try:
                 packet = self._channel.receive()
             except ChannelClosedError:
-                raise self._gone() from None
-            told: HostReply = msgspec.msgpack.decode(packet.payload, type=HostReply)
-            if isinstance(told, kind):
-                return told
-            if isinstance(told, DrivenTo):
-                self._progress("driving on", told.boundary, len(self.trace.boundaries) - 1)
-            elif isinstance(told, HostFailed):
-                raise error_of(told.exit_code, told.message, told.hint)
+                raise self._ended_error() from None
+            reply: HostReply = msgspec.msgpack.decode(packet.payload, type=HostReply)
+            if isinstance(reply, kind):
+                return reply
+            if isinstance(reply, DrivenTo):
+                self._progress("replaying", reply.boundary, len(self.trace.boundaries) - 1)
+            elif isinstance(reply, HostFailed):
+                raise error_of(reply.exit_code, reply.message, reply.hint)
 
-    def _gone(self) -> InfrastructureError:
-        """That the process has ended, and how."""
+    def _ended_error(self) -> InfrastructureError:
+        """Return the error of a process that has ended."""
         code = self._process.wait()
         how = f"signal {-code}" if code < 0 else f"exit code {code}"
         return InfrastructureError(
             f"the process that plays the branches has ended ({how})",
-            hint="what it said is above; policies and engines run in it, and one that ends it does this",
+            hint="its output is above; a policy or an engine that runs in it may have ended it",
         )

@@ -1,7 +1,7 @@
-"""`BranchPictures`: pictures of branches of one trace, each drawn once at most.
+"""Pictures for the branches of one trace, each rendered at most once.
 
-A picture is not drawn again where what it depends on (`Sensor.key`) was the same when the trace's was taken, or when
-another branch asked: what moved elsewhere is no reason. A sensor engine that cannot tell draws all of them.
+A picture is not rendered again if its inputs (`Sensor.key`) equal those of the trace's picture, or of a picture for
+another branch; bodies out of view do not matter. A sensor engine without keys renders all pictures.
 """
 
 from __future__ import annotations
@@ -30,35 +30,45 @@ class BranchPictures:
         self._recorded_keys: dict[str, bytes | None] = {}
 
     def picture(
-        self, wanted: CaptureRequest, time_s: float, states: Sequence[BodyState], *, pixels: bool = True
+        self, request: CaptureRequest, time_s: float, states: Sequence[BodyState], *, pixels: bool = True
     ) -> StoredFrame | None:
-        """The picture at a boundary where everything stands so; None if the engine draws none. Without `pixels` what
-        is known of it, which costs less to draw and nothing to hand on."""
-        recorded = self._recorded_key(wanted)
+        """Return the picture of a boundary with these states; None if the engine renders none.
+
+        Without `pixels` only its metadata are returned, which costs less to render and to send.
+        """
+        recorded = self._recorded_key(request)
         self._sensor.settle(time_s, states)
-        key = self._sensor.key(wanted)
+        key = self._sensor.key(request)
         if key is None:
-            return self._sensor.picture(wanted, pixels=pixels)
-        named = key + msgspec.msgpack.encode((wanted, pixels))
-        frame = self._memory.find(named)
+            return self._sensor.picture(request, pixels=pixels)
+        cache_key = key + msgspec.msgpack.encode((request, pixels))
+        frame = self._memory.find(cache_key)
         if frame is None:
-            frame = self._held(wanted, pixels) if key == recorded else self._sensor.picture(wanted, pixels=pixels)
+            frame = (
+                self._recorded_picture(request, pixels)
+                if key == recorded
+                else self._sensor.picture(request, pixels=pixels)
+            )
             if frame is not None:
-                self._memory.keep(named, frame)
+                self._memory.keep(cache_key, frame)
         return frame
 
-    def _held(self, wanted: CaptureRequest, pixels: bool) -> StoredFrame:
-        """The trace's picture of that name."""
-        return recorded_frame(self._trace, wanted.frame) if pixels else without_pixels(self._trace.frames[wanted.frame])
+    def _recorded_picture(self, request: CaptureRequest, pixels: bool) -> StoredFrame:
+        """Return the trace's picture with that name."""
+        return (
+            recorded_frame(self._trace, request.frame) if pixels else without_pixels(self._trace.frames[request.frame])
+        )
 
-    def _recorded_key(self, wanted: CaptureRequest) -> bytes | None:
-        """What the trace's picture of that name depended on, None if it holds none; the sensor may stand there then."""
-        name = wanted.frame
+    def _recorded_key(self, request: CaptureRequest) -> bytes | None:
+        """Return the key of the trace's picture with that name, or None. The sensor may be left in the recorded
+        states.
+        """
+        name = request.frame
         if name not in self._recorded_keys:
             key = None
             if name in self._trace.frames:
-                then = self._trace.boundaries[wanted.tick].snapshots[-1]
-                self._sensor.settle(wanted.time_s, then.states + then.ambient)
-                key = self._sensor.key(wanted)
+                then = self._trace.boundaries[request.tick].snapshots[-1]
+                self._sensor.settle(request.time_s, then.states + then.ambient)
+                key = self._sensor.key(request)
             self._recorded_keys[name] = key
         return self._recorded_keys[name]

@@ -1,9 +1,10 @@
-"""`python -m lingjing.causal.branch_process`: holds an episode at its boundaries and forks a branch for each question.
+"""The branch server (`python -m lingjing.causal.branch_process`): holds an episode and forks a process for each
+branch.
 
-Started by `branch_host` alone. One process drives the episode on and leaves, at each boundary that is wanted, a copy of
-itself that stands still; a branch is a fork of such a copy. So a branch costs a fork and its own ticks, whichever
-boundary it leaves from. All of them have one thread; a fork of a process with several is refused. Each ends with the
-process that it was forked from, and the first of them with its caller.
+`branch_host` starts it. The first process drives the episode through its boundaries and leaves, at each boundary that
+is needed, a waiting copy of itself. A branch is a fork of such a copy, so it costs a fork and its own ticks,
+independent of the boundary. All processes have one thread; forks with several threads are refused. Each process ends
+with its parent, and the first one with its client.
 """
 
 from __future__ import annotations
@@ -31,35 +32,38 @@ from lingjing.processes.linux import SeveralThreadsError, end_with_parent, fork
 from lingjing.terminal import guard_streams
 
 HELD_MOST = 32
-"""So many boundaries are held at once at most, each of which takes 20 to 130 MB; then every second one is let go, and
-branches drive on to theirs."""
+"""The greatest number of waiting copies; each takes 20 to 130 MB (measured). Above it every second copy is closed, and
+branches replay from the copy before. Chosen.
+"""
 
 
 class HostMessage(msgspec.Struct, frozen=True, kw_only=True, tag=True, tag_field="is"):
-    """Base of what a branch host and its process say to each other."""
+    """Base of the messages between a branch host and its server."""
 
 
 class OpenTrace(HostMessage, frozen=True, kw_only=True):
-    """Read a trace and stand at its boundary 0."""
+    """Read a trace and go to its boundary 0."""
 
     options: BranchOptions
 
 
 class DriveOn(HostMessage, frozen=True, kw_only=True):
-    """Drive on to the last boundary and hold all on the way."""
+    """Drive to the last boundary and hold all boundaries on the way."""
 
 
 class PlayBranches(HostMessage, frozen=True, kw_only=True):
-    """Play these branches; those `ahead` may be asked for next, and idle workers may begin with them."""
+    """Play these branches."""
 
     plans: tuple[BranchPlan, ...]
     ahead: tuple[BranchPlan, ...] = ()
+    """Plans that may be requested next; idle workers may begin with them."""
 
 
 class TraceOpened(HostMessage, frozen=True, kw_only=True):
-    """The episode stands at boundary 0; these agents ask chat models."""
+    """The episode is at boundary 0."""
 
     models: tuple[str, ...] = ()
+    """Agents with policies that call chat models."""
 
 
 class DrivenTo(HostMessage, frozen=True, kw_only=True):
@@ -69,39 +73,46 @@ class DrivenTo(HostMessage, frozen=True, kw_only=True):
 
 
 class EpisodeDriven(HostMessage, frozen=True, kw_only=True):
-    """The last boundary was reached. `departures` are the boundaries at which agents decided otherwise than their
-    references, by faculty and agent, `agreements` those at which they decided something and it was right; `cpu_s` is
-    what the process has taken so far."""
+    """The last boundary was reached."""
 
     departures: tuple[tuple[str, str, tuple[int, ...]], ...]
+    """Boundaries of departures by faculty and agent."""
     agreements: tuple[tuple[str, str, tuple[int, ...]], ...]
+    """Boundaries of agreements by faculty and agent."""
     cpu_s: float
+    """CPU time of the server so far, seconds."""
 
 
 class BranchPlayed(HostMessage, frozen=True, kw_only=True):
-    """Branch `index` of those asked for has ended. `camera_s` is what drawing has taken so far, `unused_s` what was
-    spent on those begun ahead for nothing."""
+    """A branch has ended."""
 
     index: int
+    """The number of its plan in the request."""
     result: BranchResult
     camera_s: float
+    """CPU time of the camera so far, seconds."""
     unused_s: float = 0.0
+    """CPU time of unused branches ahead so far, seconds."""
 
 
 class HostFailed(HostMessage, frozen=True, kw_only=True):
-    """What was asked for cannot be done; `exit_code` is that of the error."""
+    """The request failed."""
 
     message: str
     hint: str = ""
     exit_code: int = ExitCode.USAGE
+    """The exit code of the error."""
 
 
 HostRequest = OpenTrace | DriveOn | PlayBranches
+"""Messages to the server."""
+
 HostReply = TraceOpened | DrivenTo | EpisodeDriven | BranchPlayed | HostFailed
+"""Messages from the server."""
 
 
 def main() -> None:
-    """Serve one caller until it is gone."""
+    """Serve one client until it closes the connection."""
     parser = argparse.ArgumentParser(prog="lingjing.causal.branch_process")
     parser.add_argument("--fd", type=int, required=True)
     parser.add_argument("--parent", type=int, required=True)
@@ -112,8 +123,8 @@ def main() -> None:
     guard_streams()
     os.set_inheritable(options.fd, False)
     _Server(Channel(socket.socket(fileno=options.fd))).run()
-    _write_out()
-    os._exit(0)  # no shutdown of the interpreter: what its policies left behind is not to hold it up
+    _flush_streams()
+    os._exit(0)  # without a shutdown of the interpreter, which threads or objects of policies could block
 
 
 class _Server:
@@ -137,71 +148,71 @@ class _Server:
         except ChannelClosedError:
             raise
         except LingjingError as error:
-            self._say(HostFailed(message=str(error), hint=error.hint, exit_code=error.exit_code))
+            self._send(HostFailed(message=str(error), hint=error.hint, exit_code=error.exit_code))
         except SeveralThreadsError as error:
-            self._say(_refusal_of_threads(error))
-        except Exception as error:  # noqa: BLE001 - a fault of ours, which the caller raises
+            self._send(_threads_error(error))
+        except Exception as error:  # noqa: BLE001 - a bug, which the client raises
             traceback.print_exc()
-            said = f"the branch host failed: {type(error).__name__}: {error}"
-            self._say(HostFailed(message=said, exit_code=ExitCode.BUG))
+            message = f"the branch host failed: {type(error).__name__}: {error}"
+            self._send(HostFailed(message=message, exit_code=ExitCode.BUG))
 
     def _answer(self, request: HostRequest) -> None:
         if isinstance(request, OpenTrace):
             self._episode = RedrivenEpisode(request.options)
-            self._queue = BranchQueue(self._begin, request.options.jobs)
+            self._queue = BranchQueue(self._start_branch, request.options.jobs)
             gc.collect()
-            gc.freeze()  # what is there now stays: collections need not touch the pages that forks share
+            gc.freeze()  # collections skip existing objects and so do not copy pages shared with forks
             self._hold()
-            self._say(TraceOpened(models=self._episode.models))
+            self._send(TraceOpened(models=self._episode.models))
             return
         if self._episode is None or self._queue is None:
             raise UsageError("no trace is open")
         if isinstance(request, DriveOn):
             self._drive_to(self._episode.last, None)
             departed, agreed = (
-                tuple((*pair, tuple(ticks)) for pair, ticks in found.items())
-                for found in (self._episode.departures, self._episode.agreements)
+                tuple((*pair, tuple(ticks)) for pair, ticks in boundaries_of.items())
+                for boundaries_of in (self._episode.departures, self._episode.agreements)
             )
-            self._say(EpisodeDriven(departures=departed, agreements=agreed, cpu_s=time.process_time()))
+            self._send(EpisodeDriven(departures=departed, agreements=agreed, cpu_s=time.process_time()))
         else:
             self._play(self._queue, request)
 
-    def _say(self, message: HostMessage) -> None:
+    def _send(self, message: HostMessage) -> None:
         self._channel.send(msgspec.msgpack.encode(message))
 
-    def _drive_to(self, boundary: int, wanted: frozenset[int] | None) -> None:
-        """On to a boundary; those that are `wanted` are held, or all."""
+    def _drive_to(self, boundary: int, held: frozenset[int] | None) -> None:
+        """Drive to a boundary; hold the boundaries in `wanted` on the way, or all."""
         episode = self._episode
         assert episode is not None
         while episode.tick < boundary:
             episode.advance()
-            self._say(DrivenTo(boundary=episode.tick))
-            if wanted is None or episode.tick in wanted:
+            self._send(DrivenTo(boundary=episode.tick))
+            if held is None or episode.tick in held:
                 self._hold()
 
-    # -- boundaries that are held
+    # -- held boundaries
 
     def _hold(self) -> None:
-        """Leave a copy of this process at the boundary that was reached."""
+        """Leave a waiting copy of this process at the current boundary."""
         assert self._episode is not None
         if len(self._held) >= HELD_MOST:
             for boundary in list(self._held)[1::2]:
                 self._held.pop(boundary).close()
         ours, theirs = socket.socketpair()
         parent = os.getpid()
-        _write_out()
+        _flush_streams()
         with theirs:
             if fork(keep_random=True) == 0:
                 ours.close()
-                self._stand_still(Channel(theirs), parent)
+                self._serve_forks(Channel(theirs), parent)
         self._held[self._episode.tick] = Channel(ours)
 
-    def _stand_still(self, requests: Channel, parent: int) -> NoReturn:
+    def _serve_forks(self, requests: Channel, parent: int) -> NoReturn:
         try:
             end_with_parent(parent)
             for end in self._held.values():
                 end.close()
-            signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # ended branches are nobody's zombies
+            signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # the system reaps ended branches
             while True:
                 packet = requests.receive()
                 self._fork_branch(msgspec.msgpack.decode(packet.payload, type=BranchPlan), packet.descriptors[0])
@@ -215,10 +226,10 @@ class _Server:
         if fork(keep_random=True) == 0:
             fork_s = cpu_of(parent) - before
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-            self._be_branch(plan, output, fork_s, parent)
+            self._run_branch(plan, output, fork_s, parent)
         os.close(output)
 
-    def _be_branch(self, plan: BranchPlan, output: int, fork_s: float, parent: int) -> NoReturn:
+    def _run_branch(self, plan: BranchPlan, output: int, fork_s: float, parent: int) -> NoReturn:
         try:
             end_with_parent(parent)
             started = time.process_time()
@@ -228,7 +239,7 @@ class _Server:
             spent = time.process_time() - started + fork_s
             channel.send(msgspec.msgpack.encode(msgspec.structs.replace(result, cpu_s=spent, fork_s=fork_s)))
         finally:
-            _write_out()
+            _flush_streams()
             os._exit(0)
 
     def _played(self, plan: BranchPlan) -> BranchResult:
@@ -237,7 +248,7 @@ class _Server:
             return play_branch(self._episode, plan)
         except LingjingError as error:
             return BranchResult(failed=str(error), hint=error.hint, exit_code=error.exit_code)
-        except Exception as error:  # noqa: BLE001 - told to the caller, who raises it
+        except Exception as error:  # noqa: BLE001 - reported to the client, which raises it
             traceback.print_exc()
             return BranchResult(failed=f"the branch failed: {type(error).__name__}: {error}", exit_code=ExitCode.BUG)
 
@@ -247,20 +258,22 @@ class _Server:
         wanted = frozenset(plan.at for plan in request.plans)
         self._drive_to(max(wanted, default=0), wanted)
         try:
-            queue.play(request.plans, request.ahead, self._tell)
+            queue.play(request.plans, request.ahead, self._report)
         except BaseException:
             queue.close()
             raise
 
-    def _tell(self, index: int, result: BranchResult) -> None:
+    def _report(self, index: int, result: BranchResult) -> None:
         assert self._episode is not None and self._queue is not None
         camera_s, unused_s = self._episode.camera.cpu_s, self._queue.unused_s
-        self._say(BranchPlayed(index=index, result=result, camera_s=camera_s, unused_s=unused_s))
+        self._send(BranchPlayed(index=index, result=result, camera_s=camera_s, unused_s=unused_s))
 
-    def _begin(self, plan: BranchPlan) -> Channel:
-        """Ask the nearest boundary before the branch for it; where its result is to be read. `InfrastructureError` if
-        the process that holds it has ended."""
-        boundary = max(one for one in self._held if one <= plan.at)
+    def _start_branch(self, plan: BranchPlan) -> Channel:
+        """Request a branch from the nearest held boundary, and return the channel of its result.
+
+        Raises `InfrastructureError` if the process of that boundary has ended.
+        """
+        boundary = max(held for held in self._held if held <= plan.at)
         ours, theirs = socket.socketpair()
         with theirs:
             try:
@@ -273,18 +286,18 @@ class _Server:
         return Channel(ours)
 
 
-def _write_out() -> None:
-    """Write what policies have printed: a fork would print it once more."""
+def _flush_streams() -> None:
+    """Flush standard streams: a fork would print buffered output a second time."""
     sys.stdout.flush()
     sys.stderr.flush()
 
 
-def _refusal_of_threads(error: SeveralThreadsError) -> HostFailed:
+def _threads_error(error: SeveralThreadsError) -> HostFailed:
     more = error.count - 1
     return HostFailed(
-        message=f"the episode cannot be branched: its policies keep {more} more thread{'s' * (more > 1)}, "
-        "and a thread has no copy",
-        hint="a policy that is to be branched runs in the thread that asks it",
+        message=f"the episode cannot be branched: its policies run {more} more thread{'s' * (more > 1)}, "
+        "and a fork does not copy threads",
+        hint="a policy can be branched if it runs in the calling thread only",
     )
 
 

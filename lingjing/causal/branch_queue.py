@@ -1,8 +1,7 @@
-"""`BranchQueue`: branches as processes, so many at a time; those that may be asked for next when a worker is idle.
+"""The queue of branches: processes that run in parallel; idle workers begin with plans that may be requested next.
 
-A branch's result depends on its plan alone. So one that was begun before anybody asked for it is as good as one begun
-afterwards, and what is told does not depend on how many run at once. A branch that was begun ahead and is of no use any
-more is ended.
+The result of a branch depends on its plan alone. So a branch that was begun ahead is as good as one begun on request,
+and results do not depend on the number of workers. An unused branch ahead is ended.
 """
 
 from __future__ import annotations
@@ -28,17 +27,21 @@ _PID_BYTES = 4
 
 @dataclass
 class _Running:
-    """A branch that runs. `channel`: this process's end. `answer`: its encoded result. `pid`, `pidfd`: its process, 0
-    and -1 until it has introduced itself."""
+    """A running branch."""
 
     key: bytes
+    """The encoded plan."""
     channel: Channel
+    """This process's end of its channel."""
     answer: bytes | bytearray = b""
+    """Its encoded result; empty until it arrives."""
     pid: int = 0
+    """Its process id; 0 until the branch has sent it."""
     pidfd: int = -1
+    """Its pidfd; -1 until the branch has sent it."""
 
     def read(self, deadline: Deadline | None = None) -> bool:
-        """Read the next packet, or wait for it until the deadline; False at the end of the channel."""
+        """Read the next packet, or wait for it until the deadline; return False at the end of the channel."""
         try:
             packet = self.channel.receive(deadline)
         except TimeoutError:
@@ -52,24 +55,25 @@ class _Running:
         return True
 
     def result(self) -> BranchResult:
-        """Its result."""
+        """Return its result, or a failure if none arrived."""
         lost = BranchResult(
-            failed="the process of the branch ended without a word",
+            failed="the process of the branch ended without a result",
             hint="it was killed, or a policy that ran in it ended it",
         )
         return msgspec.msgpack.decode(self.answer, type=BranchResult) if self.answer else lost
 
     def close(self) -> None:
+        """Close its channel and pidfd."""
         self.channel.close()
         if self.pidfd >= 0:
             os.close(self.pidfd)
 
     def end(self) -> float:
-        """End it; the CPU seconds that it has taken."""
+        """Kill its process and return its CPU time, seconds."""
         while self.pidfd < 0 and self.read():
             pass
         spent = 0.0
-        with suppress(OSError):  # it may just have ended
+        with suppress(OSError):  # it may have ended meanwhile
             spent = cpu_of(self.pid) if self.pid else 0.0
             if self.pidfd >= 0:
                 signal.pidfd_send_signal(self.pidfd, signal.SIGKILL)
@@ -78,9 +82,11 @@ class _Running:
 
 
 class BranchQueue:
-    """Branches, `jobs` at a time. `begin` has a branch played by a process of its own, which introduces itself with
-    `introduce` on the channel that is returned, writes its result there and closes it. `unused_s` are CPU seconds of
-    branches that were begun ahead for nothing."""
+    """A queue of branches with `jobs` workers.
+
+    `begin` starts the process of a branch and returns its channel. The process sends its id with `introduce`, then its
+    result, and closes the channel. `unused_s` is the CPU time of unused branches ahead, seconds.
+    """
 
     def __init__(self, begin: Callable[[BranchPlan], Channel], jobs: int) -> None:
         self._begin = begin
@@ -91,31 +97,33 @@ class BranchQueue:
         self.unused_s = 0.0
 
     def play(
-        self, plans: Sequence[BranchPlan], ahead: Sequence[BranchPlan], tell: Callable[[int, BranchResult], None]
+        self, plans: Sequence[BranchPlan], ahead: Sequence[BranchPlan], report: Callable[[int, BranchResult], None]
     ) -> None:
-        """Play all plans and tell each one's number and result; those `ahead`, likeliest first, only on the side."""
+        """Play all plans and report each one's number and result; plans `ahead`, likeliest first, run on idle
+        workers.
+        """
         keys = list(map(msgspec.msgpack.encode, plans))
         further = dict(zip(map(msgspec.msgpack.encode, ahead), ahead, strict=True))
         self._forget_all_but({*keys, *further})
         numbers: dict[bytes, list[int]] = {}
         for number, key in enumerate(keys):
             numbers.setdefault(key, []).append(number)
-        known = {*self._ended, *(one.key for one in self._running.values())}
+        known = {*self._ended, *(running.key for running in self._running.values())}
         wanted = dict(zip(keys, plans, strict=True))
-        due = [(key, plan) for key, plan in (wanted | further).items() if key not in known]
+        waiting = [(key, plan) for key, plan in (wanted | further).items() if key not in known]
         for key in [key for key in numbers if key in self._ended]:
-            self._tell(numbers.pop(key), self._ended.pop(key), tell)
+            self._report_all(numbers.pop(key), self._ended.pop(key), report)
         while numbers:
-            while due and len(self._running) < self._jobs:
-                self._start(*due.pop(0))
+            while waiting and len(self._running) < self._jobs:
+                self._start(*waiting.pop(0))
             for key, result in self._collected():
                 if key in numbers:
-                    self._tell(numbers.pop(key), result, tell)
+                    self._report_all(numbers.pop(key), result, report)
                 else:
                     self._ended[key] = result
 
     def close(self) -> None:
-        """End all that run."""
+        """End all running branches."""
         self._forget_all_but(())
 
     def _start(self, key: bytes, plan: BranchPlan) -> None:
@@ -124,33 +132,33 @@ class BranchQueue:
         self._poller.register(channel, select.POLLIN)
 
     def _collected(self) -> Iterable[tuple[bytes, BranchResult]]:
-        """Those that end, at least one packet of one later."""
+        """Yield the branches that have ended, after at least one packet of any branch."""
         for descriptor, _ in self._poller.poll():
-            one = self._running[descriptor]
-            if not one.read(WallDeadline(0.0)):
+            running = self._running[descriptor]
+            if not running.read(WallDeadline(0.0)):
                 self._poller.unregister(descriptor)
                 del self._running[descriptor]
-                one.close()
-                yield one.key, one.result()
+                running.close()
+                yield running.key, running.result()
 
     def _forget_all_but(self, keys: Iterable[bytes]) -> None:
         kept = frozenset(keys)
-        for descriptor, one in list(self._running.items()):
-            if one.key not in kept:
+        for descriptor, running in list(self._running.items()):
+            if running.key not in kept:
                 self._poller.unregister(descriptor)
                 del self._running[descriptor]
-                self.unused_s += one.end()
+                self.unused_s += running.end()
         for key in [key for key in self._ended if key not in kept]:
             self.unused_s += self._ended.pop(key).cpu_s
 
     @staticmethod
-    def _tell(numbers: Iterable[int], result: BranchResult, tell: Callable[[int, BranchResult], None]) -> None:
+    def _report_all(numbers: Iterable[int], result: BranchResult, report: Callable[[int, BranchResult], None]) -> None:
         for number in numbers:
-            tell(number, result)
+            report(number, result)
 
 
 def introduce(channel: Channel) -> None:
-    """Say which process this is, so that it can be ended."""
+    """Send the id and pidfd of this process, so that the queue can end it."""
     pidfd = os.pidfd_open(os.getpid())
     try:
         channel.send(os.getpid().to_bytes(_PID_BYTES, "little"), (pidfd,))

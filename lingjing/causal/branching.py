@@ -1,4 +1,4 @@
-"""One branch of a re-driven episode, in a forked copy of its process: played to its end and told in a few numbers."""
+"""One branch of a re-driven episode in a forked process: played to its end and summarised."""
 
 from __future__ import annotations
 
@@ -34,19 +34,11 @@ from lingjing.trace.records import (
 from lingjing.trace.writer import PictureParts, TraceWriter
 
 TRACE_NAME = "trace.mcap"
+"""The file name of a branch's trace."""
 
 
 class BranchResult(msgspec.Struct, frozen=True, kw_only=True):
-    """How a branch ended.
-
-    `differs` is the first boundary whose digest is not the trace's (None: all are equal, to the end). `swayed` is the
-    first that other decisions led to, but for what was withheld (None: nobody decided otherwise). `replaced` are the
-    records that the plan replaced, `departed` those beside these in which agents departed from their references, if
-    the plan watches. `pictures` were asked of the camera. `unanswered` counts the answers of policies that
-    were replaced in the branch, by reason. `cpu_s` is what the branch took, its fork's `fork_s` included, without the
-    camera. `failed` says why the branch says nothing (an engine, the camera or a reference failed), `exit_code` which
-    kind of error that is.
-    """
+    """The result of a branch."""
 
     success: bool = False
     reason: Reason = "error"
@@ -56,54 +48,66 @@ class BranchResult(msgspec.Struct, frozen=True, kw_only=True):
     ticks: int = 0
     digest: str = ""
     differs: int | None = None
+    """The first boundary with a digest other than the trace's; None if all are equal."""
     swayed: int | None = None
+    """The first boundary after different decisions, not counting withheld messages; None if all decisions are equal."""
     replaced: tuple[ReplacedPart, ...] = ()
+    """The parts that the plan replaced."""
     departed: tuple[ReplacedPart, ...] = ()
+    """Departures that the plan did not replace; only if the plan watches."""
     pictures: int = 0
+    """The number of requested pictures."""
     unanswered: dict[str, int] = {}
+    """The number of replaced answers of policies in the branch, by reason."""
     cpu_s: float = 0.0
+    """CPU time of the branch, its fork included and the camera excluded, seconds."""
     fork_s: float = 0.0
+    """CPU time of the fork, seconds."""
     failed: str = ""
+    """The error (of an engine, the camera or a reference) that makes the branch useless; empty if there is none."""
     hint: str = ""
     exit_code: int = ExitCode.INFRASTRUCTURE
+    """The exit code of that error."""
     path: str = ""
+    """The path of the branch's trace; empty if none was written."""
 
     def error(self) -> LingjingError:
-        """That of a branch that `failed`."""
+        """Return the error of a `failed` branch."""
         return error_of(self.exit_code, f"a branch was cut short: {self.failed}", self.hint)
 
 
 class NullFork(msgspec.Struct, frozen=True, kw_only=True):
-    """A branch from boundary 0 that changes nothing; `boundary` is the first where it differs all the same."""
+    """The result of a branch from boundary 0 without a change."""
 
     identical: bool
+    """True if all digests equal those of the trace."""
     boundary: int | None = None
+    """The first boundary that differs; None if there is none."""
 
     @classmethod
     def of(cls, branch: BranchResult) -> NullFork:
-        """What a branch that changed nothing says."""
+        """Return the result of a null fork."""
         return cls(identical=branch.differs is None, boundary=branch.differs)
 
 
 def own_failures(trace: Trace) -> frozenset[str]:
-    """The reasons for which answers of policies were replaced in an episode itself."""
-    return frozenset(made.substituted for one in trace.boundaries for made in one.decisions)
+    """Return the reasons of replaced answers in the episode itself."""
+    return frozenset(made.substituted for record in trace.boundaries for made in record.decisions)
 
 
 def failed_answers(results: Iterable[BranchResult], own: frozenset[str]) -> Counter[str]:
-    """In how many branches answers of policies were replaced, by reason, but for the reasons that are the episode's
-    own."""
-    return Counter(reason for one in results for reason in one.unanswered.keys() - own)
+    """Return the number of branches with replaced answers, by reason, without the episode's own reasons."""
+    return Counter(reason for result in results for reason in result.unanswered.keys() - own)
 
 
 def play_branch(episode: RedrivenEpisode, plan: BranchPlan) -> BranchResult:
-    """Play the branch to its end. The episode is used up."""
+    """Play the branch to its end. The episode cannot be used afterwards."""
     while episode.tick < plan.at:
         episode.advance()
     pictures = episode.run.pictures
     pictures.until, pictures.camera = episode.tick, episode.camera.capture
     if not plan.watch:
-        episode.references.keep({one.agent for one in plan.substitutions})
+        episode.references.keep({item.agent for item in plan.substitutions})
     episode.kernel.transit = transit(plan.messages)
     episode.kernel.unsaid = plan.withheld
     if episode.calls is not None:
@@ -125,11 +129,13 @@ def play_branch(episode: RedrivenEpisode, plan: BranchPlan) -> BranchResult:
         ticks=outcome.ticks,
         digest=outcome.digest,
         differs=_differs(episode.trace, plan.at, [record.digest for record in records], outcome),
-        swayed=_swayed(episode.trace, records[1 + any(one.act == "withhold" for one in plan.messages) :]),
+        swayed=_swayed(episode.trace, records[1 + any(item.act == "withhold" for item in plan.messages) :]),
         replaced=tuple(policies.replaced),
         departed=tuple(policies.departed) if plan.watch else (),
         pictures=pictures.asked,
-        unanswered=dict(Counter(made.substituted for one in records[1:] for made in one.decisions if made.substituted)),
+        unanswered=dict(
+            Counter(made.substituted for item in records[1:] for made in item.decisions if made.substituted)
+        ),
         failed=(outcome.detail or outcome.reason) if outcome.reason in CUT_SHORT else "",
         hint=outcome.hint,
         path=str(writer.end(outcome)) if writer is not None else "",
@@ -141,14 +147,14 @@ def _record(
 ) -> None:
     records.append(replace(record, snapshots=()))
     if writer is not None:
-        writer.add(record, [(one.info, one.jpeg, one.depth, one.semantic) for one in frames])
+        writer.add(record, [(frame.info, frame.jpeg, frame.depth, frame.semantic) for frame in frames])
 
 
 def _differs(trace: Trace, at: int, digests: Sequence[str], outcome: Outcome) -> int | None:
-    """The first boundary from `at` on where the digests differ, or where one of the two has ended."""
+    """Return the first boundary from `at` on at which the digests differ, or only one of the two has ended."""
     recorded = current_digests(trace)[at:]
-    for number, (one, other) in enumerate(zip(recorded, digests, strict=False)):
-        if one != other:
+    for number, (digest_recorded, digest_played) in enumerate(zip(recorded, digests, strict=False)):
+        if digest_recorded != digest_played:
             return at + number
     if len(digests) < len(recorded) or (len(digests) > len(recorded) and trace.complete):
         return at + min(len(recorded), len(digests))
@@ -157,7 +163,7 @@ def _differs(trace: Trace, at: int, digests: Sequence[str], outcome: Outcome) ->
 
 
 def _swayed(trace: Trace, records: Sequence[BoundaryRecord]) -> int | None:
-    """The first boundary that other commands or messages led to than in the trace, as far as that goes."""
+    """Return the first boundary after commands or messages that differ from the trace's."""
     for record in records:
         if record.tick < len(trace.boundaries) and _acts(record) != _acts(trace.boundaries[record.tick]):
             return record.tick
@@ -169,7 +175,7 @@ def _acts(record: BoundaryRecord) -> list[tuple[object, ...]]:
 
 
 class _BranchTrace:
-    """A branch as a trace of its own: the recorded boundaries up to where it leaves, then its own."""
+    """The trace of a branch: the recorded boundaries up to the fork, then those of the branch."""
 
     def __init__(self, trace: Trace, plan: BranchPlan, reference: str, city: City) -> None:
         folder = Path(plan.out)
@@ -185,11 +191,11 @@ class _BranchTrace:
             self.add(record, [picture_parts(trace, frame.id) for frame in record.frames])
 
     def add(self, record: BoundaryRecord, pictures: Sequence[PictureParts]) -> None:
-        """One boundary."""
+        """Write one boundary."""
         self.writer.boundary(replace(record, relations=self._relations.take(record)), pictures)
 
     def end(self, outcome: Outcome) -> Path:
-        """Where the trace lies."""
+        """Return the path of the trace."""
         return self.writer.part if outcome.reason in CUT_SHORT else self.writer.path
 
 

@@ -1,7 +1,7 @@
-"""Delta debugging (Zeller and Hildebrandt, "Simplifying and Isolating Failure-Inducing Input", 2002): `minimize`.
+"""Delta debugging (Zeller and Hildebrandt, "Simplifying and Isolating Failure-Inducing Input", 2002).
 
-Candidates of one granularity are tried in order, several at a time; the first that fails counts, however many were
-tried beside it, so the result does not depend on how many are tried at a time.
+Candidates of one granularity are tried in order, several in parallel. The first failing candidate is taken, so the
+result does not depend on the number of parallel trials.
 """
 
 from __future__ import annotations
@@ -11,17 +11,18 @@ from itertools import pairwise
 from typing import TypeVar
 
 PartT = TypeVar("PartT", bound=Hashable)
+"""A part of the input."""
 
 FirstFailing = Callable[[Sequence[tuple[PartT, ...]]], int | None]
-"""Which of several candidates is the first that still fails, as its number; None if none does. A candidate is what is
-kept of the parts."""
+"""Returns the index of the first candidate that still fails, or None. A candidate holds the kept parts."""
 
 
 def minimize(parts: Sequence[PartT], first_failing: FirstFailing[PartT]) -> tuple[PartT, ...]:
-    """A 1-minimal subset of the parts that still fails: no single part of it can be left out. All parts must fail.
+    """Return a 1-minimal failing subset of the parts: no single part of it can be removed. All parts together must
+    fail.
 
-    `ddmin` with complements alone: a part that can be left out is looked for in halves, quarters and so on. Leaving
-    out all of them is tried first.
+    This is `ddmin` with complements only: removable parts are searched in halves, quarters and so on. Removing all
+    parts is tried first.
     """
     kept = tuple(parts)
     if kept and first_failing([()]) is not None:
@@ -30,9 +31,9 @@ def minimize(parts: Sequence[PartT], first_failing: FirstFailing[PartT]) -> tupl
     while len(kept) >= 2:
         pieces = min(pieces, len(kept))
         candidates = [_without(kept, piece) for piece in _pieces(kept, pieces)]
-        found = first_failing(candidates)
-        if found is not None:
-            kept, pieces = candidates[found], max(pieces - 1, 2)
+        failing = first_failing(candidates)
+        if failing is not None:
+            kept, pieces = candidates[failing], max(pieces - 1, 2)
         elif pieces < len(kept):
             pieces = 2 * pieces
         else:
@@ -41,7 +42,7 @@ def minimize(parts: Sequence[PartT], first_failing: FirstFailing[PartT]) -> tupl
 
 
 def _pieces(kept: Sequence[PartT], count: int) -> list[tuple[PartT, ...]]:
-    """The parts in `count` pieces of nearly equal length."""
+    """Return the parts in `count` pieces of nearly equal length."""
     edges = [round(number * len(kept) / count) for number in range(count + 1)]
     return [tuple(kept[low:high]) for low, high in pairwise(edges)]
 

@@ -1,8 +1,8 @@
-"""`Departures`: where agents decided otherwise than their references, and from where on that is to be replaced.
+"""Departures of agents from their references, and the boundaries from which pairs are substituted.
 
-What is replaced is always a pair of a faculty and its agent. As a rule it is from the pair's first departure in the
-trace on to the end; a search may find that a later beginning repairs, or pairs that depart only where others are
-replaced.
+A substitution always concerns a pair of a faculty and its agent. By default it lasts from the pair's first departure
+in the trace to the end. A search may find that a later start repairs, or find pairs that depart only where others are
+substituted.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import cast
 
-from lingjing.causal.beginnings import later_beginnings, rows_of
 from lingjing.causal.interventions import BranchPlan
+from lingjing.causal.later_starts import later_starts, runs_of
 from lingjing.causal.narrowing import Windows
 from lingjing.causal.shapley import AgentFaculty
 from lingjing.trace.records import Faculty, Substitution
@@ -21,8 +21,10 @@ PairTicks = Mapping[tuple[str, str], Sequence[int]]
 
 
 class Departures:
-    """The departures and agreements of a trace by pair, and what a search found of them. `pairs` are in the order of
-    their first departures, of equals in that of `agents`; those that show only in branches follow."""
+    """The departures and agreements of a trace by pair, with the findings of a search.
+
+    `pairs` are in the order of their first departures, then of `agents`; pairs that depart only in branches follow.
+    """
 
     def __init__(self, departed: PairTicks, agreed: PairTicks, agents: Sequence[str]) -> None:
         def first_and_agent(item: tuple[tuple[str, str], Sequence[int]]) -> tuple[int, int, str]:
@@ -38,53 +40,55 @@ class Departures:
         self._since: dict[AgentFaculty, int] = {}
 
     def begin_at(self, pairs: Iterable[AgentFaculty], tick: int) -> None:
-        """From now on these are replaced from that boundary on."""
+        """Let the substitution of these pairs start at that boundary."""
         self._since |= dict.fromkeys(pairs, tick)
 
     def show(self, shown: Mapping[AgentFaculty, Sequence[int]], begin: int) -> None:
-        """Add what agents got wrong in a branch in which others were replaced; it is replaced from `begin` on."""
+        """Add departures of a branch in which other pairs were substituted; these start at `begin`."""
         self.begin_at(shown, begin)
         self.masked |= shown.keys() - self.pairs.keys()
         for pair, ticks in shown.items():
             self.pairs[pair] = tuple(sorted({*ticks, *self.pairs.get(pair, ())}))
 
     def start(self, pair: AgentFaculty) -> int:
-        """From where a pair is replaced that is to the end."""
+        """Return the boundary at which the substitution of a pair starts if it lasts to the end."""
         return self._since.get(pair, self.pairs[pair][0])
 
     def from_start(self, pair: AgentFaculty) -> list[int]:
-        """The departures of a pair from where it is to be replaced."""
+        """Return the departures of a pair from its start on."""
         return [tick for tick in self.pairs[pair] if tick >= self.start(pair)]
 
     def is_late(self, pair: AgentFaculty) -> bool:
-        """Whether a pair is replaced from later than its first departure on."""
+        """Return whether the substitution of a pair starts after its first departure."""
         return self._since.get(pair, 0) > self.pairs[pair][0]
 
-    def later_beginnings(self, pair: AgentFaculty) -> list[int]:
-        """From where else a pair might be replaced, likeliest first."""
-        return later_beginnings(self.pairs[pair], self._right(pair))
+    def later_starts(self, pair: AgentFaculty) -> list[int]:
+        """Return other starts for a pair, the likeliest first."""
+        return later_starts(self.pairs[pair], self._right(pair))
 
-    def rows(self, pair: AgentFaculty) -> int:
-        """In how many rows a pair departed, with something right between two."""
-        return len(rows_of(self.pairs[pair], self._right(pair)))
+    def runs(self, pair: AgentFaculty) -> int:
+        """Return the number of runs of departures of a pair."""
+        return len(runs_of(self.pairs[pair], self._right(pair)))
 
     def right_at_first(self, agent: str) -> bool:
-        """Whether the first thing that an agent decided was right."""
+        """Return whether an agent agreed with its reference before its first departure."""
         departed = self._first(agent)
-        return any(who == agent and ticks[0] < departed for (_, who), ticks in self._agreed.items())
+        return any(name == agent and ticks[0] < departed for (_, name), ticks in self._agreed.items())
 
-    def began(self, pair: AgentFaculty, replaced: int) -> int:
-        """Where it began to go wrong what is first replaced at a boundary: the first departure of an agent that had
-        decided something right before it and nothing wrong; of any other, where the departures of the pair begin that
-        lead up to there with none right in between."""
-        onset = self.pairs[pair][0]
-        if onset == self._first(pair[1]) and self.right_at_first(pair[1]):
-            return onset
+    def onset(self, pair: AgentFaculty, replaced: int) -> int:
+        """Return the onset of the error that is first replaced at boundary `replaced`.
+
+        For an agent that agreed before, and did not depart before, it is its first departure. For any other agent it
+        is the first departure of the pair's run that leads up to that boundary.
+        """
+        first_departure = self.pairs[pair][0]
+        if first_departure == self._first(pair[1]) and self.right_at_first(pair[1]):
+            return first_departure
         right = max((tick for tick in self._right(pair) if tick < replaced), default=-1)
         return min((tick for tick in self.from_start(pair) if right < tick <= replaced), default=replaced)
 
     def plan(self, pairs: Iterable[AgentFaculty], windows: Windows = ()) -> BranchPlan:
-        """The pairs replaced, each in its window or from where it is to be replaced."""
+        """Return the plan that substitutes the pairs, each in its window or from its start."""
         narrow = {pair: (first, last) for pair, first, last in windows}
         spans = {pair: narrow.get(pair, (self.start(pair), None)) for pair in pairs}
         return BranchPlan(
@@ -97,8 +101,8 @@ class Departures:
         )
 
     def _first(self, agent: str) -> int:
-        return min(ticks[0] for (_, who), ticks in self.pairs.items() if who == agent)
+        return min(ticks[0] for (_, name), ticks in self.pairs.items() if name == agent)
 
     def _right(self, pair: AgentFaculty) -> Sequence[int]:
-        """Where a pair agreed with its reference; what shows only where others are replaced was never compared."""
+        """Return the agreements of a pair. A masked pair has none, because it was never compared in the trace."""
         return () if pair in self.masked else self._agreed.get((pair[0], pair[1]), ())

@@ -1,10 +1,9 @@
-"""`FailureSignature`: how an episode failed, so that two failures can be called the same or not.
+"""Signatures of failures, by which two failed episodes are called equal or different.
 
-Two episodes fail the same way if all of this is equal: the reason of the ending; the constraint or the stage that it
-names; the parts of the mission's success that did not hold at the end, as they are written and without saying for whom;
-the failure family (`lingjing.analysis.families`); and which answers of policies were replaced, by reason and, for a
-policy that raised, by the exception. Names of members and numbers are left out: whoever is left when others are removed
-is counted anew.
+Two episodes fail alike if these are equal: the reason of the outcome; the broken constraints or late stages; the unmet
+parts of the mission's success, as written and without members; the failure family (`lingjing.analysis.families`); and
+the replaced answers of policies, by reason and, for a policy that raised, by exception. Names of members and numbers
+do not count, because members are renumbered when others are removed.
 """
 
 from __future__ import annotations
@@ -26,24 +25,30 @@ from lingjing.trace.reader import Trace
 from lingjing.trace.records import CUT_SHORT
 
 Sameness = Literal["reason", "clauses", "family"]
-"""How much of a signature must be equal: the reason and what it names; also what success lacked and which answers were
-replaced; also the family."""
+"""The compared parts of a signature. `reason`: reason and names. `clauses`: also unmet clauses and replaced answers.
+`family`: also the family.
+"""
 
 _EXCEPTION = re.compile(r"\b([A-Z]\w*(?:Error|Exception|Warning|Exit|Interrupt))\b")
+"""The name of an exception in the detail of a replaced answer."""
 
 
 class FailureSignature(msgspec.Struct, frozen=True, kw_only=True):
-    """How an episode failed. `named` are the constraints that were broken, or the stages that were late; `unmet` the
-    parts of success that did not hold, as written; `replaced` why answers were replaced (`policy_error ValueError`)."""
+    """The description of a failure."""
 
     reason: str
+    """The reason of the outcome."""
     named: tuple[str, ...] = ()
+    """Broken constraints or late stages."""
     unmet: tuple[str, ...] = ()
+    """Parts of success that did not hold, as written in the mission."""
     family: str = ""
+    """The failure family; empty if there is none."""
     replaced: tuple[str, ...] = ()
+    """Reasons of replaced answers, such as `policy_error ValueError`."""
 
     def part(self, sameness: Sameness) -> FailureSignature:
-        """What of it counts."""
+        """Return the compared part of the signature."""
         if sameness == "family":
             return self
         if sameness == "clauses":
@@ -52,28 +57,28 @@ class FailureSignature(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def text(self) -> str:
-        """In a line."""
-        told = [self.reason, *self.named]
-        told += [f"without {clause}" for clause in self.unmet]
-        told += [self.family] if self.family else []
-        told += [f"answers replaced: {', '.join(self.replaced)}"] if self.replaced else []
-        return "; ".join(told)
+        """The signature in one line."""
+        parts = [self.reason, *self.named]
+        parts += [f"without {clause}" for clause in self.unmet]
+        parts += [self.family] if self.family else []
+        parts += [f"answers replaced: {', '.join(self.replaced)}"] if self.replaced else []
+        return "; ".join(parts)
 
 
 def failure_of(trace: Trace) -> FailureSignature | None:
-    """The signature of a failed episode; None for one that was won.
+    """Return the signature of a failed episode, or None for a won one.
 
-    Raises `UsageError` for a trace that shows no failure of its own: cut, aborted, interrupted, without a boundary.
+    Raises `UsageError` for a trace without a failure of its own: cut, aborted, interrupted or empty.
     """
     outcome = trace.outcome
     if outcome is None or not trace.boundaries:
         raise UsageError(
-            f"{trace.path} has no outcome: its episode was killed or the file cut",
-            hint="play it again: what an episode did not come to cannot be made to stay",
+            f"{trace.path} has no outcome: the episode was killed or the file was cut",
+            hint="play the episode again: an unfinished episode has no failure",
         )
     if outcome.reason in CUT_SHORT:
         raise UsageError(
-            f"{trace.path} was cut short ({outcome.reason}): it failed for or against nobody", hint=outcome.hint
+            f"{trace.path} was cut short ({outcome.reason}): this is no failure of its policies", hint=outcome.hint
         )
     if outcome.success:
         return None
@@ -89,20 +94,20 @@ def failure_of(trace: Trace) -> FailureSignature | None:
 
 
 def _named(trace: Trace, reason: str, last: RebuiltBoundary) -> Iterator[str]:
-    """What the ending names: broken hard constraints, late stages."""
+    """Yield the broken hard constraints, or the late stages, of the outcome."""
     instance = trace.header.instance
     if reason == "constraint":
-        names = {one.name for one in instance.constraints if one.kind == "hard"}
+        names = {item.name for item in instance.constraints if item.kind == "hard"}
         broken = {event.kind for record in trace.boundaries for event in record.events}
         yield from names & broken
     if reason == "late":
-        yield from (one.stage for one in Stages(instance).late(last.registry))
+        yield from (item.stage for item in Stages(instance).late(last.registry))
 
 
 def _unmet(trace: Trace, last: RebuiltBoundary) -> Iterator[str]:
     at = last.at
     for each, part in components(trace.header.instance.success):
-        members = [{}] if each is None else [{each.variable: one} for one in at.domain(each.domain)]
+        members = [{}] if each is None else [{each.variable: member} for member in at.domain(each.domain)]
         if not all(holds(part, scope, at) for scope in members):
             yield spell(part)
 
@@ -111,5 +116,5 @@ def _replaced(trace: Trace) -> Iterator[str]:
     for record in trace.boundaries:
         for made in record.decisions:
             if made.substituted:
-                raised = _EXCEPTION.search(made.detail)
-                yield f"{made.substituted} {raised[1]}" if raised else made.substituted
+                exception = _EXCEPTION.search(made.detail)
+                yield f"{made.substituted} {exception[1]}" if exception else made.substituted

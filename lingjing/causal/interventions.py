@@ -1,9 +1,9 @@
-"""What a branch changes: faculties replaced by the truth, messages changed on their way; and that applied to a run.
+"""Interventions: the changes of a branch, their check, and their application to a running episode.
 
-`BranchPlan` says what is changed and from which boundary on. `check` finds what cannot be done with a trace.
-`InterveningPolicies` stands in the place of the policies and replaces parts of their decisions; `transit` stands on
-the bus. Both leave everything else alone: no other agent is told anything, and random streams are named by message,
-entity and tick, so that they do not shift.
+`BranchPlan` holds the changes and the first boundary. `check` finds changes that a trace does not allow.
+`InterveningPolicies` stands in front of the policies and replaces parts of their decisions; `transit` changes messages
+on the bus. Nothing else changes: other agents receive nothing new, and random streams do not shift, because they are
+named by message, entity and tick.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 import msgspec
 from msgspec.structs import replace
 
-from lingjing.causal.faculties import TrueSituation, faculties_of, replaced
+from lingjing.causal.faculties import TrueSituation, faculties_of, replace_faculty
 from lingjing.causal.references import References
 from lingjing.errors import UsageError
 from lingjing.kernel.admission import body_check
@@ -29,97 +29,99 @@ from lingjing.trace.request_ids import request_id
 
 
 class BranchPlan(msgspec.Struct, frozen=True, kw_only=True):
-    """A branch: it leaves the trace at boundary `at`, whose decisions are the first that may differ.
-
-    `replacements` (agent, boundary) → a decision are put in the place of what an agent decides there, whatever that
-    is. With `out` the branch is written as a trace into that folder. With `watch` every agent's reference is asked, and
-    it is noted in what else agents depart from theirs.
-    """
+    """The plan of a branch."""
 
     at: int
+    """The boundary of the fork; its decisions are the first that may differ."""
     substitutions: tuple[Substitution, ...] = ()
+    """Faculties to replace by their references."""
     messages: tuple[MessageChange, ...] = ()
+    """Changes of messages."""
     replacements: tuple[tuple[str, int, Decision], ...] = ()
+    """Decisions by agent and boundary, which replace the agent's decision."""
     out: str = ""
+    """The folder for the branch's trace; empty: no trace."""
     watch: bool = False
+    """True if all references run and all departures are recorded."""
 
     @property
     def withheld(self) -> frozenset[str]:
-        """The ids of the messages that are never sent."""
-        return frozenset(one.message for one in self.messages if one.act == "withhold")
+        """The ids of the messages that are not sent."""
+        return frozenset(change.message for change in self.messages if change.act == "withhold")
 
 
 class ReplacedPart(msgspec.Struct, frozen=True, order=True):
-    """A part of a decision that a branch replaced, or could have: at which boundary, of whom, which faculty's."""
+    """A part of a decision that a branch replaced, or would have replaced."""
 
     boundary: int
+    """The boundary of the decision."""
     agent: str
     faculty: str
+    """The faculty of the part."""
 
 
 def check_trace(trace: Trace) -> None:
-    """Raise `UsageError` for a trace without boundaries, and for one whose verbs do not say how they move although
-    their engines do: it was written before instances held that, and policies and faculties go by it."""
+    """Raise `UsageError` for a trace without boundaries, or one by an old version without the motions of verbs.
+    Policies and faculties need the motions.
+    """
     if not trace.boundaries:
-        raise UsageError(f"{trace.path} holds no boundary", hint="its episode was cut before it began")
+        raise UsageError(f"{trace.path} holds no boundary", hint="its episode was cut before boundary 0")
     for entity in trace.header.instance.entities:
         known = engine_kind(entity.engine).verbs
-        silent = [one.name for one in entity.verbs if not one.motion and one.name in known and known[one.name].motion]
-        if silent:
+        incomplete = [
+            verb.name for verb in entity.verbs if not verb.motion and verb.name in known and known[verb.name].motion
+        ]
+        if incomplete:
             raise UsageError(
-                f"{trace.path} cannot be branched: an older version wrote it, which did not say how `{silent[0]}` "
-                f"moves `{entity.id}`",
-                hint="play the episode again; `lingjing replay`, `why` and `metrics` read this one as it is",
+                f"{trace.path} cannot be branched: an older version wrote it without the motion of `{incomplete[0]}` "
+                f"of `{entity.id}`",
+                hint="play the episode again; `lingjing replay`, `why` and `metrics` can read this trace",
             )
 
 
 def check(plan: BranchPlan, trace: Trace) -> None:
-    """Raise `UsageError` for a boundary, an agent, a faculty or a message that the trace does not have. What is
-    replaced may begin after the trace ends: a branch may last longer, as long as the budget lets it."""
+    """Raise `UsageError` for a boundary, an agent, a faculty or a message that the trace does not have.
+
+    A substitution may begin after the end of the trace, because a branch may last up to the budget.
+    """
     last, most = len(trace.boundaries) - 1, trace.header.instance.budget.ticks
     if not 0 <= plan.at <= last:
-        raise UsageError(f"there is no boundary {plan.at}", hint=f"{trace.path} has those of 0 to {last}")
-    for one in plan.substitutions:
-        if not 0 <= one.first <= max(last, most):
-            raise UsageError(f"no branch has a boundary {one.first}", hint=f"the budget is {most} ticks")
+        raise UsageError(f"there is no boundary {plan.at}", hint=f"{trace.path} has boundaries 0 to {last}")
+    for item in plan.substitutions:
+        if not 0 <= item.first <= max(last, most):
+            raise UsageError(f"no branch has a boundary {item.first}", hint=f"the budget is {most} ticks")
     ended = trace.boundaries[plan.at].done or plan.at >= most
     if ended and (plan.substitutions or plan.messages):
-        raise UsageError(
-            f"the episode is over at boundary {plan.at}", hint=f"change something at one of 0 to {last - 1}"
-        )
-    for one in plan.substitutions:
-        _check_substitution(one, trace.header.instance)
+        raise UsageError(f"the episode has ended at boundary {plan.at}", hint=f"choose a boundary from 0 to {last - 1}")
+    for item in plan.substitutions:
+        _check_substitution(item, trace.header.instance)
     for number, change in enumerate(plan.messages):
         _check_message(change, trace)
-        if any(one.message == change.message for one in plan.messages[:number]):
-            raise UsageError(
-                f"`{change.message}` is changed twice", hint="one thing can be done to a message at a time"
-            )
+        if any(item.message == change.message for item in plan.messages[:number]):
+            raise UsageError(f"`{change.message}` is changed twice", hint="make one change per message")
 
 
 def boundary_of(trace: Trace, message: str) -> int:
-    """The boundary whose decisions a message came from. `UsageError` if the trace has no such message."""
+    """Return the boundary of the decision that sent a message. Raises `UsageError` if the trace has no such message."""
     for record in trace.boundaries:
         if any(receipt.request == message and receipt.by == "bus" for receipt in record.receipts):
             return record.tick - 1
-    some = [envelope.id for record in trace.boundaries for envelope in record.messages]
-    close = nearest(message, some)
-    known = (
-        f"did you mean `{close}`?" if close else f"for example {', '.join(dict.fromkeys(some))[:60]}" if some else ""
-    )
-    raise UsageError(f"no message is called `{message}` in {trace.path}", hint=known or "nobody said anything in it")
+    ids = [envelope.id for record in trace.boundaries for envelope in record.messages]
+    close = nearest(message, ids)
+    hint = f"did you mean `{close}`?" if close else f"for example {', '.join(dict.fromkeys(ids))[:60]}" if ids else ""
+    raise UsageError(f"there is no message `{message}` in {trace.path}", hint=hint or "the trace holds no messages")
 
 
-def _check_substitution(one: Substitution, instance: Instance) -> None:
+def _check_substitution(substitution: Substitution, instance: Instance) -> None:
     agents = {agent.id: agent for agent in instance.agents}
-    if one.agent not in agents:
-        hint = nearest_or(one.agent, agents, f"there are: {', '.join(agents)}")
-        raise UsageError(f"there is no agent `{one.agent}`", hint=hint)
-    has = faculties_of(instance, agents[one.agent])
-    if one.faculty not in has:
+    if substitution.agent not in agents:
+        hint = nearest_or(substitution.agent, agents, f"there are: {', '.join(agents)}")
+        raise UsageError(f"there is no agent `{substitution.agent}`", hint=hint)
+    own_faculties = faculties_of(instance, agents[substitution.agent])
+    if substitution.faculty not in own_faculties:
         raise UsageError(
-            f"`{one.agent}` has no {one.faculty}",
-            hint=f"it has {', '.join(has) or 'no faculty'}; see docs/attribution.md",
+            f"`{substitution.agent}` has no {substitution.faculty}",
+            hint=f"it has {', '.join(own_faculties) or 'no faculty'}; see docs/attribution.md",
         )
 
 
@@ -130,24 +132,23 @@ def _check_message(change: MessageChange, trace: Trace) -> None:
     if change.act == "withhold":
         return
     if not edges:
-        raise UsageError(
-            f"`{change.message}` was on its way to nobody", hint="no agent ever read it: nothing to change"
-        )
+        raise UsageError(f"`{change.message}` had no recipients", hint="choose a message that was delivered")
     if change.act in ("delay", "repeat") and change.ticks < 1:
-        raise UsageError(f"{change.act} `{change.message}`: by at least one boundary is due")
+        raise UsageError(f"{change.act} `{change.message}`: the number of boundaries must be at least 1")
     if change.act == "forge":
-        spec = next(one for one in trace.header.instance.messages if one.kind == edges[0].kind)
-        frames = {frame for earlier in trace.boundaries[: boundary + 1] for frame in (one.id for one in earlier.frames)}
+        spec = next(item for item in trace.header.instance.messages if item.kind == edges[0].kind)
+        frames = {
+            frame for earlier in trace.boundaries[: boundary + 1] for frame in (item.id for item in earlier.frames)
+        }
         fault = body_check(spec).fault({**edges[0].body, **change.body}, frames)
         if fault:
             raise UsageError(f"forge `{change.message}`: {fault}", hint=f"its kind is `{edges[0].kind}`")
 
 
 class InterveningPolicies:
-    """The policies of a branch, in the place of the barrier's.
+    """The policies of a branch, in place of the barrier's.
 
-    `replaced` lists what was replaced so far, `departed` what agents whose references are asked got wrong beside what
-    the plan would have replaced there.
+    `replaced` lists the replaced parts. `departed` lists the departures that the plan does not replace.
     """
 
     def __init__(self, policies: PolicyBarrier, references: References, kernel: Kernel, plan: BranchPlan) -> None:
@@ -160,40 +161,44 @@ class InterveningPolicies:
         self.departed: list[ReplacedPart] = []
 
     def decide(self, published: Published, exhausted: Mapping[str, str]) -> tuple[DecisionRecord, ...]:
-        """What the policies decide, with what the plan replaces."""
+        """Return the policies' decisions after the replacements of the plan."""
         tick, scenes = published.record.tick, self._scenes()
-        self._references.begin({one.agent for one in self._plan.substitutions if one.first == tick})
-        due = self._references.decide(published)
+        self._references.begin({item.agent for item in self._plan.substitutions if item.first == tick})
+        references = self._references.decide(published)
         decisions = self._policies.decide(published, exhausted)
-        made = tuple(self._altered(one, due, scenes, tick) for one in decisions)
-        found = self._references.note(decisions, due, scenes)
-        covered = {(one.faculty, one.agent) for one in self._plan.substitutions if one.covers(tick)}
-        self.departed += [ReplacedPart(tick, who, what) for what, who in found if (what, who) not in covered]
+        made = tuple(self._replace_parts(item, references, scenes, tick) for item in decisions)
+        departures = self._references.note(decisions, references, scenes)
+        covered = {(item.faculty, item.agent) for item in self._plan.substitutions if item.covers(tick)}
+        self.departed += [
+            ReplacedPart(tick, agent, faculty) for faculty, agent in departures if (faculty, agent) not in covered
+        ]
         return self._without_withheld(made, tick)
 
     @property
     def ambient_random(self) -> frozenset[str]:
-        """Agents in whose calls a global random generator was used."""
+        """Agents that used a global random generator in their calls."""
         return self._policies.ambient_random
 
     def close(self) -> None:
-        """Let the policies go."""
+        """Close the policies."""
         self._policies.close()
 
     def _scenes(self) -> dict[str, TrueSituation]:
         instance, registry = self._kernel.instance, self._kernel.state.registry
         return {agent.id: TrueSituation(instance, agent, registry) for agent in instance.agents}
 
-    def _altered(
-        self, made: DecisionRecord, due: Mapping[str, Decision], scenes: Mapping[str, TrueSituation], tick: int
+    def _replace_parts(
+        self, made: DecisionRecord, references: Mapping[str, Decision], scenes: Mapping[str, TrueSituation], tick: int
     ) -> DecisionRecord:
         decision = made.decision
-        for one in self._plan.substitutions:
-            if one.agent != made.agent or not one.covers(tick):
+        for substitution in self._plan.substitutions:
+            if substitution.agent != made.agent or not substitution.covers(tick):
                 continue
-            after = replaced(one.faculty, decision, due[one.agent], scenes[one.agent])
+            after = replace_faculty(
+                substitution.faculty, decision, references[substitution.agent], scenes[substitution.agent]
+            )
             if after is not decision:
-                self.replaced.append(ReplacedPart(tick, one.agent, one.faculty))
+                self.replaced.append(ReplacedPart(tick, substitution.agent, substitution.faculty))
             decision = after
         for agent, boundary, other in self._plan.replacements:
             decision = other if (agent, boundary) == (made.agent, tick) else decision
@@ -202,24 +207,24 @@ class InterveningPolicies:
         return replace(made, decision=decision, substituted="", detail="")
 
     def _without_withheld(self, decisions: tuple[DecisionRecord, ...], tick: int) -> tuple[DecisionRecord, ...]:
-        """Without the messages that are withheld, which are known by their numbers at this boundary."""
+        """Return the decisions without withheld messages, which are identified by their numbers at this boundary."""
         number, kept = 0, []
         for made in decisions:
-            said = made.decision.messages
+            messages = made.decision.messages
             left = tuple(
-                one
-                for place, one in enumerate(said, number + 1)
+                message
+                for place, message in enumerate(messages, number + 1)
                 if request_id("message", tick + 1, place) not in self._withheld
             )
-            number += len(said)
-            changed = len(left) != len(said)
+            number += len(messages)
+            changed = len(left) != len(messages)
             kept.append(replace(made, decision=replace(made.decision, messages=left)) if changed else made)
         return tuple(kept)
 
 
 def transit(changes: Sequence[MessageChange]) -> Transit | None:
-    """What becomes of messages on their way; None where nothing does."""
-    changed = {one.message: one for one in changes if one.act != "withhold"}
+    """Return the function that changes messages on the bus, or None if there are no changes."""
+    changed = {change.message: change for change in changes if change.act != "withhold"}
     if not changed:
         return None
 
@@ -245,5 +250,5 @@ def _sent(edge: Envelope, change: MessageChange | None) -> tuple[Envelope, ...]:
 
 
 def counts(parts: Sequence[ReplacedPart]) -> Counter[tuple[str, str]]:
-    """How many records were replaced, by (agent, faculty)."""
-    return Counter((one.agent, one.faculty) for one in parts)
+    """Return the number of replaced records by (agent, faculty)."""
+    return Counter((part.agent, part.faculty) for part in parts)

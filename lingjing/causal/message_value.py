@@ -1,11 +1,11 @@
-"""The value of a message: what its absence changes in the score, found by branches.
+"""The value of messages, measured by branches.
 
-For each message that somebody was sent, the episode is played once more with that message arriving at nobody, all else
-under common random numbers; its value is the score that was reached less the score that the branch reaches. A report
-that is still adjudicated counts as made, so the value is that of telling the others. With `unsaid`, messages are never
-sent at all, so that no adjudicator hears them either: then all reports have a value, and not only what was told.
+For each delivered message, the episode is played once more without its delivery, under common random numbers. The
+value is the recorded score less the score of the branch. A report that is still adjudicated counts as made, so its
+value is that of informing other agents. With `unsaid` messages are not sent at all, so no adjudicator receives them;
+then reports have their complete value.
 
-A star's message travels twice (to the hub, and from it), so `Hops` says which of the two a message was.
+In the star mode a message travels twice (to the hub, and from the hub); `Hop` distinguishes the two.
 """
 
 from __future__ import annotations
@@ -28,16 +28,14 @@ from lingjing.trace.reader import Trace
 from lingjing.trace.records import CUT_SHORT, MessageChange, Reason
 
 Hop = Literal["to hub", "from hub", "to all"]
-"""Which way a message went: a star's two hops, or a broadcast."""
+"""The direction of a message: one of a star's two hops, or a broadcast."""
 
 EQUAL = 1e-9
+"""Difference up to which two scores are equal."""
 
 
 class MessageValue(msgspec.Struct, frozen=True, kw_only=True):
-    """One message: `value` is the score lost without it (negative: gained), `ticks` how many later the episode ended
-    without it; `swayed` is the first boundary that other decisions led to without it (None: nobody made use of it);
-    `decisive` if the episode was won with it and is lost without it, or the other way round. `reason` is why it then
-    ended."""
+    """The value of one message."""
 
     id: str
     tick: int
@@ -46,32 +44,41 @@ class MessageValue(msgspec.Struct, frozen=True, kw_only=True):
     category: str
     hop: Hop
     value: float
+    """The loss of score without it; negative: a gain."""
     ticks: int
+    """Ticks by which the episode ended later without it."""
     swayed: int | None
+    """The first boundary after different decisions without it; None: no agent used it."""
     decisive: bool
+    """True if success changes without it."""
     reason: Reason
+    """The reason of the outcome without it."""
 
 
 class KindValue(msgspec.Struct, frozen=True, kw_only=True):
-    """All messages of one kind and hop in one mode: how many, the mean of their values, how many were of any value,
-    decisive, harmful or moot (of no use to anybody), and how many ticks later the episode ended without one."""
+    """Statistics of all messages of one kind and hop in one mode."""
 
     mode: str
     kind: str
     hop: Hop
     messages: int
+    """Number of messages."""
     mean: float
+    """Mean value."""
     valuable: int
+    """Messages with a positive value."""
     decisive: int
+    """Decisive messages."""
     harmful: int
+    """Messages with a negative value."""
     moot: int
+    """Messages that no agent used."""
     ticks: float
+    """Mean number of ticks by which the episode ended later."""
 
 
 class EpisodeValues(msgspec.Struct, frozen=True, kw_only=True):
-    """The messages of one episode and what each was worth; none of them if the `null` fork was not the episode.
-    `left_out` were beyond the budget of branches. `unanswered` counts the branches in which answers of policies were
-    replaced for reasons for which none was in the trace."""
+    """The values of the messages of one episode."""
 
     path: str
     mission: str
@@ -81,27 +88,39 @@ class EpisodeValues(msgspec.Struct, frozen=True, kw_only=True):
     score: float
     ticks: int
     unsaid: bool
+    """True if messages were not sent at all."""
     null: NullFork
+    """The null fork; if it differs, no message is measured."""
     messages: tuple[MessageValue, ...] = ()
     left_out: int = 0
+    """The number of messages beyond the budget."""
     unanswered: dict[str, int] = {}
+    """Branches with replaced answers of policies, by reason, without the trace's own reasons."""
     branches: int = 0
+    """The number of played branches."""
     cpu_s: float = 0.0
+    """CPU time of the branches, seconds."""
 
 
 class ModeValue(msgspec.Struct, frozen=True, kw_only=True):
-    """All episodes of one mode: how often they were won, how many messages of each were tried, and what these were
-    worth; `left_out` were beyond the budget of branches."""
+    """Statistics of all episodes of one mode."""
 
     mode: str
     episodes: int
     won: int
+    """The number of won episodes."""
     messages: float
+    """Mean number of measured messages per episode."""
     value: float
+    """Mean total value per episode."""
     decisive: float
+    """Mean number of decisive messages per episode."""
     moot: float
+    """The share of messages that no agent used."""
     ticks: float
+    """Mean ticks of the episodes."""
     left_out: float = 0.0
+    """Mean number of messages beyond the budget."""
 
 
 def message_values(
@@ -112,24 +131,28 @@ def message_values(
     most: int = 200,
     progress: HostProgress | None = None,
 ) -> EpisodeValues:
-    """Play the episode once without each of its messages, the first `most`, if a null fork is the episode.
+    """Play the episode once without each of its first `most` messages, if its null fork is identical.
 
     Raises `UsageError` for an episode that was cut short, or that cannot be branched here.
     """
     outcome = trace.outcome
     if outcome is None or outcome.reason in CUT_SHORT:
-        raise UsageError(f"{trace.path} was cut short", hint="its score is not known")
-    said = [one for one in admitted_messages(trace) if one.recipients or unsaid]
-    tried = said[:most]
+        raise UsageError(
+            f"{trace.path} was cut short", hint="its score is unknown: choose an episode that ended by itself"
+        )
+    sent = [message for message in admitted_messages(trace) if message.recipients or unsaid]
+    measured = sent[:most]
     plans = [
-        BranchPlan(at=one.tick - 1, messages=(MessageChange(message=one.id, act="withhold" if unsaid else "drop"),))
-        for one in tried
+        BranchPlan(
+            at=message.tick - 1, messages=(MessageChange(message=message.id, act="withhold" if unsaid else "drop"),)
+        )
+        for message in measured
     ]
     with BranchHost(trace, msgspec.structs.replace(options, referenced=()), progress) as host:
-        host.departures()  # to the end: whoever decides otherwise than in the trace is named
+        host.departures()  # replays to the end, and reports a policy that does not reproduce its decisions
         (null,) = host.play([BranchPlan(at=0)], "null fork", ahead=plans)
         if null.differs is not None:
-            tried, plans = [], []
+            measured, plans = [], []
         results = host.play(plans, "messages")
         spent = host.cpu_s + host.unused_s
     instance = trace.header.instance
@@ -145,21 +168,21 @@ def message_values(
         null=NullFork.of(null),
         messages=tuple(
             MessageValue(
-                id=one.id,
-                tick=one.tick,
-                sender=one.sender,
-                kind=one.kind,
-                category=one.category,
-                hop=_hop(one, instance),
+                id=message.id,
+                tick=message.tick,
+                sender=message.sender,
+                kind=message.kind,
+                category=message.category,
+                hop=_hop(message, instance),
                 value=outcome.score - result.score,
                 ticks=result.ticks - outcome.ticks,
                 swayed=result.swayed,
                 decisive=result.success != outcome.success,
                 reason=result.reason,
             )
-            for one, result in zip(tried, results, strict=True)
+            for message, result in zip(measured, results, strict=True)
         ),
-        left_out=max(0, len(said) - most),
+        left_out=max(0, len(sent) - most),
         unanswered=dict(sorted(failed_answers((null, *results), own_failures(trace)).items())),
         branches=1 + len(results),
         cpu_s=spent,
@@ -167,23 +190,23 @@ def message_values(
 
 
 def by_kind(episodes: Iterable[EpisodeValues]) -> tuple[KindValue, ...]:
-    """The table per kind and mode, in the order of modes and of what was worth most."""
+    """Return statistics by kind, hop and mode, ordered by mode and mean value."""
     groups: dict[tuple[str, str, Hop], list[MessageValue]] = {}
     for episode in episodes:
-        for one in episode.messages:
-            groups.setdefault((episode.mode, one.kind, one.hop), []).append(one)
+        for message in episode.messages:
+            groups.setdefault((episode.mode, message.kind, message.hop), []).append(message)
     rows = [
         KindValue(
             mode=mode,
             kind=kind,
             hop=hop,
             messages=len(each),
-            mean=fmean(one.value for one in each),
-            valuable=sum(one.value > EQUAL for one in each),
-            decisive=sum(one.decisive for one in each),
-            harmful=sum(one.value < -EQUAL for one in each),
-            moot=sum(one.swayed is None for one in each),
-            ticks=fmean(one.ticks for one in each),
+            mean=fmean(message.value for message in each),
+            valuable=sum(message.value > EQUAL for message in each),
+            decisive=sum(message.decisive for message in each),
+            harmful=sum(message.value < -EQUAL for message in each),
+            moot=sum(message.swayed is None for message in each),
+            ticks=fmean(message.ticks for message in each),
         )
         for (mode, kind, hop), each in groups.items()
     ]
@@ -191,31 +214,31 @@ def by_kind(episodes: Iterable[EpisodeValues]) -> tuple[KindValue, ...]:
 
 
 def by_mode(episodes: Sequence[EpisodeValues]) -> tuple[ModeValue, ...]:
-    """Modes side by side: means of what was said and what it was worth, over episodes whose null forks they were."""
+    """Return statistics by mode over episodes with an identical null fork."""
     rows = []
-    believed = [one for one in episodes if one.null.identical]
-    for mode in dict.fromkeys(one.mode for one in believed):
-        each = [one for one in believed if one.mode == mode]
-        said = [one.messages for one in each]
+    valid = [item for item in episodes if item.null.identical]
+    for mode in dict.fromkeys(item.mode for item in valid):
+        each = [item for item in valid if item.mode == mode]
+        messages = [item.messages for item in each]
         rows.append(
             ModeValue(
                 mode=mode,
                 episodes=len(each),
-                won=sum(one.success for one in each),
-                messages=fmean(len(one) for one in said),
-                value=fmean(sum(message.value for message in one) for one in said),
-                decisive=fmean(sum(message.decisive for message in one) for one in said),
-                moot=_moot(said),
-                ticks=fmean(one.ticks for one in each),
-                left_out=fmean(one.left_out for one in each),
+                won=sum(item.success for item in each),
+                messages=fmean(len(item) for item in messages),
+                value=fmean(sum(message.value for message in item) for item in messages),
+                decisive=fmean(sum(message.decisive for message in item) for item in messages),
+                moot=_moot(messages),
+                ticks=fmean(item.ticks for item in each),
+                left_out=fmean(item.left_out for item in each),
             )
         )
     return tuple(sorted(rows, key=lambda row: row.mode))
 
 
-def _moot(said: Sequence[Sequence[MessageValue]]) -> float:
-    """The share of messages that nobody made use of."""
-    every = [message for one in said for message in one]
+def _moot(episodes: Sequence[Sequence[MessageValue]]) -> float:
+    """Return the share of messages that no agent used."""
+    every = [message for messages in episodes for message in messages]
     return fmean(message.swayed is None for message in every) if every else 0.0
 
 

@@ -1,7 +1,7 @@
-"""`Narrowing`: the smallest windows of boundaries in which a repair has to be made, by bisection.
+"""Narrowing of a repair to the smallest windows of boundaries, by bisection.
 
-Its questions follow from its answers alone. So several narrowings can go on beside each other, and what one will ask
-next can be told before it is answered.
+Its questions follow from earlier answers alone. So several narrowings can run in parallel, and the next questions can
+be predicted before an answer arrives.
 """
 
 from __future__ import annotations
@@ -12,27 +12,33 @@ from typing import NamedTuple
 from lingjing.causal.shapley import AgentFaculty
 
 Windows = tuple[tuple[AgentFaculty, int, int | None], ...]
-"""From which to which boundary a pair is replaced (None: to the end); pairs that are not among them are replaced
-wherever they can be."""
+"""The first and last boundary (None: to the end) of the substitution of some pairs; other pairs are substituted
+without a limit.
+"""
 
 ReplacedTicks = Mapping[AgentFaculty, Sequence[int]]
-"""The boundaries at which a branch replaced something of each pair."""
+"""The boundaries at which a branch replaced something, by pair."""
 
 
-Tried = Callable[[int, int | None], ReplacedTicks | None]
-"""What is replaced if a pair is from one boundary to another and the episode is won with that; None if it is not."""
+_Trial = Callable[[int, int | None], ReplacedTicks | None]
+"""Plays a window (first and last boundary) of a pair; returns the replaced boundaries if the episode is won, else
+None.
+"""
 
 
 class ReplacedSpan(NamedTuple):
-    """From which boundary on a pair is to be replaced, and at which boundaries something then is. The two may begin
-    apart: a reference that begins anew where its agent departed may agree with it at first."""
+    """The substitution of a pair."""
 
     first: int
+    """The boundary at which it starts."""
     replaced: Sequence[int]
+    """The boundaries at which something is replaced. The first of them may be later: a reference that starts here may
+    agree with the agent at first.
+    """
 
 
 class _UnansweredError(Exception):
-    """The search needs an answer that is not there yet."""
+    """The search needs an answer that is not known yet."""
 
     def __init__(self, question: Windows) -> None:
         super().__init__(question)
@@ -40,14 +46,16 @@ class _UnansweredError(Exception):
 
 
 class _UnforeseenError(Exception):
-    """What is asked next depends on what a branch replaces that was not played yet."""
+    """The next question depends on the replacements of a branch that was not played yet."""
 
 
 class Narrowing:
-    """The search for one repair. `begins` are the boundaries from which each of its pairs may have to be replaced; from
-    the first of them on each was in the branch that repaired, and `replaced` is what that branch replaced. Pair after
-    pair, the last of them is looked for from which it still repairs, then the first boundary after which nothing more
-    has to be replaced."""
+    """The narrowing of one repair.
+
+    `begins` are the boundaries at which the substitution of each pair may have to start; in the repairing branch it
+    started at the first of them, and replaced `replaced`. For one pair after the other, the last start that still
+    repairs is searched, then the first end.
+    """
 
     def __init__(self, begins: ReplacedTicks, replaced: ReplacedTicks) -> None:
         self._begins = begins
@@ -55,26 +63,26 @@ class Narrowing:
         self._answers: dict[Windows, ReplacedTicks | None] = {}
 
     def answer(self, question: Windows, replaced: ReplacedTicks | None) -> None:
-        """Take note of what was replaced with these windows if the episode is won with them; None if it is not."""
+        """Store the boundaries that were replaced with these windows if the episode was won, else None."""
         self._answers[question] = replaced
 
     def question(self) -> Windows | None:
-        """What has to be tried next; None if nothing has."""
+        """Return the windows to try next, or None."""
         return self._next(self._answers)
 
     def guesses(self) -> Iterator[Windows]:
-        """What will have to be tried after that: if it repairs, and if not, as far as that can be foreseen."""
-        asked = self.question()
-        if asked is None:
+        """Yield the windows to try after that, for either answer, as far as they can be predicted."""
+        question = self.question()
+        if question is None:
             return
-        outcomes: tuple[ReplacedTicks | None, ...] = ({}, None)  # what a branch replaces is not known beforehand
+        outcomes: tuple[ReplacedTicks | None, ...] = ({}, None)  # the replaced boundaries are not known beforehand
         for assumed in outcomes:
-            further = self._next({**self._answers, asked: assumed})
+            further = self._next({**self._answers, question: assumed})
             if further is not None:
                 yield further
 
     def spans(self) -> dict[AgentFaculty, ReplacedSpan]:
-        """The smallest window of each pair, once no question is left."""
+        """Return the smallest window of each pair. Call it when no question is left."""
         return self._search(self._answers)
 
     def _next(self, answers: Mapping[Windows, ReplacedTicks | None]) -> Windows | None:
@@ -87,12 +95,12 @@ class Narrowing:
         return None
 
     def _search(self, answers: Mapping[Windows, ReplacedTicks | None]) -> dict[AgentFaculty, ReplacedSpan]:
-        found: dict[AgentFaculty, ReplacedSpan] = {}
+        spans: dict[AgentFaculty, ReplacedSpan] = {}
         windows: Windows = ()
         replaced: ReplacedTicks = self._replaced
         for pair, begins in self._begins.items():
 
-            def tried(
+            def trial(
                 first: int, last: int | None, pair: AgentFaculty = pair, windows: Windows = windows
             ) -> ReplacedTicks | None:
                 question = (*windows, (pair, first, last))
@@ -100,40 +108,40 @@ class Narrowing:
                     raise _UnansweredError(question)
                 return answers[question]
 
-            begin, replaced = _last_begin(begins, replaced, tried)
-            ticks, replaced = _until_first_end(begin, pair, replaced, tried)
-            found[pair] = ReplacedSpan(begin, ticks)
+            begin, replaced = _last_start(begins, replaced, trial)
+            ticks, replaced = _until_first_end(begin, pair, replaced, trial)
+            spans[pair] = ReplacedSpan(begin, ticks)
             if ticks:
                 windows = (*windows, (pair, begin, ticks[-1]))
-        return found
+        return spans
 
 
-def _last_begin(begins: Sequence[int], replaced: ReplacedTicks, tried: Tried) -> tuple[int, ReplacedTicks]:
-    """The last boundary from which the repair works, and what it then replaces; from the first, it is `replaced`."""
-    begin = begins[_greatest(len(begins), lambda index: tried(begins[index], None) is not None)]
-    return begin, replaced if begin == begins[0] else tried(begin, None) or {}
+def _last_start(starts: Sequence[int], replaced: ReplacedTicks, trial: _Trial) -> tuple[int, ReplacedTicks]:
+    """Return the last start from which the repair works, and the boundaries that it then replaces."""
+    start = starts[_greatest(len(starts), lambda index: trial(starts[index], None) is not None)]
+    return start, replaced if start == starts[0] else trial(start, None) or {}
 
 
 def _until_first_end(
-    begin: int, pair: AgentFaculty, replaced: ReplacedTicks, tried: Tried
+    start: int, pair: AgentFaculty, replaced: ReplacedTicks, trial: _Trial
 ) -> tuple[Sequence[int], ReplacedTicks]:
-    """The boundaries at which the pair is replaced up to the first after which nothing more has to be."""
+    """Return the pair's replaced boundaries up to the first end that still wins, and all replaced boundaries."""
     if pair not in replaced:
         raise _UnforeseenError
     ends = replaced[pair]
     if not ends:
         return (), replaced
-    end = _least(len(ends), lambda index: tried(begin, ends[index]) is not None)
-    return ends[: end + 1], replaced if end == len(ends) - 1 else tried(begin, ends[end]) or {}
+    end = _least(len(ends), lambda index: trial(start, ends[index]) is not None)
+    return ends[: end + 1], replaced if end == len(ends) - 1 else trial(start, ends[end]) or {}
 
 
 def _greatest(count: int, holds: Callable[[int], bool]) -> int:
-    """The greatest of 0..count-1 for which something holds that holds for 0, and up to some point."""
+    """Return the greatest index that satisfies a monotone condition, which holds for 0 and up to some index."""
     return count - 1 - _least(count, lambda index: holds(count - 1 - index))
 
 
 def _least(count: int, holds: Callable[[int], bool]) -> int:
-    """The least of 0..count-1 for which something holds that holds for the last one, and from some point on."""
+    """Return the least index that satisfies a monotone condition, which holds for the last and from some index on."""
     low, high = 0, count - 1
     while low < high:
         middle = (low + high) // 2

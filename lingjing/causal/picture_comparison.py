@@ -1,8 +1,8 @@
-"""The comparison of a picture that a trace holds with the same picture drawn anew.
+"""Comparison of a recorded picture with the same picture rendered again.
 
-One renderer draws the same pixels again, so that each pixel that differs is a difference. Another renderer places edges
-and rounds colours its own way: there the tolerance below decides, block by block, so that a thing that was painted out
-or in shows however large the picture is.
+One renderer reproduces pixels exactly, so every different pixel counts. Another renderer places edges and rounds
+colours differently. Then the tolerances below apply to each block, so that a missing or added object is found in a
+picture of any size.
 """
 
 from __future__ import annotations
@@ -20,34 +20,37 @@ from lingjing.trace.reader import StoredPicture, Trace
 from lingjing.trace.records import FrameInfo
 
 BLOCK = 16
-"""Side of the squares in which pictures of two renderers are compared, pixels. Chosen: a person in the water has about
-this size in the pictures of a search from 100 m."""
+"""Side of the blocks in which pictures of two renderers are compared, pixels. Chosen: the size of a person in the
+water in pictures of a search from 100 m.
+"""
 
 LEVELS_MOST = 24.0
-"""By how much a block may differ between two renderers: mean of the absolute differences, of 255 levels."""
+"""The greatest mean absolute difference of a block between two renderers, of 255 levels. Chosen."""
 
 OTHERS_MOST = 0.5
-"""The share of a block's pixels that may have another class, or a depth that differs by more than `DEPTH_MOST`."""
+"""The greatest share of a block's pixels with another class, or with a depth beyond `DEPTH_MOST`. Chosen."""
 
 DEPTH_MOST = 0.05
-"""Relative difference of two depths that counts as the same."""
+"""Relative difference up to which two depths are equal. Chosen."""
 
 EDGES_MOST = 0.005
-"""By how much an edge of a true box may differ between two renderers, of the picture's width or height: 10 pixels at
-1920, the size of a `BLOCK` with its blurred edge."""
+"""The greatest distance of an edge of a true box between two renderers, of the picture's width or height. Chosen: 10
+pixels at 1920, the size of a `BLOCK` with its blurred edge.
+"""
 
 LEAST_PIXELS = 64
-"""Visible pixels of an entity below which another renderer may draw none of it."""
+"""Visible pixels below which another renderer may omit an entity. Chosen."""
 
 Mask = npt.NDArray[np.bool_]
+"""Pixels for which a condition holds."""
 
 
 class PictureWitness:
-    """Compares each picture that a replay draws with the trace's, and hands it on to the kernel.
+    """Compares each rendered picture of a replay with the trace's, and passes it on to the kernel.
 
-    `differing` is the first picture that shows something else: what the trace and the drawing know of it, and what
-    differs. `tolerated` names the first one that another renderer drew otherwise within the tolerance. Such a picture
-    is handed on with the true boxes of the trace, since they count single pixels and are part of the digest.
+    `differing`: metadata of the first different picture, recorded and rendered, and the difference. `tolerated`: the
+    first picture that another renderer drew differently within the tolerance. Such a picture is passed on with the
+    recorded true boxes, because boxes count single pixels and are part of the digest.
     """
 
     def __init__(self, trace: Trace) -> None:
@@ -56,9 +59,9 @@ class PictureWitness:
         self.tolerated = ""
 
     def __call__(self, drawn: StoredFrame) -> StoredFrame:
-        """The picture as the kernel receives it."""
+        """Return the picture for the kernel."""
         recorded = self._trace.frames.get(drawn.info.id)
-        if recorded is None:  # the record of its boundary differs, which the digest says
+        if recorded is None:  # the record of this boundary differs, which the digest shows
             return drawn
         differing = picture_difference(self._trace, drawn)
         if differing:
@@ -71,9 +74,10 @@ class PictureWitness:
 
 
 def picture_difference(trace: Trace, drawn: StoredFrame) -> str:
-    """What differs between a picture of the trace and `drawn`, the same picture drawn anew; "" if nothing does.
+    """Return the difference between a picture of the trace and `drawn`, the same picture rendered again; "" if there
+    is none.
 
-    For pictures of two renderers only what exceeds the tolerance counts.
+    Between two renderers, only differences beyond the tolerance count.
     """
     recorded = trace.frames[drawn.info.id]
     try:
@@ -82,10 +86,10 @@ def picture_difference(trace: Trace, drawn: StoredFrame) -> str:
     except (UsageError, LingjingError) as error:
         return f"{error}"
     if hashlib.sha256(jpeg).hexdigest() != recorded.sha256:
-        return "the stored picture is not the one whose hash was recorded"
+        return "the stored picture does not match the recorded hash"
     if recorded.renderer != drawn.info.renderer:
         return _beyond_tolerance(held, drawn)
-    return "" if jpeg == drawn.jpeg and _same_channels(held, drawn) else _counted(held, drawn)
+    return "" if jpeg == drawn.jpeg and _same_channels(held, drawn) else _pixel_difference(held, drawn)
 
 
 def _same_channels(held: StoredPicture, drawn: StoredFrame) -> bool:
@@ -93,17 +97,17 @@ def _same_channels(held: StoredPicture, drawn: StoredFrame) -> bool:
     return _same(held.depth, depth) and _same(held.semantic, drawn.semantic)
 
 
-def _same(one: npt.NDArray[np.generic] | None, other: npt.NDArray[np.generic] | None) -> bool:
-    if one is None or other is None:
-        return one is other
-    return bool(np.array_equal(one, other))
+def _same(first: npt.NDArray[np.generic] | None, second: npt.NDArray[np.generic] | None) -> bool:
+    if first is None or second is None:
+        return first is second
+    return bool(np.array_equal(first, second))
 
 
-def _counted(held: StoredPicture, drawn: StoredFrame) -> str:
-    """How many pixels differ, for pictures of one renderer."""
+def _pixel_difference(held: StoredPicture, drawn: StoredFrame) -> str:
+    """Return the number of different pixels in words, for pictures of one renderer."""
     rgb = decode_jpeg(drawn.jpeg)
     if held.rgb.shape != rgb.shape:
-        return f"it has the shape {held.rgb.shape}, drawn anew {rgb.shape}"
+        return f"it has the shape {held.rgb.shape}, rendered again {rgb.shape}"
     differing = int((held.rgb != rgb).any(axis=2).sum())
     if differing:
         return f"{differing} of {rgb.shape[0] * rgb.shape[1]} pixels differ on the same renderer"
@@ -111,29 +115,27 @@ def _counted(held: StoredPicture, drawn: StoredFrame) -> str:
 
 
 def _beyond_tolerance(held: StoredPicture, drawn: StoredFrame) -> str:
-    """The first channel that differs more than two renderers may."""
+    """Return the first channel that differs beyond the tolerance of two renderers, or ""."""
     rgb = decode_jpeg(drawn.jpeg)
     if held.rgb.shape != rgb.shape:
-        return f"it has the shape {held.rgb.shape}, drawn anew {rgb.shape}"
+        return f"it has the shape {held.rgb.shape}, rendered again {rgb.shape}"
     levels = worst_levels(held.rgb, rgb)
     if levels > LEVELS_MOST:
-        return (
-            f"a block of {BLOCK} by {BLOCK} pixels differs by {levels:.0f} levels; two renderers may by {LEVELS_MOST:g}"
-        )
-    boxes = _other_boxes(held.info, drawn.info)
+        return f"a block of {BLOCK} by {BLOCK} pixels differs by {levels:.0f} levels; the tolerance is {LEVELS_MOST:g}"
+    boxes = _box_difference(held.info, drawn.info)
     if boxes:
         return boxes
-    for name, others in (("depth", _other_depth(held, drawn)), ("class", _other_class(held, drawn))):
+    for name, others in (("depth", _depth_share(held, drawn)), ("class", _class_share(held, drawn))):
         if others > OTHERS_MOST:
-            return f"{others:.0%} of a block has another {name}; two renderers may make {OTHERS_MOST:.0%}"
+            return f"{others:.0%} of a block has another {name}; the tolerance is {OTHERS_MOST:.0%}"
     return ""
 
 
-def _other_boxes(one: FrameInfo, other: FrameInfo) -> str:
-    """The first entity whose true box differs more than two renderers may; "" if there is none."""
-    if (one.pose, one.channels) != (other.pose, other.channels):
+def _box_difference(recorded: FrameInfo, drawn: FrameInfo) -> str:
+    """Return the first entity with a true box that differs beyond the tolerance; "" if there is none."""
+    if (recorded.pose, recorded.channels) != (drawn.pose, drawn.channels):
         return "its pose or its channels differ"
-    here, there = ({box.entity: box for box in info.boxes} for info in (one, other))
+    here, there = ({box.entity: box for box in info.boxes} for info in (recorded, drawn))
     for entity in dict.fromkeys((*here, *there)):
         first, second = here.get(entity), there.get(entity)
         if first is None or second is None:
@@ -144,34 +146,36 @@ def _other_boxes(one: FrameInfo, other: FrameInfo) -> str:
     return ""
 
 
-def worst_levels(one: RgbPixels, other: RgbPixels) -> float:
-    """The largest mean absolute difference of a block, of 255 levels."""
-    return _worst(np.abs(one.astype(np.int16) - other.astype(np.int16)).mean(axis=2, dtype=np.float32))
+def worst_levels(first: RgbPixels, second: RgbPixels) -> float:
+    """Return the greatest mean absolute difference of a block, of 255 levels."""
+    return _worst(np.abs(first.astype(np.int16) - second.astype(np.int16)).mean(axis=2, dtype=np.float32))
 
 
-def _other_depth(held: StoredPicture, drawn: StoredFrame) -> float:
+def _depth_share(held: StoredPicture, drawn: StoredFrame) -> float:
     if held.depth is None or drawn.depth is None:
         return float(held.depth is not drawn.depth)
     return 0.0 if held.depth.shape != drawn.depth.shape else _worst(_depths_differ(held.depth, drawn.depth))
 
 
-def _depths_differ(one: Depth, other: Depth) -> Mask:
-    both = np.isfinite(one) & np.isfinite(other)
-    near = np.minimum(np.where(both, one, 0.0), np.where(both, other, 0.0))
-    apart = np.abs(np.where(both, one, 0.0) - np.where(both, other, 0.0))
-    differ: Mask = np.where(both, apart > DEPTH_MOST * near, np.isfinite(one) != np.isfinite(other))
+def _depths_differ(first: Depth, second: Depth) -> Mask:
+    both = np.isfinite(first) & np.isfinite(second)
+    near = np.minimum(np.where(both, first, 0.0), np.where(both, second, 0.0))
+    apart = np.abs(np.where(both, first, 0.0) - np.where(both, second, 0.0))
+    differ: Mask = np.where(both, apart > DEPTH_MOST * near, np.isfinite(first) != np.isfinite(second))
     return differ
 
 
-def _other_class(held: StoredPicture, drawn: StoredFrame) -> float:
-    one: Semantic | None = held.semantic
-    if one is None or drawn.semantic is None:
-        return float(one is not drawn.semantic)
-    return _worst(one != drawn.semantic)
+def _class_share(held: StoredPicture, drawn: StoredFrame) -> float:
+    recorded: Semantic | None = held.semantic
+    if recorded is None or drawn.semantic is None:
+        return float(recorded is not drawn.semantic)
+    return _worst(recorded != drawn.semantic)
 
 
 def _worst(values: npt.NDArray[np.generic]) -> float:
-    """The largest mean of a block; blocks at the right and lower edge are whole ones, too."""
+    """Return the greatest mean of a block. The last blocks of a row and of a column are larger, so that no block is
+    smaller than `BLOCK`.
+    """
     height, width = values.shape
     rows = np.add.reduceat(values.astype(np.float32), _starts(height), axis=0)
     sums = np.add.reduceat(rows, _starts(width), axis=1)

@@ -1,4 +1,4 @@
-"""`PictureMemory`: pictures by what they depend on, packed; those that were asked for last."""
+"""A cache of compressed pictures by their keys, limited in size; the least recently used picture is dropped first."""
 
 from __future__ import annotations
 
@@ -14,11 +14,13 @@ from lingjing.kernel.world.contract import StoredFrame
 from lingjing.trace.records import FrameInfo
 
 ROOM_BYTES = 256 << 20
-"""Some five hundred pictures of 1920 by 1080."""
+"""The default size of the cache: about five hundred pictures of 1920 by 1080 pixels."""
 
 
 @dataclass(frozen=True, slots=True)
 class _PackedArray:
+    """A compressed array."""
+
     shape: tuple[int, ...]
     dtype: np.dtype[np.generic]
     data: bytes
@@ -28,8 +30,8 @@ class _PackedArray:
         if array is None:
             return None
         data = zstandard.ZstdCompressor(level=1).compress(np.ascontiguousarray(array).data)
-        # Compressed data lie at the beginning of a block as large as the array: a copy of their own size lets go of the
-        # rest, in which nothing as large would find room again.
+        # zstandard returns the start of a block as large as the array. A copy frees the rest of the block, which would
+        # otherwise stay allocated.
         return _PackedArray(array.shape, array.dtype, bytes(memoryview(data)))
 
     def unpacked(self) -> npt.NDArray[Any]:
@@ -39,6 +41,8 @@ class _PackedArray:
 
 @dataclass(frozen=True, slots=True)
 class _PackedFrame:
+    """A picture with its compressed layers."""
+
     info: FrameInfo
     jpeg: bytes
     depth: _PackedArray | None
@@ -50,7 +54,7 @@ class _PackedFrame:
 
 
 class PictureMemory:
-    """Holds `room` bytes of pictures at most; the one that nobody has asked for longest goes first."""
+    """A cache of at most `room` bytes of pictures."""
 
     def __init__(self, room: int = ROOM_BYTES) -> None:
         self._room = room
@@ -58,16 +62,16 @@ class PictureMemory:
         self._frames: OrderedDict[bytes, _PackedFrame] = OrderedDict()
 
     def keep(self, key: bytes, frame: StoredFrame) -> None:
-        """Hold a picture that is not held."""
+        """Store a picture that is not stored yet."""
         packed = _PackedFrame(frame.info, frame.jpeg, _PackedArray.of(frame.depth), _PackedArray.of(frame.semantic))
         self._frames[key] = packed
         self._held += packed.size
         while self._held > self._room:
-            _, gone = self._frames.popitem(last=False)
-            self._held -= gone.size
+            _, dropped = self._frames.popitem(last=False)
+            self._held -= dropped.size
 
     def find(self, key: bytes) -> StoredFrame | None:
-        """The picture with this key, if it is held."""
+        """Return the picture with this key, or None."""
         packed = self._frames.get(key)
         if packed is None:
             return None

@@ -1,8 +1,8 @@
-"""Placebos: branches that have no right to win, to say how often luck repairs.
+"""Placebos: branches that should not win, which measure how often a branch wins by chance.
 
-- *same*: a decision replaced by itself. It must lead to the same digests, or the method changes what it measures.
-- *nudge*: a destination moved by up to `NUDGE_M`, less than what counts as a departure. Whatever it changes is chance.
-- *uninvolved*: a pair that no repair contains, replaced from one of its departures on.
+- *same*: a decision replaced by itself. The digests must stay equal, or the method is broken.
+- *nudge*: a destination moved by up to `NUDGE_M`, which is less than a departure. All its effects are chance.
+- *uninvolved*: a pair that is in no repair, substituted from one of its departures on.
 """
 
 from __future__ import annotations
@@ -22,31 +22,41 @@ from lingjing.trace.reader import Trace
 from lingjing.trace.records import Decision, Faculty, Substitution
 
 NUDGE_M = 3.0
+"""The greatest displacement of a nudge, metres. Chosen below `faculties.PLACE_M`."""
+
 SAME = 2
-"""So many placebos replace a decision by itself."""
+"""The number of placebos of the kind `same`. Chosen."""
 
 ItemT = TypeVar("ItemT")
+"""An item to draw."""
+
 PlaceboKind = Literal["same", "nudge", "uninvolved"]
+"""The kinds of placebos."""
 
 
 class Placebos(msgspec.Struct, frozen=True, kw_only=True):
-    """`same` decisions were replaced by themselves, of which `changed` led to other digests (0, or the method is
-    broken). Of `nudges` and `uninvolved` replacements `repaired` won; `low` to `high` is the 95 % interval of that
-    share (Wilson)."""
+    """The result of the placebos."""
 
     same: int = 0
+    """Decisions replaced by themselves."""
     changed: int = 0
+    """Those with other digests; 0 unless the method is broken."""
     nudges: int = 0
+    """Nudged destinations."""
     uninvolved: int = 0
+    """Substitutions of uninvolved pairs."""
     repaired: int = 0
+    """Nudges and uninvolved substitutions that won."""
     low: float = 0.0
+    """Lower end of the 95 % interval of their share (Wilson)."""
     high: float = 1.0
+    """Upper end of that interval."""
 
 
 def placebo_plans(
     trace: Trace, innocent: Mapping[tuple[Faculty, str], Sequence[int]], number: int, seed: int
 ) -> dict[PlaceboKind, list[BranchPlan]]:
-    """`number` placebos: `SAME` of the first kind, of the others as many as there are places for, in turn."""
+    """Return `number` placebos: `SAME` of the first kind, the others in equal parts as far as the trace allows them."""
     moves = _moves(trace)
     decided = _decided(trace)
     same = [
@@ -68,15 +78,15 @@ def placebo_plans(
     return {"same": same, "nudge": nudged[: room - len(others)], "uninvolved": others}
 
 
-def judged_placebos(plans: Mapping[PlaceboKind, Sequence[BranchPlan]], results: Sequence[BranchResult]) -> Placebos:
-    """What came of placebos; their results in the order of the plans."""
+def placebo_result(plans: Mapping[PlaceboKind, Sequence[BranchPlan]], results: Sequence[BranchResult]) -> Placebos:
+    """Return the result of placebos; `results` are in the order of the plans."""
     same, nudges, uninvolved = (len(plans[kind]) for kind in ("same", "nudge", "uninvolved"))
-    lucky = sum(one.success for one in results[same:])
+    lucky = sum(result.success for result in results[same:])
     trials = nudges + uninvolved
     low, high = wilson(lucky, trials) if trials else (0.0, 1.0)
     return Placebos(
         same=same,
-        changed=sum(one.differs is not None for one in results[:same]),
+        changed=sum(result.differs is not None for result in results[:same]),
         nudges=nudges,
         uninvolved=uninvolved,
         repaired=lucky,
@@ -86,7 +96,7 @@ def judged_placebos(plans: Mapping[PlaceboKind, Sequence[BranchPlan]], results: 
 
 
 def _decided(trace: Trace) -> list[tuple[str, int, Decision]]:
-    """Every decision that was an answer, with its agent and boundary."""
+    """Return every decision that was not substituted, with its agent and boundary."""
     return [
         (made.agent, record.tick - 1, made.decision)
         for record in trace.boundaries[1:]
@@ -96,7 +106,7 @@ def _decided(trace: Trace) -> list[tuple[str, int, Decision]]:
 
 
 def _moves(trace: Trace) -> list[tuple[str, int, Decision]]:
-    """Those that send somebody to a place."""
+    """Return the decisions that move a body to a position."""
     return [
         (agent, tick, made)
         for agent, tick, made in _decided(trace)
@@ -116,7 +126,7 @@ def _nudged(made: Decision, stream: Stream) -> Decision:
 
 
 def _drawn(items: Sequence[ItemT], seed: int, number: int) -> list[ItemT]:
-    """So many of them, without repetition, from a named stream."""
+    """Return items drawn without replacement from a named stream."""
     left, stream = list(items), Stream(seed, "placebos")
     drawn: list[ItemT] = []
     while left and len(drawn) < number:

@@ -1,4 +1,4 @@
-"""`cpu_of`: what a process has cost, as its relatives see it."""
+"""CPU time of other processes."""
 
 from __future__ import annotations
 
@@ -6,5 +6,7 @@ import time
 
 
 def cpu_of(pid: int) -> float:
-    """CPU seconds that a process has taken so far (clock_getcpuclockid(3)). Raises `OSError` if there is none."""
+    """Return the CPU time of a process so far, seconds (clock_getcpuclockid(3)). Raises `OSError` if it does not
+    exist.
+    """
     return time.clock_gettime((~pid << 3) | 2)

@@ -1,8 +1,8 @@
-"""`RecordedRun`: the decisions that a trace holds, on fresh engines, boundary by boundary.
+"""The recorded decisions of a trace on fresh engines, boundary by boundary.
 
-The instance is the trace's own and never drawn again. Policies are not asked: their recorded decisions are played,
-those that were substituted included. Pictures are answered from the trace up to a boundary of one's choice, because
-no recorded decision depends on them; beyond it, or everywhere, they are drawn.
+The instance is that of the trace. Policies do not run: the recorded decisions are played, substituted ones included.
+Pictures come from the trace up to a chosen boundary, because no recorded decision depends on them; after it, or
+everywhere, they are rendered.
 """
 
 from __future__ import annotations
@@ -27,17 +27,16 @@ from lingjing.trace.reader import Trace
 from lingjing.trace.records import Absent, BodyState, BoundaryRecord, Command, DecisionRecord, Snapshot
 
 PictureSource = Callable[[int, Sequence[CaptureRequest], Sequence[BodyState], bool], tuple[StoredFrame | Absent, ...]]
-"""What draws pictures, called as `World.capture` is and told whether somebody may look at their pixels."""
+"""A renderer, called like `World.capture` with a flag that is True if a policy may use the pixels."""
 
 
-class RecordedPictures:
-    """A world whose pictures come from a trace as long as its boundary is not after `until`; later ones are drawn.
+class _RecordedPictures:
+    """A world with pictures from a trace up to the boundary `until`; later ones are rendered.
 
-    `until` None never draws. With `pixels` a policy could look at them; without, they are black and of one pixel, and
-    what is known of them (pose, boxes) is the trace's all the same. A `witness` is given each picture that the world
-    drew, and answers what the kernel receives in its place. With a `camera` that draws in the world's place
-    (and is told of `pixels`), what the trace holds of a later boundary is taken from it too, if all bodies stand as
-    they stood then.
+    `until`: None never renders. `pixels`: False replaces pictures by black ones of one pixel; their poses and boxes
+    are still the trace's. `witness`: receives each rendered picture and returns the one for the kernel. `camera`:
+    renders in place of the world; later pictures are then still taken from the trace if all bodies have the recorded
+    states.
     """
 
     def __init__(self, world: World, trace: Trace, *, until: int | None = None, pixels: bool = False) -> None:
@@ -51,7 +50,7 @@ class RecordedPictures:
 
     @property
     def processes(self) -> Mapping[str, Mapping[str, str]]:
-        """Those of the world."""
+        """The processes of the world."""
         return self._world.processes
 
     def reset(self, instance: Instance, city: City) -> WorldBoundary:
@@ -65,7 +64,7 @@ class RecordedPictures:
     def capture(
         self, tick: int, requests: Sequence[CaptureRequest], states: Sequence[BodyState]
     ) -> tuple[StoredFrame | Absent, ...]:
-        """What the camera answered then; what the trace does not hold is `not_recorded`."""
+        """Return the recorded pictures; one that the trace does not hold is `not_recorded`."""
         if self.until is None or tick <= self.until:
             record = self._trace.boundaries[tick]
             return tuple(self._recorded(request, record) for request in requests)
@@ -73,26 +72,34 @@ class RecordedPictures:
             answers = self._world.capture(tick, requests, states)
             see = self.witness
             return (
-                answers if see is None else tuple(see(one) if isinstance(one, StoredFrame) else one for one in answers)
+                answers
+                if see is None
+                else tuple(
+                    see(request_or_answer) if isinstance(request_or_answer, StoredFrame) else request_or_answer
+                    for request_or_answer in answers
+                )
             )
-        held = self._trace.frames if self._stand_alike(tick, states) else {}
-        due = [request for request in requests if request.frame not in held]
-        self.asked += len(due)
-        fresh = iter(self.camera(tick, due, states, self.pixels) if due else ())
+        held = self._trace.frames if self._has_recorded_states(tick, states) else {}
+        missing = [request for request in requests if request.frame not in held]
+        self.asked += len(missing)
+        fresh = iter(self.camera(tick, missing, states, self.pixels) if missing else ())
         record = self._trace.boundaries[min(tick, len(self._trace.boundaries) - 1)]
-        return tuple(self._recorded(one, record) if one.frame in held else next(fresh) for one in requests)
+        return tuple(
+            self._recorded(request_or_answer, record) if request_or_answer.frame in held else next(fresh)
+            for request_or_answer in requests
+        )
 
-    def _stand_alike(self, tick: int, states: Sequence[BodyState]) -> bool:
-        """Whether everything is where it was at that boundary of the trace."""
+    def _has_recorded_states(self, tick: int, states: Sequence[BodyState]) -> bool:
+        """Return whether all bodies have the states of that boundary of the trace."""
         if tick >= len(self._trace.boundaries):
             return False
         then = self._trace.boundaries[tick].snapshots[-1]
         now = normalise(Snapshot(time_s=then.time_s, states=tuple(states)))
         return now.states == then.states + then.ambient
 
-    def fork(self) -> RecordedPictures:
-        """A world that goes on alone, with the same pictures."""
-        return RecordedPictures(self._world.fork(), self._trace, until=self.until, pixels=self.pixels)
+    def fork(self) -> _RecordedPictures:
+        """Return an independent copy of the world with the same pictures."""
+        return _RecordedPictures(self._world.fork(), self._trace, until=self.until, pixels=self.pixels)
 
     def close(self) -> None:
         """End the engines."""
@@ -108,19 +115,17 @@ class RecordedPictures:
 
 
 def recorded_frame(trace: Trace, frame: str) -> StoredFrame:
-    """A picture that the trace holds, as the camera would give it."""
+    """Return a picture of the trace in the form of the camera."""
     picture = trace.picture(frame)
     return StoredFrame(trace.frames[frame], trace.jpeg(frame), picture.depth, picture.semantic)
 
 
 class RecordedRun:
-    """A trace being run again; `kernel` stands at the boundary that was reached last. A context manager.
+    """A context manager that runs a trace again; `kernel` is at the boundary reached last.
 
-    `advance` plays the next recorded boundary, `decisions` are those of any boundary; whoever wants others gives
-    them to `kernel.step` instead, or to that of a `kernel.fork()`, and sets `pictures.until` first.
-
-    Raises `UsageError` if the trace holds no boundary, if its city is not to be had here as it was, or if an engine
-    or an evaluator is not installed.
+    `advance` plays the next recorded boundary. To play other decisions, set `pictures.until` and pass them to
+    `kernel.step`, or to that of a `kernel.fork()`. Raises `UsageError` if the trace holds no boundary, if its city
+    cannot be rebuilt, or if an engine or an evaluator is not installed.
     """
 
     def __init__(
@@ -135,14 +140,16 @@ class RecordedRun:
         referenced: frozenset[str] = frozenset(),
     ) -> None:
         if not trace.boundaries:
-            raise UsageError(f"{trace.path} holds no boundary", hint="its episode was cut before it began")
+            raise UsageError(f"{trace.path} holds no boundary", hint="its episode was cut before boundary 0")
         host = host or PluginHost()
         instance = trace.header.instance
         self.city = rebuilt_city(trace, host)
         scorers = [host.evaluator(name) for name in trace.header.evaluators]
         evaluators = build_evaluators(scorers, instance, host, trace.header.evaluator_options)
         self.trace = trace
-        self.pictures = RecordedPictures(open_world(world, host=host), trace, until=-1 if draw else None, pixels=pixels)
+        self.pictures = _RecordedPictures(
+            open_world(world, host=host), trace, until=-1 if draw else None, pixels=pixels
+        )
         self.kernel = Kernel(
             instance,
             self.city,
@@ -156,20 +163,21 @@ class RecordedRun:
         self._next = 0
 
     def decisions(self, tick: int) -> tuple[DecisionRecord, ...]:
-        """What was decided at boundary `tick`, which led to the next one. Raises `UsageError` where that is not
-        held."""
+        """Return the decisions at boundary `tick`, which led to the next one. Raises `UsageError` if the trace does
+        not hold them.
+        """
         if not 0 <= tick < len(self.trace.boundaries) - 1:
             last = len(self.trace.boundaries) - 2
             raise UsageError(f"no decisions at boundary {tick}", hint=f"the trace holds those of 0 to {last}")
         return self.trace.boundaries[tick + 1].decisions
 
     def advance(self) -> Published:
-        """The next boundary, the first time boundary 0. Raises `InfrastructureError` if an engine fails."""
+        """Advance to the next boundary, at first to boundary 0. Raises `InfrastructureError` if an engine fails."""
         tick, self._next = self._next, self._next + 1
         return self.kernel.reset() if tick == 0 else self.kernel.step(self.decisions(tick - 1))
 
     def advance_to(self, tick: int) -> Published:
-        """Boundary `tick`, which must be after the one reached last."""
+        """Advance to boundary `tick`, which must be after the current one. Raises `UsageError`."""
         if not self._next <= tick < len(self.trace.boundaries):
             last = len(self.trace.boundaries) - 1
             raise UsageError(f"boundary {tick} cannot be reached", hint=f"go on to one of {self._next} to {last}")
@@ -189,9 +197,9 @@ class RecordedRun:
 
 
 def _absent(request: CaptureRequest, record: BoundaryRecord) -> Absent:
-    """The reason why a picture did not come, as somebody was told it."""
+    """Return the recorded reason for a missing picture."""
     for seen in record.observations:
-        for one in seen.absent:
-            if (one.entity, one.camera, one.tick) == (request.entity, request.camera, request.tick):
-                return one
+        for missing in seen.absent:
+            if (missing.entity, missing.camera, missing.tick) == (request.entity, request.camera, request.tick):
+                return missing
     return Absent(entity=request.entity, camera=request.camera, tick=request.tick, reason="not_recorded")

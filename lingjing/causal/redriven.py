@@ -1,8 +1,8 @@
-"""`RedrivenEpisode`: a trace's episode run again with its policies, in one process and one thread, to be forked.
+"""An episode run again from its trace with its policies, in one process and one thread, so that it can be forked.
 
-The engines run in this process on the recorded decisions. Every policy is asked with the recorded observation, inbox
-and pictures, and must decide what it decided then; every boundary must have the recorded digest. What then stands at a
-boundary (engines, kernel, policies, references) is the episode itself, and `os.fork` copies it bit by bit.
+The engines run in this process on the recorded decisions. Every policy receives the recorded observations, messages
+and pictures, and must make the recorded decision; every boundary must have the recorded digest. Then engines, kernel,
+policies and references are in the state of the episode, and `os.fork` copies this state exactly.
 """
 
 from __future__ import annotations
@@ -38,29 +38,34 @@ from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import AgentBinding, BoundaryRecord, Decision, DecisionRecord
 
 LATE = "policy_timeout"
+"""The reason of an answer that was replaced because it came too late."""
 
 
 class BranchOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """How a trace is branched.
-
-    `files` are where policies lie that the trace calls by the name of their file alone, `policies` by agent, role or
-    name take the place of what it calls them. `calls` says whether chat models may be asked beyond the branch.
-    `reference` is the privileged policy that knows what would have been right, asked for `referenced` agents (None:
-    for all). So many `jobs` branches run at once.
-    """
+    """Options of branches."""
 
     trace: str
+    """The path of the trace."""
     files: tuple[str, ...] = ()
+    """Paths of policy files that the trace names without a folder."""
     policies: dict[str, str] = {}
+    """Policies in place of the trace's, by agent, role or name."""
     calls: str = "replay"
+    """`replay` or `live`: whether chat models may be called after the branch point."""
     reference: str = "oracle"
+    """The privileged policy that makes the reference decisions."""
     referenced: tuple[str, ...] | None = None
+    """Agents with a reference; None: all."""
     jobs: int = 2
+    """Branches played in parallel."""
 
 
 class RedrivenEpisode:
-    """The episode, at the boundary that was reached last. Raises `UsageError` that says why a trace cannot be branched:
-    remote engines, policies that are not to be had or not reproducible, model calls that are not recorded."""
+    """The episode at the boundary reached last.
+
+    Raises `UsageError` with the reason if the trace cannot be branched: remote engines, missing or irreproducible
+    policies, unrecorded model calls.
+    """
 
     def __init__(self, options: BranchOptions) -> None:
         self.options = options
@@ -73,7 +78,7 @@ class RedrivenEpisode:
         referenced = agents if options.referenced is None else [name for name in agents if name in options.referenced]
         plugins = _plugins(self.trace, options, self.host)
         self.models = tuple(agent for agent, (plugin, _) in plugins.items() if plugin.calls)
-        self.calls = BranchCalls(self.trace, options) if self.models else None
+        self.calls = _BranchCalls(self.trace, options) if self.models else None
         self.recorder: Recorder | None = None
         self.run = RecordedRun(
             self.trace,
@@ -81,11 +86,11 @@ class RedrivenEpisode:
             host=self.host,
             pixels=any(not plugin.privileged for plugin, _ in plugins.values()),
             referenced=frozenset(referenced),
-            record=self._hand_on,
+            record=self._record,
         )
         self.camera = SharedCamera(self.trace, self.run.city, self.host)
         self.policies = SequentialPolicies(
-            {agent: self._built(agent, *one) for agent, one in plugins.items()},
+            {agent: self._build(agent, *plugin_and_binding) for agent, plugin_and_binding in plugins.items()},
             instance.budget.policy_s,
             self._outage,
         )
@@ -104,12 +109,12 @@ class RedrivenEpisode:
 
     @property
     def kernel(self) -> Kernel:
-        """At the boundary that was reached last."""
+        """The kernel, at the boundary reached last."""
         return self.run.kernel
 
     @property
     def tick(self) -> int:
-        """The boundary that was reached last."""
+        """The boundary reached last."""
         return self.published.record.tick
 
     @property
@@ -118,64 +123,74 @@ class RedrivenEpisode:
         return len(self.trace.boundaries) - 1
 
     def advance(self) -> None:
-        """On to the next boundary: ask everybody, compare, and step."""
+        """Advance to the next boundary: run all policies, compare their decisions, and step."""
         recorded = self.run.decisions(self.tick)
         self._check_answered(recorded)
-        due = self.references.decide(self.published)
+        references = self.references.decide(self.published)
         for mine, made in zip(recorded, self.policies.decide(self.published, self.kernel.exhausted()), strict=True):
             self._check_decision(mine, received(made))
         scenes = self.scenes()
-        for pair in self.references.note(recorded, due, scenes):
+        for pair in self.references.note(recorded, references, scenes):
             self.departures.setdefault(pair, []).append(self.tick)
         for made in recorded:
-            right = right_parts(made.decision, due[made.agent], scenes[made.agent]) if made.agent in due else ()
+            right = (
+                right_parts(made.decision, references[made.agent], scenes[made.agent])
+                if made.agent in references
+                else ()
+            )
             for faculty in right:
                 self.agreements.setdefault((faculty, made.agent), []).append(self.tick)
         self.published = self.run.advance()
         self._check_digest()
 
     def scenes(self) -> dict[str, TrueSituation]:
-        """What the truth is read from, by agent."""
+        """Return the true situation of each agent."""
         registry = self.kernel.state.registry
         return {agent.id: TrueSituation(self.kernel.instance, agent, registry) for agent in self.kernel.instance.agents}
 
-    def _hand_on(self, record: BoundaryRecord, frames: Sequence[StoredFrame]) -> None:
+    def _record(self, record: BoundaryRecord, frames: Sequence[StoredFrame]) -> None:
+        """Pass a record on to the recorder of a branch."""
         if self.recorder is not None:
             self.recorder(record, frames)
 
     def _outage(self, agent: str, error: InfrastructureError) -> InfrastructureError | None:
-        """Up to the branch an error of the record; beyond it whatever is raised where models are asked, since a branch
-        without its service says nothing about what it replaces."""
+        """Return the error that ends the branch, or None.
+
+        Before the branch point that is an error of the record. After it, it is any error of a model call, because a
+        branch without its service says nothing about the intervention.
+        """
         if self.calls is None or agent not in self.models:
             return None
         return error if self.calls.branched else self.calls.faults.get(agent)
 
-    def _built(self, agent: str, plugin: PolicyPlugin, binding: AgentBinding) -> Policy:
+    def _build(self, agent: str, plugin: PolicyPlugin, binding: AgentBinding) -> Policy:
         if self.calls is not None and plugin.calls:
-            return build_policy(plugin, binding.arguments, AgentBranchCalls(self.calls, agent))
+            return build_policy(plugin, binding.arguments, _AgentBranchCalls(self.calls, agent))
         return build_policy(plugin, binding.arguments)
 
     def _refuse_remote(self) -> None:
         remote = select_engines(self.trace.header.instance, self.host).remote
         if remote:
-            raise UsageError(f"{self.trace.path} cannot be branched: {', '.join(remote)} run elsewhere, without a copy")
+            raise UsageError(
+                f"{self.trace.path} cannot be branched: {', '.join(remote)} run remotely and cannot be copied"
+            )
 
     def _check_answered(self, recorded: tuple[DecisionRecord, ...]) -> None:
-        for one in recorded:
-            if one.substituted == LATE and one.agent not in self.models:
+        for decision in recorded:
+            if decision.substituted == LATE and decision.agent not in self.models:
                 raise UsageError(
-                    f"{self.trace.path} cannot be branched after boundary {self.tick}: `{one.agent}` was given up, "
-                    "and what it went on with is not known"
+                    f"{self.trace.path} cannot be branched after boundary {self.tick}: the answer of "
+                    f"`{decision.agent}` came too late, so its policy's state is unknown"
                 )
 
     def _check_decision(self, recorded: DecisionRecord, made: DecisionRecord) -> None:
-        if _told(recorded) == _told(made):
+        if _reproducible(recorded) == _reproducible(made):
             return
         raise UsageError(
             f"{self.trace.path} cannot be branched after boundary {self.tick}: the policy of `{recorded.agent}` "
-            f"decides otherwise than it did on the same observation ({_difference(recorded, made)})",
-            hint="it depends on something else (a clock, unseeded chance, a file, what an episode before left), or its "
-            "code is another now",
+            f"makes another decision on the same observation ({_difference(recorded, made)})",
+            hint="the policy depends on other inputs (a clock, unseeded random numbers, files, earlier episodes), or "
+            "its code has changed",
         )
 
     def _check_digest(self) -> None:
@@ -183,14 +198,14 @@ class RedrivenEpisode:
         if self._digests[self.tick] != record.digest:
             other = first_difference(self.trace, recorded, record)
             raise UsageError(
-                f"{self.trace.path} cannot be branched: run again it differs at boundary {self.tick} "
+                f"{self.trace.path} cannot be branched: its replay differs at boundary {self.tick} "
                 f"({other.engine}: {other.field})",
-                hint="`lingjing replay` says more",
+                hint="`lingjing replay` shows the difference",
             )
 
 
-class BranchCalls:
-    """The model calls of an episode that is branched: recorded up to the branch, then live if that was asked for."""
+class _BranchCalls:
+    """The model calls of a branched episode: replayed up to the branch point, then live if the options allow it."""
 
     def __init__(self, trace: Trace, options: BranchOptions) -> None:
         instance = trace.header.instance
@@ -209,22 +224,22 @@ class BranchCalls:
         self.faults: dict[str, InfrastructureError] = {}
 
 
-class AgentBranchCalls:
-    """`lingjing.plugins.calls.ModelCalls` for one agent of an episode that is branched."""
+class _AgentBranchCalls:
+    """`lingjing.plugins.calls.ModelCalls` of one agent of a branched episode."""
 
     capped = False
 
-    def __init__(self, calls: BranchCalls, agent: str) -> None:
+    def __init__(self, calls: _BranchCalls, agent: str) -> None:
         self._calls = calls
         self._agent = agent
 
     @property
     def replaying(self) -> bool:
-        """Whether no service will ever be asked."""
+        """True if no service is ever called."""
         return not self._calls.live
 
     def begin(self, request: CallRequest) -> CallResult | None:
-        """The recorded result; beyond the branch None, if models may be asked there."""
+        """Return the recorded result; after the branch point None if models may be called."""
         if not self._calls.branched:
             try:
                 result = self._calls.recorded.replayed(self._agent, request)
@@ -235,41 +250,43 @@ class AgentBranchCalls:
                 raise AbandonedCallError(result)
             return result
         if not self._calls.live:
-            raise MissingCallError(f"`{self._agent}` may ask no chat model beyond the branch", hint="--calls live")
+            raise MissingCallError(
+                f"`{self._agent}` may not call a chat model after the branch point", hint="--calls live"
+            )
         return None
 
     def end(self, request: CallRequest, result: CallResult) -> None:
-        """Nothing is kept of a branch's calls but what its decisions say that they cost."""
+        """Do nothing: the cost of a branch's calls is part of its decisions."""
 
 
 def _plugins(trace: Trace, options: BranchOptions, host: PluginHost) -> dict[str, tuple[PolicyPlugin, AgentBinding]]:
     agents = {agent.id: agent for agent in trace.header.instance.agents}
-    found: dict[str, tuple[PolicyPlugin, AgentBinding]] = {}
+    plugins: dict[str, tuple[PolicyPlugin, AgentBinding]] = {}
     for binding in trace.header.bindings:
         agent = agents[binding.agent]
         keys = (agent.id, agent.name, agent.role)
-        there = next((one for one in options.files if Path(one).name == binding.policy), binding.policy)
-        name = next((options.policies[key] for key in keys if key in options.policies), there)
+        recorded_name = next((file for file in options.files if Path(file).name == binding.policy), binding.policy)
+        name = next((options.policies[key] for key in keys if key in options.policies), recorded_name)
         try:
-            found[agent.id] = load_policy(name, host), binding
+            plugins[agent.id] = load_policy(name, host), binding
         except LingjingError as error:
             raise UsageError(
-                f"the policy `{name}` of `{agent.id}` is not to be had here: {error}",
-                hint=_whereabouts(name, options.files),
+                f"the policy `{name}` of `{agent.id}` is not available: {error}",
+                hint=_location_hint(name, options.files),
             ) from error
     unknown = [name for name in options.policies if not _names(name, trace)]
     if unknown:
         hint = nearest_or(unknown[0], agents, f"there are: {', '.join(agents)}")
         raise UsageError(f"no role or agent is called `{unknown[0]}`", hint=hint)
-    return found
+    return plugins
 
 
-def _whereabouts(name: str, files: Sequence[str]) -> str:
-    """How a policy that is not to be had may be."""
+def _location_hint(name: str, files: Sequence[str]) -> str:
+    """Return a hint on how to provide a missing policy."""
     if ".py" not in name:
-        return "install what offers it"
+        return "install the plug-in that offers it"
     other = f", not {', '.join(files)}" if files and name not in files else ""
-    return f"say where it is: --policy FOLDER/{name}{other}"
+    return f"name its file: --policy FOLDER/{name}{other}"
 
 
 def _names(name: str, trace: Trace) -> bool:
@@ -280,19 +297,20 @@ def _reference(options: BranchOptions, host: PluginHost) -> PolicyPlugin:
     plugin = load_policy(options.reference, host)
     if not plugin.privileged:
         raise UsageError(
-            f"--reference {options.reference}: it does not see the truth", hint="a privileged policy is due: `oracle`"
+            f"--reference {options.reference}: this policy is not privileged",
+            hint="choose a privileged policy such as `oracle`",
         )
     return plugin
 
 
 def _some(plugin: PolicyPlugin | None) -> PolicyPlugin:
     if plugin is None:
-        raise AssertionError("nobody is referenced")
+        raise AssertionError("no agent has a reference")
     return plugin
 
 
-def _told(made: DecisionRecord) -> tuple[object, ...]:
-    """What of an answer must be equal: all but what it cost and how long it took."""
+def _reproducible(made: DecisionRecord) -> tuple[object, ...]:
+    """Return the part of an answer that must be reproduced: all but its cost and duration."""
     return replace(made.decision, usage=None), made.substituted
 
 

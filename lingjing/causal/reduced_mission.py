@@ -1,13 +1,13 @@
-"""`ReducibleMission`: the mission of a trace with everything drawn made fast, and parts of it left out.
+"""Reduction of a trace's mission: drawn values are fixed, and parts are removed.
 
-What the instance of the trace drew stands as values: places, properties, the weather, the times of events. So leaving
-one part out does not draw another one anew. Members of a group that stay are counted from 1 in their old order. The
-mode is the trace's alone, and what only counts in another mode is gone.
+Values drawn in the instance (positions, properties, weather, times of events) become constants, so that removing a
+part does not change other draws. The remaining members of a group are renumbered from 1 in their old order. Only the
+trace's mode is kept.
 
-Parts are agents (with the bodies that nobody else may command), targets, assets that no agent controls, events, and
-kinds of messages. What cannot be said without a part goes with it: relations, authorities, reveals, limits, permits,
-inspections, and stages, constraints and rules over a group that is gone. Whether what is left is a mission is for the
-compiler to say.
+Parts are agents (with the bodies that no other agent may command), targets, assets that no agent controls, events, and
+message kinds. Declarations that refer to a removed part are removed too: relations, authorities, reveals, limits,
+permits, inspections, and stages, constraints and rules over a removed group. The compiler then decides whether the
+result is a mission.
 """
 
 from __future__ import annotations
@@ -25,28 +25,31 @@ from lingjing.mission.instance_entities import holds
 from lingjing.mission.vocabulary import EVERYONE
 
 PartKind = Literal["target", "agent", "asset", "event", "message"]
+"""The kinds of parts."""
 
 
 class RemovablePart(NamedTuple):
-    """What may be left out, by its id (`victim[2]`) or its name."""
+    """A part that may be removed."""
 
     kind: PartKind
     name: str
+    """Its id (`victim[2]`) or its name."""
 
     def __str__(self) -> str:
-        """`target victim[2]`."""
+        """Return the part as text: `target victim[2]`."""
         return f"{self.kind} {self.name}"
 
 
 class ReducedMission(NamedTuple):
-    """A mission with parts left out; `agents` maps the new ids of its agents to the old ones."""
+    """A mission with parts removed."""
 
     mission: model.Mission
     agents: Mapping[str, str]
+    """The old ids of agents by their new ids."""
 
 
 class ReducibleMission:
-    """The mission of an instance. `parts` are what may be left out, targets first."""
+    """The mission of an instance. `parts` are its removable parts, targets first."""
 
     def __init__(self, mission: model.Mission, instance: Instance) -> None:
         self._instance = instance
@@ -56,43 +59,51 @@ class ReducibleMission:
         controlled = owned | {name for agent in instance.agents for name in agent.controls}
         entities = instance.entities
         self.parts: tuple[RemovablePart, ...] = (
-            *(RemovablePart("target", one.id) for one in entities if one.role == "target"),
-            *(RemovablePart("agent", one.id) for one in instance.agents),
-            *(RemovablePart("asset", one.id) for one in entities if one.role == "asset" and one.id not in controlled),
-            *(RemovablePart("event", one.name) for one in instance.events),
-            *(RemovablePart("message", one.kind) for one in instance.messages if not self._is_asked_for(one)),
+            *(RemovablePart("target", item.id) for item in entities if item.role == "target"),
+            *(RemovablePart("agent", item.id) for item in instance.agents),
+            *(
+                RemovablePart("asset", item.id)
+                for item in entities
+                if item.role == "asset" and item.id not in controlled
+            ),
+            *(RemovablePart("event", item.name) for item in instance.events),
+            *(RemovablePart("message", item.kind) for item in instance.messages if not self._is_required(item)),
         )
 
-    def _is_asked_for(self, message: MessageSpec) -> bool:
-        """Whether somebody must be assigned by such messages: without them none could be, whoever played."""
+    def _is_required(self, message: MessageSpec) -> bool:
+        """Return whether rules, stages or success require assignments by such messages."""
         mission = self._mission
-        asked = (*(one.condition for one in mission.rules), *(one.condition for one in mission.stages), mission.success)
-        calls = (part for one in asked for part in ex.parts(one) if isinstance(part, ex.Call))
+        conditions = (
+            *(item.condition for item in mission.rules),
+            *(item.condition for item in mission.stages),
+            mission.success,
+        )
+        calls = (part for item in conditions for part in ex.parts(item) if isinstance(part, ex.Call))
         return message.category == "assignment" and any(call.function == "assigned" for call in calls)
 
     def keeping(self, kept: Iterable[RemovablePart], ticks: int) -> ReducedMission:
-        """The mission with these parts and none of the others, and so many ticks."""
-        gone = set(self.parts) - set(kept)
-        agents = [one.id for one in self._instance.agents if RemovablePart("agent", one.id) not in gone]
+        """Return the mission with only these parts, and with this budget of ticks."""
+        removed = set(self.parts) - set(kept)
+        agents = [item.id for item in self._instance.agents if RemovablePart("agent", item.id) not in removed]
         lost_bodies = {body for name, bodies in self._bodies.items() if name not in agents for body in bodies}
-        lost = lost_bodies | {part.name for part in gone if part.kind in ("target", "asset")}
-        entities = [one for one in self._instance.entities if one.id not in lost]
-        told = _Kept(
+        lost = lost_bodies | {part.name for part in removed if part.kind in ("target", "asset")}
+        entities = [item for item in self._instance.entities if item.id not in lost]
+        remaining = _Kept(
             entities=tuple(entities),
             agents=tuple(agents),
-            events=frozenset(one.name for one in self._instance.events) - _names(gone, "event"),
-            messages=frozenset(one.kind for one in self._instance.messages) - _names(gone, "message"),
+            events=frozenset(item.name for item in self._instance.events) - _names(removed, "event"),
+            messages=frozenset(item.kind for item in self._instance.messages) - _names(removed, "message"),
         )
-        mission = _reduced(self._mission, self._instance, told)
+        mission = _reduced(self._mission, self._instance, remaining)
         budget = replace(mission.budget, ticks=ex.Number(float(ticks)))
-        return ReducedMission(replace(mission, budget=budget), self._old_names(told))
+        return ReducedMission(replace(mission, budget=budget), self._old_names(remaining))
 
     def _old_names(self, kept: _Kept) -> dict[str, str]:
-        """The ids of agents that stay, by their new ids."""
+        """Return the old ids of the remaining agents by their new ids."""
         groups: dict[str, list[str]] = {}
-        for one in self._instance.agents:
-            if one.id in kept.agents:
-                groups.setdefault(one.name, []).append(one.id)
+        for agent_spec in self._instance.agents:
+            if agent_spec.id in kept.agents:
+                groups.setdefault(agent_spec.name, []).append(agent_spec.id)
         counted = {agent.name for agent in self._mission.agents if agent.count is not None}
         return {
             f"{name}[{number}]" if name in counted else name: old
@@ -102,7 +113,7 @@ class ReducibleMission:
 
 
 class _Kept(NamedTuple):
-    """What stays."""
+    """The remaining entities, agents, events and message kinds."""
 
     entities: tuple[Entity, ...]
     agents: tuple[str, ...]
@@ -115,7 +126,7 @@ def _names(parts: Iterable[RemovablePart], kind: PartKind) -> set[str]:
 
 
 def _own_bodies(instance: Instance) -> dict[str, tuple[str, ...]]:
-    """The bodies of each agent that no other may command."""
+    """Return the bodies of each agent that no other agent may command."""
     owners: dict[str, list[str]] = {}
     for agent in instance.agents:
         for body in agent.commands:
@@ -127,33 +138,33 @@ def _own_bodies(instance: Instance) -> dict[str, tuple[str, ...]]:
 
 
 def _in_mode(mission: model.Mission, instance: Instance) -> model.Mission:
-    """The mission as it is in the mode and with the settings of the instance, without draws but those of groups."""
+    """Return the mission in the mode and with the settings of the instance, with fixed draws outside groups."""
     scope = Scope(parameters=instance.settings, mode=instance.mode, tick_s=instance.clock.tick_s)
 
-    def there(parts: Sequence[Any]) -> tuple[Any, ...]:
+    def active(parts: Sequence[Any]) -> tuple[Any, ...]:
         return tuple(replace(part, when=None) for part in parts if holds(part.when, scope))
 
     hub = mission.comms.hub if instance.mode == "star" else None
     return replace(
         mission,
-        parameters=tuple(replace(one, default=_like(one.default, instance.settings[one.name]))
-                         for one in mission.parameters),
+        parameters=tuple(replace(item, default=_like(item.default, instance.settings[item.name]))
+                         for item in mission.parameters),
         modes=model.Modes(default=instance.mode, allowed=(instance.mode,)),
         scene=replace(mission.scene, options=tuple(
-            _fixed(one, instance.scene.options.get(one.name)) for one in mission.scene.options
+            _fixed(item, instance.scene.options.get(item.name)) for item in mission.scene.options
         )),
-        weather=tuple(_fixed(one, getattr(instance.weather, one.name)) for one in mission.weather),
-        groups=there(mission.groups),
-        agents=there(mission.agents),
-        authorities=there(mission.authorities),
-        messages=there(mission.messages),
+        weather=tuple(_fixed(item, getattr(instance.weather, item.name)) for item in mission.weather),
+        groups=active(mission.groups),
+        agents=active(mission.agents),
+        authorities=active(mission.authorities),
+        messages=active(mission.messages),
         comms=replace(mission.comms, hub=hub),
-        limits=there(mission.limits),
-        stages=tuple(replace(one, limits=there(one.limits)) for one in mission.stages),
-        constraints=there(mission.constraints),
-        inspections=there(mission.inspections),
-        relations=there(mission.relations),
-        events=tuple(_at_tick(one, instance) for one in there(mission.events)),
+        limits=active(mission.limits),
+        stages=tuple(replace(item, limits=active(item.limits)) for item in mission.stages),
+        constraints=active(mission.constraints),
+        inspections=active(mission.inspections),
+        relations=active(mission.relations),
+        events=tuple(_at_tick(item, instance) for item in active(mission.events)),
         sweeps=(),
         origin=model.Origin(),
     )  # fmt: skip
@@ -162,43 +173,43 @@ def _in_mode(mission: model.Mission, instance: Instance) -> model.Mission:
 def _at_tick(event: model.EventDeclaration, instance: Instance) -> model.EventDeclaration:
     if not isinstance(event.at, ex.Draw):
         return event
-    tick = next(one.tick for one in instance.events if one.name == event.name)
+    tick = next(scheduled.tick for scheduled in instance.events if scheduled.name == event.name)
     return replace(event, at=ex.Number(float(tick), "tick"))
 
 
 def _like(expr: ex.Expr, value: float) -> ex.Expr:
-    """A number in the unit of what it takes the place of."""
-    unit = next((one.unit for one in ex.parts(expr) if isinstance(one, ex.Number) and one.unit), "")
+    """Return a number in the unit of the expression that it replaces."""
+    unit = next((part.unit for part in ex.parts(expr) if isinstance(part, ex.Number) and part.unit), "")
     return ex.Number(value, unit)
 
 
 def _fixed(prop: model.Property, value: Any) -> model.Property:
-    """A property whose draw has become its value."""
+    """Return a property with its draw replaced by the drawn value."""
     if not isinstance(prop.value, ex.Draw):
         return prop
     return replace(prop, relation="=", value=_value(prop.value, value))
 
 
-def _value(given: ex.Expr, value: Datum) -> ex.Expr:
-    """A drawn value as an expression, in the unit of the draw."""
+def _value(draw: ex.Expr, value: Datum) -> ex.Expr:
+    """Return a drawn value as an expression, in the unit of the draw."""
     match value:
         case bool():
             return ex.Flag(value)
         case int() | float():
-            return _like(given, float(value))
-        case str() if any(isinstance(one, ex.Text) for one in ex.parts(given)):
+            return _like(draw, float(value))
+        case str() if any(isinstance(item, ex.Text) for item in ex.parts(draw)):
             return ex.Text(value)
         case str():
             return ex.Symbol(value)
         case tuple():
-            return ex.Sequence(tuple(_value(given, one) for one in value))
+            return ex.Sequence(tuple(_value(draw, item) for item in value))
     raise ValueError(f"a drawn value of {value!r}")
 
 
-# -- parts left out
+# -- removal of parts
 
 Resolvable = Callable[..., bool]
-"""Whether expressions (or None) speak of nothing that is gone."""
+"""Returns whether expressions (or None) refer to no removed group."""
 
 
 def _reduced(mission: model.Mission, instance: Instance, kept: _Kept) -> model.Mission:
@@ -207,65 +218,66 @@ def _reduced(mission: model.Mission, instance: Instance, kept: _Kept) -> model.M
     names = {group.name for group in groups}
     lost = {group.name for group in mission.groups} - names
     roles = {agent.role for agent in agents}
-    messages = tuple(one for one in mission.messages if one.name in kept.messages)
-    kinds = {one.name for one in messages}
+    messages = tuple(item for item in mission.messages if item.name in kept.messages)
+    kinds = {item.name for item in messages}
     lowered = _lowered(mission, groups, agents)
 
     def stands(*parts: ex.Expr | None) -> bool:
-        """Whether no part speaks of a group that is gone."""
-        return not any(_speaks_of(part, lost) for part in parts if part is not None)
+        return not any(_refers_to(part, lost) for part in parts if part is not None)
 
     return replace(
         mission,
-        parameters=tuple(_parameter(one, lowered) for one in mission.parameters),
-        groups=tuple(_group_as_written(one, mission, lowered) for one in groups),
-        agents=tuple(_agent_as_written(one, mission, lowered) for one in agents),
-        authorities=tuple(one for one in mission.authorities if one.role in roles and stands(one.resource)),
-        messages=tuple(_addressed(one, roles) for one in messages),
-        rules=tuple(one for one in mission.rules if not lost & {parameter.domain for parameter in one.parameters}),
-        unlocks=tuple(one for one in mission.unlocks if not lost & {parameter.domain for parameter in one.parameters}),
-        stages=tuple(replace(one, limits=_limits(one.limits, kinds, stands)) for one in mission.stages
-                     if one.domain not in lost),
-        relations=tuple(one for one in mission.relations if _relates(one, roles, kinds, lost)),
-        reveals=tuple(one for one in mission.reveals if one.role in roles and stands(one.entity)),
+        parameters=tuple(_parameter(item, lowered) for item in mission.parameters),
+        groups=tuple(_group_as_written(item, mission, lowered) for item in groups),
+        agents=tuple(_agent_as_written(item, mission, lowered) for item in agents),
+        authorities=tuple(item for item in mission.authorities if item.role in roles and stands(item.resource)),
+        messages=tuple(_addressed(item, roles) for item in messages),
+        rules=tuple(item for item in mission.rules if not lost & {parameter.domain for parameter in item.parameters}),
+        unlocks=tuple(item for item in mission.unlocks
+                      if not lost & {parameter.domain for parameter in item.parameters}),
+        stages=tuple(replace(item, limits=_limits(item.limits, kinds, stands)) for item in mission.stages
+                     if item.domain not in lost),
+        relations=tuple(item for item in mission.relations if _relates(item, roles, kinds, lost)),
+        reveals=tuple(item for item in mission.reveals if item.role in roles and stands(item.entity)),
         limits=_limits(mission.limits, kinds, stands),
-        permits=tuple(one for one in mission.permits if stands(one.resource)),
-        constraints=tuple(one for one in mission.constraints if one.domain not in lost),
-        inspections=tuple(one for one in mission.inspections if stands(one.asset, *one.by, one.destination)),
-        events=tuple(_changes(one, stands) for one in mission.events if one.name in kept.events),
+        permits=tuple(item for item in mission.permits if stands(item.resource)),
+        constraints=tuple(item for item in mission.constraints if item.domain not in lost),
+        inspections=tuple(item for item in mission.inspections if stands(item.asset, *item.by, item.destination)),
+        events=tuple(_event_changes(item, stands) for item in mission.events if item.name in kept.events),
     )  # fmt: skip
 
 
-def _speaks_of(expr: ex.Expr, groups: set[str]) -> bool:
-    return any(isinstance(one, ex.Ref) and one.kind in ("group", "entity") and one.name in groups
-               for one in ex.parts(expr))  # fmt: skip
+def _refers_to(expr: ex.Expr, groups: set[str]) -> bool:
+    return any(isinstance(part, ex.Ref) and part.kind in ("group", "entity") and part.name in groups
+               for part in ex.parts(expr))  # fmt: skip
 
 
 def _group(group: model.Group, instance: Instance, kept: _Kept) -> model.Group | None:
-    members = [one for one in kept.entities if one.group == group.name]
+    members = [entity for entity in kept.entities if entity.group == group.name]
     if not members:
         return None
     properties = tuple(_placed(group, prop, members) for prop in group.properties)
-    labels = tuple(one.label for one in members) if group.labels else ()
+    labels = tuple(entity.label for entity in members) if group.labels else ()
     return replace(group, count=_count(group.count, len(members)), properties=properties, labels=labels)
 
 
 def _agent(agent: model.Agent, instance: Instance, kept: _Kept) -> model.Agent | None:
-    members = [one.id for one in instance.agents if one.name == agent.name and one.id in kept.agents]
+    members = [spec.id for spec in instance.agents if spec.name == agent.name and spec.id in kept.agents]
     return replace(agent, count=_count(agent.count, len(members))) if members else None
 
 
-def _count(given: ex.Expr | None, members: int) -> ex.Expr | None:
-    return None if given is None else ex.Number(float(members))
+def _count(written: ex.Expr | None, members: int) -> ex.Expr | None:
+    return None if written is None else ex.Number(float(members))
 
 
 def _placed(group: model.Group, prop: model.Property, members: Sequence[Entity]) -> model.Property:
-    """A property with the members' values, where they were drawn or differ from member to member; a place always, for
-    the scene may have moved it onto a road or a roof."""
-    numbered = any(isinstance(one, ex.Ref) and one.kind == "local" for one in ex.parts(prop.value))
+    """Return a property with the members' values if they were drawn or differ between members; always for positions,
+    because the scene may have moved them onto a road or a roof.
+    """
+    numbered = any(isinstance(item, ex.Ref) and item.kind == "local" for item in ex.parts(prop.value))
     if prop.name != "position" and not numbered and not isinstance(prop.value, ex.Draw):
         return prop
-    values = [_member_value(prop, one) for one in members]
+    values = [_member_value(prop, item) for item in members]
     if any(value is None for value in values):
         return prop
     known = [value for value in values if value is not None]
@@ -276,11 +288,11 @@ def _placed(group: model.Group, prop: model.Property, members: Sequence[Entity])
 
 
 def _member_value(prop: model.Property, entity: Entity) -> ex.Expr | None:
-    """What the member has; None for what is no plain value (another entity)."""
+    """Return the member's value, or None if it is no constant (another entity)."""
     if prop.name == "position":
         return ex.Point(tuple(ex.Number(metres, "m") for metres in entity.position))
     value = entity.heading_deg if prop.name == "heading_deg" else entity.properties.get(prop.name)
-    if value is None or (isinstance(value, tuple) and not all(isinstance(one, str | float | bool) for one in value)):
+    if value is None or (isinstance(value, tuple) and not all(isinstance(item, str | float | bool) for item in value)):
         return None
     if isinstance(value, str) and not isinstance(prop.value, ex.Draw):
         return None
@@ -288,62 +300,63 @@ def _member_value(prop: model.Property, entity: Entity) -> ex.Expr | None:
 
 
 def _lowered(mission: model.Mission, groups: Sequence[model.Group], agents: Sequence[model.Agent]) -> dict[str, float]:
-    """Parameters that say how many of something there are, with what they say now; none on which those that it counts
-    do not agree."""
+    """Return the parameters that count members, with their new values; without parameters with contradictory counts."""
     before = {group.name: group.count for group in mission.groups}
     before |= {agent.name: agent.count for agent in mission.agents}
     now = {group.name: group.count for group in groups} | {agent.name: agent.count for agent in agents}
-    wanted: dict[str, set[float]] = {}
+    counts: dict[str, set[float]] = {}
     for name, count in now.items():
-        given = before[name]
-        if isinstance(given, ex.Ref) and given.kind == "param" and isinstance(count, ex.Number):
-            wanted.setdefault(given.name, set()).add(count.value)
-    return {name: min(values) for name, values in wanted.items() if len(values) == 1}
+        written = before[name]
+        if isinstance(written, ex.Ref) and written.kind == "param" and isinstance(count, ex.Number):
+            counts.setdefault(written.name, set()).add(count.value)
+    return {name: min(values) for name, values in counts.items() if len(values) == 1}
 
 
-def _parameter(one: model.Parameter, lowered: Mapping[str, float]) -> model.Parameter:
-    """A parameter with what it says now, out of its bounds if need be."""
-    if one.name not in lowered:
-        return one
-    default = _like(one.default, lowered[one.name])
-    return one if default == one.default else replace(one, default=default, bounds=None)
+def _parameter(parameter: model.Parameter, lowered: Mapping[str, float]) -> model.Parameter:
+    """Return a parameter with its new value; its bounds are removed if the value changed."""
+    if parameter.name not in lowered:
+        return parameter
+    default = _like(parameter.default, lowered[parameter.name])
+    return parameter if default == parameter.default else replace(parameter, default=default, bounds=None)
 
 
-def _group_as_written(one: model.Group, mission: model.Mission, lowered: Mapping[str, float]) -> model.Group:
-    """The group with its count as it was written, if that is a parameter that says the same."""
-    given = next(group.count for group in mission.groups if group.name == one.name)
-    return replace(one, count=given) if isinstance(given, ex.Ref) and given.name in lowered else one
+def _group_as_written(item: model.Group, mission: model.Mission, lowered: Mapping[str, float]) -> model.Group:
+    """Return the group with its written count, if that is a parameter with the same value."""
+    written = next(group.count for group in mission.groups if group.name == item.name)
+    return replace(item, count=written) if isinstance(written, ex.Ref) and written.name in lowered else item
 
 
-def _agent_as_written(one: model.Agent, mission: model.Mission, lowered: Mapping[str, float]) -> model.Agent:
-    given = next(agent.count for agent in mission.agents if agent.name == one.name)
-    return replace(one, count=given) if isinstance(given, ex.Ref) and given.name in lowered else one
+def _agent_as_written(item: model.Agent, mission: model.Mission, lowered: Mapping[str, float]) -> model.Agent:
+    written = next(agent.count for agent in mission.agents if agent.name == item.name)
+    return replace(item, count=written) if isinstance(written, ex.Ref) and written.name in lowered else item
 
 
 def _addressed(kind: model.MessageKind, roles: set[str]) -> model.MessageKind:
-    """A kind of messages without the roles that nobody plays any more."""
-    senders = tuple(one for one in kind.senders if one in roles or one == EVERYONE)
-    recipients = tuple(one for one in kind.recipients if one in roles or one == EVERYONE)
+    """Return a message kind without roles that no agent has any more."""
+    senders = tuple(role for role in kind.senders if role in roles or role == EVERYONE)
+    recipients = tuple(role for role in kind.recipients if role in roles or role == EVERYONE)
     return replace(kind, senders=senders or kind.senders, recipients=recipients or kind.recipients)
 
 
-def _relates(one: model.Relation, roles: set[str], kinds: set[str], lost: set[str]) -> bool:
-    if one.kind != "dependency" and not {one.source, one.target} <= roles:
+def _relates(relation: model.Relation, roles: set[str], kinds: set[str], lost: set[str]) -> bool:
+    if relation.kind != "dependency" and not {relation.source, relation.target} <= roles:
         return False
-    named = [name for name in (one.carries, one.by) if name]
-    return all(name in kinds for name in named) and not lost & {one.over, one.per}
+    named = [name for name in (relation.carries, relation.by) if name]
+    return all(name in kinds for name in named) and not lost & {relation.over, relation.per}
 
 
 def _limits(limits: Sequence[model.Limit], kinds: set[str], stands: Resolvable) -> tuple[model.Limit, ...]:
-    """The limits, each without what is gone of what it counts."""
+    """Return the limits without counts of removed kinds and resources."""
     kept = []
     for limit in limits:
         counts = tuple(
-            one for one in limit.counts if (one.kind == "command" or one.name in kinds) and stands(one.resource)
+            count
+            for count in limit.counts
+            if (count.kind == "command" or count.name in kinds) and stands(count.resource)
         )
         kept += [replace(limit, counts=counts)] if counts else []
     return tuple(kept)
 
 
-def _changes(event: model.EventDeclaration, stands: Resolvable) -> model.EventDeclaration:
-    return replace(event, changes=tuple(one for one in event.changes if stands(one.entity)))
+def _event_changes(event: model.EventDeclaration, stands: Resolvable) -> model.EventDeclaration:
+    return replace(event, changes=tuple(change for change in event.changes if stands(change.entity)))

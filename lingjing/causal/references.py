@@ -1,8 +1,8 @@
-"""`References`: what would have been right, agent by agent and boundary by boundary.
+"""References of agents: privileged policies. Their decisions count as right.
 
-A reference is a privileged policy. It is asked with what the agent was given, and with the truth in the same
-observation. It begins with the episode and goes on as long as the agent decided as it did; where the agent departed
-from it, one that is asked from boundary T on would take for said or done what was not, so a new one begins at T.
+A reference receives the agent's observations with the ground truth added. It starts with the episode and continues as
+long as the agent decides as it does. After a departure its memory no longer matches the episode; therefore a new
+reference starts at the boundary of a substitution.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Collection, Mapping, Sequence
 
-from lingjing.causal.faculties import TrueSituation, faculties_of, replaced
+from lingjing.causal.faculties import TrueSituation, faculties_of, replace_faculty
 from lingjing.errors import InfrastructureError
 from lingjing.kernel.candidates import received
 from lingjing.kernel.sequential import SequentialPolicies
@@ -20,7 +20,7 @@ from lingjing.trace.records import Decision, DecisionRecord
 
 
 class References:
-    """References of some agents; `build` makes one. Their briefs are the agents' own."""
+    """The references of some agents; `build` makes a policy for an agent. They receive the agents' own briefs."""
 
     def __init__(
         self, agents: Collection[str], briefs: Mapping[str, Brief], build: Callable[[str], Policy], limit_s: float
@@ -33,7 +33,7 @@ class References:
         self._begun: set[str] = set()
 
     def decide(self, published: Published) -> dict[str, Decision]:
-        """What would be right for each agent now. Raises `InfrastructureError` if a reference gives no answer."""
+        """Return the reference decision of each agent. Raises `InfrastructureError` if a reference gives no answer."""
         inputs = {
             agent: (
                 dataclasses.replace(published.observations[agent], privileged=published.truths[agent]),
@@ -43,39 +43,39 @@ class References:
         }
         made = {}
         for agent, policy in self._policies.items():
-            (answer,) = (received(one) for one in policy.act(inputs))
+            (answer,) = (received(answered) for answered in policy.act(inputs))
             if answer.substituted:
                 raise InfrastructureError(
                     f"the reference of `{agent}` gives no answer at boundary {published.record.tick}: {answer.detail}",
-                    hint="choose another with --reference: a privileged policy that can play this mission",
+                    hint="choose another privileged policy with --reference",
                 )
             made[agent] = answer.decision
         return made
 
     def begin(self, agents: Collection[str]) -> None:
-        """From now on these are to be followed: those that their agents have departed from begin anew."""
+        """Start the substitution of these agents: references that their agents have departed from are started again."""
         fresh = {agent: self._briefs[agent] for agent in agents if agent in self._departed and agent in self._briefs}
         self._policies |= self._fresh(fresh)
         self._begun |= set(agents)
 
     def keep(self, agents: Collection[str]) -> None:
-        """Only these are of use from now on."""
+        """Drop the references of all other agents."""
         self._briefs = {agent: brief for agent, brief in self._briefs.items() if agent in agents}
         self._policies = {agent: self._policies[agent] for agent in self._briefs}
 
     def note(
         self, decisions: Sequence[DecisionRecord], due: Mapping[str, Decision], scenes: Mapping[str, TrueSituation]
     ) -> tuple[tuple[str, str], ...]:
-        """Take note of who departed from its reference; the (faculty, agent) pairs in which they did."""
-        found = tuple(
+        """Record the departures at a boundary and return their (faculty, agent) pairs."""
+        departures = tuple(
             (faculty, made.agent)
             for made in decisions
             if made.agent in due
             for faculty in faculties_of(scenes[made.agent].instance, scenes[made.agent].agent)
-            if replaced(faculty, made.decision, due[made.agent], scenes[made.agent]) is not made.decision
+            if replace_faculty(faculty, made.decision, due[made.agent], scenes[made.agent]) is not made.decision
         )
-        self._departed |= {agent for _, agent in found} - self._begun
-        return found
+        self._departed |= {agent for _, agent in departures} - self._begun
+        return departures
 
     def _fresh(self, briefs: Mapping[str, Brief]) -> dict[str, SequentialPolicies]:
         made = {}

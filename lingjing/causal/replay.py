@@ -1,4 +1,4 @@
-"""`replay`: whether a trace's decisions lead on fresh engines to the states that it holds, or what differs first."""
+"""Replay of a trace: its recorded decisions on fresh engines, compared with its states."""
 
 from __future__ import annotations
 
@@ -21,42 +21,49 @@ from lingjing.trace.reader import Trace
 from lingjing.trace.records import CUT_SHORT, BoundaryRecord
 
 KERNEL = "kernel"
+"""The engine's name in differences that belong to no engine."""
+
 CAMERA = "camera"
+"""The engine's name in differences of pictures."""
 
 
 class Difference(msgspec.Struct, frozen=True, kw_only=True):
-    """The first place where a replay leaves its trace: the engine that answers for it (`kernel` for what none
-    does), the field, and the two values as JSON, cut."""
+    """The first difference between a trace and its replay."""
 
     boundary: int
+    """The boundary of the difference."""
     engine: str
+    """The engine that produced the field; `kernel` if none did."""
     field: str
+    """The path of the field in the record."""
     recorded: str
+    """The recorded value as JSON, cut to 200 characters."""
     replayed: str
+    """The replayed value as JSON, cut to 200 characters."""
 
 
 class Replay(msgspec.Struct, frozen=True, kw_only=True):
-    """What running a trace again has shown. `confirmed` boundaries had the digest that the trace has for them;
-    without a `difference` these are all of `boundaries`.
-
-    Of a file that was cut or damaged only what is before the fault is there to be run: `ends` says whether the
-    episode's outcome is in it.
-
-    `drawn` if pictures were drawn anew; else their poses and boxes were taken from the trace. A picture that shows
-    something else is a difference. `pixels` is the first one that another renderer drew and whose pixels differ within
-    the tolerance of `lingjing.causal.picture_comparison`. `versions` are the libraries that differ
-    from those the trace was made with: the digest is promised for equal ones.
-    """
+    """The result of a replay."""
 
     path: str
     boundaries: int
+    """The number of boundaries in the file."""
     confirmed: int
+    """The number of boundaries with equal digests; all of them if there is no difference."""
     digest: str
+    """The digest of the last boundary in the file."""
     ends: bool = True
+    """False if the file was cut or damaged and its outcome is missing."""
     difference: Difference | None = None
+    """The first difference; None if there is none."""
     drawn: bool = False
+    """True if pictures were rendered again; else their poses and boxes were taken from the trace."""
     pixels: str = ""
+    """The first picture with pixels that differ within the tolerance of two renderers (`picture_comparison`); else
+    empty.
+    """
     versions: tuple[str, ...] = ()
+    """Libraries with versions other than the recorded ones. Equal digests are guaranteed for equal versions only."""
 
 
 def replay(
@@ -67,9 +74,9 @@ def replay(
     host: PluginHost | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Replay:
-    """Run a trace again, whole or partial, to its last boundary or the first that differs.
+    """Run a trace again, complete or partial, to its last boundary or the first difference.
 
-    `progress` is called with each boundary that was confirmed. Raises what `RecordedRun` raises.
+    `progress` is called with each confirmed boundary. Raises the errors of `RecordedRun`.
     """
     difference, confirmed = None, 0
     witness = PictureWitness(trace)
@@ -83,17 +90,17 @@ def replay(
                     boundary=recorded.tick, engine="", field="", recorded="a boundary", replayed=f"{error}"
                 )
                 break
-            difference = _other_deciders(trace, recorded)
+            difference = _decision_difference(trace, recorded)
             if difference is None and record.digest != digest:
                 difference = first_difference(trace, recorded, record)
-            difference = difference or _other_picture(recorded.tick, witness)
+            difference = difference or _picture_difference(recorded.tick, witness)
             if difference is not None:
                 break
             confirmed += 1
             if progress is not None:
                 progress(recorded.tick)
         if difference is None:
-            difference = _other_ending(trace, run)
+            difference = _outcome_difference(trace, run)
     return Replay(
         path=str(trace.path),
         boundaries=len(trace.boundaries),
@@ -103,15 +110,18 @@ def replay(
         difference=difference,
         drawn=draw,
         pixels=witness.tolerated,
-        versions=tuple(_other_versions(trace)),
+        versions=tuple(_different_versions(trace)),
     )
 
 
-def _other_deciders(trace: Trace, recorded: BoundaryRecord) -> Difference | None:
-    """Whether decisions are not one of each of the instance's agents, in their order; before boundary 0 nobody decides.
-    They are what is replayed, so no digest tells: whoever is missing would count as having done nothing."""
+def _decision_difference(trace: Trace, recorded: BoundaryRecord) -> Difference | None:
+    """Return a difference unless the decisions are one of each agent, in the order of the instance; boundary 0 has
+    none.
+
+    Decisions are the input of the replay, so no digest covers them: a missing one would be played as no action.
+    """
     agents = [agent.id for agent in trace.header.instance.agents] if recorded.tick else []
-    made = [one.agent for one in recorded.decisions]
+    made = [decision.agent for decision in recorded.decisions]
     if made == agents:
         return None
     return Difference(
@@ -121,7 +131,7 @@ def _other_deciders(trace: Trace, recorded: BoundaryRecord) -> Difference | None
 
 
 def first_difference(trace: Trace, recorded: BoundaryRecord, replayed: BoundaryRecord) -> Difference:
-    """Where two records of one boundary differ first, in the order of the record's fields."""
+    """Return the first difference of two records of one boundary, in the order of the record's fields."""
     pair = [full_form(normalise(record)) for record in (recorded, replayed)]
     for field in pair[0]:
         for path, here, there in _differences(pair[0].get(field), pair[1].get(field), field):
@@ -143,21 +153,21 @@ def first_difference(trace: Trace, recorded: BoundaryRecord, replayed: BoundaryR
 
 
 def _differences(here: Any, there: Any, *path: Any) -> Iterator[tuple[tuple[Any, ...], Any, Any]]:
-    """The innermost values that differ, in order, with the way to each."""
+    """Yield the innermost different values in order, each with its path."""
     if here == there:
         return
     if isinstance(here, dict) and isinstance(there, dict):
         for name in dict.fromkeys((*here, *there)):
             yield from _differences(here.get(name), there.get(name), *path, name)
     elif isinstance(here, list | tuple) and isinstance(there, list | tuple) and len(here) == len(there):
-        for index, (one, other) in enumerate(zip(here, there, strict=True)):
-            yield from _differences(one, other, *path, index)
+        for index, (left, right) in enumerate(zip(here, there, strict=True)):
+            yield from _differences(left, right, *path, index)
     else:
         yield path, here, there
 
 
 def _engine(trace: Trace, path: tuple[Any, ...], pair: list[dict[str, Any]]) -> str:
-    """Who answers for a field: the engine that owns the entity it is about, or that gave it."""
+    """Return the engine of a field: the owner of its entity, or the engine that produced it."""
     owners = {entity.id: entity.engine for entity in trace.header.instance.entities}
     if path[0] == "frames":
         return CAMERA
@@ -169,21 +179,21 @@ def _engine(trace: Trace, path: tuple[Any, ...], pair: list[dict[str, Any]]) -> 
         if path[0] == "receipts" and "by" in value:
             return str(value["by"])
         named = [value.get("id"), value.get("entity"), *(value.get("entities") or ())]
-        found = next((owners[name] for name in named if isinstance(name, str) and name in owners), None)
-        if found is not None:
-            return found
+        owner = next((owners[name] for name in named if isinstance(name, str) and name in owners), None)
+        if owner is not None:
+            return owner
     return "the engine of background movers" if "ambient" in path else KERNEL
 
 
 def _along(path: tuple[Any, ...], value: Any) -> Iterator[Any]:
-    """The values on the way to a field; None where the last step leads to what is not there."""
+    """Yield the values along a path; None for a missing last value."""
     for step in path:
         value = value.get(step) if isinstance(value, dict) else value[step]
         yield value
 
 
 def _spelled(path: tuple[Any, ...], pair: list[dict[str, Any]]) -> str:
-    """`snapshots[3].states[uav[1]].position[0]`: elements that have an id are called by it."""
+    """Return a path as text, with ids in place of indices: `snapshots[3].states[uav[1]].position[0]`."""
     text = ""
     for step, value in zip(path, _along(path, pair[0]), strict=True):
         if isinstance(step, int):
@@ -199,8 +209,8 @@ def _cut(value: Any) -> str:
     return text if len(text) <= 200 else f"{text[:200]}…"
 
 
-def _other_picture(tick: int, witness: PictureWitness) -> Difference | None:
-    """The first picture of the trace that does not show what the same picture shows when it is drawn anew."""
+def _picture_difference(tick: int, witness: PictureWitness) -> Difference | None:
+    """Return the first picture that differs from the recorded one."""
     if witness.differing is None:
         return None
     recorded, drawn, what = witness.differing
@@ -213,8 +223,8 @@ def _other_picture(tick: int, witness: PictureWitness) -> Difference | None:
     )
 
 
-def _other_ending(trace: Trace, run: RecordedRun) -> Difference | None:
-    """Whether the outcome follows from the last boundary as this version judges it."""
+def _outcome_difference(trace: Trace, run: RecordedRun) -> Difference | None:
+    """Return a difference unless this version derives the recorded outcome from the last boundary."""
     outcome = trace.outcome
     if outcome is None or outcome.reason in CUT_SHORT:
         return None
@@ -222,11 +232,13 @@ def _other_ending(trace: Trace, run: RecordedRun) -> Difference | None:
     if (reason, detail) == (outcome.reason, outcome.detail):
         return None
     at = trace.boundaries[-1].tick
-    told = [" ".join(filter(None, one)) for one in ((outcome.reason, outcome.detail), (reason or "not over", detail))]
-    return Difference(boundary=at, engine=KERNEL, field="outcome.reason", recorded=told[0], replayed=told[1])
+    outcomes = [
+        " ".join(filter(None, parts)) for parts in ((outcome.reason, outcome.detail), (reason or "not over", detail))
+    ]
+    return Difference(boundary=at, engine=KERNEL, field="outcome.reason", recorded=outcomes[0], replayed=outcomes[1])
 
 
-def _other_versions(trace: Trace) -> Iterator[str]:
+def _different_versions(trace: Trace) -> Iterator[str]:
     here = versions()
     for name, version in trace.header.fingerprint.items():
         if here.get(name) != version:

@@ -1,4 +1,4 @@
-"""Branches, blame and the value of messages in words, for a terminal."""
+"""Results of branches, blame and values of messages as text for a terminal."""
 
 from __future__ import annotations
 
@@ -16,32 +16,36 @@ from lingjing.trace.reader import Trace
 from lingjing.trace.records import MessageChange, Substitution
 
 _SHOWN = 8
+"""The greatest number of boundaries in a list."""
+
 _DECISIVE = 20
-_LATE_HINT = "whether an answer comes in time hangs on this machine: the same search may find others"
+"""The greatest number of decisive messages in a list."""
+
+_LATE_HINT = "late answers depend on the speed of this machine: the same search may have another result"
 
 
 def branch_text(trace: Trace, plan: BranchPlan, result: BranchResult) -> str:
-    """A trace and a branch of it in a few lines."""
+    """Return a trace and its branch in a few lines."""
     end = "the end" if trace.outcome is not None else f"boundary {len(trace.boundaries) - 1}, where the trace ends"
     same = f"all digests are equal to {end}" if result.differs is None else f"differs from boundary {result.differs} on"
     cost = f"{result.cpu_s:.2f} s CPU, fork {1000 * result.fork_s:.0f} ms"
     lines = [
         f"{trace.path}: {ending_of(trace)}",
-        f"branch at boundary {plan.at}, {change_text(plan)}: {_ended(result)}",
-        f"  {same}; {_count(result.pictures, 'picture')} asked of the camera, {cost}",
+        f"branch at boundary {plan.at}, {_change_text(plan)}: {_ended(result)}",
+        f"  {same}; {_count(result.pictures, 'picture')} requested, {cost}",
     ]
     if plan.substitutions:
-        lines += [f"  replaced: {parts_text(result.replaced)}"]
+        lines += [f"  replaced: {_parts_text(result.replaced)}"]
     if result.unanswered:
-        said = ", ".join(f"{_count(number, 'answer')} ({reason})" for reason, number in result.unanswered.items())
-        lines += [f"  policies that failed in it, and did nothing then: {said}"]
+        listed = ", ".join(f"{_count(number, 'answer')} ({reason})" for reason, number in result.unanswered.items())
+        lines += [f"  answers of failed policies, replaced by doing nothing: {listed}"]
     if result.path:
         lines += [f"trace: {result.path}"]
     return "\n".join(lines)
 
 
 def ending_of(trace: Trace) -> str:
-    """How the episode of a trace ended."""
+    """Return the outcome of a trace."""
     outcome = trace.outcome
     if outcome is None:
         return f"cut at boundary {len(trace.boundaries) - 1}"
@@ -49,30 +53,35 @@ def ending_of(trace: Trace) -> str:
     return f"{word} after {outcome.ticks} ticks, score {outcome.score:.2f}"
 
 
-def change_text(plan: BranchPlan) -> str:
-    """What a branch changes."""
-    said = [_substitution_text(one, plan.at) for one in plan.substitutions] + [*map(_message_text, plan.messages)]
-    said += [f"another decision of {agent} at {tick}" for agent, tick, _ in plan.replacements]
-    return ", ".join(said) or "nothing changed"
+def _change_text(plan: BranchPlan) -> str:
+    """Return the changes of a branch."""
+    changes = [_substitution_text(substitution, plan.at) for substitution in plan.substitutions] + [
+        *map(_message_text, plan.messages)
+    ]
+    changes += [f"another decision of {agent} at {tick}" for agent, tick, _ in plan.replacements]
+    return ", ".join(changes) or "nothing changed"
 
 
-def _substitution_text(one: Substitution, at: int) -> str:
-    """`perception of scout[1]`, with where it begins and ends if that is not where the branch does."""
-    begin = "" if one.first == at else f" from {one.first} on"
-    until = "" if one.last is None else f" until {one.last}"
-    return f"{one.faculty} of {one.agent}{begin}{until}"
+def _substitution_text(substitution: Substitution, at: int) -> str:
+    """Return `perception of scout[1]`, with its first and last boundary if they are not those of the branch."""
+    begin = "" if substitution.first == at else f" from {substitution.first} on"
+    until = "" if substitution.last is None else f" until {substitution.last}"
+    return f"{substitution.faculty} of {substitution.agent}{begin}{until}"
 
 
-def parts_text(parts: Sequence[ReplacedPart]) -> str:
-    """What was replaced where."""
-    found: dict[tuple[str, str], list[int]] = {}
+def _parts_text(parts: Sequence[ReplacedPart]) -> str:
+    """Return the replaced faculties and their boundaries."""
+    boundaries: dict[tuple[str, str], list[int]] = {}
     for part in parts:
-        found.setdefault((part.faculty, part.agent), []).append(part.boundary)
-    return "; ".join(f"{what} of {who} at {numbers_text(ticks)}" for (what, who), ticks in found.items()) or "nothing"
+        boundaries.setdefault((part.faculty, part.agent), []).append(part.boundary)
+    return (
+        "; ".join(f"{faculty} of {agent} at {_numbers_text(ticks)}" for (faculty, agent), ticks in boundaries.items())
+        or "nothing"
+    )
 
 
-def numbers_text(numbers: Iterable[int]) -> str:
-    """Some numbers, cut where they are many."""
+def _numbers_text(numbers: Iterable[int]) -> str:
+    """Return numbers as a list, shortened if there are many."""
     listed = list(numbers)
     more = f" and {len(listed) - _SHOWN} more" if len(listed) > _SHOWN else ""
     return ", ".join(map(str, listed[:_SHOWN])) + more
@@ -89,119 +98,127 @@ def _message_text(change: MessageChange) -> str:
     return f"{change.message} {words[change.act]}{later}"
 
 
-def _count(number: int, what: str) -> str:
-    plural = "es" if what.endswith("ch") else "s"
-    return f"{number} {what}{plural * (number != 1)}"
+def _count(number: int, noun: str) -> str:
+    plural = "es" if noun.endswith("ch") else "s"
+    return f"{number} {noun}{plural * (number != 1)}"
 
 
-def blame_text(told: Blame) -> str:
-    """What is to be blamed, on a page."""
-    if told.success:
-        return f"{told.path}: won, score {told.score:.2f}: nothing is to be blamed"
-    lines = [f"{told.path}: lost ({told.reason}), score {told.score:.2f}", ""]
-    assert told.null is not None
-    if not told.null.identical:
+def blame_text(result: Blame) -> str:
+    """Return the result of `blame`."""
+    if result.success:
+        return f"{result.path}: won, score {result.score:.2f}: there is nothing to blame"
+    lines = [f"{result.path}: lost ({result.reason}), score {result.score:.2f}", ""]
+    assert result.null is not None
+    if not result.null.identical:
         lines += [
-            f"null fork: differs at boundary {told.null.boundary}, though nothing was changed.",
-            f"{_unlike(told.unanswered)}: no branch says anything, and none was played.",
-            *_unanswered_lines(told.unanswered),
-            _cost(told),
+            f"null fork: differs at boundary {result.null.boundary}, although nothing was changed.",
+            f"{_unlike(result.unanswered)}: branches would prove nothing, and none was played.",
+            *_unanswered_lines(result.unanswered),
+            _cost(result),
         ]
         return "\n".join(lines)
-    lines += _repair_lines(told) + _share_lines(told)
+    lines += _repair_lines(result) + _share_lines(result)
     lines += ["null fork: identical to the end, digest by digest"]
-    if told.placebos is not None:
-        lines += [_placebo_line(told.placebos)]
-    return "\n".join([*lines, *_unanswered_lines(told.unanswered), _cost(told)])
+    if result.placebos is not None:
+        lines += [_placebo_line(result.placebos)]
+    return "\n".join([*lines, *_unanswered_lines(result.unanswered), _cost(result)])
 
 
 def _unlike(unanswered: Mapping[str, int]) -> str:
-    """Why a branch without any change is not the episode."""
-    return "Policies failed in it that did not then" if unanswered else "The policies decide otherwise each time"
+    """Return the reason why a null fork differs from the episode."""
+    return "Policies failed that did not fail in the trace" if unanswered else "The policies are not deterministic"
 
 
 def _unanswered_lines(unanswered: Mapping[str, int]) -> list[str]:
-    """In how many branches policies failed, which is nothing that was changed."""
+    """Return the numbers of branches with failed policies, which are no effect of the changes."""
     lines = [
-        f"policies failed in {_count(number, 'branch')} ({reason}), and did nothing then"
+        f"policies failed in {_count(number, 'branch')} ({reason}); their answers were replaced by doing nothing"
         for reason, number in unanswered.items()
     ]
     return lines + [_LATE_HINT] * (LATE in unanswered)
 
 
-def _repair_lines(told: Blame) -> list[str]:
-    if not told.departed:
-        return ["No agent ever decided otherwise than its reference: nothing is there to be replaced.", ""]
-    if not told.tried:
-        return ["Nothing was replaced: the branches did not suffice for it.", ""]
-    if not told.repairs:
-        rest = ", and not all was tried" if told.exhausted else ""
-        return [f"Nothing that was replaced wins this episode{rest}.", ""]
-    size = len(told.repairs[0].causes)
+def _repair_lines(result: Blame) -> list[str]:
+    if not result.departed:
+        return ["No agent departed from its reference: there is nothing to replace.", ""]
+    if not result.tried:
+        return ["Nothing was replaced: --branches is too small.", ""]
+    if not result.repairs:
+        rest = "; not everything was tried" if result.exhausted else ""
+        return [f"No replacement wins this episode{rest}.", ""]
+    size = len(result.repairs[0].causes)
     kind = "Any one of these alone" if size == 1 else f"Any of these sets of {size}"
-    all_tried = "" if told.complete else " (not all of this size were tried)"
+    all_tried = "" if result.complete else " (not all of this size were tried)"
     lines = [f"{kind}, replaced by the truth, wins{all_tried}:"]
-    for repair in told.repairs:
-        lines += [f"  {' and '.join(_cause_text(one, alone=size == 1) for one in repair.causes)}"]
+    for repair in result.repairs:
+        lines += [f"  {' and '.join(_cause_text(cause, alone=size == 1) for cause in repair.causes)}"]
         wide = "" if repair.narrowed else ", not narrowed"
-        late = size > 1 and any(one.late for one in repair.causes)
-        all_lose = "; everything from the first departures on does not win" if late else ""
+        late = size > 1 and any(cause.late for cause in repair.causes)
+        all_lose = "; replacing everything from the first departures on does not win" if late else ""
         lines += [f"      won after {repair.ticks} ticks, score {repair.score:.2f}{wide}{all_lose}"]
-    windows = " ".join(f"--substitute '{window_text(one)}'" for one in told.repairs[0].causes)
-    return [*lines, f"The first again, with this search's options: lingjing fork {quote(told.path)} {windows}", ""]
+    windows = " ".join(f"--substitute '{window_text(cause)}'" for cause in result.repairs[0].causes)
+    return [
+        *lines,
+        f"To play the first again, with the options of this search: lingjing fork {quote(result.path)} {windows}",
+        "",
+    ]
 
 
 def window_text(cause: Cause) -> str:
-    """A cause with its window, as `lingjing fork --substitute` takes it."""
+    """Return a cause with its window in the form of `lingjing fork --substitute`."""
     until = "" if cause.first == cause.last else f"-{cause.last}"
     return f"{cause.faculty}:{cause.agent}@{cause.first}{until}"
 
 
 def _cause_text(cause: Cause, *, alone: bool) -> str:
     window = f"boundary {cause.first}" if cause.first == cause.last else f"boundaries {cause.first} to {cause.last}"
-    hidden = "; it shows only where the rest of this is replaced" if cause.masked else ""
-    late = "; not if what it did otherwise before is replaced too" if cause.late and alone else ""
+    hidden = "; it appears only if the rest of this set is replaced" if cause.masked else ""
+    late = "; not if its earlier departures are replaced too" if cause.late and alone else ""
     return (
         f"{cause.faculty} of {cause.agent}, from boundary {cause.boundary} "
         f"({_count(cause.replaced, 'record')} replaced, {window}{hidden}{late})"
     )
 
 
-def _share_lines(told: Blame) -> list[str]:
-    if not told.shares:
+def _share_lines(result: Blame) -> list[str]:
+    if not result.shares:
         return []
-    among = f", among {len(told.shares)} of {told.departed} that departed" if len(told.shares) < told.departed else ""
+    among = (
+        f", of {len(result.shares)} of {result.departed} pairs with departures"
+        if len(result.shares) < result.departed
+        else ""
+    )
     lines = [f"Shapley shares of the win{among}:"]
-    for one in told.shares:
-        interval = "exact" if one.exact else f"95 %: {one.low:.2f} to {one.high:.2f}"
-        lines += [f"  {one.share:5.2f}  {one.faculty} of {one.agent} ({interval})"]
+    for share in result.shares:
+        interval = "exact" if share.exact else f"95 %: {share.low:.2f} to {share.high:.2f}"
+        lines += [f"  {share.share:5.2f}  {share.faculty} of {share.agent} ({interval})"]
     return [*lines, ""]
 
 
 def _placebo_line(placebos: Placebos) -> str:
     tried = placebos.nudges + placebos.uninvolved
     if not tried + placebos.same:
-        return "placebos: none was played, so how often luck repairs is not known"
+        return "placebos: none was played, so the rate of wins by chance is unknown"
     same = (
         f"{_count(placebos.same, 'record')} replaced by {'itself' if placebos.same == 1 else 'themselves'}: "
         f"{placebos.changed} of {placebos.same} changed anything"
     )
-    luck = (
-        f"{placebos.repaired} of {tried} won by luck "
+    chance = (
+        f"{placebos.repaired} of {tried} won by chance "
         f"({_count(placebos.nudges, 'nudge')}, {placebos.uninvolved} uninvolved; "
         f"95 %: {placebos.low:.2f} to {placebos.high:.2f})"
     )
-    return f"placebos: {same}; {luck}"
+    return f"placebos: {same}; {chance}"
 
 
-def _cost(told: Blame) -> str:
-    more = ", and the budget did not suffice for all" if told.exhausted else ""
-    camera = f" and {told.camera_s:.0f} s for {_count(told.pictures, 'picture')}" if told.pictures else ""
-    return f"cost: {_count(told.branches, 'branch')}, {told.cpu_s + told.driven_s:.0f} s CPU{camera}{more}"
+def _cost(result: Blame) -> str:
+    more = "; --branches was too small for the complete search" if result.exhausted else ""
+    camera = f" and {result.camera_s:.0f} s for {_count(result.pictures, 'picture')}" if result.pictures else ""
+    return f"cost: {_count(result.branches, 'branch')}, {result.cpu_s + result.driven_s:.0f} s CPU{camera}{more}"
 
 
 def value_text(episodes: Sequence[EpisodeValues]) -> str:
-    """What messages were worth: each episode in a line, the tables, and the messages that decided."""
+    """Return the values of messages: a line per episode, the tables, and the decisive messages."""
     lines = [line for episode in episodes for line in _episode_lines(episode)]
     kinds: list[tuple[str, ...]] = [
         ("mode", "kind", "way", "messages", "value", "of value", "decisive", "harmful", "of no use", "ticks")
@@ -223,16 +240,16 @@ def value_text(episodes: Sequence[EpisodeValues]) -> str:
     modes = by_mode(episodes)
     if len(modes) > 1:
         table: list[tuple[str, ...]] = [("mode", "won", "messages", "value", "decisive", "of no use", "ticks")]
-        for one in modes:
-            won = f"{one.won}/{one.episodes}"
-            means = (f"{one.messages:.1f}", f"{one.value:+.2f}", f"{one.decisive:.1f}", f"{one.moot:.0%}")
-            table += [(one.mode, won, *means, f"{one.ticks:.1f}")]
-        some = ", of the messages that were tried" if any(one.left_out for one in modes) else ""
+        for item in modes:
+            won = f"{item.won}/{item.episodes}"
+            means = (f"{item.messages:.1f}", f"{item.value:+.2f}", f"{item.decisive:.1f}", f"{item.moot:.0%}")
+            table += [(item.mode, won, *means, f"{item.ticks:.1f}")]
+        some = ", over the measured messages" if any(item.left_out for item in modes) else ""
         lines += ["", f"per episode{some}:", *aligned(table)]
-    decided = [(episode, one) for episode in episodes for one in episode.messages if one.decisive]
+    decided = [(episode, item) for episode in episodes for item in episode.messages if item.decisive]
     if decided:
-        lines += ["", "what decided:"]
-        lines += [f"  {episode.path}: {_decisive_text(episode, one)}" for episode, one in decided[:_DECISIVE]]
+        lines += ["", "decisive messages:"]
+        lines += [f"  {episode.path}: {_decisive_text(episode, item)}" for episode, item in decided[:_DECISIVE]]
         lines += [f"  and {len(decided) - _DECISIVE} more"] * (len(decided) > _DECISIVE)
     return "\n".join(lines)
 
@@ -243,16 +260,20 @@ def _episode_lines(episode: EpisodeValues) -> list[str]:
     tried = f"{messages}, {branches}, {episode.cpu_s:.0f} s CPU"
     lines = [f"{episode.path}: {episode.mode}, {word} after {episode.ticks} ticks, score {episode.score:.2f}; {tried}"]
     if episode.left_out:
-        lines += [f"  {episode.left_out} more were not tried: --branches"]
+        lines += [f"  {episode.left_out} further messages were not measured: raise --branches"]
     if not episode.null.identical:
         lines += [
-            f"  null fork: differs at boundary {episode.null.boundary}, though nothing was changed.",
-            f"  {_unlike(episode.unanswered)}: no message was tried.",
+            f"  null fork: differs at boundary {episode.null.boundary}, although nothing was changed.",
+            f"  {_unlike(episode.unanswered)}: no message was measured.",
         ]
     return lines + [f"  {line}" for line in _unanswered_lines(episode.unanswered)]
 
 
-def _decisive_text(episode: EpisodeValues, one: MessageValue) -> str:
-    then = f"lost ({one.reason})" if episode.success else "won"
-    why = "though nobody decides otherwise" if one.swayed is None else f"decisions differ from boundary {one.swayed} on"
-    return f"without {one.id} ({one.kind} of {one.sender}, {one.hop}) {then}: {why}"
+def _decisive_text(episode: EpisodeValues, message: MessageValue) -> str:
+    then = f"lost ({message.reason})" if episode.success else "won"
+    why = (
+        "although no decision differs"
+        if message.swayed is None
+        else f"decisions differ from boundary {message.swayed} on"
+    )
+    return f"without {message.id} ({message.kind} of {message.sender}, {message.hop}) {then}: {why}"

@@ -1,4 +1,4 @@
-"""Shapley shares of a game whose players are replaced or not, and whose value is whether the episode is then won."""
+"""Shapley shares of a game: the players are pairs, substituted or not, and the value is 1 if the episode is won."""
 
 from __future__ import annotations
 
@@ -17,42 +17,48 @@ AgentFaculty = tuple[Faculty, str]
 """A faculty and its agent: a player of the game."""
 
 Values = Callable[[Sequence[frozenset[AgentFaculty]]], list[float | None]]
-"""The values of coalitions, None where one is not to be had."""
+"""Returns the values of coalitions, None for an unknown value."""
 
 PERMUTATIONS = 24
+"""The number of sampled permutations. Chosen."""
+
 _NORMAL = 1.96
+"""The 97.5 % quantile of the normal distribution."""
 
 
 class Share(msgspec.Struct, frozen=True, kw_only=True):
-    """What one faculty of one agent contributes, on average over all orders in which the pairs can be replaced.
+    """The contribution of one pair, averaged over all orders of substitution.
 
-    The shares of all players sum up to what replacing all of them gains. `low` to `high` is the 95 % interval of the
-    sampled mean (normal approximation); of an exact value both are the value.
+    The shares of all players add up to the value of substituting all of them.
     """
 
     agent: str
     faculty: Faculty
     share: float
+    """The contribution, -1 to 1."""
     low: float
+    """Lower end of the 95 % interval of the sampled mean (normal approximation); the share if it is exact."""
     high: float
+    """Upper end of that interval."""
     exact: bool
+    """True if all coalitions were played."""
 
 
 def shapley_shares(players: Sequence[AgentFaculty], values: Values, *, exact: bool, seed: int) -> tuple[Share, ...]:
-    """Each player's share, the largest first; none where not even the value of all of them is to be had."""
-    found = _exact(players, values) if exact else None
-    if found is None:
-        found = _sampled(players, values, seed)
-    return tuple(sorted(found, key=lambda one: -one.share))
+    """Return each player's share, the greatest first; empty if even the value of all players is unknown."""
+    shares = _exact(players, values) if exact else None
+    if shares is None:
+        shares = _sampled(players, values, seed)
+    return tuple(sorted(shares, key=lambda item: -item.share))
 
 
 def coalitions(players: Sequence[AgentFaculty]) -> list[frozenset[AgentFaculty]]:
-    """All of them, the smallest first."""
+    """Return all coalitions, the smallest first."""
     return [frozenset(some) for size in range(len(players) + 1) for some in combinations(players, size)]
 
 
 def _exact(players: Sequence[AgentFaculty], values: Values) -> list[Share] | None:
-    """Over all coalitions; None if one of them has no value."""
+    """Return the shares over all coalitions; None if the value of one is unknown."""
     all_coalitions = coalitions(players)
     known = dict(zip(all_coalitions, values(all_coalitions), strict=True))
     if any(value is None for value in known.values()):
@@ -60,16 +66,16 @@ def _exact(players: Sequence[AgentFaculty], values: Values) -> list[Share] | Non
     shares, count = [], len(players)
     for player in players:
         total = 0.0
-        for one in all_coalitions:
-            if player not in one:
-                weight = factorial(len(one)) * factorial(count - len(one) - 1) / factorial(count)
-                total += weight * ((known[one | {player}] or 0.0) - (known[one] or 0.0))
+        for coalition in all_coalitions:
+            if player not in coalition:
+                weight = factorial(len(coalition)) * factorial(count - len(coalition) - 1) / factorial(count)
+                total += weight * ((known[coalition | {player}] or 0.0) - (known[coalition] or 0.0))
         shares.append(Share(agent=player[1], faculty=player[0], share=total, low=total, high=total, exact=True))
     return shares
 
 
 def _sampled(players: Sequence[AgentFaculty], values: Values, seed: int) -> list[Share]:
-    """Over permutations, as many as have values."""
+    """Return the shares over permutations, as far as their values are known."""
     gains: dict[AgentFaculty, list[float]] = {player: [] for player in players}
     for number in range(PERMUTATIONS):
         order = _shuffled(players, Stream(seed, f"shapley/{number}"))
@@ -89,7 +95,7 @@ def _interval(player: AgentFaculty, gains: Sequence[float]) -> Share:
 
 
 def _shuffled(players: Sequence[AgentFaculty], stream: Stream) -> list[AgentFaculty]:
-    """Fisher and Yates, from a named stream."""
+    """Return a random order of the players (Fisher and Yates) from a named stream."""
     order = list(players)
     for last in range(len(order) - 1, 0, -1):
         other = stream.below(last + 1)

@@ -1,10 +1,10 @@
-"""One camera for all branches: a process that draws pictures for whoever asks, in turn.
+"""The camera of all branches: one process that renders pictures on request, in turn.
 
-A graphics context does not survive a fork and takes seconds to make, so no branch makes its own. The camera process is
-forked before anything is drawn and starts its engine with the first picture. A branch asks for a channel of its own
-when it needs a picture. What is drawn depends on the states that come with a request alone, so one camera serves
-branches that have nothing to do with each other (`branch_pictures` says what need not be drawn). Where no policy may
-look at pixels, none are handed on. Pictures of branches are never late: nobody has recorded how long they took.
+A graphics context does not survive a fork and takes seconds to create, so branches do not create their own. The camera
+process is forked before anything is rendered and starts its engine with the first picture. A branch opens its own
+channel when it needs a picture. Pictures depend only on the states in the request, so one camera serves independent
+branches (`branch_pictures` avoids repeated rendering). If no policy may use pixels, none are sent. Pictures of
+branches are never late, because the durations of rendering are not recorded.
 """
 
 from __future__ import annotations
@@ -39,18 +39,21 @@ from lingjing.trace.reader import Trace
 from lingjing.trace.records import Absent, BodyState
 
 
-class _Wanted(msgspec.Struct, frozen=True):
-    """Pictures of one boundary; each is answered by a `PictureReply` with `tick` as its serial."""
+class _PictureRequest(msgspec.Struct, frozen=True):
+    """A request for the pictures of one boundary. Each is answered by a `PictureReply` with `tick` as its serial."""
 
     tick: int
     time_s: float
+    """Simulated time, seconds."""
     requests: tuple[CaptureRequest, ...]
     states: tuple[BodyState, ...]
+    """The states of all bodies."""
     pixels: bool
+    """False if only metadata are needed."""
 
 
 class SharedCamera:
-    """The camera as a process and its forks have it: a fork asks for a channel of its own with its first picture."""
+    """The client of the camera in a process and its forks. A fork opens its own channel with its first picture."""
 
     def __init__(self, trace: Trace, city: City, host: PluginHost) -> None:
         self._tick_s = trace.header.instance.clock.tick_s
@@ -58,7 +61,7 @@ class SharedCamera:
         self._asking = Channel(ours)
         self._channel: tuple[int, Channel] | None = None
         parent = os.getpid()
-        self._process = fork(with_threads=True)  # policies may hold threads; `branch_process` refuses them later
+        self._process = fork(with_threads=True)  # policies may run threads; `branch_process` rejects them later
         if self._process == 0:
             self._asking.close()
             _serve(Channel(theirs), trace, city, host, parent)
@@ -66,7 +69,7 @@ class SharedCamera:
 
     @property
     def cpu_s(self) -> float:
-        """CPU seconds that drawing has taken so far; 0.0 if the camera has ended."""
+        """CPU time of rendering so far, seconds; 0.0 if the camera has ended."""
         try:
             return cpu_of(self._process)
         except OSError:
@@ -75,12 +78,13 @@ class SharedCamera:
     def capture(
         self, tick: int, requests: Sequence[CaptureRequest], states: Sequence[BodyState], pixels: bool = True
     ) -> tuple[StoredFrame | Absent, ...]:
-        """Draw the pictures of a boundary; without `pixels` each has a single black one. `InfrastructureError` if the
-        camera fails or has ended."""
-        wanted = _Wanted(tick, tick * self._tick_s, tuple(requests), tuple(states), pixels)
+        """Render the pictures of a boundary; without `pixels` each has a single black pixel. Raises
+        `InfrastructureError` if the camera fails or has ended.
+        """
+        message = _PictureRequest(tick, tick * self._tick_s, tuple(requests), tuple(states), pixels)
         try:
             channel = self._opened()
-            channel.send(msgspec.msgpack.encode(wanted))
+            channel.send(msgspec.msgpack.encode(message))
             return tuple(self._answer(channel, request) for request in requests)
         except ChannelClosedError:
             raise InfrastructureError("the camera of the branches has ended") from None
@@ -114,11 +118,11 @@ class SharedCamera:
 
 
 def _serve(asking: Channel, trace: Trace, city: City, host: PluginHost, parent: int) -> NoReturn:
-    """Serve until nobody holds the other end of the socket."""
+    """Serve until the other end of the socket is closed by all processes."""
     try:
         end_with_parent(parent)
         _Service(asking, trace, city, host).run()
-    except BaseException:  # a fault of ours, told to whoever looks for why the camera has ended
+    except BaseException:  # a bug: its traceback explains why the camera has ended
         traceback.print_exc()
         raise
     finally:
@@ -127,6 +131,8 @@ def _serve(asking: Channel, trace: Trace, city: City, host: PluginHost, parent: 
 
 
 class _Service:
+    """The camera process."""
+
     def __init__(self, asking: Channel, trace: Trace, city: City, host: PluginHost) -> None:
         self._asking = asking
         self._trace, self._city, self._host = trace, city, host
@@ -140,10 +146,10 @@ class _Service:
             for descriptor, _ in self._poller.poll():
                 if descriptor != self._asking.fileno():
                     self._draw(descriptor)
-                elif not self._let_in():
+                elif not self._accept():
                     return
 
-    def _let_in(self) -> bool:
+    def _accept(self) -> bool:
         try:
             packet = self._asking.receive()
         except ChannelClosedError:
@@ -156,22 +162,22 @@ class _Service:
     def _draw(self, descriptor: int) -> None:
         channel = self._channels[descriptor]
         try:
-            self._answer(channel, msgspec.msgpack.decode(channel.receive().payload, type=_Wanted))
+            self._answer(channel, msgspec.msgpack.decode(channel.receive().payload, type=_PictureRequest))
         except ChannelClosedError:
             self._poller.unregister(descriptor)
             self._channels.pop(descriptor).close()
 
-    def _answer(self, channel: Channel, asked: _Wanted) -> None:
+    def _answer(self, channel: Channel, request: _PictureRequest) -> None:
         try:
             pictures = self._ready()
-            for index, wanted in enumerate(asked.requests):
-                frame = pictures.picture(wanted, asked.time_s, asked.states, pixels=asked.pixels)
-                if frame is None or not asked.pixels:
+            for index, capture in enumerate(request.requests):
+                frame = pictures.picture(capture, request.time_s, request.states, pixels=request.pixels)
+                if frame is None or not request.pixels:
                     info = None if frame is None else frame.info
-                    channel.send(encoded(PictureReply(serial=asked.tick, index=index, info=info)))
+                    channel.send(encoded(PictureReply(serial=request.tick, index=index, info=info)))
                     continue
                 layout, memory = store_frame(frame)
-                reply = PictureReply(serial=asked.tick, index=index, info=frame.info, layout=layout)
+                reply = PictureReply(serial=request.tick, index=index, info=frame.info, layout=layout)
                 try:
                     channel.send(encoded(reply), (memory,))
                 finally:

@@ -1,9 +1,8 @@
-"""`shrink`: the smallest mission that still fails as a trace did, by delta debugging.
+"""Search for the smallest mission that still fails as a trace did, by delta debugging.
 
-From a trace: its failure (`failure`), its mission with everything drawn made fast (`reduced_mission`), what is left out
-of it part by part (`delta_debugging`) as long as it fails the same way when it is played (`candidates`). First parts,
-then ticks, then each part once more, until nothing can be left out any more. The best so far is written whenever it
-gets smaller.
+The steps: the failure of the trace (`failure`), its mission with fixed draws (`reduced_mission`), removal of parts
+(`delta_debugging`) as long as the played mission fails alike (`candidates`). First parts are removed, then ticks, then
+single parts, until nothing more can be removed. The smallest mission so far is written after every step.
 """
 
 from __future__ import annotations
@@ -37,62 +36,77 @@ from lingjing.trace.reader import Trace
 from lingjing.whole_files import written_whole
 
 _SAME = ("mission", "mode", "settings", "clock", "budget", "agents", "messages", "rules", "stages", "success")
-"""Fields by which an instance shows which mission it is of."""
+"""Fields by which an instance is compared with its mission."""
 
 
 class ShrinkOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """`mission` is the file or shipped name of the trace's mission ("": by its name), `policies` files of policies that
-    the trace names without their folder; `sameness` and `predicate` say which failures are the same; `control` is the
-    policy that must win ("": none is asked); `episodes` are played at most, `jobs` at a time."""
+    """Options of the search."""
 
     mission: str = ""
+    """The file or shipped name of the trace's mission; empty: its own name."""
     policies: tuple[str, ...] = ()
+    """Policy files that the trace names without a folder."""
     sameness: Sameness = "family"
+    """The compared parts of failures."""
     predicate: Predicate | None = None
+    """A user's function that compares failures, in place of `sameness`; None: not set."""
     control: str = "oracle"
+    """The policy that must win; empty: none."""
     episodes: int = 200
+    """The greatest number of episodes."""
     jobs: int = 1
+    """Episodes played in parallel."""
 
 
 class ShrunkMission(msgspec.Struct, frozen=True, kw_only=True):
-    """What is left. `minimal`: nothing more can be left out; else the episodes were used up. `options` plays it and
-    `digest` is that of the episode, which the command has played from the written file; `control` is the policy that
-    wins it, "" if none was asked or none won the whole mission."""
+    """The result of the search."""
 
     path: str
+    """The mission file."""
     failure: str
+    """The failure in one line."""
     removed: tuple[str, ...]
+    """Removed parts."""
     kept: tuple[str, ...]
+    """Remaining parts."""
     ticks_before: int
+    """The budget of the trace, ticks."""
     ticks: int
+    """The budget of the result, ticks."""
     minimal: bool
+    """True if nothing more can be removed; else the episodes were used up."""
     episodes: int
+    """The number of played episodes."""
     digest: str
+    """The digest of the episode, played from the written file."""
     control: str
+    """The policy that wins the result; empty: none was set, or it did not win the complete mission."""
     options: PlayOptions
+    """The options that play the episode."""
     notes: tuple[str, ...] = ()
+    """Remarks for the user."""
 
 
 def shrink(
     trace: Trace, out: Path, options: ShrinkOptions | None = None, tell: Callable[[str], None] = lambda line: None
 ) -> ShrunkMission:
-    """Shrink the mission of a failed trace and write it to `out`, which must be new or one that was begun before.
+    """Shrink the mission of a failed trace and write it to `out`, a new file or one of an interrupted search.
 
-    `tell` is told each step. Raises `UsageError` for a trace that was won or cut, a mission or a policy that is not to
-    be had, and a failure that does not come again; `InfrastructureError` if an episode cannot be played.
+    `tell` receives a line for each step. Raises `UsageError` for a trace that was won or cut, a missing mission or
+    policy, and a failure that does not occur again; `InfrastructureError` if an episode cannot be played.
     """
     options = options or ShrinkOptions()
     signature = failure_of(trace)
     if signature is None:
         raise UsageError(f"{trace.path} was won: there is no failure to keep")
     if options.predicate is not None and not options.predicate(trace):
-        raise UsageError(f"{trace.path} does not show the failure that was asked for")
+        raise UsageError(f"{trace.path} does not show the failure of --same-if")
     log = out.with_name(f"{out.name}.tried.jsonl")
     if out.exists() and not log.exists():
-        raise UsageError(f"`{out}` is there already", hint="nothing is overwritten: name a new file with -o")
+        raise UsageError(f"`{out}` already exists", hint="nothing is overwritten: name a new file with -o")
     mission = _mission_of(trace, options.mission)
     policies = _policies(trace, options.policies)
-    append(log)  # what cannot be written is told before anything is played
+    append(log)  # reports a folder that cannot be written before anything is played
     with TemporaryDirectory(prefix="lingjing-shrink-") as folder:
         player = CandidatePlayer(
             trace=trace, signature=signature, sameness=options.sameness, options=_play_options(trace),
@@ -104,7 +118,7 @@ def shrink(
 
 @dataclass
 class _Best:
-    """The smallest that was found so far."""
+    """The smallest failing mission so far."""
 
     parts: tuple[RemovablePart, ...]
     ticks: int
@@ -124,7 +138,7 @@ class _Shrinking:
         self._best = self._start()
 
     def run(self) -> ShrunkMission:
-        """Search, and verify what was written."""
+        """Search, write the result and verify it."""
         minimal = True
         try:
             self._parts()
@@ -147,21 +161,27 @@ class _Shrinking:
         )  # fmt: skip
 
     def _start(self) -> _Best:
-        """The whole mission, which must fail as the trace did; without a control if that does not win it."""
+        """Return the complete mission, which must fail as the trace did. The control is dropped if it does not win
+        it.
+        """
         ticks = self._trace.header.instance.budget.ticks
         candidate = self._candidate(self._whole.parts, ticks)
         if candidate is None:
-            raise UsageError("the mission cannot be written as .ljs", hint="`lingjing compile --emit ljs` says why")
+            raise UsageError(
+                "the mission cannot be written as .ljs", hint="`lingjing compile --emit ljs` shows the reason"
+            )
         verdict = self._player.verdict(candidate)
         if verdict == "hopeless":
-            self._notes.append(f"`{self._player.control}` does not win the whole mission, so nothing asks it of parts")
+            self._notes.append(
+                f"`{self._player.control}` does not win the complete mission, so it is not required to win smaller ones"
+            )
             self._player.control = ""
             verdict = self._player.verdict(candidate)
         if verdict != "fails":
-            raise _not_again(self._trace, self._player, verdict)
-        self._tell(f"the whole mission fails the same way: {len(self._whole.parts)} parts, {ticks} ticks")
+            raise _not_reproduced(self._trace, self._player, verdict)
+        self._tell(f"the complete mission fails alike: {len(self._whole.parts)} parts, {ticks} ticks")
         if self._player.digest(candidate) != self._digest:
-            self._notes.append("the whole mission fails the same way, but is not the trace's episode tick for tick")
+            self._notes.append("the complete mission fails alike, but its digest is not the trace's")
         self._write(candidate.text)
         return _Best(self._whole.parts, ticks, candidate)
 
@@ -169,32 +189,32 @@ class _Shrinking:
         return self._player.candidate(self._whole.keeping(parts, ticks))
 
     def _first(self, ways: Sequence[tuple[tuple[RemovablePart, ...], int]]) -> int | None:
-        """The first of several smaller missions that fails; it is the best from then on."""
+        """Try several smaller missions in order; the first failing one becomes the best. Return its index, or None."""
         candidates = [self._candidate(parts, ticks) for parts, ticks in ways]
-        found = self._player.first_failing(candidates)
-        if found is not None:
-            candidate = candidates[found]
+        failing = self._player.first_failing(candidates)
+        if failing is not None:
+            candidate = candidates[failing]
             assert candidate is not None
-            self._best = _Best(*ways[found], candidate)
+            self._best = _Best(*ways[failing], candidate)
             self._write(candidate.text)
             self._tell(
                 f"{self._player.played} episodes: {len(self._best.parts)} of {len(self._whole.parts)} parts "
-                f"and {self._best.ticks} ticks fail the same way"
+                f"and {self._best.ticks} ticks fail alike"
             )
-        return found
+        return failing
 
     def _parts(self) -> None:
         ticks = self._best.ticks
         minimize(self._best.parts, lambda ways: self._first([(way, ticks) for way in ways]))
 
     def _single_parts(self) -> bool:
-        """Leave out each part that can be left out; whether one could."""
+        """Remove single parts; return whether one could be removed."""
         parts = self._best.parts
-        ways = [(tuple(one for one in parts if one != left_out), self._best.ticks) for left_out in parts]
+        ways = [(tuple(part for part in parts if part != left_out), self._best.ticks) for left_out in parts]
         return self._first(ways) is not None
 
     def _ticks(self) -> bool:
-        """Lower the ticks, in halves and then one by one; whether it could be done."""
+        """Lower the budget of ticks by bisection; return whether it was lowered."""
         begun, low = self._best.ticks, 0
         while self._best.ticks - low > 1:
             middle = (self._best.ticks + low) // 2
@@ -203,7 +223,7 @@ class _Shrinking:
         return self._best.ticks < begun
 
     def _heading(self, removed: Sequence[RemovablePart]) -> str:
-        """Comments that say where the mission comes from."""
+        """Return comments for the file about its origin."""
         header = self._trace.header
         failure = self._signature.part(self._player.sameness).text
         policies = dict.fromkeys(binding.policy for binding in header.bindings)
@@ -227,46 +247,46 @@ class _Shrinking:
             raise UsageError(f"cannot write `{self._out}`: {error.strerror}", hint="choose another with -o") from error
 
     def _verify(self) -> None:
-        """Play the written file once more, and be sure that it is the same episode."""
+        """Play the written file again; raise `InfrastructureError` unless the episode is the same."""
         again = Candidate(self._out.read_text(encoding="utf-8"), self._best.candidate.agents)
         expected = self._player.digest(self._best.candidate)
         if self._player.replayed(again) != "fails" or self._player.digest(again) != expected:
             raise InfrastructureError(
-                f"`{self._out}` does not fail the same way when it is played again",
-                hint="a policy whose answers are not the same each time cannot be shrunk",
+                f"`{self._out}` does not fail alike when it is played again",
+                hint="shrink needs deterministic policies",
             )
 
 
-def _not_again(trace: Trace, player: CandidatePlayer, verdict: CandidateVerdict) -> UsageError:
-    """Why the failure of the whole mission does not come again."""
-    said = {
+def _not_reproduced(trace: Trace, player: CandidatePlayer, verdict: CandidateVerdict) -> UsageError:
+    """Return the error of a complete mission that does not fail as the trace did."""
+    outcome = {
         "won": "is won when it is played again",
-        "other": "fails in another way when it is played again",
+        "other": "fails differently when it is played again",
         "aborted": "is cut short when it is played again",
-        "no mission": "is not the mission that the trace holds",
-        "hopeless": "cannot be won by anybody, as a proof says",
+        "no mission": "is not an episode of this mission",
+        "hopeless": "provably cannot be won",
         "fails": "",
     }[verdict]
-    hint = "a policy whose answers are not the same each time cannot be shrunk; settings of engines count too"
+    hint = "shrink needs deterministic policies, and the settings of engines that the trace was played with"
     if verdict == "hopeless":
-        hint = "there is no failure of the policies to be made smaller; `lingjing validate` says what is in the way"
-    return UsageError(f"the episode of {trace.path} {said}", hint=hint)
+        hint = "the policies did not cause this failure; `lingjing validate` shows the proof"
+    return UsageError(f"the episode of {trace.path} {outcome}", hint=hint)
 
 
-def _mission_of(trace: Trace, given: str) -> Mission:
-    """The mission, which must be the one that the trace was played with."""
+def _mission_of(trace: Trace, named: str) -> Mission:
+    """Return the mission, which must be that of the trace. Raises `UsageError`."""
     instance = trace.header.instance
     try:
-        mission = load_mission(given or instance.mission)
+        mission = load_mission(named or instance.mission)
     except UsageError as error:
-        if given:
+        if named:
             raise
-        hint = "name its file with --mission FILE; a trace holds the instance, and not the text"
+        hint = "name its file with --mission FILE; a trace does not hold the mission's text"
         raise UsageError(f"the mission `{instance.mission}` of {trace.path} is not shipped", hint=hint) from error
-    other = _first_difference(mission, instance)
-    if other:
+    differing = _first_difference(mission, instance)
+    if differing:
         raise UsageError(
-            f"`{given or instance.mission}` is not the mission that {trace.path} was played with: {other} differ",
+            f"`{named or instance.mission}` is not the mission that {trace.path} was played with: {differing} differ",
             hint="name the file it was played with: --mission FILE",
         )
     return mission
@@ -279,13 +299,15 @@ def _first_difference(mission: Mission, instance: Instance) -> str:
         again = instantiate(mission, seed=instance.seed, mode=instance.mode, settings=instance.settings)
     except UsageError:
         return "its modes or parameters"
-    if [(one.id, one.type) for one in again.entities] != [(one.id, one.type) for one in instance.entities]:
+    if [(entity.id, entity.type) for entity in again.entities] != [
+        (entity.id, entity.type) for entity in instance.entities
+    ]:
         return "its entities"
     return next((f"its {name}" for name in _SAME if getattr(again, name) != getattr(instance, name)), "")
 
 
 def _play_options(trace: Trace) -> PlayOptions:
-    """How the trace was played, without mission and policies."""
+    """Return the options of the trace, without mission and policies."""
     header = trace.header
     engine_args: dict[str, GivenOption] = {
         f"{engine}.{name}": value
@@ -306,24 +328,23 @@ def _play_options(trace: Trace) -> PlayOptions:
 
 
 def _policies(trace: Trace, files: Sequence[str]) -> dict[str, str]:
-    """Who plays each agent, as `PlayOptions` names it. Raises `UsageError` for a file that was not given, and for
-    policies that ask chat models."""
-    host, found = PluginHost(), {}
+    """Return the policy of each agent in the form of `PlayOptions`. Raises `UsageError` for a missing file, and for
+    policies that call chat models.
+    """
+    host, policies = PluginHost(), {}
     for binding in trace.header.bindings:
         name, _, cls = binding.policy.partition(":")
         if name.endswith(".py"):
-            path = next((one for one in (*files, name) if Path(one).name == name and Path(one).is_file()), None)
+            path = next((file for file in (*files, name) if Path(file).name == name and Path(file).is_file()), None)
             if path is None:
-                hint = f"say where it is: --policy-file FOLDER/{name}"
-                raise UsageError(
-                    f"the trace was played by `{binding.policy}`, and there is no such file here", hint=hint
-                )
-            found[binding.agent] = f"{Path(path).resolve()}:{cls}"
+                hint = f"name its file: --policy-file FOLDER/{name}"
+                raise UsageError(f"the trace was played by `{binding.policy}`, and this file was not found", hint=hint)
+            policies[binding.agent] = f"{Path(path).resolve()}:{cls}"
         elif host.policy(binding.policy).calls:
             raise UsageError(
-                f"`{binding.policy}` asks chat models, whose answers to smaller missions nobody has recorded",
-                hint="shrink episodes of policies that answer the same each time",
+                f"`{binding.policy}` calls chat models, whose answers to smaller missions are not recorded",
+                hint="shrink episodes of deterministic policies",
             )
         else:
-            found[binding.agent] = binding.policy
-    return found
+            policies[binding.agent] = binding.policy
+    return policies

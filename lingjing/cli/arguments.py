@@ -22,7 +22,8 @@ def parse_pairs(
 ) -> dict[str, str]:
     """Return `["k=v", …]` as a mapping. Raises `UsageError` for a missing `=`, an empty name or a repeated name.
 
-    With `errors`, the errors are added there under the option file's field `field`, and the valid pairs are returned.
+    With `errors` nothing is raised: errors are added to this collector, located at `field` of the option file, and the
+    valid pairs are returned.
     """
     pairs: dict[str, str] = {}
     collector = ErrorCollector() if errors is None else errors
@@ -103,8 +104,8 @@ def parse_settings(
     """Return the values of `--set` in SI units: `80`, `80 m` or `0.08 km`. Raises `UsageError` for a wrong number or
     unit.
 
-    With `errors`, the errors are added there and the valid values are returned. Without a mission every unit is
-    accepted.
+    With `errors` nothing is raised: errors are added to this collector, and the valid values are returned. Without a
+    mission every unit is accepted.
     """
     collector = ErrorCollector() if errors is None else errors
 

@@ -45,7 +45,7 @@ def add_options(parser: ArgumentParser) -> None:
     table.add_argument(
         "--kind", nargs="+", choices=KINDS, default=["success"], help="kinds of tables (default success)"
     )
-    table.add_argument("--format", choices=FORMATS, default="markdown")
+    table.add_argument("--format", choices=FORMATS, default="markdown", help="format (default: markdown)")
     table.add_argument("-o", "--output", metavar="OUT", help="a file (default: standard output)")
     table.set_defaults(handler=_table)
     merge = actions.add_parser("merge", help="make one file of several results", description=_merge.__doc__)

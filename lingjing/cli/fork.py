@@ -47,7 +47,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         ("drop", "is sent, and is not delivered"),
         ("withhold", "is not sent, so no adjudicator receives it either"),
         ("delay", f"arrives later, {_LATER}"),
-        ("repeat", f"arrives a second time, {_LATER}"),
+        ("repeat", f"arrives a second time, later {_LATER}"),
     ):
         spelled = "MESSAGE[=TICKS]" if _LATER in effect else "MESSAGE"
         parser.add_argument(f"--{act}", metavar=spelled, action="append", default=[], help=f"the message {effect}")

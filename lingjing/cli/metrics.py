@@ -33,8 +33,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--attention", metavar="FILE", help="attention maps of one trace (.npz, one array per picture)")
     parser.add_argument("-j", "--jobs", metavar="N", type=int, default=1, help="read N traces at a time")
-    parser.add_argument("--output-format", choices=("text", "json", "csv"), default="text", help="default: text")
-    parser.add_argument("-o", "--output", metavar="FILE", help="default: standard output")
+    parser.add_argument(
+        "--output-format", choices=("text", "json", "csv"), default="text", help="output format (default: text)"
+    )
+    parser.add_argument("-o", "--output", metavar="FILE", help="the file to write (default: standard output)")
 
 
 def handler(args: argparse.Namespace) -> int:

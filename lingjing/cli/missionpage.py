@@ -101,11 +101,11 @@ def _caption(trace: Trace) -> str:
 
 def _sights(mission: Mission, traces: Sequence[Trace], folder: Path) -> Iterator[str]:
     from lingjing.analysis.page_pictures import best_frames, sort_by_camera, unrecorded_frames, write_frame
-    from lingjing.causal.lookback import look_back
+    from lingjing.causal.redraw import redraw
 
     frames = best_frames(traces)
     try:
-        frames = sort_by_camera([*frames, *(unrecorded_frames(traces[0], frames, look_back) if traces else ())])
+        frames = sort_by_camera([*frames, *(unrecorded_frames(traces[0], frames, redraw) if traces else ())])
     except InfrastructureError as error:
         say(f"note: only the cameras that were used are shown: {error}")
     if traces and not frames:

@@ -57,7 +57,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="NAME|FILE.py:CLASS",
         help="list the options of the item with this name (default: list all items)",
     )
-    parser.add_argument("--output-format", choices=("text", "json"), default="text")
+    parser.add_argument(
+        "--output-format", choices=("text", "json"), default="text", help="output format (default: text)"
+    )
 
 
 def handler(args: argparse.Namespace) -> int:

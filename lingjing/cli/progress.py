@@ -20,7 +20,7 @@ def describe(boundary: Progress) -> str:
 
 
 def factor(time_s: float, wall_s: float) -> str:
-    """Return simulated by real time, such as `×3.4`."""
+    """Return the ratio of simulated to real time, such as `×3.4`."""
     return f"×{time_s / wall_s:.1f}" if wall_s > 0 else "×–"
 
 

@@ -27,7 +27,7 @@ def add_options(parser: ArgumentParser) -> None:
     listed = actions.add_parser("list", help="list the prompts that ship", description=_list.__doc__)
     listed.set_defaults(handler=_list)
     show = actions.add_parser("show", help="print a prompt", description=_show.__doc__)
-    show.add_argument("prompt", metavar="NAME")
+    show.add_argument("prompt", metavar="NAME", help="the name of a shipped prompt")
     show.set_defaults(handler=_show)
     better = actions.add_parser("improve", help="revise a prompt from failed traces", description=_improve.__doc__)
     better.add_argument("mission", metavar="MISSION", help="a shipped mission or an .ljs file")

@@ -22,7 +22,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--pictures", action="store_true", help="render the pictures again (default: use the boxes in the trace)"
     )
     parser.add_argument("--world", choices=("process", "inline"), default="process", help="where the engines run")
-    parser.add_argument("--output-format", choices=("text", "json"), default="text", help="default: text")
+    parser.add_argument(
+        "--output-format", choices=("text", "json"), default="text", help="output format (default: text)"
+    )
 
 
 def handler(args: argparse.Namespace) -> int:

@@ -34,7 +34,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     build.add_argument("map", metavar="MAP", help="an .osm, .osm.gz, .osm.bz2 or .osm.pbf file")
     build.add_argument("--bbox", metavar="W,S,E,N", help="the part to build, in degrees (default: all)")
     build.add_argument(
-        "--seed", type=int, default=0, metavar="N", help="seed of untagged buildings and trees (default 0)"
+        "--seed",
+        type=int,
+        default=0,
+        metavar="N",
+        help="seed for the random properties of untagged buildings and trees (default 0)",
     )
     build.add_argument("--water-level", type=float, metavar="M", help="elevation of the waters (default: -1.5 m)")
     build.add_argument(
@@ -49,7 +53,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     info.set_defaults(handler=_info)
     draw = actions.add_parser("draw", help="draw a city from above", description=_draw.__doc__)
     _add_city(draw)
-    draw.add_argument("-o", "--output", metavar="OUT", required=True, help=f"ends in {', '.join(_PICTURES)}")
+    draw.add_argument(
+        "-o",
+        "--output",
+        metavar="OUT",
+        required=True,
+        help=f"the picture to write; its name ends in {', '.join(_PICTURES)}",
+    )
     draw.set_defaults(handler=_draw)
 
 

@@ -54,7 +54,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--budget", metavar="N", type=int, default=200, help="the greatest number of episodes (default 200)"
     )
     parser.add_argument("-j", "--jobs", metavar="N", type=int, default=1, help="play N at a time (default 1)")
-    parser.add_argument("--output-format", choices=("text", "json"), default="text", help="default: text")
+    parser.add_argument(
+        "--output-format", choices=("text", "json"), default="text", help="output format (default: text)"
+    )
 
 
 def handler(args: argparse.Namespace) -> int:

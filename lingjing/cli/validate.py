@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("files", metavar="FILE", nargs="+", help="a .ljs or .json file; - reads standard input")
-    parser.add_argument("--output-format", choices=("text", "json", "sarif"), default="text")
+    parser.add_argument(
+        "--output-format", choices=("text", "json", "sarif"), default="text", help="output format (default: text)"
+    )
     parser.add_argument("--fix", action="store_true", help="apply the safe fixes to the files")
     parser.add_argument("--unsafe-fixes", action="store_true", help="also apply likely fixes; review them")
     parser.add_argument("--diff", action="store_true", help="print the changes of --fix, and write nothing")

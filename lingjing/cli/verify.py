@@ -17,7 +17,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.epilog = "exit codes: 0 all traces are ok, 1 a trace is wrong or cut, 2 a file is no trace or cannot be read"
     parser.add_argument("traces", metavar="TRACE", nargs="+", help="a trace.mcap or trace.mcap.part")
     parser.add_argument("--key", metavar="KEYFILE", help="the key that `run --sign` signed them with")
-    parser.add_argument("--output-format", choices=("text", "json"), default="text", help="default: text")
+    parser.add_argument(
+        "--output-format", choices=("text", "json"), default="text", help="output format (default: text)"
+    )
 
 
 def handler(args: argparse.Namespace) -> int:

@@ -23,7 +23,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("trace", metavar="TRACE", help="a trace.mcap or trace.mcap.part")
     parser.add_argument(
-        "--truth", action="store_true", help="show hidden targets, true boxes and the whole explanation"
+        "--truth", action="store_true", help="show hidden targets, true boxes and the full explanation of the outcome"
     )
     parser.add_argument("--follow", action="store_true", help="show an episode while it is played, as its trace grows")
     where = parser.add_mutually_exclusive_group()

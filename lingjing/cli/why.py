@@ -11,7 +11,9 @@ from lingjing.errors import ExitCode
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("traces", metavar="TRACE", nargs="+", help="a trace.mcap or trace.mcap.part")
-    parser.add_argument("--output-format", choices=("text", "json"), default="text", help="default: text")
+    parser.add_argument(
+        "--output-format", choices=("text", "json"), default="text", help="output format (default: text)"
+    )
 
 
 def handler(args: argparse.Namespace) -> int:

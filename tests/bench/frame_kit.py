@@ -1,4 +1,4 @@
-"""Frames that nobody played, and pictures for them."""
+"""Synthetic frames, and pictures for them."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ BOAT = Box(entity="boat", cls="lifeboat", box=(0.5, 0.5, 0.75, 0.75), pixels=90)
 
 
 def picture(number: int) -> bytes:
-    """A picture of its own for each number."""
+    """Return a different picture for each number."""
     return encode_jpeg(np.full((48, 64, 3), number * 16 % 256, np.uint8))
 
 
 def made_frame(number: int, seed: int = 2000, **changes: object) -> LabelledFrame:
-    """An empty frame of open water, but for the changes."""
+    """Return an empty frame of open water with these changes."""
     plain = {
         "name": f"ssr-star-{seed}-00000000-f{number}.jpg", "mission": "ssr", "mode": "star", "seed": seed,
         "policy": "heuristic", "frame": f"f{number}", "tick": number, "camera": "nadir", "pose": POSE, "level_m": -3.5,
@@ -32,6 +32,6 @@ def made_frame(number: int, seed: int = 2000, **changes: object) -> LabelledFram
 
 
 def pictures_of(frames: Iterable[LabelledFrame]) -> Callable[[str], bytes]:
-    """What gives a frame's picture by its name."""
+    """Return the function that maps the name of a frame to its picture."""
     made = {frame.name: picture(frame.tick) for frame in frames}
     return made.__getitem__

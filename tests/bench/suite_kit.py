@@ -1,4 +1,4 @@
-"""Suites and rows that nobody played, and an executor that answers at once."""
+"""Synthetic suites and rows, and an executor that answers at once."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ policy = "random"
 
 
 def made_row(*, success: bool = True, scr: float | None = None, **changes: object) -> SuiteRow:
-    """A counted row of `ssr` in star mode, but for the changes; `metrics` and `perceived` are those of its report."""
+    """Return a counted row of `ssr` in star mode with these changes; `metrics` and `perceived` belong to its report."""
     metrics, perceived = changes.pop("metrics", {}), changes.pop("perceived", None)
     report = changes.pop("report", None) or made_report(
         seed=changes.get("seed", 0), success=success, scr=(1.0 if success else 0.5) if scr is None else scr,
@@ -41,7 +41,7 @@ def made_row(*, success: bool = True, scr: float | None = None, **changes: objec
 
 
 def answered(task: EpisodeTask, **changes: object) -> EpisodeReport:
-    """The report of a task that nobody played."""
+    """The report of a task that was not played."""
     options = task.options
     plain = {"mission": Path(options.mission).stem, "seed": options.seed, "mode": options.mode,
              "policy": options.policy, "policy_seed": options.policy_seed,
@@ -51,7 +51,7 @@ def answered(task: EpisodeTask, **changes: object) -> EpisodeReport:
 
 @dataclass
 class AnsweringExecutor:
-    """Answers each task with what `answer` says of it; `tasks` are those it was given."""
+    """An executor that returns `answer` of each task without playing it; `tasks` are the received ones."""
 
     answer: Callable[[EpisodeTask], EpisodeReport] = answered
     jobs: int = 1

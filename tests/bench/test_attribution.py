@@ -1,4 +1,4 @@
-"""Episodes with planted faults: their file, what is counted of a method's answers, and what methods get to see."""
+"""Episodes with planted faults: their file, the count of a method's answers, and the trace that a method receives."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -71,35 +71,35 @@ def test_the_file_reads_back_in_one_order(tmp_path: Path) -> None:
 
 
 def test_an_episode_may_have_settings_of_its_own() -> None:
-    one = msgspec.structs.replace(episode("none", seed=4), settings=(("uavs", 2.0),))
-    assert one.name == "ssr-star-uavs=2-4 oracle: no fault"
-    assert one.options().settings == {"uavs": 2.0}
+    item = msgspec.structs.replace(episode("none", seed=4), settings=(("uavs", 2.0),))
+    assert item.name == "ssr-star-uavs=2-4 oracle: no fault"
+    assert item.options().settings == {"uavs": 2.0}
     assert episode("none").options().settings == {}
     assert b"settings" not in encode_planted([episode("none")])
 
 
 def test_a_setting_that_the_mission_does_not_have_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "mine.jsonl"
-    given = ["bench", "plant", "-o", str(out), "--plays", "0", "--columns", "idf-broadcast", "--policies", "oracle"]
-    assert main([*given, "--set", "vans=1"]) == ExitCode.USAGE
+    command = ["bench", "plant", "-o", str(out), "--plays", "0", "--columns", "idf-broadcast", "--policies", "oracle"]
+    assert main([*command, "--set", "vans=1"]) == ExitCode.USAGE
     assert "vans" in capsys.readouterr().err
     assert not out.exists()
-    assert main([*given, "--set", "dogs=1"]) == ExitCode.OK
+    assert main([*command, "--set", "dogs=1"]) == ExitCode.OK
     assert read_planted(out) == ()
 
 
 def test_the_shipped_episodes_are_what_they_are_said_to_be() -> None:
     suite, episodes = read_attribution_suite(SHIPPED)
     assert suite.name == "planted"
-    assert len({one.name for one in episodes}) == len(episodes)
+    assert len({planted.name for planted in episodes}) == len(episodes)
     known = {(column.mission, column.mode) for column in columns(shipped())}
-    for one in episodes:
-        assert (one.mission, one.mode) in known
-        assert len(one.faults) == {"one": 1, "two": 2, "harmless": 1, "none": 0}[one.kind]
-        assert (one.reason == "success") == (one.kind in ("harmless", "none"))
-        assert (one.digest == one.without) == (one.kind == "none")
-        assert all(fault.faculty in FACULTIES for fault in one.faults)
-        assert one.options().policy == f"faulty-{one.base}"
+    for planted in episodes:
+        assert (planted.mission, planted.mode) in known
+        assert len(planted.faults) == {"one": 1, "two": 2, "harmless": 1, "none": 0}[planted.kind]
+        assert (planted.reason == "success") == (planted.kind in ("harmless", "none"))
+        assert (planted.digest == planted.without) == (planted.kind == "none")
+        assert all(fault.faculty in FACULTIES for fault in planted.faults)
+        assert planted.options().policy == f"faulty-{planted.base}"
     assert encode_planted(episodes) == (SHIPPED.parent / suite.planted).read_bytes()
 
 
@@ -118,15 +118,15 @@ def test_it_is_no_suite_of_the_usual_form(capsys: pytest.CaptureFixture[str]) ->
 
 
 def test_agent_and_faculty_must_both_be_right() -> None:
-    one = episode("one", FAULT)
-    assert answer(one, named("scout[1]", "perception", 8)).names_first
-    assert not answer(one, named("scout[2]", "perception", 7)).names_first
-    assert not answer(one, named("scout[1]", "localisation", 7)).names_first
-    assert not answer(one).names_first
-    late = answer(one, named("skipper", "execution", 7), named("scout[1]", "perception", 7))
+    planted = episode("one", FAULT)
+    assert answer(planted, named("scout[1]", "perception", 8)).names_first
+    assert not answer(planted, named("scout[2]", "perception", 7)).names_first
+    assert not answer(planted, named("scout[1]", "localisation", 7)).names_first
+    assert not answer(planted).names_first
+    late = answer(planted, named("skipper", "execution", 7), named("scout[1]", "perception", 7))
     assert (late.names_first, late.names_all, late.boundary_off) == (False, True, None)
-    assert answer(one, named("scout[1]", "perception", 5)).boundary_off == 2
-    assert answer(one, named("scout[1]", "perception")).boundary_off is None
+    assert answer(planted, named("scout[1]", "perception", 5)).boundary_off == 2
+    assert answer(planted, named("scout[1]", "perception")).boundary_off is None
     both = episode("two", FAULT, OTHER)
     assert answer(both, named("skipper", "execution"), named("scout[1]", "perception")).names_all
     assert not answer(both, named("skipper", "execution")).names_all
@@ -148,10 +148,10 @@ def test_the_table_by_hand() -> None:
     assert [cell.text.partition(" ")[0] for cell in line.cells] == ["2/4", "2/4", "1/4", "1/1", "0/1", "1/1"]
     assert line.cells[0].text == "2/4 (50.0, 15.0 to 85.0)"  # Wilson's interval of 2 of 4
     assert len(whole.notes) == 2
-    assert [(found.label, found.cells[0].value) for found in by_faculty.lines] == [
+    assert [(line.label, line.cells[0].value) for line in by_faculty.lines] == [
         (("perception",), pytest.approx(200 / 3)), (("execution",), 0.0),
     ]  # fmt: skip
-    assert [(found.label, found.cells[0].value) for found in by_mission.lines] == [(("ssr", "oracle"), 50.0)]
+    assert [(line.label, line.cells[0].value) for line in by_mission.lines] == [(("ssr", "oracle"), 50.0)]
     assert math.isnan(attribution_tables(rows[:1], "T")[0].lines[0].cells[3].value)
 
 
@@ -159,7 +159,7 @@ def test_the_table_by_hand() -> None:
 
 
 class Stored:
-    """Plays nothing: each episode is the same stored trace."""
+    """An executor that plays nothing: each episode is the same stored trace."""
 
     jobs = 1
 
@@ -174,7 +174,7 @@ class Stored:
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> EpisodeReport:
-    """A little harbour in which the skipper's commands are not sent from the third boundary on."""
+    """A small harbour mission in which the skipper's commands are not sent from the third boundary on."""
     fault = {"agent": "skipper[1]", "faculty": "execution", "boundary": 2}
     return run(
         Path(__file__).parents[1] / "causal" / "shrink" / "harbour.ljs", policy="faulty-oracle", seed=3,
@@ -192,7 +192,7 @@ def test_labels_are_not_in_what_a_method_gets(report: EpisodeReport, tmp_path: P
         def ask(trace: Trace) -> list[NamedFault]:
             seen[name] = trace.header.bindings[0].arguments
             assert read_trace(trace.path).header == trace.header
-            assert [one.digest for one in trace.boundaries] == [one.digest for one in whole.boundaries]
+            assert [planted.digest for planted in trace.boundaries] == [planted.digest for planted in whole.boundaries]
             assert verify_file(trace.path).state == "ok"
             beside[name] = {path.name for path in trace.path.parent.iterdir()}
             return [named("skipper[1]", "execution", 2)]
@@ -203,12 +203,12 @@ def test_labels_are_not_in_what_a_method_gets(report: EpisodeReport, tmp_path: P
         raise RuntimeError("no idea")
 
     methods = {"reads": looks("reads"), "again": looks("again"), "raises": AttributionMethod(raises)}
-    one = msgspec.structs.replace(episode("one", OTHER), digest=report.digest)
-    other = msgspec.structs.replace(one, seed=2, digest="another")
+    planted = msgspec.structs.replace(episode("one", OTHER), digest=report.digest)
+    other = msgspec.structs.replace(planted, seed=2, digest="another")
     executor = Stored(report)
     left = tmp_path / "out" / "episode-0"
     left.mkdir(parents=True)  # by a command that was killed
-    rows = AttributionRun(tmp_path / "out", methods, executor, lambda line: None).run([one, other])
+    rows = AttributionRun(tmp_path / "out", methods, executor, lambda line: None).run([planted, other])
     assert seen["reads"] == {}
     assert beside["reads"] == {"trace.mcap"}
     assert "execution" in str(seen["again"])
@@ -216,7 +216,7 @@ def test_labels_are_not_in_what_a_method_gets(report: EpisodeReport, tmp_path: P
     assert rows[2].detail == "RuntimeError: no idea"
     assert executor.played == 2
     assert not left.exists()
-    again = AttributionRun(tmp_path / "out", methods, executor, lambda line: None).run([one, other])
+    again = AttributionRun(tmp_path / "out", methods, executor, lambda line: None).run([planted, other])
     assert again == rows
     assert executor.played == 2  # answers are kept
 
@@ -259,8 +259,8 @@ def test_occasions_are_where_faculties_were_used(tmp_path: Path) -> None:
     settings = {"people": 1.0, "boats": 1.0}
     whole = read_trace(run(harbour, policy="faulty-oracle", seed=3, settings=settings, out=place, overview=False).trace)
     used = occasions(whole)
-    assert {(one.faculty, one.way) for one in used} >= {("waypoint", "displaced"), ("execution", "withheld")}
-    first = next(one for one in used if one.faculty == "execution")
+    assert {(label.faculty, label.way) for label in used} >= {("waypoint", "displaced"), ("execution", "withheld")}
+    first = next(label for label in used if label.faculty == "execution")
     lost = run(
         harbour, policy="faulty-oracle", seed=3, settings=settings, out=tmp_path / "lost", overview=False,
         policy_args={"faults": [msgspec.to_builtins(first)]},
@@ -273,12 +273,14 @@ def test_occasions_are_where_faculties_were_used(tmp_path: Path) -> None:
 def test_what_was_not_played_is_left_out(tmp_path: Path) -> None:
     (tmp_path / "tried.jsonl").write_bytes(b'{"cut')
     plan = PlantingPlan("oracle", [1], plays=0)
-    column = next(one for one in columns(shipped()) if one.name == "ssr-star")
+    column = next(item for item in columns(shipped()) if item.name == "ssr-star")
     assert Planting(plan, tmp_path, LocalExecutor(), lambda line: None).run([column]) == []
 
 
 class Lost:
-    """Every episode with a fault is lost, every other one is won; all have the trace of the little harbour."""
+    """An executor: every episode with a fault is lost, every other one is won; all have the trace of the harbour
+    mission.
+    """
 
     jobs = 1
 
@@ -289,7 +291,7 @@ class Lost:
     def play(self, tasks: Iterable[EpisodeTask]) -> Iterator[tuple[EpisodeTask, EpisodeReport]]:
         for task in tasks:
             faults = task.options.policy_args["faults"]
-            self.changed = (min(one["boundary"] for one in faults), (faults[0]["agent"],)) if faults else (None, ())
+            self.changed = (min(item["boundary"] for item in faults), (faults[0]["agent"],)) if faults else (None, ())
             task.folder.mkdir(parents=True)
             (task.folder / "trace.mcap").write_bytes(Path(self.report.trace).read_bytes())
             drawn = task.options.seed % 4  # one of four instances
@@ -301,22 +303,24 @@ def test_decoys_are_made_of_several_seeds_and_no_episode_twice(
 ) -> None:
     executor = Lost(report)
     monkeypatch.setattr(planting, "occasions", lambda trace: (FAULT, OTHER))
-    monkeypatch.setattr(planting, "first_change", lambda whole, given: executor.changed)
-    column = next(one for one in columns(shipped()) if one.name == "ssr-star")
+    monkeypatch.setattr(planting, "first_change", lambda whole, changed: executor.changed)
+    column = next(item for item in columns(shipped()) if item.name == "ssr-star")
     plan = PlantingPlan("oracle", [1, 5, 2, 3])  # 5 gives the same episode as 1
-    found = Planting(plan, tmp_path, executor, lambda line: None).run([column])
-    assert [(one.kind, one.seed) for one in found if one.kind != "one"] == [("none", 1), ("two", 1), ("two", 2)]
-    assert [one.seed for one in found if one.kind == "one"] == [1, 1, 2, 2, 3, 3]
-    assert all({fault.agent for fault in one.faults} == {"scout[1]", "skipper"} for one in found if one.kind == "two")
+    episodes = Planting(plan, tmp_path, executor, lambda line: None).run([column])
+    assert [(item.kind, item.seed) for item in episodes if item.kind != "one"] == [("none", 1), ("two", 1), ("two", 2)]
+    assert [item.seed for item in episodes if item.kind == "one"] == [1, 1, 2, 2, 3, 3]
+    assert all(
+        {fault.agent for fault in item.faults} == {"scout[1]", "skipper"} for item in episodes if item.kind == "two"
+    )
 
 
 @pytest.mark.study
-@pytest.mark.parametrize("planted", read_planted(SHIPPED.with_name("planted.jsonl")), ids=lambda one: one.name)
+@pytest.mark.parametrize("planted", read_planted(SHIPPED.with_name("planted.jsonl")), ids=lambda item: item.name)
 def test_each_shipped_episode_is_lost_with_its_fault_and_won_without(planted: PlantedEpisode, tmp_path: Path) -> None:
     options = msgspec.structs.asdict(planted.options())
-    given = run(options.pop("mission"), out=tmp_path / "given", **options)
-    digest = last_digest(read_trace(given.trace), planted.digest_version)
-    assert (digest, given.reason, given.ticks) == (planted.digest, planted.reason, planted.ticks)
+    with_fault = run(options.pop("mission"), out=tmp_path / "given", **options)
+    digest = last_digest(read_trace(with_fault.trace), planted.digest_version)
+    assert (digest, with_fault.reason, with_fault.ticks) == (planted.digest, planted.reason, planted.ticks)
     options = {**msgspec.structs.asdict(planted.options()), "policy_args": {"faults": []}}
     without = run(options.pop("mission"), out=tmp_path / "without", **options)
     assert without.success

@@ -1,4 +1,4 @@
-"""`lingjing bench` as a user types it; one small suite is played for real."""
+"""Tests of the command `lingjing bench`; one small suite is played with real engines."""
 
 from __future__ import annotations
 
@@ -21,9 +21,11 @@ def test_a_small_suite_is_played_for_real(tmp_path: Path, capsys: pytest.Capture
     suite.write_text(SMALL.replace('"bi", "cd"', '"bi", "upr"').replace("seeds = 2", "seeds = [3]"))
     command = ["bench", str(suite), "--entrants", "oracle", "-j", "2", "-o", str(tmp_path / "out")]
     assert main(command) == ExitCode.OK
-    told = capsys.readouterr()
-    assert "| oracle † | 100 | 100 | 100 |" in told.out
-    assert re.search(r"^\[#+\] 2/2, 0 s left: oracle, \w+-\w+, seed 3: success, SCR 1.00, \d+ ticks", told.err, re.M)
+    captured = capsys.readouterr()
+    assert "| oracle † | 100 | 100 | 100 |" in captured.out
+    assert re.search(
+        r"^\[#+\] 2/2, 0 s left: oracle, \w+-\w+, seed 3: success, SCR 1.00, \d+ ticks", captured.err, re.M
+    )
     rows = read_results(tmp_path / "out")
     assert {(row.mission, row.mode, row.seed, row.privileged, row.standing) for row in rows} == {
         ("bi", "single", 3, True, "counted"), ("upr", "star", 3, True, "counted"),
@@ -62,7 +64,7 @@ def test_a_policy_that_ends_its_process_loses_its_turns(tmp_path: Path, capsys: 
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (("refrence",), "there is no suite `refrence`"),
         (("reference", "-j", "0"), "-j 0: at least one"),
@@ -79,12 +81,12 @@ def test_a_policy_that_ends_its_process_loses_its_turns(tmp_path: Path, capsys: 
     ],
 )
 def test_nonsense_is_a_usage_error(
-    arguments: tuple[str, ...], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    arguments: tuple[str, ...], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
     assert main(["bench", *arguments]) == ExitCode.USAGE
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
 
@@ -103,9 +105,9 @@ def test_a_check_of_a_part_tells_the_episodes_of_that_part(capsys: pytest.Captur
     counts = []
     for part in ("1/3", "2/3", "3/3"):
         assert main(["bench", "reference", "--policy", "oracle", "--limit", "2", "--check", "--shard", part]) == 0
-        told = capsys.readouterr().err
-        assert f"14 columns, 2 seeds: part {part[0]} of 3, " in told
-        counts.append(int(told.split()[-2]))
+        errors = capsys.readouterr().err
+        assert f"14 columns, 2 seeds: part {part[0]} of 3, " in errors
+        counts.append(int(errors.split()[-2]))
     assert sum(counts) == 28 and max(counts) < 28
 
 
@@ -113,6 +115,6 @@ def test_a_suite_with_lost_episodes_says_why(capsys: pytest.CaptureFixture[str])
     report = made_report(mission="ssr", mode="star", seed=7, detail="the camera died", hint="see `dmesg`")
     rows = [made_row(standing="lost", report=report), made_row(standing="lost", report=made_report(seed=8))]
     assert _report_lost(rows) == 3
-    told = capsys.readouterr().err
-    assert told == "error: 2 episodes are lost; the first, ssr-star seed 7: the camera died\nhint: see `dmesg`\n"
+    errors = capsys.readouterr().err
+    assert errors == "error: 2 episodes are lost; the first, ssr-star seed 7: the camera died\nhint: see `dmesg`\n"
     assert _report_lost([]) == 0

@@ -1,4 +1,4 @@
-"""`tools/train_detector.py`: its gradients, its lessons, and the same bytes from the same set."""
+"""Tests of `tools/train_detector.py`: its gradients, its training, and equal bytes from equal sets."""
 
 import importlib.util
 import sys
@@ -38,8 +38,8 @@ def test_the_gradients_are_those_of_the_loss(tool: ModuleType) -> None:
     def loss() -> float:
         return tool.slope(student.forward(pictures)[2].astype(np.float64), wanted, sides)[1]
 
-    saw, said, answer = student.forward(pictures)
-    grads = student.gradients(saw, said, tool.slope(answer, wanted, sides)[0])
+    saw, logits, answer = student.forward(pictures)
+    grads = student.gradients(saw, logits, tool.slope(answer, wanted, sides)[0])
     for place in (0, 3, 6, 10, 11):
         value, grad = student.values[place], grads[place]
         at = np.unravel_index(int(np.abs(grad).argmax()), grad.shape)
@@ -93,8 +93,8 @@ def test_the_same_set_gives_the_same_bytes(tool: ModuleType, tmp_path: Path) -> 
         frames.append(made_frame(number, 2000 + number // 2, pose=pose, targets=(FIRE,), sha256=digest,
                                  boxes=(box,) if number % 2 else ()))  # fmt: skip
     write_set(tmp_path / "set", [class_set(frames, FIRE, 0.2)], {f.name: pictures[f.tick] for f in frames}.__getitem__)
-    told = [tool.train_class(tmp_path / "set", FIRE, 3, tmp_path / name) for name in ("one", "two")]
-    assert told[0] == told[1]
-    one, two = ((tmp_path / name / f"{FIRE}.npz").read_bytes() for name in ("one", "two"))
-    assert one == two
-    assert told[0]["frames"] == 4 and told[0]["seeds"] == [2000, 2001]
+    reports = [tool.train_class(tmp_path / "set", FIRE, 3, tmp_path / name) for name in ("one", "two")]
+    assert reports[0] == reports[1]
+    item, two = ((tmp_path / name / f"{FIRE}.npz").read_bytes() for name in ("one", "two"))
+    assert item == two
+    assert reports[0]["frames"] == 4 and reports[0]["seeds"] == [2000, 2001]

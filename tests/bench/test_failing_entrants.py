@@ -1,4 +1,4 @@
-"""Entrants that fail lose their own episodes: they end no suite, and win nothing by what they raise."""
+"""Failing entrants lose their own episodes: they do not end the suite, and no error gives them an advantage."""
 
 from __future__ import annotations
 
@@ -258,7 +258,7 @@ STRIKES = ("Interrupts", "InterruptsEarly", "Kills", "KillsWorld")
 
 
 def test_who_ends_its_own_episode_gains_no_second_try(folder: Path) -> None:
-    """Each is played again, none is left out, and the worst case takes the second try for a failure."""
+    """Each episode is played again, none is left out, and the worst case counts the second try as a failure."""
     (folder / "striking.py").write_text(STRIKING)
     suite = 'suite = 1\nname = "trips"\nmissions = ["trip.ljs"]\nseeds = 1\n'
     for name in ("Strikes", *STRIKES):
@@ -293,7 +293,7 @@ mark.touch()
 
 
 def test_an_entrant_is_marked_by_each_policy_that_sees_the_truth(folder: Path) -> None:
-    """Also one for a single role, and one that declares it after the suite was read."""
+    """Also by a policy for a single role, and by one that declares it after the suite was read."""
     (folder / "later.py").write_text(LATER_PRIVILEGED)
     (folder / "suite.toml").write_text(
         'suite = 1\nname = "trips"\nmissions = ["trip.ljs"]\nseeds = 1\n'

@@ -1,4 +1,4 @@
-"""Twins that are taken in or refused with a reason, and the probe's counts, F1 and tables by hand."""
+"""Accepted and rejected twins, and counts, F1 and tables of the probe, computed by hand."""
 
 import json
 import math
@@ -27,7 +27,7 @@ SCENE = {1: BOX, 2: BOX, 3: None, 4: None}
 
 
 def drawn(number: int, *, photo: bool = False, box: tuple[float, float, float, float] | None = BOX) -> np.ndarray:
-    """Waves and a target; as a photo in other colours, with noise and less contrast."""
+    """Draw waves and a target; as a photo with other colours, noise and less contrast."""
     rows, columns = np.mgrid[0:48, 0:64]
     grey = 90 + 25 * np.sin(columns / 5 + number) + 15 * np.cos(rows / 4)
     if box is not None:
@@ -57,26 +57,26 @@ def made(tmp_path: Path) -> Path:
 
 
 def edit(made: Path, edits: Mapping[int, np.ndarray | bytes]) -> Path:
-    """A folder with edits by the numbers of their frames."""
+    """Make a folder with edits by the numbers of their frames."""
     import PIL.Image
 
     folder = made.parent / "edited"
     folder.mkdir()
-    for one in read_class(made, PERSON):
-        found = edits.get(one.frame.tick)
-        if isinstance(found, bytes):
-            (folder / f"{Path(one.frame.name).stem}.png").write_bytes(found)
-        elif found is not None:
-            PIL.Image.fromarray(found).save(folder / f"{Path(one.frame.name).stem}.png")
+    for item in read_class(made, PERSON):
+        change = edits.get(item.frame.tick)
+        if isinstance(change, bytes):
+            (folder / f"{Path(item.frame.name).stem}.png").write_bytes(change)
+        elif change is not None:
+            PIL.Image.fromarray(change).save(folder / f"{Path(item.frame.name).stem}.png")
     return folder
 
 
 def refused(made: Path, **edits: np.ndarray | bytes) -> dict[int, str]:
-    """Why edits are refused, by the numbers of their frames (`e1`)."""
+    """Return the reasons of rejected edits by the numbers of their frames (`e1`)."""
     numbers = {int(name[1:]): picture for name, picture in edits.items()}
     twins = import_twins(made, edit(made, numbers), made.parent / "twins", {})
-    names = {one.frame.name: one.frame.tick for one in read_class(made, PERSON)}
-    return {names[one.name]: one.reason for one in twins.refused}
+    names = {item.frame.name: item.frame.tick for item in read_class(made, PERSON)}
+    return {names[item.name]: item.reason for item in twins.refused}
 
 
 def good() -> dict[str, np.ndarray | bytes]:
@@ -87,7 +87,7 @@ def test_edits_that_keep_what_is_there_become_twins(made: Path) -> None:
     assert refused(made, **good()) == {}
     twins = read_twins(made.parent / "twins")
     assert len(twins.taken) == 4
-    assert all(twin_picture(made.parent / "twins", one) for one in twins.taken)
+    assert all(twin_picture(made.parent / "twins", item) for item in twins.taken)
 
 
 @pytest.mark.parametrize(
@@ -112,7 +112,7 @@ def test_an_edit_that_changed_nothing_and_one_that_is_not_there_are_refused(made
     assert refused(made, **{**good(), "e1": same, "e3": None}) == {1: "unchanged", 3: "missing"}  # type: ignore[arg-type]
 
 
-def test_somebodys_refusals_count_with_their_reasons_and_must_name_frames(made: Path, capsys) -> None:  # type: ignore[no-untyped-def]
+def test_a_list_of_rejections_counts_with_its_reasons_and_must_name_frames(made: Path, capsys) -> None:  # type: ignore[no-untyped-def]
     folder = edit(made, {n: drawn(n, photo=True, box=box) for n, box in SCENE.items()})
     name = read_class(made, PERSON)[0].frame.name
     listed = made.parent / "refused.csv"
@@ -121,7 +121,7 @@ def test_somebodys_refusals_count_with_their_reasons_and_must_name_frames(made: 
     command = ["frames", "twins", str(made), str(folder), "-o", str(out), "--refuse", str(listed)]
     assert main(command) == ExitCode.OK
     assert "3 twins imported, 1 edits rejected: 1 a second person, added" in capsys.readouterr().out
-    assert [one.reason for one in read_twins(out).refused] == ["a second person, added"]
+    assert [item.reason for item in read_twins(out).refused] == ["a second person, added"]
     listed.write_text("another.jpg,why\n")
     assert main([*command[:-3], str(made.parent / "more"), *command[-2:]]) == ExitCode.USAGE
     assert "is not a frame of the set" in capsys.readouterr().err
@@ -174,7 +174,9 @@ def test_without_twins_there_is_no_difference_and_over_nothing_no_f1() -> None:
 
 @dataclass
 class Bright:
-    """Says yes where a picture is bright somewhere, with a box that is half right, and fails on dark pictures."""
+    """A detector that reports a target in a picture with a bright pixel, with a half-right box, and fails on dark
+    pictures.
+    """
 
     limit: int = 215
 
@@ -191,14 +193,14 @@ def test_a_detector_is_asked_of_frames_and_twins_and_its_boxes_are_judged(made: 
     edits = good() | {"e2": drawn(2, photo=True) // 8}
     refused(made, **edits)
     folder = made.parent / "twins"
-    twins = {one.name: (folder, one) for one in read_twins(folder).taken}
-    found = list(probed(made, PERSON, read_class(made, PERSON), ("bright", Bright()), twins))
-    by_number = {one.name.rsplit("-f", 1)[1]: one for one in found}
-    assert {name: (one.truth, one.said, one.twin_said) for name, one in by_number.items()} == {
+    twins = {item.name: (folder, item) for item in read_twins(folder).taken}
+    answers = list(probed(made, PERSON, read_class(made, PERSON), ("bright", Bright()), twins))
+    by_number = {item.name.rsplit("-f", 1)[1]: item for item in answers}
+    assert {name: (item.truth, item.said, item.twin_said) for name, item in by_number.items()} == {
         "1.jpg": (True, True, False), "2.jpg": (True, True, False), "3.jpg": (False, False, False),
         "4.jpg": (False, False, False),
     }  # fmt: skip
-    cell = probe_cell(found)
+    cell = probe_cell(answers)
     assert (cell.precision, cell.recall, cell.unanswered) == (0.5, 1.0, 1)
 
 

@@ -1,4 +1,4 @@
-"""Labelled sets of frames: what is true of a frame, balance, hard negatives, splits, and readers of other projects."""
+"""Labelled sets of frames: labels, balance, hard negatives, splits, and readers of other projects."""
 
 import hashlib
 import json
@@ -31,9 +31,9 @@ def episode(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def files(folder: Path) -> dict[str, str]:
-    """Every file of a folder by its SHA-256."""
-    found = (path for path in folder.rglob("*") if path.is_file())
-    return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in found}
+    """Return every file of a folder with its SHA-256."""
+    paths = (path for path in folder.rglob("*") if path.is_file())
+    return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
 
 
 def test_a_traces_frames_have_its_true_boxes_and_who_was_wrong_about_them(episode: Path) -> None:
@@ -58,7 +58,7 @@ def test_as_many_with_a_target_as_without_and_hard_ones_first() -> None:
     plain = [made_frame(number) for number in range(20, 30)]
     faint = [made_frame(40, faint=(PERSON,))]
     made = class_set([*plain, *faint, *hard, *shown], PERSON)
-    assert Counter((one.present, one.hard) for one in made.frames) == {
+    assert Counter((item.present, item.hard) for item in made.frames) == {
         (True, ""): 4, (False, "reported"): 1, (False, "other"): 1, (False, ""): 2,
     }  # fmt: skip
     assert (made.spare_positives, made.spare_negatives, made.faint) == (0, 8, 1)
@@ -66,14 +66,14 @@ def test_as_many_with_a_target_as_without_and_hard_ones_first() -> None:
 
 def test_where_few_frames_show_nothing_those_with_a_target_are_fewer_too() -> None:
     made = class_set([made_frame(n, boxes=(VICTIM,)) for n in range(5)] + [made_frame(9)], PERSON)
-    assert sorted(one.present for one in made.frames) == [False, True]
+    assert sorted(item.present for item in made.frames) == [False, True]
     assert made.spare_positives == 4
 
 
 def test_every_frame_is_taken_where_balance_is_not_asked_for() -> None:
     frames = [made_frame(1, boxes=(VICTIM,)), *(made_frame(n) for n in range(2, 9)), made_frame(9, faint=(PERSON,))]
     made = class_set(frames, PERSON, balanced=False)
-    assert Counter(one.present for one in made.frames) == {True: 1, False: 7}
+    assert Counter(item.present for item in made.frames) == {True: 1, False: 7}
     assert (made.spare_negatives, made.faint) == (0, 1)
 
 
@@ -92,7 +92,9 @@ def test_seeds_of_the_validation_are_none_of_training_and_each_split_is_balanced
         made_frame(n, seed, boxes=(VICTIM,) if n % 3 == 0 else ()) for seed in range(2000, 2005) for n in range(9)
     ]
     made = class_set(frames, PERSON, 0.2)
-    seeds = {split: {one.frame.seed for one in made.frames if one.split == split} for split in ("train", "validation")}
+    seeds = {
+        split: {item.frame.seed for item in made.frames if item.split == split} for split in ("train", "validation")
+    }
     assert seeds == {"train": {2000, 2001, 2002, 2003}, "validation": {2004}}
     assert [made.count(split, present=present) for split in ("train", "validation") for present in (True, False)] == [
         12, 12, 3, 3,
@@ -102,7 +104,7 @@ def test_seeds_of_the_validation_are_none_of_training_and_each_split_is_balanced
 def test_of_many_each_seed_gives_one_in_turn_whatever_the_order() -> None:
     frames = [made_frame(n, seed, boxes=(VICTIM,) if n < 6 else ()) for seed in (2000, 2001, 2002) for n in range(12)]
     made = class_set(frames, PERSON, most=3)
-    assert Counter(one.frame.seed for one in made.frames if one.present) == {2000: 1, 2001: 1, 2002: 1}
+    assert Counter(item.frame.seed for item in made.frames if item.present) == {2000: 1, 2001: 1, 2002: 1}
     assert class_set(frames[::-1], PERSON, most=3) == made
 
 
@@ -123,17 +125,17 @@ def written(tmp_path: Path) -> Path:
 def test_a_set_reads_back_as_it_was_written(written: Path) -> None:
     assert set_classes(written) == (PERSON,)
     frames = read_class(written, PERSON)
-    assert Counter((one.split, one.present) for one in frames) == {
+    assert Counter((item.split, item.present) for item in frames) == {
         ("train", True): 4, ("train", False): 4, ("validation", True): 2, ("validation", False): 2,
     }  # fmt: skip
-    assert all(read_picture(written, PERSON, one) for one in frames)
+    assert all(read_picture(written, PERSON, item) for item in frames)
 
 
 def test_a_picture_that_is_another_one_is_told(written: Path) -> None:
-    one = read_class(written, PERSON)[0]
-    (written / PERSON / one.split / one.frame.name).write_bytes(b"edited")
+    set_frame = read_class(written, PERSON)[0]
+    (written / PERSON / set_frame.split / set_frame.frame.name).write_bytes(b"edited")
     with pytest.raises(UsageError, match="not the exported picture"):
-        read_picture(written, PERSON, one)
+        read_picture(written, PERSON, set_frame)
 
 
 def test_coco_is_read_by_its_own_tools(written: Path) -> None:
@@ -150,10 +152,10 @@ def test_coco_is_read_by_its_own_tools(written: Path) -> None:
     for image in truth.loadImgs(truth.getImgIds()):
         assert (written / PERSON / image["file_name"]).is_file()
         assert bool(truth.getAnnIds(imgIds=[image["id"]])) == image["present"]
-    found = truth.loadRes(
+    detections = truth.loadRes(
         [{key: mark[key] for key in ("image_id", "category_id", "bbox")} | {"score": 0.9} for mark in marks]
     )
-    judged = COCOeval(truth, found, "bbox")
+    judged = COCOeval(truth, detections, "bbox")
     judged.evaluate()
     judged.accumulate()
     judged.summarize()
@@ -184,7 +186,7 @@ def test_nothing_is_left_of_a_set_whose_picture_is_not_what_its_trace_speaks_of(
 
 @pytest.mark.parametrize("name", ["../evil.jpg", "/tmp/evil.jpg", "", "..", ".hidden", "a/b.jpg", "a\0.jpg"])
 def test_no_name_of_a_trace_leads_out_of_the_folder(name: str, tmp_path: Path) -> None:
-    """Classes and missions are what a trace says, which may be anybody's."""
+    """Names of classes and missions come from traces, which are not trusted."""
     frames = [made_frame(1, boxes=(VICTIM,), name=name), made_frame(2)]
     with pytest.raises(UsageError, match="cannot be a file"):
         write_set(tmp_path / "in" / "set", [class_set(frames, PERSON)], lambda _: picture(1))
@@ -227,7 +229,7 @@ def test_the_verb_writes_the_same_bytes_whatever_the_order_and_number_of_names(e
     )
     assert files(tmp_path / "one") == files(tmp_path / "two")
     frames = read_class(tmp_path / "one", PERSON)
-    assert 0 < sum(one.present for one in frames) == len(frames) / 2
+    assert 0 < sum(item.present for item in frames) == len(frames) / 2
 
 
 @pytest.mark.parametrize(

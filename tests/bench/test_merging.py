@@ -1,4 +1,4 @@
-"""Results of several places as one file, the page that ranks entrants, and the card that describes them."""
+"""Merged results, the page that ranks entrants, and the dataset card."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_shards_are_joined_each_episode_once(tmp_path: Path, capsys: pytest.Capt
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "message"),
     [
         ({"suite": "other"}, r"more than one suite: `small` in .*a.parquet`, `other` in .*b.parquet`"),
         ({"code": "d" * 64}, r"more than one code: `c` in .*, `dddddddddddd` in"),
@@ -51,19 +51,19 @@ def test_shards_are_joined_each_episode_once(tmp_path: Path, capsys: pytest.Capt
         ),
     ],
 )
-def test_what_does_not_fit_together_is_refused(changes: dict[str, object], said: str, tmp_path: Path) -> None:
+def test_what_does_not_fit_together_is_refused(changes: dict[str, object], message: str, tmp_path: Path) -> None:
     places = [written(tmp_path, "a", made_row()), written(tmp_path, "b", made_row(**changes))]  # type: ignore[arg-type]
-    with pytest.raises(UsageError, match=said):
+    with pytest.raises(UsageError, match=message):
         merge_results(places)
 
 
 def test_places_that_drew_other_numbers_are_told_apart_from_those_that_do_not_repeat(tmp_path: Path) -> None:
     first = written(tmp_path, "a", made_row(policy_seed=1, salt_sha256="s"))
-    for seed, said in ((1, "is not deterministic"), (2, "different salts")):
+    for seed, message in ((1, "is not deterministic"), (2, "different salts")):
         other = written(tmp_path, f"b{seed}", made_row(success=False, policy_seed=seed))
         with pytest.raises(UsageError, match="has different results") as refused:
             merge_results([first, other])
-        assert said in refused.value.hint
+        assert message in refused.value.hint
 
 
 def test_rows_of_other_code_are_put_together_if_that_is_wanted(tmp_path: Path) -> None:
@@ -81,7 +81,7 @@ def test_an_episode_that_another_place_played_to_its_end_is_not_lost(tmp_path: P
 
 
 def test_an_episode_that_two_places_counted_on_different_tries_counts_once_in_any_order(tmp_path: Path) -> None:
-    """One place needed a second try: its rows and the other's are of one episode, which is in no rate twice."""
+    """One place needed a second try: the rows of both places belong to one episode, which counts once."""
     places = [
         written(tmp_path, "a", made_row(wall_s=2.0), made_row(seed=1, standing="aborted", success=False)),
         written(tmp_path, "b", made_row(standing="aborted", success=False), made_row(tries=2, wall_s=1.0)),
@@ -89,8 +89,8 @@ def test_an_episode_that_two_places_counted_on_different_tries_counts_once_in_an
     ]
     merged = {encode_rows(merge_results(order)) for order in permutations(places)}
     assert len(merged) == 1
-    told = [(row.seed, row.tries, row.standing, row.wall_s) for row in merge_results(places)]
-    assert told == [(0, 1, "counted", 2.0), (1, 1, "aborted", 0.0), (1, 2, "counted", 0.0)]
+    rows = [(row.seed, row.tries, row.standing, row.wall_s) for row in merge_results(places)]
+    assert rows == [(0, 1, "counted", 2.0), (1, 1, "aborted", 0.0), (1, 2, "counted", 0.0)]
 
 
 def entrant(name: str, won: int, **changes: object) -> list[SuiteRow]:

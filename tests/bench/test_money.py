@@ -1,4 +1,4 @@
-"""A paid suite: its estimate, its refusal to start without a limit, and the limit while it is played."""
+"""A paid suite: its estimate, its limit before it starts, and the limit while it is played."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PAID = SMALL.replace('policy = "oracle"', 'model = "gpt-5.5"').replace('["bi", "
 def suite(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for key in ("OPENAI_API_KEY", "OWN_KEY"):
         monkeypatch.delenv(key, raising=False)
-    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "none"))  # whoever runs this may have models of their own
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "none"))  # the user's own list of models must not count
     file = tmp_path / "paid.toml"
     file.write_text(PAID)
     return file
@@ -39,13 +39,17 @@ def plan_of(file: Path) -> SuitePlan:
 def test_the_estimate_counts_every_decision(suite: Path) -> None:
     plan = plan_of(suite)
     episodes = [SuiteEpisode(cell, seed) for seed in range(10) for cell in plan.cells]
-    (one,) = estimates(episodes, plan.missions, ())
-    assert (one.entrant, one.episodes, one.calls) == ("GPT-5.5", 10, 10 * 60 * 2)  # one agent, 60 ticks, one repair
+    (estimate,) = estimates(episodes, plan.missions, ())
+    assert (estimate.entrant, estimate.episodes, estimate.calls) == (
+        "GPT-5.5",
+        10,
+        10 * 60 * 2,
+    )  # one agent, 60 ticks, one repair
     model = plan.players[0].model
     assert model is not None and prices_of(plan.players[0]) == (model.price_in, model.price_out)
-    assert one.most_usd == pytest.approx(1200 * (16_384 * model.price_in + 2_048 * model.price_out) / 1e6)
+    assert estimate.most_usd == pytest.approx(1200 * (16_384 * model.price_in + 2_048 * model.price_out) / 1e6)
     prompt = 4_000 + 2 * model.image_tokens
-    assert one.about_usd == pytest.approx(600 * (prompt * model.price_in + 400 * model.price_out) / 1e6)
+    assert estimate.about_usd == pytest.approx(600 * (prompt * model.price_in + 400 * model.price_out) / 1e6)
 
 
 def test_what_episodes_of_the_cell_have_cost_is_the_better_estimate(suite: Path) -> None:
@@ -54,8 +58,8 @@ def test_what_episodes_of_the_cell_have_cost_is_the_better_estimate(suite: Path)
         made_row(entrant="GPT-5.5", mission="bi", mode="single", seed=seed, metrics={"cost_usd": cost})
         for seed, cost in enumerate((0.5, 1.5))
     ]
-    (one,) = estimates([SuiteEpisode(plan.cells[0], seed) for seed in (2, 3)], plan.missions, rows)
-    assert one.about_usd == 2.0
+    (estimate,) = estimates([SuiteEpisode(plan.cells[0], seed) for seed in (2, 3)], plan.missions, rows)
+    assert estimate.about_usd == 2.0
 
 
 @pytest.mark.parametrize(
@@ -88,9 +92,9 @@ def test_it_does_not_start_without_a_limit_a_key_or_a_price(
     suite.write_text(PAID)
     monkeypatch.setenv("OPENAI_API_KEY", "a-key-that-nobody-may-see-1234")
     assert main(command) == ExitCode.USAGE
-    told = capsys.readouterr().err
-    assert re.search(r"^GPT-5.5: 2 episodes, at most 240 calls: about \$[\d.]+, at most \$[\d.]+$", told, re.M)
-    assert "set a limit with --max-cost USD" in told and "a-key-that" not in told
+    errors = capsys.readouterr().err
+    assert re.search(r"^GPT-5.5: 2 episodes, at most 240 calls: about \$[\d.]+, at most \$[\d.]+$", errors, re.M)
+    assert "set a limit with --max-cost USD" in errors and "a-key-that" not in errors
     for wrong in ("0", "-3", "nan", "inf"):
         assert main([*command, "--max-cost", wrong]) == ExitCode.USAGE
         assert "must be an amount of US dollars above 0" in capsys.readouterr().err
@@ -137,7 +141,7 @@ def test_an_episode_that_the_limit_ended_is_no_row_and_no_try(suite: Path) -> No
         run = SuiteRun(plan, results, "code", ended, max_cost=1.0)
         run.play(run.due((0,), plan.cells))
         assert run.is_out_of_money and results.rows == []
-        assert [one.tries for one in run.due((0,), plan.cells)] == [1, 1]
+        assert [item.tries for item in run.due((0,), plan.cells)] == [1, 1]
 
 
 def test_a_missing_record_stops_the_suite_with_its_words(suite: Path) -> None:
@@ -166,14 +170,14 @@ def test_episodes_without_a_record_are_told_before_any_is_replayed(
     (recorded / "salt").write_text("salt\n")
     command = ["bench", str(suite), "--seeds", "0-2", "-o", str(tmp_path / "out")]
     assert main([*command, "--calls", "replay", "--calls-from", str(recorded)]) == ExitCode.USAGE
-    told = capsys.readouterr().err
-    assert "2 of 3 episodes have no record of model calls" in told
-    assert "the first is GPT-5.5-bi-single-1" in told
+    errors = capsys.readouterr().err
+    assert "2 of 3 episodes have no record of model calls" in errors
+    assert "the first is GPT-5.5-bi-single-1" in errors
     assert not (tmp_path / "out" / "runs").exists()
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (("--calls", "replay"), "--calls replay and --calls-from DIR need each other"),
         (("--calls-from", "somewhere"), "--calls replay and --calls-from DIR need each other"),
@@ -181,7 +185,7 @@ def test_episodes_without_a_record_are_told_before_any_is_replayed(
     ],
 )
 def test_what_cannot_be_replayed_is_said(
-    arguments: tuple[str, ...], said: str, suite: Path, capsys: pytest.CaptureFixture[str]
+    arguments: tuple[str, ...], message: str, suite: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["bench", str(suite), *arguments]) == ExitCode.USAGE
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err

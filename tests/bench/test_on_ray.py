@@ -36,8 +36,8 @@ SUITE = (
 
 @pytest.fixture(scope="module")
 def address() -> Iterator[str]:
-    """A cluster of two nodes with one CPU each. Its workers stand back for nobody: Ray gives them a niceness of 15,
-    with which an episode takes an hour beside other work."""
+    """A cluster of two nodes with one CPU each. Its workers have normal priority: Ray's niceness of 15 would make
+    an episode take an hour beside other work."""
     import ray
     from ray.cluster_utils import Cluster
 
@@ -51,7 +51,7 @@ def address() -> Iterator[str]:
 
 
 def same(rows: list[SuiteRow]) -> dict[object, tuple[object, ...]]:
-    """What does not depend on who played: all but times and places."""
+    """Return the part of a row that does not depend on the executor: all but times and places."""
     return {
         row.key: (
             msgspec.structs.replace(row, wall_s=0.0, policy_seed=0, salt_sha256="", report=None, options=None),
@@ -76,14 +76,14 @@ def test_the_same_rows_whoever_plays(address: str, tmp_path: Path) -> None:
 
 def ray_workers() -> list[int]:
     """The processes of this machine's Ray workers that play an episode."""
-    found = []
+    pids = []
     for place in Path("/proc").glob("[0-9]*"):
         try:
             if b"ray::play_on_node" in (place / "cmdline").read_bytes():
-                found.append(int(place.name))
+                pids.append(int(place.name))
         except OSError:
             continue
-    return found
+    return pids
 
 
 def test_a_worker_killed_in_mid_episode_costs_that_episode_only(address: str, tmp_path: Path) -> None:
@@ -114,8 +114,8 @@ def test_a_worker_killed_in_mid_episode_costs_that_episode_only(address: str, tm
             killer.join()
     assert len(killed) == 1
     rows = read_results(tmp_path / "out")
-    told = sorted((row.entrant, row.mission, row.tries, row.standing) for row in rows)
-    assert told == [
+    played = sorted((row.entrant, row.mission, row.tries, row.standing) for row in rows)
+    assert played == [
         ("heuristic", "upr", 1, "aborted"), ("heuristic", "upr", 2, "counted"),
         ("oracle", "upr", 1, "counted"),
     ]  # fmt: skip
@@ -124,13 +124,13 @@ def test_a_worker_killed_in_mid_episode_costs_that_episode_only(address: str, tm
 
 
 def _workers_playing(folder: Path) -> list[int]:
-    """The Ray worker whose descendant has the episode's trace open."""
+    """Return the Ray workers with a descendant that has the episode's trace open."""
     parents = {}
     holder = 0
     for place in Path("/proc").glob("[0-9]*"):
         try:
             parents[int(place.name)] = int((place / "stat").read_text().rpartition(")")[2].split()[1])
-            if any(os.readlink(one).startswith(f"{folder}/") for one in (place / "fd").iterdir()):
+            if any(os.readlink(item).startswith(f"{folder}/") for item in (place / "fd").iterdir()):
                 holder = int(place.name)
         except OSError:
             continue
@@ -143,12 +143,12 @@ def _workers_playing(folder: Path) -> list[int]:
 def test_a_node_that_does_not_see_the_folder_or_has_other_code_says_so(tmp_path: Path) -> None:
     (tmp_path / "lock").touch()
     options = PlayOptions(mission="bi")
-    for lock, code, said in (
+    for lock, code, message in (
         (tmp_path / "none", "x", "cannot read"),
         (tmp_path / "lock", "x", "has other code"),
     ):
         answer = play_on_node(msgspec.json.encode(RayTask(options, str(tmp_path / "run"), str(lock), code)))
-        assert said in msgspec.json.decode(answer)["message"]
+        assert message in msgspec.json.decode(answer)["message"]
     assert not (tmp_path / "run").exists()
 
 

@@ -1,4 +1,4 @@
-"""A suite whose model is asked over HTTP: money is counted, the limit holds, the record replays without the service."""
+"""A suite with a model over HTTP: cost is counted, the limit holds, and the record replays without the service."""
 
 from __future__ import annotations
 
@@ -43,10 +43,10 @@ def test_money_is_counted_its_limit_holds_and_the_record_replays(
         )
         assert read_results(out) == [] and server.requests == []
         assert main([*play, "--max-cost", "5"]) == ExitCode.OK
-        asked = len(server.requests)
+        requests = len(server.requests)
     rows = read_results(out)
     assert [(row.standing, row.tries, row.report.metrics.calls) for row in rows] == [("counted", 1, 3)]
-    assert asked == 3 and rows[0].report.metrics.cost_usd == pytest.approx(3 * (100 * 10 + 20 * 20) / 1e6)
+    assert requests == 3 and rows[0].report.metrics.cost_usd == pytest.approx(3 * (100 * 10 + 20 * 20) / 1e6)
     assert all((out / row.report.trace).with_name("calls.sqlite").is_file() for row in rows)
     again = ["bench", str(suite), "-o", str(tmp_path / "again"), "--calls", "replay", "--calls-from", str(out)]
     assert main(again) == ExitCode.OK, "the service is gone"

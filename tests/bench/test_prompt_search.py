@@ -1,4 +1,4 @@
-"""Improving a prompt: development seeds alone, the best candidate kept, a stopped search goes on."""
+"""Prompt search: development seeds only, the best candidate is kept, and an interrupted search continues."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -29,7 +29,7 @@ HOLES = "has holes that nothing fills: x"
 
 
 class Reviser:
-    """Gives the next of its texts; keeps what it was asked, and the calls that it was made with."""
+    """A reviser that returns its texts in order, and stores its requests and the calls that it was made with."""
 
     def __init__(self, *texts: str) -> None:
         self.texts = list(texts)
@@ -51,7 +51,7 @@ class Reviser:
 
 @pytest.fixture
 def played(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
-    """Episodes without a world: a prompt's text says which seeds it wins. Returns what was played."""
+    """Replaces episodes: a prompt's text names the seeds that it wins. Returns the list of played episodes."""
     done: list[tuple[str, int]] = []
 
     def play(tasks: Sequence[EpisodeTask], jobs: int):
@@ -77,8 +77,8 @@ def played(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
 
 
 def search(folder: Path, reviser: Reviser, **changes: object) -> PromptSearch:
-    given = {"check": lambda text: None, "seeds": (1, 2, 3), "options": PlayOptions(mission="m", policy="react")}
-    return PromptSearch(folder, option="prompt", reviser=reviser, **{**given, **changes})  # type: ignore[arg-type]
+    defaults = {"check": lambda text: None, "seeds": (1, 2, 3), "options": PlayOptions(mission="m", policy="react")}
+    return PromptSearch(folder, option="prompt", reviser=reviser, **{**defaults, **changes})  # type: ignore[arg-type]
 
 
 def test_the_best_is_kept_and_revised_and_an_equal_one_does_not_take_its_place(tmp_path: Path, played: list):
@@ -110,8 +110,8 @@ def test_a_stopped_search_goes_on_and_plays_nothing_twice(tmp_path: Path, played
     assert best.text == "better"
     assert played[before:] == [("better", 1), ("better", 2), ("better", 3)]
     kept = msgspec.json.decode((tmp_path / RESULTS).read_bytes(), type=KeptSearch)
-    assert [one.number for one in kept.candidates] == [0, 1, 2]
-    assert [(one.answers, one.valid) for one in kept.candidates[1].episodes] == [(1, 1), (2, 2), (3, 3)]
+    assert [item.number for item in kept.candidates] == [0, 1, 2]
+    assert [(item.answers, item.valid) for item in kept.candidates[1].episodes] == [(1, 1), (2, 2), (3, 3)]
 
 
 def test_a_folder_of_another_search_is_refused(tmp_path: Path, played: list):
@@ -158,11 +158,11 @@ def test_money_is_counted_over_episodes_and_revisions_and_ends_the_search(tmp_pa
         search(tmp_path, reviser, options=capped).run("first", 1)
     assert reviser.calls is not None
     assert reviser.calls.capped
-    asked = CallRequest(tick=0, number=0, head=b"{}", messages=(), most_usd=0.6, most_tokens=9)
-    assert reviser.calls.begin(asked) is None
-    reviser.calls.end(asked, CallResult(text="x", prompt_tokens=1, cost_usd=0.6))
+    request = CallRequest(tick=0, number=0, head=b"{}", messages=(), most_usd=0.6, most_tokens=9)
+    assert reviser.calls.begin(request) is None
+    reviser.calls.end(request, CallResult(text="x", prompt_tokens=1, cost_usd=0.6))
     with pytest.raises(SpendingLimitError, match="does not cover another call"):
-        reviser.calls.begin(asked)
+        reviser.calls.begin(request)
 
 
 def test_a_revision_that_is_no_prompt_is_not_played(tmp_path: Path, played: list):
@@ -172,25 +172,25 @@ def test_a_revision_that_is_no_prompt_is_not_played(tmp_path: Path, played: list
     assert search(tmp_path, Reviser("worse"), check=check).run("first", 1).text == "first"
     assert {text for text, _ in played} == {"first"}
     kept = msgspec.json.decode((tmp_path / RESULTS).read_bytes(), type=KeptSearch)
-    assert [(one.text, one.fault) for one in kept.candidates] == [
+    assert [(item.text, item.fault) for item in kept.candidates] == [
         ("first", ""),
         ("", "has holes that nothing fills: x"),
     ]
 
 
 def test_a_round_whose_answer_is_no_prompt_is_over_and_the_next_one_is_told(tmp_path: Path, played: list):
-    told: list[str] = []
+    lines: list[str] = []
     reviser = Reviser("worse", "", "better")
-    best = search(tmp_path, reviser, tell=lambda one: told.append(one.line)).run("first", 3)
+    best = search(tmp_path, reviser, tell=lambda item: lines.append(item.line)).run("first", 3)
     assert best.text == "better"
     assert [text for text, _ in played].count("first") == 4  # one aborted episode again, and none for the lost round
-    assert told[2] == "no prompt: the answer is cut off"
-    assert [one.text for one in reviser.tried] == ["worse", ""]
-    assert reviser.tried[0].results.startswith("TSR 0%") and reviser.tried[1].results == told[2]
+    assert lines[2] == "no prompt: the answer is cut off"
+    assert [item.text for item in reviser.tried] == ["worse", ""]
+    assert reviser.tried[0].results.startswith("TSR 0%") and reviser.tried[1].results == lines[2]
     assert (tmp_path / "revision-2-answered.txt").read_text() == "answered"
     again: list[str] = []
-    assert search(tmp_path, Reviser(), tell=lambda one: again.append(one.line)).run("first", 3) == best
-    assert again == told
+    assert search(tmp_path, Reviser(), tell=lambda item: again.append(item.line)).run("first", 3) == best
+    assert again == lines
 
 
 def test_seeds_of_the_evaluation_are_refused(capsys: pytest.CaptureFixture[str]):
@@ -205,9 +205,9 @@ def test_a_paid_search_says_what_it_costs_and_starts_with_a_limit_alone(
     monkeypatch.setenv("OPENAI_API_KEY", "sk-something-long-enough")
     command = ["prompts", "improve", "ssr", "-o", str(tmp_path / "x.txt"), "--policy-arg", "model=gpt-5.5"]
     assert main(command) == ExitCode.USAGE
-    told = capsys.readouterr().err
-    assert "100 episodes" in told
-    assert "--max-cost" in told
+    errors = capsys.readouterr().err
+    assert "100 episodes" in errors
+    assert "--max-cost" in errors
     assert not list(tmp_path.iterdir())
     command[-1] = "model=unheard-of"
     assert main([*command, "--max-cost", "5"]) == ExitCode.USAGE

@@ -55,7 +55,7 @@ def test_no_counted_episode_has_no_rate() -> None:
 
 @pytest.fixture
 def child(monkeypatch: pytest.MonkeyPatch):
-    """Replace the command that plays an episode by a small script that gets the same arguments."""
+    """Replace the command that plays an episode by a small script with the same arguments."""
 
     def use(script: str) -> None:
         monkeypatch.setattr(EpisodeTask, "command", lambda self: [sys.executable, "-c", textwrap.dedent(script)])
@@ -140,16 +140,16 @@ def test_no_child_is_left_behind(child, tmp_path: Path, monkeypatch: pytest.Monk
 def test_an_episode_is_told_its_options_and_its_row_keeps_the_policy_seed(child, tmp_path: Path) -> None:
     child("import sys; sys.stderr.write(sys.stdin.read()); sys.exit(2)")
     task = EpisodeTask(PlayOptions(mission="m.ljs", settings={"uavs": 2.0}, policy_seed=77), tmp_path / "run")
-    with pytest.raises(UsageError) as told:
+    with pytest.raises(UsageError) as error:
         list(play_apart([task], jobs=1))
-    assert msgspec.json.decode(str(told.value), type=PlayOptions) == task.options
+    assert msgspec.json.decode(str(error.value), type=PlayOptions) == task.options
     assert parallel.without_result(task, "gone").policy_seed == 77
 
 
 def test_the_columns_are_the_shipped_missions_in_the_modes_that_they_allow() -> None:
-    found = [column.name for column in columns(shipped())]
-    assert len(found) == len(set(found)) >= 12
-    assert {"vdn-single", "ufr-star", "ufr-broadcast", "cd-star", "cd-broadcast"} <= set(found)
+    names = [column.name for column in columns(shipped())]
+    assert len(names) == len(set(names)) >= 12
+    assert {"vdn-single", "ufr-star", "ufr-broadcast", "cd-star", "cd-broadcast"} <= set(names)
     swept = columns([path for path in shipped() if path.stem == "cr"], sweeps=True)
     assert [column.settings for column in swept] == [
         {"replans_most": 0.0},

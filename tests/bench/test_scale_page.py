@@ -1,4 +1,4 @@
-"""The page on scale: its sums are those of its table, and its bounds those of the shipped suite."""
+"""Tests of the page on scale: its sums match its table, and its bounds match the shipped suite."""
 
 from __future__ import annotations
 
@@ -34,5 +34,5 @@ def test_its_columns_and_bounds_are_the_suites() -> None:
     columns = {(cell.column.mission, cell.column.mode) for cell in plan.cells}
     assert {(row[0], row[1]) for row in ROWS} == columns
     episodes = [SuiteEpisode(cell, seed) for cell in plan.cells if cell.player.name == "GPT-5.5" for seed in range(100)]
-    (one,) = estimates(episodes, plan.missions, ())
-    assert one.calls / 2 == pytest.approx(406_000)  # with one repair each
+    (estimate,) = estimates(episodes, plan.missions, ())
+    assert estimate.calls / 2 == pytest.approx(406_000)  # with one repair each

@@ -1,4 +1,4 @@
-"""The page on studies: its commands are understood, its suite is right, and its table names what missions declare."""
+"""Tests of the page on studies: its commands parse, its suite is valid, and its table matches the missions."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ def test_its_suite_is_right(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
 
 
 def test_it_names_every_suite_with_its_size() -> None:
-    told = dict(re.findall(r"^\| `(\w+)` \| .* \| ([\d,]+) \|$", PAGE, flags=re.MULTILINE))
+    sizes = dict(re.findall(r"^\| `(\w+)` \| .* \| ([\d,]+) \|$", PAGE, flags=re.MULTILINE))
     plans = {name: read_plan(find_suite(name), PluginHost()) for name in shipped_suites()}
-    assert told == {name: f"{len(plan.cells) * len(plan.suite.seeds):,}" for name, plan in plans.items()}
+    assert sizes == {name: f"{len(plan.cells) * len(plan.suite.seeds):,}" for name, plan in plans.items()}
 
 
 def test_it_names_every_table() -> None:

@@ -1,4 +1,4 @@
-"""Suite files: what they mean, and every fault of one told with its path."""
+"""Suite files: their meaning, and every error with its path."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.bench.suite_kit import SMALL
 
 
 class Models:
-    """A plug-in that knows one model, which `scripted` plays."""
+    """A plug-in with one model, which the policy `scripted` plays."""
 
     @hookimpl
     def lingjing_models(self):
@@ -41,9 +41,9 @@ def planned(text: str, folder: Path, host: PluginHost, **how: object) -> SuitePl
 
 
 def faults(text: str, folder: Path, host: PluginHost) -> list[str]:
-    with pytest.raises(UsageError) as told:
+    with pytest.raises(UsageError) as error:
         planned(text, folder, host)
-    lines = str(told.value).splitlines()
+    lines = str(error.value).splitlines()
     assert all(line.startswith(f"{folder / 'suite.toml'}: ") for line in lines)
     return [line.removeprefix(f"{folder / 'suite.toml'}: ") for line in lines]
 
@@ -60,16 +60,16 @@ def test_a_suite_means_entrants_times_columns(tmp_path: Path, host: PluginHost) 
 def test_five_mistakes_are_five_lines_with_their_paths(tmp_path: Path, host: PluginHost) -> None:
     text = SMALL.replace('"cd"]', '"cdd"]').replace("seeds = 2", 'seeds = "5-2"').replace('"random"', '"randam"')
     text = text.replace('"modes"]', '"mode"]') + '\n[[conditions]]\nname = "x"\nmodes = ["broadcats"]\n'
-    told = faults(text, tmp_path, host)
-    assert sorted(line.partition(":")[0] for line in told) == [
+    lines = faults(text, tmp_path, host)
+    assert sorted(line.partition(":")[0] for line in lines) == [
         "conditions[0].modes[0]", "entrants[1].policy", "missions[1]", "seeds", "tables[1]",
     ]  # fmt: skip
-    assert "entrants[1].policy: no policy is called `randam`; did you mean `random`?" in told
-    assert "missions[1]: there is no mission `cdd`; did you mean `cd`?" in told
+    assert "entrants[1].policy: no policy is called `randam`; did you mean `random`?" in lines
+    assert "missions[1]: there is no mission `cdd`; did you mean `cd`?" in lines
 
 
 def test_a_mistake_hides_no_other(tmp_path: Path, host: PluginHost) -> None:
-    """No seeds, an entrant that plays nowhere, a condition that nobody plays under, one in no mode and two without
+    """No seeds, an entrant that plays nowhere, a condition without entrants, one in no mode and two without
     a name: what is wrong with their options is told all the same."""
     text = (
         SMALL.replace("seeds = 2\n", "args = { skript = 1 }\n")
@@ -110,8 +110,8 @@ args = { memory = 4 }
 
 
 def test_a_name_that_is_no_word_is_told_what_it_may_be(tmp_path: Path, host: PluginHost) -> None:
-    (told,) = faults(SMALL.replace('name = "small"', 'name = "../Small"'), tmp_path, host)
-    assert told == "name: is '../Small', a text that matches ^[a-z0-9][a-z0-9-]{0,39}$ is due"
+    (line,) = faults(SMALL.replace('name = "small"', 'name = "../Small"'), tmp_path, host)
+    assert line == "name: is '../Small', a text that matches ^[a-z0-9][a-z0-9-]{0,39}$ is due"
 
 
 def test_an_option_is_not_called_unknown_where_an_entrant_is(tmp_path: Path, host: PluginHost) -> None:
@@ -120,7 +120,7 @@ def test_an_option_is_not_called_unknown_where_an_entrant_is(tmp_path: Path, hos
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
+    ("wrong", "message"),
     [
         ('[[entrants]]\nmodel = "large-2"', "entrants[2].model: there is no model `large-2`; did you mean `large-1`?"),
         ('[[entrants]]\nmodel = "large-1"\npolicy = "oracle"', "entrants[2]: is a model or a policy"),
@@ -165,14 +165,14 @@ def test_an_option_is_not_called_unknown_where_an_entrant_is(tmp_path: Path, hos
         ),
     ],
 )
-def test_a_mistake_is_named_with_what_was_meant(wrong: str, said: str, tmp_path: Path, host: PluginHost) -> None:
-    told = faults(f"{SMALL}\n{wrong}\n", tmp_path, host)
-    assert len(told) == 1
-    assert told[0].startswith(said)
+def test_a_mistake_is_named_with_what_was_meant(wrong: str, message: str, tmp_path: Path, host: PluginHost) -> None:
+    lines = faults(f"{SMALL}\n{wrong}\n", tmp_path, host)
+    assert len(lines) == 1
+    assert lines[0].startswith(message)
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ("suite = 1", "suite = 2", "suite: is 2; this version of lingjing reads suites of form 1"),
         ("suite = 1", "", "suite: is missing"),
@@ -190,17 +190,17 @@ def test_a_mistake_is_named_with_what_was_meant(wrong: str, said: str, tmp_path:
         ('["bi", "cd"]', '["bi", "bi"]', "missions[1]: `bi` is listed twice"),
     ],
 )
-def test_a_wrong_head_is_told(old: str, new: str, said: str, tmp_path: Path, host: PluginHost) -> None:
-    told = faults(SMALL.replace(old, new), tmp_path, host)
-    assert len(told) == 1
-    assert told[0].startswith(said)
+def test_a_wrong_head_is_told(old: str, new: str, message: str, tmp_path: Path, host: PluginHost) -> None:
+    lines = faults(SMALL.replace(old, new), tmp_path, host)
+    assert len(lines) == 1
+    assert lines[0].startswith(message)
 
 
 def test_another_form_hides_no_other_fault(tmp_path: Path, host: PluginHost) -> None:
     text = SMALL.replace("suite = 1", "suite = 2").replace("seeds = 2", "seeds = 0").replace('"random"', '"randam"')
-    told = faults(text.replace('["bi", "cd"]', '["bi", "cdd"]'), tmp_path, host)
-    assert [line.partition(":")[0] for line in told] == ["suite", "seeds", "missions[1]", "entrants[1].policy"]
-    assert "did you mean `random`?" in told[3]
+    lines = faults(text.replace('["bi", "cd"]', '["bi", "cdd"]'), tmp_path, host)
+    assert [line.partition(":")[0] for line in lines] == ["suite", "seeds", "missions[1]", "entrants[1].policy"]
+    assert "did you mean `random`?" in lines[3]
 
 
 @pytest.mark.parametrize(("written", "seeds"), [('" 3 "', (0, 1, 2)), ('"3 - 4"', (3, 4)), ("[4, 4, 1]", (4, 1))])
@@ -222,8 +222,8 @@ def test_a_mission_with_errors_and_a_policy_file_beside_the_suite(tmp_path: Path
     (tmp_path / "mine.py").write_text(
         "class Mine:\n    async def reset(self, b): ...\n    async def act(self, o, i): ...\n"
     )
-    told = faults(SMALL.replace('"bi"', '"mine.ljs"'), tmp_path, host)
-    assert len(told) == 1 and told[0].startswith("missions[0]: `mine.ljs` does not compile: ")
+    lines = faults(SMALL.replace('"bi"', '"mine.ljs"'), tmp_path, host)
+    assert len(lines) == 1 and lines[0].startswith("missions[0]: `mine.ljs` does not compile: ")
     plan = planned(SMALL.replace('"random"', '"./mine.py:Mine"'), tmp_path, host)
     assert plan.players[1].policy == f"{tmp_path}/mine.py:Mine"
     assert plan.players[1].declared.name == "mine.py:Mine"
@@ -317,7 +317,7 @@ HARMFUL = {
 def test_a_file_that_harms_its_process_is_a_fault_of_its_entrant(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each file does its worst in a process of its own; the suite is read to its end, and nothing is left running."""
+    """Each file damages its own process; the suite is read to its end, and no process is left."""
     monkeypatch.setenv(LOAD_VARIABLE, "2")
     monkeypatch.chdir(tmp_path)
     suite = SMALL
@@ -332,9 +332,9 @@ def test_a_file_that_harms_its_process_is_a_fault_of_its_entrant(
     assert main(["bench", "suite.toml", "--check"]) == ExitCode.USAGE
     assert set(children()) == known and Path.cwd() == tmp_path
     lines = capsys.readouterr().err.removeprefix("error: ").splitlines()
-    for at, (name, (_, said)) in enumerate(HARMFUL.items(), 2):
+    for at, (name, (_, message)) in enumerate(HARMFUL.items(), 2):
         (line,) = [line for line in lines if line.startswith(f"suite.toml: entrants[{at}].policy: ")]
-        assert said.format(file=tmp_path / f"{name}.py") in line
+        assert message.format(file=tmp_path / f"{name}.py") in line
     first = 2 + len(HARMFUL)
     assert any(
         line.startswith(f"suite.toml: entrants[{first}]: the check of the options of policy")
@@ -353,5 +353,5 @@ def test_options_of_a_file_are_shared_and_checked_as_any(tmp_path: Path, host: P
     assert {cell.player.name: dict(cell.args) for cell in cells} == {
         "oracle": {}, "random": {}, "mine.py:Mine": {"speed": 9.0},
     }  # fmt: skip
-    told = faults(text.replace("speed = 9.0", "sped = 9.0"), tmp_path, host)
-    assert told == ["conditions[0].args.sped: is not known; did you mean `speed`?"]
+    lines = faults(text.replace("speed = 9.0", "sped = 9.0"), tmp_path, host)
+    assert lines == ["conditions[0].args.sped: is not known; did you mean `speed`?"]

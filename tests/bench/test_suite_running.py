@@ -1,4 +1,6 @@
-"""Playing a suite: aborts again, nothing lost, doubled or written half, whatever happens to command or folder."""
+"""Playing a suite: aborted episodes are played again, and no row is lost, doubled or incomplete after any
+interruption.
+"""
 
 from __future__ import annotations
 
@@ -51,7 +53,7 @@ def play(plan: SuitePlan, folder: Path, executor: AnsweringExecutor, code: str =
 
 
 def aborting(*times: str) -> AnsweringExecutor:
-    """Aborts every episode of the oracle with these details in turn, then lets it be won."""
+    """Return answers that abort every episode of the oracle with these details in turn, then let it win."""
     count: collections.Counter[object] = collections.Counter()
 
     def answer(task: EpisodeTask) -> EpisodeReport:
@@ -112,9 +114,9 @@ def test_the_third_abort_is_lost_and_listed(plan: SuitePlan, tmp_path: Path, cap
     assert {(row.entrant, row.tries, row.report.detail) for row in lost} == {("oracle", 3, "three")}
     assert len(lost) == 6
     assert main(["bench", "table", str(tmp_path / "a")]) == 0
-    said = capsys.readouterr().out
-    assert "6 are lost (aborted 3 times) and in no rate: oracle bi-single seed 0, " in said
-    assert "12 infrastructure aborts were played again" in said
+    output = capsys.readouterr().out
+    assert "6 are lost (aborted 3 times) and in no rate: oracle bi-single seed 0, " in output
+    assert "12 infrastructure aborts were played again" in output
 
 
 def test_tries_are_counted_across_commands(plan: SuitePlan, tmp_path: Path) -> None:
@@ -122,7 +124,7 @@ def test_tries_are_counted_across_commands(plan: SuitePlan, tmp_path: Path) -> N
         run = SuiteRun(plan, results, "code", aborting("one"))
         run.check_resumable()
         run._round(run.due((0,), plan.cells[:1]), _countdown())
-        assert [(one.tries, one.seed) for one in run.due((0,), plan.cells[:1])] == [(2, 0)]
+        assert [(item.tries, item.seed) for item in run.due((0,), plan.cells[:1])] == [(2, 0)]
 
 
 def _countdown():
@@ -144,8 +146,8 @@ def test_shards_are_disjoint_and_together_everything(plan: SuitePlan, tmp_path: 
         run = SuiteRun(plan, results, "code", AnsweringExecutor())
         whole = run.due(range(40), plan.cells)
         parts = [run.due(range(40), plan.cells, Shard(number, 3)) for number in (1, 2, 3)]
-    assert sorted((one.cell.key, one.seed) for part in parts for one in part) == sorted(
-        (one.cell.key, one.seed) for one in whole
+    assert sorted((item.cell.key, item.seed) for part in parts for item in part) == sorted(
+        (item.cell.key, item.seed) for item in whole
     )
     assert all(0.7 < 3 * len(part) / len(whole) < 1.3 for part in parts)
 
@@ -225,7 +227,7 @@ with open_results(Path(sys.argv[1])) as results:
 
 
 def test_a_full_disk_is_said_once_and_leaves_only_whole_rows(tmp_path: Path) -> None:
-    """The system refuses to let the file grow: what a full disk looks like to the one who writes."""
+    """The system refuses to let the file grow, like a full disk."""
     done = subprocess.run([sys.executable, "-c", FULL, str(tmp_path / "a")], capture_output=True, text=True, check=True,
                           cwd=Path(__file__).parents[2])  # fmt: skip
     assert done.stdout == f"cannot write to `{tmp_path}/a`: File too large; 1 rows are there\n"
@@ -252,7 +254,9 @@ sys.exit(main(sys.argv[1:]))
 
 
 def test_killed_again_and_again_it_plays_everything_once(tmp_path: Path) -> None:
-    """kill -9 at any moment: what was told is there, what was not is played by the next, and no row comes twice."""
+    """After a kill at any moment, reported rows are stored, missing ones are played by the next command, and no row is
+    doubled.
+    """
     suite = tmp_path / "small.toml"
     suite.write_text(SMALL.replace("seeds = 2", "seeds = 6"))
     folder = tmp_path / "results"
@@ -304,7 +308,7 @@ def test_rows_read_back_whole_and_can_be_queried(tmp_path: Path) -> None:
 
     metrics = blank_metrics(scr=0.5, messages=7, recall=None, gap=12.5)
     rows = [made_row(seed=seed, metrics=metrics, success=seed == 1, entrant="ä|<b>") for seed in range(3)]
-    odd = msgspec.structs.replace(rows[0].report, trace="runs/\udce9")  # a folder whose name is no text
+    odd = msgspec.structs.replace(rows[0].report, trace="runs/\udce9")  # a folder name that is not valid text
     rows[0] = msgspec.structs.replace(rows[0], report=odd)
     (tmp_path / "r.parquet").write_bytes(encode_rows(rows))
     assert read_rows(tmp_path / "r.parquet") == rows
@@ -316,7 +320,7 @@ def test_rows_read_back_whole_and_can_be_queried(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         (b"", "holds no results of a suite"),
         (b"PAR1 and then nothing", "holds no results of a suite"),
@@ -327,7 +331,7 @@ def test_rows_read_back_whole_and_can_be_queried(tmp_path: Path) -> None:
         ("half", "holds no results of a suite"),
     ],
 )
-def test_what_holds_no_results_is_said(content: bytes | str, said: str, tmp_path: Path, capsys) -> None:
+def test_what_holds_no_results_is_said(content: bytes | str, message: str, tmp_path: Path, capsys) -> None:
     import pyarrow as pa
     import pyarrow.parquet as parquet
 
@@ -344,9 +348,9 @@ def test_what_holds_no_results_is_said(content: bytes | str, said: str, tmp_path
         at = table.schema.names.index("report")
         parquet.write_table(table.set_column(at, "report", pa.array([json.dumps({"seed": 1})])), file)
     assert main(["bench", "table", str(file)]) == ExitCode.USAGE
-    told = capsys.readouterr()
-    assert re.search(said, told.err) and told.out == ""
-    assert ("lingjing report FOLDER/runs" in told.err) == (content == "report")
+    captured = capsys.readouterr()
+    assert re.search(message, captured.err) and captured.out == ""
+    assert ("lingjing report FOLDER/runs" in captured.err) == (content == "report")
 
 
 def test_results_are_read_while_they_are_played(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The numbers of tables, who is marked as best, and texts that are markup elsewhere."""
+"""Numbers and marks of tables, and the escaping of markup in texts."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_pooled_rates_are_over_counts_and_not_over_episodes() -> None:
         {"detections": 9, "misses": 1, "false_positives": 0, "f1": 0.9, "rep": 0.1, "target_events": 10},
         {"detections": 0, "misses": 0, "false_positives": 0, "f1": None, "rep": 0.5, "target_events": 90},
     ]
-    played = Played.of(made_row(seed=seed, metrics=one) for seed, one in enumerate(metrics))
+    played = Played.of(made_row(seed=seed, metrics=item) for seed, item in enumerate(metrics))
     assert played.f1() == pytest.approx(18 / 19)
     assert played.weighted("rep", "target_events") == pytest.approx(0.46)
     assert math.isnan(Played(()).f1()) and math.isnan(Played(()).rate())
@@ -44,11 +44,11 @@ def test_pooled_rates_are_over_counts_and_not_over_episodes() -> None:
 def test_perception_is_pooled_over_frames_and_reports() -> None:
     """One frame of ten and 45 of 90 with a miss: 46 of 100. Three errors of one episode and one of the other: the
     median of the four. Two confidences of 0.9 in one bin, one of them right: |1 - 1.8| over 2."""
-    told = [
+    counts = [
         PerceptionCounts(frames=10, missing=1, errors_m=(1.0, 2.0, 3.0), confidences=((0.9, True),)),
         PerceptionCounts(frames=90, missing=45, hallucinating=9, errors_m=(80.0,), confidences=((0.9, False),)),
     ]
-    played = Played.of((*(made_row(seed=seed, perceived=one) for seed, one in enumerate(told)), made_row(seed=2)))
+    played = Played.of((*(made_row(seed=seed, perceived=item) for seed, item in enumerate(counts)), made_row(seed=2)))
     assert played.perceived("missing") == pytest.approx(0.46)
     assert (played.perceived("hallucinating"), played.perceived("confusing")) == (pytest.approx(0.09), 0.0)
     assert played.location_error_m() == 2.5
@@ -70,12 +70,12 @@ def test_the_main_table_has_the_papers_columns_average_and_marks() -> None:
     ]  # fmt: skip
     (table,) = make_tables(rows[::-1], ["success"])
     assert table.heads == ("VDN", "SSR^s", "SSR^b", "Avg")
-    told = {line.label[0]: [(cell.text, cell.mark) for cell in line.cells] for line in table.lines}
-    assert list(told) == ["a", "b", "c", "o †"]
-    assert told["a"] == [("50", "best"), ("40", ""), ("80", ""), ("55", "best")]
-    assert told["b"] == [("10", "second"), ("60", "best"), ("80", ""), ("40", "second")]
-    assert told["c"] == [("–", ""), ("50", "second"), ("–", ""), ("–", "")]
-    assert told["o †"][1] == ("100", "")
+    cells_by_entrant = {line.label[0]: [(cell.text, cell.mark) for cell in line.cells] for line in table.lines}
+    assert list(cells_by_entrant) == ["a", "b", "c", "o †"]
+    assert cells_by_entrant["a"] == [("50", "best"), ("40", ""), ("80", ""), ("55", "best")]
+    assert cells_by_entrant["b"] == [("10", "second"), ("60", "best"), ("80", ""), ("40", "second")]
+    assert cells_by_entrant["c"] == [("–", ""), ("50", "second"), ("–", ""), ("–", "")]
+    assert cells_by_entrant["o †"][1] == ("100", "")
     assert columns_of(rows) == (("vdn", "single"), ("ssr", "star"), ("ssr", "broadcast"))
 
 
@@ -95,7 +95,7 @@ def test_modes_are_compared_on_the_same_mission() -> None:
         "star": {"messages": 6, "kilobytes": 0.52, "gap": 13.0, "rep": 0.17, "target_events": 6, "rounds": 5},
         "broadcast": {"messages": 61, "kilobytes": 3.0, "gap": 15.0, "rep": 0.11, "target_events": 9, "rounds": 9},
     }
-    rows = [row for mode, one in metrics.items() for row in column("q", "ufr", mode, 5, metrics=one)]
+    rows = [row for mode, item in metrics.items() for row in column("q", "ufr", mode, 5, metrics=item)]
     rows += column("q", "bi", "single", 5)
     (table,) = make_tables(rows, ["modes"])
     assert [(line.label, *((cell.text, cell.mark) for cell in line.cells)) for line in table.lines] == [
@@ -111,7 +111,7 @@ def test_modes_are_compared_on_the_same_mission() -> None:
 def test_repeated_target_events_are_pooled_over_the_episodes_of_a_mode() -> None:
     """One repeated event of one, and none of nine: 1 of 10. An episode without any counts for nothing."""
     some = [{"rep": 1.0, "target_events": 1}, {"rep": 0.0, "target_events": 9}, {"rep": None, "target_events": 0}]
-    rows = [made_row(mode="star", seed=seed, metrics=one) for seed, one in enumerate(some)]
+    rows = [made_row(mode="star", seed=seed, metrics=item) for seed, item in enumerate(some)]
     rows += [made_row(mode="broadcast", seed=seed, metrics=some[2]) for seed in range(3)]
     (table,) = make_tables(rows, ["modes"])
     assert [cell.text for cell in table.lines[-1].cells] == ["10", "N/A"]
@@ -121,8 +121,8 @@ def test_conditions_are_compared_with_the_baseline_and_stages_are_cumulative() -
     def stages(*whole: bool) -> tuple[StageMetric, ...]:
         names = ("detect", "locate")
         return tuple(
-            StageMetric(name=name, done=int(one), required=1, cumulative=one)
-            for name, one in zip(names, whole, strict=True)
+            StageMetric(name=name, done=int(item), required=1, cumulative=item)
+            for name, item in zip(names, whole, strict=True)
         )
 
     full = {
@@ -148,9 +148,16 @@ def test_conditions_are_compared_with_the_baseline_and_stages_are_cumulative() -
     ]
     (table,) = make_tables(rows, ["conditions"])
     assert table.heads[-2:] == ("detect", "locate")
-    told = {line.label[0]: [cell.text for cell in line.cells] for line in table.lines}
-    assert told["Full"][:2] == ["10", "70"] and told["Full"][5:] == ["52.0", "90", "96", "1.00", "100", "100"]
-    assert told["Coarse"][5:] == ["N/A", "50", "–", "0.25", "100", "0"]
+    cells_by_condition = {line.label[0]: [cell.text for cell in line.cells] for line in table.lines}
+    assert cells_by_condition["Full"][:2] == ["10", "70"] and cells_by_condition["Full"][5:] == [
+        "52.0",
+        "90",
+        "96",
+        "1.00",
+        "100",
+        "100",
+    ]
+    assert cells_by_condition["Coarse"][5:] == ["N/A", "50", "–", "0.25", "100", "0"]
     assert [line.cells[1].mark for line in table.lines] == ["best", "second"]
     assert make_tables(column("q", "ssr", "star", 7), ["conditions"]) == ()
 
@@ -274,12 +281,12 @@ def test_behaviour_has_the_papers_signatures_and_rates_of_actions_are_pooled() -
         ),
     }
     rows = [
-        made_row(seed=seed, report=made_report(seed=seed, metrics=blank_metrics(**one), terciles=thirds[seed]))
-        for seed, one in enumerate((few, many))
+        made_row(seed=seed, report=made_report(seed=seed, metrics=blank_metrics(**item), terciles=thirds[seed]))
+        for seed, item in enumerate((few, many))
     ]
     (table,) = make_tables(rows, ["behaviour"])
-    told = [cell.text for cell in table.lines[0].cells]
-    assert told == ["90", "12.0", "10", "0.12", "80", "55", "5", "0", "0"]
+    texts = [cell.text for cell in table.lines[0].cells]
+    assert texts == ["90", "12.0", "10", "0.12", "80", "55", "5", "0", "0"]
     (table,) = make_tables([made_row(metrics=few)], ["behaviour"])
     assert [cell.text for cell in table.lines[0].cells][5:] == ["–"] * 4
 
@@ -331,10 +338,10 @@ def test_drift_is_pooled_over_actions_by_tercile() -> None:
     second = (early, early, ActionCounts(actions=6, adherent=1, following=3, out_of_bounds=2))
     rows = [made_row(seed=seed, report=made_report(terciles=each)) for seed, each in enumerate((first, second))]
     (table,) = make_tables([*rows, made_row(seed=2)], ["drift"])
-    told = [(line.label, [cell.text for cell in line.cells]) for line in table.lines]
-    assert told[0] == (("All", "Early"), ["4", "100", "–", "0", "0"])
-    assert told[2] == (("All", "Late"), ["8", "25", "25", "25", "12"])
-    assert told[5] == (("e", "Late"), told[2][1])
+    rows_of_texts = [(line.label, [cell.text for cell in line.cells]) for line in table.lines]
+    assert rows_of_texts[0] == (("All", "Early"), ["4", "100", "–", "0", "0"])
+    assert rows_of_texts[2] == (("All", "Late"), ["8", "25", "25", "25", "12"])
+    assert rows_of_texts[5] == (("e", "Late"), rows_of_texts[2][1])
 
 
 def test_entrants_without_a_heading_stand_under_nobody_elses() -> None:

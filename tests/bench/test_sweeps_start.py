@@ -1,4 +1,4 @@
-"""The last value of the sweeps of every mission that declares any, started with its real engines."""
+"""The last value of every sweep of every mission, started with its real engines."""
 
 from __future__ import annotations
 

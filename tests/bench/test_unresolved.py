@@ -1,4 +1,4 @@
-"""Lost episodes and services that go away: no entrant gains a rank by them."""
+"""Lost episodes and failed services: no entrant gains a rank by them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def won(entrant: str, wins: int, of: int) -> list[SuiteRow]:
 
 
 def ended(entrant: str, seed: int, standing: str, detail: str = GONE, **changes: object) -> SuiteRow:
-    """A try that was aborted."""
+    """Return the row of an aborted try."""
     report = made_report(seed=seed, success=False, reason=ABORTED, detail=detail)
     return made_row(entrant=entrant, seed=seed, standing=standing, report=report, **changes)
 
@@ -39,9 +39,9 @@ def cells(rows: list[SuiteRow], kind: str = "success") -> dict[str, tuple[tuple[
 def test_who_loses_episodes_is_neither_bold_nor_ranked_and_shows_its_cases() -> None:
     fair = won("fair", 9, 10)
     sly = [*won("sly", 9, 9), ended("sly", 9, "lost", "an engine died", tries=3)]
-    said = cells([*fair, *sly])
-    assert said["sly ‡"] == (("100 (90..100)", ""), ("100 (90..100)", ""))
-    assert said["fair"] == (("90", ""), ("90", ""))
+    cells_by_entrant = cells([*fair, *sly])
+    assert cells_by_entrant["sly ‡"] == (("100 (90..100)", ""), ("100 (90..100)", ""))
+    assert cells_by_entrant["fair"] == (("90", ""), ("90", ""))
     assert ranking([*fair, *sly])[0] == ("fair", 0.9)
     page = leaderboard([*fair, *sly])
     assert page.index(">fair<") < page.index(OPEN) < page.index(">sly ‡<")

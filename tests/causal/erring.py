@@ -1,4 +1,4 @@
-"""Policies for branches of traces: oracles with one fault, and policies that cannot be run again."""
+"""Policies for branches of traces: oracles with one fault, and irreproducible policies."""
 
 import os
 import random
@@ -17,7 +17,7 @@ _WAIT = threading.Event()
 
 
 class Astray(OraclePolicy):
-    """The skipper's destinations are off from a boundary on."""
+    """An oracle whose skipper has wrong destinations from a boundary on."""
 
     privileged = True
 
@@ -32,7 +32,7 @@ class Astray(OraclePolicy):
 
 
 class Wavering(Astray):
-    """Does nothing in any process but that in which it took its brief."""
+    """A policy that acts only in the process in which it received its brief."""
 
     async def reset(self, brief: Brief) -> None:
         await super().reset(brief)
@@ -44,7 +44,7 @@ class Wavering(Astray):
 
 
 class Moody(OraclePolicy):
-    """Thinks otherwise each time."""
+    """A policy with a different thought in each run."""
 
     privileged = True
 
@@ -55,7 +55,7 @@ class Moody(OraclePolicy):
 
 
 class Threaded(OraclePolicy):
-    """Keeps a thread."""
+    """A policy that runs a thread."""
 
     privileged = True
 
@@ -65,7 +65,7 @@ class Threaded(OraclePolicy):
 
 
 class Unseeing:
-    """Sees no truth, and would fail if it were shown it."""
+    """A policy without access to the truth; it fails if it receives it."""
 
     async def reset(self, brief: Brief) -> None:
         self._brief = brief
@@ -77,16 +77,16 @@ class Unseeing:
 
 
 class Brittle(Unseeing):
-    """Fails as soon as its body is on its way, which it never orders."""
+    """A policy that fails as soon as its body moves, which it never commands."""
 
     async def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        if any(one.busy for one in observation.entities):
+        if any(entity.busy for entity in observation.entities):
             raise RuntimeError("it moves")
         return Decision()
 
 
 class Leaving(Unseeing):
-    """Ends the process in which it is run again."""
+    """A policy that ends the process in which it runs again."""
 
     async def act(self, observation: Observation, inbox: Inbox) -> Decision:
         if "branch_process" in str(sys.modules["__main__"].__spec__):
@@ -95,7 +95,7 @@ class Leaving(Unseeing):
 
 
 class Vanishing(Unseeing):
-    """Ends any process but that in which it took its brief."""
+    """A policy that ends every process other than that in which it received its brief."""
 
     async def reset(self, brief: Brief) -> None:
         await super().reset(brief)
@@ -108,7 +108,7 @@ class Vanishing(Unseeing):
 
 
 class Printing(Unseeing):
-    """Prints a line at each boundary."""
+    """A policy that prints a line at each boundary."""
 
     async def act(self, observation: Observation, inbox: Inbox) -> Decision:
         print(f"{observation.agent} at {observation.tick}")

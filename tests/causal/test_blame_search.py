@@ -1,4 +1,4 @@
-"""The search of `blame` over branches that are made up: what it tries, and what it concludes."""
+"""Tests of the search of `blame` on synthetic branches: its trials and its conclusions."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -6,10 +6,10 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing.causal.beginnings import LATER
 from lingjing.causal.blame import Blame, BlameOptions, _Search
 from lingjing.causal.branching import BranchResult
 from lingjing.causal.interventions import BranchPlan, ReplacedPart
+from lingjing.causal.later_starts import LATER
 from lingjing.causal.result_texts import blame_text
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import Header, Substitution
@@ -20,7 +20,7 @@ WAY, ORDER, LATE = ("waypoint", "skipper", 4), ("execution", "scout[1]", 9), ("h
 
 
 class MadeUp:
-    """A host whose episode is won where all of `needed` are replaced at their boundaries. Each of them shows only where
+    """A host with an episode that is won if all of `needed` are replaced at their boundaries. Each shows only where
     those before it are replaced, and an agent goes on as it began for three boundaries."""
 
     cpu_s = driven_s = camera_s = unused_s = 0.0
@@ -47,7 +47,7 @@ class MadeUp:
 
     def _result(self, plan: BranchPlan) -> BranchResult:
         """Branches that change nothing are the episode itself."""
-        spans = {(one.faculty, one.agent): (one.first, one.last) for one in plan.substitutions}
+        spans = {(part.faculty, part.agent): (part.first, part.last) for part in plan.substitutions}
         replaced: list[ReplacedPart] = []
         for faculty, agent, tick in self.needed:
             first, last = spans.get((faculty, agent), (99, None))
@@ -55,29 +55,32 @@ class MadeUp:
             mine = [part for part in parts if first <= part.boundary and (last is None or part.boundary <= last)]
             replaced += mine
             if tick not in {part.boundary for part in mine}:
-                shown = tuple(one for one in parts if one not in mine and one.boundary >= plan.at and plan.watch)
+                shown = tuple(part for part in parts if part not in mine and part.boundary >= plan.at and plan.watch)
                 return BranchResult(reason="budget", replaced=tuple(replaced), departed=shown)
         return BranchResult(success=True, reason="success", score=1.0, replaced=tuple(replaced))
 
 
 def searched(host: MadeUp, branches: int = 60, *, shares: bool = True, placebos: int = 0) -> Blame:
-    told = Blame(path="made-up.mcap", success=False, reason="budget", score=0.0)
+    result = Blame(path="made-up.mcap", success=False, reason="budget", score=0.0)
     options = BlameOptions(branches=branches, placebos=placebos, shares=shares)
-    return _Search(host, options).run(told)  # type: ignore[arg-type]
+    return _Search(host, options).run(result)  # type: ignore[arg-type]
 
 
-def causes(told: Blame) -> list[list[tuple[str, str, int, bool]]]:
-    return [[(one.faculty, one.agent, one.boundary, one.masked) for one in repair.causes] for repair in told.repairs]
+def causes(result: Blame) -> list[list[tuple[str, str, int, bool]]]:
+    return [
+        [(cause.faculty, cause.agent, cause.boundary, cause.masked) for cause in repair.causes]
+        for repair in result.repairs
+    ]
 
 
 def test_one_fault_is_named_where_it_began() -> None:
-    told = searched(MadeUp(WAY))
-    assert causes(told) == [[(*WAY, False)]]
-    assert told.complete and told.repairs[0].causes[0].replaced == 1
+    result = searched(MadeUp(WAY))
+    assert causes(result) == [[(*WAY, False)]]
+    assert result.complete and result.repairs[0].causes[0].replaced == 1
 
 
 class Slow(MadeUp):
-    """The less is replaced, the later its episode is won."""
+    """A host with an episode that is won later if less is replaced."""
 
     def _result(self, plan: BranchPlan) -> BranchResult:
         result = super()._result(plan)
@@ -92,19 +95,19 @@ def test_a_repair_is_told_with_the_end_of_the_branch_that_replaces_just_that() -
 
 
 def test_a_fault_that_another_one_hides_is_named_beside_it() -> None:
-    told = searched(MadeUp(WAY, ORDER))
-    assert causes(told) == [[(*WAY, False), (*ORDER, True)]]
-    assert told.complete and told.departed == 1
-    assert [(one.agent, one.share) for one in told.shares] == [("skipper", 0.5), ("scout[1]", 0.5)]
-    assert "execution of scout[1], from boundary 9 (1 record replaced, boundary 9; it shows only where" in blame_text(
-        told
+    result = searched(MadeUp(WAY, ORDER))
+    assert causes(result) == [[(*WAY, False), (*ORDER, True)]]
+    assert result.complete and result.departed == 1
+    assert [(share.agent, share.share) for share in result.shares] == [("skipper", 0.5), ("scout[1]", 0.5)]
+    assert "execution of scout[1], from boundary 9 (1 record replaced, boundary 9; it appears only if" in blame_text(
+        result
     )
 
 
 def test_faults_that_hide_each_other_in_a_row_are_found_one_after_the_other() -> None:
     host = MadeUp(WAY, ORDER, LATE)
-    told = searched(host)
-    assert causes(told) == [[(*WAY, False), (*ORDER, True), (*LATE, True)]]
+    result = searched(host)
+    assert causes(result) == [[(*WAY, False), (*ORDER, True), (*LATE, True)]]
     assert host.asked.count("all at once") == 3
 
 
@@ -116,9 +119,9 @@ def test_what_goes_wrong_earlier_where_another_fault_is_mended_is_replaced_from_
             return super().departures() | {ORDER[:2]: (12, 13, 14)}
 
     host = Sooner(WAY, ORDER)
-    told = searched(host)
-    assert causes(told) == [[(*WAY, False), (*ORDER, False)]]
-    assert told.complete and host.asked.count("all at once") == 2
+    result = searched(host)
+    assert causes(result) == [[(*WAY, False), (*ORDER, False)]]
+    assert result.complete and host.asked.count("all at once") == 2
 
 
 def test_of_two_repairs_that_are_equally_small_the_earlier_one_comes_first() -> None:
@@ -132,7 +135,8 @@ def test_of_two_repairs_that_are_equally_small_the_earlier_one_comes_first() -> 
             replaced = tuple(
                 ReplacedPart(tick, agent, faculty)
                 for faculty, agent, tick in self.needed
-                if (faculty, agent) in {(one.faculty, one.agent) for one in plan.substitutions}
+                if (faculty, agent)
+                in {(substitution.faculty, substitution.agent) for substitution in plan.substitutions}
             )
             return BranchResult(success=bool(replaced), reason="success" if replaced else "budget", replaced=replaced)
 
@@ -140,7 +144,7 @@ def test_of_two_repairs_that_are_equally_small_the_earlier_one_comes_first() -> 
 
 
 def test_the_repair_of_who_went_wrong_once_comes_before_that_of_who_did_again_and_again() -> None:
-    """Of equally small repairs; among many occasions one repairs by chance more easily."""
+    """For equally small repairs: with many departures a repair by chance is more likely."""
 
     class Both(MadeUp):
         agreements = {("waypoint", "skipper"): tuple(range(1, 30, 2))}
@@ -150,14 +154,14 @@ def test_the_repair_of_who_went_wrong_once_comes_before_that_of_who_did_again_an
 
         def _result(self, plan: BranchPlan) -> BranchResult:
             parts = tuple(
-                ReplacedPart(one.first, one.agent, one.faculty)
-                for one in plan.substitutions
-                if one.first <= {"waypoint": 4, "execution": 11}[one.faculty]
+                ReplacedPart(item.first, item.agent, item.faculty)
+                for item in plan.substitutions
+                if item.first <= {"waypoint": 4, "execution": 11}[item.faculty]
             )
             return BranchResult(success=bool(parts), reason="success" if parts else "budget", replaced=parts)
 
     first, second = searched(Both(WAY, ORDER)).repairs
-    assert [(one.causes[0].faculty, one.causes[0].rows, one.causes[0].replaced) for one in (first, second)] == [
+    assert [(item.causes[0].faculty, item.causes[0].rows, item.causes[0].replaced) for item in (first, second)] == [
         ("execution", 1, 1),
         ("waypoint", 15, 1),
     ]
@@ -171,7 +175,7 @@ def test_what_repairs_from_later_on_only_comes_last_and_is_told_so() -> None:
             return {**super().departures(), ("execution", "scout[2]"): (3, 4)}
 
         def _result(self, plan: BranchPlan) -> BranchResult:
-            spans = {one.agent: (one.first, one.last or 99) for one in plan.substitutions}
+            spans = {item.agent: (item.first, item.last or 99) for item in plan.substitutions}
             first, last = spans.get("scout[2]", (99, 0))
             if first <= 3 and last >= 4:
                 parts = tuple(ReplacedPart(tick, "scout[2]", "execution") for tick in (3, 4))
@@ -180,12 +184,12 @@ def test_what_repairs_from_later_on_only_comes_last_and_is_told_so() -> None:
 
     host = Two(WAY)
     host.agreements = {("waypoint", "skipper"): (15,)}
-    told = searched(host)
-    assert [(one.causes[0].agent, one.causes[0].late, one.causes[0].replaced) for one in told.repairs] == [
+    result = searched(host)
+    assert [(item.causes[0].agent, item.causes[0].late, item.causes[0].replaced) for item in result.repairs] == [
         ("scout[2]", False, 2),
         ("skipper", True, 1),
     ]
-    assert blame_text(told).count("not if what it did otherwise before is replaced too") == 1
+    assert blame_text(result).count("not if its earlier departures are replaced too") == 1
 
 
 def test_an_agent_of_its_own_way_went_wrong_where_the_departures_began_that_lead_to_the_last_repair() -> None:
@@ -198,21 +202,23 @@ def test_an_agent_of_its_own_way_went_wrong_where_the_departures_began_that_lead
             return {("waypoint", "skipper"): tuple(range(60)), ("execution", "skipper"): (19, *range(23, 60))}
 
         def _result(self, plan: BranchPlan) -> BranchResult:
-            acts = next((one for one in plan.substitutions if one.faculty == "execution"), None)
+            acts = next((item for item in plan.substitutions if item.faculty == "execution"), None)
             if acts is None or acts.first > 41 or (acts.last is not None and acts.last < max(acts.first, 23) + 1):
                 return BranchResult(reason="budget")
             begin = acts.first if acts.first == 19 else max(acts.first, 23)
             ticks = [19, 23, 24] if begin == 19 else [begin, begin + 1]
-            replaced = [ReplacedPart(one, "skipper", "execution") for one in ticks if one <= (acts.last or 99)]
+            replaced = [ReplacedPart(item, "skipper", "execution") for item in ticks if item <= (acts.last or 99)]
             return BranchResult(success=True, reason="success", score=1.0, replaced=tuple(replaced))
 
     (repair,) = searched(OwnWay(WAY)).repairs
-    assert [(one.faculty, one.boundary, one.first, one.last) for one in repair.causes] == [("execution", 23, 41, 42)]
+    assert [(item.faculty, item.boundary, item.first, item.last) for item in repair.causes] == [
+        ("execution", 23, 41, 42)
+    ]
 
 
 @pytest.mark.parametrize("others", [(), (WAY,)])
 def test_what_is_named_wins_if_just_that_is_replaced(others: tuple[tuple[str, str, int], ...]) -> None:
-    """Its reference begins anew where the agent had departed, and there says nothing else than the agent at first."""
+    """Its reference starts again where the agent departed, and at first agrees with the agent there."""
 
     class Anew(MadeUp):
         ticks = (9, 12, 20, 24)
@@ -221,38 +227,39 @@ def test_what_is_named_wins_if_just_that_is_replaced(others: tuple[tuple[str, st
             return {(faculty, agent): self.ticks for faculty, agent, _ in self.needed}
 
         def _result(self, plan: BranchPlan) -> BranchResult:
-            spans = {(one.faculty, one.agent): (one.first, one.last or 99) for one in plan.substitutions}
+            spans = {(item.faculty, item.agent): (item.first, item.last or 99) for item in plan.substitutions}
             parts = [
                 ReplacedPart(tick, agent, faculty)
                 for (faculty, agent), (first, last) in spans.items()
                 for tick in self.ticks
                 if first + 2 * (first > 9) <= tick <= last
             ]
-            made_good = {(one.faculty, one.agent) for one in parts if one.boundary == 24}
+            made_good = {(item.faculty, item.agent) for item in parts if item.boundary == 24}
             won = len(made_good) == len(self.needed) and all(first <= 20 for first, _ in spans.values())
             return BranchResult(success=won, reason="success" if won else "budget", replaced=tuple(parts))
 
     host = Anew(ORDER, *others)
     (repair,) = searched(host).repairs
     windows = tuple(
-        Substitution(faculty=one.faculty, agent=one.agent, first=one.first, last=one.last) for one in repair.causes
+        Substitution(faculty=item.faculty, agent=item.agent, first=item.first, last=item.last) for item in repair.causes
     )
     again = host._result(BranchPlan(at=20, substitutions=windows))
-    assert again.success and [(one.first, one.last, one.replaced) for one in repair.causes] == [(20, 24, 1)] * (
+    assert again.success and [(item.first, item.last, item.replaced) for item in repair.causes] == [(20, 24, 1)] * (
         1 + len(others)
     )
 
 
 class Spoiled(MadeUp):
-    """An agent of its own ways, who serves itself well with them until its fault: replaced from before, it loses.
-
-    Won where all of `needed` are replaced from boundary 18, 19 or 20 on."""
+    """An agent with its own strategy, which succeeds until its fault. Substituted from before, it loses."""
 
     def departures(self) -> dict[tuple[str, str], tuple[int, ...]]:
         return {(faculty, agent): (1, 11, *range(20, 60, 4)) for faculty, agent, _ in self.needed}
 
     def _result(self, plan: BranchPlan) -> BranchResult:
-        spans = {(one.faculty, one.agent): (one.first, one.last) for one in plan.substitutions}
+        spans = {
+            (substitution.faculty, substitution.agent): (substitution.first, substitution.last)
+            for substitution in plan.substitutions
+        }
         windows = [spans.get((faculty, agent), (0, 0)) for faculty, agent, _ in self.needed]
         won = all(11 < first <= 20 and (last is None or last >= 20) for first, last in windows)
         parts = tuple(
@@ -267,41 +274,41 @@ class Spoiled(MadeUp):
 def test_a_pair_that_repairs_only_from_a_later_boundary_on_is_found() -> None:
     host = Spoiled(WAY)
     host.agreements = {("waypoint", "skipper"): (15, 45)}
-    told = searched(host)
-    (cause,) = told.repairs[0].causes
+    result = searched(host)
+    (cause,) = result.repairs[0].causes
     assert (cause.boundary, cause.first, cause.last, cause.replaced) == (20, 20, 20, 1)
-    assert told.complete and host.asked.count("later beginnings") == 1 and "all at once" not in host.asked
-    assert [one.share for one in told.shares] == [1.0]
+    assert result.complete and host.asked.count("later starts") == 1 and "all at once" not in host.asked
+    assert [share.share for share in result.shares] == [1.0]
 
 
 def test_an_agent_that_decided_as_its_reference_before_is_replaced_later_only_if_nothing_else_repairs() -> None:
     host = Spoiled(WAY)
     host.agreements = {("waypoint", "skipper"): (0, 15)}
     assert searched(host).repairs[0].causes[0].first == 20
-    assert "later beginnings" not in host.asked and host.asked.count("all at once") == 2
+    assert "later starts" not in host.asked and host.asked.count("all at once") == 2
 
 
-def test_later_beginnings_leave_half_of_the_budget_and_say_so() -> None:
+def test_later_starts_leave_half_of_the_budget_and_say_so() -> None:
     class Hopeless(Spoiled):
         def _result(self, plan: BranchPlan) -> BranchResult:
             return replace_success(super()._result(plan))
 
     host = Hopeless(WAY, ORDER)
-    told = searched(host, branches=11)
-    assert host.asked.count("later beginnings") == 4 and told.exhausted
+    result = searched(host, branches=11)
+    assert host.asked.count("later starts") == 4 and result.exhausted
     whole = Hopeless(WAY, ORDER)
-    assert not searched(whole).exhausted and whole.asked.count("later beginnings") == 2 * LATER - 2
+    assert not searched(whole).exhausted and whole.asked.count("later starts") == 2 * LATER - 2
 
 
 def test_all_at_once_may_have_to_begin_later_too() -> None:
     host = Spoiled(WAY, ORDER)
     host.agreements = {(faculty, agent): (15,) for faculty, agent, _ in (WAY, ORDER)}
-    told = searched(host, branches=80)
-    assert causes(told) == [[("execution", "scout[1]", 20, False), ("waypoint", "skipper", 20, False)]]
-    assert told.complete and host.asked.count("all at once") == 2
-    said = blame_text(told)
-    assert "score 0.00; everything from the first departures on does not win" in said
-    assert "replaced too" not in said  # that of just these two from there on was never tried
+    result = searched(host, branches=80)
+    assert causes(result) == [[("execution", "scout[1]", 20, False), ("waypoint", "skipper", 20, False)]]
+    assert result.complete and host.asked.count("all at once") == 2
+    text = blame_text(result)
+    assert "score 0.00; replacing everything from the first departures on does not win" in text
+    assert "replaced too" not in text  # that of just these two from there on was never tried
 
 
 def test_what_no_replacement_wins_is_said() -> None:
@@ -310,8 +317,8 @@ def test_what_no_replacement_wins_is_said() -> None:
             return replace_success(super()._result(plan))
 
     host = Lost(WAY, ORDER)
-    told = searched(host)
-    assert told.repairs == () and not told.exhausted
+    result = searched(host)
+    assert result.repairs == () and not result.exhausted
     assert host.asked.count("all at once") == 3  # the last from the middle of the departures on
     assert searched(Lost(WAY, ORDER), branches=3).exhausted
     placebos = searched(Lost(WAY, ORDER), placebos=3).placebos
@@ -319,26 +326,26 @@ def test_what_no_replacement_wins_is_said() -> None:
 
 
 class Hasty(MadeUp):
-    """Policies are late in each branch that changes something."""
+    """A host in which policies are late in each branch with a change."""
 
     def _result(self, plan: BranchPlan) -> BranchResult:
         late = {"policy_timeout": 2} if plan.substitutions else {}
         return replace(super()._result(plan), unanswered=late)
 
 
-def test_answers_that_came_late_in_branches_are_said_to_hang_on_the_machine() -> None:
-    told = searched(Hasty(WAY))
-    assert told.unanswered == {"policy_timeout": told.branches - 1}
-    said = blame_text(told)
-    assert "(policy_timeout), and did nothing then\nwhether an answer comes in time hangs on this machine" in said
+def test_late_answers_in_branches_are_reported_with_their_dependence_on_the_machine() -> None:
+    result = searched(Hasty(WAY))
+    assert result.unanswered == {"policy_timeout": result.branches - 1}
+    text = blame_text(result)
+    assert "(policy_timeout); their answers were replaced by doing nothing\nlate answers depend on" in text
 
 
 def test_a_budget_of_one_branch_says_that_nothing_was_replaced() -> None:
-    told = searched(MadeUp(WAY), branches=1)
-    assert (told.branches, told.tried, told.exhausted) == (1, 0, True)
-    assert "Nothing was replaced: the branches did not suffice for it." in blame_text(told)
+    result = searched(MadeUp(WAY), branches=1)
+    assert (result.branches, result.tried, result.exhausted) == (1, 0, True)
+    assert "Nothing was replaced: --branches is too small." in blame_text(result)
     some = searched(MadeUp(WAY, ORDER), branches=2)
-    assert "Nothing that was replaced wins this episode, and not all was tried." in blame_text(some)
+    assert "No replacement wins this episode; not everything was tried." in blame_text(some)
     assert "placebos: none was played" in blame_text(some)
 
 
@@ -359,7 +366,7 @@ def test_all_pairs_of_ten_were_tried_and_of_eleven_not() -> None:
             return {(faculty, agent): (tick,) for faculty, agent, tick in self.needed}
 
         def _result(self, plan: BranchPlan) -> BranchResult:
-            mine = {one.agent for one in plan.substitutions}
+            mine = {substitution.agent for substitution in plan.substitutions}
             parts = tuple(ReplacedPart(4, agent, "waypoint") for agent in sorted(mine))
             won = {"scout[0]", "scout[1]"} <= mine
             return BranchResult(success=won, reason="success" if won else "budget", replaced=parts)
@@ -376,16 +383,16 @@ def replace_success(result: BranchResult) -> BranchResult:
 def test_what_is_certain_to_be_asked_is_said_ahead() -> None:
     host = MadeUp(WAY, ORDER)
     searched(host)
-    asked = list(zip(host.plans, host.asked[1:], strict=True))
-    shares = [plan for plan, what in asked if what == "shares"]
-    narrowing = [plan for plan, what in asked if what == "which boundaries"]
+    requests = list(zip(host.plans, host.asked[1:], strict=True))
+    shares = [plan for plan, what in requests if what == "shares"]
+    narrowing = [plan for plan, what in requests if what == "which boundaries"]
     assert set(shares) <= host.said_ahead
     unforeseen = set(narrowing[1:]) - host.said_ahead
     assert len(narrowing) > 3 and len(unforeseen) == 1  # its end depends on what its beginning, played before, replaces
 
 
 class Innocent(MadeUp):
-    """Somebody else departs from its reference too, which changes nothing."""
+    """Another agent departs from its reference too, without an effect."""
 
     def departures(self) -> dict[tuple[str, str], tuple[int, ...]]:
         return {**super().departures(), ("execution", "scout[2]"): (2, 3)}
@@ -393,9 +400,9 @@ class Innocent(MadeUp):
 
 def test_without_shares_the_same_is_named_with_fewer_branches() -> None:
     whole, short = Innocent(WAY), Innocent(WAY)
-    told = searched(whole)
-    assert searched(short, shares=False) == replace(told, shares=(), branches=short.played)
-    assert short.played < whole.played and "shares" not in short.asked and len(told.shares) == 2
+    result = searched(whole)
+    assert searched(short, shares=False) == replace(result, shares=(), branches=short.played)
+    assert short.played < whole.played and "shares" not in short.asked and len(result.shares) == 2
 
 
 def test_a_budget_that_just_suffices_does() -> None:
@@ -414,4 +421,4 @@ def test_among_how_many_pairs_shares_are_is_said() -> None:
             others = ("execution", "handoff", "routing", "localisation")
             return {**super().departures(), **{(faculty, "scout[2]"): (9,) for faculty in others}}
 
-    assert "Shapley shares of the win, among 3 of 5 that departed:" in blame_text(searched(Crowd(WAY)))
+    assert "Shapley shares of the win, of 3 of 5 pairs with departures:" in blame_text(searched(Crowd(WAY)))

@@ -1,4 +1,4 @@
-"""Pictures of branches: drawn where neither the trace nor another branch has them, and then once."""
+"""Pictures of branches: each is rendered once, and only if the trace does not hold it."""
 
 import os
 import signal
@@ -44,7 +44,7 @@ def search(tmp_path_factory: pytest.TempPathFactory) -> Trace:
 
 @pytest.fixture
 def drawn(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """The ids of the pictures that a sensor draws from now on."""
+    """Record the ids of the pictures that a sensor renders from now on."""
     names: list[str] = []
     draw = Sensor.picture
 
@@ -73,7 +73,7 @@ def request_of(frame: FrameInfo) -> CaptureRequest:
 
 
 def nameless(info: FrameInfo) -> FrameInfo:
-    """Without the hashes of the pixels."""
+    """Return a picture without the hashes of its pixels."""
     return replace(info, sha256="", channels_sha256="")
 
 
@@ -148,7 +148,7 @@ def test_the_picture_that_was_asked_for_longest_ago_is_forgotten_first(search: T
 
 
 def test_packed_pictures_take_no_more_memory_than_they_hold() -> None:
-    """In a process of its own, whose allocator has no rooms yet from before."""
+    """In a separate process, where the allocator holds no free blocks from earlier tests."""
     ran = subprocess.run([sys.executable, "-c", PACKED], capture_output=True, text=True, check=True)
     held, grown = map(int, ran.stdout.split())
     assert grown < 2 * held

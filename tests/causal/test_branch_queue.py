@@ -1,4 +1,4 @@
-"""Branches that are begun ahead: told only when they are asked for, and ended when they are of no use any more."""
+"""Branches begun ahead: reported only on request, and ended when they are not needed any more."""
 
 import os
 import signal
@@ -21,7 +21,7 @@ SILENT = 80
 
 
 class Branches:
-    """Begins branches that say from where they left."""
+    """Starts branches that report their first boundary."""
 
     def __init__(self) -> None:
         self.begun: list[int] = []
@@ -58,48 +58,48 @@ def branches() -> Iterator[Branches]:
     assert -signal.SIGTERM not in ended, "a branch was left running"
 
 
-def asked(queue: BranchQueue, plans: list[int], ahead: tuple[int, ...] = ()) -> list[BranchResult]:
-    told: dict[int, BranchResult] = {}
-    queue.play([BranchPlan(at=at) for at in plans], [BranchPlan(at=at) for at in ahead], told.__setitem__)
-    return [told[number] for number in range(len(plans))]
+def played(queue: BranchQueue, plans: list[int], ahead: tuple[int, ...] = ()) -> list[BranchResult]:
+    results: dict[int, BranchResult] = {}
+    queue.play([BranchPlan(at=at) for at in plans], [BranchPlan(at=at) for at in ahead], results.__setitem__)
+    return [results[number] for number in range(len(plans))]
 
 
 @pytest.mark.parametrize("jobs", [1, 2, 5])
 def test_each_plan_has_its_result_however_many_run_at_once(branches: Branches, jobs: int) -> None:
     queue = BranchQueue(branches.begin, jobs)
-    assert [one.ticks for one in asked(queue, [3, 1, 2, 1])] == [3, 1, 2, 1]
-    assert [one.ticks for one in asked(queue, [1])] == [1]
+    assert [result.ticks for result in played(queue, [3, 1, 2, 1])] == [3, 1, 2, 1]
+    assert [result.ticks for result in played(queue, [1])] == [1]
     assert sorted(branches.begun) == [1, 1, 2, 3]
     queue.close()
 
 
 def test_one_worker_begins_nothing_ahead(branches: Branches) -> None:
     queue = BranchQueue(branches.begin, 1)
-    asked(queue, [1, 2], ahead=(7,))
+    played(queue, [1, 2], ahead=(7,))
     assert branches.begun == [1, 2]
     queue.close()
 
 
 def test_a_branch_that_was_begun_ahead_is_played_once(branches: Branches) -> None:
     queue = BranchQueue(branches.begin, 2)
-    asked(queue, [1], ahead=(7, 8))
+    played(queue, [1], ahead=(7, 8))
     assert branches.begun[:2] == [1, 7]
-    assert [one.ticks for one in asked(queue, [7])] == [7]
+    assert [result.ticks for result in played(queue, [7])] == [7]
     assert branches.begun.count(7) == 1
     queue.close()
 
 
 def test_what_is_of_no_use_any_more_is_ended_and_makes_room(branches: Branches) -> None:
     queue = BranchQueue(branches.begin, 2)
-    asked(queue, [1], ahead=(ENDLESS,))
-    assert [one.ticks for one in asked(queue, [2, 3])] == [2, 3]
+    played(queue, [1], ahead=(ENDLESS,))
+    assert [result.ticks for result in played(queue, [2, 3])] == [2, 3]
     assert queue.unused_s > 0.0
-    asked(queue, [4], ahead=(ENDLESS,))
+    played(queue, [4], ahead=(ENDLESS,))
     queue.close()
 
 
 def test_a_branch_that_ends_without_a_word_is_said_to_have_failed(branches: Branches) -> None:
     queue = BranchQueue(branches.begin, 2)
-    (one,) = asked(queue, [SILENT])
-    assert "without a word" in one.failed
+    (result,) = played(queue, [SILENT])
+    assert "without a word" in result.failed
     queue.close()

@@ -1,5 +1,6 @@
-"""Branches of a trace: a null fork is the episode, the truth repairs, messages change on their way, what cannot be
-branched says so, and nothing of it outlives its caller."""
+"""Branches of a trace: null forks, repairs by the truth, changed messages, reasons against branching, and no processes
+left.
+"""
 
 import os
 import signal
@@ -43,7 +44,7 @@ def played(folder: Path, policy: str, ticks: float = 24.0) -> Trace:
 
 @pytest.fixture(scope="module")
 def lost(tmp_path_factory: pytest.TempPathFactory) -> Trace:
-    """A sea rescue that was lost because the boat went astray."""
+    """A sea rescue that was lost because the boat left its route."""
     return played(tmp_path_factory.mktemp("lost") / "episode", "Astray")
 
 
@@ -59,8 +60,10 @@ def of(faculty: Faculty, agent: str, first: int, last: int | None = None) -> Sub
 
 def onset(trace: Trace) -> int:
     """The boundary of the skipper's first command from `ASTRAY_FROM` on."""
-    made = ((record.tick - 1, one) for record in trace.boundaries[1:] for one in record.decisions)
-    return next(at for at, one in made if one.agent == "skipper" and at >= ASTRAY_FROM and one.decision.command)
+    made = ((record.tick - 1, decision) for record in trace.boundaries[1:] for decision in record.decisions)
+    return next(
+        at for at, decision in made if decision.agent == "skipper" and at >= ASTRAY_FROM and decision.decision.command
+    )
 
 
 def test_a_null_fork_is_the_episode_from_wherever_it_leaves(host: BranchHost, lost: Trace) -> None:
@@ -123,7 +126,7 @@ def test_pixels_come_where_a_branch_is_written_and_change_nothing(host: BranchHo
 
 def test_messages_change_on_their_way_and_nothing_else_does(host: BranchHost, lost: Trace, tmp_path: Path) -> None:
     edges = [edge for record in lost.boundaries for edge in record.messages]
-    edge = next(one for one in edges if one.category == "report" and "position" in one.body)
+    edge = next(message for message in edges if message.category == "report" and "position" in message.body)
     body = {"position": (1.0, 2.0, 3.0)}
     changes = {
         "drop": MessageChange(message=edge.id, act="drop"),
@@ -135,7 +138,7 @@ def test_messages_change_on_their_way_and_nothing_else_does(host: BranchHost, lo
     plans = [
         BranchPlan(at=edge.tick - 1, messages=(change,), out=str(tmp_path / name)) for name, change in changes.items()
     ]
-    branches = {name: read_trace(one.path) for name, one in zip(changes, host.play(plans), strict=True)}
+    branches = {name: read_trace(message.path) for name, message in zip(changes, host.play(plans), strict=True)}
 
     def read_at(trace: Trace) -> list[int]:
         boxes = ((record.tick, box) for record in trace.boundaries for box in record.inboxes)
@@ -148,48 +151,50 @@ def test_messages_change_on_their_way_and_nothing_else_does(host: BranchHost, lo
     assert read_at(branches["drop"]) == []
     assert read_at(branches["delay"]) == [edge.deliver_at + 2]
     assert read_at(branches["repeat"]) == [edge.deliver_at, edge.deliver_at + 1]
-    forged = [one for record in branches["forge"].boundaries for one in record.messages if one.id == edge.id]
-    assert [one.body["position"] for one in forged] == [body["position"]]
+    forged = [
+        message for record in branches["forge"].boundaries for message in record.messages if message.id == edge.id
+    ]
+    assert [message.body["position"] for message in forged] == [body["position"]]
     assert adjudicated(lost) and adjudicated(branches["drop"]) and not adjudicated(branches["withhold"])
-    others = [one.id for one in lost.boundaries[edge.tick].messages if one.id != edge.id]
-    assert [one.id for one in branches["withhold"].boundaries[edge.tick].messages] == others
+    others = [message.id for message in lost.boundaries[edge.tick].messages if message.id != edge.id]
+    assert [message.id for message in branches["withhold"].boundaries[edge.tick].messages] == others
     for branch in branches.values():
         assert branch.boundaries[: edge.tick] == lost.boundaries[: edge.tick]
 
 
-def without_cost(told: Blame) -> Blame:
-    return replace(told, cpu_s=0.0, driven_s=0.0, camera_s=0.0)
+def without_cost(result: Blame) -> Blame:
+    return replace(result, cpu_s=0.0, driven_s=0.0, camera_s=0.0)
 
 
 def test_blame_names_agent_faculty_and_boundary_however_many_run_at_once(lost: Trace) -> None:
-    given = BlameOptions(placebos=3, files=(f"{ERRING}:Astray",))
-    told = blame(lost, replace(given, jobs=3))
-    assert without_cost(told) == without_cost(blame(lost, replace(given, jobs=1)))
-    (repair,) = told.repairs
+    options = BlameOptions(placebos=3, files=(f"{ERRING}:Astray",))
+    result = blame(lost, replace(options, jobs=3))
+    assert without_cost(result) == without_cost(blame(lost, replace(options, jobs=1)))
+    (repair,) = result.repairs
     (cause,) = repair.causes
     assert (cause.agent, cause.faculty, cause.boundary) == ("skipper", "waypoint", onset(lost))
-    assert told.complete and not told.exhausted
-    assert told.null is not None and told.null.identical
-    (share,) = told.shares
+    assert result.complete and not result.exhausted
+    assert result.null is not None and result.null.identical
+    (share,) = result.shares
     assert (share.agent, share.share, share.exact) == ("skipper", 1.0, True)
-    assert told.placebos is not None
-    assert (told.placebos.same, told.placebos.changed, told.placebos.repaired) == (2, 0, 0)
-    said = blame_text(told)
-    assert f"waypoint of skipper, from boundary {cause.boundary}" in said
-    assert f"lingjing fork {lost.path} --substitute '{window_text(cause)}'" in said
+    assert result.placebos is not None
+    assert (result.placebos.same, result.placebos.changed, result.placebos.repaired) == (2, 0, 0)
+    text = blame_text(result)
+    assert f"waypoint of skipper, from boundary {cause.boundary}" in text
+    assert f"lingjing fork {lost.path} --substitute '{window_text(cause)}'" in text
     assert window_text(cause).startswith(f"waypoint:skipper@{cause.first}")
 
 
 @pytest.mark.study  # opens a host of its own for one branch
 def test_a_budget_that_does_not_suffice_is_said(lost: Trace) -> None:
-    told = blame(lost, BlameOptions(branches=1, files=(f"{ERRING}:Astray",)))
-    assert told.branches == 1 and told.exhausted and told.repairs == ()
-    assert "Nothing was replaced" in blame_text(told)
+    result = blame(lost, BlameOptions(branches=1, files=(f"{ERRING}:Astray",)))
+    assert result.branches == 1 and result.exhausted and result.repairs == ()
+    assert "Nothing was replaced" in blame_text(result)
 
 
 @pytest.mark.parametrize(
     ("policy", "words"),
-    [("Moody", "policy of `scout[1]` decides otherwise than it did"), ("Threaded", "keep 5 more threads")],
+    [("Moody", "policy of `scout[1]` makes another decision"), ("Threaded", "keep 5 more threads")],
 )
 def test_what_cannot_be_run_again_says_so(policy: str, words: str, tmp_path: Path) -> None:
     trace = played(tmp_path / "episode", policy, ticks=4.0)
@@ -201,18 +206,18 @@ def test_what_cannot_be_run_again_says_so(policy: str, words: str, tmp_path: Pat
 
 def test_no_message_is_tried_of_an_episode_whose_null_fork_is_another(lost: Trace) -> None:
     others = {"rescuer": f"{ERRING}:Wavering"}
-    told = message_values(lost, BranchOptions(trace=str(lost.path), files=(f"{ERRING}:Astray",), policies=others))
-    assert (told.null, told.messages, told.branches) == (NullFork(identical=False, boundary=1), (), 1)
+    values = message_values(lost, BranchOptions(trace=str(lost.path), files=(f"{ERRING}:Astray",), policies=others))
+    assert (values.null, values.messages, values.branches) == (NullFork(identical=False, boundary=1), (), 1)
 
 
 @pytest.fixture(scope="module")
 def idle(tmp_path_factory: pytest.TempPathFactory) -> Trace:
-    """Four ticks in which nobody did anything."""
+    """Four ticks without any action."""
     return played(tmp_path_factory.mktemp("idle") / "episode", "Unseeing", ticks=4.0)
 
 
 def of_idle(idle: Trace, policy: str) -> BranchOptions:
-    """Branches of it in which others, who did nothing either, have its agents' places."""
+    """Branches of the idle episode with other idle policies."""
     files = (f"{ERRING}:Unseeing",)
     return BranchOptions(trace=str(idle.path), files=files, policies={"rescuer": f"{ERRING}:{policy}"}, jobs=2)
 
@@ -222,7 +227,7 @@ def test_policies_that_fail_in_a_branch_are_told(idle: Trace) -> None:
     with BranchHost(idle, of_idle(idle, "Brittle")) as host:
         (result,) = host.play([plan])
     assert result.unanswered == {"policy_error": 2}
-    assert "did nothing then: 2 answers (policy_error)" in branch_text(idle, plan, result)
+    assert "replaced by doing nothing: 2 answers (policy_error)" in branch_text(idle, plan, result)
 
 
 def test_a_policy_that_ends_the_process_is_told_with_its_exit_code(idle: Trace) -> None:
@@ -244,8 +249,8 @@ def test_a_branch_that_fails_is_told_at_once_and_ends_the_others(idle: Trace) ->
 def test_what_policies_print_is_printed_once(idle: Trace, capfd: pytest.CaptureFixture[str]) -> None:
     with BranchHost(idle, of_idle(idle, "Printing")) as host:
         host.play([BranchPlan(at=3)])
-    said = capfd.readouterr()
-    assert said.out == "" and [said.err.count(f"skipper at {tick}\n") for tick in range(4)] == [1, 1, 1, 1]
+    output = capfd.readouterr()
+    assert output.out == "" and [output.err.count(f"skipper at {tick}\n") for tick in range(4)] == [1, 1, 1, 1]
 
 
 def test_a_branch_of_a_cut_trace_says_up_to_where_it_was_compared(idle: Trace) -> None:
@@ -306,7 +311,7 @@ def test_a_boundary_that_is_killed_while_it_is_held_is_told(idle: Trace) -> None
 
 
 def wait_for(group: int, left: list[int]) -> None:
-    """Until those of a process group have ended that are not `left`."""
+    """Wait until the processes of a group that are not in `left` have ended."""
     until = time.monotonic() + PATIENCE_S
     while members(group) != left and time.monotonic() < until:
         time.sleep(0.01)
@@ -314,8 +319,8 @@ def wait_for(group: int, left: list[int]) -> None:
 
 
 def members(group: int) -> list[int]:
-    """The processes of a process group that have not ended."""
-    found = []
+    """Return the living processes of a process group."""
+    pids = []
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
             try:
@@ -323,8 +328,8 @@ def members(group: int) -> list[int]:
             except OSError:
                 continue
             if int(fields[2]) == group and fields[0] not in "ZX":
-                found.append(int(entry.name))
-    return found
+                pids.append(int(entry.name))
+    return pids
 
 
 @pytest.mark.parametrize(
@@ -336,7 +341,7 @@ def members(group: int) -> list[int]:
         (["--at", "3", "--substitute", "perceptoin"], "did you mean `perception`?"),
         (["--at", "3", "--substitute", "perception:skipper"], "`skipper` has no perception"),
         (["--at", "3", "--substitute", "perception:nobody"], "there is no agent `nobody`"),
-        (["--at", "24", "--substitute", "waypoint"], "the episode is over at boundary 24"),
+        (["--at", "24", "--substitute", "waypoint"], "the episode has ended at boundary 24"),
         (["--drop", "m99-1"], "no message is called `m99-1`"),
         (["--at", "3", "--substitute", "waypoint", "--reference", "random"], "it does not see the truth"),
         (["--at", "3"], "there is no policy file `erring.py`"),
@@ -357,10 +362,10 @@ def test_mistakes_are_told_in_one_message(
     options: list[str], words: str, lost: Trace, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(lost.path.parent)
-    found = [] if "policy file" in words else ["--policy", f"{ERRING}:Astray"]
-    assert main(["fork", str(lost.path), *options, *found]) == ExitCode.USAGE
-    said = capsys.readouterr().err
-    assert words in said and said.count("error:") == 1
+    policy = [] if "policy file" in words else ["--policy", f"{ERRING}:Astray"]
+    assert main(["fork", str(lost.path), *options, *policy]) == ExitCode.USAGE
+    message = capsys.readouterr().err
+    assert words in message and message.count("error:") == 1
 
 
 def test_what_no_message_is_measured_by_is_no_option_of_its_value(capsys: pytest.CaptureFixture[str]) -> None:
@@ -372,24 +377,24 @@ def test_what_no_message_is_measured_by_is_no_option_of_its_value(capsys: pytest
 def test_the_command_says_what_came_of_it(lost: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     at = onset(lost)
     windows = ["--substitute", f"waypoint:skipper@{at}-", "--substitute", f"execution:skipper@{at - 2}-{at - 1}"]
-    given = ["--policy", f"{ERRING}:Astray", *windows, "-o", str(tmp_path / "out")]
-    assert main(["fork", str(lost.path), *given]) == ExitCode.OK
-    said = capsys.readouterr().out
-    assert "lost (budget) after 24 ticks" in said
-    assert f"boundary {at - 2}, waypoint of skipper from {at} on, execution of skipper until {at - 1}: won" in said
-    assert f"replaced: waypoint of skipper at {at}" in said
+    options = ["--policy", f"{ERRING}:Astray", *windows, "-o", str(tmp_path / "out")]
+    assert main(["fork", str(lost.path), *options]) == ExitCode.OK
+    output = capsys.readouterr().out
+    assert "lost (budget) after 24 ticks" in output
+    assert f"boundary {at - 2}, waypoint of skipper from {at} on, execution of skipper until {at - 1}: won" in output
+    assert f"replaced: waypoint of skipper at {at}" in output
     assert main(["verify", str(tmp_path / "out" / "trace.mcap")]) == ExitCode.OK
 
 
 def test_a_trace_from_before_verbs_said_how_they_move_is_refused(lost: Trace) -> None:
-    """Policies and faculties would take every command for a standstill."""
+    """Without motions, policies and faculties would take every command for a standstill."""
     instance = lost.header.instance
     silent = tuple(
-        replace(one, verbs=tuple(replace(verb, motion="") for verb in one.verbs)) for one in instance.entities
+        replace(entity, verbs=tuple(replace(verb, motion="") for verb in entity.verbs)) for entity in instance.entities
     )
     header = replace(lost.header, instance=replace(instance, entities=silent))
     older = Trace(lost.path, header, lost.boundaries, lost.outcome, False, lost.places)
-    with pytest.raises(UsageError, match="an older version wrote it, which did not say how `"):
+    with pytest.raises(UsageError, match="an older version wrote it without the motion of `"):
         blame(older, BlameOptions(files=(f"{ERRING}:Astray",)))
 
 

@@ -1,4 +1,4 @@
-"""`CandidatePlayer`: where candidates are played."""
+"""Tests of `CandidatePlayer`: the places in which candidates are played."""
 
 import re
 from collections.abc import Iterable, Iterator
@@ -19,7 +19,7 @@ from tests.play.report_kit import made_report
 
 
 def test_a_control_from_a_file_is_played_within_the_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its name is a path, which leads elsewhere."""
+    """The control's name is a path, which leads out of the folder."""
     played: list[Path] = []
 
     def play(tasks: Iterable[EpisodeTask], jobs: int) -> Iterator[tuple[EpisodeTask, EpisodeReport]]:
@@ -53,5 +53,5 @@ def test_a_mission_that_nobody_can_win_is_told_from_no_mission(tmp_path: Path) -
     )  # fmt: skip
     too_short, torn = re.sub(r"ticks <= \d+", "ticks <= 2", text), text.replace("mission", "missing")
     assert too_short != text
-    verdicts = [player.replayed(Candidate(one, {})) for one in (too_short, torn)]
+    verdicts = [player.replayed(Candidate(text, {})) for text in (too_short, torn)]
     assert verdicts == ["hopeless", "no mission"]

@@ -36,7 +36,7 @@ def test_no_single_part_can_be_left_out_of_the_rest() -> None:
         return 1 in candidate and 2 in candidate and (3 not in candidate or 4 in candidate)
 
     def first_failing(candidates: Sequence[tuple[int, ...]]) -> int | None:
-        return next((number for number, one in enumerate(candidates) if fails(set(one))), None)
+        return next((number for number, candidate in enumerate(candidates) if fails(set(candidate))), None)
 
     kept = set(minimize(range(6), first_failing))
     assert fails(kept)

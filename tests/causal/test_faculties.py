@@ -1,4 +1,4 @@
-"""Parts of decisions and the truth: each faculty replaces its own part and nothing else; the page has that table."""
+"""Parts of decisions and the truth: each faculty replaces only its own part; the documentation has the same table."""
 
 from pathlib import Path
 from types import SimpleNamespace
@@ -7,7 +7,7 @@ from typing import Any, get_args
 import pytest
 
 from lingjing.bench.columns import shipped
-from lingjing.causal.faculties import FACULTIES, TrueSituation, faculties_of, replaced, right_parts
+from lingjing.causal.faculties import FACULTIES, TrueSituation, faculties_of, replace_faculty, right_parts
 from lingjing.causal.shapley import shapley_shares
 from lingjing.dsl.loading.load import load_mission
 from lingjing.mission.instance import Instance
@@ -36,7 +36,7 @@ def scene(instance: Instance, agent: str) -> TrueSituation:
     registry: Any = SimpleNamespace(
         frames={"f1": frame}, frame_states={"f1": {"victim[1]": state}}, states={"victim[1]": state}
     )
-    return TrueSituation(instance, next(one for one in instance.agents if one.id == agent), registry)
+    return TrueSituation(instance, next(spec for spec in instance.agents if spec.id == agent), registry)
 
 
 def report(box: tuple[float, ...] = TRUE_BOX, place: tuple[float, ...] = TRUE_PLACE, cls: str = "") -> Outgoing:
@@ -72,11 +72,11 @@ def test_a_fault_is_put_right_by_its_own_faculty_alone(
     sea: Instance, faculty: Faculty, agent: str, wrong: Decision, right: Decision
 ) -> None:
     at = scene(sea, agent)
-    assert replaced(faculty, wrong, right, at) == right
+    assert replace_faculty(faculty, wrong, right, at) == right
     for other in set(NAMES) - {faculty}:
-        assert replaced(other, wrong, right, at) is wrong
+        assert replace_faculty(other, wrong, right, at) is wrong
     for name in NAMES:
-        assert replaced(name, right, right, at) is right
+        assert replace_faculty(name, right, right, at) is right
 
 
 @pytest.mark.parametrize(("faculty", "agent", "wrong", "right"), CASES)
@@ -97,13 +97,13 @@ def test_what_agrees_within_the_tolerances_is_left_as_it_is(sea: Instance) -> No
     at = scene(sea, SCOUT)
     mine = Decision(command=fly(9.0), messages=(report((0.42, 0.4, 0.6, 0.6), (109.0, 200.0, 0.0)),))
     right = Decision(command=fly(0.0), messages=(report(),))
-    assert all(replaced(name, mine, right, at) is mine for name in NAMES)
+    assert all(replace_faculty(name, mine, right, at) is mine for name in NAMES)
 
 
 def test_a_wrong_place_is_put_right_wherever_it_is_repeated(sea: Instance) -> None:
     mine = Decision(messages=(report(place=FALSE_PLACE), order(place=FALSE_PLACE)))
-    after = replaced("localisation", mine, Decision(), scene(sea, SCOUT))
-    assert [one.body["position"] for one in after.messages] == [TRUE_PLACE, TRUE_PLACE]
+    after = replace_faculty("localisation", mine, Decision(), scene(sea, SCOUT))
+    assert [message.body["position"] for message in after.messages] == [TRUE_PLACE, TRUE_PLACE]
 
 
 def test_agents_have_the_faculties_that_their_roles_are_declared_to(sea: Instance) -> None:
@@ -118,9 +118,9 @@ def test_every_shipped_mission_has_faculties_and_walkers_and_drivers_route() -> 
     for path in shipped():
         mission = load_mission(path)
         instance = instantiate(mission, seed=1)
-        found = {faculty for agent in instance.agents for faculty in faculties_of(instance, agent)}
-        moving[mission.name] = found & {"waypoint", "routing"}
-        assert "execution" in found
+        faculties = {faculty for agent in instance.agents for faculty in faculties_of(instance, agent)}
+        moving[mission.name] = faculties & {"waypoint", "routing"}
+        assert "execution" in faculties
     assert moving["ssr"] == {"waypoint"} and moving["upr"] >= {"routing", "waypoint"} and "routing" in moving["cd"]
 
 
@@ -132,19 +132,19 @@ def test_the_page_has_the_table() -> None:
 
 
 def game(*winning: set[str]) -> Any:
-    """Values of coalitions: those win that contain one of the sets."""
-    return lambda sets: [float(any(one <= {agent for _, agent in some} for one in winning)) for some in sets]
+    """Return values of coalitions: those that contain one of the sets win."""
+    return lambda sets: [float(any(group <= {agent for _, agent in some} for group in winning)) for some in sets]
 
 
 def test_shares_of_games_worked_out_by_hand() -> None:
     players: list[tuple[Faculty, str]] = [("waypoint", "a"), ("waypoint", "b"), ("waypoint", "c")]
     either = shapley_shares(players, game({"a"}, {"b"}), exact=True, seed=0)
-    assert [(one.agent, one.share) for one in either] == [("a", 0.5), ("b", 0.5), ("c", 0.0)]
+    assert [(share.agent, share.share) for share in either] == [("a", 0.5), ("b", 0.5), ("c", 0.0)]
     # a with b, or a alone with c: a is needed (4/6), b and c each in one of six orders
     needed = shapley_shares(players, game({"a", "b"}, {"a", "c"}), exact=True, seed=0)
-    assert [one.share for one in needed] == pytest.approx([4 / 6, 1 / 6, 1 / 6])
+    assert [share.share for share in needed] == pytest.approx([4 / 6, 1 / 6, 1 / 6])
     sampled = shapley_shares(players, game({"a", "b"}, {"a", "c"}), exact=False, seed=0)
-    assert sum(one.share for one in sampled) == pytest.approx(1.0)
-    for one, truth in zip(sorted(sampled, key=lambda one: one.agent), (4 / 6, 1 / 6, 1 / 6), strict=True):
-        assert one.low <= truth <= one.high and not one.exact
+    assert sum(share.share for share in sampled) == pytest.approx(1.0)
+    for share, truth in zip(sorted(sampled, key=lambda share: share.agent), (4 / 6, 1 / 6, 1 / 6), strict=True):
+        assert share.low <= truth <= share.high and not share.exact
     assert shapley_shares(players, lambda sets: [None] * len(sets), exact=True, seed=0) == ()

@@ -1,4 +1,4 @@
-"""`FailureSignature`: what the ending of an episode names."""
+"""Tests of `FailureSignature`."""
 
 from pathlib import Path
 
@@ -27,5 +27,5 @@ def test_stages_are_late_by_their_own_bound_and_not_by_the_words_of_the_ending(t
         out=tmp_path / "episode", overview=False,
     )  # fmt: skip
     assert report.reason == "late" and "done in the 2 ticks" in report.detail
-    found = failure_of(read_trace(report.trace))
-    assert found is not None and found.named == ("execute",)
+    signature = failure_of(read_trace(report.trace))
+    assert signature is not None and signature.named == ("execute",)

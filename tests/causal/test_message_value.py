@@ -1,4 +1,4 @@
-"""The tables of what messages were worth, by hand."""
+"""Tables of the values of messages, computed by hand."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_modes_are_means_over_episodes() -> None:
 
 def test_modes_of_which_not_all_was_tried_are_told_so() -> None:
     short = msgspec.structs.replace(STAR, left_out=5)
-    assert "per episode, of the messages that were tried:" in value_text([short, BROADCAST])
+    assert "per episode, over the measured messages:" in value_text([short, BROADCAST])
     assert "per episode:" in value_text([STAR, BROADCAST])
     assert [row.left_out for row in by_mode([short, STAR, BROADCAST])] == [0.0, 2.5]
 
@@ -62,22 +62,22 @@ def test_an_episode_that_its_null_fork_is_not_is_in_no_table() -> None:
     assert by_mode([STAR, moody]) == by_mode([STAR])
     assert value_text([moody]) == (
         "broadcast.mcap: broadcast, won after 30 ticks, score 1.00; 0 messages, 1 branch, 4 s CPU\n"
-        "  null fork: differs at boundary 7, though nothing was changed.\n"
-        "  The policies decide otherwise each time: no message was tried."
+        "  null fork: differs at boundary 7, although nothing was changed.\n"
+        "  The policies are not deterministic: no message was measured."
     )
 
 
 def test_policies_that_failed_in_branches_are_told() -> None:
-    told = value_text([msgspec.structs.replace(STAR, unanswered={"policy_timeout": 2})])
-    assert "  policies failed in 2 branches (policy_timeout), and did nothing then\n  whether an answer comes" in told
+    text = value_text([msgspec.structs.replace(STAR, unanswered={"policy_timeout": 2})])
+    assert "(policy_timeout); their answers were replaced by doing nothing\n  late answers depend" in text
     branches = [BranchResult(unanswered={"policy_timeout": 3}), BranchResult(unanswered={"policy_error": 1})]
     assert failed_answers(branches, frozenset({"policy_error"})) == {"policy_timeout": 1}
 
 
 def test_it_is_told_what_decided() -> None:
-    told = value_text([STAR, BROADCAST])
-    assert "star.mcap: star, won after 30 ticks, score 1.00; 3 messages, 4 branches, 4 s CPU" in told
-    assert told.endswith(
-        "what decided:\n"
+    text = value_text([STAR, BROADCAST])
+    assert "star.mcap: star, won after 30 ticks, score 1.00; 3 messages, 4 branches, 4 s CPU" in text
+    assert text.endswith(
+        "decisive messages:\n"
         "  star.mcap: without m2-1 (detection of scout[1], to hub) lost (budget): decisions differ from boundary 3 on"
     )

@@ -1,4 +1,4 @@
-"""Which boundaries a repair needs: what narrowing asks, finds and tells ahead."""
+"""Tests of narrowing: its questions, its results and its predicted questions."""
 
 import pytest
 
@@ -23,13 +23,13 @@ def answered(narrowing: Narrowing, question: Windows, needed: dict[AgentFaculty,
 
 @pytest.mark.parametrize("needed", [(4, 4), (4, 31), (9, 13), (30, 31)])
 def test_the_smallest_window_is_found(needed: tuple[int, int]) -> None:
-    narrowing, asked = Narrowing({WAY: range(4, 32)}, {WAY: range(4, 32)}), 0
+    narrowing, questions = Narrowing({WAY: range(4, 32)}, {WAY: range(4, 32)}), 0
     while (question := narrowing.question()) is not None:
         answered(narrowing, question, {WAY: needed})
-        asked += 1
+        questions += 1
     span = narrowing.spans()[WAY]
     assert (span.first, span.replaced[0], span.replaced[-1]) == (needed[0], *needed)
-    assert asked <= 10
+    assert questions <= 10
 
 
 def test_the_last_boundary_that_repairs_is_found_where_the_first_replaces_little() -> None:
@@ -38,7 +38,10 @@ def test_the_last_boundary_that_repairs_is_found_where_the_first_replaces_little
     while (question := narrowing.question()) is not None:
         ((_, first, last),) = question
         won = first <= 24 and (last is None or last >= 26)
-        narrowing.answer(question, {WAY: [one for one in (24, 26, 27) if last is None or one <= last]} if won else None)
+        narrowing.answer(
+            question,
+            {WAY: [boundary for boundary in (24, 26, 27) if last is None or boundary <= last]} if won else None,
+        )
     assert narrowing.spans() == {WAY: ReplacedSpan(24, [24, 26])}
 
 
@@ -64,13 +67,13 @@ def test_pair_after_pair_is_narrowed_within_the_windows_of_those_before() -> Non
 
 def test_what_is_asked_next_was_among_the_guesses_where_it_can_be_foreseen() -> None:
     needed = {WAY: (17, 22)}
-    narrowing, foreseen, asked = Narrowing({WAY: range(32)}, {WAY: range(32)}), 0, 0
+    narrowing, foreseen, questions = Narrowing({WAY: range(32)}, {WAY: range(32)}), 0, 0
     while (question := narrowing.question()) is not None:
         guesses = list(narrowing.guesses())
         answered(narrowing, question, needed)
         following = narrowing.question()
-        foreseen, asked = foreseen + (following in guesses), asked + (following is not None)
-    assert asked - foreseen <= 1  # the first end depends on what the last beginning replaces
+        foreseen, questions = foreseen + (following in guesses), questions + (following is not None)
+    assert questions - foreseen <= 1  # the first end depends on what the last beginning replaces
     assert list(narrowing.guesses()) == []
 
 

@@ -1,4 +1,4 @@
-"""A trace's mission with everything drawn made fast, and with parts left out."""
+"""A trace's mission with fixed draws, and with parts removed."""
 
 import msgspec
 import pytest
@@ -23,11 +23,13 @@ def drawn(text: str, mode: str, seed: int = SEED) -> Instance:
 
 
 def comparable(instance: Instance) -> Instance:
-    """Without what shrinking changes on purpose: outlines that places are drawn from, guards of the one mode."""
+    """Return an instance without the parts that shrinking changes on purpose: regions of draws, and guards of the
+    mode.
+    """
     return msgspec.structs.replace(
         instance,
-        entities=tuple(msgspec.structs.replace(one, drawn_in=()) for one in instance.entities),
-        **{name: tuple(msgspec.structs.replace(one, when=None) for one in getattr(instance, name))
+        entities=tuple(msgspec.structs.replace(item, drawn_in=()) for item in instance.entities),
+        **{name: tuple(msgspec.structs.replace(item, when=None) for item in getattr(instance, name))
            for name in ("relations", "constraints")},
     )  # fmt: skip
 
@@ -54,11 +56,11 @@ def ssr() -> tuple[Mission, Instance]:
 def test_what_is_left_stays_where_it_was(ssr: tuple[Mission, Instance]) -> None:
     mission, instance = ssr
     whole = ReducibleMission(mission, instance)
-    gone = {RemovablePart("target", "victim[2]"), RemovablePart("agent", "scout[1]")}
-    reduced = whole.keeping([part for part in whole.parts if part not in gone], 40)
+    removed = {RemovablePart("target", "victim[2]"), RemovablePart("agent", "scout[1]")}
+    reduced = whole.keeping([part for part in whole.parts if part not in removed], 40)
     left = drawn(to_ljs(reduced.mission), "broadcast")
-    places = {one.id: one.position for one in instance.entities}
-    now = {one.id: one.position for one in left.entities}
+    places = {entity.id: entity.position for entity in instance.entities}
+    now = {entity.id: entity.position for entity in left.entities}
     assert now == {
         "victim[1]": places["victim[1]"], "victim[2]": places["victim[3]"],
         "uav[1]": places["uav[2]"], "uav[2]": places["uav[3]"], "boat": places["boat"],
@@ -72,12 +74,12 @@ def test_a_body_that_another_may_command_stays_without_its_agent(ssr: tuple[Miss
     whole = ReducibleMission(*ssr)
     reduced = whole.keeping([part for part in whole.parts if part.name != "skipper"], 40)
     left = drawn(to_ljs(reduced.mission), "broadcast")
-    assert "boat" in {one.id for one in left.entities}
-    assert {one.id for one in left.agents} == {"scout[1]", "scout[2]", "scout[3]"}
+    assert "boat" in {item.id for item in left.entities}
+    assert {item.id for item in left.agents} == {"scout[1]", "scout[2]", "scout[3]"}
 
 
-def test_messages_by_which_somebody_must_be_assigned_stay(ssr: tuple[Mission, Instance]) -> None:
-    """A stage asks for it: without them every handoff breaks, and not as the episode's did."""
+def test_messages_of_required_assignments_are_kept(ssr: tuple[Mission, Instance]) -> None:
+    """A stage requires them: without them every handoff fails, and not as in the episode."""
     kinds = [part.name for part in ReducibleMission(*ssr).parts if part.kind == "message"]
     assert kinds == ["detection", "progress"]
 

@@ -1,4 +1,4 @@
-"""Recorded decisions on fresh engines: the digest is confirmed, or what differs first is named."""
+"""Recorded decisions on fresh engines: the digest is confirmed, or the first difference is named."""
 
 import json
 from pathlib import Path
@@ -38,7 +38,7 @@ def search(tmp_path_factory: pytest.TempPathFactory) -> Trace:
 
 
 def forged(trace: Trace, tick: int, **changes: object) -> Trace:
-    """The trace with a boundary changed, and every digest computed anew."""
+    """Return the trace with a boundary changed and all digests recomputed."""
     digest, records = START, list[BoundaryRecord]()
     for record in trace.boundaries:
         changed = replace(record, **changes) if record.tick == tick else record  # type: ignore[arg-type]
@@ -48,16 +48,16 @@ def forged(trace: Trace, tick: int, **changes: object) -> Trace:
 
 
 def differs(trace: Trace) -> tuple[int, str, str]:
-    told = replay(trace, world="inline")
-    assert told.difference is not None and told.confirmed == told.difference.boundary
-    return told.difference.boundary, told.difference.engine, told.difference.field
+    result = replay(trace, world="inline")
+    assert result.difference is not None and result.confirmed == result.difference.boundary
+    return result.difference.boundary, result.difference.engine, result.difference.field
 
 
 def test_it_is_confirmed_with_pictures_of_the_trace_and_drawn(search: Trace) -> None:
     assert search.frames
-    told = replay(search, world="inline")
-    assert told.difference is None and told.confirmed == len(search.boundaries) == told.boundaries
-    assert not told.drawn and told.versions == ()
+    result = replay(search, world="inline")
+    assert result.difference is None and result.confirmed == len(search.boundaries) == result.boundaries
+    assert not result.drawn and result.versions == ()
     again = replay(search, world="inline", draw=True)
     assert again.difference is None and again.drawn and again.pixels == ""
 
@@ -103,25 +103,25 @@ def test_forged_scores_boxes_and_outcomes_are_the_kernels_to_deny(search: Trace)
     assert differs_at_the_end(other) == "outcome.reason"
     seen = next(record for record in search.boundaries if record.frames)
     boxes = forged(search, seen.tick, frames=tuple(replace(frame, boxes=()) for frame in seen.frames))
-    told = replay(boxes, world="inline", draw=True)
-    assert told.difference is not None
-    assert (told.difference.boundary, told.difference.engine) == (seen.tick, "camera")
-    assert ".boxes" in told.difference.field
+    result = replay(boxes, world="inline", draw=True)
+    assert result.difference is not None
+    assert (result.difference.boundary, result.difference.engine) == (seen.tick, "camera")
+    assert ".boxes" in result.difference.field
 
 
 def differs_at_the_end(trace: Trace) -> str:
-    told: Replay = replay(trace, world="inline")
-    assert told.difference is not None and told.confirmed == told.boundaries
-    return told.difference.field
+    result: Replay = replay(trace, world="inline")
+    assert result.difference is not None and result.confirmed == result.boundaries
+    return result.difference.field
 
 
 def test_an_edited_command_is_named_by_the_body_that_it_moved(search: Trace) -> None:
-    """Whether or not the digests were computed anew."""
-    tick = next(one.tick for one in search.boundaries if any(_sent(made) for made in one.decisions))
+    """With recorded and with recomputed digests."""
+    tick = next(record.tick for record in search.boundaries if any(_sent(made) for made in record.decisions))
     decisions = tuple(_elsewhere(made) for made in search.boundaries[tick].decisions)
     changed = forged(search, tick, decisions=decisions)
     records = tuple(
-        replace(one, digest=old.digest) for one, old in zip(changed.boundaries, search.boundaries, strict=True)
+        replace(record, digest=old.digest) for record, old in zip(changed.boundaries, search.boundaries, strict=True)
     )
     bare = Trace(search.path, search.header, records, search.outcome, True, search.places)
     for trace in (changed, bare):
@@ -150,7 +150,7 @@ def test_decisions_of_others_than_the_agents_are_named(search: Trace) -> None:
 
 
 def test_decisions_that_were_taken_out_are_missed(search: Trace) -> None:
-    """Also where they had no effect, so that everything else is as it was."""
+    """Also if they had no effect, so that everything else is equal."""
     for agent in {made.agent for made in search.boundaries[3].decisions}:
         left = tuple(made for made in search.boundaries[3].decisions if made.agent != agent)
         assert differs(forged(search, 3, decisions=left)) == (3, "kernel", "decisions")
@@ -173,31 +173,31 @@ def test_another_weather_another_seer_and_lost_pictures_are_named(search: Trace)
         "observations[scout[1]].privileged": replace(header, bindings=()),
     }
     for field, other in headers.items():
-        given = Trace(search.path, other, search.boundaries, search.outcome, True, search.places)
-        assert differs(given) == (0, "kernel", field)
+        edited = Trace(search.path, other, search.boundaries, search.outcome, True, search.places)
+        assert differs(edited) == (0, "kernel", field)
     seen = next(record for record in search.boundaries if record.frames)
     assert differs(forged(search, seen.tick, frames=()))[0] == seen.tick
 
 
 def test_a_trace_of_another_version_says_so_even_if_it_is_confirmed(search: Trace) -> None:
     header = replace(search.header, fingerprint={**search.header.fingerprint, "jsbsim": "0.0.1"})
-    told = replay(Trace(search.path, header, search.boundaries, search.outcome, True, search.places), world="inline")
-    assert told.difference is None
-    assert "confirmed, although recorded with other libraries: jsbsim 0.0.1 (here " in sentence(told)
+    result = replay(Trace(search.path, header, search.boundaries, search.outcome, True, search.places), world="inline")
+    assert result.difference is None
+    assert "confirmed, although recorded with other libraries: jsbsim 0.0.1 (here " in sentence(result)
 
 
 def test_a_file_that_is_cut_anywhere_is_run_as_far_as_it_reads(search: Trace, tmp_path: Path) -> None:
     whole, part = search.path.read_bytes(), tmp_path / "trace.mcap"
     part.write_bytes(whole[: 6 * len(whole) // 10])
-    told = replay(read_trace(part), world="inline")
-    assert told.difference is None and 1 < told.confirmed == told.boundaries < len(search.boundaries)
+    result = replay(read_trace(part), world="inline")
+    assert result.difference is None and 1 < result.confirmed == result.boundaries < len(search.boundaries)
 
 
 def test_another_instance_is_not_this_episode(search: Trace) -> None:
     instance = search.header.instance
     moved = tuple(
-        replace(one, position=(one.position[0] + 1.0, *one.position[1:])) if one.id == "boat" else one
-        for one in instance.entities
+        replace(entity, position=(entity.position[0] + 1.0, *entity.position[1:])) if entity.id == "boat" else entity
+        for entity in instance.entities
     )
     header = replace(search.header, instance=replace(instance, entities=moved))
     other = Trace(search.path, header, search.boundaries, search.outcome, True, search.places)
@@ -206,9 +206,9 @@ def test_another_instance_is_not_this_episode(search: Trace) -> None:
 
 def test_a_partial_trace_is_run_to_its_last_boundary(search: Trace) -> None:
     part = Trace(search.path, search.header, search.boundaries[:4], None, False, search.places)
-    told = replay(part, world="inline")
-    assert told.difference is None and told.confirmed == 4 and not told.ends
-    assert "\n  the rest is not confirmed: the file has no outcome; " in sentence(told)
+    result = replay(part, world="inline")
+    assert result.difference is None and result.confirmed == 4 and not result.ends
+    assert "\n  the rest is not confirmed: the file has no outcome; " in sentence(result)
     with pytest.raises(UsageError, match="holds no boundary"):
         replay(Trace(search.path, search.header, (), None, False), world="inline")
 
@@ -261,12 +261,13 @@ class _Scene:
 
 
 class _Faster(kit.Glider):
-    """Another version of the engine: what it is told to do takes it a little further."""
+    """Another version of the engine, which moves a little farther for each command."""
 
     def advance(self, until, mirrors):  # type: ignore[no-untyped-def]
         made = super().advance(until, mirrors)
         states = tuple(
-            replace(one, position=(one.position[0] + 1e-6 * self.time_s, *one.position[1:])) for one in made.states
+            replace(state, position=(state.position[0] + 1e-6 * self.time_s, *state.position[1:]))
+            for state in made.states
         )
         return replace(made, states=states)
 
@@ -279,8 +280,8 @@ def test_an_engine_of_a_plug_in_is_confirmed_and_another_version_of_it_is_named(
     records += [kernel.step(kit.decisions(**idle)).record for _ in range(3)]
     header = Header(instance=instance, bindings=(), fingerprint={}, city_sha256=content_sha256(kit.CITY))
     trace = Trace(Path("kit.mcap"), header, tuple(records), None, False)
-    told = replay(trace, world="inline", host=PluginHost(extra=(_Scene(), kit.KitPlugin())))
-    assert told.difference is None and told.confirmed == 4
+    result = replay(trace, world="inline", host=PluginHost(extra=(_Scene(), kit.KitPlugin())))
+    assert result.difference is None and result.confirmed == 4
     other = replay(trace, world="inline", host=PluginHost(extra=(_Scene(), kit.KitPlugin(glider=_Faster)))).difference
     assert other is not None and (other.boundary, other.engine) == (1, "glider")
     assert other.field.endswith(".states[uav[1]].position[0]")
@@ -302,8 +303,8 @@ def test_a_run_goes_on_from_any_boundary_with_other_decisions(search: Trace) -> 
 def test_the_registry_of_every_boundary_follows_from_the_records(search: Trace) -> None:
     """Without engines: adjudication gives the events that the kernel gave."""
     rebuilt = list(registries(search))
-    assert all(one.faithful for one in rebuilt) and len(rebuilt) == len(search.boundaries)
-    assert any(one.record.events for one in rebuilt)
+    assert all(boundary.faithful for boundary in rebuilt) and len(rebuilt) == len(search.boundaries)
+    assert any(boundary.record.events for boundary in rebuilt)
     with RecordedRun(search, world="inline") as recorded:
         recorded.advance_to(len(search.boundaries) - 1)
         there = recorded.kernel.state.registry

@@ -1,4 +1,6 @@
-"""Pictures drawn anew beside those of a trace: what was replaced is found, what another renderer draws is not."""
+"""Pictures rendered again, compared with those of a trace: changed pictures are found, differences of renderers
+tolerated.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,7 @@ Pixels = npt.NDArray[np.uint8]
 
 @pytest.fixture(scope="module")
 def inspected(tmp_path_factory: pytest.TempPathFactory) -> Trace:
-    """Six ticks of an oracle that looks for a leak, the last with a picture."""
+    """Six ticks of an oracle that searches a leak, the last with a picture."""
     mission = load_mission(next(path for path in shipped() if path.stem == "upr"))
     short = replace(mission, budget=replace(mission.budget, ticks=Number(value=6.0)))
     folder = tmp_path_factory.mktemp("inspected") / "episode"
@@ -43,13 +45,15 @@ def inspected(tmp_path_factory: pytest.TempPathFactory) -> Trace:
 
 
 def repainted(trace: Trace, path: Path, paint: Callable[[Pixels], Pixels], renderer: str = "") -> Trace:
-    """A whole, sealed trace of the same records in which every picture was replaced and every hash fits."""
+    """Return a complete, sealed trace of the same records in which every picture was replaced and every hash
+    matches.
+    """
 
     def changed(info: FrameInfo) -> PictureParts:
         held = trace.picture(info.id)
         jpeg = encode_jpeg(paint(held.rgb))
-        told = replace(info, sha256=hashlib.sha256(jpeg).hexdigest(), renderer=renderer or info.renderer)
-        return told, jpeg, held.depth, held.semantic
+        changed_info = replace(info, sha256=hashlib.sha256(jpeg).hexdigest(), renderer=renderer or info.renderer)
+        return changed_info, jpeg, held.depth, held.semantic
 
     frames_digest = START
     with TraceWriter(path, trace.header) as writer:
@@ -64,13 +68,13 @@ def repainted(trace: Trace, path: Path, paint: Callable[[Pixels], Pixels], rende
 
 
 def spotted(rgb: Pixels) -> Pixels:
-    """The picture with a white square of a block painted in."""
+    """Return the picture with a white square of a block's size."""
     rgb[400 : 400 + BLOCK, 600 : 600 + BLOCK] = 255
     return rgb
 
 
 def dotted(rgb: Pixels) -> Pixels:
-    """The picture with few pixels made a little brighter."""
+    """Return the picture with a few pixels made slightly brighter."""
     rgb[400:404, 600:604] = np.minimum(rgb[400:404, 600:604].astype(int) + 30, 255).astype(np.uint8)
     return rgb
 
@@ -82,20 +86,20 @@ def test_replaced_pictures_of_a_sealed_trace_differ_on_the_same_renderer(
     assert verify(forged, pixels=True) is None
     call = ["replay", "--world", "inline", "--pictures", str(forged.path)]
     assert main(call) == ExitCode.MISSION
-    said = capsys.readouterr().out
+    output = capsys.readouterr().out
     first = next(iter(inspected.frames.values()))
-    assert f"differs at boundary {first.tick}" in said
-    assert f"camera: frames[{first.id}].pixels" in said and "pixels differ on the same renderer" in said
+    assert f"differs at boundary {first.tick}" in output
+    assert f"camera: frames[{first.id}].pixels" in output and "pixels differ on the same renderer" in output
 
 
 def test_the_tolerance_decides_on_another_renderer(inspected: Trace, tmp_path: Path) -> None:
     near = repainted(inspected, tmp_path / "near.mcap", dotted, renderer="another")
-    told = replay(near, world="inline", draw=True)
-    assert told.difference is None and told.confirmed == told.boundaries
-    assert "recorded with another" in told.pixels
+    result = replay(near, world="inline", draw=True)
+    assert result.difference is None and result.confirmed == result.boundaries
+    assert "recorded with another" in result.pixels
     far = repainted(inspected, tmp_path / "far.mcap", spotted, renderer="another")
     other = replay(far, world="inline", draw=True).difference
-    assert other is not None and other.engine == "camera" and f"may by {LEVELS_MOST:g}" in other.replayed
+    assert other is not None and other.engine == "camera" and f"the tolerance is {LEVELS_MOST:g}" in other.replayed
 
 
 def test_the_same_pictures_have_no_difference_and_a_lost_one_has(inspected: Trace) -> None:
@@ -108,11 +112,12 @@ def test_the_same_pictures_have_no_difference_and_a_lost_one_has(inspected: Trac
 def test_a_stored_picture_that_is_not_the_hashed_one_differs_on_any_renderer(inspected: Trace, tmp_path: Path) -> None:
     forged = repainted(inspected, tmp_path / "trace.mcap", lambda rgb: rgb, renderer="another")
     records = tuple(
-        replace(one, frames=tuple(replace(frame, sha256="0" * 64) for frame in one.frames)) for one in forged.boundaries
+        replace(record, frames=tuple(replace(frame, sha256="0" * 64) for frame in record.frames))
+        for record in forged.boundaries
     )
     lying = Trace(forged.path, forged.header, records, forged.outcome, True, forged.places)
     frame = recorded_frame(inspected, next(iter(inspected.frames)))
-    assert "not the one whose hash was recorded" in picture_difference(lying, frame)
+    assert "does not match the recorded hash" in picture_difference(lying, frame)
 
 
 def test_another_renderers_boxes_are_the_traces_within_the_tolerance(inspected: Trace) -> None:
@@ -133,8 +138,8 @@ def test_another_renderers_boxes_are_the_traces_within_the_tolerance(inspected: 
 
 def test_the_worst_block_counts_whatever_the_size() -> None:
     for shape in ((40, 50, 3), (5, 3, 3), (BLOCK, BLOCK, 3)):
-        one = np.zeros(shape, np.uint8)
-        other = one.copy()
+        black = np.zeros(shape, np.uint8)
+        other = black.copy()
         other[-BLOCK:, -BLOCK:] = 100
-        assert worst_levels(one, one) == 0.0
-        assert worst_levels(one, other) > LEVELS_MOST
+        assert worst_levels(black, black) == 0.0
+        assert worst_levels(black, other) > LEVELS_MOST

@@ -1,5 +1,4 @@
-"""`lingjing shrink`: what is left fails the same way, nothing more can be left out, and what cannot be shrunk is
-refused."""
+"""Tests of `lingjing shrink`: the result fails alike and is minimal, and unsuitable traces are rejected."""
 
 import json
 import shlex
@@ -33,7 +32,7 @@ def played(folder: Path, policy: str, **changes: object) -> Trace:
 
 @pytest.fixture(scope="module")
 def lost(tmp_path_factory: pytest.TempPathFactory) -> Trace:
-    """Two skippers who go to nobody; one of the two people is saved where they happen to pass."""
+    """Two skippers that approach no target; one of the two victims is saved because they pass it by chance."""
     return played(tmp_path_factory.mktemp("lost") / "episode", f"{SKIPPERS}:Timid")
 
 
@@ -43,17 +42,17 @@ def test_the_smallest_mission_fails_the_same_way(
     small = tmp_path / "small.ljs"
     call = ["shrink", str(lost.path), "-o", str(small), "--mission", str(HARBOUR), "--policy-file", str(SKIPPERS)]
     assert main([*call, "-j", "2", "--output-format", "json"]) == ExitCode.OK
-    told = capsys.readouterr()
-    found = json.loads(told.out)
-    assert "fail the same way" in told.err
-    assert found["minimal"] and found["control"] == "oracle"
-    assert len([part for part in found["kept"] if part.startswith("target")]) == 1
-    assert {"event squall", "message hail", "message state_of"} <= set(found["removed"])
-    assert found["ticks"] < found["ticks_before"] == 24
-    words = shlex.split(run_command(msgspec.convert(found["options"], PlayOptions)))
+    captured = capsys.readouterr()
+    result = json.loads(captured.out)
+    assert "fail alike" in captured.err
+    assert result["minimal"] and result["control"] == "oracle"
+    assert len([part for part in result["kept"] if part.startswith("target")]) == 1
+    assert {"event squall", "message hail", "message state_of"} <= set(result["removed"])
+    assert result["ticks"] < result["ticks_before"] == 24
+    words = shlex.split(run_command(msgspec.convert(result["options"], PlayOptions)))
     assert main([*words[1:], "-o", str(tmp_path / "again"), "--no-overview"]) == ExitCode.OK
     again = read_trace(tmp_path / "again" / "trace.mcap")
-    assert again.boundaries[-1].digest == found["digest"]
+    assert again.boundaries[-1].digest == result["digest"]
     assert failure_of(again) == failure_of(lost)
     assert run(small, policy="oracle", seed=3, out=tmp_path / "control", overview=False).success
     places = {entity.position for entity in lost.header.instance.entities}
@@ -71,8 +70,8 @@ def test_out_of_episodes_the_best_so_far_is_there_and_is_gone_on_with(lost: Trac
     assert not first.minimal
     assert small.is_file() and load_mission(small).name == "harbour"
     tried = small.with_name("small.ljs.tried.jsonl").read_bytes().splitlines()
-    said: list[str] = []
-    second = shrink(lost, small, options, said.append)
+    lines: list[str] = []
+    second = shrink(lost, small, options, lines.append)
     assert len(tried) >= 3
     assert second.ticks < first.ticks or len(second.kept) < len(first.kept)
 
@@ -82,8 +81,8 @@ def test_a_place_that_cannot_be_written_is_told_before_anything_is_played(
 ) -> None:
     call = ["shrink", str(lost.path), "--mission", str(HARBOUR), "--policy-file", str(SKIPPERS)]
     assert main([*call, "-o", str(tmp_path / "no" / "small.ljs")]) == ExitCode.USAGE
-    said = capsys.readouterr().err
-    assert said.startswith("error: cannot write `") and "the whole mission fails" not in said
+    message = capsys.readouterr().err
+    assert message.startswith("error: cannot write `") and "the complete mission fails" not in message
 
 
 @pytest.mark.parametrize(("body", "words"), [("1 / 0", "ZeroDivisionError"), ("exit(3)", "SystemExit: 3")])
@@ -91,11 +90,11 @@ def test_a_question_that_fails_is_its_authors(
     body: str, words: str, lost: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "check.py").write_text(f"def failing(trace):\n    return {body}\n")
-    asked = f"{tmp_path / 'check.py'}:failing"
-    call = ["shrink", str(lost.path), "--mission", str(HARBOUR), "--policy-file", str(SKIPPERS), "--same-if", asked]
+    predicate = f"{tmp_path / 'check.py'}:failing"
+    call = ["shrink", str(lost.path), "--mission", str(HARBOUR), "--policy-file", str(SKIPPERS), "--same-if", predicate]
     assert main([*call, "-o", str(tmp_path / "small.ljs")]) == ExitCode.USAGE
-    said = capsys.readouterr().err
-    assert f"--same-if {asked}: {words}" in said and not (tmp_path / "small.ljs").exists()
+    message = capsys.readouterr().err
+    assert f"--same-if {predicate}: {words}" in message and not (tmp_path / "small.ljs").exists()
 
 
 def test_a_policy_that_raises_is_the_failure(tmp_path: Path) -> None:
@@ -133,17 +132,17 @@ def test_what_is_not_to_be_had_is_said(lost: Trace, tmp_path: Path) -> None:
     assert "--mission FILE" in missing.value.hint
     with pytest.raises(UsageError, match="is not the mission"):
         shrink(lost, small, ShrinkOptions(mission="ssr"))
-    with pytest.raises(UsageError, match=r"played by `skippers.py:Timid`, and there is no such file"):
+    with pytest.raises(UsageError, match=r"played by `skippers.py:Timid`, and this file was not found"):
         shrink(lost, small, ShrinkOptions(mission=str(HARBOUR)))
     with pytest.raises(UsageError, match="does not show the failure"):
         shrink(lost, small, ShrinkOptions(mission=str(HARBOUR), predicate=lambda trace: False))
 
 
 def test_how_alike_failures_must_be() -> None:
-    one = FailureSignature(reason="budget", unmet=("saved(p)",), family="handoff_break")
-    other = msgspec.structs.replace(one, family="perception_miss")
-    assert one.part("family") != other.part("family")
-    assert one.part("clauses") == other.part("clauses")
-    lacking = msgspec.structs.replace(one, unmet=("found(p)",))
-    assert one.part("clauses") != lacking.part("clauses")
-    assert one.part("reason") == lacking.part("reason")
+    signature = FailureSignature(reason="budget", unmet=("saved(p)",), family="handoff_break")
+    other = msgspec.structs.replace(signature, family="perception_miss")
+    assert signature.part("family") != other.part("family")
+    assert signature.part("clauses") == other.part("clauses")
+    lacking = msgspec.structs.replace(signature, unmet=("found(p)",))
+    assert signature.part("clauses") != lacking.part("clauses")
+    assert signature.part("reason") == lacking.part("reason")

@@ -1,4 +1,4 @@
-"""`lingjing docs` with traces and results: a folder with a page whose every link leads somewhere."""
+"""`lingjing docs` with traces and results: a folder with a page without broken links."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_a_page_with_pictures_and_results(played: Path, tmp_path: Path, capsys: 
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (("docs", "vdn", "--trace", "{trace}", "-o", "{out}"), "is of the mission `ssr`, not of `vdn`"),
         (("docs", "ssr", "--trace", "{trace}"), "a page with pictures needs a folder"),
@@ -62,9 +62,9 @@ def test_a_page_with_pictures_and_results(played: Path, tmp_path: Path, capsys: 
     ],
 )
 def test_what_cannot_be_written_is_said(
-    arguments: tuple[str, ...], said: str, played: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    arguments: tuple[str, ...], message: str, played: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     filled = [part.format(trace=played, out=tmp_path / "pages") for part in arguments]
     assert main(filled) == 2
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err
     assert not (tmp_path / "pages").exists()

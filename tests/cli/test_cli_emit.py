@@ -43,7 +43,7 @@ def test_the_object_that_is_added_is_said_and_can_be_left_out() -> None:
 
 
 def test_compile_refuses_what_validate_refuses(tmp_path: Path) -> None:
-    """A document whose mission cannot be won: the boat's three metres a second do not reach 40 km away."""
+    """A document with an unwinnable mission: at three metres a second the boat does not reach a place 40 km away."""
     far = tmp_path / "far.json"
     listing = json.loads(data_path("scenarios", "reset", "ssr-001.json").read_text())
     state = listing["scenario"]["taskMatrix"][0]["initial_state"]

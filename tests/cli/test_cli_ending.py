@@ -1,4 +1,4 @@
-"""How a run ends when it is not let alone: signals, hostile policies, closed streams, full disks."""
+"""Ends of disturbed runs: signals, hostile policies, closed streams, full disks."""
 
 from __future__ import annotations
 
@@ -84,11 +84,11 @@ def test_replaced_answers_are_told_with_the_first_failure(short: Path, tmp_path:
     policy = write_policy(tmp_path, act="raise ValueError('no idea')")
     done = lingjing("run", short, "--policy", policy, "--json", "-o", "out", cwd=tmp_path)
     assert done.returncode == 0
-    said = "8 of 8 policy answers were replaced by doing nothing (policy_error 8); the first was `scout[1]`: "
-    hopeless, told = json.loads(done.stdout)["warnings"]
+    expected = "8 of 8 policy answers were replaced by doing nothing (policy_error 8); the first was `scout[1]`: "
+    hopeless, warning = json.loads(done.stdout)["warnings"]
     assert hopeless.startswith("this could not be won (LJ0601): `boat` cannot come within 50 m of")
-    assert told == f"{said}ValueError: no idea"
-    assert done.stderr == f"warning: seed 0: {hopeless}\nwarning: seed 0: {told}\n"
+    assert warning == f"{expected}ValueError: no idea"
+    assert done.stderr == f"warning: seed 0: {hopeless}\nwarning: seed 0: {warning}\n"
 
 
 def test_a_thread_that_a_policy_leaves_behind_does_not_hold_the_command(short: Path, tmp_path: Path) -> None:
@@ -128,7 +128,7 @@ def test_a_file_size_limit_leaves_a_readable_part(short: Path, tmp_path: Path) -
 
 
 def group_is_gone(leader: int) -> bool:
-    """Whether no living process is a descendant of `leader` by session."""
+    """Return whether no living process is a descendant of `leader` by session."""
     for entry in Path("/proc").iterdir():
         try:
             fields = (entry / "stat").read_text().rpartition(")")[2].split() if entry.name.isdigit() else None
@@ -142,7 +142,9 @@ def group_is_gone(leader: int) -> bool:
 def ended(
     mission: Path, arguments: tuple[str, ...], folder: Path, traces: int, act: Callable[[subprocess.Popen[str]], None]
 ) -> tuple[subprocess.Popen[str], str, str]:
-    """Start a run without end in a session of its own, `act` once so many traces have boundaries, wait till it ends."""
+    """Start a run that does not end, in a separate session; call `act` when enough traces have boundaries; wait for
+    its end.
+    """
     process = subprocess.Popen(
         [*COMMAND, "run", str(mission), "--policy", "random", "-o", "out", "--json", *arguments], cwd=folder,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
@@ -239,8 +241,8 @@ def test_a_text_over_32_mb_is_refused(tmp_path: Path, capsys, monkeypatch) -> No
     with long.open("wb") as file:
         file.truncate(32_000_001)
     assert main(["validate", str(long)]) == 2
-    said = capsys.readouterr().err
-    assert "has 32.0 MB" in said and "at most 32 MB" in said
+    errors = capsys.readouterr().err
+    assert "has 32.0 MB" in errors and "at most 32 MB" in errors
     with Path("/dev/zero").open() as endless:
         monkeypatch.setattr("sys.stdin", endless)
         assert main(["validate", "-"]) == 2
@@ -262,7 +264,7 @@ def test_an_output_that_is_a_file_is_called_one(short: Path, tmp_path: Path, cap
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
+    ("wrong", "message"),
     [
         ({"policy": 3}, "3 is not a policy"),
         ({"seed": -1}, "seed: at least 0 is due, this is -1"),
@@ -270,11 +272,11 @@ def test_an_output_that_is_a_file_is_called_one(short: Path, tmp_path: Path, cap
         ({"settings": {"uavs": "two"}}, "settings.uavs: a number is due"),
     ],
 )
-def test_wrong_arguments_from_python_are_usage_errors(wrong, said, short: Path, tmp_path: Path, monkeypatch) -> None:
+def test_wrong_arguments_from_python_are_usage_errors(wrong, message, short: Path, tmp_path: Path, monkeypatch) -> None:
     import lingjing as package
 
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(UsageError, match=said):
+    with pytest.raises(UsageError, match=message):
         package.run(package.compile(short), **wrong)
     assert os.listdir(tmp_path) == []
 
@@ -340,7 +342,7 @@ print(code, hasattr(sys.modules.get("msgspec._core"), "Struct"))
 
 
 def test_msgspec_is_loaded_whole_before_an_interrupt_is_heard(tmp_path: Path) -> None:
-    """It crashed the process later, where a value was decoded."""
+    """A partial import crashed the process later, when a value was decoded."""
     command = [sys.executable, "-c", INTERRUPTED_WHILE_MSGSPEC_LOADS]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=600)
     assert (done.stdout, done.stderr) == ("130 True\n", "interrupted\n")

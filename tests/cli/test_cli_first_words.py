@@ -1,4 +1,4 @@
-"""What people meet first: a slip in a word, a file's name in Python, an error, a value printed."""
+"""The first messages that a user meets: a misspelt word, a file name in Python, an error, a printed value."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ EXAMPLE = Path(__file__).parents[2] / "docs" / "errors" / "example.ljs"
 
 
 @pytest.mark.parametrize(
-    ("arguments", "meant"),
+    ("arguments", "suggestion"),
     [
         (["rnu", "ssr"], "run"),
         (["valdate", "x.ljs"], "validate"),
@@ -31,16 +31,16 @@ EXAMPLE = Path(__file__).parents[2] / "docs" / "errors" / "example.ljs"
     ],
 )
 def test_a_slip_in_a_word_is_met_with_the_word(
-    arguments: list[str], meant: str, capsys: pytest.CaptureFixture[str]
+    arguments: list[str], suggestion: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as ended:
         main(arguments)
     assert ended.value.code == ExitCode.USAGE
-    assert capsys.readouterr().err.rstrip().endswith(f"did you mean {meant}?")
+    assert capsys.readouterr().err.rstrip().endswith(f"did you mean {suggestion}?")
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (["run", "srr"], "error: there is no mission `srr`\nhint: did you mean `ssr`?\n"),
         (["validate", "srr.ljs"], "error: there is no mission `srr.ljs`\nhint: did you mean `ssr`?\n"),
@@ -76,10 +76,10 @@ def test_a_slip_in_a_word_is_met_with_the_word(
     ],
 )
 def test_a_slip_in_a_name_is_met_with_the_name_and_nothing_else(
-    arguments: list[str], said: str, capfd: pytest.CaptureFixture[str]
+    arguments: list[str], message: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
     assert main(arguments) == ExitCode.USAGE
-    assert capfd.readouterr().err == said
+    assert capfd.readouterr().err == message
 
 
 def test_a_word_that_is_near_to_none_proposes_none(capsys: pytest.CaptureFixture[str]) -> None:

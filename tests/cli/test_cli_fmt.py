@@ -1,4 +1,4 @@
-"""`lingjing fmt`: exit codes, what is written and what is left alone."""
+"""Tests of `lingjing fmt`: exit codes, changed and unchanged files."""
 
 from __future__ import annotations
 

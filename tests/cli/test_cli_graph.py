@@ -1,4 +1,4 @@
-"""`lingjing graph`: formats by name, modes, messages, and what it does not import."""
+"""Tests of `lingjing graph`: formats by suffix, modes, messages, and imports."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ STARTS = {"svg": "<svg ", "mermaid": "---\ntitle:", "dot": "digraph ", "json": "
 
 def test_mermaid_goes_to_standard_output(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["graph", SSR]) == ExitCode.OK
-    said = capsys.readouterr()
-    assert "flowchart LR" in said.out
-    assert said.out.endswith("\n")
-    assert said.err == ""
+    captured = capsys.readouterr()
+    assert "flowchart LR" in captured.out
+    assert captured.out.endswith("\n")
+    assert captured.err == ""
 
 
 @pytest.mark.parametrize(
@@ -52,13 +52,13 @@ def test_each_format_goes_to_standard_output(chosen: str, capsys: pytest.Capture
 
 
 def test_a_mode_shows_only_what_is_there_in_it(capsys: pytest.CaptureFixture[str]) -> None:
-    found = {}
+    names_by_mode = {}
     for mode in ("star", "broadcast"):
         assert main(["graph", SSR, "--mode", mode, "--format", "json"]) == ExitCode.OK
-        found[mode] = msgspec.json.decode(capsys.readouterr().out, type=MissionGraph)
-        assert found[mode].modes == (mode,)
-    assert "agent:commander" in {node.id for node in found["star"].nodes}
-    assert "agent:commander" not in {node.id for node in found["broadcast"].nodes}
+        names_by_mode[mode] = msgspec.json.decode(capsys.readouterr().out, type=MissionGraph)
+        assert names_by_mode[mode].modes == (mode,)
+    assert "agent:commander" in {node.id for node in names_by_mode["star"].nodes}
+    assert "agent:commander" not in {node.id for node in names_by_mode["broadcast"].nodes}
 
 
 def test_a_compiled_mission_draws_the_same_graph(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -82,11 +82,11 @@ def test_a_mistake_is_one_message_with_a_way_out(
     arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["graph", SSR, *arguments]) == ExitCode.USAGE
-    said = capsys.readouterr()
-    assert message in said.err
-    assert "hint: " in said.err
-    assert "Traceback" not in said.err
-    assert said.out == ""
+    captured = capsys.readouterr()
+    assert message in captured.err
+    assert "hint: " in captured.err
+    assert "Traceback" not in captured.err
+    assert captured.out == ""
 
 
 def test_a_faulty_mission_leaves_no_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

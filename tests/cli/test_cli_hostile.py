@@ -1,4 +1,4 @@
-"""Policies that ruin their process or the run's output: the later seeds play on, and nothing is left running."""
+"""Policies that damage their process or the run's output: later seeds are played, and no process is left."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class P:
 
 @pytest.fixture
 def short(tmp_path: Path) -> Path:
-    """The mission with a budget of three ticks, and a policy that does what the lines of `plan` say."""
+    """The mission with a budget of three ticks, and a policy that executes the lines of `plan`."""
     text = data_path("scenarios", "ssr.ljs").read_text(encoding="utf-8")
     text = text.replace("ticks <= 60, policy <= 90 s", "ticks <= 3, policy <= 3600 s").replace(
         "(12.4 m, -1351.8 m)", "(270 m, -920 m)"
@@ -86,7 +86,7 @@ def test_a_ruined_process_costs_its_agent_a_turn_and_the_seeds_play_on(short: Pa
 
 
 def descendants_of(pid: int) -> set[int]:
-    """The processes below a process; lines are not cut, however few columns a test runner has."""
+    """Return the processes below a process. `ps` must not cut lines at the test runner's width."""
     listed = subprocess.run(["ps", "-wweo", "pid,ppid"], capture_output=True, text=True).stdout.split("\n")[1:]
     parents = {int(child): int(parent) for child, parent in (line.split() for line in listed if line.strip())}
     below: set[int] = set()
@@ -96,22 +96,22 @@ def descendants_of(pid: int) -> set[int]:
 
 
 @pytest.mark.parametrize(
-    ("deed", "said"),
+    ("deed", "message"),
     [
         ("vanish", ".part was removed, or its folder was, while"),
         ("cut", " was changed by another program while the episode was played: "),
         ("plant", " was changed by another program while the episode was played: Is a directory"),
     ],
 )
-def test_a_policy_that_meddles_with_the_output_ends_its_own_episode(short: Path, deed: str, said: str) -> None:
+def test_a_policy_that_meddles_with_the_output_ends_its_own_episode(short: Path, deed: str, message: str) -> None:
     (short / "plan").write_text(f"{deed}\n")
     done = run(short, "--seeds", "0-1")
     assert done.returncode == 3, done.stderr
     first, second = json.loads(done.stdout)["episodes"]
     assert (first["reason"], second["reason"]) == ("infrastructure-abort", "budget")
-    said = f"the trace {short}/out/ssr-broadcast-0-1/trace.mcap{said}"
-    assert first["detail"].startswith(said)
-    assert f"error: seed 0 was aborted: {said}" in done.stderr
+    message = f"the trace {short}/out/ssr-broadcast-0-1/trace.mcap{message}"
+    assert first["detail"].startswith(message)
+    assert f"error: seed 0 was aborted: {message}" in done.stderr
     assert "hint: do not change the folder of a run before the run has ended" in done.stderr
     assert read_trace(short / second["trace"]).complete
 

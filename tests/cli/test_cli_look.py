@@ -1,4 +1,4 @@
-"""`plugins`, `new` and `doctor`: what is printed and what is written."""
+"""Tests of `plugins`, `new` and `doctor`: printed text and written files."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from lingjing.plugins.loading import build_policy
 
 def test_plugins_lists_the_built_in_engines_and_the_agents_with_their_source(capsys) -> None:
     assert main(["plugins", "--output-format", "json"]) == 0
-    found = {(offer["kind"], offer["name"]): offer for offer in json.loads(capsys.readouterr().out)}
+    offers = {(offer["kind"], offer["name"]): offer for offer in json.loads(capsys.readouterr().out)}
     for engine in ("multirotor", "vessel", "city", "camera"):
-        assert found["engine", engine]["source"] == "builtin"
+        assert offers["engine", engine]["source"] == "builtin"
     for policy in ("heuristic", "oracle", "random", "react"):
-        assert found["policy", policy]["source"] == "agents"
-    assert found["policy", "oracle"]["notes"] == "privileged"
-    assert found["scene", "bay"]["summary"]
+        assert offers["policy", policy]["source"] == "agents"
+    assert offers["policy", "oracle"]["notes"] == "privileged"
+    assert offers["scene", "bay"]["summary"]
 
 
 def test_plugins_prints_a_line_each(capsys) -> None:
@@ -67,8 +67,8 @@ def test_plugins_lists_the_options_of_a_policy_in_a_file(tmp_path: Path, monkeyp
     assert main(["new", "agent", "scout"]) == 0
     capsys.readouterr()
     assert main(["plugins", "./scout.py:Scout"]) == 0
-    said = capsys.readouterr().out
-    assert "altitude  number: 40 to 160  default 80  elevation of the search, metres" in said
+    output = capsys.readouterr().out
+    assert "altitude  number: 40 to 160  default 80  elevation of the search, metres" in output
 
 
 @pytest.mark.parametrize(
@@ -78,8 +78,8 @@ def test_plugins_names_a_file_that_harms_its_process(text: str, tmp_path: Path, 
     monkeypatch.chdir(tmp_path)
     Path("mine.py").write_text(text)
     assert main(["plugins", "mine.py"]) == 2
-    told = capsys.readouterr()
-    assert told.out == "" and "mine.py" in told.err and "hint: " in told.err
+    captured = capsys.readouterr()
+    assert captured.out == "" and "mine.py" in captured.err and "hint: " in captured.err
 
 
 def test_a_new_agent_can_be_loaded_as_it_is(tmp_path: Path, monkeypatch, capsys) -> None:
@@ -145,9 +145,9 @@ def test_doctor_finds_this_machine_fit(capsys) -> None:
 
 def test_doctor_names_the_extras_that_are_not_here(monkeypatch) -> None:
     monkeypatch.setattr(doctor, "find_spec", lambda name: None if name in ("rerun", "websockets") else name)
-    told = doctor.check_extras()
-    assert told.ok and told.found.endswith("; not installed: foxglove, rerun")
-    assert told.advice.startswith("pip install 'rerun-sdk>=0.41' 'websockets>=14', or")
+    finding = doctor.check_extras()
+    assert finding.ok and finding.found.endswith("; not installed: foxglove, rerun")
+    assert finding.advice.startswith("pip install 'rerun-sdk>=0.41' 'websockets>=14', or")
 
 
 def test_doctor_says_what_to_install(capsys, monkeypatch) -> None:
@@ -162,19 +162,19 @@ def test_doctor_says_what_to_install(capsys, monkeypatch) -> None:
 
 
 @pytest.mark.parametrize(
-    ("code", "found"),
+    ("code", "expected"),
     [
         ("import os; os.abort()", "ended with code -6"),
         ("raise OSError('no display')", "OSError: no display"),
         ("import time; time.sleep(3600)", "no answer within 2 s"),
     ],
 )
-def test_a_probe_that_dies_is_a_finding(code: str, found: str, monkeypatch) -> None:
+def test_a_probe_that_dies_is_a_finding(code: str, expected: str, monkeypatch) -> None:
     if "sleep" in code:
         monkeypatch.setattr(doctor, "PROBE_S", 2.0)
     finding = doctor._probe("rendering", code, "do this")
     assert (finding.ok, finding.advice) == (False, "do this")
-    assert found in finding.found
+    assert expected in finding.found
 
 
 def test_doctor_says_where_digests_are_the_machines_own(monkeypatch) -> None:

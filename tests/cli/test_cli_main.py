@@ -1,4 +1,4 @@
-"""The command's door: help, version, exit codes, messages."""
+"""Tests of the entry point: help, version, exit codes, messages."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def cli(*arguments: str, cwd: Path | None = None, **extra: str) -> subprocess.Co
 
 
 def raising(error: BaseException) -> types.ModuleType:
-    """A verb module whose handler raises `error`."""
+    """A verb module with a handler that raises `error`."""
     module = types.ModuleType("lingjing_test_verb")
 
     def handler(args: object) -> int:
@@ -75,7 +75,7 @@ def test_an_unknown_verb_is_a_usage_error() -> None:
 
 
 @pytest.mark.parametrize(
-    ("error", "code", "said"),
+    ("error", "code", "message"),
     [
         (UsageError("no such thing", hint="try another"), 2, "error: no such thing\nhint: try another\n"),
         (MissionError("wrong mission"), 1, "error: wrong mission\n"),
@@ -88,22 +88,22 @@ def test_an_unknown_verb_is_a_usage_error() -> None:
         ),
     ],
 )
-def test_errors_become_a_message_and_a_code(run_verb, capsys, error, code, said) -> None:
+def test_errors_become_a_message_and_a_code(run_verb, capsys, error, code, message) -> None:
     assert run_verb(error) == code
     printed = capsys.readouterr()
     assert printed.out == ""
-    assert printed.err.startswith(said)
+    assert printed.err.startswith(message)
     assert "Traceback" not in printed.err
 
 
 def test_a_bug_gives_one_line_to_report(run_verb, capsys, monkeypatch) -> None:
     monkeypatch.delenv("LINGJING_TRACEBACK", raising=False)
     assert run_verb(ZeroDivisionError("oops")) == 70
-    said = capsys.readouterr().err
-    assert "ZeroDivisionError: oops" in said
-    assert "test_cli_main.py:" in said
-    assert "report" in said
-    assert "Traceback" not in said
+    errors = capsys.readouterr().err
+    assert "ZeroDivisionError: oops" in errors
+    assert "test_cli_main.py:" in errors
+    assert "report" in errors
+    assert "Traceback" not in errors
 
 
 def test_the_traceback_can_be_asked_for(run_verb, capsys, monkeypatch) -> None:

@@ -1,4 +1,4 @@
-"""Every verb that reads a text answers a damaged one with a diagnostic: no traceback, no exit code 70."""
+"""Damaged texts: every verb that reads one reports a diagnostic, without a traceback and without exit code 70."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def _replaced(chance: random.Random, words: Words, fits: Callable[[str], bool], 
 
 
 def mutant(text: str, chance: random.Random) -> str:
-    """The text with one to three of its tokens deleted, doubled, swapped or replaced, or cut short."""
+    """Return the text with one to three tokens deleted, doubled, swapped or replaced, or cut at the end."""
     words = TOKEN.findall(text)
     for _ in range(chance.choice((1, 1, 2, 3))):
         kind = chance.randrange(8)
@@ -67,12 +67,12 @@ def mutant(text: str, chance: random.Random) -> str:
 
 
 def answers(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Every verb ends with 0, 1 or 2, and says what is wrong where it is not 0."""
+    """Check that every verb exits with 0, 1 or 2, and prints an error unless it is 0."""
     for verb, *options in VERBS:
         code = main([verb, *options, str(file)])
-        said = capsys.readouterr()
-        assert code in (ExitCode.OK, ExitCode.MISSION, ExitCode.USAGE), (verb, options, said.err)
-        assert "Traceback" not in said.err and (code == ExitCode.OK or said.out or said.err)
+        captured = capsys.readouterr()
+        assert code in (ExitCode.OK, ExitCode.MISSION, ExitCode.USAGE), (verb, options, captured.err)
+        assert "Traceback" not in captured.err and (code == ExitCode.OK or captured.out or captured.err)
 
 
 @pytest.mark.parametrize("name", ["bi", "cd", "cr", "idf", "ld", "queue", "ssr", "ufr", "upr", "vdn"])

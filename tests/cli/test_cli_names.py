@@ -1,4 +1,4 @@
-"""Names that are not text, folders that are gone, files that are nested beyond reason: one error with the way out."""
+"""Names that are not valid text, removed folders, and deeply nested files: each gives one error with a way out."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ LINGJING = (sys.executable, "-m", "lingjing.cli.main")
 NOT_TEXT = b"s\xffr"
 
 
-def said(folder: str | bytes, *arguments: str | bytes) -> tuple[int, str]:
-    """Exit code and standard error of a command in a folder."""
+def run_in(folder: str | bytes, *arguments: str | bytes) -> tuple[int, str]:
+    """Return exit code and standard error of a command in a folder."""
     done = subprocess.run([*LINGJING, *arguments], cwd=folder, capture_output=True, text=True, timeout=600)
     return done.returncode, done.stderr
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> bytes:
-    """A folder with a mission and a suite whose names are not UTF-8."""
+    """A folder with a mission and a suite with names that are not UTF-8."""
     inside = os.fsencode(tmp_path)
     shutil.copy(data_path("scenarios", "ssr.ljs"), os.path.join(inside, NOT_TEXT + b".ljs"))
     shutil.copy(data_path("suites", "main.toml"), os.path.join(inside, NOT_TEXT + b".toml"))
@@ -52,7 +52,7 @@ def folder(tmp_path: Path) -> bytes:
 )
 def test_a_name_that_is_not_text_is_refused_by_every_verb(folder: bytes, arguments: tuple[bytes, ...]) -> None:
     before = sorted(os.listdir(folder))
-    code, errors = said(folder, *arguments)
+    code, errors = run_in(folder, *arguments)
     assert code == 2, errors
     assert errors.startswith("error: the argument `") and "s\\xffr" in errors, errors
     assert "hint: rename the file or the folder" in errors
@@ -68,7 +68,7 @@ def test_the_python_api_refuses_such_a_name(folder: bytes) -> None:
 def test_a_working_folder_that_is_not_text_is_refused(tmp_path: Path, verb: tuple[str, ...]) -> None:
     place = os.path.join(os.fsencode(tmp_path), b"w\xfe")
     os.mkdir(place)
-    code, errors = said(place, *verb)
+    code, errors = run_in(place, *verb)
     assert (code, errors.splitlines()[0].endswith("w\\xfe` is not text in UTF-8")) == (2, True), errors
     assert os.listdir(place) == []
 
@@ -112,7 +112,7 @@ def test_variables_that_are_not_text_reach_episodes_of_their_own_process(tmp_pat
 )
 def test_a_suite_beyond_reason_is_refused(tmp_path: Path, text: str, problem: str) -> None:
     (tmp_path / "s.toml").write_text(text)
-    code, errors = said(str(tmp_path), "bench", "s.toml")
+    code, errors = run_in(str(tmp_path), "bench", "s.toml")
     assert code == 2, errors[-500:]
     assert errors.startswith(f"error: `s.toml{problem}"), errors[:500]
     assert os.listdir(tmp_path) == ["s.toml"]

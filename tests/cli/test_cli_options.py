@@ -1,4 +1,4 @@
-"""Pairs, seeds, folders, missions: what the words on the command line mean."""
+"""Parsing of the command line: pairs, seeds, folders and missions."""
 
 from __future__ import annotations
 

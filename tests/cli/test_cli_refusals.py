@@ -1,4 +1,4 @@
-"""What the system refuses ends a command with the right code, names what was refused and says the way out."""
+"""Errors of the system: the command exits with the right code, names the rejected item and gives a way out."""
 
 from __future__ import annotations
 

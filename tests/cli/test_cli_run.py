@@ -1,4 +1,4 @@
-"""`lingjing run` from end to end on the real mission, cut to a few ticks."""
+"""End-to-end tests of `lingjing run` on a shipped mission of a few ticks."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def unasked(stderr: str) -> str:
-    """Standard error without the warning that three ticks are too few for this seed's victims."""
+def without_warning(stderr: str) -> str:
+    """Return standard error without the warning that three ticks are too few for this seed's victims."""
     return "".join(line for line in stderr.splitlines(keepends=True) if "could not be won (LJ0601)" not in line)
 
 
@@ -57,7 +57,7 @@ def test_json_is_one_object_with_the_promised_keys(short: Path, tmp_path: Path) 
     done = lingjing_run(
         short, "--seed", 3, "--mode", "star", "--policy", "random", "--policy-seed", 8, "--json", cwd=tmp_path
     )
-    assert (done.returncode, unasked(done.stderr)) == (0, "")
+    assert (done.returncode, without_warning(done.stderr)) == (0, "")
     answer = json.loads(done.stdout)
     assert answer.keys() >= KEYS
     assert (answer["mission"], answer["seed"], answer["mode"], answer["ticks"]) == ("ssr", 3, "star", 3)
@@ -77,7 +77,9 @@ def test_without_an_overview_the_trace_is_the_same(short: Path, tmp_path: Path) 
 
 
 def test_the_policy_seed_alone_decides_what_a_policy_draws(short: Path, tmp_path: Path) -> None:
-    """The instance's seed changes none of it: `random` decides the same in two instances, and otherwise by seed."""
+    """The instance's seed has no effect: `random` decides equally in two instances, and differently with another
+    policy seed.
+    """
 
     def decided(seed: int, policy_seed: int) -> list[object]:
         done = lingjing_run(
@@ -105,7 +107,7 @@ def test_several_seeds_on_a_warm_world_equal_single_ones_in_processes(short: Pat
 
 def test_piped_output_is_grouped_has_units_and_ends_with_the_trace(short: Path, tmp_path: Path) -> None:
     done = lingjing_run(short, "--policy", "random", "-o", "here", "--world", "inline", cwd=tmp_path)
-    assert (done.returncode, unasked(done.stderr)) == (0, "")
+    assert (done.returncode, without_warning(done.stderr)) == (0, "")
     assert "\x1b" not in done.stdout
     lines = done.stdout.splitlines()
     assert "success: no (budget)" in lines
@@ -141,7 +143,7 @@ def test_a_run_is_never_overwritten(short: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (("--policy", "heuristik"), "no policy is called `heuristik`"),
         (("--policy", "./none.py:Scout"), "there is no policy file `none.py`"),
@@ -161,11 +163,11 @@ def test_a_run_is_never_overwritten(short: Path, tmp_path: Path) -> None:
     ],
 )
 def test_wrong_arguments_name_themselves_and_leave_nothing(
-    arguments: tuple[str, ...], said: str, short: Path, tmp_path: Path
+    arguments: tuple[str, ...], message: str, short: Path, tmp_path: Path
 ) -> None:
     done = lingjing_run(short, *arguments, cwd=tmp_path)
     assert done.returncode == 2, done.stderr
-    assert said in done.stderr
+    assert message in done.stderr
     assert "Traceback" not in done.stderr
     assert done.stdout == ""
     assert list(tmp_path.iterdir()) == []

@@ -1,4 +1,4 @@
-"""`run --watch=browser`: the page is there while the episode is played, and stays until an interrupt."""
+"""Tests of `run --watch=browser`: the page exists while the episode is played, and stays until an interrupt."""
 
 from __future__ import annotations
 
@@ -41,16 +41,16 @@ def test_the_page_shows_the_episode_and_stays(tmp_path: Path) -> None:
     )
     try:
         assert process.stderr is not None
-        said = "".join(iter(process.stderr.readline, "the episode has ended; its page stays until Ctrl-C\n"))
-        url = next(word for word in said.replace(",", " ").split() if word.startswith("http://"))
+        errors = "".join(iter(process.stderr.readline, "the episode has ended; its page stays until Ctrl-C\n"))
+        url = next(word for word in errors.replace(",", " ").split() if word.startswith("http://"))
         host, _, rest = url.removeprefix("http://").partition("/")
         connection = http.client.HTTPConnection(host, timeout=300)
         connection.request("GET", f"/follow{rest}")
         assert b"event: ending" in connection.getresponse().read()  # it comes when the page has been told everything
         connection.close()
         connection.request("GET", f"/page-start{rest}")
-        told = json.loads(connection.getresponse().read())
-        assert told["head"]["mission"] == "short" and [step["tick"] for step in told["steps"]] == [0, 1, 2, 3]
+        document = json.loads(connection.getresponse().read())
+        assert document["head"]["mission"] == "short" and [step["tick"] for step in document["steps"]] == [0, 1, 2, 3]
         process.send_signal(signal.SIGINT)
         result, errors = process.communicate(timeout=600)
     finally:
@@ -61,16 +61,16 @@ def test_the_page_shows_the_episode_and_stays(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
-        (("ssr", "--watch=cinema"), "--watch=cinema: it is one of terminal, browser, foxglove"),
+        (("ssr", "--watch=cinema"), "--watch=cinema: must be one of terminal, browser, foxglove"),
         (("ssr", "--watch=browser", "--seeds", "0-1"), "--watch=browser shows one episode"),
         (("--watch", "nowhere.ljs"), "nowhere.ljs"),
     ],
 )
-def test_wrong_use_is_told(tmp_path: Path, arguments: tuple[str, ...], said: str) -> None:
+def test_wrong_use_is_told(tmp_path: Path, arguments: tuple[str, ...], message: str) -> None:
     done = subprocess.run([*RUN, *arguments], cwd=tmp_path, capture_output=True, text=True, timeout=600)
-    assert done.returncode == 2 and said in done.stderr and "Traceback" not in done.stderr
+    assert done.returncode == 2 and message in done.stderr and "Traceback" not in done.stderr
     assert list(tmp_path.iterdir()) == []
 
 

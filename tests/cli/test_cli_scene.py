@@ -1,4 +1,4 @@
-"""`lingjing scene`: build, info, draw; messages, exit codes, what is left after a kill."""
+"""Tests of `lingjing scene`: build, info, draw; messages, exit codes, and files after a kill."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_a_map_becomes_a_city_and_a_second_time_it_is_known(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     town().write(folder / "town.osm")
     assert main(["scene", "build", "town.osm", "-o", "city"]) == ExitCode.OK
-    said = capsys.readouterr()
-    assert said.err == ""  # no terminal: no progress
-    assert said.out.startswith("built: city\n")
-    assert "4 buildings" in said.out
-    assert "© OpenStreetMap contributors, ODbL 1.0" in said.out
+    captured = capsys.readouterr()
+    assert captured.err == ""  # no terminal: no progress
+    assert captured.out.startswith("built: city\n")
+    assert "4 buildings" in captured.out
+    assert "© OpenStreetMap contributors, ODbL 1.0" in captured.out
     assert sorted(item.name for item in (folder / "city").iterdir()) == [
         "city.msgpack", "road.net.xml", "scene.json", "tiles"
     ]  # fmt: skip
@@ -88,9 +88,9 @@ def test_a_city_without_roads_says_so(folder: Path, capsys: pytest.CaptureFixtur
     made.way(square(0, 0, 30), {"building": "yes"})
     made.write(folder / "houses.osm")
     assert main(["scene", "build", "houses.osm", "-o", "city"]) == ExitCode.OK
-    said = capsys.readouterr().out
-    assert "note      no roads in this part of the map" in said
-    assert "network   none: no traffic" in said
+    output = capsys.readouterr().out
+    assert "note      no roads in this part of the map" in output
+    assert "network   none: no traffic" in output
 
 
 @pytest.mark.parametrize(
@@ -122,9 +122,9 @@ def test_mistakes_give_one_message(
     (folder / "full" / "mine.txt").write_text("mine")
     before = sorted(folder.rglob("*"))
     assert main(["scene", *arguments]) == ExitCode.USAGE
-    said = capsys.readouterr().err
-    assert message in said
-    assert len(said.splitlines()) == 2
+    errors = capsys.readouterr().err
+    assert message in errors
+    assert len(errors.splitlines()) == 2
     after = [path for path in sorted(folder.rglob("*")) if not path.is_relative_to(folder / "cache")]
     assert after == before
 
@@ -154,9 +154,9 @@ def test_a_city_with_a_chinese_name_is_drawn_without_stray_lines(
     town().write(folder / "陆家嘴.osm")
     assert main(["scene", "build", "陆家嘴.osm", "-o", "city"]) == ExitCode.OK
     assert main(["scene", "draw", "city", "-o", "PLAN.PNG"]) == ExitCode.OK
-    said = capfd.readouterr().err.splitlines()
-    assert all(line.startswith("note: no font here has") for line in said)
-    assert len(said) <= 1
+    lines = capfd.readouterr().err.splitlines()
+    assert all(line.startswith("note: no font here has") for line in lines)
+    assert len(lines) <= 1
 
 
 def test_a_picture_that_cannot_be_written_is_named(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -177,7 +177,7 @@ def test_the_scene_of_a_mission_is_looked_at(folder: Path, capsys: pytest.Captur
 
 
 class _InterruptedWhileLoading:
-    """What a compiled module says that is interrupted while it loads: an `ImportError` whose cause is the interrupt."""
+    """An `ImportError` caused by an interrupt, as a compiled module raises it while it loads."""
 
     def find_spec(self, name: str, path: object = None, target: object = None) -> None:
         if name.partition(".")[0] == "osmium":

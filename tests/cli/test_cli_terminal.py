@@ -1,4 +1,4 @@
-"""What missions, policies, models and file names say never steers the terminal."""
+"""Text of missions, policies, models and file names never controls the terminal."""
 
 import fcntl
 import json
@@ -96,7 +96,7 @@ mission tiny "T" {
 
 
 def on_terminal(*arguments: str, cwd: Path, stdin: bytes | None = None, controlling: bool = False) -> str:
-    """What a terminal gets from `lingjing …`, both streams, with its newlines as they were written; `controlling`: it
+    """Return the output of `lingjing …` on a terminal, both streams, with its newlines as written; `controlling`: it
     is the process's own, `/dev/tty`."""
     primary, secondary = pty.openpty()
     try:
@@ -203,8 +203,8 @@ def test_nothing_that_a_policy_says_steers_the_terminal(option: str, here: Path)
     (here / "short.ljs").write_text(mission)
     shown = on_terminal("run", "short.ljs", "--policy", "./evil.py:Evil", option, cwd=here)
     assert harmless(shown), shown
-    for said in ("reset", "stdout", "stderr", "log", "warn", "original"):
-        assert f"{said} \\x1b]0;EVIL\\x07" in shown.replace("\n", ""), said
+    for message in ("reset", "stdout", "stderr", "log", "warn", "original"):
+        assert f"{message} \\x1b]0;EVIL\\x07" in shown.replace("\n", ""), message
     assert "raised \\x1b" in shown.replace("\n", "")
     piped = subprocess.run(
         [sys.executable, "-m", "lingjing.cli.main", "run", "short.ljs", "--policy", "./evil.py:Evil", "--no-overview"],
@@ -216,16 +216,16 @@ def test_nothing_that_a_policy_says_steers_the_terminal(option: str, here: Path)
 @pytest.mark.slow
 @pytest.mark.parametrize("option", ["--watch", "--no-overview"])
 def test_nothing_that_a_policy_writes_past_its_streams_steers_the_terminal(option: str, here: Path):
-    """Another process than the one that draws passes it on, so what both write at once may run into each other."""
+    """The output passes through another process than the drawing one, so simultaneous output of both may be mixed."""
     mission = (Path(__file__).parents[2] / "scenarios" / "ssr.ljs").read_text().replace("ticks <= 60", "ticks <= 3")
     (here / "short.ljs").write_text(mission.replace("(12.4 m, -1351.8 m)", "(270 m, -920 m)"))
     (here / "past.py").write_text(PAST_STREAMS)
     shown = on_terminal("run", "short.ljs", "--policy", "./past.py:Evil", option, cwd=here, controlling=True)
     assert harmless(shown), shown
-    for said in ("first", "second", "started"):
-        assert f"{said} \\x1b]0;EVIL\\x07" in shown, said
-    for said in ("terminal No such device or address", "descriptor Bad file descriptor"):
-        assert said in shown.replace("\n", ""), said
+    for message in ("first", "second", "started"):
+        assert f"{message} \\x1b]0;EVIL\\x07" in shown, message
+    for message in ("terminal No such device or address", "descriptor Bad file descriptor"):
+        assert message in shown.replace("\n", ""), message
 
 
 @pytest.mark.slow
@@ -248,7 +248,7 @@ def test_drawing_goes_through_one_console():
 
 
 def test_columns_stay_in_line_whatever_letters_a_name_has() -> None:
-    """Wide letters take two columns, an accent of its own none, and what is spelled out takes its spelling's."""
+    """Wide letters take two columns, combining accents none, and an escape takes the width of its text."""
     assert aligned([("名字", "1", "x"), ("e\u0301te", "2", ""), ("\x1b", "3", "z"), ("abcdef", "4", "")]) == [
         "名字    1  x",
         "e\u0301te     2",

@@ -40,8 +40,8 @@ def test_each_file_is_told_and_the_worst_decides(
 
 def test_json_is_a_list(whole: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["verify", "--output-format", "json", str(whole)]) == ExitCode.OK
-    (told,) = json.loads(capsys.readouterr().out)
-    assert told["state"] == "ok" and told["path"] == str(whole) and told["signature"] == "none"
+    (entry,) = json.loads(capsys.readouterr().out)
+    assert entry["state"] == "ok" and entry["path"] == str(whole) and entry["signature"] == "none"
 
 
 def test_a_key_that_is_none_is_refused(whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

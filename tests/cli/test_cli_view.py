@@ -39,7 +39,7 @@ def test_one_file_is_written_whole(path: Path, tmp_path: Path) -> None:
 
 
 def test_wrong_use_is_told(path: Path, tmp_path: Path) -> None:
-    for arguments, said in (
+    for arguments, message in (
         ((path, "--port", "70000"), "--port 70000: a whole number from 0 to 65535"),
         ((path, "--pictures", "-1"), "--pictures"),
         ((tmp_path / "none.mcap",), "cannot read the trace"),
@@ -49,7 +49,7 @@ def test_wrong_use_is_told(path: Path, tmp_path: Path) -> None:
         ((path, "--foxglove", "-o", tmp_path / "x.html"), "a layout for Foxglove is a .json file"),
     ):
         done = view(*arguments)
-        assert done.returncode == 2 and said in done.stderr, done.stderr
+        assert done.returncode == 2 and message in done.stderr, done.stderr
         assert "Traceback" not in done.stderr
 
 
@@ -57,8 +57,8 @@ def test_metrics_count_a_file_once_under_whatever_names(path: Path, tmp_path: Pa
     (tmp_path / "link.mcap").symlink_to(path)
     command = [sys.executable, "-m", "lingjing.cli.main", "metrics", path, tmp_path / "link.mcap", path]
     done = subprocess.run([*map(str, command), "--output-format", "json"], capture_output=True, text=True, timeout=600)
-    found = json.loads(done.stdout)
-    assert [one["trace"] for one in found["episodes"]] == [str(path)] and found["together"]["episodes"] == 1
+    document = json.loads(done.stdout)
+    assert [item["trace"] for item in document["episodes"]] == [str(path)] and document["together"]["episodes"] == 1
     assert done.stderr.splitlines() == [
         f"note: {tmp_path / 'link.mcap'} is the file {path} and counts once",
         f"note: {path} is named twice and counts once",
@@ -84,7 +84,7 @@ def test_no_output_replaces_a_trace_or_what_is_read(path: Path, tmp_path: Path) 
     source = (Path(__file__).parents[2] / "scenarios" / "bi.ljs").read_text(encoding="utf-8")
     mission.write_text(source, encoding="utf-8")
     (tmp_path / "link.html").symlink_to(trace)
-    for arguments, said in (
+    for arguments, message in (
         (("view", trace, "-o", trace), "this command reads it"),
         (("view", trace, "-o", tmp_path / "link.html"), "this command reads it"),
         (("view", trace, "-o", other), "it holds a trace, which is never replaced"),
@@ -95,7 +95,7 @@ def test_no_output_replaces_a_trace_or_what_is_read(path: Path, tmp_path: Path) 
     ):
         command = [sys.executable, "-m", "lingjing.cli.main", *map(str, arguments)]
         done = subprocess.run(command, capture_output=True, text=True, timeout=600)
-        assert done.returncode == 2 and f"cannot write `{arguments[-1]}`: {said}" in done.stderr, done.stderr
+        assert done.returncode == 2 and f"cannot write `{arguments[-1]}`: {message}" in done.stderr, done.stderr
     assert trace.read_bytes() == other.read_bytes() == path.read_bytes()
     assert mission.read_text(encoding="utf-8") == source
 
@@ -127,7 +127,7 @@ def test_the_server_answers_until_it_is_ended(path: Path, end: signal.Signals) -
 def test_other_viewers_get_their_files_and_wrong_use_is_told(path: Path, tmp_path: Path) -> None:
     layout = tmp_path / "layout.json"
     assert view(path, "--foxglove", "-o", layout).returncode == 0 and '"configById"' in layout.read_text()
-    for arguments, said in (
+    for arguments, message in (
         ((path, "--foxglove", "--rerun"), "not allowed with"),
         ((path, "--rerun", "-o", tmp_path / "x.mcap"), ".rrd" if importlib.util.find_spec("rerun") else "rerun-sdk"),
         ((path, "--rerun", "--follow"), "--rerun shows a finished episode"),
@@ -135,7 +135,7 @@ def test_other_viewers_get_their_files_and_wrong_use_is_told(path: Path, tmp_pat
         ((path, "--foxglove", "-o", tmp_path / "no" / "x.json"), "cannot write"),
     ):
         done = view(*arguments)
-        assert done.returncode == 2 and said in done.stderr, done.stderr
+        assert done.returncode == 2 and message in done.stderr, done.stderr
         assert "Traceback" not in done.stderr
 
 

@@ -1,4 +1,4 @@
-"""`run --watch`: what is known of an episode, how it is drawn at any size, and the terminal it leaves behind."""
+"""Tests of `run --watch`: the state of the episode, its drawing at any size, and the terminal afterwards."""
 
 from __future__ import annotations
 
@@ -95,8 +95,8 @@ def test_hidden_targets_appear_when_they_are_found_unless_the_truth_is_asked_for
     first = min(record.tick for record in trace.boundaries if record.events)
     assert list(watched(trace, first - 1).visible_targets()) == []
     assert {sight for *_, sight in watched(trace, first - 1, truth=True).visible_targets()} == {"truth"}
-    found = [(entity.id, sight) for entity, _, sight in watched(trace, first).visible_targets()]
-    assert found and {sight for _, sight in found} <= {"found", "completed"}
+    targets = [(entity.id, sight) for entity, _, sight in watched(trace, first).visible_targets()]
+    assert targets and {sight for _, sight in targets} <= {"found", "completed"}
     assert {sight for *_, sight in watched(trace, 60).visible_targets()} == {"completed"}
 
 
@@ -104,8 +104,8 @@ def test_the_state_is_that_of_the_last_boundary(trace: Trace) -> None:
     state, last = watched(trace, 60), trace.boundaries[-1]
     assert (state.tick, state.score, state.time_s) == (last.tick, last.reward, last.time_s)
     assert state.states == {body.id: body for body in last.snapshots[-1].states}
-    said = {edge.id for record in trace.boundaries for edge in record.messages}
-    assert len(state.messages) == min(64, len(said))
+    sent = {edge.id for record in trace.boundaries for edge in record.messages}
+    assert len(state.messages) == min(64, len(sent))
     assert sum(done for _, done, _ in state.stage_counts()) == sum(len(r.stages) for r in trace.boundaries)
 
 
@@ -230,7 +230,7 @@ def _resize(terminal: int, rows: int, columns: int) -> None:
 
 
 class Terminal:
-    """A pseudo-terminal with a command on it."""
+    """A pseudo-terminal that runs a command."""
 
     def __init__(self, cwd: Path, *arguments: object) -> None:
         self.pid, self.fd = pty.fork()
@@ -319,10 +319,10 @@ def test_control_c_leaves_the_terminal_clean(tmp_path: Path) -> None:
 def test_narrow_lines_leave_out_the_only_asset_an_agent_has(trace: Trace, city: City) -> None:
     state = watched(trace, 20)
     wide, narrow = ("\n".join(screen_text(state, city, width, 30)) for width in (160, 70))
-    commands = [one for one in state.agents.values() if "." in one.command]
+    commands = [agent for agent in state.agents.values() if "." in agent.command]
     assert commands
-    for one in commands:
-        assert f"{one.agent} {one.command}"[:50] in wide
-        what = one.command.partition(".")[2]
-        fits = len(f"{one.agent} {one.command}") <= round(70 * 0.38)
-        assert f"{one.agent} {one.command if fits else what}"[:24] in narrow
+    for agent in commands:
+        assert f"{agent.agent} {agent.command}"[:50] in wide
+        what = agent.command.partition(".")[2]
+        fits = len(f"{agent.agent} {agent.command}") <= round(70 * 0.38)
+        assert f"{agent.agent} {agent.command if fits else what}"[:24] in narrow

@@ -1,4 +1,4 @@
-"""The generated pages in `docs/missions`: one for each shipped mission, whole, small, and true to the mission."""
+"""Tests of the generated pages in `docs/missions`: one per shipped mission, complete, small and up to date."""
 
 from __future__ import annotations
 

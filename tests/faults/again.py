@@ -28,7 +28,7 @@ PROGRESS = 100
 """After so many cases a line is printed."""
 
 NOT_AGAIN = ("wall", "steady")
-"""Kinds whose calls depend on how fast the machine is."""
+"""Kinds of calls that depend on the speed of the machine."""
 
 MODEL_CALLS = 3
 """Answers of the service in the episode with a chat model: one for each tick."""
@@ -131,9 +131,9 @@ def report(harness: Harness, cases: list[Injection]) -> int:
         if after.faults:
             wrong += 1
             print(described(case, after), flush=True)
-    found = ", ".join(f"{code}: {number}" for code, number in sorted(codes.items()))
+    numbers = ", ".join(f"{code}: {number}" for code, number in sorted(codes.items()))
     spent = f"{processor_s() - begun:.0f} s of processor time"
-    print(f"{len(cases)} cases, {wrong} wrong, {missed} not met; exit codes {found}; {spent}")
+    print(f"{len(cases)} cases, {wrong} wrong, {missed} not met; exit codes {numbers}; {spent}")
     return int(wrong > 0)
 
 
@@ -145,7 +145,7 @@ def described(case: Injection, after: Aftermath) -> str:
 
 
 def differences(first: Aftermath, second: Aftermath) -> list[str]:
-    """What differs between two runs of one case: the call that failed, but for numbers of processes, and the end."""
+    """The differences between two runs of one case: the failed call (without process numbers) and the end."""
     met, again = ([re.sub(r"\d+", "#", call) for call in after.calls[:1]] for after in (first, second))
     if met != again:
         return [f"played again it meets {second.calls[:1] or 'no call'}"]

@@ -27,8 +27,11 @@ class Injection:
 
 @dataclass
 class Aftermath:
-    """What a case has left: exit code, output, processes and files, a line for each planted call that was met (for
-    each call where none was planted), and what is wrong with all that."""
+    """The state after a case.
+
+    `calls` has a line for each planted call that was made (each call if none was planted), `faults` lists what is
+    wrong.
+    """
 
     code: int
     output: str

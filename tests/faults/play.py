@@ -57,12 +57,12 @@ def descendants() -> dict[int, str]:
                 continue
             if words[0] not in "ZX":
                 parents[int(item.name)] = int(words[1])
-    found, fresh = set(), {os.getpid()}
+    pids, fresh = set(), {os.getpid()}
     while fresh:
-        fresh = {pid for pid, parent in parents.items() if parent in fresh and pid not in found}
-        found |= fresh
+        fresh = {pid for pid, parent in parents.items() if parent in fresh and pid not in pids}
+        pids |= fresh
     shown = {}
-    for pid in found:
+    for pid in pids:
         try:
             shown[pid] = Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode()[:200]
         except OSError:
@@ -258,4 +258,4 @@ class FaultPlayer:
 def processor_s() -> float:
     """Processor seconds of this process and all that it has waited for."""
     used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return sum(one.ru_utime + one.ru_stime for one in used)
+    return sum(usage.ru_utime + usage.ru_stime for usage in used)

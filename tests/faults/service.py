@@ -1,4 +1,4 @@
-"""A chat service whose n-th answer fails as the address asks: `http://127.0.0.1:PORT/<case>/<n>/<way>/v1`.
+"""A chat service with an n-th answer that fails as its address requests: `http://127.0.0.1:PORT/<case>/<n>/<way>/v1`.
 
 Run as a program it prints its port and serves until its standard input ends.
 """
@@ -22,7 +22,7 @@ WAYS = ("reset", "cut", "gzip", "status500", "status401", "nonsense", "empty")
 
 class Answers(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
-    asked: Counter[str] = Counter()
+    requests: Counter[str] = Counter()
 
     def log_message(self, *_: object) -> None: ...
 

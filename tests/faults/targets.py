@@ -46,15 +46,15 @@ def arguments(case: Injection, port: int, token: str) -> list[str]:
         number, way = (case.number, case.error) if case.kind == "service" else (0, "good")
         url = f"http://127.0.0.1:{port}/{token}/{number}/{way}/v1"
         model = ["model=m", f"base_url={url}", "tries=2", "deadline=60"]
-        given = [part for word in model for part in ("--policy-arg", word)]
-        return ["run", str(HERE / "trip.ljs"), "--world", "inline", "--policy", "react", *given, *run]
+        options = [part for word in model for part in ("--policy-arg", word)]
+        return ["run", str(HERE / "trip.ljs"), "--world", "inline", "--policy", "react", *options, *run]
     name, world = ("look", "process") if case.target == "look" else ("trip", "process")
     world = "inline" if case.target == "trip" else world
     return ["run", str(HERE / f"{name}.ljs"), "--world", world, "--policy", policy, *run]
 
 
 def shares(number: int, targets: Iterable[str]) -> dict[str, int]:
-    """How many of `number` cases each of the targets has."""
+    """Return the number of cases, of `number`, for each target."""
     chosen = [name for name in SHARES if name in set(targets)]
     whole = sum(SHARES[name] for name in chosen)
     parts = {name: max(1, number * SHARES[name] // whole) for name in chosen}

@@ -54,7 +54,7 @@ def test_a_sample_changes_little_when_a_place_is_added() -> None:
 
 
 def aftermath(**changes: object) -> Aftermath:
-    """What a case leaves that ended as it should, with changes."""
+    """Return the aftermath of a case that ended as expected, with changes."""
     good = {"code": 2, "output": "", "errors": "error: no\nhint: yes\n", "calls": [], "orphans": [], "left": []}
     return Aftermath(**{**good, **changes})  # type: ignore[arg-type]
 
@@ -79,8 +79,8 @@ def aftermath(**changes: object) -> Aftermath:
 def test_the_verdict_sees_each_fault(tmp_path: Path, changes: dict[str, object], fault: str | None) -> None:
     (tmp_path / "work").mkdir()
     (tmp_path / "work" / "cut.mcap").write_bytes(b"\x89MCAP0\r\n")
-    found = faults_of(Injection("trip", "write", "command/a:b", 1), aftermath(**changes), tmp_path, {})
-    assert [one[: len(fault or "")] for one in found] == ([] if fault is None else [fault])
+    faults = faults_of(Injection("trip", "write", "command/a:b", 1), aftermath(**changes), tmp_path, {})
+    assert [fault_line[: len(fault or "")] for fault_line in faults] == ([] if fault is None else [fault])
 
 
 RAISES = """
@@ -93,7 +93,7 @@ class Raises:
 
 @pytest.fixture(scope="module")
 def lost(tmp_path_factory: pytest.TempPathFactory) -> EpisodeReport:
-    """The report of an episode whose policy has lost its turns, with the trace of it."""
+    """Return the report of an episode with lost turns of its policy, and its trace."""
     folder = tmp_path_factory.mktemp("lost")
     (folder / "policy.py").write_text(RAISES)
     mission = lingjing.compile(str(Path(__file__).parent / "trip.ljs"))

@@ -1,4 +1,4 @@
-"""What is wrong with the aftermath of a case."""
+"""The verdict on the aftermath of a case: a list of faults."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from tests.faults.cases import Aftermath, Injection
 
 CODES = {0, 1, 2, 3, 130}
 NOT_BEGUN = "did not begin, because a policy failed"
-"""How the tables of a suite speak of episodes whose policy could not be loaded."""
+"""The words of a suite's tables for episodes without a start, because their policy could not be loaded."""
 
 LOSS = "replaced by doing nothing"
-"""How output and reports speak of the turns that a policy has lost."""
+"""The words of output and reports for lost turns of a policy."""
 
 HALF_WRITTEN = (".partial", ".new-", ".tmp")
 
@@ -112,20 +112,20 @@ def _result_faults(after: Aftermath, folder: Path, wanted: Results) -> Iterator[
     if after.code != 0:
         return
     try:
-        found = results_of(after, folder)
+        results = results_of(after, folder)
     except (ValueError, LingjingError, OSError) as error:
         yield f"no result with exit code 0: {error}"
         return
-    if set(found) != set(wanted):
-        yield f"results of {', '.join(found) or 'nothing'} in place of {', '.join(wanted)} with exit code 0"
-    for name in set(found) & set(wanted):
-        if found[name].digest == wanted[name].digest:
+    if set(results) != set(wanted):
+        yield f"results of {', '.join(results) or 'nothing'} in place of {', '.join(wanted)} with exit code 0"
+    for name in set(results) & set(wanted):
+        if results[name].digest == wanted[name].digest:
             continue
-        if found[name].model_calls > wanted[name].model_calls:  # a request made again, which each decision records
+        if results[name].model_calls > wanted[name].model_calls:  # a request made again, which each decision records
             continue
-        if not found[name].begun and any(NOT_BEGUN in line for line in _notes(after.output)):
+        if not results[name].begun and any(NOT_BEGUN in line for line in _notes(after.output)):
             continue
-        if not found[name].lost_turns:
+        if not results[name].lost_turns:
             yield f"another digest of {name} with exit code 0"
         elif not any(LOSS in line for line in [*after.errors.splitlines(), *_notes(after.output)]):
             yield f"turns of {name} that were lost, which the output does not report"

@@ -20,17 +20,17 @@ PACKAGES = sorted(
 
 
 def _names(node: ast.Module | ast.ClassDef) -> dict[str, ast.AST]:
-    """What a module or class defines or declares at its own level."""
-    found: dict[str, ast.AST] = {}
+    """The names that a module or class defines or declares at its own level."""
+    nodes: dict[str, ast.AST] = {}
     for item in node.body:
         match item:
             case ast.FunctionDef(name=name) | ast.AsyncFunctionDef(name=name) | ast.ClassDef(name=name):
-                found[name] = item
+                nodes[name] = item
             case ast.AnnAssign(target=ast.Name(id=name)):
-                found[name] = item
+                nodes[name] = item
             case ast.Assign(targets=[ast.Name(id=name)]):
-                found[name] = item
-    return found
+                nodes[name] = item
+    return nodes
 
 
 def is_defined(path: Path, dotted: str) -> bool:

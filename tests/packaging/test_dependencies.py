@@ -1,4 +1,6 @@
-"""What is declared is what is imported, versions are pinned by name alone, and imports run one way."""
+"""Tests of dependencies: declared and imported packages are the same, versions are pinned in one place, and imports
+follow the layers.
+"""
 
 from __future__ import annotations
 
@@ -33,12 +35,12 @@ def imports(path: Path) -> Iterator[str]:
 
 def foreign(root: Path) -> dict[str, set[str]]:
     """Imported packages that are neither ours nor the standard library's, with the modules that import them."""
-    found: dict[str, set[str]] = {}
+    importers: dict[str, set[str]] = {}
     for path in root.rglob("*.py"):
         for name in imports(path):
             if name not in sys.stdlib_module_names and not name.startswith("lingjing"):
-                found.setdefault(name, set()).add(path.relative_to(root.parent).as_posix())
-    return found
+                importers.setdefault(name, set()).add(path.relative_to(root.parent).as_posix())
+    return importers
 
 
 def distributions(names: set[str]) -> set[str]:
@@ -54,13 +56,15 @@ def declared(pyproject: Path, *extras: str) -> set[str]:
 
 def test_the_core_declares_what_it_imports_and_nothing_else() -> None:
     run_as_programs = {"eclipse-sumo", "graphviz-pure"}  # netconvert, and what lays graphs out
-    asked = declared(ROOT / "pyproject.toml", "bench", "film", "foxglove", "lsp", "road", "quadruped", "maps", "envs")
+    requirements = declared(
+        ROOT / "pyproject.toml", "bench", "film", "foxglove", "lsp", "road", "quadruped", "maps", "envs"
+    )
     used = foreign(CORE)
     assert used.pop("ray") == {"lingjing/bench/on_ray.py"}  # not installed by `make setup`, for its size
     assert "ray" in declared(ROOT / "pyproject.toml", "ray")
     assert used.pop("rerun") == {"lingjing/viewer/rerun_recording.py"}  # the same
     assert "rerun-sdk" in declared(ROOT / "pyproject.toml", "rerun")
-    assert distributions(set(used)) == asked - run_as_programs
+    assert distributions(set(used)) == requirements - run_as_programs
 
 
 def test_the_agents_declare_what_they_import_and_nothing_else() -> None:
@@ -96,5 +100,5 @@ def test_pins_are_names_and_versions_and_no_hosts(name: str) -> None:
 
 def test_every_dependency_is_pinned() -> None:
     pins = {canonical(line.partition("==")[0]) for line in (ROOT / "constraints.txt").read_text().splitlines()}
-    asked = declared(ROOT / "pyproject.toml", "dev") | declared(ROOT / "agents" / "pyproject.toml", "litellm")
-    assert asked - {"lingjing-sim"} <= pins
+    requirements = declared(ROOT / "pyproject.toml", "dev") | declared(ROOT / "agents" / "pyproject.toml", "litellm")
+    assert requirements - {"lingjing-sim"} <= pins

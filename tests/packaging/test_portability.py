@@ -1,4 +1,4 @@
-"""What works on the oldest interpreter that we promise: Debian 12's Python 3.11.2."""
+"""Tests on the oldest supported interpreter: Debian 12's Python 3.11.2."""
 
 from __future__ import annotations
 

@@ -101,7 +101,7 @@ def test_its_python_runs(tmp_path: Path) -> None:
         [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=900
     )
     assert done.returncode == 0, done.stderr
-    success, found, trace = done.stdout.split()
+    success, targets, trace = done.stdout.split()
     assert success in {"True", "False"}
-    assert 0 <= int(found) <= 3
+    assert 0 <= int(targets) <= 3
     assert (tmp_path / trace).is_file()

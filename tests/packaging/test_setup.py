@@ -73,8 +73,8 @@ def test_the_end_says_what_pip_check_will_say(environment, created, pips, tmp_pa
     listed = tmp_path / "nodeps.txt"
     listed.write_text("# only its files\nbig-one==1.2\n")
     setup.ensure(replace(environment, without_dependencies=(listed,)))
-    said = capsys.readouterr().err
-    assert "`pip check` reports missing requirements of big-one" in said
+    output = capsys.readouterr().err
+    assert "`pip check` reports missing requirements of big-one" in output
     setup.ensure(environment)
     assert not capsys.readouterr().err
 
@@ -150,9 +150,9 @@ def test_missing_libraries_are_one_line_for_who_is_not_root(monkeypatch, capsys)
     monkeypatch.setattr(sys, "argv", ["setup.py"])
     monkeypatch.setattr(setup, "ensure", lambda environment: pytest.fail("went on without its libraries"))
     assert setup.main() == 2
-    said = capsys.readouterr().err
-    assert "cannot load libNoSuch.so.1" in said
-    assert said.splitlines()[-1] == "  sudo apt-get install -y libnosuch1"
+    output = capsys.readouterr().err
+    assert "cannot load libNoSuch.so.1" in output
+    assert output.splitlines()[-1] == "  sudo apt-get install -y libnosuch1"
 
 
 def test_the_project_is_set_up_by_now() -> None:
@@ -164,27 +164,27 @@ def test_the_project_is_set_up_by_now() -> None:
     assert done.stdout == ""
 
 
-def _hold(started, asked, ended) -> None:
+def _hold(started, requested, ended) -> None:
     with setup.locked():
         started.set()
-        asked.wait()
+        requested.wait()
         ended.set()
 
 
 def test_two_at_once_are_one_after_the_other(monkeypatch) -> None:
     context = multiprocessing.get_context("fork")
-    started, asked, ended = context.Event(), context.Event(), context.Event()
-    other = context.Process(target=_hold, args=(started, asked, ended))
+    started, requested, ended = context.Event(), context.Event(), context.Event()
+    other = context.Process(target=_hold, args=(started, requested, ended))
     other.start()
     assert started.wait(600)
-    told = []
+    lines = []
 
     def tell(line: str, file: object) -> None:
-        told.append(line)
-        asked.set()
+        lines.append(line)
+        requested.set()
 
     monkeypatch.setattr(setup, "print", tell, raising=False)
     with setup.locked():
         assert ended.is_set()
     other.join()
-    assert told == ["setup: another set-up runs in this checkout, waiting for its end"]
+    assert lines == ["setup: another set-up runs in this checkout, waiting for its end"]

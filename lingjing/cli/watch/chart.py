@@ -66,7 +66,7 @@ _DOTS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
 """Bits of the Unicode braille patterns (U+2800) by row and column of a cell."""
 
 _MARGIN = 1.1
-"""Size of the window by the extent of its points. Chosen."""
+"""Ratio of the window's size to the extent of its points. Chosen."""
 
 
 def asset_ink(place: int) -> Ink:

@@ -4,7 +4,7 @@ from lingjing.plugins.policy import Action, Decision
 
 
 class Timid:
-    """Sails to one place and never to anybody."""
+    """A policy that sails to one place and approaches no target."""
 
     async def reset(self, brief):
         self.boat = brief.resources[0].id if brief.resources else None
@@ -16,7 +16,7 @@ class Timid:
 
 
 class Broken(Timid):
-    """Raises from the fourth tick on."""
+    """A policy that raises from the fourth tick on."""
 
     async def act(self, observation, inbox):
         if observation.tick >= 4:

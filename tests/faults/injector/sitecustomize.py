@@ -97,12 +97,12 @@ _modules: dict[str, str] = {}
 
 def _module(path: str) -> str:
     """The module of the product that a file is, without the name of the package; "" for any other file."""
-    found = _modules.get(path)
-    if found is None:
+    module = _modules.get(path)
+    if module is None:
         inside = [path.removeprefix(folder) for folder in _PRODUCT if path.startswith(folder)]
-        found = inside[0].removesuffix(".py").replace(os.sep, ".") if inside else ""
-        _modules[path] = found
-    return found
+        module = inside[0].removesuffix(".py").replace(os.sep, ".") if inside else ""
+        _modules[path] = module
+    return module
 
 
 def _place() -> str:
@@ -123,12 +123,12 @@ class PlantedFault:
     there too. Number 0: a clock that is wrong from the start."""
 
     def __init__(self, text: str) -> None:
-        given = json.loads(text) if text else {}
-        self.kind: str = given.get("kind", "")
-        self.place: str = given.get("place", "")
-        self.number: int = given.get("number", 0)
-        self.error: str = given.get("error", "EIO")
-        self.lasting: bool = given.get("lasting", False)
+        settings = json.loads(text) if text else {}
+        self.kind: str = settings.get("kind", "")
+        self.place: str = settings.get("place", "")
+        self.number: int = settings.get("number", 0)
+        self.error: str = settings.get("error", "EIO")
+        self.lasting: bool = settings.get("lasting", False)
 
     def is_at(self, kind: str, place: str) -> bool:
         """True for the calls that are counted."""
@@ -234,7 +234,7 @@ def system_error(path: object = None, *, reading: bool = False) -> OSError:
 
 
 class FaultyFile(_io.FileIO):
-    """A file whose reads and writes are counted."""
+    """A file that counts its reads and writes."""
 
     def write(self, data):
         if is_hit("write", self.name):
@@ -303,7 +303,7 @@ def _failing(module, name, kind):
 
 
 class FaultyMemory(mmap.mmap):
-    """A mapping whose making is counted."""
+    """A mapping that counts its creation."""
 
     def __new__(cls, *arguments, **options):
         if is_hit("memory"):
@@ -346,7 +346,7 @@ def _has_leapt():
 
 
 class FaultyConnection(sqlite3.Connection):
-    """A connection whose statements are counted."""
+    """A connection that counts its statements."""
 
     def execute(self, *arguments):
         if is_hit("record", arguments[:1]):

@@ -1,7 +1,7 @@
-"""Pictures of an episode that nobody took while it ran.
+"""Pictures that were not taken during an episode, rendered from its trace.
 
-A picture is a function of the city and the states alone, and the trace holds the states of every boundary with the
-background traffic: the camera is put there once more and asked.
+A picture is a function of the city and the states, and the trace holds the states of every boundary, including
+background traffic. So the camera can be set to any recorded state.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from lingjing.trace.reader import Trace
 from lingjing.trace.records import BoundaryRecord
 
 
-def look_back(trace: Trace, wanted: Sequence[tuple[str, str, BoundaryRecord]]) -> Iterator[StoredFrame]:
-    """The picture of each (entity, camera, boundary), in that order but for those that the camera does not draw.
+def redraw(trace: Trace, views: Sequence[tuple[str, str, BoundaryRecord]]) -> Iterator[StoredFrame]:
+    """Yield the picture of each (entity, camera, boundary) in order, without those that the camera does not render.
 
-    None come if the city is no longer to be had exactly as it was, or if no plug-in draws pictures. Raises
+    Yields nothing if the city cannot be rebuilt exactly, or if no plug-in renders pictures. Raises
     `InfrastructureError` if the camera cannot work here.
     """
     instance, host = trace.header.instance, PluginHost()
-    city = city_of(trace) if wanted else None
+    city = city_of(trace) if views else None
     name = select_engines(instance, host).sensor
     if city is None or name is None:
         return
@@ -34,7 +34,7 @@ def look_back(trace: Trace, wanted: Sequence[tuple[str, str, BoundaryRecord]]) -
     try:
         sensor = Sensor(name, engines[name])
         sensor.reset(instance, city)
-        for entity, camera, record in wanted:
+        for entity, camera, record in views:
             now = record.snapshots[-1]
             sensor.settle(now.time_s, now.states + now.ambient)
             request = CaptureRequest(

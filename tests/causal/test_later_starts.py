@@ -1,12 +1,12 @@
-"""From which later boundaries a pair is tried to be replaced."""
+"""Tests of the later starts that are tried for a pair."""
 
 import pytest
 
-from lingjing.causal.beginnings import later_beginnings
+from lingjing.causal.later_starts import later_starts
 
 
 @pytest.mark.parametrize(
-    ("departed", "agreed", "found"),
+    ("departed", "agreed", "expected"),
     [
         ((7,), (), []),
         ((1, 3), (), [3]),
@@ -17,6 +17,6 @@ from lingjing.causal.beginnings import later_beginnings
     ],
 )
 def test_where_departures_begin_anew_comes_first(
-    departed: tuple[int, ...], agreed: tuple[int, ...], found: list[int]
+    departed: tuple[int, ...], agreed: tuple[int, ...], expected: list[int]
 ) -> None:
-    assert later_beginnings(departed, agreed) == found
+    assert later_starts(departed, agreed) == expected

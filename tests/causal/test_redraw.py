@@ -1,4 +1,4 @@
-"""A picture taken afterwards is the one that the camera took, or would have taken, in the episode."""
+"""A picture rendered after the episode equals the one that the camera took, or would have taken."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ import pytest
 
 from lingjing.analysis.page_pictures import best_frames, sort_by_camera, unrecorded_frames
 from lingjing.bench.columns import shipped
-from lingjing.causal.lookback import look_back
+from lingjing.causal.redraw import redraw
 from lingjing.cli import missionpage
 from lingjing.dsl.loading.load import load_mission
 from lingjing.mission.expression import Number
@@ -21,7 +21,7 @@ replace = msgspec.structs.replace
 
 @pytest.fixture(scope="module")
 def walk(tmp_path_factory: pytest.TempPathFactory) -> Trace:
-    """Two ticks of a dog that is shown a house and takes a picture at every tick."""
+    """Two ticks of a dog in front of a house, with a picture at every tick."""
     mission = load_mission(next(path for path in shipped() if path.stem == "vdn"))
     short = replace(mission, budget=replace(mission.budget, ticks=Number(value=2.0)))
     folder = tmp_path_factory.mktemp("walk") / "episode"
@@ -29,27 +29,27 @@ def walk(tmp_path_factory: pytest.TempPathFactory) -> Trace:
 
 
 def test_it_is_the_picture_that_the_trace_holds(walk: Trace) -> None:
-    taken = [frame for frame in walk.frames.values() if frame.camera == "front"]
-    assert len(taken) >= 2
-    wanted = [(frame.entity, "front", walk.boundaries[frame.tick]) for frame in taken]
-    again = list(look_back(walk, wanted))
-    assert [picture.info.sha256 for picture in again] == [frame.sha256 for frame in taken]
-    assert [picture.info.boxes for picture in again] == [frame.boxes for frame in taken]
+    frames = [frame for frame in walk.frames.values() if frame.camera == "front"]
+    assert len(frames) >= 2
+    wanted = [(frame.entity, "front", walk.boundaries[frame.tick]) for frame in frames]
+    again = list(redraw(walk, wanted))
+    assert [picture.info.sha256 for picture in again] == [frame.sha256 for frame in frames]
+    assert [picture.info.boxes for picture in again] == [frame.boxes for frame in frames]
 
 
 def test_a_camera_through_which_nobody_looked_is_shown_all_the_same(walk: Trace) -> None:
-    taken = best_frames([walk])
-    assert [shown.info.camera for shown in sort_by_camera(taken)] == ["front", "reference"]
-    assert unrecorded_frames(walk, taken, look_back) == []
-    (shown,) = unrecorded_frames(walk, [one for one in taken if one.info.camera != "front"], look_back)
+    frames = best_frames([walk])
+    assert [shown.info.camera for shown in sort_by_camera(frames)] == ["front", "reference"]
+    assert unrecorded_frames(walk, frames, redraw) == []
+    (shown,) = unrecorded_frames(walk, [frame for frame in frames if frame.info.camera != "front"], redraw)
     assert (shown.info.entity, shown.info.camera, shown.agent) == ("dog", "front", "navigator")
     assert shown.jpeg.startswith(b"\xff\xd8") and "drawn after the episode" in shown.caption
-    assert "drawn after the episode" not in next(one for one in taken if one.info.camera == "front").caption
+    assert "drawn after the episode" not in next(frame for frame in frames if frame.info.camera == "front").caption
 
 
 def test_a_city_that_is_gone_gives_no_pictures(walk: Trace) -> None:
     other = Trace(walk.path, replace(walk.header, city_sha256="0"), walk.boundaries, walk.outcome, True, walk.places)
-    assert unrecorded_frames(other, [], look_back) == []
+    assert unrecorded_frames(other, [], redraw) == []
 
 
 def test_a_page_shows_the_camera_that_nobody_used(walk: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
