@@ -10,6 +10,7 @@ import re
 import sys
 from pathlib import Path
 
+from lingjing.dsl.syntax.statements import KINDS
 from lingjing.dsl.syntax.tokens import INNER, STATEMENTS
 from lingjing.mission.functions import DISTRIBUTIONS, FUNCTIONS
 from lingjing.mission.units import UNITS
@@ -19,11 +20,12 @@ FILE = Path(__file__).parents[1] / "editors" / "vscode" / "syntaxes" / "ljs.tmLa
 WORD_OPERATORS = ("and", "or", "not", "in", "exists", "forall")
 """Words that are operators."""
 CONSTANTS = ("true", "false")
-DECLARATIONS = (
-    "mission", "param", "region", "grid", "target", "asset", "camera", "agent", "message", "adjudicate", "stage",
-    "record", "verb", "interaction", "limit", "inspection", "event", "sweep",
-)  # fmt: skip
-"""Keywords of statements that declare a name."""
+DECLARATIONS = tuple(
+    kind.keyword
+    for kind in KINDS.values()
+    if kind.forms and kind.forms[0].elements()[0].label == "name" and kind.place("name").declares
+)
+"""Keywords of statements that declare the name behind them."""
 ORDER = (
     "comment", "text", "declaration", "statement", "property", "number", "constant", "wordOperator", "inner",
     "distribution", "function", "operator",

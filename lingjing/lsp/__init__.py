@@ -8,7 +8,8 @@ The modules in control-flow order:
 - `positions`: the compiler's offsets ↔ the protocol's lines and code units.
 - `names`: declarations and uses of names, from the syntax tree.
 - `analysis`: one version of one text: tree, names, symbol tables, diagnostics.
-- `context`: the context of a cursor in an unfinished text. `complete`: the proposals there.
+- `context`: the context of a cursor in an unfinished text. `pattern`: the continuations of an unfinished statement.
+  `complete`: the proposals there.
 - `explain`: Markdown about a name, a unit or a keyword. `outline`: the symbols of a file.
 - `rename`: the edits of a renaming, or the reason why it is impossible.
 - `server`: the protocol. It alone imports pygls, and only `lingjing lsp` imports it.

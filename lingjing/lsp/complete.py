@@ -5,18 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
-from lingjing.dsl.checking import bodies, conduct, equipment, library, rules, settings, types
-from lingjing.dsl.checking.keys import PropertyKey
+from lingjing.dsl.checking import library, settings, types
 from lingjing.dsl.checking.scope import SymbolTables, TypeDecl
 from lingjing.dsl.checking.toplevel import load_library
 from lingjing.dsl.checking.typenames import word as type_word
+from lingjing.dsl.syntax.keys import PropertyKey
 from lingjing.dsl.syntax.lexer import OPERANDS
+from lingjing.dsl.syntax.statement_kinds import FILE, TYPE, NamePlace
+from lingjing.dsl.syntax.statements import KINDS, STATEMENTS
 from lingjing.dsl.syntax.tokens import Token
 from lingjing.lsp.analysis import Analysis
 from lingjing.lsp.context import Context, context_at
+from lingjing.lsp.pattern import due_in
 from lingjing.mission import functions as f
 from lingjing.mission.units import ANGLE, BY_NAME, NONE, SPEED, UNITS, Dimension, dimension_name, unit_of
-from lingjing.mission.vocabulary import EVERYONE
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,24 +42,6 @@ class Completion:
     end: int
 
 
-STATEMENTS_IN: dict[str, tuple[str, ...]] = {
-    "": ("ljs", "use", "mission", "asset", "target", "record", "camera", "weather"),
-    "MISSION": (
-        "goal", "scene", "clock", "budget", "weather", "comms", "param", "mode", "region", "grid", "target", "asset",
-        "agent", "authority", "message", "adjudicate", "unlock", "stage", "relation", "reveal", "success", "failure",
-        "limit", "permit", "constraint", "inspection", "event", "sweep", "override",
-    ),
-    "ASSET": ("camera", "actions", "hidden", "state"),
-    "TARGET": ("hidden", "state"),
-    "type": ("engine", "verb", "interaction", "mount", "part", "hidden", "state"),
-    "AGENT": ("observes", "prompt", "budget"),
-    "ADJUDICATE": ("when",),
-    "STAGE": ("done", "limit"),
-    "CONSTRAINT": ("always",),
-    "EVENT": ("weather", "appear", "vanish"),
-}  # fmt: skip
-"""Statements of a block, by the token that opens it."""
-
 _COMPOUND = ("m/s", "km/h", "m/s^2", "deg/s", "m^2", "m^3", "kB/s", "B/s", "kg*m^2")
 """Compound units that are proposed."""
 _AFTER_OPERAND = ("in", "and", "or", "when", "at", "by", "from", "to")
@@ -77,6 +61,7 @@ class _Completer:
         self.at = context
         self.offset = offset
         self.scope: SymbolTables = analysis.scope
+        self.due = due_in(context.statement)
 
     def items(self) -> Iterator[CompletionItem]:
         at = self.at
@@ -98,13 +83,20 @@ class _Completer:
     # -- beginnings of statements
 
     def _beginnings(self) -> Iterator[CompletionItem]:
-        kind = self.at.kind()
-        if kind in ("ASSET", "TARGET") and not self.at.inside("MISSION"):
-            kind = "type"
         if not self.at.statement:
-            yield from (CompletionItem(word, "keyword") for word in STATEMENTS_IN.get(kind, ()))
+            place = self._place()
+            yield from (CompletionItem(kind.keyword, "keyword") for kind in STATEMENTS if place in kind.within)
+            if place == TYPE:
+                yield CompletionItem("engine", "keyword")
         for name, detail in self._keys():
             yield CompletionItem(name, "property", detail)
+
+    def _place(self) -> str:
+        """The block around the cursor, as the table of statements names places."""
+        kind = self.at.kind()
+        if kind in ("ASSET", "TARGET") and not self.at.inside("MISSION"):
+            return TYPE
+        return kind.lower() or FILE
 
     def _keys(self) -> Iterator[tuple[str, str]]:
         kind = self.at.kind()
@@ -122,7 +114,8 @@ class _Completer:
     def _known_keys(self) -> dict[str, PropertyKey]:
         """The properties of the block around the cursor."""
         if self.at.kind() != "SCENE":
-            return _KEYS.get(self.at.kind(), {})
+            kind = KINDS.get(self.at.kind().lower())
+            return kind.keys if kind is not None else {}
         head = self.at.blocks[-1]
         return settings.scene_keys(head[1].text if len(head) > 1 else "")
 
@@ -138,13 +131,10 @@ class _Completer:
 
     def _inner(self) -> Iterator[CompletionItem]:
         at = self.at
-        special = _SPECIAL.get(at.head())
-        if special is not None:
-            proposals = list(special(self))
-            if proposals:
-                yield from proposals
-                return
-        if at.before() == "COLON" and not self._in_quantifier():
+        proposals = list(self._of_pattern())
+        if proposals:
+            yield from proposals
+        elif at.before() == "COLON" and not self._in_quantifier():
             yield from self._types_due()
         elif at.before() == "TILDE":
             yield from (
@@ -157,45 +147,72 @@ class _Completer:
         elif at.head() in ("EQUAL", "NAME") and (key := self._key()) is not None and key.choices:
             yield from (CompletionItem(choice, "value") for choice in key.choices)
         elif at.before() in OPERANDS:
-            yield from (CompletionItem(word, "keyword") for word in (*_AFTER_OPERAND, *self._clauses()))
+            yield from (CompletionItem(word, "keyword") for word in (*_AFTER_OPERAND, *self.due.words))
         else:
             yield from self._expression()
 
-    def _clauses(self) -> tuple[str, ...]:
-        return {
-            "AGENT": ("as", "controls"),
-            "RELATION": ("carries", "over", "by", "per"),
-            "STAGE": ("per",),
-            "GRID": ("over",),
-            "AUTHORITY": ("may",),
-            "LIMIT": ("counts",),
-            "SWEEP": ("over",),
-        }.get(self.at.head(), ())
+    def _of_pattern(self) -> Iterator[CompletionItem]:
+        """The names, or else the words, that the statement's pattern requires at the cursor."""
+        due, kind = self.due, KINDS.get(self.at.head().lower())
+        if kind is None or due.within_value:
+            return
+        if due.element is None:
+            yield from (CompletionItem(word, "keyword") for word in due.words)
+        elif due.element.symbol == "path":
+            paths = (path for first in library.SHIPPED for path in library.known_paths(first))
+            yield from (CompletionItem(path, "module") for path in paths)
+        else:
+            yield from self._of_place(kind.place(due.element.label))
+
+    def _of_place(self, place: NamePlace) -> Iterator[CompletionItem]:
+        yield from (CompletionItem(word, "value") for word in place.choices)
+        if place.offers:
+            yield from _OFFERS[place.offers](self)
+            return
+        dependent = place.dependency and self.at.statement[1].text == "dependency"
+        yield from self._names((place.dependency if dependent else place.spaces) or ())
 
     def _in_quantifier(self) -> bool:
         return any(token.type in ("EXISTS", "FORALL") for token in self.at.statement)
 
     def _types_due(self) -> Iterator[CompletionItem]:
         head = self.at.head()
-        if head in ("ASSET", "TARGET"):
-            for name, decl in self.scope.types.items():
-                if decl.role == head.lower():
-                    yield CompletionItem(name, "type", f"{decl.role} moved by {decl.engine}")
-        elif head == "MESSAGE":
-            yield from (CompletionItem(name, "type", record.category) for name, record in self.scope.records.items())
-        elif head == "CAMERA":
-            yield from (CompletionItem(name, "type", "camera preset") for name in self.scope.cameras)
-        elif head in ("ADJUDICATE", "UNLOCK"):
-            yield from self._domains()
+        if head in ("ADJUDICATE", "UNLOCK"):
+            yield from self.domains()
         elif head == "VERB":
             yield from (CompletionItem(name, "type", unit.unit) for name, unit in BY_NAME.items())
             yield CompletionItem("name", "type")
         elif self.at.kind() == "RECORD":
             yield from (CompletionItem(name, "type") for name in f.FIELD_TYPES)
-        elif head == "RECORD":
-            yield from (CompletionItem(name, "value") for name in ("report", "assignment", "target_status", "other"))
 
-    def _domains(self) -> Iterator[CompletionItem]:
+    # -- declarations that a place of a statement takes
+
+    def entity_types(self) -> Iterator[CompletionItem]:
+        """The types of assets or of targets, by the keyword of the statement."""
+        for name, decl in self.scope.types.items():
+            if decl.role == self.at.head().lower():
+                yield CompletionItem(name, "type", f"{decl.role} moved by {decl.engine}")
+
+    def records(self) -> Iterator[CompletionItem]:
+        """The records of messages."""
+        yield from (CompletionItem(name, "type", record.category) for name, record in self.scope.records.items())
+
+    def presets(self) -> Iterator[CompletionItem]:
+        """The presets of cameras."""
+        yield from (CompletionItem(name, "type", "camera preset") for name in self.scope.cameras)
+
+    def regions(self) -> Iterator[CompletionItem]:
+        """The regions."""
+        for name, symbol in self.scope.symbols.items():
+            if symbol.kind == "region":
+                yield CompletionItem(name, "name", "region")
+
+    def interactions(self) -> Iterator[CompletionItem]:
+        """The interactions of all types."""
+        yield from (CompletionItem(name, "value", "interaction") for name in self.scope.interactions())
+
+    def domains(self) -> Iterator[CompletionItem]:
+        """Groups and message kinds, over which a variable may range."""
         yield from (CompletionItem(name, "name", info.role) for name, info in self.scope.groups.items())
         yield from (CompletionItem(name, "name", "message") for name in self.scope.messages)
 
@@ -245,67 +262,6 @@ class _Completer:
 
     def _groups(self, role: str) -> Iterator[CompletionItem]:
         yield from (CompletionItem(name, "name", role) for name, info in self.scope.groups.items() if info.role == role)
-
-    # -- statements with words of their own
-
-    def relation(self) -> Iterable[CompletionItem]:
-        """`relation kind a -> b carries …`."""
-        from lingjing.dsl.checking.agents import RELATIONS
-
-        at = self.at
-        if len(at.statement) == 1:
-            return [CompletionItem(kind, "value") for kind in RELATIONS]
-        if len(at.statement) == 2 or at.before() in ("ARROW", "BOTH"):
-            return self._names(("stage",) if at.statement[1].text == "dependency" else ("role",))
-        if at.before() in ("CARRIES", "BY"):
-            return self._names(("message",))
-        return self._names(("symbol",)) if at.before() == "OVER" else ()
-
-    def message(self) -> Iterable[CompletionItem]:
-        """`message kind : record from roles to roles`."""
-        seen = [token.type for token in self.at.statement]
-        if self.at.before() in ("FROM", "TO") or (self.at.before() == "SEP" and "FROM" in seen):
-            everyone = [CompletionItem(EVERYONE, "value", "every other agent")] if "TO" in seen else []
-            return [*self._names(("role",)), *everyone]
-        if self.at.before() == "NAME" and "COLON" in seen:
-            return [CompletionItem(word, "keyword") for word in ("from", "to", "when")]
-        return ()
-
-    def authority(self) -> Iterable[CompletionItem]:
-        """`authority role may command asset`."""
-        if self.at.before() == "MAY":
-            return [CompletionItem("command", "keyword")]
-        return self._names(("role",)) if self.at.before() in ("AUTHORITY", "SEP") else ()
-
-    def mode(self) -> Iterable[CompletionItem]:
-        """`mode default in { … }`."""
-        if self.at.before() == "NAME":
-            return [CompletionItem("in", "keyword")]
-        return [CompletionItem(word, "value") for word in ("star", "broadcast", "single")]
-
-    def grid(self) -> Iterable[CompletionItem]:
-        """`grid name over region`."""
-        if self.at.before() != "OVER":
-            return ()
-        return [
-            CompletionItem(n, "name", "region") for n, symbol in self.scope.symbols.items() if symbol.kind == "region"
-        ]
-
-    def use(self) -> Iterable[CompletionItem]:
-        """`use std.air`."""
-        return [CompletionItem(path, "module") for first in library.SHIPPED for path in library.known_paths(first)]
-
-    def unlock(self) -> Iterable[CompletionItem]:
-        """`unlock interaction(…)`."""
-        if len(self.at.statement) == 1:
-            return [CompletionItem(name, "value", "interaction") for name in self.scope.interactions()]
-        return ()
-
-    def domains(self) -> Iterable[CompletionItem]:
-        """`stage name per v in group`, `constraint …`."""
-        if self.at.before() == "IN" and self.at.before(3) == "PER":
-            return self._domains()
-        return [CompletionItem("per", "keyword")] if self.at.before() == "NAME" and len(self.at.statement) == 2 else ()
 
     # -- libraries, fields, units
 
@@ -385,35 +341,15 @@ class _Completer:
         return unit.dimension if unit else None
 
 
-_SPECIAL: dict[str, Callable[[_Completer], Iterable[CompletionItem]]] = {
-    "RELATION": _Completer.relation,
-    "MESSAGE": _Completer.message,
-    "AUTHORITY": _Completer.authority,
-    "MODE": _Completer.mode,
-    "GRID": _Completer.grid,
-    "USE": _Completer.use,
-    "UNLOCK": _Completer.unlock,
-    "STAGE": _Completer.domains,
-    "CONSTRAINT": _Completer.domains,
+_OFFERS: dict[str, Callable[[_Completer], Iterable[CompletionItem]]] = {
+    "type": _Completer.entity_types,
+    "record": _Completer.records,
+    "preset": _Completer.presets,
+    "region": _Completer.regions,
+    "interaction": _Completer.interactions,
+    "domain": _Completer.domains,
 }
-"""Statements with words that are no expressions, by their first token."""
-
-
-_KEYS: dict[str, dict[str, PropertyKey]] = {
-    "CLOCK": settings.CLOCK_KEYS,
-    "BUDGET": settings.BUDGET_KEYS,
-    "WEATHER": settings.WEATHER_KEYS,
-    "GRID": settings.GRID_KEYS,
-    "COMMS": settings.COMMS_KEYS,
-    "CAMERA": equipment.CAMERA_KEYS,
-    "STAGE": rules.STAGE_KEYS,
-    "INTERACTION": types.INTERACTION_KEYS,
-    "MOUNT": bodies.MOUNT_KEYS,
-    "PART": bodies.PART_KEYS,
-    "INSPECTION": conduct.INSPECTION_KEYS,
-    "CONSTRAINT": conduct.CONSTRAINT_KEYS,
-}
-"""The properties of a block, by the token that opens it. Those of scenes and entities depend on more."""
+"""Declarations that a place of a statement takes (`NamePlace.offers`) → their proposals."""
 
 
 def _chain(statement: list[Token]) -> list[Token]:

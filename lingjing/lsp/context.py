@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.source.text import SourceText
 from lingjing.dsl.syntax.lexer import Lexer
+from lingjing.dsl.syntax.statements import KINDS
 from lingjing.dsl.syntax.tokens import OPERATORS_THAT_CONTINUE, STATEMENTS, Token
 
 _WORD = re.compile(r"[^\W\d]\w*$")
@@ -125,5 +126,5 @@ def _depth(statement: list[Token]) -> int:
     return sum((t.type in ("LPAR", "LSQB", "LSET")) - (t.type in ("RPAR", "RSQB", "RSET")) for t in statement)
 
 
-_LISTS = frozenset(("OBSERVES", "MESSAGE", "AGENT", "AUTHORITY", "LIMIT", "INSPECTION", "SWEEP"))
+_LISTS = frozenset([kind.token for kind in KINDS.values() if kind.holds_list])
 """Statements in which a comma continues a list."""

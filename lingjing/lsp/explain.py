@@ -6,7 +6,7 @@ from lingjing.dsl.checking.scope import TypeDecl
 from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.checking.typenames import word as type_word
 from lingjing.dsl.syntax.lexer import MASTER
-from lingjing.dsl.syntax.tokens import INNER, STATEMENTS
+from lingjing.dsl.syntax.statements import STATEMENTS
 from lingjing.lsp.analysis import Analysis, comment_above, library_file
 from lingjing.lsp.context import context_at
 from lingjing.lsp.names import Occurrence
@@ -16,54 +16,7 @@ from lingjing.mission.kinds_format import VerbKind
 from lingjing.mission.units import NONE, dimension_name, dimension_unit, si_value, unit_of
 
 KEYWORDS: dict[str, str] = {
-    "ljs": "`ljs 1`: the version of the language.",
-    "use": "`use std.air { quadrotor }`: types and records from a library.",
-    "mission": '`mission name "title" { … }`',
-    "goal": '`goal "…"`: the text that all agents receive.',
-    "prompt": '`prompt "…"`: an additional text for this agent.',
-    "scene": "`scene bay { datum = sea level at -3.5 m }`: the place of the mission.",
-    "clock": "`clock { tick = 10 s, sync = 500 ms }`: the decision interval and the engines' common step.",
-    "budget": "`budget { ticks <= 60, policy <= 90 s }`: limits of the episode.",
-    "weather": "`weather { wind = 4 m/s from 220 deg }`",
-    "comms": "`comms { hub = … when mode == star, delay = 1 tick, payload <= 4 kB }`: the message bus.",
-    "actions": "`actions { takeoff, forward <= 50 m }`: the type's verbs that may be commanded, with bounds.",
-    "param": "`param uavs = 3 in 1..10`: a value that a run may set, within bounds.",
-    "mode": "`mode broadcast in { star, broadcast }`: the communication mode; the first is the default.",
-    "region": "`region search = polygon(…)`: a named area.",
-    "grid": "`grid cells over search { shape = 3 by 3, overlap = 20 % }`",
-    "target": "`target victim[1..n] : person_in_water { hidden position ~ sites(search) }`: a subject of the mission.",
-    "asset": "`asset uav[1..n] : quadrotor { … }`: an entity that agents command.",
-    "camera": "`camera nadir { size = 1920 by 1080, hfov = 84 deg, channels = [rgb] }`",
-    "agent": "`agent scout[i in 1..n] as searcher controls uav[i] { observes … }`: a deciding policy and its body.",
-    "authority": "`authority searcher may command boat when …`: command without embodiment.",
-    "message": "`message detection : report from searcher to all`: a message kind, its senders and recipients.",
-    "adjudicate": "`adjudicate matched(v: victim, r: detection) { when … }`: an event, once it is true.",
-    "unlock": "`unlock rescue(v: victim) when …`: the condition that permits an interaction.",
-    "stage": "`stage detect per v in victim { done when … }`: a step of the mission for each target.",
-    "relation": "`relation cooperation a <-> b over cells`: a relation between roles.",
-    "success": "`success when …`: the mission is won.",
-    "failure": "`failure when …`: the mission is lost.",
-    "when": "`when …`: only if the condition holds.",
-    "done": "`done when …`: the stage is over.",
-    "observes": "`observes uav[i].*, cells, peers.position`: the channels that the agent observes each tick.",
-    "verb": "`verb forward(distance: length in 0 m..500 m)`: a command of an asset type.",
-    "interaction": "`interaction rescue { by = vessel, within = 50 m }`: an action on a target.",
-    "mount": "`mount front { ahead = 0.3 m, above = 0 m, tilt = 10 deg }`: the place of a type's cameras of one view.",
-    "part": "`part hull : box { length = 2 m, width = 1 m, height = 1 m }`: a visible solid of a type's bodies.",
-    "record": "`record report : report { class: name }`: the fields of a message.",
-    "reveal": "`reveal image(target) to role`: the audited exception from `hidden`.",
-    "hidden": "`hidden position ~ …`: agents observe it through sensors only; values computed from it are hidden too.",
-    "state": "`state load = 0 kg`: a number that changes during the episode.",
-    "override": "`override …`: replaces a declaration of the base mission.",
-    "sweep": "`sweep fleet over uavs in [1, 2, 3]`: a matched study.",
-    "limit": "`limit moves <= 50 counts dog.forward`: a counted budget.",
-    "permit": "`permit van.setDestination when …`: rejects the command until the condition holds.",
-    "constraint": "`constraint hard fence per u in uav { always u in area }`",
-    "always": "`always …`: a condition that must hold at every step.",
-    "event": "`event squall at 12 tick { weather { … } }`: a scripted event.",
-    "appear": "`appear jam[2]`: the entity exists from now on.",
-    "vanish": "`vanish jam[1]`: the entity no longer exists from now on.",
-    "inspection": "`inspection checked of van by uav { within = 25 m }`: waypoints that must be visited in order.",
+    **{kind.keyword: f"`{kind.example}`: {kind.doc}." for kind in STATEMENTS},
     "exists": "`exists r: …`: true if it holds for at least one.",
     "forall": "`forall v in victim: …`: true if it holds for all.",
 }
@@ -197,6 +150,4 @@ def _word(analysis: Analysis, word: str, offset: int) -> str:
             return f"**{word}**: {with_article(decl.attributes[word].type)} of `{decl.name}`"
         if word in decl.verbs:
             return f"**{word}**: {_verb(analysis, word)}"
-    if word in STATEMENTS or word in INNER:
-        return KEYWORDS.get(word, "")
-    return ""
+    return KEYWORDS.get(word, "")

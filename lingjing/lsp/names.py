@@ -1,8 +1,8 @@
 """Declarations and uses of names: occurrences, grouped by their meaning.
 
-A *space* is a set of names that must differ, such as all types. The tables below give the space into which a field of a
-node declares, and the spaces in which a use is looked up. A name in a place outside the tables is looked up in all
-spaces, so a new statement of the grammar works partly without an entry.
+A *space* is a set of names that must differ, such as all types. The table of statements gives the space into which a
+field of a statement declares, and the spaces in which a use is looked up; a table below does so for expressions. A name
+in a place outside of both is looked up in all spaces.
 """
 
 from __future__ import annotations
@@ -13,59 +13,33 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from lingjing.dsl.syntax import tree as s
+from lingjing.dsl.syntax.statement_kinds import NamePlace
+from lingjing.dsl.syntax.statements import declared_spaces, kind_of
 
 TextExtent = tuple[int, int]
 """First and last offset of a part of the text."""
 NameKey = tuple[str, str, TextExtent | None]
 """Space, name, and the part of the text in which a local name is known; None for other names."""
 
-SYMBOLS = frozenset(("param", "region", "grid"))
-"""Declarations that share the space `symbol`. Every other has its own space, named by its keyword; entities and cameras
-depend on their place, see `_declared`."""
-
-LOCALS = frozenset(
-    ("StageBlock.variable", "ConstraintBlock.variable", "QuantifiedExpr.variable", "ForClause.variable", "Typed.name")
-)
-"""Fields that declare local names."""
-USES: dict[str, tuple[str, ...]] = {
-    "EntityBlock.type": ("type",),
-    "CameraBlock.type": ("preset",),
-    "MessageLine.type": ("record",),
-    "MessageLine.senders": ("role",),
-    "MessageLine.recipients": ("role",),
-    "AuthorityLine.role": ("role",),
-    "AuthorityLine.roles": ("role",),
-    "RevealLine.role": ("role",),
-    "CallExpr.function": ("rule",),
-    "UnlockLine.name": ("interaction",),
-    "Typed.type": ("symbol", "message"),
+_OTHER_PLACES: dict[str, NamePlace] = {
+    "CallExpr.function": NamePlace(spaces=("rule",)),
+    "Typed.type": NamePlace(spaces=("symbol", "message")),
+    "Typed.name": NamePlace(binds=True),
+    "QuantifiedExpr.variable": NamePlace(binds=True),
+    "ForClause.variable": NamePlace(binds=True),
+    "FieldExpr.name": NamePlace(spaces=()),
+    "PropertyLine.name": NamePlace(spaces=()),
+    "CallArgument.name": NamePlace(spaces=()),
+    "UnknownBlock.name": NamePlace(spaces=()),
 }
-"""Field → spaces in which a use is looked up."""
-SILENT = frozenset(
-    (
-        "FieldExpr.name",
-        "PropertyLine.name",
-        "CallArgument.name",
-        "RelationLine.kind",
-        "ConstraintBlock.kind",
-        "SceneBlock.kind",
-        "ModeLine.default",
-        "RecordBlock.category",
-        "RevealLine.what",
-        "UseLine.path",
-        "UnknownBlock.name",
-        "MountBlock.view",
-        "PartBlock.name",
-        "PartBlock.shape",
-    )
-)
-"""Words of the language's own tables, and fields of other things, which are no names of declarations."""
+"""Field of a node that is no row of `lingjing.dsl.syntax.statements` → the meaning of the names in it."""
 
-SPACES = (
+_FIRST_SPACES = (
     "local", "symbol", "type", "message", "limit", "inspection", "agent", "role", "stage", "interaction", "rule",
     "event", "record", "preset", "verb", "constraint",
 )  # fmt: skip
-"""All spaces, in the order of lookup."""
+SPACES = tuple(dict.fromkeys((*_FIRST_SPACES, *declared_spaces())))
+"""All spaces, in the order of lookup: those with an order of their own, then others of the table of statements."""
 GLOBAL = tuple(space for space in SPACES if space not in ("local", "verb"))
 """Spaces of names that are known in the whole file."""
 _HOLE = re.compile(r"\{\{|\{\s*([^\W\d]\w*)")
@@ -166,10 +140,11 @@ class _Finder:
         return (use.spaces[0] if len(use.spaces) == 1 else "", use.name, None)
 
     def _name(self, node: s.Name, parent: s.SyntaxNode, place: str, above: tuple[s.SyntaxNode, ...]) -> None:
-        if place in SILENT or (isinstance(parent, s.Typed) and not _binds(above)):
+        meaning = _name_place(parent, place)
+        if meaning.spaces == () or (isinstance(parent, s.Typed) and not _binds(above)):
             return
-        space = _declared(parent, place, above)
-        if space is None and place in LOCALS:
+        space = _declared(parent, place, meaning, above)
+        if space is None and meaning.binds:
             self._declare(node, ("local", node.text, _scope_of(parent, place, above)), parent)
         elif space is None and _is_index(node, parent, above):
             owner = above[-1]
@@ -177,7 +152,7 @@ class _Finder:
         elif space is not None:
             self._declare(node, (space, node.text, None), parent)
         else:
-            self.uses.append(_Use(node.text, node.start, node.end, _spaces(parent, place, above)))
+            self.uses.append(_Use(node.text, node.start, node.end, _spaces(parent, place, meaning, above)))
 
     def _declare(self, node: s.Name, key: NameKey, by: s.SyntaxNode) -> None:
         known = key in self.names.declared
@@ -205,29 +180,33 @@ def _children(node: s.SyntaxNode) -> Iterator[tuple[str, object]]:
             yield place, value
 
 
-def _declared(parent: s.SyntaxNode, place: str, above: tuple[s.SyntaxNode, ...]) -> str | None:
-    """The space into which a name is declared; None for a use."""
+def _name_place(parent: s.SyntaxNode, place: str) -> NamePlace:
+    """The meaning of the names in a field of a node."""
+    kind = kind_of(parent)
+    return _OTHER_PLACES.get(place, _ANYWHERE) if kind is None else kind.place(place.partition(".")[2])
+
+
+def _declared(parent: s.SyntaxNode, place: str, meaning: NamePlace, above: tuple[s.SyntaxNode, ...]) -> str | None:
+    """The space into which a name is declared; None for a use. Entities and cameras depend on their place."""
     inside = any(isinstance(node, s.MissionBlock) for node in above)
-    if place == "AgentBlock.role":
-        return "role"
     if place == "EntityBlock.name":
         return "symbol" if inside else "type"
     if place == "CameraBlock.name":
         return None if inside else "preset"
-    if place == "RuleBlock.name":
-        return "rule"
-    word = s.DECLARING.get(type(parent)) if place.endswith(".name") and place not in USES else None
-    return "symbol" if word in SYMBOLS else word
+    return meaning.declares or None
 
 
-def _spaces(parent: s.SyntaxNode, place: str, above: tuple[s.SyntaxNode, ...]) -> tuple[str, ...]:
+def _spaces(parent: s.SyntaxNode, place: str, meaning: NamePlace, above: tuple[s.SyntaxNode, ...]) -> tuple[str, ...]:
     if place == "Bare.name":
         return ("type", "record", "preset") if any(isinstance(node, s.UseLine) for node in above) else ("verb",)
-    if isinstance(parent, s.RelationLine):
-        return ("stage",) if parent.kind.text == "dependency" else ("role",)
     if place == "CameraBlock.name":
         return ("camera",)
-    return USES.get(place, SPACES)
+    dependent = isinstance(parent, s.RelationLine) and parent.kind.text == "dependency"
+    spaces = meaning.dependency if dependent and meaning.dependency else meaning.spaces
+    return SPACES if spaces is None else spaces
+
+
+_ANYWHERE = NamePlace()
 
 
 def _binds(above: tuple[s.SyntaxNode, ...]) -> bool:

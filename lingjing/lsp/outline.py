@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from lingjing.dsl.syntax import tree as s
+from lingjing.dsl.syntax.statements import keyword_of
 
 
 @dataclass(slots=True)
@@ -40,8 +41,7 @@ def _entries(items: tuple[s.Statement, ...]) -> list[OutlineEntry]:
         inner = getattr(item, "item", item)
         block = getattr(inner, "block", None)
         children = _entries(block.items) if isinstance(block, s.BracedBlock) else []
-        keyword = inner.keyword if isinstance(inner, s.EntityBlock) else s.DECLARING.get(type(inner))
-        name = getattr(inner, "name", None)
+        keyword, name = keyword_of(inner), getattr(inner, "name", None)
         if keyword is None or not isinstance(name, s.Name):
             entries.extend(children)
             continue

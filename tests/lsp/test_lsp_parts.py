@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 from lingjing.data import data_path
 from lingjing.dsl import compile_text
 from lingjing.dsl.source.text import SourceText
+from lingjing.dsl.syntax.statements import KINDS
 from lingjing.dsl.syntax.tokens import STATEMENTS
 from lingjing.errors import UsageError
 from lingjing.lsp.analysis import Analysis
-from lingjing.lsp.complete import STATEMENTS_IN, complete
+from lingjing.lsp.complete import complete
 from lingjing.lsp.explain import KEYWORDS, explain
 from lingjing.lsp.outline import outline
 from lingjing.lsp.positions import Positions, TextPosition
@@ -266,5 +267,40 @@ def test_columns_count_code_units() -> None:
 
 def test_every_keyword_is_explained_and_offered_somewhere() -> None:
     assert set(STATEMENTS) <= set(KEYWORDS)
-    offered = {word for words in STATEMENTS_IN.values() for word in words}
-    assert offered <= {*STATEMENTS, "engine"}
+    blocks = {
+        "file": "|", "mission": "mission m { | }", "type": "asset t { | }", "asset": "mission m { asset a : t { | } }",
+        "target": "mission m { target a : t { | } }", "agent": "mission m { agent a as b { | } }",
+        "adjudicate": "mission m { adjudicate a(v: b) { | } }", "stage": "mission m { stage a { | } }",
+        "constraint": "mission m { constraint hard a { | } }", "event": "mission m { event a at 1 tick { | } }",
+    }  # fmt: skip
+    for word, kind in KINDS.items():
+        for place in kind.within:
+            assert word in labels(blocks[place]), (word, place)
+
+
+@pytest.mark.parametrize(
+    ("line", "offered", "not_offered"),
+    [
+        ("constraint |", {"hard", "soft"}, {"boat"}),
+        ("constraint hard x per u in |", {"uav", "victim"}, {"search"}),
+        ("constraint hard x |", {"per", "when"}, {"and"}),
+        ("inspection x |", {"of"}, {"by", "boat"}),
+        ("inspection x of boat |", {"by", "and"}, {"of"}),
+        ("reveal |", {"image"}, {"boat"}),
+        ("reveal image(victim[1]) |", {"to"}, {"from"}),
+        ("reveal image(victim[1]) to |", {"searcher"}, {"boat"}),
+        ("relation cooperation searcher <->|", {"rescuer"}, {"locate"}),
+        ("relation guidance searcher -> rescuer |", {"by", "carries", "when"}, {"and"}),
+        ("message x : report |", {"from"}, {"to", "and"}),
+        ("message x : report from searcher, |", {"rescuer"}, {"all"}),
+        ("message x : report from searcher |", {"to"}, {"from"}),
+        ("agent x[i in 1..2] |", {"as"}, {"controls", "and"}),
+        ("agent x as y |", {"controls", "when"}, {"as"}),
+        ("mode broadcast in { |", {"star"}, {"boat"}),
+        ("mission x |", {"extends"}, {"from"}),
+    ],
+)
+def test_completion_follows_the_pattern_of_the_statement(line: str, offered: set[str], not_offered: set[str]) -> None:
+    proposed = set(labels(within(line)))
+    assert offered <= proposed, sorted(proposed)
+    assert not (not_offered & proposed)

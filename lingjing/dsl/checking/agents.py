@@ -13,14 +13,12 @@ from lingjing.dsl.checking.unseen_pictures import PlacedChannel, warn_of_unseen
 from lingjing.dsl.checking.values import STATIC, UNKNOWN, Environment, TypedExpression
 from lingjing.dsl.checking.wording import WordingChecker
 from lingjing.dsl.syntax import tree as s
+from lingjing.dsl.syntax.statements import RELATIONS
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.diagnostics import Related
 from lingjing.mission.functions import NUMBER, OBSERVED_FIELDS, STATE_FIELDS
 from lingjing.mission.vocabulary import EVERYONE, MOTION
-
-RELATIONS = ("information_handoff", "cooperation", "competition", "guidance", "dependency")
-"""The paper's relations between roles."""
 
 
 class AgentChecker(DeclarationChecker):

@@ -10,10 +10,11 @@ import math
 from collections.abc import Iterable
 
 from lingjing.dsl.checking.elaborate import Elaborator
-from lingjing.dsl.checking.keys import PropertyEntry, PropertyKey
+from lingjing.dsl.checking.keys import PropertyEntry
 from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.checking.values import STATIC, UNKNOWN, Environment, Taint, TypedExpression
 from lingjing.dsl.syntax import tree as s
+from lingjing.dsl.syntax.keys import PropertyKey
 from lingjing.mission import expression as ex
 from lingjing.mission.functions import DEGREES, MPS, NUMBER, Type
 from lingjing.mission.units import dimension_unit

@@ -9,44 +9,29 @@ from __future__ import annotations
 from typing import Literal, cast
 
 from lingjing.dsl.checking.blocks import DeclarationChecker
-from lingjing.dsl.checking.equipment import VIEWS
-from lingjing.dsl.checking.keys import PropertyEntry, PropertyKey, keyed, word_of
+from lingjing.dsl.checking.keys import PropertyEntry, word_of
 from lingjing.dsl.syntax import tree as s
+from lingjing.dsl.syntax.keys import PropertyKey, keyed
+from lingjing.dsl.syntax.statements import DRAWN, KINDS, VIEWS
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.appearance import BARE, COLOURS, LEAST_M, MEASURES, MODELS, MOST_M, ORIGINS, RESHAPING, SHAPES
-from lingjing.mission.functions import DEGREES, FLAG, METRES, Type
+from lingjing.mission.functions import METRES, Type
 from lingjing.mission.units import MASS
 
-_DRAWN = ("=", "~")
 _MOST_KG = 1e7
 """Greatest mass, kilograms (chosen)."""
-_MOUNTED_M = 100.0
-"""Greatest distance of a camera from its body's position, ahead or above, metres (chosen)."""
 
 BODY_KEYS = keyed(
-    *(PropertyKey(name, METRES, _DRAWN, low=LEAST_M, high=MOST_M, hideable=True, public=False) for name in MEASURES),
-    PropertyKey("mass", Type("quantity", MASS), _DRAWN, above=0, high=_MOST_KG, hideable=True, public=False),
-    PropertyKey("colour", Type("name"), _DRAWN, choices=tuple(COLOURS), hideable=True, public=False),
+    *(PropertyKey(name, METRES, DRAWN, low=LEAST_M, high=MOST_M, hideable=True, public=False) for name in MEASURES),
+    PropertyKey("mass", Type("quantity", MASS), DRAWN, above=0, high=_MOST_KG, hideable=True, public=False),
+    PropertyKey("colour", Type("name"), DRAWN, choices=tuple(COLOURS), hideable=True, public=False),
     PropertyKey("shape", Type("name"), choices=(*SHAPES, BARE)),
     PropertyKey("origin", Type("name"), choices=ORIGINS),
     PropertyKey("look", Type("name"), choices=(*MODELS, BARE)),
 )
 """Properties of any type and entity: size, mass and colour of the body, its collision shape, the position's place in
 it, and the camera's model for it."""
-
-MOUNT_KEYS = keyed(
-    PropertyKey("ahead", METRES, required=True, low=-_MOUNTED_M, high=_MOUNTED_M),
-    PropertyKey("above", METRES, required=True, low=-_MOUNTED_M, high=_MOUNTED_M),
-    PropertyKey("tilt", DEGREES, required=True, low=-90, high=90),
-    PropertyKey("gimbal", FLAG),
-)
-PART_KEYS = keyed(
-    *(PropertyKey(name, METRES, required=True, low=LEAST_M, high=MOST_M) for name in MEASURES),
-    *(PropertyKey(name, METRES, low=-MOST_M, high=MOST_M) for name in ("ahead", "right", "above")),
-    PropertyKey("heading", DEGREES),
-    PropertyKey("colour", Type("name"), choices=tuple(COLOURS)),
-)
 
 
 def reshaped(changed: set[str]) -> bool:
@@ -63,7 +48,7 @@ class BodyChecker(DeclarationChecker):
         seen: set[str] = set()
         for node in nodes:
             name = node.view
-            entries = self.blocks.read(node.block, MOUNT_KEYS, f"the mount `{name.text}`", owner=name)
+            entries = self.blocks.read(node.block, KINDS["mount"].keys, f"the mount `{name.text}`", owner=name)
             if self._known(name, VIEWS, "view") and self._once(name, seen):
                 numbers = self._constants(entries)
                 gimbal = entries.get("gimbal")
@@ -83,7 +68,7 @@ class BodyChecker(DeclarationChecker):
         seen: set[str] = set()
         for node in nodes:
             name = node.name
-            entries = self.blocks.read(node.block, PART_KEYS, f"the part `{name.text}`", owner=name)
+            entries = self.blocks.read(node.block, KINDS["part"].keys, f"the part `{name.text}`", owner=name)
             if self._known(node.shape, SHAPES, "shape") and self._once(name, seen):
                 numbers = self._constants(entries)
                 if numbers.keys() >= set(MEASURES):

@@ -8,8 +8,9 @@ reported and left out; the rest is checked.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from functools import partial
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from lingjing.dsl.checking.agents import AgentChecker
 from lingjing.dsl.checking.conduct import ConductChecker
@@ -23,11 +24,11 @@ from lingjing.dsl.checking.toplevel import FileChecker, Files, names_in_faults
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.source.text import SourceText
 from lingjing.dsl.syntax import tree as s
+from lingjing.dsl.syntax.statements import kind_of
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.diagnostics import Related, has_errors
 
-T = TypeVar("T")
 N = TypeVar("N", bound=s.Statement)
 
 _REQUIRED = (
@@ -97,10 +98,9 @@ class MissionChecker:
         self.scope.ceilings.update(_ceilings(_all(items, s.Param)))
         self._heads(items)
         self._taints(items)
-        parameters = [self.settings.param(item) for item in _all(items, s.Param)]
-        self.studies.bounds = {param.name: param.bounds for param in parameters if param is not None}
-        regions = [self.settings.region(item) for item in _all(items, s.RegionLine)]
-        grids = [self.settings.grid(item) for item in _all(items, s.GridBlock)]
+        declarations = _by_part(items)
+        parts: dict[str, Any] = {part: self._items(part, declarations[part]) for part in _FIRST}
+        self.studies.bounds = {param.name: param.bounds for param in parts["parameters"]}
         sections = self._sections(items)
         goal = self._one(items, s.TextLine, "goal")
         scene_block = self._one(items, s.SceneBlock, "scene")
@@ -111,38 +111,21 @@ class MissionChecker:
         scene = self.settings.scene(scene_block) if scene_block else None
         clock = self.settings.clock(sections["clock"]) if "clock" in sections else None
         budget = self.settings.budget(sections["budget"]) if "budget" in sections else None
-        agents = tuple(self.agents.agent(item) for item in _all(items, s.AgentBlock))
+        parts |= {part: self._items(part, declarations[part]) for part in _CHECKS if part not in _FIRST}
         mission = partial(
             model.Mission,
             name=node.name.text,
             title=node.title.value if node.title else node.name.text,
             goal=self.agents.wording.text(goal) if goal else "",
             weather=self.settings.weather(weather) if weather else (),
-            parameters=_good(parameters),
-            regions=_good(regions),
-            grids=_good(grids),
-            groups=_good([self.entities.entity(item) for item in _all(items, s.EntityBlock)]),
-            agents=agents,
-            authorities=tuple(part for item in _all(items, s.AuthorityLine) for part in self.agents.authority(item)),
-            messages=_good([self.agents.message(item) for item in _all(items, s.MessageLine)]),
             comms=self.settings.comms(comms) if comms else model.Comms(),
-            rules=_good([self.rules.rule(item) for item in _all(items, s.RuleBlock)]),
-            unlocks=_good([self.rules.unlock(item) for item in _all(items, s.UnlockLine)]),
-            stages=_good([self.rules.stage(item, self.conduct.limit) for item in _all(items, s.StageBlock)]),
-            relations=_good([self.agents.relation(item) for item in _all(items, s.RelationLine)]),
-            reveals=_good([self.agents.reveal(item) for item in _all(items, s.RevealLine)]),
             failure=outcomes.get("failure"),
             base=node.base.text if node.base else "",
-            limits=_good([self.conduct.limit(item) for item in _all(items, s.LimitLine)]),
-            permits=_good([self.conduct.permit(item) for item in _all(items, s.PermitLine)]),
-            constraints=_good([self.conduct.constraint(item) for item in _all(items, s.ConstraintBlock)]),
-            inspections=_good([self.conduct.inspection(item) for item in _all(items, s.InspectionBlock)]),
-            events=_good([self.events.event(item) for item in _all(items, s.EventBlock)]),
-            sweeps=_good([self.studies.sweep(item) for item in _all(items, s.SweepLine)]),
+            **parts,
         )
         for item in _all(items, s.EntityBlock):
             if item.keyword == "target" and item.name.text in self.scope.groups:
-                self.interactions.between(item, self.scope.groups[item.name.text], agents)
+                self.interactions.between(item, self.scope.groups[item.name.text], parts["agents"])
         self.rules.cycles(_all(items, s.RuleBlock))
         self.rules.unlocked_once(_all(items, s.UnlockLine))
         self._whole(node, modes)
@@ -155,13 +138,16 @@ class MissionChecker:
 
     # -- private
 
+    def _items(self, part: str, items: list[s.Statement]) -> tuple[Any, ...]:
+        """The correct items of a field of the mission, in the order of the text."""
+        results = [_CHECKS[part](self, item) for item in items]
+        lists = [result if isinstance(result, tuple) else (result,) for result in results]
+        return tuple([item for several in lists for item in several if item is not None])
+
     def _misplaced(self, items: tuple[s.Statement, ...]) -> None:
         for item in items:
-            inside = isinstance(item, _MISSION_STATEMENTS) and not (
-                (isinstance(item, s.TextLine) and item.keyword != "goal")
-                or (isinstance(item, s.SettingsBlock) and item.keyword == "actions")
-            )
-            if not inside:
+            kind = kind_of(item)
+            if not isinstance(item, s.Faulty) and (kind is None or "mission" not in kind.within):
                 self.blocks.misplaced(item, "a mission")
 
     def _mode(self, items: tuple[s.Statement, ...]) -> model.Modes | None:
@@ -294,41 +280,45 @@ class MissionChecker:
         )
 
 
-_MISSION_STATEMENTS = (
-    s.TextLine,
-    s.SceneBlock,
-    s.SettingsBlock,
-    s.Param,
-    s.ModeLine,
-    s.RegionLine,
-    s.GridBlock,
-    s.EntityBlock,
-    s.AgentBlock,
-    s.AuthorityLine,
-    s.MessageLine,
-    s.RuleBlock,
-    s.UnlockLine,
-    s.StageBlock,
-    s.RelationLine,
-    s.OutcomeLine,
-    s.RevealLine,
-    s.LimitLine,
-    s.PermitLine,
-    s.ConstraintBlock,
-    s.InspectionBlock,
-    s.EventBlock,
-    s.SweepLine,
-    s.Override,
-    s.Faulty,
-)
+_CHECKS: dict[str, Callable[[MissionChecker, Any], object]] = {
+    "parameters": lambda mission, node: mission.settings.param(node),
+    "regions": lambda mission, node: mission.settings.region(node),
+    "grids": lambda mission, node: mission.settings.grid(node),
+    "agents": lambda mission, node: mission.agents.agent(node),
+    "groups": lambda mission, node: mission.entities.entity(node),
+    "authorities": lambda mission, node: mission.agents.authority(node),
+    "messages": lambda mission, node: mission.agents.message(node),
+    "rules": lambda mission, node: mission.rules.rule(node),
+    "unlocks": lambda mission, node: mission.rules.unlock(node),
+    "stages": lambda mission, node: mission.rules.stage(node, mission.conduct.limit),
+    "relations": lambda mission, node: mission.agents.relation(node),
+    "reveals": lambda mission, node: mission.agents.reveal(node),
+    "limits": lambda mission, node: mission.conduct.limit(node),
+    "permits": lambda mission, node: mission.conduct.permit(node),
+    "constraints": lambda mission, node: mission.conduct.constraint(node),
+    "inspections": lambda mission, node: mission.conduct.inspection(node),
+    "events": lambda mission, node: mission.events.event(node),
+    "sweeps": lambda mission, node: mission.studies.sweep(node),
+}
+"""Field of a mission → the check of a statement that adds items to it, in the order of checking. A check returns an
+item, a tuple of items, or None for a faulty statement."""
+
+_FIRST = ("parameters", "regions", "grids")
+"""Fields that are checked before all others, because settings read their names."""
 
 
 def _all(items: tuple[s.Statement, ...], kind: type[N]) -> list[N]:
     return [item for item in items if isinstance(item, kind)]
 
 
-def _good(parts: list[T | None]) -> tuple[T, ...]:
-    return tuple([part for part in parts if part is not None])
+def _by_part(items: tuple[s.Statement, ...]) -> dict[str, list[s.Statement]]:
+    """Field of a mission → the statements that add items to it, in the order of the text."""
+    statements: dict[str, list[s.Statement]] = {part: [] for part in _CHECKS}
+    for item in items:
+        kind = kind_of(item)
+        if kind is not None and kind.part in statements:
+            statements[kind.part].append(item)
+    return statements
 
 
 def _no_hub(line: s.PropertyLine) -> bool:

@@ -1,30 +1,22 @@
-"""Checkers of restrictions while a mission runs: counted budgets, permits, constraints, inspections of routes."""
+"""Checkers of restrictions while a mission runs: counted budgets, permits, constraints, inspections of routes.
+
+The kernel enforces them, and they are a part of its state (ADR 0009).
+"""
 
 from __future__ import annotations
 
 from typing import Literal
 
 from lingjing.dsl.checking.blocks import BlockReader, DeclarationChecker
-from lingjing.dsl.checking.keys import PropertyEntry, PropertyKey, keyed, word_of
+from lingjing.dsl.checking.keys import PropertyEntry, word_of
 from lingjing.dsl.checking.rules import RuleChecker
 from lingjing.dsl.checking.settings import SettingsChecker
 from lingjing.dsl.checking.values import RULE, STATIC, UNKNOWN, TypedExpression
 from lingjing.dsl.syntax import tree as s
+from lingjing.dsl.syntax.statements import CONSTRAINT_KINDS, KINDS
 from lingjing.mission import expression as ex
 from lingjing.mission import model
-from lingjing.mission.functions import ENTITY, FLAG, METRES, NUMBER, Type
-
-KINDS = ("hard", "soft")
-"""Kinds of constraints."""
-ORDERS = ("strict", "any")
-"""Orders in which an inspection may visit its waypoints."""
-INSPECTION_KEYS = keyed(
-    PropertyKey("within", METRES, above=0, required=True),
-    PropertyKey("destination", ENTITY),
-    PropertyKey("order", Type("name"), choices=ORDERS),
-    PropertyKey("replan", Type("name")),
-)
-CONSTRAINT_KEYS = {"penalty": PropertyKey("penalty", NUMBER, low=0, high=1)}
+from lingjing.mission.functions import FLAG, NUMBER
 
 
 class ConductChecker(DeclarationChecker):
@@ -66,13 +58,15 @@ class ConductChecker(DeclarationChecker):
 
     def constraint(self, node: s.ConstraintBlock) -> model.Constraint | None:
         """`constraint hard name per v in group { always … }`."""
-        if node.kind.text not in KINDS:
-            self.report.unknown("LJ0109", node.kind, f"a constraint is hard or soft, not `{node.kind.text}`", KINDS)
+        if node.kind.text not in CONSTRAINT_KINDS:
+            message = f"a constraint is hard or soft, not `{node.kind.text}`"
+            self.report.unknown("LJ0109", node.kind, message, CONSTRAINT_KINDS)
             return None
         self._named(node.name)
         environment = self.rules.per(node.variable, node.domain)
         what = f"the constraint `{node.name.text}`"
-        entries = self.blocks.read(node.block, CONSTRAINT_KEYS, what, others=(s.Condition,), owner=node.name)
+        keys = KINDS["constraint"].keys
+        entries = self.blocks.read(node.block, keys, what, others=(s.Condition,), owner=node.name)
         condition = self.rules.only_condition(node.block, "always", what, node.name, others=(s.PropertyLine,))
         guard = self.settings.guard(node.guard)
         penalty = entries.get("penalty")
@@ -95,7 +89,8 @@ class ConductChecker(DeclarationChecker):
 
     def inspection(self, node: s.InspectionBlock) -> model.Inspection | None:
         """`inspection name of asset by inspectors { within = …, replan = … }`."""
-        entries = self.blocks.read(node.block, INSPECTION_KEYS, f"the inspection `{node.name.text}`", owner=node.name)
+        what = f"the inspection `{node.name.text}`"
+        entries = self.blocks.read(node.block, KINDS["inspection"].keys, what, owner=node.name)
         asset = self.asset(node.asset, "after `of`")
         if asset is not None and asset.type.kind == "group":
             self.report.at("LJ0201", node.asset, "one asset's route is inspected, this is a group")

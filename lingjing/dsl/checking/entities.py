@@ -9,13 +9,14 @@ import msgspec
 from lingjing.dsl.checking.blocks import BlockReader, DeclarationChecker
 from lingjing.dsl.checking.bodies import reshaped
 from lingjing.dsl.checking.equipment import EquipmentChecker
-from lingjing.dsl.checking.keys import PropertyEntry, PropertyKey
+from lingjing.dsl.checking.keys import PropertyEntry
 from lingjing.dsl.checking.properties import lowered
 from lingjing.dsl.checking.scope import DeclaredName, GroupInfo, PropertyType, TypeDecl
 from lingjing.dsl.checking.settings import SettingsChecker
 from lingjing.dsl.checking.types import ANY_RELATION, COMMON_KEYS
 from lingjing.dsl.checking.values import STATIC, UNKNOWN, Taint
 from lingjing.dsl.syntax import tree as s
+from lingjing.dsl.syntax.keys import PropertyKey
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.functions import DEGREES, NUMBER, POSITION, Type

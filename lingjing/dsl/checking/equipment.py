@@ -5,26 +5,15 @@ from __future__ import annotations
 import msgspec
 
 from lingjing.dsl.checking.blocks import DeclarationChecker
-from lingjing.dsl.checking.keys import PropertyEntry, PropertyKey, keyed, word_of
+from lingjing.dsl.checking.keys import PropertyEntry, word_of
 from lingjing.dsl.checking.scope import TypeDecl
 from lingjing.dsl.checking.values import STATIC, UNKNOWN, TypedExpression
 from lingjing.dsl.syntax import tree as s
+from lingjing.dsl.syntax.statements import KINDS, VIEWS
 from lingjing.mission import expression as ex
 from lingjing.mission import model
-from lingjing.mission.functions import DEGREES, Type
+from lingjing.mission.functions import Type
 from lingjing.mission.units import BY_NAME
-
-CHANNELS = ("rgb", "depth", "semantic")
-VIEWS = ("nadir", "front", "oblique")
-CAPTURES = ("on_request", "each_tick")
-
-CAMERA_KEYS = keyed(
-    PropertyKey("view", Type("name"), choices=VIEWS),
-    PropertyKey("size", Type("size"), required=True),
-    PropertyKey("hfov", DEGREES, required=True, above=0, high=179),
-    PropertyKey("channels", Type("list", item="name"), choices=CHANNELS, required=True),
-    PropertyKey("capture", Type("name"), choices=CAPTURES),
-)
 
 
 class EquipmentChecker(DeclarationChecker):
@@ -53,7 +42,7 @@ class EquipmentChecker(DeclarationChecker):
 
     def _camera(self, node: s.CameraBlock) -> model.Camera | None:
         preset = self._preset(node)
-        keys = CAMERA_KEYS
+        keys = KINDS["camera"].keys
         if preset or node.type is not None:
             keys = {name: msgspec.structs.replace(key, required=False) for name, key in keys.items()}
         own = self.blocks.read(node.block, keys, f"the camera `{node.name.text}`", owner=node.name)

@@ -19,6 +19,7 @@ from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.source.text import JoinedSource, read_source
 from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.parser import parse
+from lingjing.dsl.syntax.statements import keyword_of
 from lingjing.mission.diagnostics import Diagnostic, Related, in_source_order
 from lingjing.suggest import did_you_mean, nearest
 
@@ -195,10 +196,9 @@ def _key(item: s.Statement) -> tuple[str, str] | None:
         return "scene", ""
     if isinstance(item, s.ModeLine):
         return "mode", ""
-    if isinstance(item, s.EntityBlock):
-        return item.keyword, item.name.text
-    if type(item) in s.DECLARING:
-        return s.DECLARING[type(item)], item.name.text  # type: ignore[attr-defined]
+    keyword, name = keyword_of(item), getattr(item, "name", None)
+    if keyword is not None and isinstance(name, s.Name):
+        return keyword, name.text
     if isinstance(item, s.RelationLine):
         return "relation", f"{item.kind.text} {item.source.text} {item.target.text}"
     if isinstance(item, s.PermitLine):

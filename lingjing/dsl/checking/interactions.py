@@ -3,7 +3,7 @@
 `by` names an engine or a role. The roles that a type may name are those of the missions in its file.
 
 `type` checks one target type by itself, after all types of the file are known. `between` checks a mission's target with
-the assets that may act on it. Both ends of a move must be declared as states, in one dimension.
+the assets that may act on it. Both ends of a move must be declared as states, in one dimension (ADR 0014).
 """
 
 from __future__ import annotations

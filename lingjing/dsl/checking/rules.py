@@ -6,16 +6,14 @@ from collections.abc import Callable
 
 from lingjing.dsl.checking.blocks import DeclarationChecker
 from lingjing.dsl.checking.calls import children
-from lingjing.dsl.checking.keys import PropertyKey, keyed
 from lingjing.dsl.checking.scope import RuleInfo, SymbolTables
 from lingjing.dsl.checking.values import RULE, UNKNOWN, Environment
 from lingjing.dsl.syntax import tree as s
+from lingjing.dsl.syntax.statements import KINDS
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.diagnostics import Related
-from lingjing.mission.functions import AGGREGATES, FLAG, FUNCTIONS, NUMBER
-
-STAGE_KEYS = keyed(PropertyKey("ticks", NUMBER, ("<=",), low=1, whole=True), PropertyKey("weight", NUMBER, above=0))
+from lingjing.mission.functions import AGGREGATES, FLAG, FUNCTIONS
 
 
 class RuleChecker(DeclarationChecker):
@@ -73,7 +71,8 @@ class RuleChecker(DeclarationChecker):
         """`stage name per v in group { done when …, ticks <= 40, weight = 2 }`. `limit` checks the limits inside."""
         environment = self.per(node.variable, node.domain)
         what = f"the stage `{node.name.text}`"
-        entries = self.blocks.read(node.block, STAGE_KEYS, what, others=(s.Condition, s.LimitLine), owner=node.name)
+        others = (s.Condition, s.LimitLine)
+        entries = self.blocks.read(node.block, KINDS["stage"].keys, what, others=others, owner=node.name)
         condition = self.only_condition(node.block, "done", what, node.name, others=(s.PropertyLine, s.LimitLine))
         limits = [limit(item) for item in node.block.items if isinstance(item, s.LimitLine)]
         if condition is None or environment is None:

@@ -5,28 +5,26 @@ from __future__ import annotations
 from typing import Literal
 
 from lingjing.dsl.checking.blocks import DeclarationChecker
-from lingjing.dsl.checking.keys import PropertyEntry, PropertyKey, keyed, word_of
+from lingjing.dsl.checking.keys import PropertyEntry, word_of
 from lingjing.dsl.checking.properties import lowered
 from lingjing.dsl.checking.scope import DeclaredName
 from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.checking.values import STATIC, UNKNOWN, TypedExpression
 from lingjing.dsl.syntax import tree as s
+from lingjing.dsl.syntax.keys import PropertyKey, keyed
+from lingjing.dsl.syntax.statements import DRAWN, KINDS
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.clock import clock_fault
-from lingjing.mission.functions import DEGREES, FLAG, METRES, NUMBER, POSITIONS, REGION, TEXT, Type
+from lingjing.mission.functions import FLAG, METRES, NUMBER, POSITIONS, REGION, TEXT, Type
 from lingjing.mission.kinds import builtin_scenes, scene_kind
 from lingjing.mission.kinds_format import SceneOption
-from lingjing.mission.units import DATA, LENGTH, MONEY, TICKS, TIME, TOKENS
+from lingjing.mission.units import LENGTH
 from lingjing.mission.vocabulary import MODES
 
-SECONDS = Type("quantity", TIME)
-RECEIPTS = ("own", "all", "none")
-"""Words for the receipts that an agent receives."""
 OWN_NAMES = {"mode": "the mode of the episode", "now": "the time since the beginning", "tick": "the length of a tick"}
 """Names that expressions have without a declaration → their meaning."""
 
-_DRAWN = ("=", "~")
 _SCENE_KEYS = keyed(
     PropertyKey("datum", Type("level")),
     PropertyKey("origin", Type("position", of="degrees")),
@@ -42,46 +40,8 @@ _OPTION_TYPES = {
 }  # fmt: skip
 
 
-_DAY_S = 86_400.0
-"""Longest deadline of a barrier, seconds (chosen: one day; timers of the system need a limit)."""
-
-CLOCK_KEYS = keyed(
-    PropertyKey("tick", SECONDS, above=0, required=True), PropertyKey("sync", SECONDS, above=0, required=True)
-)
-BUDGET_KEYS = keyed(
-    PropertyKey("ticks", NUMBER, ("<=",), low=1, required=True, whole=True),
-    PropertyKey("policy", SECONDS, ("<=",), above=0, high=_DAY_S),
-    PropertyKey("engine", SECONDS, ("<=",), above=0, high=_DAY_S),
-    PropertyKey("capture", SECONDS, ("<=",), above=0, high=_DAY_S),
-    PropertyKey("tokens", Type("quantity", TOKENS), ("<=",), above=0, whole=True),
-    PropertyKey("money", Type("quantity", MONEY), ("<=",), above=0),
-    PropertyKey("messages", NUMBER, ("<=",), low=0, whole=True),
-)
 ALLOWANCES = ("tokens", "money", "messages")
 """Budgets that an agent may have of its own."""
-WEATHER_KEYS = keyed(
-    PropertyKey("wind", Type("directed", of="from"), _DRAWN, low=0, high=120),
-    PropertyKey("current", Type("directed", of="to"), _DRAWN, low=0, high=15),
-    PropertyKey("turbulence", NUMBER, _DRAWN, low=0, high=1),
-    PropertyKey("visibility", METRES, _DRAWN, above=0),
-    PropertyKey("wave_height", METRES, _DRAWN, low=0, high=30),
-    PropertyKey("wave_period", SECONDS, _DRAWN, above=0, high=60),
-    PropertyKey("cloud", NUMBER, _DRAWN, low=0, high=1),
-    PropertyKey("rain", NUMBER, _DRAWN, low=0, high=1),
-    PropertyKey("sun_azimuth", DEGREES, _DRAWN),
-    PropertyKey("sun_elevation", DEGREES, _DRAWN, low=-90, high=90),
-)
-"""Limits of weather on Earth: gusts of 113 m/s, tidal currents of 11 m/s and single waves of 26 m were measured. Engine
-models do not cover more."""
-GRID_KEYS = keyed(PropertyKey("shape", Type("size"), required=True), PropertyKey("overlap", NUMBER, low=0, high=0.9))
-COMMS_KEYS = keyed(
-    PropertyKey("hub", Type("name"), guarded=True),
-    PropertyKey("delay", Type("quantity", TICKS), low=1, whole=True),
-    PropertyKey("payload", Type("quantity", DATA), ("<=",), above=0),
-    PropertyKey("range", METRES, ("<=",), above=0),
-    PropertyKey("loss", NUMBER, low=0, high=1),
-    PropertyKey("receipts", Type("name"), choices=RECEIPTS),
-)
 _DEADLINES = {"policy": 90.0, "engine": 30.0, "capture": 10.0}
 """Default deadlines in seconds: the paper's limits, for a budget that declares only ticks."""
 
@@ -99,7 +59,7 @@ def scene_keys(kind: str) -> dict[str, PropertyKey]:
 
 def _option_key(name: str, option: SceneOption, own: bool) -> PropertyKey:
     low, above = (None, 0.0) if option.type == "metres" else (option.low if option.type == "number" else None, None)
-    relations = _DRAWN if option.drawn else ("=",)
+    relations = DRAWN if option.drawn else ("=",)
     return PropertyKey(name, _OPTION_TYPES[option.type], relations, low=low, above=above, proposed=own)
 
 
@@ -127,7 +87,7 @@ class SettingsChecker(DeclarationChecker):
     def clock(self, node: s.SettingsBlock) -> model.ClockDeclaration | None:
         """`clock { tick = …, sync = … }`. The tick must be a multiple of the macro-step."""
         with self.of.without_clock():
-            entries = self.blocks.read(node.block, CLOCK_KEYS, "`clock`", owner=node)
+            entries = self.blocks.read(node.block, KINDS["clock"].keys, "`clock`", owner=node)
         if len(entries) < 2:
             return None
         tick, sync = entries["tick"], entries["sync"]
@@ -141,7 +101,7 @@ class SettingsChecker(DeclarationChecker):
 
     def budget(self, node: s.SettingsBlock) -> model.BudgetDeclaration | None:
         """`budget { ticks <= …, … }`. Missing deadlines are the paper's."""
-        entries = self.blocks.read(node.block, BUDGET_KEYS, "`budget`", owner=node)
+        entries = self.blocks.read(node.block, KINDS["budget"].keys, "`budget`", owner=node)
         if "ticks" not in entries:
             return None
         limits = {
@@ -153,13 +113,13 @@ class SettingsChecker(DeclarationChecker):
 
     def allowance(self, node: s.SettingsBlock) -> model.AllowanceDeclaration:
         """`budget { tokens <= …, money <= …, messages <= … }` of one agent."""
-        keys = {name: BUDGET_KEYS[name] for name in ALLOWANCES}
+        keys = {name: KINDS["budget"].keys[name] for name in ALLOWANCES}
         entries = self.blocks.read(node.block, keys, "an agent's `budget`", owner=node)
         return model.AllowanceDeclaration(**{name: entry.value.ir for name, entry in entries.items()})
 
     def weather(self, node: s.SettingsBlock) -> tuple[model.Property, ...]:
         """`weather { … }`, or `weather storm { … }`: a preset with changes."""
-        entries = self.blocks.read(node.block, WEATHER_KEYS, "`weather`")
+        entries = self.blocks.read(node.block, KINDS["weather"].keys, "`weather`")
         return _lowered({**self._preset(node.preset), **entries})
 
     def mode(self, node: s.ModeLine) -> model.Modes | None:
@@ -231,7 +191,7 @@ class SettingsChecker(DeclarationChecker):
         taint = (*region.taint, self.of.step(f"grid `{node.name.text}`", node.name)) if region and region.taint else ()
         span = self.report.span(node.name.start, node.name.end)
         self.declare(node.name, DeclaredName("grid", Type("grid", of=node.name.text), span, taint))
-        entries = self.blocks.read(node.block, GRID_KEYS, "`grid`", owner=node)
+        entries = self.blocks.read(node.block, KINDS["grid"].keys, "`grid`", owner=node)
         if "shape" not in entries:
             return None
         rows, columns = entries["shape"].parts
@@ -242,7 +202,7 @@ class SettingsChecker(DeclarationChecker):
 
     def comms(self, node: s.SettingsBlock) -> model.Comms:
         """`comms { … }`. The only possible condition of a hub is `mode == star`, because only star mode has a hub."""
-        entries = self.blocks.read(node.block, COMMS_KEYS, "`comms`")
+        entries = self.blocks.read(node.block, KINDS["comms"].keys, "`comms`")
         hub = entries.get("hub")
         name = None
         if hub is not None:

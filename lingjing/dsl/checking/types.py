@@ -12,46 +12,25 @@ import msgspec
 
 from lingjing.dsl.checking.blocks import BlockReader, DeclarationChecker
 from lingjing.dsl.checking.bodies import BODY_KEYS, BodyChecker, reshaped
-from lingjing.dsl.checking.equipment import CAMERA_KEYS
 from lingjing.dsl.checking.interactions import declared
-from lingjing.dsl.checking.keys import PropertyEntry, PropertyKey, keyed
+from lingjing.dsl.checking.keys import PropertyEntry
 from lingjing.dsl.checking.properties import lowered
 from lingjing.dsl.checking.scope import CameraDecl, PropertyType, RecordDecl, TypeDecl, WeatherDecl
-from lingjing.dsl.checking.settings import WEATHER_KEYS
 from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.checking.values import STATIC, UNKNOWN, Environment
 from lingjing.dsl.syntax import tree as s
+from lingjing.dsl.syntax.keys import PropertyKey, keyed
+from lingjing.dsl.syntax.statements import CATEGORIES, KINDS
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.diagnostics import Span
-from lingjing.mission.functions import DEGREES, FIELD_TYPES, FLAG, NUMBER, POSITION, TEXT, Type
-from lingjing.mission.units import BY_NAME, LENGTH, NAMED, TIME, dimension_unit, without_unit
+from lingjing.mission.functions import DEGREES, FIELD_TYPES, NUMBER, POSITION, TEXT, Type
+from lingjing.mission.units import BY_NAME, NAMED, dimension_unit, without_unit
 
-CATEGORIES = ("report", "assignment", "target_status", "other")
-"""Categories of message records."""
 SURFACES = ("ground", "road", "roof", "facade", "bridge", "pipe")
 """Surfaces on which the scene places an entity: `on = road` moves it to the nearest carriageway."""
 ANY_RELATION = ("=", "~", "<=")
 
-INTERACTION_KEYS = keyed(
-    PropertyKey("by", Type("name"), choices=None),
-    PropertyKey("within", Type("quantity", LENGTH), above=0),
-    PropertyKey("lasting", Type("quantity", TIME), low=0),
-    PropertyKey("status", Type("name")),
-    PropertyKey("aboard", FLAG),
-    PropertyKey("takes", Type("name")),
-    PropertyKey("from", Type("name")),
-    PropertyKey("gives", Type("name")),
-    PropertyKey("up_to", Type("name")),
-    PropertyKey("told", Type("name"), choices=("all", "actor", "none")),
-)
-"""Properties of an interaction.
-
-- `by`: engine or role of the actor. `status`: the target's status afterwards. `aboard`: True if the actor takes it
-  along.
-- `takes = demand, from = load` lowers the target's `demand` by what the actor's `load` permits.
-- `gives = load, up_to = payload` raises the actor's `load` to its `payload`.
-- `told`: the agents that are informed (`lingjing.kernel.event_visibility`)."""
 COMMON_KEYS = (
     keyed(
         PropertyKey("position", POSITION, ("=", "~"), hideable=True, public=False),
@@ -148,7 +127,7 @@ class TypeChecker(DeclarationChecker):
         """`camera nadir_hd { … }`: a preset that the cameras of missions may extend."""
         if node.type is not None:
             self.report.at("LJ0110", node.type, "a camera preset cannot extend another")
-        keys = {name: msgspec.structs.replace(key, required=False) for name, key in CAMERA_KEYS.items()}
+        keys = {name: msgspec.structs.replace(key, required=False) for name, key in KINDS["camera"].keys.items()}
         entries = self.blocks.read(node.block, keys, f"the camera `{node.name.text}`", owner=node.name)
         return CameraDecl(node.name.text, entries, self.report.span(node.name.start, node.name.end))
 
@@ -160,7 +139,7 @@ class TypeChecker(DeclarationChecker):
                 "LJ0107", node.start, node.start + len("weather"), "outside of a mission a weather has a name",
                 "write `weather storm { … }`")  # fmt: skip
             return None
-        entries = self.blocks.read(node.block, WEATHER_KEYS, f"the weather `{name.text}`")
+        entries = self.blocks.read(node.block, KINDS["weather"].keys, f"the weather `{name.text}`")
         return WeatherDecl(name.text, entries, self.report.span(name.start, name.end))
 
     def record(self, node: s.RecordBlock) -> RecordDecl | None:
@@ -312,7 +291,7 @@ class TypeChecker(DeclarationChecker):
 
     def _interaction(self, node: s.InteractionBlock) -> dict[str, PropertyEntry]:
         what = f"the interaction `{node.name.text}`"
-        return self.blocks.read(node.block, INTERACTION_KEYS, what, environment=Environment())
+        return self.blocks.read(node.block, KINDS["interaction"].keys, what, environment=Environment())
 
 
 def _attribute(entry: PropertyEntry, checker: TypeChecker, base: PropertyType | None) -> PropertyType:

@@ -75,11 +75,11 @@ class _Page:
         ]
         if rows:
             yield from _table(("Parameter", "Default", "Allowed"), rows)
-        yield from self._code(self.printer.sweeps(), "Matched studies:")
+        yield from self._code(self.printer.paragraph("sweeps"), "Matched studies:")
 
     def places(self) -> Iterator[str]:
         """Regions and grids."""
-        yield from self._code(self.printer.places())
+        yield from self._code(self.printer.paragraph("places"))
 
     def assets(self) -> Iterator[str]:
         """Assets: the entities that agents command."""
@@ -183,7 +183,7 @@ class _Page:
         for group, interaction, before in interactions(self.mission):
             if not before:
                 yield f"**{interaction.name}** of `{group.name}` is allowed from the start.\n"
-        yield from self._code(self.printer.rules())
+        yield from self._code(self.printer.paragraph("rules"))
 
     def stages(self) -> Iterator[str]:
         """The course of the mission."""
@@ -208,25 +208,25 @@ class _Page:
         for permit in self.mission.permits:
             what = f"`{self.printer.text(permit.resource)}.{permit.verb or '*'}`"
             yield f"- {what} is rejected until {self.words.sentence(permit.condition)}"
-        lines = list(self.printer.limits())
+        lines = list(self.printer.paragraph("limits"))
         if lines:
             yield ""
             yield from self._code(lines)
 
     def relations(self) -> Iterator[str]:
         """Relations between roles."""
-        yield from self._code(self.printer.relations())
+        yield from self._code(self.printer.paragraph("relations"))
 
     def events(self) -> Iterator[str]:
         """Scripted events."""
-        yield from self._code(self.printer.events())
+        yield from self._code(self.printer.paragraph("events"))
 
     def outcomes(self) -> Iterator[str]:
         """Success and failure."""
         yield f"Won when {self.words.sentence(self.mission.success)}.\n"
         if self.mission.failure is not None:
             yield f"Lost when {self.words.sentence(self.mission.failure)}.\n"
-        yield from self._code(self.printer.outcomes())
+        yield from self._code(self.printer.paragraph("outcomes"))
 
     def picture(self) -> Iterator[str]:
         """The mission graph."""

@@ -1,5 +1,5 @@
 """`Mission` → text that compiles to it.
 
 - `phrases`: expressions and quantities. `imports`: types and records → the libraries that declare them.
-- `printer`: the whole mission.
+- `layouts`: the layouts of statements → text. `printer`: the whole mission.
 """

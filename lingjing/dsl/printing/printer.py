@@ -1,20 +1,22 @@
 """`to_ljs`: a mission as formatted `.ljs` text, which compiles to an equal mission.
 
-One table lists the parts of a mission; `unprintable_paths` names the parts that the table lacks. Types and records
-become `use` lines (`lingjing.dsl.printing.imports`); expressions are written by `lingjing.dsl.printing.phrases`.
+`lingjing.dsl.syntax.statements` lists the parts of a mission, and the layouts of most; `unprintable_paths` names the
+parts that it lacks. Types and records become `use` lines (`lingjing.dsl.printing.imports`); expressions are written by
+`lingjing.dsl.printing.phrases`.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any
 
 import msgspec
 
 from lingjing.dsl.formatting.formatter import format_text
 from lingjing.dsl.printing.imports import Imports, find_imports
+from lingjing.dsl.printing.layouts import block, has_layout, lay_out
 from lingjing.dsl.printing.phrases import Phrases, long_text, number_text, quoted
+from lingjing.dsl.syntax.statements import KINDS, PARAGRAPHS, STATEMENTS
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
 from lingjing.mission import model
@@ -93,9 +95,17 @@ class Printer:
         types = [self._type(local) for local in self.imports.types]
         records = [self._record(kind) for kind in self.imports.records]
         head = "\n".join(["ljs 1", *uses])
-        paragraphs = [lines for part in _PARTS if (lines := "\n".join(part(self)))]
+        paragraphs = [lines for name in PARAGRAPHS if (lines := "\n".join(self.paragraph(name)))]
         mission = f"mission {self.mission.name} {quoted(self.mission.title)} {{\n" + "\n\n".join(paragraphs) + "\n}"
         return "\n\n".join([head, *types, *records, mission]) + "\n"
+
+    def paragraph(self, name: str) -> Iterator[str]:
+        """The statements of one of `PARAGRAPHS`."""
+        for part in dict.fromkeys(kind.part for kind in STATEMENTS if kind.paragraph == name):
+            if has_layout(part):
+                yield from (lay_out(part, item, self.text) for item in getattr(self.mission, part))
+            else:
+                yield from _WRITERS[part](self)
 
     # -- before the mission
 
@@ -103,11 +113,11 @@ class Printer:
         lines = [f"engine = {local.engine}"]
         lines.extend(self.properties(local.properties))
         lines.extend(self.verb(verb) for verb in local.verbs)
-        lines.extend(_block(f"interaction {act.name}", self.interaction(act)) for act in local.interactions)
-        lines.extend(_block(f"mount {mount.view}", _mount(mount)) for mount in local.mounts)
-        lines.extend(_block(f"part {part.name} : {part.shape}", _part(part)) for part in local.parts)
+        lines.extend(block(f"interaction {act.name}", self.interaction(act)) for act in local.interactions)
+        lines.extend(block(f"mount {mount.view}", _mount(mount)) for mount in local.mounts)
+        lines.extend(block(f"part {part.name} : {part.shape}", _part(part)) for part in local.parts)
         head = " : ".join([f"{local.role} {local.type}", *local.bases[:1]])
-        return _block(head, lines, spread=True)
+        return block(head, lines, spread=True)
 
     def interaction(self, interaction: model.Interaction) -> Iterator[str]:
         """The lines of `interaction name { … }` of a type."""
@@ -141,7 +151,7 @@ class Printer:
         return " ".join([*words, "optional"] if argument.optional else words)
 
     def _record(self, kind: model.MessageKind) -> str:
-        return _block(f"record {kind.type} : {kind.category}", map(self._field, kind.fields), spread=True)
+        return block(f"record {kind.type} : {kind.category}", map(self._field, kind.fields), spread=True)
 
     def _field(self, declared: model.Field) -> str:
         named = next(
@@ -155,37 +165,36 @@ class Printer:
 
     # -- settings
 
-    def settings(self) -> Iterable[str]:
-        """Goal, scene, clock, budget, weather."""
-        mission = self.mission
-        yield f"goal {long_text(mission.goal, 4)}\n"
-        options = self.properties(mission.scene.options)
-        yield _block(f"scene {mission.scene.kind}", options) if options else f"scene {mission.scene.kind}"
-        yield _block("clock", self._fields(mission.clock, "="))
-        yield _block("budget", self._fields(mission.budget, "<="))
-        if mission.weather:
-            yield _block("weather", self.properties(mission.weather))
+    def goal(self) -> Iterable[str]:
+        """The goal."""
+        yield f"goal {long_text(self.mission.goal, 4)}\n"
 
-    def parameters(self) -> Iterable[str]:
-        """Parameters and modes."""
-        for parameter in self.mission.parameters:
-            bounds = f" in {self.text(parameter.bounds, RANGE)}" if parameter.bounds is not None else ""
-            yield f"param {parameter.name} = {self.text(parameter.default, RANGE)}{bounds}"
+    def scene(self) -> Iterable[str]:
+        """The scene with its options."""
+        scene = self.mission.scene
+        options = self.properties(scene.options)
+        yield block(f"scene {scene.kind}", options) if options else f"scene {scene.kind}"
+
+    def clock(self) -> Iterable[str]:
+        """The clock."""
+        yield block("clock", self._fields(self.mission.clock, "="))
+
+    def budget(self) -> Iterable[str]:
+        """The budget of the episode."""
+        yield block("budget", self._fields(self.mission.budget, "<="))
+
+    def weather(self) -> Iterable[str]:
+        """The weather."""
+        if self.mission.weather:
+            yield block("weather", self.properties(self.mission.weather))
+
+    def mode(self) -> Iterable[str]:
+        """The modes."""
         modes = self.mission.modes
         if modes.allowed == (modes.default,) and modes.default not in ("star", "broadcast"):
             yield f"mode {modes.default}"
         else:
             yield f"mode {modes.default} in {{ {', '.join(modes.allowed)} }}"
-
-    def places(self) -> Iterable[str]:
-        """Regions and grids."""
-        for region in self.mission.regions:
-            yield f"region {region.name} = {self.text(region.shape)}"
-        for grid in self.mission.grids:
-            lines = [f"shape = {self.text(grid.rows, SUM)} by {self.text(grid.columns, SUM)}"]
-            if grid.overlap != ex.Number(0.0):
-                lines.append(f"overlap = {self.text(grid.overlap)}")
-            yield _block(f"grid {grid.name} over {grid.region}", lines)
 
     # -- entities and agents
 
@@ -200,7 +209,7 @@ class Printer:
             if group.verbs != self.imports.verbs[group.type]:
                 equipment.append(self._actions(group))
             head = f"{group.role} {group.name}{self._count(group)} : {group.type}{self._when(group.when)}"
-            yield _block(head, [*own, *equipment], spread=bool(equipment)) if own or equipment else head
+            yield block(head, [*own, *equipment], spread=bool(equipment)) if own or equipment else head
 
     def _count(self, declared: model.Group | model.Agent) -> str:
         if declared.count is None:
@@ -216,7 +225,7 @@ class Printer:
         lines.append(f"channels = [{', '.join(camera.channels)}]")
         if camera.capture != "on_request":
             lines.append(f"capture = {camera.capture}")
-        return _block(f"camera {camera.name}", lines)
+        return block(f"camera {camera.name}", lines)
 
     def _actions(self, group: model.Group) -> str:
         due = {verb.name: verb for verb in self.imports.verbs[group.type]}
@@ -238,7 +247,7 @@ class Printer:
         return f" = {self.text(first.default, RANGE)}{'' if same else bounds}"
 
     def agents(self) -> Iterable[str]:
-        """Agents and authority."""
+        """Agents."""
         for agent in self.mission.agents:
             controls = f" controls {', '.join(map(self.text, agent.controls))}" if agent.controls else ""
             head = f"agent {agent.name}{self._count(agent)} as {agent.role}{controls}{self._when(agent.when)}"
@@ -246,10 +255,8 @@ class Printer:
             if agent.prompt:
                 lines.append(f"prompt {long_text(agent.prompt, 6)}")
             if agent.budget is not None:
-                lines.append(_block("budget", self._fields(agent.budget, "<=")))
-            yield _block(head, lines, spread=len(lines) > 1) if lines else head
-        for authority in self.mission.authorities:
-            yield f"authority {authority.role} may command {self.text(authority.resource)}{self._when(authority.when)}"
+                lines.append(block("budget", self._fields(agent.budget, "<=")))
+            yield block(head, lines, spread=len(lines) > 1) if lines else head
 
     def channel(self, channel: model.Channel) -> str:
         """One observed channel, as `observes` lists it."""
@@ -257,13 +264,6 @@ class Printer:
         if channel.fields != ("*",):
             return ", ".join(f"{source}.{self.phrases.field(channel.source, name, {})}" for name in channel.fields)
         return source if isinstance(channel.source, ex.Symbol) else f"{source}.*"
-
-    def messages(self) -> Iterable[str]:
-        """Message kinds, then the bus."""
-        for kind in self.mission.messages:
-            senders, recipients = ", ".join(kind.senders), ", ".join(kind.recipients)
-            yield f"message {kind.name} : {kind.type} from {senders} to {recipients}{self._when(kind.when)}"
-        yield from self.bus()
 
     def bus(self) -> Iterable[str]:
         """The settings of the message bus."""
@@ -274,87 +274,19 @@ class Printer:
             value = getattr(comms, name)
             if name == "hub" or value is None or value == getattr(_DEFAULT_COMMS, name):
                 continue
-            relation = "<=" if name in _BOUNDS_OF_COMMS else "="
+            relation = KINDS["comms"].keys[name].relations[0]
             lines.append(f"{name} {relation} {value if isinstance(value, str) else self.text(value)}")
         if lines:
-            yield _block("comms", lines)
+            yield block("comms", lines)
 
-    # -- rules
-
-    def rules(self) -> Iterable[str]:
-        """Adjudication rules and unlocks."""
-        for rule in self.mission.rules:
-            names = {parameter.name: parameter.domain for parameter in rule.parameters}
-            condition = f"when {self.text(rule.condition, 0, names)}"
-            yield _block(f"adjudicate {rule.name}({_parameters(rule.parameters)})", [condition])
-        for unlock in self.mission.unlocks:
-            names = {parameter.name: parameter.domain for parameter in unlock.parameters}
-            head = f"unlock {unlock.interaction}({_parameters(unlock.parameters)})"
-            yield f"{head} when {self.text(unlock.condition, 0, names)}"
-
-    def limits(self) -> Iterable[str]:
-        """Counted budgets, permits, constraints, inspections."""
-        yield from map(self._limit, self.mission.limits)
-        for permit in self.mission.permits:
-            verb = permit.verb or "*"
-            yield f"permit {self.text(permit.resource)}.{verb} when {self.text(permit.condition)}"
-        for constraint in self.mission.constraints:
-            lines = [f"always {self.text(constraint.condition, 0, _bound(constraint))}"]
-            if constraint.penalty is not None:
-                lines.append(f"penalty = {self.text(constraint.penalty)}")
-            yield _block(
-                f"constraint {constraint.kind} {constraint.name}{_per(constraint)}{self._when(constraint.when)}", lines
-            )
-        for way in self.mission.inspections:
-            lines = [f"within = {self.text(way.within)}"]
-            lines.extend([f"order = {way.order}"] if way.order != "strict" else [])
-            lines.extend([f"replan = {way.replan}"] if way.replan else [])
-            lines.extend([] if way.destination is None else [f"destination = {self.text(way.destination)}"])
-            head = f"inspection {way.name} of {self.text(way.asset)} by {', '.join(map(self.text, way.by))}"
-            yield _block(f"{head}{self._when(way.when)}", lines)
-
-    def _limit(self, limit: model.Limit) -> str:
-        counted = ", ".join(
-            counted_item.name
-            if counted_item.resource is None
-            else f"{self.text(counted_item.resource)}.{counted_item.name or '*'}"
-            for counted_item in limit.counts
-        )
-        return f"limit {limit.name} <= {self.text(limit.most, RANGE)} counts {counted}{self._when(limit.when)}"
-
-    def stages(self) -> Iterable[str]:
-        """Stages."""
-        for stage in self.mission.stages:
-            lines = [f"done when {self.text(stage.condition, 0, _bound(stage))}"]
-            for name, value in (("ticks <=", stage.ticks), ("weight =", stage.weight)):
-                if value is not None:
-                    lines.append(f"{name} {self.text(value)}")
-            lines.extend(map(self._limit, stage.limits))
-            yield _block(f"stage {stage.name}{_per(stage)}", lines)
-
-    def relations(self) -> Iterable[str]:
-        """Relations and reveals."""
-        for relation in self.mission.relations:
-            words = [
-                f"relation {relation.kind} {relation.source} {'<->' if relation.mutual else '->'} {relation.target}"
-            ]
-            clauses = (
-                ("carries", relation.carries),
-                ("over", relation.over),
-                ("by", relation.by),
-                ("per", relation.per),
-            )
-            words.extend(f"{keyword} {name}" for keyword, name in clauses if name)
-            yield " ".join(words) + self._when(relation.when)
-        for reveal in self.mission.reveals:
-            yield f"reveal {reveal.what}({self.text(reveal.entity)}) to {reveal.role}"
+    # -- the course of the episode
 
     def events(self) -> Iterable[str]:
         """Events."""
         for event in self.mission.events:
             at = f"{'~ ' if isinstance(event.at, ex.Draw) else ''}{self.text(event.at, RANGE)}"
             lines = [line for change in event.changes for line in self._change(change)]
-            yield _block(f"event {event.name} at {at}{self._when(event.when)}", lines, spread=len(lines) > 1)
+            yield block(f"event {event.name} at {at}{self._when(event.when)}", lines, spread=len(lines) > 1)
 
     def sweeps(self) -> Iterable[str]:
         """Sweeps."""
@@ -367,13 +299,16 @@ class Printer:
 
     def _change(self, change: model.Change) -> Iterable[str]:
         if change.entity is None:
-            yield _block("weather", self.properties(change.weather))
+            yield block("weather", self.properties(change.weather))
         else:
             yield f"{change.kind} {self.text(change.entity)}"
 
-    def outcomes(self) -> Iterable[str]:
-        """Success and failure."""
+    def success(self) -> Iterable[str]:
+        """The condition of success."""
         yield f"success when {self.text(self.mission.success)}"
+
+    def failure(self) -> Iterable[str]:
+        """The condition of failure."""
         if self.mission.failure is not None:
             yield f"failure when {self.text(self.mission.failure)}"
 
@@ -429,47 +364,27 @@ class Printer:
         return f" when {self.text(guard.condition)}" if guard else ""
 
 
-_PARTS: tuple[Callable[[Printer], Iterable[str]], ...] = (
-    Printer.settings,
-    Printer.parameters,
-    Printer.places,
-    Printer.groups,
-    Printer.agents,
-    Printer.messages,
-    Printer.rules,
-    Printer.limits,
-    Printer.stages,
-    Printer.relations,
-    Printer.events,
-    Printer.sweeps,
-    Printer.outcomes,
-)
-"""The paragraphs of a mission, in order."""
+_WRITERS: dict[str, Callable[[Printer], Iterable[str]]] = {
+    "goal": Printer.goal,
+    "scene": Printer.scene,
+    "clock": Printer.clock,
+    "budget": Printer.budget,
+    "weather": Printer.weather,
+    "modes": Printer.mode,
+    "groups": Printer.groups,
+    "agents": Printer.agents,
+    "comms": Printer.bus,
+    "events": Printer.events,
+    "sweeps": Printer.sweeps,
+    "success": Printer.success,
+    "failure": Printer.failure,
+}
+"""Fields of a mission with statements that need more than a layout."""
 
-_KNOWN = frozenset(
-    (
-        "format", "name", "title", "goal", "scene", "clock", "budget", "weather", "parameters", "modes", "regions",
-        "grids", "groups", "agents", "authorities", "messages", "comms", "rules", "unlocks", "stages", "relations",
-        "reveals", "success", "failure", "origin", "limits", "permits", "constraints", "inspections", "events",
-        "sweeps",
-    )
-)  # fmt: skip
-"""The fields of a mission that the paragraphs write. `origin` is included, because a text does not express it."""
+_KNOWN = frozenset(("format", "name", "title", "origin", *(part for kind in STATEMENTS if (part := kind.part))))
+"""The fields of a mission that the text has. `origin` is included, because a text does not express it."""
 
-_BOUNDS_OF_COMMS = frozenset(("payload", "range"))
 _DEFAULT_COMMS = model.Comms()
-
-
-def _parameters(parameters: Iterable[model.RuleParameter]) -> str:
-    return ", ".join(f"{parameter.name}: {parameter.domain}" for parameter in parameters)
-
-
-def _bound(quantified: Any) -> dict[str, str]:
-    return {quantified.variable: quantified.domain} if quantified.variable and quantified.domain else {}
-
-
-def _per(quantified: Any) -> str:
-    return f" per {quantified.variable} in {quantified.domain}" if quantified.variable else ""
 
 
 def _mount(mount: model.CameraMount) -> Iterator[str]:
@@ -487,12 +402,3 @@ def _part(part: model.BodyPart) -> Iterator[str]:
     if part.heading_deg:
         yield f"heading = {number_text(part.heading_deg, 'deg')}"
     yield f"colour = {part.colour}"
-
-
-def _block(head: str, lines: Iterable[str], *, spread: bool = False) -> str:
-    items = list(lines)
-    if not items:
-        return f"{head} {{}}"
-    if spread or any("\n" in item for item in items):
-        return f"{head} {{\n" + "\n".join(items) + "\n}"
-    return f"{head} {{ {', '.join(items)} }}"

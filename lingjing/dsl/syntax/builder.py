@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.syntax import tree as s
+from lingjing.dsl.syntax.statements import STATEMENTS
 from lingjing.dsl.syntax.tokens import Token
 from lingjing.mission.functions import RANKS
 
@@ -29,49 +30,12 @@ Arguments = list[s.CallArgument]
 FlatExpr = list[Any]
 """`[operand, operator token, operand, …]`, or a single operand."""
 
-NODES: dict[str, tuple[type[s.SyntaxNode], str]] = {
+_OTHER_NODES: dict[str, tuple[type[s.SyntaxNode], str]] = {
     "set": (s.NameSet, "_ names _"),
     "typed": (s.Typed, "name _ type _ bounds optional"),
     "clause": (s.Clause, "keyword name"),
     "channel": (s.ObservedChannel, "source everything"),
     "axis": (s.Axis, "name _ values"),
-    "version": (s.Version, "_ number"),
-    "use": (s.UseLine, "_ relative path names"),
-    "mission": (s.MissionBlock, "_ name _ base title block"),
-    "override": (s.Override, "_ item"),
-    "text_line": (s.TextLine, "keyword text"),
-    "scene": (s.SceneBlock, "_ kind block"),
-    "section": (s.SettingsBlock, "keyword block"),
-    "param": (s.Param, "_ name _ value"),
-    "region": (s.RegionLine, "_ name _ shape"),
-    "grid": (s.GridBlock, "_ name _ region block"),
-    "entity": (s.EntityBlock, "keyword name index _ type guard block"),
-    "camera": (s.CameraBlock, "_ name _ type block"),
-    "agent": (s.AgentBlock, "_ name index _ role _ controls guard block"),
-    "authority": (s.AuthorityLine, "_ roles _ _ resource guard"),
-    "message": (s.MessageLine, "_ name _ type _ senders _ recipients guard"),
-    "adjudicate": (s.RuleBlock, "_ name parameters block"),
-    "unlock": (s.UnlockLine, "_ name parameters condition"),
-    "stage": (s.StageBlock, "_ name _ variable _ domain block"),
-    "relation": (s.RelationLine, "_ kind source _ target clauses guard"),
-    "mutual_relation": (s.RelationLine, "_ kind source mutual target clauses guard"),
-    "limit": (s.LimitLine, "_ name _ most _ counts guard"),
-    "permit": (s.PermitLine, "_ resource condition"),
-    "constraint": (s.ConstraintBlock, "_ kind name _ variable _ domain guard block"),
-    "inspection": (s.InspectionBlock, "_ name _ asset _ by guard block"),
-    "event": (s.EventBlock, "_ name _ drawn at guard block"),
-    "change": (s.ChangeLine, "keyword entity"),
-    "sweep": (s.SweepLine, "_ name _ axes guard"),
-    "outcome": (s.OutcomeLine, "keyword _ condition"),
-    "condition": (s.Condition, "keyword _ condition"),
-    "bare_condition": (s.Condition, "keyword condition"),
-    "observes": (s.Observes, "_ channels"),
-    "verb": (s.VerbLine, "_ name parameters"),
-    "interaction": (s.InteractionBlock, "_ name block"),
-    "mount": (s.MountBlock, "_ view block"),
-    "part": (s.PartBlock, "_ name _ shape block"),
-    "record": (s.RecordBlock, "_ name _ category block"),
-    "reveal": (s.RevealLine, "_ what _ entity _ _ role"),
     "bounded": (s.PropertyLine, "name relation value"),
     "field": (s.FieldLine, "typed"),
     "bare": (s.Bare, "name"),
@@ -84,6 +48,21 @@ NODES: dict[str, tuple[type[s.SyntaxNode], str]] = {
     "named_number": (s.CallArgument, "name value"),
     "range": (s.ForClause, "variable _ domain"),
 }
+"""The reductions without a row in `lingjing.dsl.syntax.statements`."""
+
+
+def _statement_nodes() -> dict[str, tuple[type[s.SyntaxNode], str]]:
+    nodes: dict[str, tuple[type[s.SyntaxNode], str]] = {}
+    for kind in STATEMENTS:
+        for form in kind.forms:
+            if kind.node is not None and not form.built:
+                first = "keyword" if "keyword" in kind.node.__struct_fields__ else "_"
+                labels = [element.label or "_" for element in form.elements()]
+                nodes[form.alias or kind.keyword] = (kind.node, " ".join([first, *labels]))
+    return nodes
+
+
+NODES = _statement_nodes() | _OTHER_NODES
 """Alias → the node, and the field that each symbol on the right-hand side fills; `_` fills none.
 
 The node extends from the start of its first symbol to the end of its last. A text field takes the token's text, a

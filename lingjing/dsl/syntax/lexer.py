@@ -17,6 +17,7 @@ from unicodedata import normalize
 
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.syntax.indentation import Indentation
+from lingjing.dsl.syntax.statements import KINDS
 from lingjing.dsl.syntax.tokens import INNER, OPERATORS_THAT_CONTINUE, STATEMENTS, SYMBOLS, Token
 from lingjing.mission.diagnostics import Related
 from lingjing.suggest import is_certain, nearest
@@ -64,7 +65,11 @@ _CONTINUES = re.compile(r"[ \t]*(?:(?:and|or)\b|->|<->)")
 _STARTS = re.compile(r"[ \t]*(?:(?P<word>[^\W\d]\w*)|\})")
 _SEA_LEVEL = re.compile(r"[ \t]+level\b")
 _BLOCK_FOLLOWS = re.compile(r"[ \t]*\{")
-_BLOCK_KEYWORDS = ("clock", "budget", "weather", "comms", "actions")
+_BLOCK_KEYWORDS = tuple([word for word, kind in KINDS.items() if kind.is_section])
+"""Keywords that may stand directly before `{`."""
+_TEXT_KEYWORDS = frozenset([word for word, kind in KINDS.items() if kind.is_text])
+"""Keywords directly before a text."""
+_TEXT_TOKENS = frozenset([KINDS[word].token for word in _TEXT_KEYWORDS])
 _DRAWN = re.compile(r"[ \t]*~")
 _BEFORE_STATEMENTS = frozenset(("NL", "LBRACE", "HIDDEN", "OVERRIDE", "SEP"))
 _BIDI = re.compile("[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
@@ -151,7 +156,7 @@ class Lexer:
     def _word(self, match: re.Match[str]) -> int:
         word, start, end = match[0], match.start(), match.end()
         previous = self.previous
-        if word in ("goal", "prompt") and (skip := self._unopened_long(word, start, end)):
+        if word in _TEXT_KEYWORDS and (skip := self._unopened_long(word, start, end)):
             return skip
         if previous in _BEFORE_STATEMENTS and word in STATEMENTS and self._begins(end, previous):
             self._add(STATEMENTS[word], start, end)
@@ -402,7 +407,7 @@ class Lexer:
         if match[0] != '""':
             self._add("STRING", start, end)
             return 0
-        line = _LONG_REST.match(self.text, end) if self.previous in ("GOAL", "PROMPT") else None
+        line = _LONG_REST.match(self.text, end) if self.previous in _TEXT_TOKENS else None
         if line is None:
             self._add("STRING", start, end)
             return 0
@@ -439,7 +444,7 @@ class Lexer:
         if self.guide is not None:
             return self._until_dedent(start, end)
         begin = self.text.rfind("\n", 0, end) + 1
-        if self.text[begin : end - 3].strip() in ("goal", "prompt"):
+        if self.text[begin : end - 3].strip() in _TEXT_KEYWORDS:
             self.unbalanced = True
         self._add("STRING", start, end)
         return end
@@ -477,7 +482,7 @@ class Lexer:
     def _unopened_long(self, word: str, start: int, end: int) -> int:
         """Handle `goal` or `prompt` alone on a line, if the end of a long text follows: its opening quotes are
         missing."""
-        rest = _LONG_REST.match(self.text, end) if word in ("goal", "prompt") else None
+        rest = _LONG_REST.match(self.text, end) if word in _TEXT_KEYWORDS else None
         if rest is None or self.previous not in ("NL", "LBRACE"):
             return 0
         self.report(
@@ -541,26 +546,8 @@ class Lexer:
 _LONG_REST = re.compile(r'[ \t]*\r?\n[^"]*?\n[ \t]*(?P<quotes>"{1,3})[ \t]*(?=[\r\n])')
 _LINES = re.compile(r"(?P<line>[^\r\n]*)(?:\r\n|\n|\r)(?:[ \t]*(?:\r\n|\n|\r))*(?P<depth>[ \t]*)(?=\S)")
 _NEXT_LINE = re.compile(r"[}\s]*?(?:\#[^\r\n]*)?(?P<lines>[\r\n]+)")
-_HEADERS = frozenset(
-    (
-        "MISSION",
-        "SCENE",
-        "CLOCK",
-        "BUDGET",
-        "WEATHER",
-        "COMMS",
-        "ACTIONS",
-        "GRID",
-        "TARGET",
-        "ASSET",
-        "CAMERA",
-        "AGENT",
-        "ADJUDICATE",
-        "STAGE",
-        "INTERACTION",
-        "RECORD",
-    )
-)
+_HEADERS = frozenset([kind.token for word, kind in KINDS.items() if kind.opens_block and word != "use"])
+"""Statements with a block, in which a line that is indented deeper belongs to them even if `{` is missing."""
 _COMMAS = frozenset(";，、；")
 _BAD_HINTS = {
     "'": 'texts stand in double quotes: `"…"`',

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import msgspec
 
+from lingjing.dsl.syntax.statements import KINDS
+
 
 class Token(msgspec.Struct, frozen=True, gc=False):
     """One token."""
@@ -25,21 +27,15 @@ class Token(msgspec.Struct, frozen=True, gc=False):
     """Unit of a quantity; empty for other tokens."""
 
 
-_STATEMENTS = """
-    ljs use mission goal scene clock budget weather comms actions param mode region grid target asset
-    camera agent authority message adjudicate unlock stage relation success failure when done observes
-    verb interaction mount part record reveal prompt hidden state override sweep limit permit
-    constraint always event appear vanish inspection
-"""
-STATEMENTS: dict[str, str] = {word: word.upper() for word in _STATEMENTS.split()}
+STATEMENTS: dict[str, str] = {word: kind.token for word, kind in KINDS.items()}
 """Words that begin a statement → token types."""
 
-_INNER = """
-    in over as controls may command from to per when carries by at optional and or not exists forall
-    extends counts of for true false
-"""
-INNER: dict[str, str] = {word: word.upper() for word in _INNER.split()}
-"""Words with a meaning inside a statement → token types."""
+_OF_EXPRESSIONS = "in from to by at optional and or not exists forall for true false"
+_OF_PATTERNS = [
+    word for kind in KINDS.values() for form in kind.forms for part in form.elements() for word in part.words()
+]
+INNER: dict[str, str] = {word: word.upper() for word in (*_OF_EXPRESSIONS.split(), *_OF_PATTERNS)}
+"""Words with a meaning inside a statement → token types: those of expressions and of the statements' patterns."""
 
 SYMBOLS: dict[str, str] = {
     "{": "LBRACE",

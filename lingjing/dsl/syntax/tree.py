@@ -540,27 +540,3 @@ class File(SyntaxNode, frozen=True, gc=False):
     """A whole file."""
 
     items: tuple[Statement, ...]
-
-
-DECLARING: dict[type, str] = {
-    MissionBlock: "mission",
-    Param: "param",
-    RegionLine: "region",
-    GridBlock: "grid",
-    CameraBlock: "camera",
-    AgentBlock: "agent",
-    MessageLine: "message",
-    RuleBlock: "adjudicate",
-    UnlockLine: "unlock",
-    StageBlock: "stage",
-    RecordBlock: "record",
-    VerbLine: "verb",
-    InteractionBlock: "interaction",
-    PartBlock: "part",
-    LimitLine: "limit",
-    InspectionBlock: "inspection",
-    ConstraintBlock: "constraint",
-    EventBlock: "event",
-    SweepLine: "sweep",
-}
-"""Statements that declare a name → their first words. An `EntityBlock` holds its own keyword."""
