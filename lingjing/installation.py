@@ -28,6 +28,7 @@ class OwnDistribution(NamedTuple):
     plugin: str
 
 
+# The name `lingjing` on the public index belongs to another project (ADR 0026).
 CORE = OwnDistribution("lingjing-sim", "lingjing", "lingjing.engines.builtin")
 AGENTS = OwnDistribution("lingjing-sim-agents", "lingjing-agents", "lingjing_agents.plugin")
 OWN = (CORE, AGENTS)

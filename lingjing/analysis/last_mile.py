@@ -3,7 +3,8 @@
 - S1: the route was inspected from the air.
 - S2: an admitted report of the route's ends (a message of the record type `endpoints`) names both within `ENDS_M`.
 - S3: the waypoints that one sender reported (record type `waypoint`) lie on the road graph between the ends, in an
-  order that can be driven. S3 counts as not done if the city cannot be rebuilt exactly.
+  order that can be driven. S3 counts as not done if the city cannot be rebuilt exactly. A
+  route of the shipped missions has four or five waypoints (ADR 0010).
 - S4: the vehicle arrived along the inspected route, by the mission's rule.
 - S5: the dog reached the target house.
 

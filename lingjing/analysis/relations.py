@@ -1,6 +1,7 @@
 """Occurrences of the declared coordination relations.
 
-The paper's five labels describe task structure. Each occurrence of a declared relation becomes a record:
+The paper's five labels describe task structure. A mission declares those that its team can have (ADR 0011). Each
+occurrence of a declared relation becomes a record:
 
 - *information handoff*: a message carries the evidence. *Guidance*: a message carries the assignment. A message that a
   hub forwards has the original sender as its source. The hub forwards a message if it sends the same body of the same

@@ -3,7 +3,7 @@
 An *engine* moves the bodies of one kind, or renders pictures. It is a plug-in with the five methods of
 `lingjing.plugins.engine`, like an engine of a third party. Engines advance in lockstep between synchronisation
 boundaries. At each boundary an engine receives the states of all other engines' bodies; such a state is a *mirror*.
-`docs/engines.md` is the page for users.
+`docs/engines.md` is the page for users; ADR 0036 says which engines of the paper they stand for.
 
 `builtin` declares all engines. Each package holds one engine:
 

@@ -157,6 +157,7 @@ class Adjudicator:
         for scope in scopes:
             claim = _claim(scope)
             at.evidence.clear()
+            # One report takes one target of a frame, in the order of admission (ADR 0004).
             if claim in claimed or not holds(rule.condition, scope, at):
                 continue
             if best is None or at.evidence.get("iou", 0.0) > best[2].get("iou", 0.0):

@@ -75,7 +75,7 @@ class AgentThread:
 
     def _ready(self) -> asyncio.AbstractEventLoop:
         if self._loop is None:
-            self._loop = asyncio.new_event_loop()
+            self._loop = asyncio.new_event_loop()  # a stuck policy must not hold the others (ADR 0005)
             threading.Thread(target=_serve, args=(self._loop,), name=f"policy-{self._name}", daemon=True).start()
         return self._loop
 

@@ -25,7 +25,7 @@ def requests(instance: Instance, commands: Iterable[Command], tick: int, time_s:
     """Captures due at a boundary: admitted `takePhoto` commands first, then `each_tick` cameras not among them."""
     entities = {entity.id: entity for entity in instance.entities}
     wanted: dict[tuple[str, str], None] = {}
-    for command in commands:
+    for command in commands:  # admitted at this boundary, so the picture is of this boundary too (ADR 0003)
         if command.verb == PHOTO:
             wanted[command.resource, camera_of(entities[command.resource], command.arguments)] = None
     for entity in instance.entities:

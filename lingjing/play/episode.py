@@ -83,7 +83,7 @@ class Session:
         policy_server: ForkServerClient | None = None,
     ) -> None:
         self.host = host or PluginHost()
-        self._fork_server = fork_server
+        self._fork_server = fork_server  # shared by the episodes of a command (ADR 0019)
         self._policy_server = policy_server
         self._cities = CityBuilder(self.host)
         self._worlds: dict[str, World] = {}

@@ -40,7 +40,7 @@ def fork(*, keep_random: bool = False, with_threads: bool = False) -> int:
     if count != 1 and not with_threads:
         raise SeveralThreadsError(count)
     state = random.getstate() if keep_random else None
-    pid = os.fork()
+    pid = os.fork()  # this package alone forks (ADR 0031)
     if pid == 0 and state is not None:
         random.setstate(state)
     return pid

@@ -40,7 +40,7 @@ class Templates:
     def start(self, request: StartFunction, template: Template, descriptors: Sequence[int], server: int) -> bool:
         """Have the template start the process; False if there is none and none can be made. `server`: the process id of
         the fork server."""
-        key = template, request.argument
+        key = template, request.argument  # the template holds the world placed (ADR 0028)
         make: MakeReady | None = None
         if key not in self.failed:
             make = named_function(template.source)(request.argument, template.key)

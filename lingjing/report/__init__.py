@@ -12,7 +12,7 @@ In control-flow order:
   options from `swept` and `conditions`, and the episodes to show from `chosen`. `figure` has the types of figures and
   parts, `figure_kinds` the list of all figures.
 - `charts`: line charts, bars, divided bars and grids, laid out with the widths of `text_layout`. `drawing`: the type of
-  drawings, and the palette. `painting`: drawings as SVG and PNG; it alone loads matplotlib.
+  drawings, and the palette. `painting`: drawings as SVG and PNG; it alone loads matplotlib (ADR 0030).
 - `page`: the HTML page. `sheet`: all drawings of one figure on one.
 
 The same input gives the same bytes. Every text is escaped. The page lists the figures without data, each with the

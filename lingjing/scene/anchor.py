@@ -1,4 +1,4 @@
-"""`anchor`: place a mission's entities on the city, on the `road`, `roof`, `facade`, … they declare.
+"""`anchor`: place a mission's entities on the city, on the `road`, `roof`, `facade`, … they declare (ADR 0007).
 
 A mission gives places in metres and does not know the city. An entity with a property `on` moves to the nearest
 suitable place. Its elevation becomes that of the surface below it, and its heading follows the road, the deck or the

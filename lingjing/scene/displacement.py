@@ -1,7 +1,7 @@
 """Displacement: the distance by which `anchor` has moved entities from their declared places; reports and limits.
 
-A place that is drawn from a region is not declared, and the entity stays in its region. A change of elevation counts if
-the mission declares an elevation.
+A place that is drawn from a region is not declared, and the entity stays in its region (ADR 0023). A change of
+elevation counts if the mission declares an elevation.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Translation of a city's pieces: every point is moved by the same east and north."""
+"""Translation of a city's pieces: every point is moved by the same east and north (ADR 0025)."""
 
 from __future__ import annotations
 

@@ -19,6 +19,7 @@ from lingjing.errors import InfrastructureError, UsageError
 from lingjing.trace.calls import CalledEpisode, CallRequest, CallResult, RecordedCall, sha256
 
 CALLS_NAME = "calls.sqlite"
+"""The file of the recorded model calls, which a replay answers by their place (ADR 0018)."""
 
 MOST_BYTES = 16 * 2**30
 """Limit of the stored contents, bytes. Chosen: an episode of 420 calls with two pictures of 100 kB each has 0.1 GB."""

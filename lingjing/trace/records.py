@@ -1,6 +1,6 @@
 """The record types of an episode: the data that engines, agents and the kernel exchange, and that the trace stores.
 
-Records are frozen structures. They cross process borders as msgpack and are stored in the trace as JSON.
+Records are frozen structures. They cross process borders as msgpack and are stored in the trace as JSON (ADR 0001).
 
 Units, unless a field says otherwise: metres, seconds, degrees (headings clockwise from north), watt-hours. Positions
 and velocities are in the world frame (east, north, up). `time_s` is simulation time. The few wall-clock fields have
@@ -239,7 +239,7 @@ class Snapshot(TraceRecord, frozen=True, kw_only=True):
     time_s: float
     states: tuple[BodyState, ...]
     ambient: tuple[BodyState, ...] = ()
-    """Background traffic. It is recorded at decision boundaries only."""
+    """Background traffic, which travels with the boundary (ADR 0008). It is recorded at decision boundaries only."""
 
 
 class Box(TraceRecord, frozen=True, kw_only=True):

@@ -1,4 +1,4 @@
-"""A running episode over Foxglove's WebSocket protocol, for clients on this machine.
+"""A running episode over Foxglove's WebSocket protocol, for clients on this machine (ADR 0020).
 
 The trace is read as it grows. The messages for viewers are derived from its records anew, so that they contain no
 undiscovered hidden targets, unless the truth is requested. The server listens on the loopback address and requires the

@@ -1,4 +1,4 @@
-"""The options of the camera engine."""
+"""The options of the camera engine, as the model that the plug-in declares (ADR 0016)."""
 
 from __future__ import annotations
 

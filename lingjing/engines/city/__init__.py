@@ -2,8 +2,8 @@
 
 A *target* is an entity of the mission that agents act on: a fire, a leak, a person in the water, a queue. An
 *interaction* is an action on a target. The kernel unlocks it, and the engine carries it out when a permitted actor has
-been within reach long enough. *Goods* are declared stocks that an interaction moves between a target and an actor. The
-engine reads only declared properties, never the mission's names of types.
+been within reach long enough (ADR 0002). *Goods* are declared stocks that an interaction moves between a target and an
+actor. The engine reads only declared properties, never the mission's names of types.
 
 Modules:
 

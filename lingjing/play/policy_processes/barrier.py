@@ -64,7 +64,7 @@ class ProcessBarrier(Barrier):
         super().__init__(policies, limit_s, outage_check)
         self._policies = dict(policies)
         self._server = server
-        self._processes: dict[str, PolicyProcess] = {}
+        self._processes: dict[str, PolicyProcess] = {}  # one for each agent (ADR 0024)
         self._slots = PictureSlots()
         self._briefs: Mapping[str, Brief] = {}
 

@@ -1,4 +1,4 @@
-"""One planted fault: at one place of the code, in one process of a run, the n-th call of a kind fails.
+"""One planted fault: at one place of the code, in one process of a run, the n-th call of a kind fails (ADR 0027).
 
 An interpreter that finds this folder in `PYTHONPATH` loads it at its start; forks inherit it. `LINGJING_FAULT` is the
 fault as JSON (`PlantedFault`), `LINGJING_FAULT_COUNT` a file with the number of calls at its place, which all processes
