@@ -44,7 +44,7 @@ NAMED = 3
 """Number of omitted traces that a note names; the others are counted."""
 
 
-class TraceReading(NamedTuple):
+class _TraceReading(NamedTuple):
     """The outcome of reading one trace."""
 
     path: Path
@@ -136,7 +136,7 @@ def _kept(row: SuiteRow, folders: Sequence[Path]) -> Path | None:
 def _loose(
     contents: PlaceContents, jobs: int, tell: Callable[[int, int], None]
 ) -> tuple[list[ReportStudy], list[TracedEpisode], list[str]]:
-    read: list[tuple[TraceReading, SuiteRow]] = []
+    read: list[tuple[_TraceReading, SuiteRow]] = []
     cut, errors, again = list[Path](), list[str](), list[Path]()
     for done, reading in enumerate(_readings(contents.traces, jobs), 1):
         if reading.row is None and reading.path in contents.named:
@@ -149,7 +149,7 @@ def _loose(
             read.append((reading, reading.row))
         tell(done, len(contents.traces))
     rows = with_conditions(row for _, row in read)
-    kept: dict[object, tuple[TraceReading, SuiteRow]] = {}
+    kept: dict[object, tuple[_TraceReading, SuiteRow]] = {}
     by_path = {row.report.trace: row for row in rows}
     for reading, first in read:
         row = by_path[first.report.trace]
@@ -169,7 +169,7 @@ def _loose(
     return [_study("", "", rows)] if rows else [], traced, notes
 
 
-def _readings(paths: Sequence[Path], jobs: int) -> Iterator[TraceReading]:
+def _readings(paths: Sequence[Path], jobs: int) -> Iterator[_TraceReading]:
     if jobs == 1 or len(paths) < 2:
         yield from map(_reading, paths)
         return
@@ -179,13 +179,13 @@ def _readings(paths: Sequence[Path], jobs: int) -> Iterator[TraceReading]:
         yield from pool.map(_reading, paths, chunksize=4)
 
 
-def _reading(path: Path) -> TraceReading:
+def _reading(path: Path) -> _TraceReading:
     try:
         with collector_at_rest():
             row = row_of(read_trace(path))
-            return TraceReading(path, msgspec.structs.replace(row, attention_iou=attention_beside(path)))
+            return _TraceReading(path, msgspec.structs.replace(row, attention_iou=attention_beside(path)))
     except LingjingError as error:
-        return TraceReading(path, None, error=str(error), hint=error.hint)
+        return _TraceReading(path, None, error=str(error), hint=error.hint)
 
 
 def _noted(traces: Sequence[object], reason: str) -> Iterator[str]:

@@ -54,7 +54,7 @@ _STYLE: dict[str, object] = {
 are the same in each run."""
 
 
-class PlacedPicture(NamedTuple):
+class _PlacedPicture(NamedTuple):
     """A picture on a painting, stretched over a box."""
 
     left: float
@@ -114,7 +114,7 @@ class Canvas:
 
     def picture(self, left: float, top: float, width: float, height: float, data: bytes) -> None:
         """Place a PNG or JPEG file over a box."""
-        self._painting.pictures.append(PlacedPicture(self._left + left, self._top + top, width, height, data))
+        self._painting.pictures.append(_PlacedPicture(self._left + left, self._top + top, width, height, data))
 
     def tooltip(self, artist: Artist, text: str) -> None:
         """Show the text while a pointer is over the artist, in an SVG."""
@@ -132,7 +132,7 @@ class Painting:
         self.figure.patch.set_visible(False)
         self.tooltips: dict[str, str] = {}
         """Tooltips by the group ids of their artists."""
-        self.pictures: list[PlacedPicture] = []
+        self.pictures: list[_PlacedPicture] = []
         """Pictures, which are no artists: an SVG file holds their bytes as they are."""
         drawing.paint(Canvas(self))
 
@@ -178,7 +178,7 @@ def boxed_letters(drawing: Drawing) -> str:
         return letters_without_a_font("".join(painting.lines()))
 
 
-def _show(canvas: Canvas, picture: PlacedPicture) -> None:
+def _show(canvas: Canvas, picture: _PlacedPicture) -> None:
     size = round(picture.width * SCALE), round(picture.height * SCALE)
     with Image.open(io.BytesIO(picture.data)) as stored:
         pixels = np.asarray(stored.convert("RGB").resize(size, Image.Resampling.LANCZOS))
@@ -267,7 +267,7 @@ def _without_clutter(text: ET.Element) -> None:
         del text.attrib["transform"]
 
 
-def _image(picture: PlacedPicture) -> ET.Element:
+def _image(picture: _PlacedPicture) -> ET.Element:
     kind = "png" if picture.data.startswith(b"\x89PNG") else "jpeg"
     data = base64.b64encode(picture.data).decode()
     box = dict(zip(("x", "y", "width", "height"), map(_number, picture[:4]), strict=True))

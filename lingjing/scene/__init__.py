@@ -19,7 +19,7 @@ The modules, in the order in which an episode uses them:
 - `displacement`   the distance by which `anchor` moved declared places: reports and limits
 - `terrain`     water, ground and obstacles at a place, with their elevations ← `outlines`, `blocks`
 - `flight_floor`   the lowest points to which flying bodies may be sent
-- `obstacles`   ground that legged robots can walk; `shapes`, `props`, `sizes`: bodies to collide with and their sizes
+- `obstacles`   ground that legged robots can walk; `shapes`, `sizes`: bodies to collide with and their sizes
 - `roofs`       upper bounds of a city's height at many places at once
 - `regions`     regions that only the city can resolve, such as those along a road
 - `camera_geometry`   pixels, rays and points; headings; camera mounts of a body

@@ -16,7 +16,7 @@ from lingjing.mission.geometry2d import Polygon, Vector2, signed_area, turn
 from lingjing.mission.instance import Vector
 from lingjing.scene.blocks import PIER_M, pier_places
 from lingjing.scene.city import Bridge, Building, Pieces, Pipe, Prop, Slope, Solid
-from lingjing.scene.props import BOXES, RODS
+from lingjing.scene.sizes import BOXES, RODS
 
 _TINY_M = 1e-4
 """Tolerance of geometry, metres: shorter edges and thinner prisms are dropped."""

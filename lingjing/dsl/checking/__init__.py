@@ -9,7 +9,7 @@ The modules in control-flow order:
 - `library`: the files that `use` names. `toplevel`: the top of a file. `inherit`: the statements that `extends` adds.
 - `values`: checked expressions. `keys`: the properties that a block may have.
 - `scope`: the tables of declared names. `unknown`: names without a declaration. `typenames`: types in words.
-- `constants`: the numbers that expressions always equal. `expressions`: the base of the checkers of expressions.
+- `expressions`: the base of the checkers of expressions, and the numbers that expressions always equal.
 - `calls`, `aggregates`, `elaborate`: expressions with their types and taints.
 - `blocks`: the properties of a block against its keys. `properties`: their form in the mission.
 - `types`, `bodies`, `interactions`, `settings`, `entities`, `equipment`, `agents`, `wording`, `rules`, `conduct`,

@@ -65,7 +65,7 @@ def check_mission(file: FileChecker, tree: s.File) -> model.Mission | None:
         report.at("LJ0104", extra.name, "a file holds one mission", "move it into a file of its own")
     if missions:
         whole = merge_base(file, missions[0], check)
-        return None if whole is None else MissionChecker(file).mission(whole)
+        return None if whole is None else _MissionChecker(file).mission(whole)
     faulty = any(isinstance(item, s.Faulty) for item in tree.items)
     if not faulty and not file.own:
         end = len(report.source.text.rstrip())
@@ -73,7 +73,7 @@ def check_mission(file: FileChecker, tree: s.File) -> model.Mission | None:
     return None
 
 
-class MissionChecker:
+class _MissionChecker:
     """Checks the content of a mission."""
 
     def __init__(self, file: FileChecker) -> None:
@@ -280,7 +280,7 @@ class MissionChecker:
         )
 
 
-_CHECKS: dict[str, Callable[[MissionChecker, Any], object]] = {
+_CHECKS: dict[str, Callable[[_MissionChecker, Any], object]] = {
     "parameters": lambda mission, node: mission.settings.param(node),
     "regions": lambda mission, node: mission.settings.region(node),
     "grids": lambda mission, node: mission.settings.grid(node),

@@ -1,17 +1,21 @@
-"""`ExpressionChecker`: the base of the checkers of expressions, and the reports of type errors."""
+"""`ExpressionChecker`: the base of the checkers of expressions, the reports of type errors, and constant numbers."""
 
 from __future__ import annotations
 
-from lingjing.dsl.checking.constants import Constants
+from collections.abc import Mapping
+
 from lingjing.dsl.checking.scope import SymbolTables
 from lingjing.dsl.checking.typenames import fits, with_article
 from lingjing.dsl.checking.unknown import UnknownNames
 from lingjing.dsl.checking.values import UNKNOWN, Environment, FlowStep, TypedExpression
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.syntax import tree as s
+from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
+from lingjing.mission.evaluate import Scope, evaluate
 from lingjing.mission.functions import Type
 from lingjing.mission.units import BY_DIMENSION, LENGTH, NONE, dimension_unit
+from lingjing.mission.values import is_number
 
 
 class ExpressionChecker:
@@ -21,7 +25,7 @@ class ExpressionChecker:
         self.report = report
         self.scope = scope
         self.names = UnknownNames(report, scope)
-        self.constants = Constants(scope.constants)
+        self.constants = _Constants(scope.constants)
 
     def value(self, node: s.Expression, environment: Environment) -> TypedExpression:
         """The checked expression; `UNKNOWN` if it is faulty."""
@@ -79,3 +83,39 @@ def _unit_hint(due: Type) -> str:
     if due.dimension == NONE:
         return "a bare number has no unit"
     return f"for example in `{known.unit}`" if known and due.dimension != LENGTH else "for example in `m`"
+
+
+class _Constants:
+    """Computes the number that an expression always equals. `parameters`: params at their defaults."""
+
+    def __init__(self, parameters: Mapping[str, float]) -> None:
+        self._scope = Scope(parameters=parameters)
+
+    def of(self, ir: ex.Expr) -> float | None:
+        """The number that an expression always equals; None if it varies or is no number."""
+        if isinstance(ir, ex.Number):
+            return ir.value
+        if any(isinstance(leaf, ex.Ref) and leaf.kind != "param" for leaf in ex.leaves(ir)):
+            return None
+        try:
+            return self._value(ir)
+        except MissionError:
+            return None
+
+    def joined(self, ir: ex.Expr, left: float | None) -> tuple[float | None, bool]:
+        """The number of a binary operation with the left side `left`, and True if it is too large.
+
+        With this function a chain of operations is computed once from left to right.
+        """
+        right = self.of(ir.right) if isinstance(ir, ex.Binary) and left is not None else None
+        if not isinstance(ir, ex.Binary) or left is None or right is None:
+            return None, False
+        try:
+            return self._value(ex.Binary(ir.operator, ex.Number(left), ex.Number(right))), False
+        except MissionError:
+            return None, True
+
+    def _value(self, ir: ex.Expr) -> float | None:
+        """The value of a constant expression. Raises `MissionError` if it is too large or divides by zero."""
+        value = evaluate(ir, self._scope)
+        return float(value) if is_number(value) else None

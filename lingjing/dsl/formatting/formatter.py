@@ -78,7 +78,7 @@ def _read(source: SourceText) -> tuple[list[Token], s.File, tuple[Diagnostic, ..
 
 
 @dataclass(slots=True)
-class LineLayout:
+class _LineLayout:
     """One line of output."""
 
     level: int
@@ -107,24 +107,24 @@ class LineLayout:
 class _Writer:
     """Turns blocks into lines."""
 
-    def block(self, block: BlockLayout, level: int) -> list[LineLayout]:
+    def block(self, block: BlockLayout, level: int) -> list[_LineLayout]:
         """The lines of a block's content."""
-        rows: list[LineLayout] = []
+        rows: list[_LineLayout] = []
         for item in block.items:
             self._comments(rows, item.leading, level)
             if item.blank_before and rows:
-                rows.append(LineLayout(level, ""))
+                rows.append(_LineLayout(level, ""))
             self._add(rows, item, level)
         self._comments(rows, block.tail, level)
         return rows
 
-    def _comments(self, rows: list[LineLayout], comments: list[Comment], level: int) -> None:
+    def _comments(self, rows: list[_LineLayout], comments: list[Comment], level: int) -> None:
         for comment in comments:
             if comment.blank_before and rows:
-                rows.append(LineLayout(level, ""))
-            rows.append(LineLayout(level, "", comment.text))
+                rows.append(_LineLayout(level, ""))
+            rows.append(_LineLayout(level, "", comment.text))
 
-    def _add(self, rows: list[LineLayout], item: StatementLayout, level: int) -> None:
+    def _add(self, rows: list[_LineLayout], item: StatementLayout, level: int) -> None:
         flat = _flat(item)
         comment = item.trailing.text if item.trailing else ""
         if flat is None or 2 * level + len(flat) > WIDTH:
@@ -136,11 +136,11 @@ class _Writer:
         if item.joined and last is not None and last.joinable and last.width() + 2 + len(flat) <= WIDTH:
             last.text, last.comment = f"{last.text}, {flat}", comment
             return
-        rows.append(LineLayout(level, flat, comment, joinable=True))
+        rows.append(_LineLayout(level, flat, comment, joinable=True))
 
-    def _spread(self, item: StatementLayout, level: int) -> list[LineLayout]:
+    def _spread(self, item: StatementLayout, level: int) -> list[_LineLayout]:
         """Lay out a statement over several lines: its blocks opened, its head wrapped if it is too wide."""
-        rows: list[LineLayout] = []
+        rows: list[_LineLayout] = []
         words: list[Word] = []
         for part in item.parts:
             if isinstance(part, Word):
@@ -158,21 +158,21 @@ class _Writer:
             rows.extend(self._wrapped(words, level))
         return rows
 
-    def _wrapped(self, words: list[Word], level: int) -> list[LineLayout]:
+    def _wrapped(self, words: list[Word], level: int) -> list[_LineLayout]:
         tokens = [word.token for word in words]
         spelling = spell(tokens)
-        rows: list[LineLayout] = []
+        rows: list[_LineLayout] = []
         start = 0
         while start < len(words):
             extra = _CONTINUATION if rows else 0
             stop = next((i + 1 for i in range(start, len(words)) if words[i].comments), len(words))
             stop = _line_stop(tokens, spelling, start, stop, WIDTH - 2 * level - extra)
             text = spelling.text[spelling.begins[start] : spelling.ends[stop - 1]]
-            row = LineLayout(level, text, extra=extra)
+            row = _LineLayout(level, text, extra=extra)
             rows.append(row)
             for comment in words[stop - 1].comments:
                 if comment.own_line or row.comment:
-                    rows.append(LineLayout(level, "", comment.text, extra=_CONTINUATION))
+                    rows.append(_LineLayout(level, "", comment.text, extra=_CONTINUATION))
                 else:
                     row.comment = comment.text
             start = stop

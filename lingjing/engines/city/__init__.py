@@ -7,12 +7,11 @@ actor. The engine reads only declared properties, never the mission's names of t
 
 Modules:
 
-- `engine`: the engine contract.
+- `engine`: the engine contract, and the actors within reach of a target.
 - `target`: the state of one target.
 - `nature`: the behaviour of a target without interaction, derived from its properties.
 - `target_body`: the motion of a target, fixed or adrift.
 - `arrivals`: queues of people that grow and shrink.
-- `interaction`: actors within reach of a target.
 - `goods`: the stocks of all entities and transfers between them.
 - `radio`: the pairs of assets without a radio link.
 """

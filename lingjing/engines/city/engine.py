@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from lingjing.engines.bodies import extrapolate
 from lingjing.engines.city.arrivals import PEOPLE
 from lingjing.engines.city.goods import Goods, check_exchange
-from lingjing.engines.city.interaction import actors_in_reach
 from lingjing.engines.city.radio import Coverage
 from lingjing.engines.city.target import CityTarget, Level, target_of
 from lingjing.engines.city.target_body import STEP_S, body_of
@@ -23,6 +23,10 @@ from lingjing.trace.records import DEAD, DORMANT, BodyState, Command, Receipt, T
 
 _IDLE = (DORMANT, DEAD)
 """Statuses of actors that take no part in interactions: absent bodies and wrecks."""
+
+
+_Actor = tuple[str, Vector]
+"""An actor: its id and position."""
 
 
 class CityEngine:
@@ -145,7 +149,7 @@ class CityEngine:
         here, _ = self._pose(target)
         there = ((name, self._bodies.get(name)) for name in self._actors[target.id, interaction.name])
         actors = [(name, body[0]) for name, body in there if body is not None and body[1].status not in _IDLE]
-        return actors_in_reach(interaction, here, actors)
+        return _actors_in_reach(interaction, here, actors)
 
     def _work_off(
         self,
@@ -238,3 +242,12 @@ class CityEngine:
             events=events,
             unheard=self._unlinked,
         )
+
+
+def _actors_in_reach(interaction: InteractionSpec, target: Vector, actors: Sequence[_Actor]) -> list[tuple[str, float]]:
+    """Return the actors within reach (inclusive, in the plane) with their distances in metres.
+
+    The nearest comes first; equally near actors keep the order of `actors`.
+    """
+    distances = [(math.dist(place[:2], target[:2]), order) for order, (_, place) in enumerate(actors)]
+    return [(actors[order][0], far) for far, order in sorted(distances) if far <= interaction.within_m]
