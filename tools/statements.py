@@ -1,7 +1,8 @@
 """Write what is derived from the statements of `.ljs` and committed: `python tools/statements.py [--check]`.
 
-These are the statements' alternatives and words in `ljs.lark`, the LALR(1) tables, the reference page of the statements
-and the TextMate grammar. `--check` writes nothing and fails if a file differs.
+These are the statements' alternatives and words in `ljs.lark`, the LALR(1) tables, the reference page of the
+statements, the TextMate grammar and the schema of missions. `--check` writes nothing; it fails if the grammar or the
+page differs (other tests compare the others).
 """
 
 from __future__ import annotations
@@ -74,6 +75,7 @@ def main(check: bool) -> int:
         return 1 if stale else 0
     for tool in ("grammar_tables", "textmate"):
         subprocess.run([sys.executable, str(ROOT / "tools" / f"{tool}.py")], check=True)
+    subprocess.run([sys.executable, "-m", "lingjing.mission.document", str(ROOT / "schemas")], check=True)
     return 0
 
 

@@ -86,10 +86,7 @@ class _Walk:
     def _take(self, token: Token) -> None:
         current = self._at(self.position)
         if token.type in _OPENING or self.depth:
-            self.depth += (token.type in _OPENING) - (token.type in _CLOSING)
-            own = current is not None and current.symbol in _BRACKETED
-            self.position += bool(own and not self.depth)
-            self.filled = self.filled or not own
+            self._take_bracketed(token)
         elif current is not None and current.symbol in _SINGLE and current.symbol == token.type and not self.filled:
             self.position += 1
         elif (place := self._anchor(token)) is not None:
@@ -100,6 +97,24 @@ class _Walk:
             self.filled = False
         else:
             self._begin_value()
+
+    def _take_bracketed(self, token: Token) -> None:
+        """Take a bracket, or a token inside brackets."""
+        self.depth += (token.type in _OPENING) - (token.type in _CLOSING)
+        behind = self._behind_brackets()
+        if behind is None:
+            self.filled = True
+        elif not self.depth:
+            self.position = behind
+
+    def _behind_brackets(self) -> int | None:
+        """The place behind the brackets of the pattern that are open; None if the brackets belong to a value."""
+        current = self._at(self.position)
+        if current is None or self.filled:
+            return None
+        if current.symbol == "LPAR":
+            return next(place for place, element in enumerate(self.elements) if element.symbol == "RPAR") + 1
+        return self.position + 1 if current.symbol in _BRACKETED else None
 
     def _begin_value(self) -> None:
         """Take a token of a value, behind optional words and signs before it."""

@@ -207,7 +207,7 @@ def edited(tmp_path: Path) -> Path:
             shutil.copytree(child, tmp_path / "lingjing" / child.name, ignore=shutil.ignore_patterns("__pycache__"))
         elif child.name != "__pycache__":
             (tmp_path / "lingjing" / child.name).symlink_to(child)
-    for folder in ("tools", "editors", "docs"):
+    for folder in ("tools", "editors", "docs", "schemas"):
         shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("*.jpg", "*.png", "*.svg"))
     (tmp_path / "scenarios").symlink_to(ROOT / "scenarios")
     for file, insertions in INSERTIONS.items():
@@ -232,5 +232,6 @@ def test_a_new_statement_touches_at_most_four_files(edited: Path) -> None:
 
     run(str(edited / "tools" / "statements.py"))
     assert run("-c", USE, str(ROOT / "scenarios" / "ssr.ljs")) == "landmark works\n"
+    assert '"landmarks"' in (edited / "schemas" / "mission.schema.json").read_text(encoding="utf-8")
     assert "### `landmark`" in (edited / "docs" / "statements.md").read_text(encoding="utf-8")
     assert "|landmark|" in (edited / "editors/vscode/syntaxes/ljs.tmLanguage.json").read_text(encoding="utf-8")
