@@ -1,21 +1,24 @@
-"""Missions for heterogeneous unmanned systems: write one, play it, score it, see why.
+"""Missions for heterogeneous unmanned systems: write, play, score and analyse them.
 
-The tree is the pipeline: `dsl` (text → mission) → `mission` (the typed graph) → `scene` (the city) → `plugins` (the
-contract) and `engines` → `kernel` (the episode) → `trace` (what happened) → `analysis` (what it means). `viewer` shows
-an episode in a browser or as a film. `play` plays one episode, `bench` many, `report` draws the figures of them,
-`causal` runs traces again, `envs` makes learning environments of missions; `cli` is the command line, `lsp` the
-language server. `processes` starts, forks and ends processes. Shared by all: `errors` (the exceptions), `validation`
-(the faults that pydantic finds, in words),
-`option_reading` (options read by their models), `option_listing` (options as people read them), `suggest`
-(did-you-mean), `collector` (the garbage collector at rest), `data` (where shipped files are), `installation` (the
-distributions' names, and what their extras bring), `installed_plugins` (those of other distributions, tried before they
-are loaded), `kept_files` (files of the cache folder), `whole_files` (files written whole or not at all), `file_names`
-(names that are not text), `refusals` (what the system refuses), `numerics` (what fixes the last bits of numbers),
-`signals` (signals held back for a while), `terminal` (text made safe to print).
-`docs/architecture.md` walks through them. The public surface is this module, `lingjing.plugins` and the command
-`lingjing`; the rest may change.
+The packages in the order of the pipeline: `dsl` (text to mission), `mission` (the typed graph), `scene` (the city),
+`plugins` (the contract of extensions), `engines` (physics and pictures), `kernel` (the episode), `trace` (its record),
+`analysis` (metrics of a trace). `play` plays one episode, `bench` many; `report` draws figures of results; `causal`
+replays and forks traces; `viewer` shows an episode in a browser or as a film; `envs` wraps missions as learning
+environments. `cli` is the command line, `lsp` the language server, `processes` starts, forks and ends processes.
 
-Exports are lazy: importing this package loads nothing but itself.
+Modules that all share:
+
+- `errors`: the exceptions; `validation`: faults found by pydantic, in words
+- `option_reading`: options checked by their models; `option_listing`: options in words; `suggest`: spelling suggestions
+- `collector`: pauses of the garbage collector; `numerics`: all that fixes the last bits of numbers
+- `data`: the place of shipped files; `kept_files`: files of the cache; `whole_files`: atomic writes; `file_names`:
+  names
+that are not UTF-8
+- `installation`: the distributions and their extras; `installed_plugins`: plug-ins of other distributions
+- `refusals`: errors of the operating system; `signals`: blocked signals; `terminal`: text that is safe to print
+
+`docs/architecture.md` describes the whole. The public surface is this module, `lingjing.plugins` and the command
+`lingjing`; all else may change. Exports are lazy: importing this package loads no other module.
 """
 
 from __future__ import annotations
@@ -46,7 +49,7 @@ _EXPORTS = {
 
 
 def __getattr__(name: str) -> Any:
-    """Import an export at its first use (PEP 562) and keep it."""
+    """Import an export at its first use (PEP 562) and store it."""
     if name == "__version__":
         value: object = _version()
     elif name in _EXPORTS:

@@ -1,7 +1,7 @@
-"""`collector_at_rest`: the garbage collector is off while trees are built or records are read.
+"""Pauses of the garbage collector while trees are built or records are read.
 
-Neither has cycles, and to look for some costs a fifth of the time of a tree and 40 % of that of hundreds of thousands
-of records.
+Neither has reference cycles. The search for cycles costs a fifth of the time of a tree, and 40 % of that of hundreds of
+thousands of records.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def collector_at_rest() -> Iterator[None]:
-    """Switch the collector off inside, and on again if it was on."""
+    """Disable the collector inside the context, and enable it afterwards if it was enabled."""
     collects = gc.isenabled()
     gc.disable()
     try:

@@ -1,8 +1,8 @@
-"""Where the files that ship with the package are: the standard library, the missions and the schemas.
+"""The place of the files that ship with the package (standard library, missions, schemas), and of the cache.
 
-A wheel carries them under `lingjing/_data`; an editable installation reads the repository's own folders, so that an
-edit there counts at once. What can be made again is kept in the user's cache folder, or in a temporary one where that
-cannot be written.
+A wheel contains them under `lingjing/_data`. An editable installation reads the repository's own folders, so that edits
+take effect at once. Files that can be generated again are cached in the user's cache folder, or in a temporary one if
+that is not writable.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ _FOLDERS = {
 
 
 def data_path(*parts: str) -> Path:
-    """The path of shipped data: the first part is `std`, `scenarios`, `schemas`, `suites` or `errors` (the
-    pages of the error codes), the rest goes below it.
+    """Return the path of shipped data. The first part is `std`, `scenarios`, `schemas`, `suites` or `errors` (error
+    pages).
 
-    The packaged copy wins; without one the repository's folder answers. The path need not exist. An unknown first
-    part raises `KeyError`.
+    The packaged copy has precedence over the repository's folder. The path need not exist. Raises `KeyError` for an
+    unknown first part.
     """
     kind, *rest = parts
     root = _PACKAGED if _PACKAGED.is_dir() else _PACKAGE.parent
@@ -36,12 +36,13 @@ def data_path(*parts: str) -> Path:
 
 
 CACHE_OFF = "LINGJING_NO_CACHE"
-"""Environment variable: set to anything but 0, nothing is read from or kept in the caches of missions, of cities made
-from maps and of meshes."""
+"""Environment variable: if it is set to anything but 0, the caches of missions, of cities made from maps and of meshes
+are neither read nor written.
+"""
 
 
 def cache_is_off() -> bool:
-    """Whether the user wants everything made anew."""
+    """Return whether the user has disabled the caches."""
     return os.environ.get(CACHE_OFF, "0") not in ("", "0")
 
 
@@ -49,23 +50,25 @@ CACHE_KINDS = ("missions", "cities", "networks", "meshes", "shaders")
 """The folders within the cache."""
 
 LEAST_FREE_BYTES = 32 << 20
-"""With less room a folder counts as full. Chosen: ten road networks of shipped missions (up to 3.4 MB each)."""
+"""Free space below which a folder counts as full. Chosen: ten road networks of shipped missions (up to 3.4 MB each)."""
 
 
 class CacheChoice(NamedTuple):
-    """The cache that is used: its `folder`; `refused`, why the user's own is not used ("" where it is); `is_usable`,
-    False where no temporary folder can be written either and `folder` is the user's own all the same."""
+    """The cache in use."""
 
     folder: str
+    """The folder."""
     refused: str = ""
+    """The reason for which the user's own folder is not used; "" if it is."""
     is_usable: bool = True
+    """False if no temporary folder is writable either; `folder` is then the user's own all the same."""
 
 
-def user_cache_folder() -> str:
-    """The folder of files that the project can make again.
+def _user_cache_folder() -> str:
+    """Return the user's folder of files that can be generated again.
 
-    A relative XDG_CACHE_HOME is ignored, as the XDG base directory specification says: processes of one episode have
-    working folders of their own.
+    A relative XDG_CACHE_HOME is ignored, as the XDG base directory specification demands: processes of one episode have
+    different working folders.
     """
     base = os.environ.get("XDG_CACHE_HOME", "")
     own = base if os.path.isabs(base) else os.path.expanduser("~/.cache")  # noqa: PTH111, PTH117 - a cold start
@@ -73,8 +76,8 @@ def user_cache_folder() -> str:
 
 
 def choose_cache() -> CacheChoice:
-    """The user's cache folder, or a temporary one of the user's where nothing can be written in that."""
-    own = user_cache_folder()
+    """Return the user's cache folder, or a temporary one if it is not writable."""
+    own = _user_cache_folder()
     refused = write_fault(own)
     if not refused:
         return CacheChoice(own)
@@ -83,20 +86,21 @@ def choose_cache() -> CacheChoice:
 
 
 def cache_folder() -> str:
-    """The folder of the cache that is written to; see `choose_cache`."""
+    """Return the folder to which the cache is written; see `choose_cache`."""
     return choose_cache().folder
 
 
 def kept_path(*parts: str) -> str:
-    """Where to read something of the cache: in the user's own folder, if it is there and the folder is not used only
-    because it cannot be written; else in the folder that is used."""
+    """Return the path from which a cached file is read: the user's own folder if the file is there, else the folder in
+    use.
+    """
     folder = cache_folder()
-    own = os.path.join(user_cache_folder(), *parts)  # noqa: PTH118 - a cold start
+    own = os.path.join(_user_cache_folder(), *parts)  # noqa: PTH118 - a cold start
     return own if os.path.exists(own) else os.path.join(folder, *parts)  # noqa: PTH110, PTH118
 
 
 def write_fault(folder: str) -> str:
-    """Why nothing can be kept in a folder of the cache, there or to be made; "" if it can."""
+    """Return the reason for which a cache folder, existing or to be made, is not writable; "" if it is."""
     places = (folder, *(os.path.join(folder, kind) for kind in CACHE_KINDS))  # noqa: PTH118 - a cold start
     try:
         faults = (_write_fault(place) for place in dict.fromkeys(map(_existing, places)))
@@ -106,10 +110,10 @@ def write_fault(folder: str) -> str:
 
 
 def _existing(place: str) -> str:
-    """A place, or the nearest one above it that is there."""
+    """Return a path, or its nearest existing ancestor."""
     while not os.path.lexists(place):
         above = os.path.dirname(place) or "."  # noqa: PTH120
-        if above == place:  # a working folder that was removed, or a disk that answers no question
+        if above == place:  # a working folder that was removed, or a disk that fails
             break
         place = above
     return place
@@ -129,7 +133,7 @@ def _write_fault(place: str) -> str:
 
 
 def _temporary_cache() -> str:
-    """A folder that no other user can write; "" where none can be made. Others may have made one of its name first."""
+    """Return a folder that no other user can write, or "". Other users may have made folders of its first names."""
     import stat
     import tempfile
 
@@ -143,5 +147,5 @@ def _temporary_cache() -> str:
             if stat.S_ISDIR(state.st_mode) and is_own and not write_fault(folder):
                 return folder
     except OSError:
-        pass  # no place for temporary files, or one that is full
+        pass  # no folder for temporary files, or a full one
     return ""

@@ -1,8 +1,8 @@
-"""The one root exception and the exit codes of the command line.
+"""The root exception and the exit codes of the command line.
 
-A user's mistake in a mission is *data* (a `lingjing.mission.diagnostics.Diagnostic`), never an exception. What
-raises is a fault at a border: a file that cannot be read, an engine that died, a plug-in that broke its contract.
-Every such fault derives from `LingjingError` and knows the exit code that the command line ends with.
+A user's mistake in a mission is *data* (a `lingjing.mission.diagnostics.Diagnostic`), never an exception. Exceptions
+report faults at a border: an unreadable file, a dead engine, a plug-in that violates its contract. All derive from
+`LingjingError` and have the exit code of the command line.
 """
 
 from __future__ import annotations
@@ -16,30 +16,38 @@ OtherwiseT = TypeVar("OtherwiseT")
 
 
 class ExitCode(IntEnum):
-    """Exit codes of every verb."""
+    """Exit codes of every command."""
 
     OK = 0
+    """The command ran."""
     MISSION = 1
+    """The mission has errors."""
     USAGE = 2
+    """Wrong arguments, unreadable input or unwritable output."""
     INFRASTRUCTURE = 3
+    """An engine, a process or a service failed."""
     BUG = 70
+    """An error of this program."""
     INTERRUPTED = 130
+    """The user interrupted the command."""
 
 
 class Fault(NamedTuple):
-    """One of several things that are wrong with a document or with options: its path, what is wrong, the way out."""
+    """One of several faults of a document or of options."""
 
     where: str
+    """The path of the value."""
     message: str
+    """The fault."""
     hint: str = ""
+    """The way out; "" if unknown."""
 
 
 class LingjingError(Exception):
-    """Root of everything this project raises on purpose.
+    """Root of all exceptions that this project raises on purpose.
 
-    `str(error)` names the thing at fault; `hint` says what to do about it, which a traceback shows as a note: where an
-    error has none of its own, that of the error that it was raised for. `faults` are those of a document or
-    of options, if that is what is wrong.
+    `str(error)` names the faulty thing. `hint` is the way out, which a traceback shows as a note. `faults` are the
+    single faults of a document or of options.
     """
 
     exit_code = ExitCode.BUG
@@ -53,10 +61,10 @@ class LingjingError(Exception):
 
     @property
     def hint(self) -> str:
-        """The way out in a line, "" if there is none."""
+        """The way out in one line, its own or that of an error behind it; "" if there is none."""
         if self._hint or self.__context__ is None:
             return self._hint
-        from lingjing.refusals import hint_of  # not above: it imports this module
+        from lingjing.refusals import hint_of  # at the top it would be a circular import
 
         behind: BaseException | None = self.__cause__ or self.__context__
         while behind is not None:
@@ -73,30 +81,31 @@ class UsageError(LingjingError):
 
 
 class MissionError(LingjingError):
-    """The mission has errors; the diagnostics, if any, are rendered into the message by who raises."""
+    """The mission has errors. The message contains the rendered diagnostics, if there are any."""
 
     exit_code = ExitCode.MISSION
 
 
 class PluginError(LingjingError):
-    """A plug-in broke its contract; the message names the plug-in and the hook or method."""
+    """A plug-in violated its contract. The message names the plug-in and the hook or method."""
 
     exit_code = ExitCode.USAGE
 
 
 class ForeignCodeError(UsageError, PluginError):
-    """Code that the caller has named, such as a policy, has failed before anything was recorded: it raised, ended its
-    process, or did not come to an end in time."""
+    """Code named by the caller, such as a policy, failed before anything was recorded: it raised, ended its process or
+    did not end in time.
+    """
 
 
 class InfrastructureError(LingjingError):
-    """An engine or a worker process failed: the episode is an infrastructure abort, never a model failure."""
+    """An engine or a worker process failed. The episode is an infrastructure abort, never a failure of a model."""
 
     exit_code = ExitCode.INFRASTRUCTURE
 
 
 def error_of(code: int, message: str, hint: str = "") -> LingjingError:
-    """The error with which another process of ours ended, by its exit code: of no known one, a fault of ours."""
+    """Return the error with which another process of ours ended, by its exit code; an unknown code is a bug of ours."""
     kinds: dict[int, type[LingjingError]] = {
         kind.exit_code: kind for kind in (UsageError, MissionError, InfrastructureError)
     }
@@ -104,13 +113,15 @@ def error_of(code: int, message: str, hint: str = "") -> LingjingError:
 
 
 class ErrorCollector:
-    """The mistakes of one call, collected while the rest is still read, so that all of them are told together."""
+    """Collects the errors of one call while the rest is still read, so that they are reported together."""
 
     def __init__(self) -> None:
         self.errors: list[LingjingError] = []
 
     def attempt(self, read: Callable[[], ReadT], otherwise: OtherwiseT) -> ReadT | OtherwiseT:
-        """What `read` gives; `otherwise` if it raises `UsageError` or `MissionError`, which is collected."""
+        """Return the result of `read`, or `otherwise` if it raises `UsageError` or `MissionError`, which is
+        collected.
+        """
         try:
             return read()
         except (UsageError, MissionError) as error:
@@ -118,26 +129,29 @@ class ErrorCollector:
             return otherwise
 
     def add(self, error: LingjingError) -> None:
-        """Collect a mistake that is known already."""
+        """Collect an error."""
         self.errors.append(error)
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """Those of all errors."""
+        """The faults of all errors."""
         return tuple(fault for error in self.errors for fault in error.faults)
 
     def check(self) -> None:
-        """Raise what was collected, if anything: one error as it is, several as one `UsageError` of a line each (a
-        `ForeignCodeError` if all of them are)."""
+        """Raise the collected errors, if any: a single one unchanged, several as one `UsageError` with a line each.
+
+        It is a `ForeignCodeError` if all of them are.
+        """
         if len(self.errors) == 1:
             raise self.errors[0]
         if self.errors:
             hints = [error.hint for error in self.errors if "\n" in str(error) and error.hint]
             lines = dict.fromkeys(_with_hint(error) for error in self.errors)
-            kind = ForeignCodeError if all(isinstance(one, ForeignCodeError) for one in self.errors) else UsageError
+            is_foreign = all(isinstance(error, ForeignCodeError) for error in self.errors)
+            kind = ForeignCodeError if is_foreign else UsageError
             raise kind("\n".join(lines), hint="; ".join(dict.fromkeys(hints)), faults=self.faults)
 
 
 def _with_hint(error: LingjingError) -> str:
-    """An error's message with its hint, if both are one line."""
+    """Return an error's message with its hint, if the message is one line."""
     return f"{error}; {error.hint}" if error.hint and "\n" not in str(error) else str(error)

@@ -1,8 +1,8 @@
-"""Names of files and folders that are no text: bytes that are not UTF-8.
+"""Names of files and folders that are not UTF-8.
 
-Linux allows any bytes in a name, and Python reads those that are not UTF-8 as lone surrogates (PEP 383). Traces,
-reports and messages between processes are UTF-8 and cannot hold them. So the command line, and the reader of missions,
-refuse such a name before anything is done.
+Linux allows any bytes in a name, and Python represents bytes that are not UTF-8 as lone surrogates (PEP 383). Traces,
+reports and messages between processes are UTF-8 and cannot hold them. The command line and the reader of missions
+therefore reject such names at once.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from lingjing.errors import UsageError
 
 
 def check_name(name: str, role: str) -> None:
-    """Raise `UsageError` for a name that is not UTF-8. `role` says what bears the name: `file`, `argument`."""
+    """Raise `UsageError` for a name that is not UTF-8. `role` describes its owner: `file`, `argument`."""
     if not name.isascii() and any("\ud800" <= letter <= "\udfff" for letter in name):
         shown = os.fsencode(name).decode("utf-8", "backslashreplace")
         raise UsageError(

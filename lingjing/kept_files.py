@@ -1,8 +1,8 @@
-"""Files of the cache folder: what is read is what was written, or nothing.
+"""Files of the cache folder: a read returns exactly what was written, or nothing.
 
-A file begins with the SHA-256 of the rest; one with a wrong checksum counts as missing. Files are written beside and
-renamed, so that two writers at once leave one whole file. Those that were not read for longest go first. Nothing here
-is loaded that a cold start would notice.
+A file begins with the SHA-256 of the rest; one with a wrong checksum counts as missing. Files are written beside their
+place and renamed, so that two concurrent writers leave one whole file. The least recently read files are removed first.
+This module imports nothing slow, because a cold start imports it.
 """
 
 from __future__ import annotations
@@ -13,17 +13,19 @@ import os
 import time
 
 LEFT_BEHIND_S = 3600.0
-"""A half-written file this old has no writer any more."""
+"""Age in seconds from which on an incomplete file has no writer any more. Chosen."""
 
 READ_AGAIN_S = 3600.0
-"""A file that is read is marked as read at most this often."""
+"""Seconds between two updates of a file's read time. Chosen."""
 
 _CHECKSUM = 32
+"""Bytes of a SHA-256."""
 _HALF_WRITTEN = ".new-"
+"""Prefix of incomplete files."""
 
 
 def read_kept(path: str) -> memoryview | None:
-    """What was written to a file; None if its checksum is wrong. `OSError` where it cannot be read."""
+    """Return the content of a file, or None if its checksum is wrong. Raises `OSError` if it cannot be read."""
     with open(path, "rb") as file:  # noqa: PTH123 - a cold start
         data = memoryview(file.read())
         if hashlib.sha256(data[_CHECKSUM:]).digest() != data[:_CHECKSUM]:
@@ -35,7 +37,7 @@ def read_kept(path: str) -> memoryview | None:
 
 
 def write_kept(path: str, data: bytes) -> None:
-    """Write a file whole or not at all, and its folder where there is none. `OSError` where that cannot be done."""
+    """Write a file atomically, and make its folder. Raises `OSError` if that fails."""
     import tempfile
 
     folder = os.path.dirname(path)  # noqa: PTH120
@@ -52,18 +54,20 @@ def write_kept(path: str, data: bytes) -> None:
 
 
 def prune(folder: str, *, most_bytes: int, most_files: int) -> None:
-    """Remove the files that were not read for longest until the rest are few and small enough, and what writers that
-    were killed left behind. Another process may be doing the same."""
-    now, found = time.time(), []
+    """Remove the least recently read files until the rest keeps both bounds, and incomplete files of killed writers.
+
+    Another process may do the same at the same time.
+    """
+    now, complete = time.time(), []
     for item in os.scandir(folder):
         with contextlib.suppress(FileNotFoundError):
             status = item.stat()
             if not item.name.startswith(_HALF_WRITTEN):
-                found.append((status.st_mtime_ns, item.path, status.st_size))
+                complete.append((status.st_mtime_ns, item.path, status.st_size))
             elif now - status.st_mtime > LEFT_BEHIND_S:
                 os.unlink(item.path)  # noqa: PTH108
     room = most_bytes
-    for place, (_, path, size) in enumerate(sorted(found, reverse=True)):
+    for place, (_, path, size) in enumerate(sorted(complete, reverse=True)):
         room -= size
         if room < 0 or place >= most_files:
             with contextlib.suppress(FileNotFoundError):

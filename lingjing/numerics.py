@@ -1,9 +1,9 @@
-"""What decides the last bits of an episode's numbers beside its inputs, and how it is held still.
+"""The factors beside its inputs that determine the last bits of an episode's numbers, and how they are fixed.
 
-numpy, OpenBLAS, OpenCV and the C library choose their code by the processor they find, and each choice rounds
-differently. `pins` are the environment variables that let the libraries choose what every x86-64 processor with AVX2
-and FMA has; they count for a process in which the libraries have not been loaded yet. `runtime_fingerprint` reads
-what was really chosen, and `deviations` says where that is not what the promise of one digest stands on (ADR 0013).
+numpy, OpenBLAS, OpenCV and the C library select code by the processor, and each variant rounds differently. `pins` are
+the environment variables that make the libraries select the code of every x86-64 processor with AVX2 and FMA; they take
+effect before the libraries are loaded. `runtime_fingerprint` reads the actual selection, and `deviations` lists where
+it violates the conditions of equal digests (ADR 0013).
 """
 
 from __future__ import annotations
@@ -28,9 +28,12 @@ PACKAGES = (
     "numpy", "scipy", "jsbsim", "mujoco", "libsumo", "sgp4", "shapely", "moderngl",
     "pillow", "opencv-python-headless", "msgspec",
 )  # fmt: skip
+"""The packages with versions that may change numbers."""
 
 CORE, GROUP = "Haswell", "X86_V3"
-"""The kernels of OpenBLAS and the highest group of instructions of numpy that the promise stands on."""
+"""The kernels of OpenBLAS and the highest instruction group of numpy under which digests are equal on all
+processors.
+"""
 
 _TELLING: tuple[tuple[Callable[[float], float], tuple[int, ...]], ...] = (
     (math.sin, (23, 5942, 14264)),
@@ -38,40 +41,47 @@ _TELLING: tuple[tuple[Callable[[float], float], tuple[int, ...]], ...] = (
     (lambda x: math.exp(-x), (453, 1175, 3225)),
     (lambda x: x**0.7, (1093, 2410, 2503)),
 )
-"""Among 20,000 numbers some of the few where glibc's functions differ with FMA and without."""
+"""Functions and arguments (indices of 20,000 numbers) at which glibc's results differ with and without FMA."""
 
 _VARIANTS = {"b5ac67229f693208": "fma", "09e02522b6f122d3": "no fma"}
-"""By the hash of the values there, with glibc from 2.28."""
+"""The variant by the hash of these results, with glibc from 2.28."""
 
 _NEEDED = ("avx2", "fma")
+"""Processor features that equal digests require."""
 _THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "BLIS_NUM_THREADS")
+"""Environment variables for the number of threads of each library."""
 _LATER_GROUPS = (("X86_V4", "avx512vl"), ("AVX512_ICL", "avx512_bitalg"), ("AVX512_SPR", "avx512_fp16"))
 _EARLIER_GROUPS = (
     ("AVX512F", "avx512f"), ("AVX512CD", "avx512cd"), ("AVX512_SKX", "avx512vl"), ("AVX512_CLX", "avx512_vnni"),
     ("AVX512_CNL", "avx512_vbmi"), ("AVX512_ICL", "avx512_bitalg"), ("AVX512_SPR", "avx512_fp16"),
 )  # fmt: skip
-"""Groups of instructions that numpy from 2.4 and before it chooses its code by, and the flag of the kernel's that tells
-whether the processor has them: numpy warns of the name of a group that is not there."""
+"""Instruction groups by which numpy selects code, from 2.4 (`_LATER_GROUPS`) and before, with the processor flag of
+each: numpy warns about a disabled group that the processor does not have.
+"""
 
 _REGROUPED = (2, 4)
+"""The version of numpy from which on `_LATER_GROUPS` apply."""
 _OPENCV_GROUP = ("AVX512-SKX", "avx512vl")
 _IDLE = ("libsumo",)
-"""Whose copy of OpenBLAS decides nothing: SUMO brings one for GDAL, which a simulation does not call."""
+"""Owners of copies of OpenBLAS without influence: SUMO ships one for GDAL, which a simulation does not call."""
 
 _CORE_NAMES = ("scipy_openblas_get_corename64_", "scipy_openblas_get_corename", "openblas_get_corename")
 _THREAD_NAMES = ("scipy_openblas_get_num_threads64_", "scipy_openblas_get_num_threads", "openblas_get_num_threads")
 
 
 def pins(flags: frozenset[str] | None = None) -> dict[str, str]:
-    """Environment variables that fix what code is chosen, by the processor's `flags` (default: this one's). An empty
-    value is to be unset: what is in force without it is right, and a setting of the user's would not be."""
+    """Return the environment variables that fix the selection of code, by the processor's `flags` (default: this
+    one's).
+
+    A variable with an empty value must be unset: the library's default is right, and a setting of the user may not be.
+    """
     have = processor_flags() if flags is None else flags
     opencv, flag = _OPENCV_GROUP
     groups = _LATER_GROUPS if _numpy_version() >= _REGROUPED else _EARLIER_GROUPS
     return {
         "OPENBLAS_NUM_THREADS": "1",
         "OPENBLAS_CORETYPE": CORE if have.issuperset(_NEEDED) else "",
-        "NPY_DISABLE_CPU_FEATURES": " ".join(name for name, told_by in groups if told_by in have),
+        "NPY_DISABLE_CPU_FEATURES": " ".join(name for name, flag_of_group in groups if flag_of_group in have),
         "NPY_ENABLE_CPU_FEATURES": "",
         "OPENCV_CPU_DISABLE": opencv if flag in have else "",
         "OPENCV_IPP": "avx2" if "avx2" in have else "",
@@ -80,13 +90,15 @@ def pins(flags: frozenset[str] | None = None) -> dict[str, str]:
 
 
 def pin() -> bool:
-    """Pin this process, and those that it starts: call it before numpy is imported. False if that is too late."""
+    """Pin this process and those that it starts. Call it before numpy is imported; returns False if that is too
+    late.
+    """
     _apply(pins(), os.environ)
     return "numpy" not in sys.modules and "cv2" not in sys.modules
 
 
 def worker_environment(environment: Mapping[str, str]) -> dict[str, str]:
-    """`environment` with the pins, one thread for every library, and the C library's own choice of code."""
+    """Return `environment` with the pins, one thread for every library, and the C library's default selection."""
     pinned = dict(environment)
     _apply({**pins(), **dict.fromkeys(_THREADS, "1")}, pinned)
     tunables = (part for part in pinned.get("GLIBC_TUNABLES", "").split(":") if not part.startswith("glibc.cpu."))
@@ -95,15 +107,17 @@ def worker_environment(environment: Mapping[str, str]) -> dict[str, str]:
 
 
 def runtime_fingerprint() -> dict[str, str]:
-    """What this process really runs, for the libraries that it has loaded: names and values as text. Never raises: what
-    stands in the place of a library may be a policy's doing."""
+    """Return the code selection of this process for its loaded libraries, as names and texts.
+
+    Never raises: a policy may have replaced a library.
+    """
     flags = processor_flags()
     missing = [name for name in _NEEDED if name not in flags]
     table = {"processor": f"without {', '.join(missing)}" if missing else "avx2, fma", "libm": _libm()}
     numpy, cv2 = sys.modules.get("numpy"), sys.modules.get("cv2")
     if numpy is not None:
         table["numpy"] = _told(lambda: " ".join(_numpy_groups()) or "none")
-        table |= {f"openblas of {owner}": said for owner, said in _openblas()}
+        table |= {f"openblas of {owner}": kernels for owner, kernels in _openblas()}
     if cv2 is not None:
         table["opencv"] = _told(lambda: _opencv(cv2))
     return table
@@ -116,32 +130,32 @@ def deviations(table: Mapping[str, str]) -> tuple[str, ...]:
     """
     if "processor" not in table:
         return ()
-    found = []
+    texts = []
     if table["processor"].startswith("without"):
-        found.append(f"the processor is {table['processor']}")
+        texts.append(f"the processor is {table['processor']}")
     if table.get("libm") == "no fma":
-        found.append("the C library computes without FMA")
+        texts.append("the C library computes without FMA")
     if "numpy" in table:
         above = [name for name in table["numpy"].split() if _is_above(name)]
         if above or not {GROUP, "AVX2"}.intersection(table["numpy"].split()):
-            found.append(f"numpy runs {table['numpy']}, not {GROUP}")
+            texts.append(f"numpy runs {table['numpy']}, not {GROUP}")
         blas = [name for name in table if name.startswith("openblas")]
-        found += [f"{name} runs {table[name]}, not {_due()}" for name in blas if table[name] != _due()]
+        texts += [f"{name} runs {table[name]}, not {_due()}" for name in blas if table[name] != _due()]
         if not blas:
-            found.append("numpy computes with another library than OpenBLAS")
+            texts.append("numpy computes with another library than OpenBLAS")
     if "opencv" in table and ("AVX512" in table["opencv"] or "AVX2" not in table["opencv"]):
-        found.append(f"OpenCV runs {table['opencv']}, not AVX2")
-    return tuple(found)
+        texts.append(f"OpenCV runs {table['opencv']}, not AVX2")
+    return tuple(texts)
 
 
 def withdrawn(processes: Mapping[str, Mapping[str, str]]) -> tuple[str, ...]:
-    """The deviations of all processes of an episode, each with the process's name."""
-    return tuple(f"{place}: {said}" for place, table in processes.items() for said in deviations(table))
+    """Return the deviations of all processes of an episode, each with the process's name."""
+    return tuple(f"{place}: {deviation}" for place, table in processes.items() for deviation in deviations(table))
 
 
 @cache
 def versions() -> Mapping[str, str]:
-    """Versions of what computes: Python, the C library and the packages; the same on every call in one environment."""
+    """Return the versions of Python, the C library and the packages; the same on every call in one environment."""
     table = {"python": platform.python_version(), "machine": platform.machine(), "system": platform.system()}
     table["libc"] = " ".join(platform.libc_ver()).strip() or "unknown"
     own = {  # names in traces, whatever the distributions are called
@@ -152,7 +166,7 @@ def versions() -> Mapping[str, str]:
 
 
 def processor_flags() -> frozenset[str]:
-    """The processor's features as the kernel names them; none where it does not say."""
+    """Return the processor's features by their kernel names; empty if the system does not list them."""
     try:
         with Path("/proc/cpuinfo").open(encoding="utf-8") as file:
             line = next((line for line in file if line.startswith(("flags", "Features"))), "")
@@ -174,13 +188,13 @@ def _due() -> str:
 
 
 def _is_above(group: str) -> bool:
-    """Whether a group of numpy's holds instructions that not every processor with AVX2 has."""
+    """Return whether an instruction group of numpy is beyond those of every processor with AVX2."""
     return group.startswith("AVX512") or group == "X86_V4"
 
 
-def _told(ask: Callable[[], str]) -> str:
+def _told(read: Callable[[], str]) -> str:
     try:
-        return ask()
+        return read()
     except Exception as error:  # noqa: BLE001 - see `runtime_fingerprint`
         return f"what cannot be told ({type(error).__name__})"
 
@@ -192,7 +206,7 @@ def _numpy_groups() -> list[str]:
 
 
 def _openblas() -> Iterator[tuple[str, str]]:
-    """Each copy of OpenBLAS in this process: the package that brought it, its kernels and threads."""
+    """Yield each copy of OpenBLAS in this process: the package that brought it, its kernels and threads."""
     mapped = Path("/proc/self/maps")
     lines = mapped.read_text(encoding="utf-8", errors="replace").splitlines() if mapped.exists() else []
     for path in sorted({line.split(maxsplit=5)[-1] for line in lines if "openblas" in line and ".so" in line}):
@@ -212,7 +226,9 @@ def _openblas() -> Iterator[tuple[str, str]]:
 
 @cache
 def _library(path: str) -> ctypes.CDLL | None:
-    """A loaded library (each handle would take memory for good); None for a file that is only mapped."""
+    """Return a loaded library, or None for a file that is only mapped. Cached, because each handle takes memory for
+    good.
+    """
     try:
         return ctypes.CDLL(path, mode=os.RTLD_NOLOAD)
     except OSError:
@@ -224,7 +240,7 @@ def _threads(count: int) -> str:
 
 
 def _opencv(cv2: ModuleType) -> str:
-    """The groups of instructions that OpenCV dispatches on, and the code of Intel's library within it."""
+    """Return the instruction groups of OpenCV's dispatch, and the code of Intel's library in it."""
     groups = [word[1:] for word in cv2.getCPUFeaturesLine().split() if word.startswith("*") and not word.endswith("?")]
     ipp = re.sub(r"^ippIP | \(.*", "", cv2.ipp.getIppVersion()) if cv2.ipp.useIPP() else "none"
     return f"{' '.join(groups)}, IPP {ipp}"
@@ -232,7 +248,7 @@ def _opencv(cv2: ModuleType) -> str:
 
 @cache
 def _libm() -> str:
-    """Which variant of its functions the C library runs, told by their values where the two differ."""
+    """Return the variant of the C library's functions, by their results where the variants differ."""
     values = [function(0.00731 * k + 0.001).hex() for function, points in _TELLING for k in points]
     known = hashlib.sha256(" ".join(values).encode()).hexdigest()[:16]
     return _VARIANTS.get(known, known)
@@ -244,14 +260,14 @@ def _numpy_version() -> tuple[int, ...]:
 
 def _version(name: str) -> str:
     try:
-        found = importlib.metadata.version(name)
+        version = importlib.metadata.version(name)
     except importlib.metadata.PackageNotFoundError:
         return "absent"
-    except KeyError:  # what Python from 3.12 on makes of a file that may not be read
-        found = ""
-    if not found:  # and Python 3.11
+    except KeyError:  # Python from 3.12 on, for an unreadable file
+        version = ""
+    if not version:  # and Python 3.11
         raise UsageError(
             f"the metadata of the package `{name}` cannot be read",
             hint=f"see who may read it (`pip show -f {name}`), or install it again",
         )
-    return found
+    return version

@@ -1,6 +1,6 @@
-"""The options of a model as people read them: spelling, type and bounds in words, default and help.
+"""The options of a model in words: spelling, type, bounds, default and help.
 
-They are read off the model's JSON Schema, so that everything pydantic can check is listed.
+They are derived from the model's JSON Schema, so that all constraints that pydantic can check are listed.
 """
 
 from __future__ import annotations
@@ -14,23 +14,29 @@ from pydantic.json_schema import GenerateJsonSchema
 
 
 class OptionSpec(msgspec.Struct, frozen=True, kw_only=True):
-    """One declared option as it is listed: its spelling, type and bounds in words, default as text, and help."""
+    """One declared option in words."""
 
     name: str
+    """The spelling."""
     type: str
+    """The type."""
     bounds: str = ""
+    """The bounds; "" without any."""
     default: str = ""
+    """The default as text; "" without one."""
     required: bool = False
+    """True if the option has no default."""
     help: str = ""
+    """The description."""
 
 
 def option_specs(model: type[BaseModel]) -> tuple[OptionSpec, ...]:
-    """Every option of a model as it is listed, in the order of declaration.
+    """Return every option of a model in the order of declaration.
 
-    One whose type JSON Schema has no words for, such as a function, is listed as `any`.
+    An option of a type without JSON Schema, such as a function, is listed as `any`.
     """
     schema = model.model_json_schema(mode="validation", schema_generator=_ListedSchema)
-    if "$ref" in schema:  # a model that has itself within
+    if "$ref" in schema:  # a recursive model
         schema = {**schema, **schema["$defs"][schema["$ref"].rpartition("/")[2]]}
     required = frozenset(schema.get("required", ()))
     shared = schema.get("$defs", {})
@@ -52,85 +58,89 @@ def option_specs(model: type[BaseModel]) -> tuple[OptionSpec, ...]:
 
 
 class _ListedSchema(GenerateJsonSchema):
-    """The JSON Schema of what it can express; the rest may be anything, and a default without JSON is left out."""
+    """A JSON Schema generator that accepts types and defaults without a JSON form: any value, and no default."""
 
     def handle_invalid_for_json_schema(self, schema: object, error_info: str) -> dict[str, Any]:
         return {}
 
     def emit_warning(self, kind: object, detail: str) -> None:
-        """Say nothing: the list is for people, who need no warning of pydantic's."""
+        """Do nothing: pydantic's warnings are not meant for readers of the list."""
 
 
-def _resolved(one: Mapping[str, Any], shared: Mapping[str, Any], within: tuple[str, ...] = ()) -> dict[str, Any]:
-    """A schema with what it refers to put in its place; what refers to itself is any object."""
-    parts = [one, *one.get("allOf", ())]
+def _resolved(schema: Mapping[str, Any], shared: Mapping[str, Any], within: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Return a schema with its references replaced by their targets. A recursive reference becomes any object."""
+    parts = [schema, *schema.get("allOf", ())]
     names = [str(part["$ref"]).rpartition("/")[2] for part in parts if "$ref" in part]
     if any(name in within for name in names):
         return {"type": "object"}
-    found = dict(one)
+    result = dict(schema)
     for name in names:
-        found = {**_resolved(shared.get(name, {}), shared, (*within, name)), **found}
+        result = {**_resolved(shared.get(name, {}), shared, (*within, name)), **result}
     for key in ("items", "additionalProperties"):
-        if isinstance(found.get(key), Mapping):
-            found[key] = _resolved(found[key], shared, (*within, *names))
+        if isinstance(result.get(key), Mapping):
+            result[key] = _resolved(result[key], shared, (*within, *names))
     for key in ("anyOf", "oneOf", "prefixItems"):
-        if key in found:
-            found[key] = [_resolved(part, shared, (*within, *names)) for part in found[key]]
-    if "properties" in found:
-        parts = found["properties"]
-        found["properties"] = {name: _resolved(part, shared, (*within, *names)) for name, part in parts.items()}
-    return found
+        if key in result:
+            result[key] = [_resolved(part, shared, (*within, *names)) for part in result[key]]
+    if "properties" in result:
+        parts = result["properties"]
+        result["properties"] = {name: _resolved(part, shared, (*within, *names)) for name, part in parts.items()}
+    return result
 
 
-def _type(one: Mapping[str, Any]) -> str:
-    if "enum" in one or "const" in one:
-        return "word" if all(isinstance(value, str) for value in _choices(one)) else "choice"
+def _type(schema: Mapping[str, Any]) -> str:
+    if "enum" in schema or "const" in schema:
+        return "word" if all(isinstance(value, str) for value in _choices(schema)) else "choice"
     for key in ("anyOf", "oneOf"):
-        if key in one:
-            return " or ".join(dict.fromkeys(_type(part) for part in one[key] if part.get("type") != "null"))
-    match one.get("type"):
+        if key in schema:
+            return " or ".join(dict.fromkeys(_type(part) for part in schema[key] if part.get("type") != "null"))
+    match schema.get("type"):
         case "array":
-            kind = "set" if one.get("uniqueItems") else "list"
-            if "prefixItems" in one:
-                return f"{kind} of {', '.join(map(_type, one['prefixItems']))}"
-            return f"{kind} of {_type(one['items'])}" if one.get("items") else kind
+            kind = "set" if schema.get("uniqueItems") else "list"
+            if "prefixItems" in schema:
+                return f"{kind} of {', '.join(map(_type, schema['prefixItems']))}"
+            return f"{kind} of {_type(schema['items'])}" if schema.get("items") else kind
         case "object":
-            return _object(one)
-    return _TYPES.get(str(one.get("type", "")), "any")
+            return _object(schema)
+    return _TYPES.get(str(schema.get("type", "")), "any")
 
 
 _TYPES = {"number": "number", "integer": "whole number", "string": "text", "boolean": "yes or no"}
 
 
-def _object(one: Mapping[str, Any]) -> str:
-    """`object of number`; `object (tries: whole number from 1, wait: number)`."""
-    if one.get("properties"):
-        fields = (f"{name}: {' '.join(filter(None, (_type(p), _bounds(p))))}" for name, p in one["properties"].items())
+def _object(schema: Mapping[str, Any]) -> str:
+    """Return the type of an object in words: `object of number`, `object (tries: whole number from 1, wait:
+    number)`.
+    """
+    if schema.get("properties"):
+        fields = (
+            f"{name}: {' '.join(filter(None, (_type(p), _bounds(p))))}" for name, p in schema["properties"].items()
+        )
         return f"object ({', '.join(fields)})"
-    values = one.get("additionalProperties")
+    values = schema.get("additionalProperties")
     return f"object of {_type(values)}" if isinstance(values, Mapping) and values else "object"
 
 
-def _choices(one: Mapping[str, Any]) -> tuple[Any, ...]:
-    return tuple(one.get("enum", (one.get("const"),)))
+def _choices(schema: Mapping[str, Any]) -> tuple[Any, ...]:
+    return tuple(schema.get("enum", (schema.get("const"),)))
 
 
-def _bounds(one: Mapping[str, Any]) -> str:
-    """The bounds in words; of a list those of its items as well."""
-    if "enum" in one or "const" in one:
-        return ", ".join(_text(value) for value in _choices(one))
-    told = [_bounds(part) for key in ("anyOf", "oneOf") for part in one.get(key, ())]
-    if "minimum" in one and "maximum" in one:
-        told.append(f"{_text(one['minimum'])} to {_text(one['maximum'])}")
-        one = {key: value for key, value in one.items() if key not in ("minimum", "maximum")}
-    if one.get("minLength") == 1:
-        told.append("not empty")
-        one = {key: value for key, value in one.items() if key != "minLength"}
-    told += [words.format(_text(one[key])) for key, words in _BOUNDS.items() if key in one]
+def _bounds(schema: Mapping[str, Any]) -> str:
+    """Return the bounds in words; those of a list include those of its items."""
+    if "enum" in schema or "const" in schema:
+        return ", ".join(_text(value) for value in _choices(schema))
+    texts = [_bounds(part) for key in ("anyOf", "oneOf") for part in schema.get(key, ())]
+    if "minimum" in schema and "maximum" in schema:
+        texts.append(f"{_text(schema['minimum'])} to {_text(schema['maximum'])}")
+        schema = {key: value for key, value in schema.items() if key not in ("minimum", "maximum")}
+    if schema.get("minLength") == 1:
+        texts.append("not empty")
+        schema = {key: value for key, value in schema.items() if key != "minLength"}
+    texts += [words.format(_text(schema[key])) for key, words in _BOUNDS.items() if key in schema]
     for key in ("items", "additionalProperties"):
-        each = _bounds(one[key]) if isinstance(one.get(key), Mapping) else ""
-        told.append(f"each {each}" if each else "")
-    return ", ".join(filter(None, dict.fromkeys(told)))
+        each = _bounds(schema[key]) if isinstance(schema.get(key), Mapping) else ""
+        texts.append(f"each {each}" if each else "")
+    return ", ".join(filter(None, dict.fromkeys(texts)))
 
 
 _BOUNDS = {

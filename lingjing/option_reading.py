@@ -1,7 +1,7 @@
-"""A pydantic model read from what people wrote as options, every fault at the spelling of its option.
+"""Option values checked by a pydantic model, with every fault at the spelling of its option.
 
-Generic over the model: `lingjing.plugins.options` says which model a plug-in declares. A text that its option refuses
-is read as JSON, where it is any.
+Generic over the model; `lingjing.plugins.options` determines the model of a plug-in. A text that its option rejects is
+read as JSON if it is valid JSON.
 """
 
 from __future__ import annotations
@@ -27,33 +27,35 @@ _Error = Mapping[str, Any]
 _Errors = tuple[_Error, ...]
 
 
-def read_model(model: type[ModelT], given: Mapping[str, object]) -> tuple[ModelT | None, tuple[Fault, ...]]:
-    """The checked options, or their faults. A text that its option refuses is read as JSON, where it is any."""
-    options, errors, broken = _tried(model, given)
-    decoded = {name: value for name in _places(errors) if (value := _decoded(given.get(name))) is not given.get(name)}
+def read_model(model: type[ModelT], values: Mapping[str, object]) -> tuple[ModelT | None, tuple[Fault, ...]]:
+    """Return the checked options or their faults. A text that its option rejects is read as JSON if it is valid
+    JSON.
+    """
+    options, errors, broken = _tried(model, values)
+    decoded = {name: value for name in _places(errors) if (value := _decoded(values.get(name))) is not values.get(name)}
     if decoded:
-        first, given = errors, {**given, **decoded}
-        options, errors, broken = _tried(model, given)
+        first, values = errors, {**values, **decoded}
+        options, errors, broken = _tried(model, values)
         plain = {name for name in _places(errors) if name in decoded and not isinstance(decoded[name], list | dict)}
         errors = (
-            *(one for one in first if _place(one) in plain),  # of a number it is said how it was written
-            *(one for one in errors if _place(one) not in plain),
+            *(error for error in first if _place(error) in plain),  # report a number in the user's spelling
+            *(error for error in errors if _place(error) not in plain),
         )
-    return options, (*broken, *_faults(model, given, errors))
+    return options, (*broken, *_faults(model, values, errors))
 
 
 def spellings(model: type[BaseModel]) -> tuple[str, ...]:
-    """How the options of a model are spelled, in the order of declaration, with every alias of each."""
-    return tuple(one for name, field in model.model_fields.items() for one in _spelled(name, field))
+    """Return the spellings of a model's options with all aliases, in the order of declaration."""
+    return tuple(spelling for name, field in model.model_fields.items() for spelling in _spelled(name, field))
 
 
 def takes_any_name(model: type[BaseModel]) -> bool:
-    """Whether a model takes options that it does not name."""
+    """Return whether a model accepts options that it does not declare."""
     return model.model_config.get("extra") == "allow"
 
 
 def unknown_option(name: str, known: Iterable[str]) -> Fault:
-    """The fault of an option that nobody takes, with the nearest of the known ones."""
+    """Return the fault of an undeclared option, with the nearest declared one."""
     names = tuple(dict.fromkeys(known))
     close = nearest(name, names)
     return Fault(name, "is not known", f"did you mean `{close}`?" if close else f"known: {', '.join(names) or 'none'}")
@@ -62,20 +64,22 @@ def unknown_option(name: str, known: Iterable[str]) -> Fault:
 # -- private
 
 
-def _tried(model: type[ModelT], given: Mapping[str, object]) -> tuple[ModelT | None, _Errors, tuple[Fault, ...]]:
-    """The checked options; else pydantic's errors, or the fault of a validator that broke."""
+def _tried(model: type[ModelT], values: Mapping[str, object]) -> tuple[ModelT | None, _Errors, tuple[Fault, ...]]:
+    """Return the checked options, or pydantic's errors, or the fault of a validator that raised."""
     try:
-        return model.model_validate(dict(given)), (), ()
+        return model.model_validate(dict(values)), (), ()
     except ValidationError as error:
         return None, tuple(error.errors(include_url=False)), ()
-    except Exception as error:  # noqa: BLE001 - a validator is a stranger's code and may raise anything
+    except Exception as error:  # noqa: BLE001 - a plug-in's validator may raise anything
         at = traceback.extract_tb(error.__traceback__)[-1]
-        said = f"cannot be checked: its validator raised {type(error).__name__} at {Path(at.filename).name}:{at.lineno}"
-        return None, (), (Fault(_breaking(model, given), said),)
+        problem = (
+            f"cannot be checked: its validator raised {type(error).__name__} at {Path(at.filename).name}:{at.lineno}"
+        )
+        return None, (), (Fault(_breaking(model, values), problem),)
 
 
 def _place(error: _Error) -> str:
-    """The option that an error is of; "" for the model as a whole."""
+    """Return the option of an error; "" for the model as a whole."""
     return str(error["loc"][0]) if error["loc"] else ""
 
 
@@ -84,7 +88,7 @@ def _places(errors: _Errors) -> tuple[str, ...]:
 
 
 def _decoded(value: object) -> object:
-    """What a text says in JSON; anything else is left as it is."""
+    """Return the JSON value of a text; any other value unchanged."""
     if not isinstance(value, str):
         return value
     try:
@@ -93,12 +97,14 @@ def _decoded(value: object) -> object:
         return value
 
 
-def _breaking(model: type[BaseModel], given: Mapping[str, object]) -> str:
-    """The option whose validator raises what is no `ValueError`, found by giving one more at a time; "" if none is."""
+def _breaking(model: type[BaseModel], values: Mapping[str, object]) -> str:
+    """Return the option with a validator that raises another error than `ValueError`, found by adding one option at a
+    time.
+    """
     some: dict[str, object] = {}
-    for name in ("", *given):
+    for name in ("", *values):
         if name:
-            some[name] = given[name]
+            some[name] = values[name]
         try:
             model.model_validate(some)
         except ValidationError:
@@ -108,37 +114,39 @@ def _breaking(model: type[BaseModel], given: Mapping[str, object]) -> str:
     return ""
 
 
-def _faults(model: type[BaseModel], given: Mapping[str, object], errors: _Errors) -> Iterator[Fault]:
-    """The faults in pydantic's order; of a value that may be of several types, one fault with all of them."""
+def _faults(model: type[BaseModel], values: Mapping[str, object], errors: _Errors) -> Iterator[Fault]:
+    """Yield the faults in pydantic's order; of a value with several allowed types, one fault with all of them."""
     due: dict[tuple[str, str], list[str]] = {}
-    for one in errors:
-        where, message = _path(given, one), worded(one)
+    for error in errors:
+        where, message = _path(values, error), worded(error)
         is_due = _DUE_WORDS.fullmatch(message)
         due.setdefault((where, is_due[1] if is_due else message), []).append(is_due[2] if is_due else "")
-    unknown = {_path(given, one) for one in errors if one["type"] == "extra_forbidden" and len(one["loc"]) == 1}
-    for (where, said), words in due.items():
+    unknown = {
+        _path(values, error) for error in errors if error["type"] == "extra_forbidden" and len(error["loc"]) == 1
+    }
+    for (where, message), words in due.items():
         kinds = tuple(dict.fromkeys(words))
         if where in unknown:
             yield unknown_option(where, spellings(model))
         elif kinds == ("",):
-            yield Fault(where, said)
+            yield Fault(where, message)
         else:
-            as_json = {"a list", "an object"}.intersection(kinds) and said.endswith("'")
-            yield Fault(where, f"{said}, {' or '.join(kinds)} is due", _AS_JSON if as_json else "")
+            as_json = {"a list", "an object"}.intersection(kinds) and message.endswith("'")
+            yield Fault(where, f"{message}, {' or '.join(kinds)} is due", _AS_JSON if as_json else "")
 
 
 _DUE_WORDS = re.compile(r"(is .*), (.+) is due", re.DOTALL)
 _AS_JSON = 'write it as JSON: ["a", "b"] or {"a": 1}'
 
 
-def _path(given: object, error: _Error) -> str:
-    """The path of what is wrong; pydantic's names of the types of a union are no part of it."""
+def _path(value: object, error: _Error) -> str:
+    """Return the path of a faulty value, without pydantic's names of the types of a union."""
     names: list[str] = []
     for at, key in enumerate(error["loc"], 1):
-        keys = range(len(given)) if isinstance(given, list | tuple) else given if isinstance(given, Mapping) else ()
+        keys = range(len(value)) if isinstance(value, list | tuple) else value if isinstance(value, Mapping) else ()
         within = key in keys
         if within:
-            given = given[key]  # type: ignore[index]
+            value = value[key]  # type: ignore[index]
         if within or not names or (at == len(error["loc"]) and error["type"] == "missing"):
             names.append(str(key))
     return ".".join(names)

@@ -1,8 +1,7 @@
-"""What the system refuses a program: no fault of the program, and each with its way out.
+"""Errors of the operating system that are no fault of the program, each with its way out.
 
-A place that cannot be written is a wrong argument (`UsageError`). A machine that lacks descriptors, memory or
-processes, or whose disk fails, is an `InfrastructureError`. Any other error of the system, such as a file that is not
-there, is nothing that a refusal explains.
+An unwritable place is a wrong argument (`UsageError`). A machine without free descriptors, memory or processes, or with
+a failing disk, is an `InfrastructureError`. Other errors, such as a missing file, are not covered here.
 """
 
 from __future__ import annotations
@@ -40,14 +39,14 @@ _HINTS = {
 
 
 def hint_of(error: BaseException | None) -> str:
-    """The way out of what the system refuses; "" where it refuses nothing."""
+    """Return the way out of an error of the operating system; "" for any other."""
     if isinstance(error, MemoryError):
         return _MEMORY
     return _HINTS.get(error.errno or 0, "") if isinstance(error, OSError) else ""
 
 
 def refusal_of(error: BaseException) -> LingjingError | None:
-    """The error to report in place of one that says what the system refuses; None for any other."""
+    """Return the error to report for an error of the operating system; None for any other."""
     if isinstance(error, MemoryError):
         return InfrastructureError("the system has not enough memory", hint=_MEMORY)
     if isinstance(error, RuntimeError) and "start new thread" in str(error):
@@ -57,7 +56,7 @@ def refusal_of(error: BaseException) -> LingjingError | None:
     if not isinstance(error, OSError):
         return None
     name = f"`{error.filename}`" if error.filename else ""
-    if name and error.errno in (errno.EACCES, errno.EPERM):  # which reading meets as well
+    if name and error.errno in (errno.EACCES, errno.EPERM):  # reading may raise these too
         return UsageError(f"the system refuses {name}: {error.strerror}", hint=_ACCESS)
     if error.errno in _UNWRITABLE:
         hint = "choose another place with -o, or make room"

@@ -1,18 +1,20 @@
-"""Did-you-mean: the nearest of some known words, if one is near enough to be meant."""
+"""Spelling suggestions: the nearest of some known words."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 
 MANY = 500
-"""Beyond so many known words not all of them are compared."""
+"""Number of known words above which not all are compared. Chosen."""
 
 LISTED = 24
-"""So many known words are listed in a hint: those of a type with a body and a state are about 20."""
+"""Largest number of known words in a hint. Chosen: a type with a body and a state has about 20."""
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
-    """The known word at the smallest edit distance, at most a third of its length (two of six letters)."""
+    """Return the known word with the smallest edit distance, at most a third of its length (two of six letters), or
+    None.
+    """
     best, best_distance = None, 0.0
     folded = word.lower()
     letters = frozenset(folded)
@@ -21,7 +23,7 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
         if abs(len(candidate) - len(word)) > limit or candidate == word:
             continue
         other = candidate.lower()
-        if len(letters.difference(other)) > limit:  # each of them takes an edit of its own
+        if len(letters.difference(other)) > limit:  # each missing letter needs an edit of its own
             continue
         distance = _distance(folded, other, limit)
         if distance <= limit and (best is None or distance < best_distance):
@@ -32,7 +34,7 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
 
 
 def is_certain(word: str, known: Iterable[str]) -> bool:
-    """Whether exactly one known word is a single slip away, so that nothing else can have been meant."""
+    """Return whether exactly one known word is a single edit away, so that no other can be intended."""
     folded = word.lower()
     near = {
         candidate
@@ -43,7 +45,7 @@ def is_certain(word: str, known: Iterable[str]) -> bool:
 
 
 def did_you_mean(word: str, known: Iterable[str], what: str = "") -> str:
-    """A hint: the nearest word, else the list of all there are if it is short, else nothing."""
+    """Return a hint: the nearest word, else the list of all known words if it is short, else ""."""
     words = sorted(set(known))
     close = nearest(word, words)
     if close:
@@ -56,13 +58,13 @@ def did_you_mean(word: str, known: Iterable[str], what: str = "") -> str:
 
 
 def nearest_or(word: str, known: Iterable[str], otherwise: str) -> str:
-    """A hint: the nearest known word, or `otherwise` if none is near."""
+    """Return a hint: the nearest known word, or `otherwise`."""
     close = nearest(word, known)
     return f"did you mean `{close}`?" if close else otherwise
 
 
 def _worth_a_look(word: str, known: Iterable[str]) -> Iterable[str]:
-    """Of very many words only those that begin alike: a slip is seldom in the first letter, and time is short."""
+    """Return the words to compare: of very many words only those with the same first letter, to save time."""
     words = known if isinstance(known, Collection) else tuple(known)
     if len(words) <= MANY:
         return words
@@ -71,7 +73,9 @@ def _worth_a_look(word: str, known: Iterable[str]) -> Iterable[str]:
 
 
 def _distance(a: str, b: str, limit: int) -> int:
-    """Damerau–Levenshtein with adjacent swaps (optimal string alignment); gives up above `limit`."""
+    """Return the Damerau–Levenshtein distance with adjacent swaps (optimal string alignment), or `limit + 1` above
+    `limit`.
+    """
     before: list[int] = []
     previous = list(range(len(b) + 1))
     for i, x in enumerate(a, 1):

@@ -1,14 +1,12 @@
-"""The one place where text goes to a terminal: what steers one, or turns the order of letters, is shown as an escape.
+"""Output to a terminal: control characters and characters that reorder text are shown as escapes.
 
-Names, messages and errors come from missions, policies, services and models. `visible` spells their control characters
-(C0 but for newline and tab, DEL, C1) and the marks that hide or reorder text; `Visible` is a stream that does so with
-everything that is written to it, which `guard_streams` makes of the standard ones. What is meant to reach a terminal
-as it is (our own colours, rich's drawing) goes through `write_styled` and `unguarded`, what is data through
-`write_data`. Traces, files and JSON values keep what was said: inside of JSON the escapes are JSON's own.
+Names, messages and errors come from missions, policies, services and models. `visible` escapes their control characters
+(C0 except newline and tab, DEL, C1) and the marks that hide or reorder text. `Visible` is a stream that does so with
+all its output; `guard_streams` replaces the standard streams by it. Our own colours and rich's drawing go through
+`write_styled` and `unguarded`, data through `write_data`. Traces, files and JSON values keep the original text.
 
-What the processes of policies print is led through `visible` by `lingjing.play.policy_processes.output`. A policy that
-`lingjing.run` plays in the caller's process can reach the descriptors; one that prints or logs does not get through
-there either.
+`lingjing.play.policy_processes.output` passes the output of policy processes through `visible`. A policy in the
+caller's process (`lingjing.run`) can write to the descriptors directly; its ordinary prints and logs are escaped too.
 """
 
 from __future__ import annotations
@@ -20,13 +18,16 @@ from contextlib import suppress
 from typing import TextIO
 
 _KEPT = "\n\t"
+"""Control characters that are not escaped."""
 _CONTROLS = (*range(0x20), *range(0x7F, 0xA0))
+"""Code points of control characters."""
 _MARKS = (
     0x00AD, 0x061C, 0x180E, *range(0x200B, 0x200C), *range(0x200E, 0x2010), *range(0x2028, 0x202F),
     *range(0x2060, 0x2070), 0xFEFF, *range(0xFFF9, 0xFFFC), *range(0xE0000, 0xE0080),
 )  # fmt: skip
-"""Invisible, reordering or breaking a line: bidirectional marks, zero-width spaces, separators, tags. The joiners that
-scripts and emoji need (U+200C, U+200D) stay."""
+"""Code points of invisible, reordering or line-breaking characters: bidirectional marks, zero-width spaces, separators,
+tags. The joiners that scripts and emoji need (U+200C, U+200D) are not escaped.
+"""
 
 
 def _spelled(code: int) -> str:
@@ -40,14 +41,14 @@ _SPELLED = {code: _spelled(code) for code in (*_CONTROLS, *_MARKS) if chr(code) 
 
 
 def visible(text: str) -> str:
-    """`text` with an escape in hexadecimal for whatever steers a terminal."""
+    """Return `text` with hexadecimal escapes for all characters that control a terminal."""
     if text.isascii() and text.isprintable():
         return text
     return text.replace("\r\n", "\n").translate(_SPELLED)
 
 
 def cells(text: str) -> int:
-    """Columns that a terminal gives a text: two for wide characters, none for combining ones."""
+    """Return the columns of a text on a terminal: two for wide characters, none for combining ones."""
     if text.isascii():
         return len(text)
     from unicodedata import combining, east_asian_width
@@ -56,7 +57,7 @@ def cells(text: str) -> int:
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """A line for each row, its cells in columns two spaces apart; the last is as long as it is."""
+    """Return a line for each row, with its cells in columns two spaces apart."""
     sizes = [[cells(visible(cell)) for cell in row] for row in rows]
     widths = [max(column) for column in zip(*sizes, strict=True)]
     padded = (
@@ -70,17 +71,17 @@ class Visible(io.TextIOWrapper):
     """A text stream that writes `visible` text."""
 
     def write(self, text: str) -> int:
-        """Write the text, spelled out; returns its length."""
+        """Write the text with escapes. Return its length."""
         super().write(visible(text))
         return len(text)
 
     def write_exactly(self, text: str) -> int:
-        """Write the text as it is."""
+        """Write the text unchanged."""
         return super().write(text)
 
 
 class _Unguarded:
-    """The same stream without the spelling, for a library that draws."""
+    """The same stream without escapes, for a library that draws."""
 
     def __init__(self, stream: Visible) -> None:
         self._stream = stream
@@ -100,7 +101,7 @@ class _Unguarded:
 
 
 def guard_streams() -> None:
-    """Make standard output and standard error `Visible`, whoever holds them."""
+    """Make standard output and standard error `Visible`."""
     for name in ("stdout", "stderr"):
         guarded = _guarded(getattr(sys, name))
         setattr(sys, name, guarded)
@@ -109,7 +110,7 @@ def guard_streams() -> None:
 
 def _guarded(stream: TextIO) -> TextIO:
     if type(stream) is not io.TextIOWrapper:
-        return stream  # not ours to change: a test's or a notebook's, or guarded already
+        return stream  # a stream of a test or a notebook, or guarded already
     with suppress(OSError, ValueError):
         stream.flush()
     buffered, encoding = stream.line_buffering, stream.encoding
@@ -117,16 +118,16 @@ def _guarded(stream: TextIO) -> TextIO:
 
 
 def write_styled(stream: TextIO, text: str) -> None:
-    """Write text that holds escape sequences of ours, and nobody else's."""
+    """Write text with our own escape sequences and no foreign text."""
     (stream.write_exactly if isinstance(stream, Visible) else stream.write)(text)
 
 
 def write_data(text: str) -> None:
-    """Write a file's worth of text to standard output: exactly, unless that is a terminal."""
+    """Write data to standard output: unchanged, unless that is a terminal."""
     stream = sys.stdout
     (stream.write_exactly if isinstance(stream, Visible) and not stream.isatty() else stream.write)(text)
 
 
 def unguarded(stream: TextIO) -> TextIO:
-    """The stream for a library that draws and spells out foreign text itself."""
+    """Return the stream for a library that draws and escapes foreign text itself."""
     return _Unguarded(stream) if isinstance(stream, Visible) else stream  # type: ignore[return-value]

@@ -1,6 +1,6 @@
-"""What pydantic found wrong with a value, in plain words; shared by everything that people and programs write to.
+"""Faults found by pydantic, in plain words, for all values that people and programs write.
 
-Nothing here imports pydantic: an entry of `ValidationError.errors()` is a mapping, and only its keys are read.
+This module does not import pydantic: an entry of `ValidationError.errors()` is a mapping, and only its keys are read.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ DUE = {
     "string": "a text",
     "tuple": "a list",
 }
-"""What is due, by the first words of the error types of pydantic (`int_parsing`, `int_type`, `int_from_float`)."""
+"""The expected value, by the first words of pydantic's error types (`int_parsing`, `int_type`, `int_from_float`)."""
 
 BOUNDS = {
     **dict.fromkeys(("ge", "minimum"), "at least"),
@@ -33,41 +33,41 @@ BOUNDS = {
 """Bounds in words, by their names in pydantic and in JSON Schema."""
 
 _SHOWN = 20
-"""Letters of a given text that a message repeats; a longer one may be a secret in the wrong place."""
+"""Longest text in characters that a message repeats; a longer one may be a secret in the wrong place."""
 
 
-def worded(found: Mapping[str, Any]) -> str:
-    """One entry of `ValidationError.errors()` as the end of a sentence whose subject is the value at its place."""
-    kind, given, context = str(found["type"]), found["input"], found.get("ctx", {})
+def worded(error: Mapping[str, Any]) -> str:
+    """Return one entry of `ValidationError.errors()` as the predicate of a sentence about the value."""
+    kind, value, context = str(error["type"]), error["input"], error.get("ctx", {})
     if kind == "missing":
         return "is missing"
     if kind == "extra_forbidden":
         return "is not known"
     if kind in ("literal_error", "enum"):
-        return f"is {shown(given)}, {context.get('expected', '')} is due"
+        return f"is {shown(value)}, {context.get('expected', '')} is due"
     if kind == "string_pattern_mismatch":
-        return f"is {shown(given)}, a text that matches {context['pattern']} is due"
+        return f"is {shown(value)}, a text that matches {context['pattern']} is due"
     due = due_for(kind) or limit(context)
     if due:
-        return f"is {shown(given)}, {due} is due"
-    message = str(found["msg"]).removeprefix("Value error, ")
+        return f"is {shown(value)}, {due} is due"
+    message = str(error["msg"]).removeprefix("Value error, ")
     return message[:1].lower() + message[1:]
 
 
 def due_for(kind: str) -> str:
-    """What is due where pydantic found an error of this type, if that is a type of value; else ""."""
+    """Return the expected value for a pydantic error type that concerns a type of value; else ""."""
     if kind.startswith("string_too"):
         return ""
     return DUE.get(kind) or next((words for start, words in DUE.items() if kind.startswith(f"{start}_")), "")
 
 
 def limit(context: Mapping[str, Any]) -> str:
-    """`at least 3`, of the context of pydantic's error; "" if it is about no bound."""
+    """Return the bound in the context of a pydantic error, such as `at least 3`; "" without one."""
     return next((f"{words} {_number(context[name])}" for name, words in BOUNDS.items() if name in context), "")
 
 
 def shown(value: object) -> str:
-    """A value as a message repeats it: short texts in quotes, of others what they are."""
+    """Return a value in the form in which a message repeats it: a short text in quotes, of others the type."""
     match value:
         case None:
             return "nothing"

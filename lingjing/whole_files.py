@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all, whatever moment their writer is stopped at."""
+"""Atomic writes: a file exists completely or not at all, even if its writer is killed."""
 
 from __future__ import annotations
 
@@ -8,19 +8,20 @@ from collections.abc import Iterator
 from pathlib import Path
 
 PARTIAL = ".partial"
-"""How the name of a half-written file ends; what a writer that was killed leaves behind has it too."""
+"""The suffix of incomplete files, also of those that killed writers leave behind."""
 
 
 @contextlib.contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
-    """An empty file beside `path`, this process's own: it takes that name at the end, or is gone if anything is raised.
+    """Yield an empty file beside `path`, private to this process. It gets that name at the end, or is removed on an
+    error.
 
-    Raises `OSError` where it cannot be made, or cannot take the name.
+    Raises `OSError` if it cannot be made or renamed.
     """
     partial = path.with_name(f".{path.name}.{os.getpid()}{PARTIAL}")
     try:
         partial.unlink(missing_ok=True)
-        partial.touch(exist_ok=False)  # and never through a link that lies there
+        partial.touch(exist_ok=False)  # fails for an existing link, so no other file is overwritten
         yield partial
         partial.replace(path)
     finally:

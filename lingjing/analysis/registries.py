@@ -16,7 +16,7 @@ from lingjing.kernel.budgets import Budgets
 from lingjing.kernel.context import RuntimeContext
 from lingjing.kernel.inspections import Inspections
 from lingjing.kernel.registry import Registry, Report, initial
-from lingjing.kernel.registry_update import RegistryUpdate, updated
+from lingjing.kernel.registry_update import RegistryUpdate, update_registry
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BoundaryRecord
 
@@ -42,11 +42,11 @@ def registries(trace: Trace) -> Iterator[RebuiltBoundary]:
     adjudicator, budgets, inspections = Adjudicator(instance), Budgets(instance), Inspections(instance)
     registry = initial(instance)
     for record in trace.boundaries:
-        after = updated(registry, _update(registry, record, budgets), instance)
-        after = inspections.follow(registry, after, record.snapshots)
+        after = update_registry(registry, _update(registry, record, budgets), instance)
+        after = inspections.advance(registry, after, record.snapshots)
         verdict = adjudicator.adjudicate(registry, after, record.snapshots)
         registry = verdict.registry
-        at = adjudicator.instant(registry, registry.states, registry.time_s)
+        at = adjudicator.context_at(registry, registry.states, registry.time_s)
         yield RebuiltBoundary(record, registry, at, verdict.events == record.events)
 
 
@@ -59,17 +59,17 @@ def _update(registry: Registry, record: BoundaryRecord, budgets: Budgets) -> Reg
     reports = _reports_of(record)
     tally = budgets.tally(registry)
     for report in reports:
-        tally.take_message(report.sender, report.kind)
+        tally.count_message(report.sender, report.kind)
     for command in commands:
-        tally.take_command(command.resource, command.verb)
+        tally.count_command(command.resource, command.verb)
     return RegistryUpdate(
         tick=record.tick,
         time_s=record.time_s,
         states=record.snapshots[-1].states if record.snapshots else tuple(registry.states.values()),
-        unheard=record.unreachable_links,
-        progress=budgets.spend(tally.onto(registry.progress), record.decisions),
-        asked=commands,
-        own=own,
+        unreachable_links=record.unreachable_links,
+        progress=budgets.spend(tally.applied_to(registry.progress), record.decisions),
+        agent_commands=commands,
+        kernel_commands=own,
         missing=missing,
         receipts=record.receipts,
         events=[event for event in record.task_events if not event.name],

@@ -37,7 +37,7 @@ class BranchPictures:
         Without `pixels` only its metadata are returned, which costs less to render and to send.
         """
         recorded = self._recorded_key(request)
-        self._sensor.settle(time_s, states)
+        self._sensor.move_to(time_s, states)
         key = self._sensor.key(request)
         if key is None:
             return self._sensor.picture(request, pixels=pixels)
@@ -68,7 +68,7 @@ class BranchPictures:
             key = None
             if name in self._trace.frames:
                 then = self._trace.boundaries[request.tick].snapshots[-1]
-                self._sensor.settle(request.time_s, then.states + then.ambient)
+                self._sensor.move_to(request.time_s, then.states + then.ambient)
                 key = self._sensor.key(request)
             self._recorded_keys[name] = key
         return self._recorded_keys[name]

@@ -109,7 +109,7 @@ def play_branch(episode: RedrivenEpisode, plan: BranchPlan) -> BranchResult:
     if not plan.watch:
         episode.references.keep({item.agent for item in plan.substitutions})
     episode.kernel.transit = transit(plan.messages)
-    episode.kernel.unsaid = plan.withheld
+    episode.kernel.removed_ids = plan.withheld
     if episode.calls is not None:
         episode.calls.branched = True
     policies = InterveningPolicies(episode.policies, episode.references, episode.kernel, plan)

@@ -36,7 +36,7 @@ def redraw(trace: Trace, views: Sequence[tuple[str, str, BoundaryRecord]]) -> It
         sensor.reset(instance, city)
         for entity, camera, record in views:
             now = record.snapshots[-1]
-            sensor.settle(now.time_s, now.states + now.ambient)
+            sensor.move_to(now.time_s, now.states + now.ambient)
             request = CaptureRequest(
                 frame=f"l{record.tick}-{entity}-{camera}", entity=entity, camera=camera, tick=record.tick,
                 time_s=now.time_s,

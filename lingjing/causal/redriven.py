@@ -19,7 +19,7 @@ from lingjing.causal.references import References
 from lingjing.causal.replay import first_difference
 from lingjing.causal.shared_camera import SharedCamera
 from lingjing.errors import InfrastructureError, LingjingError, UsageError
-from lingjing.kernel.candidates import received
+from lingjing.kernel.candidates import normalise_decision
 from lingjing.kernel.sequential import SequentialPolicies
 from lingjing.kernel.step import Kernel, Recorder
 from lingjing.kernel.world.contract import StoredFrame
@@ -128,7 +128,7 @@ class RedrivenEpisode:
         self._check_answered(recorded)
         references = self.references.decide(self.published)
         for mine, made in zip(recorded, self.policies.decide(self.published, self.kernel.exhausted()), strict=True):
-            self._check_decision(mine, received(made))
+            self._check_decision(mine, normalise_decision(made))
         scenes = self.scenes()
         for pair in self.references.note(recorded, references, scenes):
             self.departures.setdefault(pair, []).append(self.tick)

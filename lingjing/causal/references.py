@@ -12,7 +12,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 
 from lingjing.causal.faculties import TrueSituation, faculties_of, replace_faculty
 from lingjing.errors import InfrastructureError
-from lingjing.kernel.candidates import received
+from lingjing.kernel.candidates import normalise_decision
 from lingjing.kernel.sequential import SequentialPolicies
 from lingjing.kernel.step import Published
 from lingjing.plugins.policy import Brief, Policy
@@ -43,7 +43,7 @@ class References:
         }
         made = {}
         for agent, policy in self._policies.items():
-            (answer,) = (received(answered) for answered in policy.act(inputs))
+            (answer,) = (normalise_decision(answered) for answered in policy.act(inputs))
             if answer.substituted:
                 raise InfrastructureError(
                     f"the reference of `{agent}` gives no answer at boundary {published.record.tick}: {answer.detail}",

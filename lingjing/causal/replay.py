@@ -10,7 +10,7 @@ import msgspec
 from lingjing.causal.picture_comparison import PictureWitness
 from lingjing.causal.recorded import RecordedRun
 from lingjing.errors import InfrastructureError
-from lingjing.kernel.episode import ended_because
+from lingjing.kernel.episode import end_reason
 from lingjing.kernel.world import WorldKind
 from lingjing.numerics import versions
 from lingjing.plugins.host import PluginHost
@@ -228,7 +228,7 @@ def _outcome_difference(trace: Trace, run: RecordedRun) -> Difference | None:
     outcome = trace.outcome
     if outcome is None or outcome.reason in CUT_SHORT:
         return None
-    reason, detail = ended_because(run.kernel)
+    reason, detail = end_reason(run.kernel)
     if (reason, detail) == (outcome.reason, outcome.detail):
         return None
     at = trace.boundaries[-1].tick

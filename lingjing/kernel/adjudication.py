@@ -1,10 +1,11 @@
 """Adjudicate: rules become events, once per binding, from engine state alone.
 
-At a boundary the macro-steps since the last one are walked in order. Rules that depend on motion are evaluated at
-each of them, so nothing drives through a radius unseen; the others once, at the boundary, where the messages
-committed with it count for the first time. A rule that holds is *latched*: its event is emitted once and time-stamped
-with the macro-step. Rules that compare a report with `truth(…)` are solved one to one in each frame: a report
-matches at most one entity, an entity at most one report a frame, earlier reports first, highest overlap first.
+At a boundary the macro-steps since the boundary before are visited in order. Rules that depend on motion are evaluated
+at each of them, so that no body passes through a radius between two evaluations. The other rules are evaluated once, at
+the boundary, with the messages that were committed there. A rule that holds is *latched*: its event is emitted once,
+with the time of the macro-step. Rules that compare a report with `truth(…)` are matched one to one in each frame: a
+report matches at most one entity, and an entity at most one report of a frame. Earlier reports match first; of several
+entities the one with the highest overlap (intersection over union) is chosen.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from lingjing.kernel.constraints import ConstraintMonitor
 from lingjing.kernel.context import RuntimeContext
 from lingjing.kernel.facts import FACTS
 from lingjing.kernel.registry import Binding, Registry, Report
-from lingjing.kernel.rules import RUNNING, bindings, holds, identity, rule_moves, settles_at_once
+from lingjing.kernel.rules import RUNNING, bindings, holds, identity, is_decided_on_arrival, rule_depends_on_motion
 from lingjing.kernel.stages import Stages
 from lingjing.mission.expression import Call, Expr, parts
 from lingjing.mission.fold import Meanings
@@ -31,16 +32,20 @@ from lingjing.trace.records import AdjudicatedEvent, BodyState, Snapshot, StageC
 
 
 class Verdict(msgspec.Struct, frozen=True):
-    """What a boundary's adjudication found [V], with the registry that has latched it."""
+    """The adjudication of one boundary: V in the paper."""
 
     registry: Registry
+    """The registry with the latched rules, broken constraints, begun stages and unlocks."""
     events: tuple[AdjudicatedEvent, ...]
+    """Rules that became true and constraints that were broken, in the order of evaluation."""
     stages: tuple[StageChange, ...]
+    """Stages that were completed at this boundary."""
     unlocks: tuple[tuple[str, str], ...]
+    """Newly allowed (interaction, entity) pairs."""
 
 
 class Adjudicator:
-    """The rules of one instance, sorted so that a rule follows those it calls; holds no run-time state."""
+    """The adjudicator of one instance. It orders rules after the rules that they call and holds no run-time state."""
 
     def __init__(self, instance: Instance) -> None:
         self._instance = instance
@@ -50,15 +55,20 @@ class Adjudicator:
         self._declared_stages = Stages(instance)
         self._rules = {rule.name: rule for rule in instance.rules}
         ordered = _sorted_rules(instance.rules)
-        self._moving = tuple(rule for rule in ordered if rule_moves(rule, self._rules, self.kinds))
-        self._settled = tuple(rule for rule in ordered if rule not in self._moving)
+        self._moving = tuple(rule for rule in ordered if rule_depends_on_motion(rule, self._rules, self.kinds))
+        self._static = tuple(rule for rule in ordered if rule not in self._moving)
         self._areas = {region.name: Area(region.polygon) for region in instance.regions}
         self._meanings = Meanings(RUNNING)
+        # A boundary needs the same context several times: for permits, observations, adjudication and evaluation.
         self._latest: RuntimeContext | None = None
-        self._at_once = frozenset(rule.name for rule in ordered if settles_at_once(rule, self._rules, self.kinds))
+        self._decided_on_arrival = frozenset(
+            rule.name for rule in ordered if is_decided_on_arrival(rule, self._rules, self.kinds)
+        )
 
-    def instant(self, registry: Registry, states: Mapping[str, BodyState], time_s: float) -> RuntimeContext:
-        """The evaluation context of this instance at `time_s`; the latest one again where it is asked for again."""
+    def context_at(self, registry: Registry, states: Mapping[str, BodyState], time_s: float) -> RuntimeContext:
+        """Return the evaluation context of this instance at `time_s`; repeated calls with the same state return the
+        same one.
+        """
         latest = self._latest
         if latest is not None and latest.registry is registry and latest.states is states and latest.time_s == time_s:
             return latest
@@ -77,8 +87,11 @@ class Adjudicator:
         return self._latest
 
     def adjudicate(self, before: Registry, registry: Registry, snapshots: Sequence[Snapshot]) -> Verdict:
-        """Walk the macro-steps of the boundary that `registry` stands at; `before` is the last boundary's, whose
-        reports are the ones that count until the commit."""
+        """Adjudicate the macro-steps of the boundary at which `registry` stands.
+
+        `before` is the registry of the boundary before. Its reports count for all macro-steps but the last, because
+        messages are committed only with the boundary.
+        """
         events: list[AdjudicatedEvent] = []
         if self._moving and len(snapshots) > 1:
             early = replace(registry, reports=before.reports)
@@ -86,8 +99,8 @@ class Adjudicator:
                 states = {state.id: state for state in snapshot.states}
                 early = self._apply(self._moving, early, states, snapshot.time_s, events)
             registry = replace(early, reports=registry.reports)
-        registry = self._apply(self._settled + self._moving, registry, registry.states, registry.time_s, events)
-        registry, broken = self._monitor.look(registry, snapshots, self.instant, len(events) + 1)
+        registry = self._apply(self._static + self._moving, registry, registry.states, registry.time_s, events)
+        registry, broken = self._monitor.check(registry, snapshots, self.context_at, len(events) + 1)
         events.extend(broken)
         registry, stages = self._stages(registry)
         registry = self._declared_stages.begin(registry)
@@ -103,13 +116,13 @@ class Adjudicator:
         events: list[AdjudicatedEvent],
     ) -> Registry:
         for rule in rules:
-            at = self.instant(registry, states, time_s)
+            at = self.context_at(registry, states, time_s)
             registry = self._match(rule, at, events) if rule.matching else self._latch(rule, at, events)
         return registry
 
     def _latch(self, rule: Rule, at: RuntimeContext, events: list[AdjudicatedEvent]) -> Registry:
         achieved: dict[Binding, float] = {}
-        for scope in bindings(_domains(rule), at, fresh=rule.name in self._at_once):
+        for scope in bindings(_domains(rule), at, fresh=rule.name in self._decided_on_arrival):
             binding = tuple(identity(value) for value in scope.values())
             if (rule.name, binding) in at.registry.achieved:
                 continue
@@ -129,13 +142,13 @@ class Adjudicator:
             scope, claim, evidence = best
             at.evidence.clear()
             at.evidence.update(evidence)
-            registry = _sighted(replace(registry, claimed=registry.claimed.extended({claim: report})), scope, at)
+            registry = _with_sightings(replace(registry, claimed=registry.claimed.extended({claim: report})), scope, at)
             achieved[tuple(identity(value) for value in scope.values())] = at.time_s
             events.append(self._event(rule, scope, at, len(events)))
         return registry.with_achieved(rule.name, achieved)
 
     def _by_report(self, rule: Rule, at: RuntimeContext) -> dict[str, list[dict[str, Entity | Report]]]:
-        """Candidate bindings of each report that no boundary has judged yet, in arrival order."""
+        """Return the candidate bindings of each report that arrived at this boundary, in arrival order."""
         arrived = dict.fromkeys(
             value.id for _, domain in _domains(rule) for value in at.fresh(domain) if isinstance(value, Report)
         )
@@ -183,7 +196,7 @@ class Adjudicator:
     def _stages(self, registry: Registry) -> tuple[Registry, tuple[StageChange, ...]]:
         if not self._instance.stages:
             return registry, ()
-        at = self.instant(registry, registry.states, registry.time_s)
+        at = self.context_at(registry, registry.states, registry.time_s)
         done = dict(registry.stages)
         changes = []
         for stage in self._instance.stages:
@@ -200,7 +213,7 @@ class Adjudicator:
     def _unlocks(self, registry: Registry) -> tuple[Registry, tuple[tuple[str, str], ...]]:
         if not self._instance.unlocks:
             return registry, ()
-        at = self.instant(registry, registry.states, registry.time_s)
+        at = self.context_at(registry, registry.states, registry.time_s)
         fresh: dict[tuple[str, str], int] = {}
         for unlock in self._instance.unlocks:
             domains = tuple((parameter.name, parameter.domain) for parameter in unlock.parameters)
@@ -218,14 +231,14 @@ def _domains(rule: Rule) -> tuple[tuple[str, str], ...]:
 
 
 def _claim(scope: Mapping[str, Entity | Report]) -> tuple[str, str]:
-    """The (frame, entity) pair that a matching binding uses up."""
+    """Return the (frame, entity) pair that a matched binding occupies."""
     frame = next((str(value.body.get("frame")) for value in scope.values() if isinstance(value, Report)), "")
     entity = next((value.id for value in scope.values() if isinstance(value, Entity)), "")
     return frame, entity
 
 
-def _sighted(registry: Registry, scope: Mapping[str, Entity | Report], at: RuntimeContext) -> Registry:
-    """The registry that knows where a matched report says its entities are."""
+def _with_sightings(registry: Registry, scope: Mapping[str, Entity | Report], at: RuntimeContext) -> Registry:
+    """Return the registry with the reported position as a sighting of each entity of a matched binding."""
     for report in (value for value in scope.values() if isinstance(value, Report)):
         place = point(report.body.get("position"))
         for entity in (value for value in scope.values() if isinstance(value, Entity)):
@@ -234,7 +247,10 @@ def _sighted(registry: Registry, scope: Mapping[str, Entity | Report], at: Runti
 
 
 def _localisation_error(scope: Mapping[str, Entity | Report], at: RuntimeContext) -> float | None:
-    """Planar distance between a report's position and where the bound entity was when its frame was taken."""
+    """Return the planar distance in metres between the reported position and the entity's true position.
+
+    The true position is that at the time of the report's frame. None if the report has no position or no known frame.
+    """
     report = next((value for value in scope.values() if isinstance(value, Report)), None)
     entity = next((value for value in scope.values() if isinstance(value, Entity)), None)
     if report is None or entity is None:
@@ -254,7 +270,7 @@ def _groups(entities: Iterable[Entity]) -> dict[str, tuple[Entity, ...]]:
 
 
 def _sorted_rules(rules: Sequence[Rule]) -> tuple[Rule, ...]:
-    """Declaration order, but never before a rule it calls (the checker has refused cycles)."""
+    """Return the rules in declaration order, each after the rules that it calls. The checker has rejected cycles."""
     table = {rule.name: rule for rule in rules}
     ordered: dict[str, Rule] = {}
 

@@ -1,7 +1,7 @@
-"""Checks of command arguments and message bodies, compiled once from the specs of a mission's verbs and messages.
+"""Checks of command arguments and message bodies, compiled from the specifications of a mission's verbs and messages.
 
-`lingjing.plugins.decisions` makes the JSON Schema of a decision from the same specs; a property test holds that both
-agree. Checks stop at the first fault: a receipt has one reason.
+`lingjing.plugins.decisions` generates the JSON Schema of a decision from the same specifications; a property test holds
+that both agree. Checks stop at the first fault, because a receipt has one reason.
 """
 
 from __future__ import annotations
@@ -14,11 +14,13 @@ from lingjing.mission.spec_schema import REACH_M
 from lingjing.mission.values import is_finite
 
 ValueCheck = Callable[[Datum, Container[str]], str]
-"""What is wrong with a value, or ""; the second operand are the ids of the pictures taken so far."""
+"""A check of one value. Receives the value and the ids of the pictures taken so far; returns a description of the fault
+or "".
+"""
 
 
 class NamedValuesCheck:
-    """The check of a mapping of named values: nothing unknown, nothing missing, every value as its own check says."""
+    """The check of a mapping of named values: no unknown name, no missing name, every value valid."""
 
     def __init__(
         self,
@@ -26,7 +28,9 @@ class NamedValuesCheck:
         unknown: Callable[[str, str], str],
         missing: Callable[[str], str],
     ) -> None:
-        """`items` are name, whether it is required, and check. `unknown` words an unknown name and all known ones."""
+        """`items`: name, whether it is required, and check of each value. `unknown` and `missing` word the two faults;
+        `unknown` receives the name and the list of known names.
+        """
         self._items = tuple(items)
         self._names = frozenset(name for name, _, _ in self._items)
         self._listed = ", ".join(name for name, _, _ in self._items)
@@ -34,7 +38,7 @@ class NamedValuesCheck:
         self._missing = missing
 
     def fault(self, values: Mapping[str, Datum], frames: Container[str] = ()) -> str:
-        """The first fault in words, or ""."""
+        """Return the description of the first fault, or ""."""
         for name in values:
             if name not in self._names:
                 return self._unknown(name, self._listed)
@@ -49,7 +53,7 @@ class NamedValuesCheck:
 
 
 def arguments_check(verb: VerbSpec) -> NamedValuesCheck:
-    """The check of a command's arguments."""
+    """Compile the check of a command's arguments."""
     return NamedValuesCheck(
         ((spec.name, not spec.optional and spec.default is None, _argument(spec)) for spec in verb.arguments),
         lambda name, known: f"`{verb.name}` has no argument `{name}`; it takes {known or 'none'}",
@@ -58,7 +62,7 @@ def arguments_check(verb: VerbSpec) -> NamedValuesCheck:
 
 
 def body_check(message: MessageSpec) -> NamedValuesCheck:
-    """The check of a message's body."""
+    """Compile the check of a message's body."""
     return NamedValuesCheck(
         ((field.name, not field.optional, _field(field)) for field in message.fields),
         lambda name, known: f"`{name}` is not a field of `{message.type}`; fields: {known}",
@@ -107,13 +111,13 @@ def _flag(value: Datum, frames: Container[str]) -> str:
 
 
 def _names(value: Datum, frames: Container[str]) -> str:
-    fine = isinstance(value, tuple | list) and all(isinstance(one, str) for one in value)
+    fine = isinstance(value, tuple | list) and all(isinstance(name, str) for name in value)
     return "" if fine else "must be a list of names"
 
 
 def _box(value: Datum, frames: Container[str]) -> str:
-    """A normalised box with 0 ≤ min < max ≤ 1 (the paper's adjudication section)."""
-    if not isinstance(value, tuple | list) or not all(is_finite(one) for one in value):
+    """Check a normalised box with 0 ≤ min < max ≤ 1 (the paper's section on adjudication)."""
+    if not isinstance(value, tuple | list) or not all(is_finite(number) for number in value):
         return "must be a list of finite numbers"
     if len(value) != 4:
         return "must have four numbers"
@@ -123,11 +127,11 @@ def _box(value: Datum, frames: Container[str]) -> str:
 
 
 def _position(value: Datum, frames: Container[str]) -> str:
-    if not isinstance(value, tuple | list) or not all(is_finite(one) for one in value):
+    if not isinstance(value, tuple | list) or not all(is_finite(number) for number in value):
         return "must be a list of finite numbers"
     if len(value) not in (2, 3):
         return "must have two or three numbers"
-    far = any(abs(one) > REACH_M for one in value)  # type: ignore[arg-type]
+    far = any(abs(number) > REACH_M for number in value)  # type: ignore[arg-type]
     return f"must lie within {REACH_M:g} m" if far else ""
 
 
@@ -140,4 +144,4 @@ _FIELDS: Mapping[str, ValueCheck] = {
     "position": _position,
     "text": _text,
 }
-"""The checks of the types of message fields, but for numbers, whose bounds are the field's own."""
+"""The checks by type of message field. Numbers are missing here: their bounds belong to the single field."""

@@ -1,7 +1,7 @@
-"""Use of the global random generators: detected by their states before and after a policy's call.
+"""Detection of global random generators in policies, by their states before and after a call.
 
-In the caller's process the generators of `random` and `numpy.random` are the caller's, and nothing seeds them for an
-episode: a policy that draws from them gives another digest in each run.
+In the caller's process, nothing seeds the generators of `random` and `numpy.random` for an episode. A policy that draws
+from them produces a different digest in each run.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from importlib import import_module
 from typing import Any
 
 GeneratorStates = tuple[object, object]
-"""The states of `random` and of `numpy.random`; None for one that is not loaded."""
+"""The states of `random` and of `numpy.random`; None for a module that is not loaded."""
 
 
 def generator_states() -> GeneratorStates:
-    """The states of the global generators, to be compared."""
-    # numpy loads the module when it is first used: another policy's thread may be loading it now.
+    """Return the states of the global generators, for comparison."""
+    # numpy loads the module at its first use; another policy's thread may be loading it now.
     read = getattr(sys.modules.get("numpy.random"), "get_state", None)
     if read is None:
         return random.getstate(), None
@@ -28,25 +28,27 @@ def generator_states() -> GeneratorStates:
 
 
 def load_generators() -> None:
-    """Load the generators that are watched: a first use, which loads one, would not be seen."""
+    """Import the modules of the generators. Without this, a first use, which imports one, would go undetected."""
     import_module("numpy.random")
 
 
-def watched(call: Callable[[], Awaitable[Any]], note: Callable[[], None]) -> Callable[[], Awaitable[Any]]:
-    """The call; `note` is called if a global generator has moved on when it ends. Calls that run at the same time in
-    one process cannot be told apart."""
+def with_detection(call: Callable[[], Awaitable[Any]], note: Callable[[], None]) -> Callable[[], Awaitable[Any]]:
+    """Return the call with detection: `note` is called if a global generator has advanced when it ends.
+
+    Calls that run at the same time in one process cannot be distinguished.
+    """
 
     async def watch() -> Any:
         before = generator_states()
         try:
             return await call()
         finally:
-            if has_moved(before, generator_states()):
+            if generators_advanced(before, generator_states()):
                 note()
 
     return watch
 
 
-def has_moved(before: GeneratorStates, after: GeneratorStates) -> bool:
-    """True if a generator that was loaded before is in another state."""
-    return any(one is not None and one != other for one, other in zip(before, after, strict=True))
+def generators_advanced(before: GeneratorStates, after: GeneratorStates) -> bool:
+    """Return whether a generator that was loaded before is in another state."""
+    return any(earlier is not None and earlier != later for earlier, later in zip(before, after, strict=True))

@@ -1,7 +1,7 @@
 """`AppendOnlyMap`: an immutable mapping that shares its entries with the mappings extended from it.
 
-The kernel's state is copied by every boundary and every fork, and parts of it grow with all that happens. Extending the
-newest map costs what is added; extending an older one (a fork) copies it first. Entries that were added later are
+Every boundary and every fork copies the kernel's state, and parts of it grow with each event. Extending the newest map
+costs only the added entries; extending an older one (a fork) copies it first. Entries that were added later are
 invisible in the older map.
 """
 
@@ -16,7 +16,7 @@ V = TypeVar("V")
 
 
 class AppendOnlyMap(Mapping[K, V]):
-    """An immutable mapping in the order of entry. A key is entered once; what is entered stays."""
+    """An immutable mapping in insertion order. A key is inserted once and keeps its value."""
 
     __slots__ = ("_entries", "_size")
 
@@ -25,7 +25,7 @@ class AppendOnlyMap(Mapping[K, V]):
         self._size = 0
 
     def extended(self, fresh: Mapping[K, V]) -> AppendOnlyMap[K, V]:
-        """A map with the entries of `fresh` after these; keys that are known already keep their value."""
+        """Return a map with the entries of `fresh` after these. Known keys keep their value."""
         new = {key: value for key, value in fresh.items() if key not in self}
         if not new:
             return self
@@ -36,7 +36,7 @@ class AppendOnlyMap(Mapping[K, V]):
         return self._of(entries)
 
     def newest(self) -> Iterator[V]:
-        """The values, latest first."""
+        """Iterate over the values, latest first."""
         return (value for place, value in reversed(self._entries.values()) if place < self._size)
 
     def __getitem__(self, key: K) -> V:

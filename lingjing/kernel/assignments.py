@@ -1,4 +1,4 @@
-"""Destinations given to resources, however they were given: what `assigned(resource, target)` looks at."""
+"""Destinations of resources, from commands or messages: the facts behind `assigned(resource, target)`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from lingjing.trace.records import Command, Envelope, Receipt
 
 
 def from_commands(commands: Sequence[Command], receipts: Sequence[Receipt]) -> Iterator[Assignment]:
-    """Commands that their engine accepted and that name a destination in the plane (`x`, `y`)."""
+    """Yield the destinations (`x`, `y`) of commands that their engine accepted."""
     accepted = {receipt.request for receipt in receipts if receipt.status == "accepted"}
     for command in commands:
         place = point((command.arguments.get("x"), command.arguments.get("y")))
@@ -19,7 +19,9 @@ def from_commands(commands: Sequence[Command], receipts: Sequence[Receipt]) -> I
 
 
 def from_messages(envelopes: Sequence[Envelope], agents: Sequence[AgentSpec]) -> Iterator[Assignment]:
-    """Admitted assignment messages with a position, for a resource or for all that an agent controls."""
+    """Yield the positions of admitted assignment messages, for the named resource or all resources of the named
+    agent.
+    """
     controls: Mapping[str, tuple[str, ...]] = {agent.id: agent.controls for agent in agents}
     once = {envelope.id: envelope for envelope in envelopes if envelope.category == "assignment"}
     for envelope in once.values():
@@ -30,7 +32,7 @@ def from_messages(envelopes: Sequence[Envelope], agents: Sequence[AgentSpec]) ->
 
 
 def point(value: object) -> tuple[float, float] | None:
-    """East and north of a value that is a place; None of anything else."""
+    """Return east and north of a value that is a position; None for any other value."""
     if not isinstance(value, tuple | list) or len(value) < 2:
         return None
     east, north = value[0], value[1]

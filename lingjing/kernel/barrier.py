@@ -1,11 +1,13 @@
-"""The policy barrier: every active agent's call in parallel, at most K_model of wall clock, collected by name.
+"""The policy barrier: calls every active agent's policy in parallel and collects the decisions by name.
 
-Each agent has a worker thread with an event loop of its own, so a policy may block, await or run inside a notebook's
-kernel without touching the caller's loop. A call that raises, answers something else than a `Decision` or passes the
-deadline is replaced by (no-op, no messages) with a reason; a late answer is dropped. `InfrastructureError` is the
-policy's word that its infrastructure is gone: it ends the episode only if an `OutageCheck` confirms it from outside of
-the policy. What is in the decision is looked at by `candidates`. A thread
-that stays blocked is left behind (it is a daemon) and the agent's next call starts in a fresh one.
+Each agent has a worker thread with its own event loop, so a policy may block, await or run inside a notebook's kernel
+without touching the caller's loop. All calls together have K_model seconds of wall clock. A call that raises, returns
+something else than a `Decision` or exceeds the deadline is replaced by (no-op, no messages) with a reason; a late
+result is dropped. With an `InfrastructureError` a policy reports that its infrastructure is gone. It ends the episode
+only if an `OutageCheck` confirms the outage independently of the policy. `candidates` validates the content of
+decisions.
+
+A thread that stays blocked is abandoned (it is a daemon), and the agent's next call starts in a new thread.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from functools import partial
 from typing import Any
 
 from lingjing.errors import InfrastructureError
-from lingjing.kernel.ambient_random import load_generators, watched
+from lingjing.kernel.ambient_random import load_generators, with_detection
 from lingjing.kernel.budgets import ALLOWANCE
 from lingjing.kernel.step import Published
 from lingjing.plugins.calls import AbandonedCallError
@@ -32,41 +34,44 @@ from lingjing.trace.records import Decision, DecisionRecord, Usage
 from lingjing.trace.signals import deferring_signals
 
 _ADDRESS = re.compile(r"0x[0-9a-fA-F]{4,}")
+"""The address in an object's default `repr`."""
 
 POLICY_ERRORS = (Exception, asyncio.CancelledError, GeneratorExit)
-"""Whatever a policy raises is the policy's failure. The last two are not `Exception`s; what closes or cancels a call
-raises them as well, so they pass through it as they are."""
+"""The exceptions that count as the policy's own failure. The last two are not subclasses of `Exception`. A closed or
+cancelled call raises them too, so they propagate unchanged.
+"""
 
 
 OutageCheck = Callable[[str, InfrastructureError], InfrastructureError | None]
-"""Called with an agent and the `InfrastructureError` that its policy raised. Returns the error that ends the episode,
-or None if nothing outside of the policy shows that its infrastructure is gone."""
+"""A function of an agent and the `InfrastructureError` that its policy raised. Returns the error that ends the episode,
+or None if nothing outside the policy confirms that its infrastructure is gone.
+"""
 
 
 def no_outage(agent: str, error: InfrastructureError) -> InfrastructureError | None:
-    """The check where nothing is known of what policies depend on: what they raise is their own failure."""
+    """The check for callers that know nothing of the policies' services: every error is the policy's own failure."""
     return None
 
 
 class LateCallError(BaseException):
-    """The time of a call is over. No policy that catches `Exception` catches it."""
+    """Raised in a call that has exceeded its deadline. A policy's `except Exception` does not catch it."""
 
 
 class AgentThread:
-    """One agent's thread and event loop; started lazily, replaced when it is stuck."""
+    """The thread and event loop of one agent. Started lazily, replaced after it was abandoned."""
 
     def __init__(self, name: str) -> None:
         self._name = name
         self._loop: asyncio.AbstractEventLoop | None = None
 
     def submit(self, call: Callable[[], Awaitable[Any]]) -> concurrent.futures.Future[Any]:
-        """Run `call()` on the agent's loop; the future belongs to the caller's thread."""
+        """Run `call()` on the agent's loop. The returned future belongs to the caller's thread."""
         loop = self._ready()
         with deferring_signals():  # an interrupt between the two would leave a coroutine that is never awaited
             return asyncio.run_coroutine_threadsafe(timed(call), loop)
 
     def abandon(self) -> None:
-        """Stop waiting for this thread: its loop ends when its current call lets go of it."""
+        """Stop waiting for this thread. Its loop ends when the present call returns control."""
         if self._loop is not None:
             self._loop.call_soon_threadsafe(self._loop.stop)
             self._loop = None
@@ -81,19 +86,24 @@ class AgentThread:
 
 
 async def timed(call: Callable[[], Awaitable[Any]]) -> tuple[Any, float]:
-    """What the call returned and the seconds that it took."""
+    """Return the result of the call and its duration in seconds. Raises `RuntimeError` if the call tries to end the
+    process.
+    """
     started = time.monotonic()
     try:
         return await call(), time.monotonic() - started
     except (*POLICY_ERRORS, LateCallError):
         raise
-    except BaseException as error:  # a policy must not end the process it is a guest of
+    except BaseException as error:  # such as `SystemExit`: a policy must not end the process that hosts it
         raise RuntimeError(f"the policy tried to exit ({type(error).__name__})") from error
 
 
 def _serve(loop: asyncio.AbstractEventLoop) -> None:
-    """Run calls until the loop is stopped, or cannot go on because a policy took what it stands on, such as its
-    descriptors: no answer comes from it then, and the deadline of the call says so."""
+    """Run calls until the loop is stopped or broken.
+
+    A policy may break the loop, for example by closing its descriptors. No result arrives then, and the deadline of the
+    call reports it.
+    """
     asyncio.set_event_loop(loop)
     with contextlib.suppress(Exception):
         try:
@@ -103,7 +113,7 @@ def _serve(loop: asyncio.AbstractEventLoop) -> None:
 
 
 def _drain(loop: asyncio.AbstractEventLoop) -> None:
-    """Cancel what an abandoned call left behind, then close the loop."""
+    """Cancel the tasks of an abandoned call, then close the loop."""
     tasks = asyncio.all_tasks(loop)
     for task in tasks:
         task.cancel()
@@ -114,17 +124,24 @@ def _drain(loop: asyncio.AbstractEventLoop) -> None:
 
 @dataclass(frozen=True, slots=True)
 class PolicyAnswer:
-    """What came out of one call: a value, or the reason code and detail of its failure and what it spent."""
+    """The result of one policy call."""
 
     value: Any = None
+    """The returned value; None after a failure."""
     reason: str = ""
+    """The reason code of a failure; "" for a success."""
     detail: str = ""
+    """The description of a failure."""
     wall_s: float = 0.0
+    """Duration of the call in seconds of wall clock."""
     usage: Usage | None = None
+    """Model usage of a failed call; None if unknown. A successful call reports it in its decision."""
 
 
 class Barrier(ABC):
-    """The policies of one episode behind one barrier; agents keep declaration order. Where they run is a subclass's."""
+    """The policies of one episode behind one barrier, in declaration order. Subclasses define where the policies
+    run.
+    """
 
     def __init__(self, agents: Iterable[str], limit_s: float, outage_check: OutageCheck = no_outage) -> None:
         self._agents = tuple(agents)
@@ -133,57 +150,59 @@ class Barrier(ABC):
 
     @abstractmethod
     def reset(self, briefs: Mapping[str, Brief]) -> dict[str, PolicyAnswer]:
-        """Give every policy its brief; failures come back as answers with a reason."""
+        """Send every policy its brief. A failure is returned as an answer with a reason."""
 
     @abstractmethod
     def close(self) -> None:
-        """Let every policy end."""
+        """End every policy."""
 
     @abstractmethod
-    def _ask(self, inputs: Mapping[str, tuple[Observation, Inbox]]) -> dict[str, PolicyAnswer]:
-        """The answers of the agents that have inputs."""
+    def _call_policies(self, inputs: Mapping[str, tuple[Observation, Inbox]]) -> dict[str, PolicyAnswer]:
+        """Call the policies of the agents in `inputs` and return their answers."""
 
     @property
     def ambient_random(self) -> frozenset[str]:
-        """Agents in whose calls a global random generator was used that nothing has seeded."""
+        """Agents with a call that used an unseeded global random generator."""
         return frozenset()
 
     def act(
         self, inputs: Mapping[str, tuple[Observation, Inbox]], exhausted: Mapping[str, str] | None = None
     ) -> tuple[DecisionRecord, ...]:
-        """Decisions in declaration order; a failed one is a no-op with the reason beside it.
+        """Return the decisions in declaration order. A failed decision is a no-op with the reason in its record.
 
-        `exhausted` are agents that are not asked, with the sentence that says why.
+        `exhausted` are agents that are not called, with the reason.
         """
-        silent = exhausted or {}
-        given = self._ask({name: inputs[name] for name in self._agents if name not in silent})
-        refused = {name: PolicyAnswer(reason=ALLOWANCE, detail=detail) for name, detail in silent.items()}
-        answers = {name: {**given, **refused}[name] for name in self._agents}
+        not_called = exhausted or {}
+        called = self._call_policies({name: inputs[name] for name in self._agents if name not in not_called})
+        skipped = {name: PolicyAnswer(reason=ALLOWANCE, detail=detail) for name, detail in not_called.items()}
+        answers = {name: {**called, **skipped}[name] for name in self._agents}
         return tuple(_decision_record(name, _check(answer)) for name, answer in answers.items())
 
     def decide(self, published: Published, exhausted: Mapping[str, str]) -> tuple[DecisionRecord, ...]:
-        """`act` on what was published at a boundary."""
+        """Call `act` on the output of a boundary."""
         inputs = {name: (published.observations[name], published.inboxes[name]) for name in published.observations}
         return self.act(inputs, exhausted)
 
     def __contains__(self, agent: str) -> bool:
-        """True if the agent's policy is behind this barrier."""
+        """Return whether the agent's policy is behind this barrier."""
         return agent in self._agents
 
-    def _accused(self, name: str, error: InfrastructureError, answer: PolicyAnswer) -> PolicyAnswer:
-        """The policy's failure, unless the outage that it reports is confirmed, which is raised."""
+    def _failure_or_outage(self, name: str, error: InfrastructureError, answer: PolicyAnswer) -> PolicyAnswer:
+        """Return the policy's failure. Raises the outage instead if the outage check confirms it."""
         outage = self._outage_check(name, error)
         if outage is not None:
             raise outage from error
         return answer
 
-    def _late(self) -> PolicyAnswer:
+    def _timeout_answer(self) -> PolicyAnswer:
         return PolicyAnswer(reason="policy_timeout", detail=f"no answer within {self._limit_s:g} s")
 
 
 class PolicyBarrier(Barrier):
-    """Policies in the caller's process, a thread for each. `ambient_random` are the agents whose policies have used a
-    global random generator while they were built."""
+    """Policies in the caller's process, each in its own thread.
+
+    `ambient_random` are the agents with policies that used a global random generator while they were built.
+    """
 
     def __init__(
         self,
@@ -200,23 +219,25 @@ class PolicyBarrier(Barrier):
 
     @property
     def ambient_random(self) -> frozenset[str]:
-        """Agents in whose calls a global random generator was used. It is the caller's, and nothing seeds it."""
+        """Agents with a call that used a global random generator. It is shared with the caller, and nothing
+        seeds it.
+        """
         return frozenset(self._ambient_random)
 
     def reset(self, briefs: Mapping[str, Brief]) -> dict[str, PolicyAnswer]:
-        """Give every policy its brief; failures come back as answers with a reason."""
+        """Send every policy its brief. A failure is returned as an answer with a reason."""
         calls = {name: _reset_call(policy, briefs[name]) for name, policy in self._policies.items()}
-        return self._collect(self._watched(calls))
+        return self._collect(self._detecting(calls))
 
-    def _ask(self, inputs: Mapping[str, tuple[Observation, Inbox]]) -> dict[str, PolicyAnswer]:
-        calls = {name: _act_call(self._policies[name], *given) for name, given in inputs.items()}
-        return self._collect(self._watched(calls))
+    def _call_policies(self, inputs: Mapping[str, tuple[Observation, Inbox]]) -> dict[str, PolicyAnswer]:
+        calls = {name: _act_call(self._policies[name], *arguments) for name, arguments in inputs.items()}
+        return self._collect(self._detecting(calls))
 
-    def _watched(self, calls: Mapping[str, Callable[[], Awaitable[Any]]]) -> dict[str, Callable[[], Awaitable[Any]]]:
-        return {name: watched(call, partial(self._ambient_random.add, name)) for name, call in calls.items()}
+    def _detecting(self, calls: Mapping[str, Callable[[], Awaitable[Any]]]) -> dict[str, Callable[[], Awaitable[Any]]]:
+        return {name: with_detection(call, partial(self._ambient_random.add, name)) for name, call in calls.items()}
 
     def close(self) -> None:
-        """Let every thread end."""
+        """End every thread."""
         for thread in self._threads.values():
             thread.close()
 
@@ -230,22 +251,22 @@ class PolicyBarrier(Barrier):
         try:
             value, wall_s = future.result(timeout=left)
         except concurrent.futures.TimeoutError as error:
-            if _raised(future, error):  # the policy's own
+            if _raised(future, error):  # the policy raised it, the deadline has not passed
                 return failure(error, started)
             future.cancel()
             self._threads[name].abandon()
-            return self._late()
-        except AbandonedCallError:  # what is replayed was given up here
-            return self._late()
+            return self._timeout_answer()
+        except AbandonedCallError:  # the replayed call was abandoned at this point
+            return self._timeout_answer()
         except InfrastructureError as error:
-            return self._accused(name, error, failure(error, started))
+            return self._failure_or_outage(name, error, failure(error, started))
         except POLICY_ERRORS as error:
             return failure(error, started)
         return PolicyAnswer(value=value, wall_s=wall_s)
 
 
 def _raised(future: concurrent.futures.Future[Any], error: BaseException) -> bool:
-    """Whether the call ended with this very error; one that answers at the last moment has not."""
+    """Return whether the call itself raised this error. A call that finished at the last moment did not."""
     return future.done() and not future.cancelled() and future.exception() is error
 
 
@@ -260,10 +281,12 @@ def _decision_record(agent: str, answer: PolicyAnswer) -> DecisionRecord:
 
 
 def failure(error: BaseException, started: float) -> PolicyAnswer:
-    """A policy's exception as its answer, without addresses of objects, which would make the digest differ."""
+    """Return a policy's exception as an answer. Object addresses are removed: they would change the digest in each
+    run.
+    """
     try:
         text = f"{type(error).__name__}: {error}".splitlines()[0]
-    except Exception:  # noqa: BLE001 - a message that cannot be made is the policy's failure too
+    except Exception:  # noqa: BLE001 - an exception with a failing `__str__` is the policy's failure too
         text = type(error).__name__
     text = text.encode("utf-8", "backslashreplace").decode()  # a lone surrogate cannot be stored
     usage = error.usage if isinstance(error, NoDecisionError) and isinstance(error.usage, Usage) else None
@@ -280,7 +303,7 @@ def _act_call(policy: Policy, observation: Observation, inbox: Inbox) -> Callabl
 
 
 def _check(answer: PolicyAnswer) -> PolicyAnswer:
-    """A `Decision`, or `malformed`."""
+    """Return the answer if it holds a `Decision` or a failure, else a failure with the reason `malformed`."""
     if answer.reason or isinstance(answer.value, Decision):
         return answer
     kind = type(answer.value).__name__

@@ -1,9 +1,9 @@
-"""Counted budgets and allowances: what a command or a message uses up, and who has nothing left.
+"""Counted budgets and allowances: the consumption of commands and messages, and the agents without a remainder.
 
-A limit counts what the kernel admits, in policy order; the candidate that would pass the bound is refused as `limit`.
-A limit inside a stage counts from the stage's beginning until it is done for everybody. An agent that has spent its
-tokens or money, or when all together have, is not asked any more: its decisions are no-ops with the reason `allowance`;
-a message beyond an allowance of messages is refused with that reason.
+A limit counts admitted commands and messages in policy order. The candidate that would exceed it is rejected as
+`limit`. A limit inside a stage counts from the stage's beginning until it is done for all subjects. An agent is not
+called any more when it has spent its own tokens or money, or when all agents together have spent theirs. Its decisions
+are then no-ops with the reason `allowance`; a message beyond an allowance of messages is rejected with that reason.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from lingjing.mission.instance import Allowance, Budget, Instance, LimitSpec
 from lingjing.trace.records import DecisionRecord
 
 ALLOWANCE = "allowance"
-"""The reason code of what a spent allowance prevents."""
+"""The reason code of a rejection or no-op because of a spent allowance."""
 
 LIMIT = "limit"
-"""The reason code of what a counted budget prevents."""
+"""The reason code of a rejection because of a counted budget."""
 
 
 def limit_key(limit: LimitSpec) -> str:
-    """What a limit is counted under."""
+    """Return the key under which a limit is counted: `stage.name`, or `name` for the whole episode."""
     return f"{limit.stage}.{limit.name}" if limit.stage else limit.name
 
 
 class Budgets:
-    """The counted budgets and allowances of one instance; holds no run-time state."""
+    """The counted budgets and allowances of one instance. Holds no run-time state."""
 
     def __init__(self, instance: Instance) -> None:
         self._limits = instance.limits
@@ -39,23 +39,25 @@ class Budgets:
         self._own = {agent.id: agent.budget for agent in instance.agents if agent.budget is not None}
 
     def tally(self, registry: Registry) -> Tally:
-        """A fresh count for the candidates of one boundary."""
+        """Return the counter for the candidates of one boundary."""
         running = tuple(limit for limit in self._limits if not limit.stage or _is_running(limit.stage, registry))
         return Tally(self, running, dict(registry.progress.used), dict(registry.progress.spent))
 
     def exhausted(self, progress: EpisodeProgress, agents: Iterable[str]) -> dict[str, str]:
-        """The agents that have nothing left to think with, and which bound says so."""
+        """Return the agents that may not call models any more, with the bound that they have reached."""
         whole = self._model_bound(self._whole, _total(progress.spent))
-        found: dict[str, str] = {}
+        reasons: dict[str, str] = {}
         for agent in agents:
             own = self._own.get(agent)
             bound = self._model_bound(own, progress.spent.get(agent, Spent())) if own is not None else ""
             if bound or whole:
-                found[agent] = f"`{agent}` has spent its {bound}" if bound else f"all together have spent their {whole}"
-        return found
+                reasons[agent] = (
+                    f"`{agent}` has spent its {bound}" if bound else f"all together have spent their {whole}"
+                )
+        return reasons
 
     def spend(self, progress: EpisodeProgress, decisions: Iterable[DecisionRecord]) -> EpisodeProgress:
-        """The progress with what the decisions' model calls have cost."""
+        """Return the progress with the cost of the decisions' model calls."""
         paid = [(made.agent, made.decision.usage) for made in decisions if made.decision.usage is not None]
         if not paid:
             return progress
@@ -70,7 +72,7 @@ class Budgets:
         return replace(progress, spent=spent)
 
     def no_messages_left(self, sender: str, spent: Mapping[str, Spent]) -> str:
-        """Which allowance of messages the sender has used up, or ""."""
+        """Describe the allowance of messages that the sender has used up; "" if there is none."""
         own = self._own.get(sender)
         if own is not None and own.messages is not None and spent.get(sender, Spent()).messages >= own.messages:
             return f"`{sender}` may send {own.messages} messages in all"
@@ -90,37 +92,43 @@ class Budgets:
 
 @dataclass(slots=True)
 class Tally:
-    """The counts while one boundary's candidates are looked at in their order."""
+    """The counts while the candidates of one boundary are validated in order."""
 
     budgets: Budgets
+    """The budgets and allowances that are counted."""
     limits: tuple[LimitSpec, ...]
+    """The limits that apply at this boundary."""
     used: dict[str, int]
+    """The count of each limit, by `limit_key`."""
     spent: dict[str, Spent]
+    """The consumption of each agent."""
 
     def command(self, resource: str, verb: str) -> str:
-        """What forbids one more command like this, or ""."""
+        """Describe the limit that forbids one more such command; "" if none does."""
         return self._forbidden([limit for limit in self.limits if _counts_command(limit, resource, verb)])
 
     def message(self, sender: str, kind: str) -> tuple[str, str]:
-        """Reason code and sentence of what forbids one more message like this, or two empty strings."""
+        """Return the reason code and description of the limit that forbids one more such message, or two empty
+        strings.
+        """
         detail = self._forbidden([limit for limit in self.limits if _counts_message(limit, kind)])
         if detail:
             return LIMIT, detail
         detail = self.budgets.no_messages_left(sender, self.spent)
         return (ALLOWANCE, detail) if detail else ("", "")
 
-    def take_command(self, resource: str, verb: str) -> None:
+    def count_command(self, resource: str, verb: str) -> None:
         """Count an admitted command."""
         self._take([limit for limit in self.limits if _counts_command(limit, resource, verb)])
 
-    def take_message(self, sender: str, kind: str) -> None:
+    def count_message(self, sender: str, kind: str) -> None:
         """Count an admitted message."""
         self._take([limit for limit in self.limits if _counts_message(limit, kind)])
         before = self.spent.get(sender, Spent())
         self.spent[sender] = replace(before, messages=before.messages + 1)
 
-    def onto(self, progress: EpisodeProgress) -> EpisodeProgress:
-        """The progress with these counts."""
+    def applied_to(self, progress: EpisodeProgress) -> EpisodeProgress:
+        """Return the progress with these counts."""
         return replace(progress, used=self.used, spent=self.spent)
 
     def _forbidden(self, limits: Iterable[LimitSpec]) -> str:
@@ -146,14 +154,14 @@ def _counts_message(limit: LimitSpec, kind: str) -> bool:
 
 
 def _is_running(stage: str, registry: Registry) -> bool:
-    """Whether a stage has begun for somebody and is not done for everybody who began it."""
+    """Return whether a stage has begun for at least one subject and is not yet done for all of them."""
     begun = [subject for name, subject in registry.progress.began if name == stage]
     return any((stage, subject) not in registry.stages for subject in begun)
 
 
 def _total(spent: Mapping[str, Spent]) -> Spent:
     return Spent(
-        tokens=sum(one.tokens for one in spent.values()),
-        money_usd=sum(one.money_usd for one in spent.values()),
-        messages=sum(one.messages for one in spent.values()),
+        tokens=sum(each.tokens for each in spent.values()),
+        money_usd=sum(each.money_usd for each in spent.values()),
+        messages=sum(each.messages for each in spent.values()),
     )

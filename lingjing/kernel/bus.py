@@ -1,11 +1,12 @@
 """The message bus B: validate candidate messages, expand them to edges, stage, commit, deliver.
 
-Star: an agent's message goes to the hub; the hub's goes to the recipients it names, or to all that the message kind
-declares. Broadcast: to all other active agents. Nothing is relayed by itself. With a delay of one tick, what is
-produced on boundary t is staged for t+1 and readable there. An edge is fixed at validation and delivered only after
-the engine barrier has committed the boundary. What nobody could read any more is refused as `expired`. A report is
-for the adjudicator first: it is accepted also when nobody else can read it. What a link does not carry (out of range,
-lost) is no edge; the sender's receipt says so, and a message of which nothing gets through is refused.
+An *edge* is a message on its way to one recipient. In star topology an agent's message goes to the hub; the hub's
+message goes to the recipients it names, or to all that the message kind declares. In broadcast topology a message goes
+to all other active agents. No message is relayed automatically. With a delay of one tick, a message of boundary t is
+staged for t + 1 and readable there. An edge is fixed at validation and delivered only after the engine barrier has
+committed the boundary. A message that would arrive after the episode's end is rejected as `expired`. A report is
+addressed to the adjudicator first, so it is accepted even if no agent can read it. A link between two agents may drop
+edges (out of range, lost); the sender's receipt lists them, and a message without any remaining edge is rejected.
 """
 
 from __future__ import annotations
@@ -19,18 +20,20 @@ from msgspec.structs import replace
 
 from lingjing.kernel.admission import body_check
 from lingjing.kernel.budgets import Tally
-from lingjing.kernel.links import MessageLinks
 from lingjing.mission.instance import AgentSpec, Instance, MessageSpec
+from lingjing.mission.seeding import integer
 from lingjing.plugins.decisions import MESSAGES_PER_CALL
 from lingjing.trace.records import Envelope, Outgoing, Receipt
 from lingjing.trace.request_ids import request_id
 
 
 class Bus(msgspec.Struct, frozen=True):
-    """Edges on their way: `staged` wait for the barrier, `committed` for their delivery tick."""
+    """The edges in transit."""
 
     staged: tuple[Envelope, ...] = ()
+    """Edges that wait for the barrier."""
     committed: tuple[Envelope, ...] = ()
+    """Edges that wait for their delivery tick."""
 
     def stage(self, envelopes: Sequence[Envelope]) -> Bus:
         """Buffer admitted edges until the boundary commits."""
@@ -41,19 +44,68 @@ class Bus(msgspec.Struct, frozen=True):
         return Bus(committed=self.committed + self.staged)
 
     def deliver(self, tick: int) -> tuple[Bus, tuple[Envelope, ...]]:
-        """Take out what is readable at `tick`, in the order it was admitted."""
+        """Remove and return the edges that are readable at `tick`, in order of admission."""
         due = tuple(envelope for envelope in self.committed if envelope.deliver_at <= tick)
         return replace(self, committed=tuple(e for e in self.committed if e.deliver_at > tick)), due
 
 
 class _Candidate(NamedTuple):
-    """A message that a policy sent, and its place among those of the call."""
+    """A message of a policy's decision."""
 
     id: str
+    """The request id."""
     tick: int
+    """The boundary at which it is validated."""
     sender: str
+    """The id of the sending agent."""
     message: Outgoing
+    """The message as the policy returned it."""
     place: int
+    """The index among the messages of its decision, from 0."""
+
+
+LossReason = Literal["", "out_of_range", "lost"]
+"""The reason for which an edge is dropped, also the reason code of the sender's receipt; "" if it is delivered."""
+
+_BITS = 53
+"""Random bits of a draw: the precision of a double."""
+
+
+class _MessageLinks:
+    """The links between the agents of one instance. Holds no run-time state.
+
+    A link has two conditions in the instance's `comms`: the radio range, which the city engine evaluates for pairs of
+    assets at each boundary, and `loss`, the share of edges that are dropped. An agent without a body, such as a
+    coordinator, is in range of all; an agent with several bodies is in range if any of them is. Losses are drawn from a
+    stream of their own that depends only on the message and its recipient.
+    """
+
+    def __init__(self, instance: Instance) -> None:
+        self._path = f"{instance.mission}/comms/loss"
+        self._seed = instance.seed
+        self._loss = instance.comms.loss
+        self._bodies = {agent.id: agent.controls for agent in instance.agents}
+
+    def loss_reason(
+        self, message: str, sender: str, recipient: str, unreachable_links: Iterable[tuple[str, str]]
+    ) -> LossReason:
+        """Return the reason for which the edge of a message (by id) to one recipient is dropped; "" if it is delivered.
+
+        `unreachable_links` are the pairs of assets that radio does not connect.
+        """
+        if not self._in_reach(sender, recipient, unreachable_links):
+            return "out_of_range"
+        if self._loss > 0.0:
+            chance = integer(self._seed, f"{self._path}/{message}/{recipient}", _BITS) / 2**_BITS
+            return "lost" if chance < self._loss else ""
+        return ""
+
+    def _in_reach(self, sender: str, recipient: str, unreachable_links: Iterable[tuple[str, str]]) -> bool:
+        ours, theirs = self._bodies.get(sender, ()), self._bodies.get(recipient, ())
+        if not ours or not theirs:
+            return True
+        cut_pairs = {frozenset(pair) for pair in unreachable_links}
+        return any(frozenset((mine, other)) not in cut_pairs for mine in ours for other in theirs)
 
 
 class MessageRouter:
@@ -65,7 +117,7 @@ class MessageRouter:
         self._agents = {agent.id: agent for agent in instance.agents}
         self._kinds: Mapping[str, MessageSpec] = {message.kind: message for message in instance.messages}
         self._bodies = {message.kind: body_check(message) for message in instance.messages}
-        self._links = MessageLinks(instance)
+        self._links = _MessageLinks(instance)
 
     def expand(
         self,
@@ -73,97 +125,112 @@ class MessageRouter:
         tick: int,
         frames: Container[str],
         tally: Tally | None = None,
-        unheard: Sequence[tuple[str, str]] = (),
-        unsaid: Container[str] = (),
+        unreachable_links: Sequence[tuple[str, str]] = (),
+        removed_ids: Container[str] = (),
     ) -> tuple[tuple[Envelope, ...], tuple[Receipt, ...]]:
-        """Admitted edges [M̂] and bus receipts [C^M] of the candidates, in policy order. `frames` are the ids of the
-        pictures taken so far: a report may only speak of one of them. `tally` counts what is admitted.
-        `unheard` are the pairs of entities that radio does not reach between. Ids that are `unsaid` are nobody's: those
-        of messages that were taken out before, so that the others keep their own, and the losses that go by them."""
+        """Return admitted edges [M̂] and bus receipts [C^M] of the candidates, in policy order.
+
+        `frames` are the ids of the pictures taken so far, the only ones that a report may cite. `tally` counts admitted
+        messages. `unreachable_links` are the pairs of entities that radio does not connect. `removed_ids` are ids that
+        are skipped: those of messages that a branch removed, so that the other messages keep their ids and the losses
+        derived from them.
+        """
         edges: list[Envelope] = []
         receipts: list[Receipt] = []
         sent = [(sender, place, message) for sender, each in candidates for place, message in enumerate(each)]
         ids = (request_id("message", tick, number) for number in count(1))
-        free = (name for name in ids if name not in unsaid)
+        free = (name for name in ids if name not in removed_ids)
         for name, (sender, place, message) in zip(free, sent, strict=False):
             candidate = _Candidate(name, tick, sender, message, place)
-            new, receipt = self._counted(candidate, frames, unheard, tally)
+            new, receipt = self._counted(candidate, frames, unreachable_links, tally)
             edges.extend(new)
             receipts.append(receipt)
         return tuple(edges), tuple(receipts)
 
     def _counted(
-        self, one: _Candidate, frames: Container[str], unheard: Sequence[tuple[str, str]], tally: Tally | None
+        self,
+        candidate: _Candidate,
+        frames: Container[str],
+        unreachable_links: Sequence[tuple[str, str]],
+        tally: Tally | None,
     ) -> tuple[tuple[Envelope, ...], Receipt]:
         """As `_expanded`, within the counted budgets and allowances."""
-        edges, receipt = self._expanded(one, frames, unheard)
+        edges, receipt = self._expanded(candidate, frames, unreachable_links)
         if tally is None or receipt.status != "accepted":
             return edges, receipt
-        reason, detail = tally.message(one.sender, one.message.kind)
+        reason, detail = tally.message(candidate.sender, candidate.message.kind)
         if reason:
-            return (), self._receipt(one, "rejected", reason, detail)
-        tally.take_message(one.sender, one.message.kind)
+            return (), self._receipt(candidate, "rejected", reason, detail)
+        tally.count_message(candidate.sender, candidate.message.kind)
         return edges, receipt
 
     def _expanded(
-        self, one: _Candidate, frames: Container[str], unheard: Sequence[tuple[str, str]]
+        self, candidate: _Candidate, frames: Container[str], unreachable_links: Sequence[tuple[str, str]]
     ) -> tuple[tuple[Envelope, ...], Receipt]:
-        reason, detail = self._fault(one, frames)
+        reason, detail = self._fault(candidate, frames)
         if reason:
-            return (), self._receipt(one, "rejected", reason, detail)
-        spec = self._kinds[one.message.kind]
-        deliver_at = one.tick + self._comms.delay_ticks - 1
-        recipients, reason, detail = self._recipients(self._agents[one.sender], one.message)
-        if not reason and one.tick <= self._instance.budget.ticks < deliver_at:
+            return (), self._receipt(candidate, "rejected", reason, detail)
+        spec = self._kinds[candidate.message.kind]
+        deliver_at = candidate.tick + self._comms.delay_ticks - 1
+        recipients, reason, detail = self._recipients(self._agents[candidate.sender], candidate.message)
+        if not reason and candidate.tick <= self._instance.budget.ticks < deliver_at:
             recipients, reason, detail = (), "expired", "the episode ends before it could be read"
-        heard, cuts = self._over_links(one, recipients, unheard)
-        if recipients and not heard:
+        reached, cuts = self._over_links(candidate, recipients, unreachable_links)
+        if recipients and not reached:
             reason, detail = cuts
         if reason in ("out_of_range", "lost") and spec.category == "report":
-            return (), self._receipt(one, "accepted", reason, f"adjudicated; {detail}")
+            return (), self._receipt(candidate, "accepted", reason, f"adjudicated; {detail}")
         if reason in ("no_recipient", "expired") and spec.category == "report":
-            return (), self._receipt(one, "accepted", "", f"adjudicated; {detail}")
+            return (), self._receipt(candidate, "accepted", "", f"adjudicated; {detail}")
         if reason:
-            return (), self._receipt(one, "rejected", reason, detail)
-        size = len(msgspec.json.encode(one.message.body))
+            return (), self._receipt(candidate, "rejected", reason, detail)
+        size = len(msgspec.json.encode(candidate.message.body))
         edges = tuple(
             Envelope(
-                id=one.id,
-                tick=one.tick,
-                sender=one.sender,
+                id=candidate.id,
+                tick=candidate.tick,
+                sender=candidate.sender,
                 recipient=recipient,
-                kind=one.message.kind,
+                kind=candidate.message.kind,
                 category=spec.category,
-                body=one.message.body,
+                body=candidate.message.body,
                 bytes=size,
                 deliver_at=deliver_at,
             )
-            for recipient in heard
+            for recipient in reached
         )
-        detail = "; ".join(part for part in (", ".join(heard), cuts[1]) if part)
-        return edges, self._receipt(one, "accepted", cuts[0], detail)
+        detail = "; ".join(part for part in (", ".join(reached), cuts[1]) if part)
+        return edges, self._receipt(candidate, "accepted", cuts[0], detail)
 
     def _over_links(
-        self, one: _Candidate, recipients: Sequence[str], unheard: Sequence[tuple[str, str]]
+        self, candidate: _Candidate, recipients: Sequence[str], unreachable_links: Sequence[tuple[str, str]]
     ) -> tuple[tuple[str, ...], tuple[str, str]]:
-        """Who hears the message, and the reason code and detail for those who do not, or two empty strings."""
-        fates = {recipient: self._links.cut(one.id, one.sender, recipient, unheard) for recipient in recipients}
-        heard = tuple(recipient for recipient in recipients if not fates[recipient])
+        """Return the recipients that the message reaches, with reason code and description of the losses (empty without
+        losses).
+        """
+        fates = {
+            recipient: self._links.loss_reason(candidate.id, candidate.sender, recipient, unreachable_links)
+            for recipient in recipients
+        }
+        reached = tuple(recipient for recipient in recipients if not fates[recipient])
         parts = [
             (reason, ", ".join(recipient for recipient in recipients if fates[recipient] == reason))
             for reason in ("out_of_range", "lost")
             if reason in fates.values()
         ]
         words = {"out_of_range": "out of range", "lost": "lost on the way to"}
-        return heard, (parts[0][0] if parts else "", "; ".join(f"{words[reason]}: {who}" for reason, who in parts))
+        return reached, (
+            parts[0][0] if parts else "",
+            "; ".join(f"{words[reason]}: {names}" for reason, names in parts),
+        )
 
-    def _fault(self, one: _Candidate, frames: Container[str]) -> tuple[str, str]:
-        """The reason code and detail of an envelope that must be refused, or two empty strings."""
-        sender, message = one.sender, one.message
+    def _fault(self, candidate: _Candidate, frames: Container[str]) -> tuple[str, str]:
+        """Return the reason code and description of an envelope's fault, or two empty strings."""
+        sender, message = candidate.sender, candidate.message
         agent, spec = self._agents.get(sender), self._kinds.get(message.kind)
         if agent is None:
             return "unknown_agent", f"`{sender}` is not active in this episode"
-        if one.place >= MESSAGES_PER_CALL:
+        if candidate.place >= MESSAGES_PER_CALL:
             return "too_many", f"at most {MESSAGES_PER_CALL} messages a call"
         if spec is None:
             return "unknown_kind", f"`{message.kind}` is not declared; open: {', '.join(self._kinds) or 'none'}"
@@ -193,15 +260,17 @@ class MessageRouter:
         chosen = tuple(name for name in allowed if name in message.to) if message.to else allowed
         return (chosen, "", "") if chosen else ((), "no_recipient", f"nobody may receive `{message.kind}`")
 
-    def _receipt(self, one: _Candidate, status: Literal["accepted", "rejected"], reason: str, detail: str) -> Receipt:
+    def _receipt(
+        self, candidate: _Candidate, status: Literal["accepted", "rejected"], reason: str, detail: str
+    ) -> Receipt:
         return Receipt(
-            request=one.id,
-            tick=one.tick,
-            sender=one.sender,
-            resource=one.message.kind,
+            request=candidate.id,
+            tick=candidate.tick,
+            sender=candidate.sender,
+            resource=candidate.message.kind,
             status=status,
             reason=reason,
             detail=detail,
             by="bus",
-            time_s=(one.tick - 1) * self._instance.clock.tick_s,
+            time_s=(candidate.tick - 1) * self._instance.clock.tick_s,
         )

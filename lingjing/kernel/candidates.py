@@ -1,9 +1,9 @@
-"""Candidate outputs made plain: what a policy returned becomes a value that nobody else holds and a trace can keep.
+"""Normalisation of policy outputs: a decision becomes a copy in plain values that a trace can store.
 
-A policy may hand over numpy scalars, lists, texts with lone surrogates, numbers that are not finite and novels for
-thoughts. `received` copies a decision into plain data or replaces it by (no-op, no messages) as `malformed`. It does
-not judge: a number that no file can spell (NaN, infinity, beyond 64 bits) stays visible as a text such as `"NaN"`, so
-that the field which holds it is refused by validation, with a receipt, and is never mistaken for one left out.
+A policy may return numpy scalars, lists, texts with lone surrogates, numbers that are not finite and very long
+thoughts. `normalise_decision` copies a decision into plain values or replaces it by (no-op, no messages) as
+`malformed`. It does not judge the content. A number that no file can represent (NaN, infinity, beyond 64 bits) becomes
+a text such as `"NaN"`. Validation then rejects its field with a receipt, instead of treating it as left out.
 """
 
 from __future__ import annotations
@@ -17,30 +17,33 @@ import numpy as np
 from lingjing.trace.records import Decision, DecisionRecord
 
 THOUGHT_LETTERS = 20_000
-"""A longer thought is cut: it decides nothing, and the trace should stay readable."""
+"""Characters after which a thought is truncated. Chosen: thoughts decide nothing, and the trace should stay
+readable.
+"""
 
 DECISION_BYTES = 1_000_000
-"""A decision that is larger as JSON, its thought apart, is malformed."""
+"""Largest decision as JSON, without its thought. Chosen: far above any legal decision."""
 
 _WORD = 2**63
+"""Bound of a signed 64-bit integer."""
 
 
-def received(made: DecisionRecord) -> DecisionRecord:
-    """The record with its decision copied and made plain; a no-op with reason `malformed` if that cannot be done."""
+def normalise_decision(made: DecisionRecord) -> DecisionRecord:
+    """Return the record with its decision as plain values, or with a no-op and the reason `malformed`."""
     try:
-        decision = plain(made.decision)
+        decision = plain_copy(made.decision)
     except (msgspec.MsgspecError, TypeError, ValueError, OverflowError, RecursionError) as error:
         return msgspec.structs.replace(made, decision=Decision(), substituted="malformed", detail=f"{error}"[:300])
     return msgspec.structs.replace(made, decision=decision)
 
 
-def plain(decision: Decision) -> Decision:
-    """A copy of `decision` made of plain values alone.
+def plain_copy(decision: Decision) -> Decision:
+    """Return a copy of `decision` in plain values.
 
-    Raises `msgspec.ValidationError`, `TypeError`, `ValueError`, `OverflowError` or `RecursionError` if it does not
-    fit the schema or `DECISION_BYTES`.
+    Raises `msgspec.ValidationError`, `TypeError`, `ValueError`, `OverflowError` or `RecursionError` if it does not fit
+    the schema or `DECISION_BYTES`.
     """
-    content = _spelled(msgspec.to_builtins(decision, enc_hook=_from_numpy))
+    content = _representable(msgspec.to_builtins(decision, enc_hook=_from_numpy))
     content["thought"] = str(content["thought"])[:THOUGHT_LETTERS]
     copy = msgspec.convert(content, Decision)
     size = len(msgspec.json.encode(msgspec.structs.replace(copy, thought="")))
@@ -55,8 +58,8 @@ def _from_numpy(value: object) -> object:
     raise TypeError(f"a {type(value).__name__} cannot stand in a decision")
 
 
-def _spelled(value: Any) -> Any:
-    """`value` with unspeakable numbers as texts and lone surrogates replaced."""
+def _representable(value: Any) -> Any:
+    """Return `value` with numbers that JSON cannot represent as texts, and with lone surrogates replaced."""
     if isinstance(value, str):
         return value if value.isascii() else value.encode("utf-16", "surrogatepass").decode("utf-16", "replace")
     if isinstance(value, float):
@@ -64,9 +67,9 @@ def _spelled(value: Any) -> Any:
     if isinstance(value, int):
         return value if -_WORD <= value < _WORD else _name(math.copysign(math.inf, 1 if value > 0 else -1))
     if isinstance(value, dict):
-        return {_spelled(key): _spelled(item) for key, item in value.items()}
+        return {_representable(key): _representable(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_spelled(item) for item in value]
+        return [_representable(item) for item in value]
     return value
 
 

@@ -13,41 +13,41 @@ from lingjing.plugins.host import PluginHost
 from lingjing.scene.anchor import anchor
 from lingjing.scene.city import City
 
-MAP = "map"
+MAP_SCENE = "map"
 """The kind of scene that is read from a file."""
 
 MOST_PLACES = 8
-"""Placed instances held at a time; the one that was held first goes first."""
+"""Largest number of placed instances in the cache; the oldest entry is evicted. Chosen."""
 
-_places: dict[bytes, tuple[Instance, City]] = {}
+_placed: dict[bytes, tuple[Instance, City]] = {}
 
 
 class CityBuilder:
-    """Builds the cities of successive episodes. The last one is kept, since most episodes share it."""
+    """Builds the cities of successive episodes. It keeps the last one, since successive episodes usually share it."""
 
     def __init__(self, host: PluginHost) -> None:
         self._host = host
         self._last: tuple[SceneSpec, City] | None = None
 
     def place(self, instance: Instance, *, imported: bool = False, hold: bool = False) -> tuple[Instance, City]:
-        """The instance with its entities on roads, roofs and ground of its city, and the city.
+        """Return the instance with its entities on roads, roofs and ground of its city, and the city.
 
-        Those of an `imported` document may be moved farther than a mission allows. Raises `UsageError` for a scene that
-        nobody offers, `PluginError` for one that cannot be built, `MissionError` where something has no place.
+        Entities of an `imported` document may be moved farther than a mission allows. With `hold` the result is cached
+        for this process and its forks, except for scenes on a map: its file may change.
 
-        With `hold` the result is kept for this process and for those that will be forked from it, but not on a map,
-        whose file may change.
+        Raises `UsageError` for a scene that no plug-in offers, `PluginError` if the scene cannot be built,
+        `MissionError` if an entity has no place.
         """
-        key = _key(instance, imported=imported) if hold or _places else b""
-        if key in _places:
-            placed, city = _places[key]
+        key = _key(instance, imported=imported) if hold or _placed else b""
+        if key in _placed:
+            placed, city = _placed[key]
             return replace(placed, engine_options=instance.engine_options), city
         city = self._city(instance.scene)
         placed = anchor(instance, city, imported=imported)
-        if hold and instance.scene.kind != MAP:
-            _places[key] = placed, city
-            while len(_places) > MOST_PLACES:
-                del _places[next(iter(_places))]
+        if hold and instance.scene.kind != MAP_SCENE:
+            _placed[key] = placed, city
+            while len(_placed) > MOST_PLACES:
+                del _placed[next(iter(_placed))]
         return placed, city
 
     def _city(self, spec: SceneSpec) -> City:
@@ -57,5 +57,5 @@ class CityBuilder:
 
 
 def _key(instance: Instance, *, imported: bool) -> bytes:
-    """What decides where things stand: all but the options of engines."""
+    """Return the hash of all that determines the placement: the instance without the engines' options."""
     return hashlib.sha256(msgspec.msgpack.encode((replace(instance, engine_options={}), imported))).digest()

@@ -1,8 +1,8 @@
-"""`CommandLimits`: the bounds that the numbers of a command are clipped to, at the place where its resource is.
+"""`CommandLimits`: the bounds to which the numbers of a command are clipped at the position of its resource.
 
-Each limit has one source: the mission declares an argument's range and the altitude band, the engine's `kinds.json` the
-least values that it admits, and `lingjing.scene.flight_floor` the lowest point that a flying body may be sent to, which
-the engine checks too.
+Each bound has one source. The mission declares the range of an argument and the altitude band; the engine's
+`kinds.json` has the least values that it admits; `lingjing.scene.flight_floor` has the lowest point to which a flying
+body may be sent, which the engine checks too.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _UNBOUNDED = (float("-inf"), float("inf"))
 
 
 class CommandLimits:
-    """The limits of every resource of one instance; without a city, elevations have no floor."""
+    """The limits of every resource of one instance. Without a city, elevations have no floor."""
 
     def __init__(self, instance: Instance, city: City | None) -> None:
         terrain = None if city is None else Terrain(city)
@@ -34,7 +34,7 @@ class CommandLimits:
     def clipped(
         self, verb: VerbSpec, arguments: Mapping[str, Datum], entity: Entity, registry: Registry
     ) -> tuple[dict[str, Datum], str]:
-        """The arguments within their limits, defaults filled in, and a sentence where that changed something."""
+        """Return the arguments within their limits, with defaults, and a note on the changes ("" without changes)."""
         values: dict[str, Datum] = {}
         notes: list[str] = []
         for spec in admitted(verb, engine_kind(entity.engine)).arguments:
@@ -57,9 +57,9 @@ class CommandLimits:
     def _bounds(
         self, verb: VerbSpec, spec: ArgumentSpec, entity: Entity, here: Vector, others: Mapping[str, Datum]
     ) -> tuple[float, float]:
-        """The limits of one argument of a resource that is `here`; `others` are the command's other arguments.
+        """Return the limits of one argument of a resource at `here`; `others` are the command's other arguments.
 
-        The elevation band and the floor bound lengths alone: the speed of a climb has nothing to do with them.
+        The altitude band and the floor bound only lengths; the speed of a climb does not depend on them.
         """
         kind, (low, high) = engine_kind(entity.engine), argument_bounds(spec, entity.properties)
         if spec.unit != "m":
@@ -82,7 +82,7 @@ class CommandLimits:
         return _UNBOUNDED[0] if floor is None else floor.beneath(*here)
 
     def _at(self, entity: Entity, here: Vector, arguments: Mapping[str, Datum]) -> float:
-        """The lowest elevation at the destination that a command names, or where the resource is."""
+        """Return the lowest elevation at the destination of a command, or at the resource if it names none."""
         floor = self._floors.get(entity.id)
         x, y = arguments.get("x", here[0]), arguments.get("y", here[1])
         if floor is None or not isinstance(x, int | float) or not isinstance(y, int | float):

@@ -1,12 +1,12 @@
-"""ValidateAndResolve: candidate commands become at most one admitted command per resource, the rest receipts.
+"""ValidateAndResolve: candidate commands become at most one admitted command per resource; the others receive
+rejections.
 
-In the order of the collected policy outputs: unknown agent, stale tick, authority, action space, argument schema, a
-place outside the world, busy resource, conflict, permit, counted budget. Arguments beyond their bounds are clipped,
-and the admission receipt says so. Bounds are those that the mission declares, the altitude band, and the limits of the
-resource's engine: the least values of its `kinds.json`, and the lowest point that it lets a flying body be sent to.
-`stop` pre-empts what a resource is doing and needs no permit; everything else waits until the pending request has
-completed. Engines refuse what a dead entity is told; pictures are no engine's business, so a dead entity's are refused
-here.
+The checks, in the order of the collected policy outputs: unknown agent, stale tick, authority, action space, argument
+schema, a place outside the world, busy resource, conflict, permit, counted budget. Arguments beyond their bounds are
+clipped, and the admission receipt lists the changes. Bounds come from the mission's declarations, the altitude band and
+the limits of the resource's engine (`command_limits`). `stop` pre-empts a pending request and needs no permit; every
+other command is rejected until the pending request has completed. Engines reject commands to dead entities. Pictures do
+not pass through the motion engines, so those of dead entities are rejected here.
 """
 
 from __future__ import annotations
@@ -29,29 +29,36 @@ from lingjing.trace.records import DEAD, Action, Command, Receipt
 from lingjing.trace.request_ids import request_id
 
 MARGIN_M = 1_000.0
-"""How far outside the city's bounds a command may still send somebody."""
+"""Distance in metres by which a destination may lie outside the city's bounds. Chosen: generous for flights around the
+city, and still far below errors of unit or grid, which `_place_fault` detects.
+"""
 
 BLIND = ("out_of_view", "below_horizon")
 """The status words of a satellite that does not see its region."""
 
 
 class Rejection(msgspec.Struct, frozen=True):
-    """Why a candidate is refused: a stable reason code and a sentence."""
+    """The rejection of a candidate."""
 
     reason: str
+    """A stable reason code."""
     detail: str
+    """The description for the receipt."""
 
 
 class Resolution(msgspec.Struct, frozen=True):
-    """Admitted commands [Û], validator receipts [C^U], and by command id what had to be clipped."""
+    """The result of validation."""
 
     commands: tuple[Command, ...] = ()
+    """Admitted commands [Û]."""
     receipts: tuple[Receipt, ...] = ()
+    """Validator receipts [C^U]."""
     clipped: Mapping[str, str] = field(default_factory=dict)
+    """Notes on clipped arguments, by command id."""
 
 
 class CommandValidator:
-    """ValidateAndResolve for one instance in one city; without a city, no place and no elevation is out of bounds."""
+    """ValidateAndResolve for one instance in one city. Without a city, places and elevations are not bounded."""
 
     def __init__(self, instance: Instance, city: City | None = None) -> None:
         self._instance = instance
@@ -73,9 +80,10 @@ class CommandValidator:
         tally: Tally | None = None,
         at: RuntimeContext | None = None,
     ) -> Resolution:
-        """At most one command per resource; everything in policy order.
+        """Admit at most one command per resource, in policy order.
 
-        `tally` counts what is admitted against the counted budgets, `at` is the instant that permits are judged at.
+        `tally` counts admitted commands against the counted budgets. `at` is the instant at which permits are
+        evaluated.
         """
         admitted: dict[str, Command] = {}
         receipts: list[Receipt] = []
@@ -88,12 +96,12 @@ class CommandValidator:
             name = request_id("command", tick, number)
             resource = self._resource(sender, action)
             fault = self._fault(sender, action, resource, registry, tick, admitted)
-            fault = fault or self._conduct_fault(action, resource, tally, at)
+            fault = fault or self._constraint_fault(action, resource, tally, at)
             if fault is not None:
                 receipts.append(self._refusal(name, sender, resource, tick, fault))
                 continue
             if tally is not None:
-                tally.take_command(resource, action.verb)
+                tally.count_command(resource, action.verb)
             admitted[resource], note = self._command(name, sender, action, resource, registry, tick)
             if note:
                 clipped[name] = note
@@ -102,7 +110,7 @@ class CommandValidator:
     def _command(
         self, name: str, sender: str, action: Action, resource: str, registry: Registry, tick: int
     ) -> tuple[Command, str]:
-        """The command of a valid candidate, and what was clipped."""
+        """Return the command of a valid candidate with a note on clipped arguments."""
         entity = self._entities[resource]
         verb = self._verbs[resource][action.verb]
         arguments, note = self._limits.clipped(verb, action.arguments, entity, registry)
@@ -133,10 +141,10 @@ class CommandValidator:
             or _resource_fault(action, self._entities[resource], registry, admitted)
         )
 
-    def _conduct_fault(
+    def _constraint_fault(
         self, action: Action, resource: str, tally: Tally | None, at: RuntimeContext | None
     ) -> Rejection | None:
-        """What the mission itself forbids for now, or for good."""
+        """Return the rejection by a permit or a counted budget of the mission, if any."""
         for permit in self._instance.permits if at is not None else ():
             concerned = permit.resource == resource and permit.verb in ("", action.verb)
             if concerned and action.verb != STOP and at is not None and not holds(permit.condition, {}, at):
@@ -145,7 +153,9 @@ class CommandValidator:
         return Rejection(LIMIT, forbidden) if forbidden else None
 
     def forbidden(self, at: RuntimeContext) -> tuple[tuple[str, str], ...]:
-        """The (resource, verb) pairs of the permits that do not hold at an instant; the verb is "" for all."""
+        """Return the (resource, verb) pairs of the permits that do not hold at an instant. The verb "" stands for all
+        verbs.
+        """
         permits = self._instance.permits
         return tuple((permit.resource, permit.verb) for permit in permits if not holds(permit.condition, {}, at))
 
@@ -155,7 +165,7 @@ class CommandValidator:
             return None
         allowed = ", ".join(agent.commands) or "nothing"
         entity = self._entities.get(resource)
-        if entity is None or "position" in entity.hidden:  # that a hidden entity exists is not for a receipt to say
+        if entity is None or "position" in entity.hidden:  # a receipt must not reveal that a hidden entity exists
             return Rejection(
                 "unknown_resource", f"there is no resource `{resource}`; `{agent.id}` may command {allowed}"
             )
@@ -171,7 +181,9 @@ class CommandValidator:
         return Rejection("bad_argument", detail) if detail else None
 
     def _place_fault(self, action: Action) -> Rejection | None:
-        """A place far from the city is one in another frame: centimetres, another grid, degrees made metres."""
+        """Reject a place far from the city. It comes from another frame: centimetres, another grid, degrees used as
+        metres.
+        """
         x, y = action.arguments.get("x"), action.arguments.get("y")
         if self._bounds is None or not isinstance(x, int | float) or not isinstance(y, int | float):
             return None
@@ -200,13 +212,17 @@ class CommandValidator:
 
 
 def reachable(bounds: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
-    """Where a command may send somebody: the city's bounds with `MARGIN_M` around."""
+    """Return the bounds (west, south, east, north; metres) of allowed destinations: the city's bounds with `MARGIN_M`
+    around.
+    """
     west, south, east, north = bounds
     return west - MARGIN_M, south - MARGIN_M, east + MARGIN_M, north + MARGIN_M
 
 
 def camera_of(entity: Entity, arguments: Mapping[str, Datum]) -> str:
-    """The camera a `takePhoto` means: the one it names, else the first mount."""
+    """Return the camera of a `takePhoto`: the one that it names, else the first camera of the entity; "" without
+    cameras.
+    """
     name = arguments.get("camera")
     return str(name) if name is not None else entity.cameras[0].name if entity.cameras else ""
 
@@ -226,10 +242,10 @@ def _resource_fault(
     first = admitted.get(resource)
     if first is not None:
         return Rejection("conflict", f"`{first.sender}` was admitted first (`{first.verb}`, {first.id})")
-    held = registry.pending.get(resource)
-    if held is not None and action.verb != STOP:
+    pending = registry.pending.get(resource)
+    if pending is not None and action.verb != STOP:
         way_out = "; `stop` pre-empts it" if any(verb.name == STOP for verb in entity.verbs) else ""
-        return Rejection("busy", f"`{resource}` is still doing `{held.verb}` ({held.id}){way_out}")
+        return Rejection("busy", f"`{resource}` is still doing `{pending.verb}` ({pending.id}){way_out}")
     if action.verb == PHOTO:
         return _sight_fault(resource, registry.states[resource].status)
     return None

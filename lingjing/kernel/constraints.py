@@ -1,4 +1,4 @@
-"""Constraints: what must hold all along, looked at in every macro-step, broken at most once for each subject."""
+"""Constraints: conditions that must hold at every macro-step. Each is broken at most once for each subject."""
 
 from __future__ import annotations
 
@@ -16,24 +16,29 @@ from lingjing.mission.wording import some
 from lingjing.trace.records import AdjudicatedEvent, BodyState, Snapshot
 
 ContextAt = Callable[[Registry, Mapping[str, BodyState], float], RuntimeContext]
+"""A function that returns the evaluation context of a registry, the entities' states and a time in seconds."""
 
 
 class ConstraintMonitor:
-    """The constraints of one instance; holds no run-time state."""
+    """The constraints of one instance. Holds no run-time state."""
 
     def __init__(self, instance: Instance) -> None:
         self._constraints = instance.constraints
 
-    def look(
-        self, registry: Registry, snapshots: Sequence[Snapshot], instant: ContextAt, first: int
+    def check(
+        self, registry: Registry, snapshots: Sequence[Snapshot], context_at: ContextAt, first: int
     ) -> tuple[Registry, tuple[AdjudicatedEvent, ...]]:
-        """The registry that knows what was broken, and an event for each; their ids go on from `first`."""
+        """Check the constraints at each snapshot.
+
+        Returns the registry with the constraints that were broken, and one event for each; event ids count from
+        `first`.
+        """
         if not self._constraints:
             return registry, ()
         events: list[AdjudicatedEvent] = []
         broken = dict(registry.progress.broken)
         for snapshot in snapshots:
-            at = instant(registry, {state.id: state for state in snapshot.states}, snapshot.time_s)
+            at = context_at(registry, {state.id: state for state in snapshot.states}, snapshot.time_s)
             for constraint in self._constraints:
                 for subject in _offenders(constraint, at):
                     if (constraint.name, subject) not in broken:
@@ -44,25 +49,27 @@ class ConstraintMonitor:
         return replace(registry, progress=replace(registry.progress, broken=broken)), tuple(events)
 
     def broken(self, registry: Registry) -> str:
-        """Which hard constraint was broken, when and by whom, or "": then the episode can be no success any more."""
+        """Describe the first broken hard constraint with times and subjects; "" if none is broken. It excludes
+        success.
+        """
         if not registry.progress.broken:
             return ""
         hard = [constraint.name for constraint in self._constraints if constraint.kind == "hard"]
-        name = next((one for one, _ in registry.progress.broken if one in hard), None)
+        name = next((broken for broken, _ in registry.progress.broken if broken in hard), None)
         if name is None:
             return ""
         acts = [
             f"at {time_s:g} s" + (f" by {subject}" if subject else "")
-            for (one, subject), time_s in registry.progress.broken.items()
-            if one == name
+            for (broken, subject), time_s in registry.progress.broken.items()
+            if broken == name
         ]
         return f"the constraint `{name}` was broken {some(acts)}"
 
     def penalty(self, registry: Registry) -> float:
-        """What the broken soft constraints take off the score."""
+        """Return the sum of the penalties of broken soft constraints, once for each subject."""
         if not registry.progress.broken:
             return 0.0
-        cost = {one.name: one.penalty.value for one in self._constraints if isinstance(one.penalty, Number)}
+        cost = {each.name: each.penalty.value for each in self._constraints if isinstance(each.penalty, Number)}
         return sum(cost.get(name, 0.0) for name, _ in registry.progress.broken)
 
 

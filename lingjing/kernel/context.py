@@ -1,4 +1,4 @@
-"""What expressions are evaluated on: the registry, states and events of one instant of an episode."""
+"""The environment in which expressions are evaluated: registry, states and events of one instant of an episode."""
 
 from __future__ import annotations
 
@@ -15,52 +15,59 @@ from lingjing.mission.values import Area, Place, Value
 from lingjing.trace.records import BodyState
 
 Locals = Mapping[str, Entity | Report]
+"""The bound variables of an expression."""
 
 
 @dataclass(slots=True)
 class RuntimeContext:
-    """The evaluation context of a running mission at `time_s`; an `EvaluationContext` of `lingjing.mission.values`.
-
-    `facts` are the functions that only a running mission answers. `meanings` holds what the mission's expressions mean;
-    the contexts of one mission share it. `evidence` collects the numbers of the
-    latest evaluation.
-    """
+    """The evaluation context of a running mission; an `EvaluationContext` of `lingjing.mission.values`."""
 
     instance: Instance
+    """The instance that is played."""
     registry: Registry
+    """The registry at this instant."""
     states: Mapping[str, BodyState]
+    """Entity states at this instant, which may lie between two boundaries."""
     time_s: float
+    """Simulated time of this instant in seconds."""
     groups: Mapping[str, tuple[Entity, ...]]
+    """The entities of each group, in declaration order."""
     rules: Mapping[str, Rule]
+    """The mission's rules by name."""
     kinds: frozenset[str]
+    """The names of message kinds."""
     areas: Mapping[str, Area]
+    """The polygons of the regions by name."""
     facts: Mapping[str, Callable[..., Value]]
+    """The functions that need a running mission."""
     meanings: Meanings
+    """The compiled expressions of the mission; all its contexts share them."""
     evidence: dict[str, float] = field(default_factory=dict)
+    """The numbers of the latest evaluation."""
 
     @property
     def tick(self) -> int:
-        """The boundary's tick. With `achieved`, `stages`, `states`, `time_s` it is an evaluator's `EpisodeState`."""
+        """The boundary's tick. With `achieved`, `stages`, `states`, `time_s` it forms an evaluator's `EpisodeState`."""
         return self.registry.tick
 
     @property
     def achieved(self) -> Mapping[tuple[str, Binding], float]:
-        """When each (rule, binding) that has come true did, in seconds."""
+        """The time in seconds at which each (rule, binding) became true."""
         return self.registry.achieved
 
     @property
     def stages(self) -> Mapping[tuple[str, str], int]:
-        """The tick at which each (stage, subject) that is done was done."""
+        """The tick at which each (stage, subject) was completed."""
         return self.registry.stages
 
     def domain(self, name: str) -> tuple[Entity, ...] | tuple[Report, ...]:
-        """The members of a group or the reports of a message kind, in declaration or arrival order."""
+        """Return the members of a group or the reports of a message kind, in declaration or arrival order."""
         if name in self.kinds:
             return tuple(report for report in self.registry.reports.values() if report.kind == name)
         return self.groups.get(name, ())
 
     def fresh(self, name: str) -> tuple[Entity, ...] | tuple[Report, ...]:
-        """As `domain`, but of the reports only those that arrived at this boundary."""
+        """As `domain`, but only with the reports that arrived at this boundary."""
         if name not in self.kinds:
             return self.groups.get(name, ())
         tick = self.registry.tick
@@ -68,19 +75,19 @@ class RuntimeContext:
         return tuple(reversed([report for report in new if report.kind == name]))
 
     def place(self, value: Value) -> Place | None:
-        """East and north of a position, or of where an entity is now."""
+        """Return east and north of a position, or of an entity's present position."""
         if isinstance(value, Entity):
             state = self.states.get(value.id)
             return None if state is None else Place(state.position[0], state.position[1])
         if isinstance(value, Place):
             return value
-        found = point(value)
-        return None if found is None else Place(*found)
+        position = point(value)
+        return None if position is None else Place(*position)
 
     def note(self, name: str, number: float) -> None:
-        """Keep a number that decided."""
+        """Store a number on which the result depends."""
         self.evidence[name] = number
 
     def fact(self, name: str, arguments: Sequence[Value]) -> Value:
-        """What a function of a running mission answers; None where it has no answer."""
+        """Return the value of a function of a running mission; None if it has none."""
         return self.facts[name](self, *arguments)

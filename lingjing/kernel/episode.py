@@ -1,7 +1,7 @@
-"""The episode loop around W.Step: policies act, the kernel commits, until done, the tick limit or an abort.
+"""The episode loop around W.Step: policies act and the kernel commits until termination, tick limit or abort.
 
-An infrastructure abort ends the loop with a readable partial trace and is never a model failure. An interrupt closes
-the trace the same way and travels on.
+An infrastructure abort ends the loop with a readable partial trace and never counts as a failure of a model. An
+interrupt closes the trace in the same way and propagates.
 """
 
 from __future__ import annotations
@@ -20,27 +20,34 @@ from lingjing.trace.records import CUT_SHORT, BoundaryRecord, DecisionRecord, Ou
 from lingjing.trace.signals import deferring_signals
 
 WON_AT_START = "success held at the start, before anybody acted"
-LOST_AT_START = "failure held at the start, before anybody acted"
 """The detail of an episode that was won at boundary 0."""
+LOST_AT_START = "failure held at the start, before anybody acted"
+"""The detail of an episode that was lost at boundary 0."""
 
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """Where an episode is: for a progress display, never for a decision."""
+    """The state of a running episode, for displays only."""
 
     tick: int
+    """The last committed boundary."""
     ticks: int
+    """The mission's tick limit."""
     time_s: float
+    """Simulated time in seconds."""
     wall_s: float
+    """Wall-clock seconds since the start of the loop."""
     last_event: str
+    """The latest event in words; "" before the first."""
     record: BoundaryRecord
+    """The record of the last boundary."""
 
 
 class Ending(Protocol):
-    """How a recorder is closed: `finish` for an episode that ran to its end, `abandon` for a partial one."""
+    """The interface by which the loop closes a recorder."""
 
     def finish(self, outcome: Outcome) -> object:
-        """Write the outcome and give the file its final name."""
+        """Write the outcome of a complete episode and give the file its final name."""
         ...
 
     def abandon(self, outcome: Outcome | None) -> object:
@@ -49,40 +56,44 @@ class Ending(Protocol):
 
 
 class DecisionSource(Protocol):
-    """Who decides: the policy barrier, or somebody in its place."""
+    """A source of decisions: the policy barrier or a replacement."""
 
     def decide(self, published: Published, exhausted: Mapping[str, str]) -> tuple[DecisionRecord, ...]:
-        """Everybody's decisions at a boundary, in declaration order; who is `exhausted` is not asked."""
+        """Return the decisions of all agents at a boundary, in declaration order. Agents in `exhausted` are not
+        called.
+        """
         ...
 
     @property
     def ambient_random(self) -> frozenset[str]:
-        """Agents in whose calls a global random generator was used that nothing has seeded."""
+        """Agents with a call that used an unseeded global random generator."""
         ...
 
     def close(self) -> None:
-        """Nobody will be asked any more."""
+        """End the source; no further decision is requested."""
         ...
 
 
 def policy_barrier(
     kernel: Kernel, policies: Mapping[str, Policy], outage_check: OutageCheck = no_outage
 ) -> PolicyBarrier:
-    """Put the active agents' policies behind the barrier, in declaration order, and give each its brief.
+    """Put the active agents' policies behind a barrier, in declaration order, and send each its brief.
 
-    An agent without a policy here is played from outside: its decisions go straight to `Kernel.step`.
-    Raises `ForeignCodeError` that names the agent if a policy cannot take it: nothing has been recorded by then.
+    An agent without a policy here is controlled from outside: its decisions go directly to `Kernel.step`. Raises
+    `ForeignCodeError` with the agent's name if a policy fails in `reset`; nothing has been recorded by then.
     """
     present = [agent.id for agent in kernel.instance.agents if agent.id in policies]
     limit_s = kernel.instance.budget.policy_s
     barrier = PolicyBarrier({agent: policies[agent] for agent in present}, limit_s, outage_check)
-    give_briefs(kernel, barrier)
+    reset_policies(kernel, barrier)
     return barrier
 
 
-def give_briefs(kernel: Kernel, barrier: Barrier) -> None:
-    """Give every policy behind the barrier its brief. Raises `ForeignCodeError` that names the agent if a policy cannot
-    take it; the barrier is closed then."""
+def reset_policies(kernel: Kernel, barrier: Barrier) -> None:
+    """Send every policy behind the barrier its brief.
+
+    Raises `ForeignCodeError` with the agent's name if a policy fails in `reset`. The barrier is closed on any error.
+    """
     try:
         answers = barrier.reset(kernel.briefs())
     except BaseException:
@@ -92,7 +103,7 @@ def give_briefs(kernel: Kernel, barrier: Barrier) -> None:
         if answer.reason:
             barrier.close()
             raise ForeignCodeError(
-                f"the policy of `{agent}` could not take its brief: {answer.detail}",
+                f"the policy of `{agent}` failed in `reset`: {answer.detail}",
                 hint="correct the policy's `reset`, or choose another with --policy",
             )
 
@@ -104,11 +115,11 @@ def play(
     progress: Callable[[Progress], None] | None = None,
     since: Published | None = None,
 ) -> Outcome:
-    """Play one episode with the policies behind `barrier`, which is closed afterwards: from its beginning, or on from
-    what was published `since` last.
+    """Play one episode with the policies behind `barrier`, which is closed afterwards.
 
-    Returns an outcome with reason `infrastructure-abort` if the world fails. Anything else that ends the episode
-    from outside, a `KeyboardInterrupt` above all, is passed on after the trace is closed as a partial one.
+    Starts at boundary 0, or continues from the boundary output `since`. Returns an outcome with reason
+    `infrastructure-abort` if the world fails. Any other interruption, above all a `KeyboardInterrupt`, propagates after
+    the trace is closed as partial.
     """
     started = time.perf_counter()
     reason: Reason = "error"
@@ -136,24 +147,24 @@ def _loop(
     started: float,
     since: Published | None,
 ) -> tuple[Reason, str]:
-    """Why the episode ended by itself, and the detail of it."""
+    """Return the reason and detail of the episode's termination."""
     published = since if since is not None else kernel.reset()
     last = ""
     while True:
         last = _last_event(published, last)
         if progress is not None:
             progress(_progress(kernel, published, last, started))
-        reason, detail = ended_because(kernel)
+        reason, detail = end_reason(kernel)
         if reason is not None:
             return reason, detail
         published = kernel.step(barrier.decide(published, kernel.exhausted()))
 
 
-def ended_because(kernel: Kernel) -> tuple[Reason | None, str]:
-    """Why the episode is over at the boundary that the kernel stands at, with the detail of it; None if it is not."""
+def end_reason(kernel: Kernel) -> tuple[Reason | None, str]:
+    """Return the reason and detail if the episode is over at the kernel's boundary; the reason is None if it is not."""
     ended, tick = kernel.state.evaluation, kernel.state.registry.tick
     if ended.done:
-        # an evaluator of somebody's own that ends an episode without a reason has seen no success
+        # A plug-in's evaluator may end an episode without a reason; only the reason `success` counts as a win.
         reason = ended.reason or "failure"
         at_start = {"success": WON_AT_START, "failure": LOST_AT_START}.get(reason, "") if tick == 0 else ""
         return reason, ended.detail or at_start

@@ -1,14 +1,14 @@
-"""Evaluate: the score r and the flag d of a boundary, and why an episode ended.
+"""Evaluate: the score r and the termination flag d of a boundary, with the reason of the termination.
 
-The built-in evaluator reads the mission's own success and failure conditions. Its score is the share of the success
-condition's parts that hold, where `forall v in victim: rescued(v)` has one part for each victim and a conjunction adds
-up the parts of its sides; or, where stages have weights, the weighted share of the stages that are done; 1 when the
-mission is won. Broken soft constraints take their penalties off the score. The paper's subtask completion rate knows
-neither weights nor penalties: see `subtasks`.
+The built-in evaluator reads the mission's own success and failure conditions. Its score is 1 if the mission is won.
+Otherwise it is the share of the success condition's parts that hold: `forall v in victim: rescued(v)` has one part for
+each victim, and a conjunction has the parts of both sides. If stages have weights, the score is the weighted share of
+completed stages instead. Broken soft constraints subtract their penalties. The paper's subtask completion rate ignores
+weights and penalties; see `subtasks`.
 
-What holds first of these at a boundary ends the episode there: a broken hard constraint, success, failure, a stage that
-is late. The mission's own ticks are the loop's to count and come last, so a stage that is late at the very last tick is
-`late`: it would have ended a longer mission as well.
+An episode ends at the first boundary where one of these holds, in this order of precedence: a broken hard constraint,
+success, failure, a late stage. The loop in `episode` checks the tick limit last. A stage that is late at the last tick
+therefore ends the episode as `late`, as it would in a longer mission.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from lingjing.mission.wording import some
 from lingjing.plugins.evaluator import Evaluation
 from lingjing.trace.records import AdjudicatedEvent
 
-NOTHING_BOUND: Locals = {}
-"""The scope of a mission's own conditions."""
+NO_BINDINGS: Locals = {}
+"""The scope of the mission's own conditions, which have no bound variables."""
 
 
 class MissionEvaluator:
-    """Scores by the mission's own success and failure conditions: the evaluator `mission`."""
+    """The evaluator `mission`, which scores by the mission's own success and failure conditions."""
 
     def __init__(self, instance: Instance) -> None:
         self._success = CountedParts(instance.success)
@@ -42,21 +42,21 @@ class MissionEvaluator:
         self._declared_stages = Stages(instance)
 
     def evaluate(self, at: RuntimeContext, events: Sequence[AdjudicatedEvent]) -> Evaluation:
-        """Success before failure and lateness: a mission won at the boundary where it would be lost is won."""
-        standing = at.registry
+        """Return the evaluation at a boundary. Success precedes failure and lateness at the same boundary."""
+        registry = at.registry
         parts = list(self._success.hold(at))
         won = all(parts)
-        whole = 1.0 if won else self._share(standing, parts)
-        score = min(1.0, max(0.0, whole - self._monitor.penalty(standing)))
-        broken = self._monitor.broken(standing)
+        whole = 1.0 if won else self._share(registry, parts)
+        score = min(1.0, max(0.0, whole - self._monitor.penalty(registry)))
+        broken = self._monitor.broken(registry)
         if broken:
             return Evaluation(score, True, "constraint", broken)
         if won:
             return Evaluation(score, True, "success")
-        if self._failure is not None and holds(self._failure, NOTHING_BOUND, at):
+        if self._failure is not None and holds(self._failure, NO_BINDINGS, at):
             return Evaluation(score, True, "failure")
-        late = tuple(self._declared_stages.late(standing))
-        return Evaluation(score, True, "late", _lateness(late, standing.tick)) if late else Evaluation(score, False)
+        late = tuple(self._declared_stages.late(registry))
+        return Evaluation(score, True, "late", _lateness(late, registry.tick)) if late else Evaluation(score, False)
 
     def _share(self, registry: Registry, parts: Sequence[bool]) -> float:
         score = self._declared_stages.score(registry)
@@ -66,20 +66,20 @@ class MissionEvaluator:
 def _lateness(late: Sequence[LateStage], tick: int) -> str:
     first, *others = late
     had = f"{first.ticks} tick{'s' * (first.ticks != 1)}"
-    told = f"the stage {first.name} was not done in the {had} it had (from tick {first.began} to tick {tick})"
-    return told + (f"; so were {some([one.name for one in others])}" if others else "")
+    text = f"the stage {first.name} was not done in the {had} it had (from tick {first.began} to tick {tick})"
+    return text + (f"; so were {some([stage.name for stage in others])}" if others else "")
 
 
 class CountedParts:
-    """The parts of a condition that are counted: its components, once for each member that a `forall` asks them of."""
+    """The parts of a condition that are counted: its components, once for each member of a `forall` group."""
 
     def __init__(self, condition: Expr) -> None:
         self._parts = tuple(
             (each, part, None if each is None else CountedParts(part)) for each, part in components(condition)
         )
 
-    def hold(self, at: RuntimeContext, scope: Locals = NOTHING_BOUND) -> Iterator[bool]:
-        """Whether each of them holds; the condition holds when all do."""
+    def hold(self, at: RuntimeContext, scope: Locals = NO_BINDINGS) -> Iterator[bool]:
+        """Yield the truth of each part. The condition holds if all parts hold."""
         for each, part, inner in self._parts:
             if each is None or inner is None:
                 yield holds(part, scope, at)
@@ -89,7 +89,9 @@ class CountedParts:
 
 
 def combine(results: Sequence[Evaluation]) -> Evaluation:
-    """Several evaluators: the mean score; done when any says so, with the first one's reason and detail."""
+    """Combine the results of several evaluators: the mean score, and the termination of the first result that is
+    done.
+    """
     if not results:
         return Evaluation(0.0, False)
     reward = sum(result.reward for result in results) / len(results)

@@ -1,6 +1,6 @@
-"""Evaluators built from their declarations, and held to their contract.
+"""The evaluators of plug-ins: built from their declarations, their results checked.
 
-Whatever a stranger's code raises or returns, the error names the evaluator and the plug-in that offers it.
+Errors from foreign code name the evaluator and the plug-in that offers it.
 """
 
 from __future__ import annotations
@@ -23,28 +23,29 @@ def build_evaluators(
     plugins: Iterable[EvaluatorPlugin],
     instance: Instance,
     host: PluginHost,
-    told: Mapping[str, Mapping[str, GivenOption]] | None = None,
+    options: Mapping[str, Mapping[str, GivenOption]] | None = None,
 ) -> tuple[Evaluator[Any], ...]:
-    """The evaluators of an episode; what they answer is checked. `told` are the options of each, by its name.
+    """Return the evaluators of an episode, with checked results. `options` are the user's options by evaluator name.
 
-    Raises `UsageError` for options that an evaluator does not take, `PluginError` if one cannot be built. Their
-    `evaluate` raises `InfrastructureError` if it fails or its answer is not as `Evaluation` says.
+    Raises `UsageError` for options that an evaluator does not accept and `PluginError` if one cannot be built.
+    `evaluate` of a returned evaluator raises `InfrastructureError` if the evaluator fails or its result violates
+    `Evaluation`.
     """
-    return tuple(_build_evaluator(plugin, instance, host, (told or {}).get(plugin.name, {})) for plugin in plugins)
+    return tuple(_build_evaluator(plugin, instance, host, (options or {}).get(plugin.name, {})) for plugin in plugins)
 
 
 def _build_evaluator(
-    plugin: EvaluatorPlugin, instance: Instance, host: PluginHost, told: Mapping[str, GivenOption]
+    plugin: EvaluatorPlugin, instance: Instance, host: PluginHost, values: Mapping[str, GivenOption]
 ) -> Evaluator[Any]:
     owner = f"evaluator `{plugin.name}` of plug-in `{host.sources['lingjing_evaluators', plugin.name]}`"
-    options: tuple[object, ...] = ()
+    arguments: tuple[object, ...] = ()
     if plugin.options:
         from lingjing.plugins.options import PluginOptions, declared_model, read_options
 
-        asked = f"evaluator `{plugin.name}`"
-        options = (read_options(declared_model(plugin.options, asked) or PluginOptions, told, asked),)
+        subject = f"evaluator `{plugin.name}`"
+        arguments = (read_options(declared_model(plugin.options, subject) or PluginOptions, values, subject),)
     try:
-        made = plugin.build(instance, *options)
+        made = plugin.build(instance, *arguments)
     except LingjingError:
         raise
     except (Exception, SystemExit) as error:
@@ -57,7 +58,7 @@ def _build_evaluator(
 
 
 class _CheckedEvaluator:
-    """An evaluator whose failures and wrong answers are infrastructure faults that name it."""
+    """An evaluator that raises `InfrastructureError` with its name for exceptions and invalid results."""
 
     def __init__(self, owner: str, evaluator: Evaluator[Any]) -> None:
         self._owner = owner
@@ -65,15 +66,15 @@ class _CheckedEvaluator:
 
     def evaluate(self, state: Any, events: Sequence[AdjudicatedEvent]) -> Evaluation:
         try:
-            found: object = self._evaluator.evaluate(state, events)
+            evaluation: object = self._evaluator.evaluate(state, events)
         except (Exception, SystemExit) as error:
             raise self._fault(f"failed at tick {state.tick}: {one_line(error)}") from error
-        if not isinstance(found, Evaluation):
-            raise self._fault(f"answered {kind_of_value(found)} at tick {state.tick}, no Evaluation")
-        wrong = answer_fault(found)
+        if not isinstance(evaluation, Evaluation):
+            raise self._fault(f"returned {kind_of_value(evaluation)} at tick {state.tick}, no Evaluation")
+        wrong = answer_fault(evaluation)
         if wrong:
             raise self._fault(f"broke its contract at tick {state.tick}: {wrong}")
-        return replace(found, reward=float(found.reward))
+        return replace(evaluation, reward=float(evaluation.reward))
 
     def _fault(self, message: str) -> InfrastructureError:
         return InfrastructureError(f"{self._owner} {message}", hint="correct its `evaluate`")

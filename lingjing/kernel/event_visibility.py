@@ -1,12 +1,20 @@
-"""Which events are told to whom: the one place that decides (the table with the paper's lines is in `docs/kernel.md`).
+"""The visibility of events: the one place that decides which agent observes which event.
 
-An event reaches only agents that observe `events`. Of the adjudicator's, those are told that read nothing hidden and no
-message: a verdict about a report is for the trace. Of the engines', an interaction is told as its type declares
-(`told = all`, `actor` or `none`); without a word everybody is told of what is done to a target that hides nothing, and
-nobody of what is done to another. Anything else that involves somebody whose place is hidden, as a collision does, is
-felt by whoever controls a body in it. Of the mission's own events everybody is told of the weather, and of those who
-come and go by themselves only of whose place is public. A told event names no entity with a hidden place, and its
-number counts what its agent was told alone.
+`docs/kernel.md` has the table with the paper's lines. Only agents that observe `events` receive any. The rules:
+
+- An adjudicated event is visible if its rule reads nothing hidden and no message. A verdict on a report is for the
+  trace
+alone.
+- The event of an interaction is visible as its type declares (`told = all`, `actor` or `none`). Without a declaration
+  it
+is visible to all agents if the target hides nothing, and to none otherwise.
+- Another engine event that involves an entity with a hidden position, such as a collision, is visible to the agents
+  that
+control a body in it.
+- The mission's weather events are visible to all agents; its appearances and vanishings only if the position of a
+concerned entity is public.
+
+A visible event names no entity with a hidden position. Event numbers count only the agent's own visible events.
 """
 
 from __future__ import annotations
@@ -18,23 +26,24 @@ from lingjing.mission.instance import AgentSpec, Instance
 from lingjing.trace.records import AdjudicatedEvent, EventView, TaskEvent
 
 ALL, ACTOR, NONE = "all", "actor", "none"
-"""Whoever observes events; of them who commands a body that took part; nobody."""
+"""The audience of an event: every agent that observes events, those that command a body in it, or no agent."""
 
 
 class EventVisibility:
-    """What the agents of one instance are told of its events; holds no run-time state."""
+    """The event filter of one instance. Holds no run-time state."""
 
     def __init__(self, instance: Instance) -> None:
         self._entities = {entity.id: entity for entity in instance.entities}
         self._unplaced = frozenset(entity.id for entity in instance.entities if "position" in entity.hidden)
         self._open = frozenset(_open_kinds(instance))
 
-    def of(
+    def visible_events(
         self, agent: AgentSpec, task_events: Sequence[TaskEvent], adjudicated: Sequence[AdjudicatedEvent], tick: int
     ) -> tuple[EventView, ...]:
-        """The agent's share: the mission's and the engines' events of this boundary `tick`, then the adjudicator's of
-        the one before."""
-        acted = [(event.kind, event.entities) for event in task_events if self._tells(agent, event)]
+        """Return the agent's visible events: those of this boundary `tick`, then the adjudicated events of the boundary
+        before.
+        """
+        acted = [(event.kind, event.entities) for event in task_events if self._is_visible(agent, event)]
         judged = [event for event in adjudicated if event.kind in self._open]
         return (
             *(self._view(f"t{tick}-{number}", tick, *event) for number, event in enumerate(acted, 1)),
@@ -44,18 +53,18 @@ class EventVisibility:
             ),
         )
 
-    def _tells(self, agent: AgentSpec, event: TaskEvent) -> bool:
-        word = self._word(event)
-        return word == ALL or (word == ACTOR and not set(agent.commands).isdisjoint(event.entities))
+    def _is_visible(self, agent: AgentSpec, event: TaskEvent) -> bool:
+        audience = self._audience(event)
+        return audience == ALL or (audience == ACTOR and not set(agent.commands).isdisjoint(event.entities))
 
-    def _word(self, event: TaskEvent) -> str:
+    def _audience(self, event: TaskEvent) -> str:
         if event.name:
             return NONE if event.entities and self._unplaced.issuperset(event.entities) else ALL
         entities = [self._entities[name] for name in event.entities if name in self._entities]
         for entity in entities:
-            for one in entity.interactions:
-                if one.name == event.kind:
-                    return one.told or (NONE if entity.hidden else ALL)
+            for interaction in entity.interactions:
+                if interaction.name == event.kind:
+                    return interaction.told or (NONE if entity.hidden else ALL)
         return ACTOR if any(entity.id in self._unplaced for entity in entities) else ALL
 
     def _view(self, name: str, tick: int, kind: str, entities: Iterable[str]) -> EventView:
@@ -64,11 +73,11 @@ class EventVisibility:
 
 
 def _open_kinds(instance: Instance) -> Iterable[str]:
-    """The rules and constraints that read nothing hidden and no message."""
+    """Yield the names of the rules and constraints that read nothing hidden and no message."""
     secret = {name for entity in instance.entities if entity.hidden for name in (entity.group, entity.id)}
     secret |= {region.name for region in instance.regions if region.hidden}
     secret |= {message.kind for message in instance.messages}
-    secret |= {one.name for entity in instance.entities if entity.hidden for one in entity.interactions}
+    secret |= {interaction.name for entity in instance.entities if entity.hidden for interaction in entity.interactions}
     rules = {rule.name: rule for rule in instance.rules}
     for rule in instance.rules:
         if not rule_reads(rule, rules, secret):

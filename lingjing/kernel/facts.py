@@ -1,6 +1,6 @@
-"""What only a running mission answers: ground truth, task events, assignments, routes, counted budgets.
+"""Functions that need a running mission: ground truth, task events, assignments, routes, counted budgets.
 
-Each takes the evaluation context and evaluated arguments. Total: what does not exist is `None`.
+Each function receives the evaluation context and evaluated arguments. A missing value is `None`; nothing raises.
 """
 
 from __future__ import annotations
@@ -15,14 +15,18 @@ from lingjing.mission.values import Value
 from lingjing.trace.records import CLEARED, DEAD, DORMANT
 
 HANDOFF_M = 50.0
-"""How near a destination must be to a target for `assigned` to mean that target (the paper's vessel radius)."""
+"""Largest distance in metres between a destination and a target that it refers to in `assigned` (the paper's vessel
+radius).
+"""
 
 SAME_POINT_M = 1.0
-"""A destination this near a matched report's position was taken from it."""
+"""Largest distance in metres between a destination and the matched report's position from which it was copied.
+Chosen.
+"""
 
 
 def _truth(at: RuntimeContext, entity: Value, frame: Value) -> Value:
-    """The ground-truth box of an entity in a frame, or None where no pixel of it is visible."""
+    """Return the ground-truth box of an entity in a frame, or None if no pixel of it is visible."""
     info = at.registry.frames.get(frame) if isinstance(frame, str) else None
     if info is None or not isinstance(entity, Entity):
         return None
@@ -30,7 +34,7 @@ def _truth(at: RuntimeContext, entity: Value, frame: Value) -> Value:
 
 
 def _emitted(at: RuntimeContext, kind: Value, *entities: Value) -> Value:
-    """An engine has emitted the task event `kind` about every entity given, by this instant."""
+    """Return whether an engine has emitted the task event `kind` about all these entities by this instant."""
     names = {entity.id for entity in entities if isinstance(entity, Entity)}
     return any(
         emitted == kind and time_s <= at.time_s and names.issubset(about)
@@ -39,7 +43,7 @@ def _emitted(at: RuntimeContext, kind: Value, *entities: Value) -> Value:
 
 
 def _assigned(at: RuntimeContext, resource: Value, target: Value) -> Value:
-    """A destination that the resource was given last means this target (see `HANDOFF_M`, `SAME_POINT_M`)."""
+    """Return whether the latest destinations of the resource refer to this target (see `HANDOFF_M`, `SAME_POINT_M`)."""
     if not isinstance(resource, Entity) or not isinstance(target, Entity):
         return None
     here = at.place(target)
@@ -52,26 +56,28 @@ def _assigned(at: RuntimeContext, resource: Value, target: Value) -> Value:
 
 
 def _alive(at: RuntimeContext, asset: Value) -> Value:
-    """The asset is there and not dead."""
+    """Return whether the asset is present and not dead."""
     state = at.states.get(asset.id) if isinstance(asset, Entity) else None
     return state is not None and state.status not in (DEAD, DORMANT)
 
 
 def _photographed(at: RuntimeContext, asset: Value) -> Value:
-    """A camera of the asset has taken a picture; reference pictures are no asset's."""
+    """Return whether a camera of the asset has taken a picture. Reference pictures belong to no asset."""
     return isinstance(asset, Entity) and any(frame.entity == asset.id for frame in at.registry.frames.values())
 
 
 def _inspected(at: RuntimeContext, inspection: Value) -> Value:
-    """Every waypoint of the route as it is now has been inspected by this instant."""
+    """Return whether every waypoint of the present route has been inspected by this instant."""
     known = at.registry.progress.inspected.get(str(inspection))
     return known is not None and known.complete_s is not None and known.complete_s <= at.time_s
 
 
 def _clear(at: RuntimeContext, inspection: Value) -> Value:
-    """No target that is there blocks a waypoint of the route as it is now (`Entity.blocked_m`): waypoints are what is
-    inspected, so a jam between two of them is nobody's to find."""
-    declared = next((one for one in at.instance.inspections if one.name == inspection), None)
+    """Return whether no present target blocks a waypoint of the present route (`Entity.blocked_m`).
+
+    Only waypoints are inspected, so a jam between two of them does not count.
+    """
+    declared = next((inspected for inspected in at.instance.inspections if inspected.name == inspection), None)
     route = at.registry.routes.get(declared.asset) if declared is not None else None
     if route is None:
         return None
@@ -88,16 +94,16 @@ def _blocks(entity: Entity, waypoints: Sequence[tuple[float, ...]], at: RuntimeC
 
 
 def _replans(at: RuntimeContext, inspection: Value) -> Value:
-    """How often the route was planned anew: routes are numbered from 1."""
-    declared = next((one for one in at.instance.inspections if one.name == inspection), None)
+    """Return how often the route was planned again. Routes are numbered from 1."""
+    declared = next((inspected for inspected in at.instance.inspections if inspected.name == inspection), None)
     route = at.registry.routes.get(declared.asset) if declared is not None else None
     return None if declared is None else float(max(0, route.number - 1) if route is not None else 0)
 
 
 def _used(at: RuntimeContext, limit: Value) -> Value:
-    """What a counted budget has counted; one inside a stage is found by its own name."""
+    """Return the count of a budget; a budget inside a stage is found by its own name."""
     used = at.registry.progress.used
-    keys = [limit_key(one) for one in at.instance.limits if one.name == limit]
+    keys = [limit_key(spec) for spec in at.instance.limits if spec.name == limit]
     return float(sum(used.get(key, 0) for key in keys)) if keys else None
 
 

@@ -1,8 +1,8 @@
-"""Inspections of routes: waypoint by waypoint, at every macro-step, begun anew with every new route.
+"""Inspections of routes: waypoint by waypoint, at every macro-step, restarted with every new route.
 
-The road engine plans and publishes routes; here is only looked at who came near which waypoint. A waypoint counts from
-the moment its route is known. In strict order the next one counts only after the one before; several may be reached
-in one macro-step, by several inspectors too.
+The road engine plans and publishes routes. This module checks which inspector came near which waypoint. A waypoint
+counts only after its route is known. In strict order a waypoint counts only after the one before. Several waypoints may
+be reached in one macro-step, also by different inspectors.
 """
 
 from __future__ import annotations
@@ -19,42 +19,45 @@ from lingjing.mission.instance import InspectionSpec, Instance
 from lingjing.trace.records import BodyState, Route, Snapshot
 
 PLAN = "route"
-"""Verb of the kernel-origin command that asks the asset's engine for a route to a place (`x`, `y`)."""
+"""Verb of the kernel's own command that requests a route from the asset's engine to a place (`x`, `y`)."""
 
 REPLAN = "replan"
-"""The same for another route to the same destination that avoids a place (`x`, `y`)."""
+"""Verb of the kernel's own command that requests another route to the same destination which avoids a place (`x`,
+`y`).
+"""
 
 RouteRequest = tuple[str, str, tuple[float, float]]
-"""An asset, `PLAN` or `REPLAN`, and the place (east, north) that it is about."""
+"""An asset, `PLAN` or `REPLAN`, and a place in metres (east, north)."""
 
 
 class Inspections:
-    """The inspections of one instance; holds no run-time state."""
+    """The inspections of one instance. Holds no run-time state."""
 
     def __init__(self, instance: Instance) -> None:
         self._inspections = instance.inspections
         self._entities = {entity.id: entity for entity in instance.entities}
 
-    def wanted(self, tick: int, reports: Sequence[Report]) -> tuple[RouteRequest, ...]:
-        """The routes to ask for at the boundary `tick`: the first ones, and what the admitted messages ask for.
+    def route_requests(self, tick: int, reports: Sequence[Report]) -> tuple[RouteRequest, ...]:
+        """Return the routes to request at the boundary `tick`: the first routes, and those that admitted messages
+        request.
 
-        Several messages of one boundary that say the same place ask once.
+        Several messages of one boundary with the same place cause one request.
         """
         if not self._inspections:
             return ()
-        asked: dict[RouteRequest, None] = {}
+        requests: dict[RouteRequest, None] = {}
         for inspection in self._inspections:
             if tick == 1 and inspection.destination:
                 east, north, _ = self._entities[inspection.destination].position
-                asked[inspection.asset, PLAN, (east, north)] = None
+                requests[inspection.asset, PLAN, (east, north)] = None
             for message in reports:
                 place = point(message.body.get("position"))
                 if message.kind == inspection.replan and place is not None:
-                    asked[inspection.asset, REPLAN, place] = None
-        return tuple(asked)
+                    requests[inspection.asset, REPLAN, place] = None
+        return tuple(requests)
 
-    def follow(self, before: Registry, registry: Registry, snapshots: Iterable[Snapshot]) -> Registry:
-        """The registry with what was inspected during the macro-steps that led to it."""
+    def advance(self, before: Registry, registry: Registry, snapshots: Iterable[Snapshot]) -> Registry:
+        """Return the registry with the waypoints that were inspected during the macro-steps that led to it."""
         if not self._inspections:
             return registry
         progress = before.progress
@@ -63,41 +66,41 @@ class Inspections:
             for inspection in self._inspections:
                 route = _current(inspection.asset, before, registry, snapshot.time_s)
                 if route is not None:
-                    progress = _looked(progress, inspection, route, states, snapshot.time_s)
+                    progress = _with_progress(progress, inspection, route, states, snapshot.time_s)
         return replace(registry, progress=replace(registry.progress, inspected=progress.inspected))
 
 
 def _current(asset: str, before: Registry, registry: Registry, time_s: float) -> Route | None:
-    """The asset's route as it was known at a time within the tick."""
+    """Return the asset's route as it was known at a time within the tick."""
     latest = registry.routes.get(asset)
     if latest is not None and latest.time_s <= time_s:
         return latest
     return before.routes.get(asset)
 
 
-def _looked(
+def _with_progress(
     progress: EpisodeProgress, inspection: InspectionSpec, route: Route, states: Mapping[str, BodyState], time_s: float
 ) -> EpisodeProgress:
     known = progress.inspected.get(inspection.name, Inspected())
     if known.route != route.number:
         known = Inspected(route=route.number)
     if known.complete_s is None:
-        known = _seen(known, inspection, route, states, time_s)
+        known = _with_visits(known, inspection, route, states, time_s)
     if progress.inspected.get(inspection.name) == known:
         return progress
     return replace(progress, inspected={**progress.inspected, inspection.name: known})
 
 
-def _seen(
+def _with_visits(
     known: Inspected, inspection: InspectionSpec, route: Route, states: Mapping[str, BodyState], time_s: float
 ) -> Inspected:
     seen = set(known.seen)
-    eyes = [states[name].position for name in inspection.by if name in states]
+    positions = [states[name].position for name in inspection.by if name in states]
     for number, waypoint in enumerate(route.waypoints):
         if number in seen:
             continue
-        near = any(math.dist(eye[:2], waypoint[:2]) <= inspection.within_m for eye in eyes)
-        if near:
+        is_near = any(math.dist(position[:2], waypoint[:2]) <= inspection.within_m for position in positions)
+        if is_near:
             seen.add(number)
         elif inspection.order == "strict":
             break

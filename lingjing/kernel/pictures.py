@@ -1,28 +1,35 @@
-"""Pictures at a boundary: which ones are taken, what is stored, what policies receive.
+"""Pictures at a boundary: which ones are taken, their receipts, and the pictures that policies receive.
 
-A picture is taken at the boundary its `takePhoto` was admitted for, or at every boundary for a camera declared
-`each_tick`. Policies receive the decoded stored image, so the trace holds exactly what they saw. `blank` hands out
-black pictures without depth or classes instead, for the study that shows what a policy does without its eyes.
+A picture is taken at the boundary for which its `takePhoto` was admitted, or at every boundary for a camera declared
+`each_tick`. Policies receive the decoded stored image, so the trace holds exactly what they received. With `blank` they
+receive black pictures without depth and classes, for studies of policies without vision.
+
+*Reference pictures* are those that `reveal image(target) to role` shows once, at boundary 0.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
+import msgspec
 import numpy as np
 
 from lingjing.kernel.commands import camera_of
 from lingjing.kernel.world.contract import StoredFrame
-from lingjing.mission.instance import Instance
+from lingjing.mission.instance import AgentSpec, Entity, Instance
 from lingjing.mission.vocabulary import PHOTO
 from lingjing.plugins.engine import CaptureRequest
-from lingjing.plugins.policy import Picture
+from lingjing.plugins.policy import REFERENCE, Picture
 from lingjing.trace.images import decode_jpeg, quantise_depth
-from lingjing.trace.records import Absent, Command, Receipt
+from lingjing.trace.records import Absent, CameraPose, Command, Receipt
 
 
 def requests(instance: Instance, commands: Iterable[Command], tick: int, time_s: float) -> tuple[CaptureRequest, ...]:
-    """Captures due at a boundary: admitted `takePhoto` commands first, then `each_tick` cameras not among them."""
+    """Return the captures due at a boundary: admitted `takePhoto` commands first, then the remaining `each_tick`
+    cameras.
+    """
     entities = {entity.id: entity for entity in instance.entities}
     wanted: dict[tuple[str, str], None] = {}
     for command in commands:  # admitted at this boundary, so the picture is of this boundary too (ADR 0003)
@@ -41,14 +48,16 @@ def requests(instance: Instance, commands: Iterable[Command], tick: int, time_s:
 def receipts(
     commands: Iterable[Command], answers: Sequence[StoredFrame | Absent], instance: Instance, time_s: float
 ) -> tuple[Receipt, ...]:
-    """Admission and completion of the `takePhoto` commands; an absent picture is `timed_out` with its reason."""
+    """Return admission and completion receipts of `takePhoto` commands. An absent picture is `timed_out` with its
+    reason.
+    """
     entities = {entity.id: entity for entity in instance.entities}
-    found = {_mount(answer): answer for answer in answers}
+    answer_by_mount = {_mount(answer): answer for answer in answers}
     out: list[Receipt] = []
     for command in commands:
         if command.verb != PHOTO:
             continue
-        answer = found[command.resource, camera_of(entities[command.resource], command.arguments)]
+        answer = answer_by_mount[command.resource, camera_of(entities[command.resource], command.arguments)]
         out.append(command.receipt("camera", "accepted", time_s))
         if isinstance(answer, Absent):
             out.append(command.receipt("camera", "timed_out", time_s, answer.reason, "no picture, so no detection"))
@@ -57,8 +66,8 @@ def receipts(
     return tuple(out)
 
 
-def seen(frame: StoredFrame, *, blank: bool = False) -> Picture:
-    """What a policy receives of a stored frame; arrays are read-only."""
+def policy_picture(frame: StoredFrame, *, blank: bool = False) -> Picture:
+    """Return a stored frame as a policy receives it. Its arrays are read-only."""
     info = frame.info
     rgb = decode_jpeg(frame.jpeg)
     if blank:
@@ -86,3 +95,73 @@ def _mount(answer: StoredFrame | Absent) -> tuple[str, str]:
     if isinstance(answer, Absent):
         return answer.entity, answer.camera
     return answer.info.entity, answer.info.camera
+
+
+DISTANCE_M, HEIGHT_M, TILT_DEG, HFOV_DEG = 24.0, 4.0, 0.0, 75.0
+WIDTH, HEIGHT = 1280, 720
+"""The view of a person's photograph of a house from across the street, taken slightly from above. Chosen; metres,
+degrees and pixels.
+"""
+
+_HIDDEN_POSE = CameraPose(
+    position=(0.0, 0.0, 0.0), heading_deg=0.0, tilt_deg=TILT_DEG, hfov_deg=HFOV_DEG, width=WIDTH, height=HEIGHT
+)
+"""The pose that agents receive: the frame's origin."""
+
+
+class ReferencePictures:
+    """The reference pictures of one instance. Holds no run-time state.
+
+    The camera stands in front of the target, in the direction of its heading. The true pose would reveal the target's
+    position, so agents receive the picture with a pose at the frame's origin. Reports may not cite these pictures: they
+    show a target to agents that have not found it.
+    """
+
+    def __init__(self, instance: Instance) -> None:
+        self._entities = {entity.id: entity for entity in instance.entities}
+        self._roles: dict[str, set[str]] = {}
+        for reveal in instance.reveals:
+            for entity in reveal.entities:
+                self._roles.setdefault(entity, set()).add(reveal.role)
+
+    def requests(self, tick: int, time_s: float) -> tuple[CaptureRequest, ...]:
+        """Return the captures to make; empty at every boundary but 0."""
+        if tick != 0:
+            return ()
+        return tuple(
+            CaptureRequest(
+                frame=f"r{tick}-{name}",
+                entity=name,
+                camera=REFERENCE,
+                tick=tick,
+                time_s=time_s,
+                pose=_in_front_of(self._entities[name]),
+            )
+            for name in self._roles
+        )
+
+    def pictures_for(self, agent: AgentSpec, pictures: Sequence[Picture]) -> tuple[Picture, ...]:
+        """Return the pictures that are revealed to the agent's role, without their poses."""
+        return tuple(
+            replace(picture, pose=_HIDDEN_POSE)
+            for picture in pictures
+            if picture.camera == REFERENCE and agent.role in self._roles.get(picture.entity, ())
+        )
+
+    def absent_for(self, agent: AgentSpec, absent: Sequence[Absent]) -> tuple[Absent, ...]:
+        """Return the reference pictures for the agent's role that could not be taken."""
+        return tuple(
+            picture
+            for picture in absent
+            if picture.camera == REFERENCE and agent.role in self._roles.get(picture.entity, ())
+        )
+
+
+def _in_front_of(entity: Entity) -> CameraPose:
+    angle = math.radians(entity.heading_deg)
+    east, north, elevation = entity.position
+    return msgspec.structs.replace(
+        _HIDDEN_POSE,
+        position=(east + DISTANCE_M * math.sin(angle), north + DISTANCE_M * math.cos(angle), elevation + HEIGHT_M),
+        heading_deg=(entity.heading_deg + 180.0) % 360.0,
+    )

@@ -1,4 +1,4 @@
-"""How far an episode has come: the part of the registry that budgets, inspections, stages and constraints keep."""
+"""The part of the registry that budgets, inspections, stages and constraints keep."""
 
 from __future__ import annotations
 
@@ -9,33 +9,37 @@ from msgspec import field
 
 
 class Spent(msgspec.Struct, frozen=True):
-    """What one agent's policy calls have cost so far: model tokens, US dollars, messages admitted."""
+    """The consumption of one agent so far."""
 
     tokens: int = 0
+    """Model tokens, prompt and completion together."""
     money_usd: float = 0.0
+    """Cost of model calls in US dollars."""
     messages: int = 0
+    """Number of admitted messages."""
 
 
 class Inspected(msgspec.Struct, frozen=True):
-    """How far an inspection has come on the route numbered `route` (0: there is none yet).
-
-    `seen` are the places of its waypoints that were inspected; `complete_s` is when the last one was, None before.
-    """
+    """The state of one inspection on its present route."""
 
     route: int = 0
+    """The number of the route; 0 if there is no route yet."""
     seen: frozenset[int] = frozenset()
+    """Indices of the inspected waypoints."""
     complete_s: float | None = None
+    """Simulated time in seconds at which the last waypoint was inspected; None before."""
 
 
 class EpisodeProgress(msgspec.Struct, frozen=True):
-    """The progress of an episode at one boundary.
-
-    `used` counts by limit (`stage.name`, or `name` for the whole episode); `spent` by agent; `began` holds the tick at
-    which a stage began for a subject; `broken` the time at which a constraint was first broken by a subject.
-    """
+    """The progress of an episode at one boundary."""
 
     used: Mapping[str, int] = field(default_factory=dict)
+    """Counts by limit (`stage.name`, or `name` for the whole episode)."""
     spent: Mapping[str, Spent] = field(default_factory=dict)
+    """Consumption by agent."""
     inspected: Mapping[str, Inspected] = field(default_factory=dict)
+    """Inspection states by inspection."""
     began: Mapping[tuple[str, str], int] = field(default_factory=dict)
+    """The tick at which a stage began, by (stage, subject)."""
     broken: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    """The time in seconds at which a constraint was first broken, by (constraint, subject)."""

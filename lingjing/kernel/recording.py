@@ -1,4 +1,4 @@
-"""The parts of a boundary record that are derived from what was published."""
+"""The parts of a boundary record that are derived from published values."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ from lingjing.trace.request_ids import request_id
 def observation_record(
     observation: Observation, inbox: Inbox, frames: Mapping[str, FrameInfo], *, blank: bool = False
 ) -> ObservationRecord:
-    """What one agent saw, pictures by id, with the digest of its complete policy input (without pixels if `blank`).
+    """Return the record of one agent's observation, with picture ids and the digest of its complete policy input.
 
-    A picture counts with the pose that the agent was told: a reference picture's true one would tell where it hides.
+    The digest counts a picture with the pose that the agent received: the true pose of a reference picture would reveal
+    the target's position. With `blank` the digest leaves out pixels.
     """
     record = ObservationRecord(
         agent=observation.agent,
@@ -29,19 +30,19 @@ def observation_record(
         privileged=observation.privileged is not None,
         weather=observation.weather,
     )
-    shown = [msgspec.structs.replace(frames[one.frame], pose=one.pose) for one in observation.pictures]
+    shown = [msgspec.structs.replace(frames[picture.frame], pose=picture.pose) for picture in observation.pictures]
     if blank:
         shown = [msgspec.structs.replace(frame, sha256="", channels_sha256="") for frame in shown]
     return msgspec.structs.replace(record, sha256=input_digest(record, inbox.messages, inbox.receipts, shown))
 
 
 def inbox_record(agent: str, inbox: Inbox) -> InboxRecord:
-    """What one agent's inbox held: message ids and receipts."""
+    """Return the record of one agent's inbox: message ids and receipts."""
     return InboxRecord(agent=agent, messages=tuple(edge.id for edge in inbox.messages), receipts=inbox.receipts)
 
 
 def substitutions(decisions: Sequence[DecisionRecord], tick: int, time_s: float) -> tuple[Receipt, ...]:
-    """One receipt for each policy output that had to be replaced, addressed to the agent itself."""
+    """Return one receipt for each policy output that was replaced, addressed to the agent itself."""
     return tuple(
         Receipt(
             request=request_id("policy answer", tick, made.agent),

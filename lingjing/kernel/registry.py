@@ -1,8 +1,7 @@
 """G: the shared state registry, an immutable value that each boundary replaces.
 
-Holds what adjudication and visibility need of the past. It grows with what happened (reports, pictures, events) and
-never with ticks alone; what grows is an
-`AppendOnlyMap`, so that a boundary costs what it adds and a fork copies nothing.
+It holds the past that adjudication and visibility need. It grows with reports, pictures and events, never with ticks
+alone. The growing parts are `AppendOnlyMap`s, so a boundary costs only its additions and a fork copies nothing.
 """
 
 from __future__ import annotations
@@ -21,100 +20,125 @@ from lingjing.mission.vocabulary import UNLOCK
 from lingjing.trace.records import BodyState, Command, FrameInfo, Receipt, Route, TaskEvent
 
 Binding = tuple[str, ...]
+"""The ids of a rule's bound values, in the order of its parameters."""
 
 
 SIGHTINGS = 100
-"""So many different reported positions of an entity are remembered: a destination is taken from a recent one."""
+"""Number of different reported positions that are kept for an entity. Chosen: a destination derives from a recent
+one.
+"""
 
 DOWNWARD_DEG = 45.0
-"""A picture visits a cell only if its axis points at least this far below the horizon."""
+"""Smallest angle of a camera's axis below the horizon at which a picture counts as a visit of a cell. Chosen."""
 
 
 class Report(msgspec.Struct, frozen=True):
-    """A typed message that rules may range over: one per message id, however many recipients it had."""
+    """A typed message over which rules may range: one per message id, however many recipients it had."""
 
     id: str
+    """The request id of the message."""
     kind: str
+    """The message kind."""
     sender: str
+    """The id of the sending agent."""
     tick: int
+    """The boundary at which it was admitted."""
     body: Mapping[str, Datum]
+    """The fields of the message."""
 
 
 class Assignment(msgspec.Struct, frozen=True):
-    """A destination given to a resource, by an admitted command or an admitted assignment message."""
+    """A destination of a resource, from an admitted command or an admitted assignment message."""
 
     resource: str
+    """The id of the resource."""
     east: float
+    """Metres east of the city's origin."""
     north: float
+    """Metres north of the city's origin."""
     tick: int
+    """The boundary at which it was admitted."""
 
 
-class CellVisit(msgspec.Struct, frozen=True):
+class _CellVisit(msgspec.Struct, frozen=True):
     """The first photograph taken from above a cell."""
 
     cell: str
+    """The name of the cell."""
     entity: str
+    """The id of the entity that carried the camera."""
     tick: int
+    """The boundary of the picture."""
 
 
 class Registry(msgspec.Struct, frozen=True):
-    """The state G at a committed boundary.
-
-    `achieved` maps (rule, binding) to the time it became true; `witnesses` maps (rule, place, the binding without that
-    place) to a value that made it true there, which is what `exists` asks for; `sightings` are the latest reported
-    positions by matched entity; `claimed` holds (frame, entity) pairs that a report has been matched with; `emitted`
-    maps (kind, entities) to the first time an engine said so; `assignments` are the destinations given to a resource
-    at the latest boundary where it was given any; `unlocked` the (interaction, entity) pairs the kernel has allowed;
-    `routes` the latest route of each entity that one was planned for; `progress` what budgets, inspections, stages and
-    constraints keep; `unheard` the pairs of entities that radio does not reach between.
-    """
+    """The state G at a committed boundary."""
 
     tick: int = 0
+    """The boundary's number."""
     time_s: float = 0.0
+    """Simulated time in seconds."""
     states: Mapping[str, BodyState] = field(default_factory=dict)
+    """The state of every entity."""
     pending: Mapping[str, Command] = field(default_factory=dict)
+    """The long-running request of each busy resource."""
     reports: AppendOnlyMap[str, Report] = field(default_factory=AppendOnlyMap)
+    """Admitted messages by id."""
     frames: AppendOnlyMap[str, FrameInfo] = field(default_factory=AppendOnlyMap)
+    """Pictures by id."""
     frame_states: AppendOnlyMap[str, Mapping[str, BodyState]] = field(default_factory=AppendOnlyMap)
+    """The states of all entities at the time of each picture, by picture id."""
     emitted: Mapping[tuple[str, tuple[str, ...]], float] = field(default_factory=dict)
+    """(kind, entities) of each task event with its first time in seconds."""
     assignments: Mapping[str, tuple[Assignment, ...]] = field(default_factory=dict)
-    visits: Mapping[str, CellVisit] = field(default_factory=dict)
+    """The destinations of a resource at the latest boundary that assigned any."""
+    visits: Mapping[str, _CellVisit] = field(default_factory=dict)
+    """The first visit of each cell."""
     achieved: AppendOnlyMap[tuple[str, Binding], float] = field(default_factory=AppendOnlyMap)
+    """The time in seconds at which a (rule, binding) became true."""
     witnesses: AppendOnlyMap[tuple[str, int, Binding], str] = field(default_factory=AppendOnlyMap)
+    """(rule, index, binding without that index) with a value that made the rule true there; `exists` looks these up."""
     sightings: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
+    """The latest reported positions (east, north) of each matched entity."""
     claimed: AppendOnlyMap[tuple[str, str], str] = field(default_factory=AppendOnlyMap)
+    """The report that was matched with each (frame, entity) pair."""
     unlocked: Mapping[tuple[str, str], int] = field(default_factory=dict)
+    """The (interaction, entity) pairs that the kernel has allowed, with the tick."""
     stages: Mapping[tuple[str, str], int] = field(default_factory=dict)
+    """The tick at which a (stage, subject) was completed."""
     routes: Mapping[str, Route] = field(default_factory=dict)
+    """The latest route of each entity."""
     progress: EpisodeProgress = field(default_factory=EpisodeProgress)
-    unheard: tuple[tuple[str, str], ...] = ()
+    """The state of budgets, inspections, stages and constraints."""
+    unreachable_links: tuple[tuple[str, str], ...] = ()
+    """Pairs of entities that radio does not connect."""
 
     def with_boundary(
         self,
         tick: int,
         time_s: float,
         states: Iterable[BodyState],
-        unheard: tuple[tuple[str, str], ...] = (),
+        unreachable_links: tuple[tuple[str, str], ...] = (),
         progress: EpisodeProgress | None = None,
     ) -> Registry:
-        """The registry at the next boundary's telemetry; its progress that of before where none is given."""
+        """Return the registry with the telemetry of the next boundary. Without `progress` the present one is kept."""
         return replace(
             self,
             tick=tick,
             time_s=time_s,
             states={state.id: state for state in states},
-            unheard=unheard,
+            unreachable_links=unreachable_links,
             progress=self.progress if progress is None else progress,
         )
 
     def with_lost_unlocks(self, unlocks: Iterable[Command], missing: Container[str]) -> Registry:
-        """Unlocks without an admission receipt count as never sent, so that they are sent again."""
-        lost = {unlock_of(command) for command in unlocks if command.id in missing}
+        """Return the registry without unlocks that lack an admission receipt, so that they are sent again."""
+        lost = {_unlock_of(command) for command in unlocks if command.id in missing}
         kept = {key: tick for key, tick in self.unlocked.items() if key not in lost}
         return replace(self, unlocked=kept) if lost else self
 
     def with_events(self, events: Iterable[TaskEvent]) -> Registry:
-        """Task events of the boundary added; of equal ones the first counts."""
+        """Return the registry with the boundary's task events. Of equal events the first counts."""
         fresh: dict[tuple[str, tuple[str, ...]], float] = {}
         for event in events:
             key = (event.kind, event.entities)
@@ -123,15 +147,16 @@ class Registry(msgspec.Struct, frozen=True):
         return replace(self, emitted={**self.emitted, **fresh}) if fresh else self
 
     def with_routes(self, routes: Iterable[Route]) -> Registry:
-        """Routes planned since the boundary before; an entity's latest counts."""
+        """Return the registry with newly planned routes; the latest of an entity counts."""
         fresh = {route.entity: route for route in routes}
         return replace(self, routes={**self.routes, **fresh}) if fresh else self
 
     def with_receipts(self, commands: Iterable[Command], receipts: Sequence[Receipt]) -> Registry:
-        """Pending requests opened by `accepted`, closed by `completed` and `rejected`.
+        """Return the registry with pending requests: opened by `accepted`, closed by `completed`, `rejected` or
+        `timed_out`.
 
-        A command whose admission receipt is missing (`timed_out`) never opens one; an earlier pending request of the
-        resource stays (Algorithm 2, "retain any previously admitted long-running request").
+        A command without an admission receipt (`timed_out`) opens no request; an earlier pending request of the
+        resource stays (Algorithm 2: "retain any previously admitted long-running request").
         """
         if not receipts:
             return self
@@ -148,13 +173,13 @@ class Registry(msgspec.Struct, frozen=True):
         return replace(self, pending=pending)
 
     def with_reports(self, reports: Sequence[Report]) -> Registry:
-        """Admitted messages, which rules may range over, whoever else receives them."""
+        """Return the registry with admitted messages, over which rules may range."""
         if not reports:
             return self
         return replace(self, reports=self.reports.extended({report.id: report for report in reports}))
 
     def with_frames(self, frames: Iterable[FrameInfo], instance: Instance) -> Registry:
-        """Captured frames, the states they were captured at, and the cells they visit."""
+        """Return the registry with captured frames, the states at their capture, and the cells that they visit."""
         new = {frame.id: frame for frame in frames}
         if not new:
             return self
@@ -163,7 +188,7 @@ class Registry(msgspec.Struct, frozen=True):
             if frame.pose.tilt_deg < DOWNWARD_DEG:
                 continue
             for cell in cells_at(instance.cells, frame.pose.position[0], frame.pose.position[1]):
-                visits.setdefault(cell.name, CellVisit(cell.name, frame.entity, frame.tick))
+                visits.setdefault(cell.name, _CellVisit(cell.name, frame.entity, frame.tick))
         return replace(
             self,
             frames=self.frames.extended(new),
@@ -172,14 +197,16 @@ class Registry(msgspec.Struct, frozen=True):
         )
 
     def with_assignments(self, assignments: Iterable[Assignment]) -> Registry:
-        """Destinations given at this boundary; they replace what their resources were given before."""
-        given: dict[str, tuple[Assignment, ...]] = {}
+        """Return the registry with the destinations of this boundary; they replace earlier ones of the same
+        resources.
+        """
+        by_resource: dict[str, tuple[Assignment, ...]] = {}
         for item in assignments:
-            given[item.resource] = (*given.get(item.resource, ()), item)
-        return replace(self, assignments={**self.assignments, **given}) if given else self
+            by_resource[item.resource] = (*by_resource.get(item.resource, ()), item)
+        return replace(self, assignments={**self.assignments, **by_resource}) if by_resource else self
 
     def with_achieved(self, rule: str, bindings: Mapping[Binding, float]) -> Registry:
-        """Bindings for which a rule has become true, with the times."""
+        """Return the registry with bindings for which a rule has become true, with their times."""
         if not bindings:
             return self
         holes = {
@@ -194,28 +221,28 @@ class Registry(msgspec.Struct, frozen=True):
         )
 
     def with_sighting(self, entity: str, place: tuple[float, float]) -> Registry:
-        """A matched report said that the entity is at this place (east, north)."""
+        """Return the registry with a reported position (east, north) of an entity."""
         known = self.sightings.get(entity, ())
         if place in known:
             return self
         return replace(self, sightings={**self.sightings, entity: (*known, place)[-SIGHTINGS:]})
 
 
-def unlock_of(command: Command) -> tuple[str, str]:
-    """The (interaction, entity) pair of a kernel-origin command."""
+def _unlock_of(command: Command) -> tuple[str, str]:
+    """Return the (interaction, entity) pair of an unlock command of the kernel."""
     return command.verb.removeprefix(UNLOCK), command.resource
 
 
 def initial(instance: Instance) -> Registry:
-    """The registry before boundary 0: every entity where the instance puts it."""
-    return Registry(states={entity.id: declared_state(entity) for entity in instance.entities})
+    """Return the registry before boundary 0, with every entity where the instance places it."""
+    return Registry(states={entity.id: _declared_state(entity) for entity in instance.entities})
 
 
-def declared_state(entity: Entity) -> BodyState:
-    """The state an entity is declared with, before its engine has spoken."""
+def _declared_state(entity: Entity) -> BodyState:
+    """Return the state with which an entity is declared, before its engine has reported any."""
     return BodyState(id=entity.id, position=entity.position, heading_deg=entity.heading_deg)
 
 
 def cells_at(cells: Iterable[Cell], east: float, north: float) -> tuple[Cell, ...]:
-    """Every cell whose polygon holds the point; cells overlap, so there may be several."""
+    """Return every cell with a polygon that contains the point. Cells may overlap."""
     return tuple(cell for cell in cells if contains(cell.polygon, east, north))

@@ -1,7 +1,7 @@
-"""What an agent is told of the mission's rules: a sentence each, made from the very rules that the kernel evaluates.
+"""The mission's rules in sentences, for briefs. They are generated from the rules that the kernel evaluates.
 
-Conditions name hidden entities by their group (`victim`) and hold no value that the mission marks hidden. Nothing is
-said of events that are still to come.
+Conditions name hidden entities by their group (`victim`) and contain no value that the mission marks hidden. Scheduled
+events are not mentioned.
 """
 
 from __future__ import annotations
@@ -15,7 +15,11 @@ from lingjing.mission.instance_text import InstanceText, public_values
 
 
 def rule_sentences(instance: Instance) -> tuple[str, ...]:
-    """How the mission is won and lost, what counts, what may be done, what is forbidden; without full stops."""
+    """Return the rules as sentences without full stops.
+
+    They cover success and failure, adjudicated rules, interactions, inspections, permits, limits, constraints and timed
+    stages.
+    """
     return tuple(_Rules(instance).sentences())
 
 
@@ -37,13 +41,13 @@ class _Rules:
         yield from self._timed_stages()
 
     def _condition(self, condition: Expr, domains: Mapping[str, str]) -> str:
-        """The condition, with the bounds of what is measured in it behind."""
+        """Return the condition in words, followed by the bounds of its measured quantities."""
         bounds = ", ".join(self._words.bounds(condition, domains))
         return self._words.sentence(condition) + (f" [{bounds}]" if bounds else "")
 
     def _adjudicated(self) -> Iterator[str]:
         for rule in self._instance.rules:
-            domains = {one.name: one.domain for one in rule.parameters}
+            domains = {parameter.name: parameter.domain for parameter in rule.parameters}
             over = ", ".join(f"{domain} `{name}`" for name, domain in domains.items())
             whom = f" for {over}" if over else ""
             once = "; each report is matched with one target of its picture at most" if rule.matching else ""
@@ -52,39 +56,42 @@ class _Rules:
     def _interactions(self) -> Iterator[str]:
         groups = {entity.group: entity for entity in self._instance.entities}
         for group, entity in groups.items():
-            for one in entity.interactions:
-                actors = ", ".join(f"`{actor.id}`" for actor in self._instance.actors(one)) or "nobody here"
+            for spec in entity.interactions:
+                actors = ", ".join(f"`{actor.id}`" for actor in self._instance.actors(spec)) or "nobody here"
                 yield (
-                    f"`{one.name}` is done to a {group} by {actors} within {one.within_m:g} m{_course(one)}"
+                    f"`{spec.name}` is done to a {group} by {actors} within {spec.within_m:g} m{_course(spec)}"
                     + "".join(
                         f", once {self._condition(unlock.condition, {})}"
                         for unlock in self._instance.unlocks
-                        if unlock.interaction == one.name and group in {given.domain for given in unlock.parameters}
+                        if unlock.interaction == spec.name and group in {bound.domain for bound in unlock.parameters}
                     )
                 )
 
     def _inspections(self) -> Iterator[str]:
-        for one in self._instance.inspections:
-            order = "in their order" if one.order == "strict" else "in any order"
-            by = " or ".join(f"`{name}`" for name in one.by)
-            again = f"; a `{one.replan}` message asks for another route around its position" if one.replan else ""
+        for spec in self._instance.inspections:
+            order = "in their order" if spec.order == "strict" else "in any order"
+            by = " or ".join(f"`{name}`" for name in spec.by)
+            again = f"; a `{spec.replan}` message asks for another route around its position" if spec.replan else ""
             yield (
-                f"the route of `{one.asset}` is inspected (*{one.name}*) when {by} has come within {one.within_m:g} m "
-                f"(horizontally) of each of its waypoints, {order}{again}; a new route is inspected anew"
+                f"the route of `{spec.asset}` is inspected (*{spec.name}*) when {by} has come "
+                f"within {spec.within_m:g} m (horizontally) of each of its waypoints, "
+                f"{order}{again}; a new route is inspected anew"
             )
 
     def _permits(self) -> Iterator[str]:
-        for one in self._instance.permits:
-            what = f"`{one.verb}` of `{one.resource}`" if one.verb else f"every command to `{one.resource}`"
-            yield f"{what} is rejected until {self._condition(one.condition, {})} (`stop` is always taken)"
+        for permit in self._instance.permits:
+            scope = (
+                f"`{permit.verb}` of `{permit.resource}`" if permit.verb else f"every command to `{permit.resource}`"
+            )
+            yield f"{scope} is rejected until {self._condition(permit.condition, {})} (`stop` is always taken)"
 
     def _constraints(self) -> Iterator[str]:
-        for one in self._instance.constraints:
-            domains = {one.variable: one.domain} if one.variable and one.domain else {}
-            each = f" for each {one.domain} `{one.variable}`" if domains else ""
-            cost = f"at a penalty of {one.penalty.value:g}" if isinstance(one.penalty, Number) else "at a penalty"
-            price = "the mission fails" if one.kind == "hard" else cost
-            yield f"always{each}: {self._condition(one.condition, domains)}; else {price}"
+        for rule in self._instance.constraints:
+            domains = {rule.variable: rule.domain} if rule.variable and rule.domain else {}
+            each = f" for each {rule.domain} `{rule.variable}`" if domains else ""
+            cost = f"at a penalty of {rule.penalty.value:g}" if isinstance(rule.penalty, Number) else "at a penalty"
+            price = "the mission fails" if rule.kind == "hard" else cost
+            yield f"always{each}: {self._condition(rule.condition, domains)}; else {price}"
 
     def _timed_stages(self) -> Iterator[str]:
         for stage in self._instance.stages:
@@ -95,21 +102,21 @@ class _Rules:
                 yield f"the stage *{stage.name}*{each} must be done within {stage.ticks.value:g} ticks: when {when}"
 
 
-def _course(one: InteractionSpec) -> str:
-    """How long an interaction takes and what it moves."""
-    lasting = f", who stays there for {one.lasting_s:g} s" if one.lasting_s else ""
-    taken = f", which lowers its {one.takes}" if one.takes else ""
-    source = f" by what the actor's {one.source} allows" if one.takes and one.source else ""
-    given = f", which raises the actor's {one.gives} up to its {one.up_to}" if one.gives else ""
-    return f"{lasting}{taken}{source}{given}"
+def _course(spec: InteractionSpec) -> str:
+    """Return in words how long an interaction takes and which states it changes."""
+    lasting = f", who stays there for {spec.lasting_s:g} s" if spec.lasting_s else ""
+    taken_words = f", which lowers its {spec.takes}" if spec.takes else ""
+    source = f" by what the actor's {spec.source} allows" if spec.takes and spec.source else ""
+    given_words = f", which raises the actor's {spec.gives} up to its {spec.up_to}" if spec.gives else ""
+    return f"{lasting}{taken_words}{source}{given_words}"
 
 
 def _limit(limit: LimitSpec) -> str:
     counted = ", ".join(
-        f"`{one.name}` messages"
-        if one.kind == "message"
-        else f"{f'`{one.name}` commands' if one.name else 'commands'} to `{one.resource}`"
-        for one in limit.counts
+        f"`{item.name}` messages"
+        if item.kind == "message"
+        else f"{f'`{item.name}` commands' if item.name else 'commands'} to `{item.resource}`"
+        for item in limit.counts
     )
     within = f" within the stage *{limit.stage}*" if limit.stage else ""
     return f"*{limit.name}*: at most {limit.most} of {counted}{within} by all agents together"

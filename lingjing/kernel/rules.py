@@ -1,10 +1,10 @@
-"""Expressions over run-time state: what a rule, a stage or the success condition means at one instant.
+"""The evaluator of expressions over run-time state: the value of a rule, a stage or a condition at one instant.
 
-Total: nothing here raises on missing state. What does not exist (no true box in that frame, an entity that has not
-reported) is `None`, and so is what is done with it; a condition holds only where it is `True`. Distances are planar
-metres, closed radii; boxes are normalised image boxes. Evaluation keeps the numbers it used, which become an event's
-evidence. What operators and functions mean stands in `lingjing.mission.functions`, what a running mission answers in
-`facts`.
+The evaluator is total: it raises nothing on missing state. A missing value (no ground-truth box in that frame, an
+entity without telemetry) is `None`, and so is the result of an operation on it. A condition holds only if its value is
+`True`. Distances are planar metres, radii are closed, boxes are normalised image boxes. The numbers used in an
+evaluation become the evidence of an event. `lingjing.mission.functions` defines the operators and functions, `facts`
+those that need a running mission.
 """
 
 from __future__ import annotations
@@ -40,29 +40,34 @@ from lingjing.mission.values import Value, is_number
 from lingjing.trace.records import Box
 
 TICK = "tick"
-"""The length of a decision tick: the one word of the clock that stands still; `now` is the time."""
+"""The length of a decision tick in seconds. It is the clock's only constant; `now` is the time."""
 
 
 def identity(value: Entity | Report) -> str:
-    """What stands for a bound value in an event's binding."""
+    """Return the id that represents a bound value in an event's binding."""
     return value.id
 
 
 def evaluate(expr: Expr, scope: Locals, at: RuntimeContext) -> Value:
-    """The value of `expr` at an instant with `scope` bound. Raises `LingjingError` only for what the checker should
-    never have let through."""
+    """Return the value of `expr` at an instant with the variables of `scope`.
+
+    Raises `LingjingError` for expressions that the checker should have rejected.
+    """
     return at.meanings.of(expr)(scope, at)
 
 
 def holds(condition: Expr, scope: Locals, at: RuntimeContext) -> bool:
-    """The expression as a condition: only `True` is true."""
+    """Return whether the condition's value is `True`."""
     return evaluate(condition, scope, at) is True
 
 
 def bindings(
     domains: tuple[tuple[str, str], ...], at: RuntimeContext, *, fresh: bool = False
 ) -> Iterator[dict[str, Entity | Report]]:
-    """Every assignment of the (variable, domain) pairs, first variable slowest."""
+    """Yield every assignment of the (variable, domain) pairs; the first variable varies slowest.
+
+    With `fresh`, domains of reports contain only those of this boundary.
+    """
     names = [name for name, _ in domains]
     members: list[tuple[Entity | Report, ...]] = [
         at.fresh(domain) if fresh else at.domain(domain) for _, domain in domains
@@ -72,7 +77,7 @@ def bindings(
 
 
 class _Running:
-    """Expressions as values of a running mission; their world is an `RuntimeContext`."""
+    """The compilation of expressions to functions of (scope, `RuntimeContext`)."""
 
     def literal(self, node: Literal) -> Meaning:
         constant = node.name if isinstance(node, Symbol) else node.value
@@ -119,24 +124,26 @@ class _Running:
     def over(self, node: Quantified | Aggregate, body: Meaning) -> Meaning:
         if isinstance(node, Aggregate):
             return _aggregated(node, body)
-        variable, domain, found = node.variable, node.domain, any if node.quantifier == "exists" else all
+        variable, domain, quantify = node.variable, node.domain, any if node.quantifier == "exists" else all
         witnessed = _witnessed(node)
 
         def quantified(scope: Locals, at: RuntimeContext) -> Value:
             known = witnessed(scope, at) if witnessed is not None else None
             if known is not None:
                 return known
-            return found(body({**scope, variable: member}, at) is True for member in at.domain(domain))
+            return quantify(body({**scope, variable: member}, at) is True for member in at.domain(domain))
 
         return quantified
 
 
 RUNNING = _Running()
-"""The reading of the kernel's adjudicator."""
+"""The compilation that the adjudicator uses."""
 
 
 def _applied(function: Callable[..., Value], operands: tuple[Meaning, ...]) -> Meaning:
-    """An operation; without a value where an operand has none, or where it has none for these operands."""
+    """Compile an operation. Its value is None if an operand has no value or the operation is undefined for the
+    operands.
+    """
 
     def applied(scope: Locals, at: RuntimeContext) -> Value:
         values = []
@@ -181,7 +188,9 @@ def _field(base: Value, name: str, at: RuntimeContext) -> Value:
 
 
 def _aggregated(node: Aggregate, body: Meaning) -> Meaning:
-    """Of nothing, `count` and `sum` are 0, `min` and `max` are None; a member without a value counts for nothing."""
+    """Compile an aggregate. Without members, `count` and `sum` are 0, `min` and `max` None. Members without a value are
+    ignored.
+    """
     variable, domain, function = node.variable, node.domain, node.function
 
     def aggregated(scope: Locals, at: RuntimeContext) -> Value:
@@ -202,7 +211,9 @@ def _binding(scope: Locals, at: RuntimeContext, operands: tuple[Meaning, ...]) -
 
 
 def _witnessed(node: Quantified) -> Meaning | None:
-    """`exists r in D: rule(v, r)` looked up instead of searched for; None if the expression has another form."""
+    """Compile `exists r in D: rule(v, r)` as a look-up in the registry's witnesses; None if the expression has another
+    form.
+    """
     body = node.body
     if node.quantifier != "exists" or not isinstance(body, Call) or not body.rule:
         return None
@@ -210,7 +221,7 @@ def _witnessed(node: Quantified) -> Meaning | None:
     if None in names or names.count(node.variable) != 1:
         return None
     name, place = body.function, names.index(node.variable)
-    others = tuple(meaning(one, RUNNING) for number, one in enumerate(body.arguments) if number != place)
+    others = tuple(meaning(other, RUNNING) for number, other in enumerate(body.arguments) if number != place)
 
     def witnessed(scope: Locals, at: RuntimeContext) -> Value:
         rule = at.rules.get(name)
@@ -222,41 +233,43 @@ def _witnessed(node: Quantified) -> Meaning | None:
     return witnessed
 
 
-def moving(expr: Expr, rules: Mapping[str, Rule], entities: frozenset[str], kinds: frozenset[str]) -> bool:
-    """Whether the condition depends on where things are: only then is it evaluated at every macro-step.
+def depends_on_motion(expr: Expr, rules: Mapping[str, Rule], entities: frozenset[str], kinds: frozenset[str]) -> bool:
+    """Return whether the condition depends on positions. Only then is it evaluated at every macro-step.
 
-    `entities` are the local names bound to entities. Naming an entity in `truth(v, …)`, `assigned(…)` or another
-    rule does not make a condition depend on its motion; using its fields or itself as a place does.
+    `entities` are the local names bound to entities. An entity as argument of `truth(v, …)`, `assigned(…)` or another
+    rule does not make a condition depend on motion; its fields, or its use as a place, do.
     """
     if isinstance(expr, Call):
         if expr.rule:
             rule = rules.get(expr.function)
-            return rule is not None and rule_moves(rule, rules, kinds)
+            return rule is not None and rule_depends_on_motion(rule, rules, kinds)
         if expr.function in OPERATIONS and OPERATIONS[expr.function].of_time:
             return True
-        return any(moving(item, rules, entities, kinds) for item in expr.arguments if not isinstance(item, Ref))
+        return any(
+            depends_on_motion(item, rules, entities, kinds) for item in expr.arguments if not isinstance(item, Ref)
+        )
     if isinstance(expr, Ref):
         flows = expr.kind == "clock" and expr.name != TICK
         return flows or expr.kind in ("group", "entity") or expr.name in entities
     if isinstance(expr, Quantified | Aggregate) and expr.domain not in kinds:
         entities = entities | {expr.variable}
-    return any(moving(child, rules, entities, kinds) for child in children(expr))
+    return any(depends_on_motion(child, rules, entities, kinds) for child in children(expr))
 
 
-def rule_moves(rule: Rule, rules: Mapping[str, Rule], kinds: frozenset[str]) -> bool:
-    """`moving` for a rule's own condition with its parameters bound."""
+def rule_depends_on_motion(rule: Rule, rules: Mapping[str, Rule], kinds: frozenset[str]) -> bool:
+    """Return `depends_on_motion` of a rule's own condition with its parameters bound."""
     entities = frozenset(parameter.name for parameter in rule.parameters if parameter.domain not in kinds)
-    return moving(rule.condition, rules, entities, kinds)
+    return depends_on_motion(rule.condition, rules, entities, kinds)
 
 
-def settles_at_once(rule: Rule, rules: Mapping[str, Rule], kinds: frozenset[str]) -> bool:
-    """Whether a binding's truth is fixed at the boundary where its report arrives, and need not be asked for again.
+def is_decided_on_arrival(rule: Rule, rules: Mapping[str, Rule], kinds: frozenset[str]) -> bool:
+    """Return whether a binding's truth is final at the boundary where its report arrives.
 
-    So it is if exactly one parameter is a report and the condition reads nothing but that report, its picture's ground
-    truth, constants and rules of the same kind about the same report.
+    This holds if exactly one parameter is a report and the condition reads nothing but that report, its picture's
+    ground truth, constants and rules of the same kind about the same report. Such a binding is evaluated only once.
     """
     reports = [parameter.name for parameter in rule.parameters if parameter.domain in kinds]
-    if len(reports) != 1 or rule_moves(rule, rules, kinds):
+    if len(reports) != 1 or rule_depends_on_motion(rule, rules, kinds):
         return False
     return all(_fixed(part, reports[0], rules, kinds) for part in parts(rule.condition))
 
@@ -265,9 +278,9 @@ def _fixed(part: Expr, report: str, rules: Mapping[str, Rule], kinds: frozenset[
     match part:
         case Quantified():
             return False
-        case Call(function=name, rule=True, arguments=given):
-            about = any(isinstance(argument, Ref) and argument.name == report for argument in given)
-            return about and name in rules and settles_at_once(rules[name], rules, kinds)
+        case Call(function=name, rule=True, arguments=arguments):
+            about = any(isinstance(argument, Ref) and argument.name == report for argument in arguments)
+            return about and name in rules and is_decided_on_arrival(rules[name], rules, kinds)
         case Call(function=name):
             return OPERATIONS[name].stable
     return True

@@ -1,8 +1,8 @@
 """A mission's scheduled events, as task events of the boundaries at which they are due.
 
-`weather` carries what changes of the weather, `appeared` and `vanished` whom the event brings or takes; each has the
-event's name. Who is there already does not appear again. They are the mission's and no engine's: no rule reads them as
-something emitted, whatever an interaction may be called.
+`weather` carries the changed weather values. `appeared` and `vanished` list the concerned entities; an entity that is
+present does not appear again. Each carries the scheduled event's name. They belong to the mission, not to an engine, so
+`emitted` in a rule never matches them, whatever an interaction is called.
 """
 
 from __future__ import annotations
@@ -13,16 +13,17 @@ from lingjing.mission.instance import EventSpec, Instance, Weather
 from lingjing.trace.records import TaskEvent
 
 WEATHER, APPEARED, VANISHED = "weather", "appeared", "vanished"
+"""The kinds of scheduled task events."""
 
 
 class ScheduledEvents:
-    """The events of one instance; holds no run-time state."""
+    """The scheduled events of one instance. Holds no run-time state."""
 
     def __init__(self, instance: Instance) -> None:
         self._by_tick: dict[int, tuple[TaskEvent, ...]] = {}
         weather = instance.weather
         there = {entity.id for entity in instance.entities if not entity.dormant}
-        for event in sorted(instance.events, key=lambda one: one.tick):
+        for event in sorted(instance.events, key=lambda scheduled: scheduled.tick):
             time_s = event.tick * instance.clock.tick_s
             due = tuple(_parts(event, weather, there, time_s))
             self._by_tick[event.tick] = (*self._by_tick.get(event.tick, ()), *due)
@@ -30,21 +31,21 @@ class ScheduledEvents:
             there = (there | set(event.appear)) - set(event.vanish)
 
     def at(self, tick: int) -> tuple[TaskEvent, ...]:
-        """What is due at a boundary, in the order of declaration."""
+        """Return the events that are due at a boundary, in declaration order."""
         return self._by_tick.get(tick, ())
 
 
 def _parts(event: EventSpec, weather: Weather, there: set[str], time_s: float) -> Iterator[TaskEvent]:
-    come = tuple(one for one in event.appear if one not in there)
-    gone = tuple(one for one in event.vanish if one in there or one in come)
+    appeared = tuple(name for name in event.appear if name not in there)
+    vanished = tuple(name for name in event.vanish if name in there or name in appeared)
     if event.weather is not None:
         yield TaskEvent(
             kind=WEATHER, name=event.name, entities=(), time_s=time_s, values=_changes(weather, event.weather)
         )
-    if come:
-        yield TaskEvent(kind=APPEARED, name=event.name, entities=come, time_s=time_s)
-    if gone:
-        yield TaskEvent(kind=VANISHED, name=event.name, entities=gone, time_s=time_s)
+    if appeared:
+        yield TaskEvent(kind=APPEARED, name=event.name, entities=appeared, time_s=time_s)
+    if vanished:
+        yield TaskEvent(kind=VANISHED, name=event.name, entities=vanished, time_s=time_s)
 
 
 def _changes(before: Weather, after: Weather) -> dict[str, float]:

@@ -1,8 +1,8 @@
-"""`SequentialPolicies`: the policy barrier without threads, for a process that is going to be forked.
+"""`SequentialPolicies`: the policy barrier without threads, for a process that will be forked.
 
-The agents are asked one after the other in the caller's thread, in declaration order. Each may take K_model of wall
-clock, measured from its own question; a call that blocks is interrupted by a signal, so the caller's thread must be the
-main one. The event loop belongs to one process: a forked copy makes its own, and nobody touches that of the original.
+Policies are called one after the other in the caller's thread, in declaration order. Each may take K_model seconds of
+wall clock from its own start. A signal interrupts a call that blocks, so the caller's thread must be the main thread.
+An event loop belongs to one process: a forked copy creates its own and never touches that of the original.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ from lingjing.kernel.barrier import (
 from lingjing.plugins.calls import AbandonedCallError
 
 _AGAIN_S = 0.5
-"""After what time a call that goes on is interrupted once more."""
+"""Seconds after which a call that still runs is interrupted again. Chosen."""
 
-_NOBODY = 0
-"""The process that a loop belongs to which nobody uses again."""
+_RETIRED = 0
+"""Stands in place of a process id for a loop that must not be used again."""
 
 
 class SequentialPolicies(PolicyBarrier):
-    """Policies of one episode, asked in turn; the same answers as behind a `PolicyBarrier`."""
+    """The policies of one episode, called in turn. The answers equal those of a `PolicyBarrier`."""
 
     def __init__(self, policies: Mapping[str, Any], limit_s: float, outage_check: OutageCheck = no_outage) -> None:
         super().__init__(policies, limit_s, outage_check)
@@ -53,12 +53,12 @@ class SequentialPolicies(PolicyBarrier):
             with _alarm(self._limit_s):
                 value, wall_s = self._loop().run_until_complete(coroutine)
         except LateCallError:
-            self._loops.append((_NOBODY, self._loops[-1][1]))  # the one that was interrupted is of no more use
-            return self._late()
-        except AbandonedCallError:  # what is replayed was given up here
-            return self._late()
+            self._loops.append((_RETIRED, self._loops[-1][1]))  # an interrupted loop is in an unknown state
+            return self._timeout_answer()
+        except AbandonedCallError:  # the replayed call was abandoned at this point
+            return self._timeout_answer()
         except InfrastructureError as error:
-            return self._accused(name, error, failure(error, started))
+            return self._failure_or_outage(name, error, failure(error, started))
         except POLICY_ERRORS as error:
             return failure(error, started)
         finally:
@@ -67,7 +67,9 @@ class SequentialPolicies(PolicyBarrier):
         return PolicyAnswer(value=value, wall_s=wall_s)
 
     def _loop(self) -> asyncio.AbstractEventLoop:
-        """The loop of this process. Those of an original are never closed: their descriptors are shared with it."""
+        """Return the loop of this process. Loops of an original are never closed, because their descriptors are shared
+        with it.
+        """
         if not self._loops or self._loops[-1][0] != os.getpid():
             self._loops.append((os.getpid(), asyncio.new_event_loop()))
         return self._loops[-1][1]
@@ -75,8 +77,10 @@ class SequentialPolicies(PolicyBarrier):
 
 @contextmanager
 def _alarm(limit_s: float) -> Iterator[None]:
-    """Raise `LateCallError` in the main thread when the time is over, and again: a callback's is only logged by its
-    loop."""
+    """Raise `LateCallError` in the main thread after `limit_s` seconds, and again at intervals.
+
+    A single signal is not enough: an event loop only logs an error that is raised inside a callback.
+    """
 
     def late(number: int, frame: FrameType | None) -> None:
         raise LateCallError

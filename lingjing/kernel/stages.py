@@ -1,9 +1,10 @@
-"""Stages over time: when one begins for a subject, when it is late, what it is worth.
+"""Stages over time: when a stage begins for a subject, when it is late, and its weight in the score.
 
-A stage begins when the stages it depends on are done, for the same subject where both have subjects; one that depends
-on nothing begins with the episode. A stage with `ticks` that is not done that many ticks after its beginning is late,
-which ends the episode, whether success needs the stage or not. Where any stage has a weight, the score is the weighted
-share of the stages that are done, each by the share of its subjects; otherwise it is that of the success condition.
+A stage begins when the stages that it depends on are done, for the same subject if both have subjects. A stage without
+dependencies begins with the episode. A stage with `ticks` is late if it is not done that many ticks after its
+beginning. A late stage ends the episode, even if success does not need it. If any stage has a weight, the score is the
+weighted share of completed stages, each by the share of its subjects; otherwise the success condition determines the
+score.
 """
 
 from __future__ import annotations
@@ -18,27 +19,31 @@ from lingjing.mission.expression import Number
 from lingjing.mission.instance import Instance
 from lingjing.mission.model import Stage
 
-NOBODY = ""
-"""The subject of a stage that has none."""
+NO_SUBJECT = ""
+"""The subject of a stage without subjects."""
 
 
 @dataclass(frozen=True, slots=True)
 class LateStage:
-    """A stage that one subject has not done in the `ticks` it had since the tick at which it `began`."""
+    """A stage that one subject has not completed in time."""
 
     stage: str
+    """The stage's name."""
     subject: str
+    """The id of the subject; "" for a stage without subjects."""
     ticks: int
+    """The allowed number of ticks."""
     began: int
+    """The tick at which the stage began for the subject."""
 
     @property
     def name(self) -> str:
-        """`detect` of victim[1], in words."""
+        """The stage with its subject in words: "`detect` of victim[1]"."""
         return f"`{self.stage}` of {self.subject}" if self.subject else f"`{self.stage}`"
 
 
 class Stages:
-    """The stages of one instance; holds no run-time state."""
+    """The stages of one instance. Holds no run-time state."""
 
     def __init__(self, instance: Instance) -> None:
         self._stages = instance.stages
@@ -56,7 +61,7 @@ class Stages:
         return tuple((name, subject) for name, subjects in self._subjects.items() for subject in subjects)
 
     def begin(self, registry: Registry) -> Registry:
-        """The registry that knows which stages have begun by its boundary."""
+        """Return the registry with the stages that have begun by its boundary."""
         if not self._stages:
             return registry
         fresh = {
@@ -70,18 +75,22 @@ class Stages:
         return replace(registry, progress=replace(registry.progress, began={**registry.progress.began, **fresh}))
 
     def late(self, registry: Registry) -> Iterator[LateStage]:
-        """What has passed its own bound of ticks without being done, in declaration order."""
+        """Yield the stages that have exceeded their ticks without being done, in declaration order."""
         for stage in self._stages:
             if stage.ticks is None:
                 continue
-            most = int(_number(stage.ticks, 0.0))
+            allowed = int(_number(stage.ticks, 0.0))
             for subject in self._subjects[stage.name]:
                 began = registry.progress.began.get((stage.name, subject))
-                if began is not None and registry.tick - began >= most and (stage.name, subject) not in registry.stages:
-                    yield LateStage(stage.name, subject, most, began)
+                if (
+                    began is not None
+                    and registry.tick - began >= allowed
+                    and (stage.name, subject) not in registry.stages
+                ):
+                    yield LateStage(stage.name, subject, allowed, began)
 
     def score(self, registry: Registry) -> float | None:
-        """The weighted share of what is done, 0..1; None if no stage has a weight."""
+        """Return the weighted share of completed stages, 0 to 1, or None if no stage has a weight."""
         whole = sum(self._weights.values()) if self._weighted else 0.0
         if whole <= 0:
             return None
@@ -93,18 +102,22 @@ class Stages:
 
     def _may_begin(self, stage: Stage, subject: str, registry: Registry) -> bool:
         return all(
-            (source, one) in registry.stages for source in self._needs[stage.name] for one in self._of(source, subject)
+            (source, each) in registry.stages
+            for source in self._needs[stage.name]
+            for each in self._of(source, subject)
         )
 
     def _of(self, source: str, subject: str) -> tuple[str, ...]:
-        """The subjects for which the source must be done: the same one if it has it, else all of its own."""
+        """Return the subjects for which `source` must be done: `subject` if it is one of them, else all subjects of
+        `source`.
+        """
         subjects = self._subjects.get(source, ())
         return (subject,) if subject in subjects else subjects
 
 
 def _subjects(stage: Stage, instance: Instance) -> tuple[str, ...]:
     if not stage.variable or not stage.domain:
-        return (NOBODY,)
+        return (NO_SUBJECT,)
     return tuple(entity.id for entity in instance.entities if entity.group == stage.domain)
 
 

@@ -1,10 +1,10 @@
-"""W.Step: one decision boundary, in the order of the paper's operational expansion (its second algorithm).
+"""W.Step: one decision boundary, in the order of the paper's Algorithm 2 (operational expansion).
 
-`Kernel` is the world object W = (B, S, G, E, R): the bus, the instance, the registry, the evaluators and the
-recorder. `reset` commits boundary 0, `step` takes the collected policy outputs of boundary t to boundary t + 1.
-All run-time state is one immutable `KernelState`, so `fork` copies it, forks the engines and goes on alone.
+`Kernel` is the world object W = (B, S, G, E, R): the bus, the instance, the registry, the evaluators and the recorder.
+`reset` commits boundary 0. `step` takes the collected policy outputs of boundary t to boundary t + 1. All run-time
+state is one immutable `KernelState`; `fork` copies it and forks the engines.
 
-Line numbers in comments are those of that algorithm.
+Line numbers in comments are those of Algorithm 2.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from lingjing.kernel import pictures
 from lingjing.kernel.adjudication import Adjudicator, Verdict
 from lingjing.kernel.budgets import Budgets
 from lingjing.kernel.bus import Bus, MessageRouter
-from lingjing.kernel.candidates import received
+from lingjing.kernel.candidates import normalise_decision
 from lingjing.kernel.commands import CommandValidator, Resolution
 from lingjing.kernel.context import RuntimeContext
 from lingjing.kernel.evaluation import MissionEvaluator, combine
 from lingjing.kernel.inspections import Inspections
+from lingjing.kernel.pictures import ReferencePictures
 from lingjing.kernel.progress import EpisodeProgress
 from lingjing.kernel.recording import inbox_record, observation_record, substitutions
-from lingjing.kernel.reference_pictures import ReferencePictures
 from lingjing.kernel.registry import Registry, Report, initial
-from lingjing.kernel.registry_update import RegistryUpdate, updated
+from lingjing.kernel.registry_update import RegistryUpdate, update_registry
 from lingjing.kernel.scheduled import ScheduledEvents
 from lingjing.kernel.subtasks import Subtasks
 from lingjing.kernel.supported import check_playable
@@ -57,52 +57,75 @@ from lingjing.trace.request_ids import is_request_of, request_id
 from lingjing.trace.signals import deferring_signals
 
 KERNEL: Literal["kernel"] = "kernel"
-"""The sender of the kernel's own commands. Their receipts name hidden entities and are no agent's to see."""
+"""The sender of the kernel's own commands. Their receipts name hidden entities, so no agent receives them."""
 
 Recorder = Callable[[BoundaryRecord, Sequence[StoredFrame]], None]
 """The recorder R: receives every committed boundary with its pictures."""
 
 
 class KernelState(msgspec.Struct, frozen=True):
-    """Everything that changes from boundary to boundary, as one value."""
+    """The state that changes from boundary to boundary, as one value."""
 
     registry: Registry
+    """G, the shared state."""
     bus: Bus = field(default_factory=Bus)
+    """B, the messages in transit."""
     unlocks: tuple[tuple[str, str], ...] = ()
+    """(interaction, entity) pairs that the last adjudication allowed; the next step sends them to the engines."""
     adjudicated: tuple[AdjudicatedEvent, ...] = ()
+    """Events of the last adjudication; the next observations show them."""
     digest: str = START
+    """Chained digest of all boundary records so far."""
     frames_digest: str = START
+    """Chained digest of all pictures so far."""
     evaluation: Evaluation = field(default_factory=lambda: Evaluation(0.0, False))
+    """Score and termination at the last boundary."""
     scr: float = 0.0
+    """Subtask completion rate at the last boundary, 0 to 1."""
 
 
 Transit = Callable[[int, tuple[Envelope, ...]], tuple[Envelope, ...]]
-"""What becomes of admitted edges on their way: a boundary and its edges in, the edges that travel out. It and the ids
-that are `unsaid` (`MessageRouter.expand`) are for branches, which set them."""
+"""A transformation of admitted edges: receives a boundary and its edges, returns the edges to stage. Branches set
+it.
+"""
 
 
 class Published(msgspec.Struct, frozen=True):
-    """The boundary output (O_t, I_t, V_t, r_t, d_t), and the record it came from. `truths` are for who replaces a
-    decision by what would have been right: no policy of the episode is given them, and no record holds them."""
+    """The boundary output (O_t, I_t, V_t, r_t, d_t) with its record."""
 
     observations: Mapping[str, Observation]
+    """The observation of each agent."""
     inboxes: Mapping[str, Inbox]
+    """The inbox of each agent."""
     evaluation: Evaluation
+    """Score and termination."""
     record: BoundaryRecord
+    """The boundary record that was logged."""
     truths: Mapping[str, Privileged] = field(default_factory=dict)
+    """The ground truth of referenced agents, from which a caller computes reference decisions. No policy and no record
+    holds it.
+    """
 
 
 class _Inputs(msgspec.Struct, frozen=True):
-    """What the agent-runtime phase hands to a boundary, after validation."""
+    """The results of the agent phase, after validation, for the commit of a boundary."""
 
     decisions: tuple[DecisionRecord, ...] = ()
+    """The policy outputs, copied and made plain."""
     resolved: Resolution = field(default_factory=Resolution)
+    """Admitted commands and receipts of the command validator."""
     own: tuple[Command, ...] = ()
+    """The kernel's own commands."""
     envelopes: tuple[Envelope, ...] = ()
+    """Admitted edges of messages."""
     reports: tuple[Report, ...] = ()
+    """Admitted messages as values that rules range over."""
     receipts: tuple[Receipt, ...] = ()
+    """Receipts of the bus, the validator and substituted decisions."""
     progress: EpisodeProgress = field(default_factory=EpisodeProgress)
+    """Counts with the consumption of this tick."""
     started: float = field(default_factory=time.perf_counter)
+    """`time.perf_counter()` at the start of the step, for the record's wall time."""
 
 
 class Kernel:
@@ -121,8 +144,9 @@ class Kernel:
         policy_seed: int = 0,
         referenced: frozenset[str] = frozenset(),
     ) -> None:
-        """`privileged` are the agents whose observations hold the truth, `referenced` those whose truth is published
-        beside them."""
+        """`privileged`: agents with the ground truth in their observations. `referenced`: agents with a ground truth
+        that is published beside their observations.
+        """
         check_playable(instance)
         self.instance = instance
         self.world = world
@@ -131,7 +155,7 @@ class Kernel:
         self._referenced = referenced
         self._record = record
         self.transit: Transit | None = None
-        self.unsaid: frozenset[str] = frozenset()
+        self.removed_ids: frozenset[str] = frozenset()
         self._blank = blank_pictures
         self._router = MessageRouter(instance)
         self._validator = CommandValidator(instance, city)
@@ -153,11 +177,11 @@ class Kernel:
     def step(self, decisions: Sequence[DecisionRecord]) -> Published:
         """Lines 28 to 53: take the collected policy outputs to the next boundary.
 
-        `decisions` are in declaration order, one for each active agent (missing agents count as no-ops). They are
-        copied: what a caller or a policy does to its own objects afterwards changes nothing.
+        `decisions` are in declaration order, one for each active agent; missing agents count as no-ops. They are
+        copied, so later changes of a caller's or policy's objects have no effect.
         """
         started = time.perf_counter()
-        decisions = tuple(received(made) for made in decisions)
+        decisions = tuple(normalise_decision(made) for made in decisions)
         registry, tick = self.state.registry, self.state.registry.tick + 1
         tally = self._budgets.tally(registry)
         envelopes, about_messages = self._router.expand(  # line 29: ValidateAndExpand
@@ -165,8 +189,8 @@ class Kernel:
             tick,
             registry.frames,
             tally,
-            registry.unheard,
-            self.unsaid,
+            registry.unreachable_links,
+            self.removed_ids,
         )
         if self.transit is not None:
             envelopes = self.transit(tick, envelopes)
@@ -175,9 +199,9 @@ class Kernel:
             registry,
             tick,
             tally=tally,
-            at=self._adjudicator.instant(registry, registry.states, registry.time_s),
+            at=self._adjudicator.context_at(registry, registry.states, registry.time_s),
         )
-        progress = self._budgets.spend(tally.onto(registry.progress), decisions)
+        progress = self._budgets.spend(tally.applied_to(registry.progress), decisions)
         self.state = replace(self.state, bus=self.state.bus.stage(envelopes))  # line 31
         motion = tuple(command for command in resolved.commands if command.verb != PHOTO)
         reports = _reports(decisions, about_messages)
@@ -189,7 +213,7 @@ class Kernel:
         )
 
     def fork(self, record: Recorder | None = None) -> Kernel:
-        """A kernel that goes on alone from this boundary: engines forked, state copied, its own recorder."""
+        """Return a kernel that continues independently from this boundary, with forked engines and its own recorder."""
         other = Kernel.__new__(Kernel)
         other.__dict__.update(self.__dict__)
         other.world = self.world.fork()
@@ -197,15 +221,15 @@ class Kernel:
         return other
 
     def exhausted(self) -> dict[str, str]:
-        """The agents that may not be asked any more, with the reason: their allowances are spent."""
+        """Return the agents that have spent their allowances, with the reason. They are not called any more."""
         return self._budgets.exhausted(self.state.registry.progress, [agent.id for agent in self.instance.agents])
 
     def _own_commands(self, tick: int, reports: Sequence[Report]) -> tuple[Command, ...]:
-        """Kernel-origin commands: the interactions that the last boundary allowed, the routes that are asked for."""
+        """Return the kernel's own commands: interactions that the last boundary allowed, and requested routes."""
         wanted: list[tuple[str, str, dict[str, Datum]]] = [
             (entity, f"{UNLOCK}{interaction}", {}) for interaction, entity in self.state.unlocks
         ]
-        for asset, verb, (east, north) in self._inspections.wanted(tick, reports):
+        for asset, verb, (east, north) in self._inspections.route_requests(tick, reports):
             wanted.append((asset, verb, {"x": east, "y": north}))
         return tuple(
             Command(
@@ -232,8 +256,8 @@ class Kernel:
         observations, truths = self._observe(registry, happened, answers)  # line 49: ProjectVisible
         verdict = self._adjudicator.adjudicate(before, registry, boundary.snapshots)  # line 50: Adjudicate
         latched = verdict.registry
-        standing = self._adjudicator.instant(latched, latched.states, latched.time_s)
-        evaluation = combine([one.evaluate(standing, verdict.events) for one in self._evaluators])  # line 51
+        standing = self._adjudicator.context_at(latched, latched.states, latched.time_s)
+        evaluation = combine([each.evaluate(standing, verdict.events) for each in self._evaluators])  # line 51
         record = self._draft(boundary, happened, inputs, receipts, frames, verdict, evaluation, observations, inboxes)
         digest = next_digest(self.state.digest, record)
         record = _with_digest(record, digest, inputs.started)
@@ -251,7 +275,9 @@ class Kernel:
         return Published(observations, inboxes, evaluation, record, truths)
 
     def _log(self, state: KernelState, record: BoundaryRecord, frames: Sequence[StoredFrame]) -> None:
-        """Take on the new state and hand it to the recorder: both or neither, lest a trace ends before its outcome."""
+        """Store the new state and hand it to the recorder. No signal interrupts between the two: a trace must hold its
+        outcome.
+        """
         if self._record is None:
             self.state = state
             return
@@ -270,7 +296,10 @@ class Kernel:
     def _engine_receipts(
         self, boundary: WorldBoundary, inputs: _Inputs, answers: Sequence[StoredFrame | Absent]
     ) -> tuple[Receipt, ...]:
-        """C^E: admissions (a missing one is timed out, lines 35 to 38), later receipts of long requests, pictures."""
+        """C^E: admission receipts, later receipts of long requests, and receipts of pictures.
+
+        A missing admission receipt counts as timed out (lines 35 to 38).
+        """
         commands = inputs.resolved.commands
         if not (commands or boundary.missing or boundary.admissions):
             return boundary.receipts
@@ -286,14 +315,15 @@ class Kernel:
         return admissions + boundary.receipts + photos
 
     def _inboxes(self, delivered: Sequence[Envelope], receipts: Sequence[Receipt]) -> dict[str, Inbox]:
-        """DeliveredTo and VisibleReceiptsFor: an agent sees what is addressed to it and answers to its own requests, or
-        to everybody's or to none, as the mission's `comms` say.
+        """DeliveredTo and VisibleReceiptsFor: the inbox of each agent.
 
-        Every recipient gets a body of its own: what it does to it reaches neither its peers nor the adjudicator.
+        An agent receives the messages addressed to it. It receives the receipts of its own requests, of all requests or
+        of none, as the mission's `comms` declare. Every recipient gets its own copy of a body, so that changes reach
+        neither peers nor the adjudicator.
         """
         shown = self.instance.comms.receipts
         answers = [
-            self._projector.told(receipt)
+            self._projector.redacted(receipt)
             for receipt in receipts
             if shown != "none" and not is_request_of("kernel command", receipt.request)
         ]
@@ -321,10 +351,10 @@ class Kernel:
             tick=boundary.tick,
             time_s=boundary.time_s,
             states=boundary.snapshots[-1].states,
-            unheard=boundary.unheard,
+            unreachable_links=boundary.unreachable_links,
             progress=inputs.progress,
-            asked=inputs.resolved.commands,
-            own=inputs.own,
+            agent_commands=inputs.resolved.commands,
+            kernel_commands=inputs.own,
             missing=boundary.missing,
             receipts=receipts,
             events=boundary.events,
@@ -333,15 +363,15 @@ class Kernel:
             reports=inputs.reports,
             messages=inputs.envelopes,
         )
-        return self._inspections.follow(registry, updated(registry, update, self.instance), boundary.snapshots)
+        return self._inspections.advance(registry, update_registry(registry, update, self.instance), boundary.snapshots)
 
     def _observe(
         self, registry: Registry, happened: Sequence[TaskEvent], answers: Sequence[StoredFrame | Absent]
     ) -> tuple[dict[str, Observation], dict[str, Privileged]]:
         frames = [answer for answer in answers if isinstance(answer, StoredFrame)]
-        shown = [pictures.seen(frame, blank=self._blank) for frame in frames]
+        shown = [pictures.policy_picture(frame, blank=self._blank) for frame in frames]
         absent = [answer for answer in answers if isinstance(answer, Absent)]
-        at = self._adjudicator.instant(registry, registry.states, registry.time_s)
+        at = self._adjudicator.context_at(registry, registry.states, registry.time_s)
         out, truths = {}, {}
         for agent in self.instance.agents:
             observation = self._projector.observe(
@@ -352,8 +382,8 @@ class Kernel:
                 task_events=happened,
                 adjudicated=self.state.adjudicated,
             )
-            revealed = self._reference_pictures.shown_to(agent, shown)
-            missed = self._reference_pictures.missed_by(agent, absent)
+            revealed = self._reference_pictures.pictures_for(agent, shown)
+            missed = self._reference_pictures.absent_for(agent, absent)
             if revealed or missed:
                 observation = dataclasses.replace(
                     observation, pictures=observation.pictures + revealed, absent=observation.absent + missed
@@ -408,17 +438,17 @@ class Kernel:
             done=evaluation.done,
             scr=self._subtasks.share(verdict.registry),
             routes=boundary.routes,
-            unreachable_links=boundary.unheard,
+            unreachable_links=boundary.unreachable_links,
         )
 
     def briefs(self) -> dict[str, Brief]:
-        """The brief of every agent; `classes` are the types of everything that may be seen."""
+        """Return the brief of every agent. Its `classes` are the types of all entities."""
         classes = tuple(dict.fromkeys(entity.type for entity in self.instance.entities))
         return {agent.id: self._projector.brief(agent, classes) for agent in self.instance.agents}
 
 
 def _reports(decisions: Sequence[DecisionRecord], receipts: Sequence[Receipt]) -> tuple[Report, ...]:
-    """The admitted messages as rules range over them: the router answers each candidate with one receipt, in order."""
+    """Return the admitted messages as rules range over them. The router issues one receipt per candidate, in order."""
     candidates = [(made.agent, message) for made in decisions for message in made.decision.messages]
     return tuple(
         Report(receipt.request, message.kind, sender, receipt.tick, message.body)
@@ -428,7 +458,7 @@ def _reports(decisions: Sequence[DecisionRecord], receipts: Sequence[Receipt]) -
 
 
 def _clipped(receipt: Receipt, clipped: Mapping[str, str]) -> Receipt:
-    """An engine's answer that says what of the request the kernel had changed before."""
+    """Return an engine's receipt with a note on arguments that the kernel clipped before submission."""
     note = clipped.get(receipt.request)
     if note is None:
         return receipt

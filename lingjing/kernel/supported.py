@@ -1,7 +1,7 @@
-"""What a mission may say and the kernel does not play yet: refused by name, never passed over in silence.
+"""Rejection of instances with language features that the kernel does not implement yet.
 
-The language is ahead of the kernel. An episode that left out a declared limit, event or allowance would be another
-mission with the same name, so it does not start.
+The language is ahead of the kernel. An episode without a declared limit, event or allowance would be another mission
+under the same name, so it does not start.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from lingjing.mission.instance import Instance
 
 
 def check_playable(instance: Instance) -> None:
-    """`UsageError` that lists every declared part of the instance that would not be played."""
-    unknown = tuple(dict.fromkeys(unsupported_features(instance)))
+    """Raise `UsageError` with every declared part of the instance that the kernel does not implement."""
+    unknown = tuple(dict.fromkeys(_unsupported_features(instance)))
     if unknown:
         raise UsageError(
-            f"`{instance.mission}` cannot be played yet: the kernel does not know {', '.join(unknown)}",
+            f"`{instance.mission}` cannot be played yet: the kernel does not implement {', '.join(unknown)}",
             hint="`lingjing validate`, `graph` and `docs` work for it; playing takes a mission without them",
         )
 
 
-def unsupported_features(instance: Instance) -> Iterator[str]:
-    """Names of what the kernel would pass over, in the order of the specification."""
+def _unsupported_features(instance: Instance) -> Iterator[str]:
+    """Yield the names of features that the kernel does not implement, in the order of the language specification."""
     if any(region.on_map is not None for region in instance.regions):
         yield "regions along roads"
     for condition in _conditions(instance):

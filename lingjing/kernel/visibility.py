@@ -1,9 +1,9 @@
-"""ProjectVisible: what an agent may see at a boundary, and what it may know before the first.
+"""ProjectVisible: the part of a boundary that an agent observes, and the brief that it receives before the first.
 
-An agent sees its declared channels and nothing else. A property that the mission marks hidden is never read here,
-and an entity with a hidden position is never listed, whatever a channel says; which events it is told is said in
-`announcements`. So instances that differ only in hidden values give identical inputs until a
-sensor or an admitted message makes the difference.
+An agent observes its declared channels and nothing else. A property that the mission marks hidden is never read here.
+An entity with a hidden position is never listed, whatever a channel declares. `event_visibility` selects the events.
+Two instances that differ only in hidden values therefore produce identical inputs until a sensor or an admitted message
+makes a difference.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from lingjing.kernel.commands import reachable
 from lingjing.kernel.event_visibility import EventVisibility
 from lingjing.kernel.registry import Registry
 from lingjing.kernel.rule_sentences import rule_sentences
-from lingjing.kernel.stocks import public, stocks
+from lingjing.kernel.stocks import public_resources, stocks
 from lingjing.mission.appearance import PHYSICAL
 from lingjing.mission.instance import AgentSpec, Cell, ChannelSpec, Entity, Instance
 from lingjing.mission.kinds import admitted, engine_kind
@@ -39,23 +39,30 @@ from lingjing.trace.records import (
 )
 
 STATE_FIELDS = ("position", "velocity", "heading_deg", "status")
-"""Fields of an entity's state that a channel may name as they are. `resources` and the names of declared states show
-what it has in stock, `route` where it is planned to go; `busy` comes with an agent's own resources."""
+"""Fields of an entity's state that a channel may name directly.
+
+A channel may also name `resources` or a declared state (the entity's stocks), `route` (its planned waypoints) and
+`busy`, which an agent's own resources always carry.
+"""
 
 RESOURCES, ROUTE, BUSY, ALL = "resources", "route", "busy", "*"
+"""Further field names of a channel; `*` stands for all of them."""
 
 
-_KERNELS = frozenset({"bus", "kernel", "policy"})
-"""Whose receipts repeat no more than what agents said themselves."""
+_SENDERS_WITHOUT_REDACTION = frozenset({"bus", "kernel", "policy"})
+"""Senders of receipts that repeat only what the agents themselves sent. Their texts need no redaction."""
 
-_SOMEBODY = "something"
+_ANONYMOUS = "something"
+"""Replaces the id of an entity with a hidden position in an engine's receipt."""
 
 
 class Projector:
-    """The projection of one instance; holds no run-time state. Policies' random streams start from `policy_seed`;
-    without a `city` nothing is said of its bounds and roads."""
+    """The projection of one instance. Holds no run-time state."""
 
     def __init__(self, instance: Instance, policy_seed: int = 0, city: City | None = None) -> None:
+        """`policy_seed` starts the random streams of policies. Without a `city`, briefs contain no bounds and no
+        roads.
+        """
         self._instance = instance
         self._city = city
         self._policy_seed = policy_seed
@@ -67,7 +74,7 @@ class Projector:
         self._unplaced = tuple(f"`{name}`" for name in self._entities if name not in self._public)
 
     def brief(self, agent: AgentSpec, classes: Sequence[str]) -> Brief:
-        """All the agent is told at reset."""
+        """Return all that the agent receives at reset. `classes` are the types of entities that may be visible."""
         instance = self._instance
         return Brief(
             agent=agent.id,
@@ -108,12 +115,12 @@ class Projector:
     def _route_ends(self) -> tuple[RouteEnds, ...]:
         return tuple(
             RouteEnds(
-                vehicle=one.asset,
-                start=self._entities[one.asset].position,
-                end=self._entities[one.destination].position,
+                vehicle=inspection.asset,
+                start=self._entities[inspection.asset].position,
+                end=self._entities[inspection.destination].position,
             )
-            for one in self._instance.inspections
-            if one.destination in self._public and one.asset in self._public
+            for inspection in self._instance.inspections
+            if inspection.destination in self._public and inspection.asset in self._public
         )
 
     @cached_property
@@ -130,7 +137,11 @@ class Projector:
         task_events: Sequence[TaskEvent] = (),
         adjudicated: Sequence[AdjudicatedEvent] = (),
     ) -> Observation:
-        """The agent's member of O_t: `task_events` are this boundary's, `adjudicated` those of the one before."""
+        """Return the agent's observation, its member of O_t.
+
+        `task_events` are those of this boundary, `adjudicated` those of the boundary before: adjudication follows
+        observation.
+        """
         entities: dict[str, EntityView] = {}
         cells: list[CellView] = []
         events: tuple[EventView, ...] = ()
@@ -138,7 +149,7 @@ class Projector:
             if channel.source == "grid":
                 cells.extend(self._cells(channel, registry))
             elif channel.source == "events":
-                events = self._event_visibility.of(agent, task_events, adjudicated, registry.tick)
+                events = self._event_visibility.visible_events(agent, task_events, adjudicated, registry.tick)
             else:
                 self._entities_of(agent, channel, registry, entities)
         return Observation(
@@ -153,13 +164,16 @@ class Projector:
             weather=self._schedule.weather(registry.time_s),
         )
 
-    def told(self, receipt: Receipt) -> Receipt:
-        """A receipt as agents read it: an engine may name somebody whose place is hidden as what a body has hit."""
-        if receipt.by in _KERNELS or not any(name in receipt.detail for name in self._unplaced):
+    def redacted(self, receipt: Receipt) -> Receipt:
+        """Return the receipt as agents receive it: ids of entities with hidden positions are replaced in engine texts.
+
+        An engine may name such an entity, for example as the body in a collision.
+        """
+        if receipt.by in _SENDERS_WITHOUT_REDACTION or not any(name in receipt.detail for name in self._unplaced):
             return receipt
         detail = receipt.detail
         for name in self._unplaced:
-            detail = detail.replace(name, _SOMEBODY)
+            detail = detail.replace(name, _ANONYMOUS)
         return msgspec.structs.replace(receipt, detail=detail)
 
     def privileged(
@@ -170,27 +184,31 @@ class Projector:
         forbidden: tuple[tuple[str, str], ...] = (),
         city: City | None = None,
     ) -> Privileged:
-        """The truth, for a policy that was declared privileged."""
+        """Return the ground truth for a policy that is declared privileged."""
         progress = registry.progress
         return Privileged(
             instance=self._instance,
-            states=tuple(msgspec.structs.replace(state, resources=public(state)) for state in registry.states.values()),
+            states=tuple(
+                msgspec.structs.replace(state, resources=public_resources(state)) for state in registry.states.values()
+            ),
             frames=tuple(frames),
             achieved=tuple(registry.achieved),
             emitted=tuple(registry.emitted),
             routes=tuple(registry.routes.values()),
-            inspected={name: tuple(sorted(one.seen)) for name, one in progress.inspected.items()},
+            inspected={name: tuple(sorted(inspected.seen)) for name, inspected in progress.inspected.items()},
             used=dict(progress.used),
             forbidden=forbidden,
             city=city,
         )
 
     def _shows(self, agent: AgentSpec, entity: str, camera: str) -> bool:
-        """True for pictures of a mounted camera that the agent's channels show; reference pictures go by `reveal`."""
+        """Return whether the agent's channels show pictures of this camera. Reference pictures follow `reveal`
+        instead.
+        """
         return (entity, camera) in self._mounted and agent.receives_pictures(entity, camera)
 
     def _grid_of(self, agent: AgentSpec) -> tuple[Cell, ...]:
-        """The cells of the grids that the agent observes."""
+        """Return the cells of the grids that the agent observes."""
         watched = {channel.name for channel in agent.observes if channel.source == "grid"}
         return tuple(cell for cell in self._instance.cells if cell.grid in watched and not cell.hidden)
 
@@ -238,13 +256,13 @@ class Projector:
 
 
 def _shown(entity: Entity, state: BodyState, fields: Sequence[str]) -> dict[str, object]:
-    """What a channel with these fields shows of an entity's state, by the names of `EntityView`."""
+    """Return the fields of an entity's state that a channel shows, by their names in `EntityView`."""
     whole = ALL in fields
     wanted = STATE_FIELDS if whole else tuple(name for name in STATE_FIELDS if name in fields)
     shown: dict[str, object] = {name: getattr(state, name) for name in wanted if name not in entity.hidden}
     named = {spec.name for spec in entity.state if spec.field in fields}
     if RESOURCES not in entity.hidden and (whole or RESOURCES in fields or named):
-        # A new mapping each time: the engine's own is not a policy's to change.
+        # A new mapping for each view: a policy must not be able to change the engine's own.
         stock = stocks(entity, state)
         everything = whole or RESOURCES in fields
         shown[RESOURCES] = {name: value for name, value in stock.items() if everything or name in named}
@@ -252,7 +270,7 @@ def _shown(entity: Entity, state: BodyState, fields: Sequence[str]) -> dict[str,
 
 
 def _merged(seen: EntityView | None, entity: Entity, shown: dict[str, object]) -> EntityView:
-    """A view with a channel's fields added to what other channels already show."""
+    """Return a view with the fields of one more channel."""
     base = {} if seen is None else {name: getattr(seen, name) for name in (*STATE_FIELDS, RESOURCES, ROUTE, BUSY)}
     before = base.get(RESOURCES)
     if before is not None:

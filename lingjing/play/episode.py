@@ -18,10 +18,10 @@ import msgspec
 
 from lingjing.analysis.relations import RelationTracker
 from lingjing.errors import ErrorCollector, UsageError
-from lingjing.kernel.ambient_random import generator_states, has_moved, load_generators
+from lingjing.kernel.ambient_random import generator_states, generators_advanced, load_generators
 from lingjing.kernel.barrier import Barrier, PolicyBarrier
 from lingjing.kernel.cities import CityBuilder
-from lingjing.kernel.episode import Progress, give_briefs, play
+from lingjing.kernel.episode import Progress, play, reset_policies
 from lingjing.kernel.evaluators import build_evaluators
 from lingjing.kernel.step import Kernel
 from lingjing.kernel.world import open_world
@@ -149,7 +149,7 @@ class Session:
         )
         barrier = _barrier(prepared.assigned, options, instance, city, calls, apart)
         try:
-            give_briefs(kernel, barrier)
+            reset_policies(kernel, barrier)
             named = Path(out) if out is not None else claim_run_folder(instance.mission, instance.mode, options.seed)
             folder = named.absolute()  # a policy in this process may go to another working folder
             writer = _writer(folder, _header(instance, city, prepared, options), city, prepared.key)
@@ -238,7 +238,7 @@ def _barrier(
         if policy.plugin is not None:
             before = generator_states()
             here[agent] = build_policy(policy.plugin, policy.arguments, calls.of(agent))
-            drawing |= {agent} if has_moved(before, generator_states()) else set()
+            drawing |= {agent} if generators_advanced(before, generator_states()) else set()
     return PolicyBarrier(here, limit_s, outages, drawing)
 
 

@@ -134,9 +134,9 @@ DETAILS = {
     "BuildRaises": r"policy `entrants.py:BuildRaises` cannot be built: .*no weights",
     "BuildRefuses": r"not with me",
     "BuildBlames": r"the network is gone",
-    "ResetHangs": r"the policy of `skipper` could not take its brief: no answer within 8 s",
-    "ResetExits": r"the policy of `skipper` could not take its brief: its process ended \(exit code 4\)",
-    "ResetBlames": r"the policy of `skipper` could not take its brief: InfrastructureError: the network is gone",
+    "ResetHangs": r"the policy of `skipper` failed in `reset`: no answer within 8 s",
+    "ResetExits": r"the policy of `skipper` failed in `reset`: its process ended \(exit code 4\)",
+    "ResetBlames": r"the policy of `skipper` failed in `reset`: InfrastructureError: the network is gone",
     "SecondImport": r"policy `.*second.py` could not be loaded: its process ended \(exit code 6\)",
 }
 """The entrants that keep their episodes from beginning, and the details of their rows."""
@@ -329,7 +329,7 @@ def test_of_several_seeds_one_that_does_not_begin_is_lost(folder: Path, capsys: 
     assert "TSR 0.50 (1 of 2), SCR 0.50" in shown.out
     assert re.search(r"^\d\tno\tpolicy-failure\t0.00\t0\t-$", shown.out, re.M)
     (line,) = re.findall(r"^error: seed \d did not begin: (.*)$", shown.err, re.M)
-    assert line == "the policy of `skipper` could not take its brief: RuntimeError: once is enough"
+    assert line == "the policy of `skipper` failed in `reset`: RuntimeError: once is enough"
 
 
 @pytest.mark.parametrize("jobs", ["1", "2"])

@@ -1,5 +1,7 @@
-"""A small world for the kernel's tests: point masses that obey exactly, a shore that performs unlocked interactions,
-a camera whose ground truth is a table. All of them are whole engines behind the five methods."""
+"""A small world for the kernel's tests, of complete engines with the five methods.
+
+Point masses obey exactly, a shore performs unlocked interactions, and a camera has a table as its ground truth.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +54,7 @@ TRUE_BOX = (0.4, 0.4, 0.6, 0.6)
 
 
 class Glider:
-    """Moves in a straight line at `SPEED` to where `go(x, y)` says; obeys to the millimetre."""
+    """An engine of point masses: `go(x, y)` moves in a straight line at `SPEED`, exactly."""
 
     verbs_without_receipt = ("mute",)
 
@@ -119,7 +121,7 @@ class Glider:
 
 
 class Shore(Glider):
-    """Owns the targets; after `unlock.rescue` it emits `rescue` as soon as the boat is within 50 m."""
+    """An engine that owns the targets: after `unlock.rescue` it emits `rescue` as soon as the boat is within 50 m."""
 
     def reset(self, spec, city, seed):
         self.open = set()
@@ -139,7 +141,7 @@ class Shore(Glider):
 
 
 class Table:
-    """A camera whose every picture shows every victim within 30 m, in `TRUE_BOX`, from right above."""
+    """A camera that shows every victim within 30 m in each picture, in `TRUE_BOX`, from directly above."""
 
     def reset(self, spec, city, seed):
         self.spec = spec
@@ -197,12 +199,12 @@ def local(name):
 
 
 def rule(name, condition, *parameters, matching=False):
-    pairs = tuple(RuleParameter(name=one, domain=domain) for one, domain in parameters)
+    pairs = tuple(RuleParameter(name=variable, domain=domain) for variable, domain in parameters)
     return Rule(name=name, parameters=pairs, condition=condition, matching=matching)
 
 
 def called(name, *arguments, is_rule=True):
-    return Call(function=name, arguments=tuple(local(one) for one in arguments), rule=is_rule)
+    return Call(function=name, arguments=tuple(local(argument) for argument in arguments), rule=is_rule)
 
 
 def both(left, right):
@@ -383,7 +385,7 @@ def make_kernel(instance=None, plugin=None, **options):
 
 
 def decisions(**by_agent):
-    """Decision records in declaration order; `scout_1` stands for `scout[1]`."""
+    """Return decision records in declaration order; `scout_1` stands for `scout[1]`."""
     names = {"scout_1": "scout[1]", "scout_2": "scout[2]"}
     return tuple(DecisionRecord(agent=names.get(name, name), decision=made) for name, made in by_agent.items())
 
@@ -401,7 +403,7 @@ def report(frame, box=TRUE_BOX, position=(100.0, 0.0), cls="person", confidence=
 
 
 def joined(*parts):
-    """One decision with the first command found and all the messages."""
+    """Return one decision with the first command and all messages."""
     command = next((part.command for part in parts if part.command), None)
     return replace_decision(command, tuple(message for part in parts for message in part.messages))
 

@@ -1,4 +1,4 @@
-"""What counts: box matching one to one, closed radii, unlocks, latching, evidence."""
+"""Adjudication: one-to-one matching of boxes, closed radii, unlocks, latching, evidence."""
 
 import msgspec
 import pytest
@@ -21,7 +21,7 @@ def judged(kernel, *reports):
 
 
 def shifted(share):
-    """`TRUE_BOX` moved right so that intersection over union is `share`."""
+    """Return `TRUE_BOX` moved right, so that intersection over union is `share`."""
     width = kit.TRUE_BOX[2] - kit.TRUE_BOX[0]
     move = width * (1 - share) / (1 + share)
     return (kit.TRUE_BOX[0] + move, kit.TRUE_BOX[1], kit.TRUE_BOX[2] + move, kit.TRUE_BOX[3])
@@ -97,7 +97,7 @@ def test_without_a_report_nothing_is_unlocked_and_nothing_rescued():
 
 
 def test_a_lie_about_position_box_or_frame_changes_nothing():
-    """The policy claims a person where there is none, in a picture that shows none."""
+    """The policy reports a person in a picture that shows none."""
     kernel = kit.make_kernel(kit.make_instance(victims=((250.0, 250.0),)))
     kernel.reset()
     kernel.step(kit.decisions(scout_1=kit.does("takePhoto"), skipper=kit.does("go", x=0.0, y=0.0)))

@@ -1,4 +1,4 @@
-"""Numbers over groups in rules, and what the kernel refuses to play."""
+"""Aggregates over groups in rules, and features that the kernel rejects."""
 
 import msgspec
 import pytest
@@ -7,7 +7,7 @@ import tests.kernel.kernel_kit as kit
 from lingjing.errors import UsageError
 from lingjing.kernel.adjudication import Adjudicator
 from lingjing.kernel.registry import initial
-from lingjing.kernel.rules import evaluate, moving
+from lingjing.kernel.rules import depends_on_motion, evaluate
 from lingjing.mission.expression import Aggregate, Attr, Binary, Call, Index, Number, Range, Ref, Symbol
 from lingjing.mission.instance import Region
 from lingjing.trace.records import TaskEvent
@@ -18,7 +18,7 @@ EAST = Attr(base=Attr(base=kit.local("v"), name="position"), name="east")
 def value(expression, victims=((100.0, 0.0), (-40.0, 0.0), (7.0, 0.0))):
     instance = kit.make_instance(victims=victims)
     registry = initial(instance)
-    return evaluate(expression, {}, Adjudicator(instance).instant(registry, registry.states, 0.0))
+    return evaluate(expression, {}, Adjudicator(instance).context_at(registry, registry.states, 0.0))
 
 
 def over(function, body):
@@ -50,7 +50,9 @@ def test_a_mission_that_says_more_than_the_kernel_plays_does_not_start():
     instance = msgspec.structs.replace(
         kit.make_instance(), regions=(Region(name="street", polygon=(), on_map=Number(value=1.0)),)
     )
-    with pytest.raises(UsageError, match="`kit` cannot be played yet: the kernel does not know regions along roads"):
+    with pytest.raises(
+        UsageError, match="`kit` cannot be played yet: the kernel does not implement regions along roads"
+    ):
         kit.make_kernel(instance)
     inspected = kit.make_instance(success=Call(function="levitates", arguments=()))
     with pytest.raises(UsageError, match=r"`levitates\(…\)` in rules"):
@@ -59,12 +61,14 @@ def test_a_mission_that_says_more_than_the_kernel_plays_does_not_start():
 
 def test_a_tick_is_as_long_in_rules_as_in_declarations_and_now_is_the_time():
     instance = kit.make_instance()
-    at = Adjudicator(instance).instant(initial(instance), initial(instance).states, 37.0)
+    at = Adjudicator(instance).context_at(initial(instance), initial(instance).states, 37.0)
     later = Binary(operator=">", left=Ref("now", "clock"), right=Binary("*", Number(value=3.0), Ref("tick", "clock")))
     assert evaluate(Ref("tick", "clock"), {}, at) == instance.clock.tick_s == 10.0
     assert evaluate(Ref("now", "clock"), {}, at) == 37.0
     assert evaluate(later, {}, at) is True
-    assert moving(later, {}, frozenset(), frozenset()) and not moving(later.right, {}, frozenset(), frozenset())
+    assert depends_on_motion(later, {}, frozenset(), frozenset()) and not depends_on_motion(
+        later.right, {}, frozenset(), frozenset()
+    )
 
 
 @pytest.mark.parametrize(("low", "high", "there"), [(90.0, 110.0, True), (100.0, 110.0, True), (101.0, 110.0, False)])
@@ -78,6 +82,6 @@ def test_a_member_that_is_not_there_makes_nothing_true():
     done = Call(function="emitted", arguments=(Symbol(name="rescue"), nobody))
     instance = kit.make_instance()
     registry = initial(instance).with_events((TaskEvent(kind="rescue", entities=("victim[1]",), time_s=0.0),))
-    at = Adjudicator(instance).instant(registry, registry.states, 0.0)
+    at = Adjudicator(instance).context_at(registry, registry.states, 0.0)
     assert evaluate(done, {}, at) is None
     assert evaluate(msgspec.structs.replace(done, arguments=done.arguments[:1]), {}, at) is True

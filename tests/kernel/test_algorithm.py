@@ -1,6 +1,6 @@
-"""The paper's operational expansion of the kernel step, one test for each numbered line that does something.
+"""The paper's operational expansion of the kernel step, one test for each numbered line with an effect.
 
-Lines are counted as printed, from `t ← 0` on; a test's name begins with the lines that it is about.
+Lines are counted as printed, from `t ← 0` on. A test's name begins with its lines.
 """
 
 import asyncio
@@ -26,11 +26,11 @@ MET = kit.rule(
     "met",
     Binary("<=", Call("distance_xy", (Ref("boat", "entity"), Point((Number(0.0), Number(-60.0))))), Number(1.0)),
 )
-"""The boat has been at a place that everybody knows."""
+"""The boat has been at a public place."""
 
 
 class Still:
-    """Does nothing; keeps what it was given."""
+    """A policy without decisions that stores its inputs."""
 
     def __init__(self):
         self.seen = []
@@ -44,7 +44,7 @@ class Still:
 
 
 class Table:
-    """Answers from a table of tick → decision."""
+    """A policy with a table of decisions by tick."""
 
     def __init__(self, table):
         self.table = table
@@ -58,7 +58,7 @@ class Table:
 
 
 class Log:
-    """A recorder that keeps everything."""
+    """A recorder that stores all boundaries."""
 
     def __init__(self):
         self.records, self.endings = [], []
@@ -87,7 +87,7 @@ def play_kit(instance=None, plugin=None, policies=None, **options):
 
 @pytest.fixture
 def unhurried_briefs(monkeypatch):
-    """A policy's deadline is for its answers: taking its brief has all the time that a busy machine needs."""
+    """Give the policies' `reset` unlimited time: the deadline under test is that of decisions."""
     usual = PolicyBarrier.reset
 
     def reset(self, briefs):
@@ -264,17 +264,17 @@ def test_line_26_a_late_answer_never_enters_a_later_tick():
         async def act(self, observation, inbox):
             if observation.tick == 0:
                 over.wait(3600)
-                given.set()
+                answered.set()
                 return kit.does("go", x=1.0, y=1.0)
             over.set()  # the late answer comes while this one is waited for
-            given.wait(3600)
+            answered.wait(3600)
             return Decision()
 
-    over, given = threading.Event(), threading.Event()
+    over, answered = threading.Event(), threading.Event()
     budget = kit.make_instance().budget
     instance = kit.make_instance(budget=msgspec.structs.replace(budget, policy_s=0.5, ticks=4))
     _, log = play_kit(instance, policies={"skipper": Slow()})
-    assert given.wait(3600)
+    assert answered.wait(3600)
     assert log.records[1].decisions[2].substituted == "policy_timeout"
     assert all(record.commands == () for record in log.records)
 
@@ -310,14 +310,14 @@ def test_line_26_what_a_call_without_a_decision_has_spent_is_kept():
 
 
 def test_line_26_a_policy_that_claims_an_outage_has_failed():
-    """A policy does not decide what counts: without a probe that finds its service gone, what it raises is its own."""
+    """Without a probe that confirms an outage, the policy's exception is its own failure."""
 
     def act(observation, inbox):
         raise InfrastructureError("the service is gone", hint="start it")
 
     outcome, log = play_kit(policies={"scout[2]": Table({2: act})})
     assert outcome.reason == "budget"
-    (made,) = (one for one in log.records[3].decisions if one.agent == "scout[2]")
+    (made,) = (decision for decision in log.records[3].decisions if decision.agent == "scout[2]")
     assert (made.substituted, made.decision) == ("policy_error", Decision())
     assert "the service is gone" in made.detail
 
@@ -493,7 +493,7 @@ def test_line_48_completion_releases_the_resource():
 
 
 def test_line_49_an_adjudicated_event_is_seen_one_boundary_later():
-    """Told are those that agents may know; verdicts about reports are for the trace."""
+    """Agents observe events that reveal nothing; verdicts on reports are for the trace."""
     instance = kit.make_instance()
     kernel = kit.make_kernel(msgspec.structs.replace(instance, rules=(*instance.rules, MET)))
     kernel.reset()

@@ -1,4 +1,4 @@
-"""A mapping that only grows behaves as a value, whoever continues it."""
+"""An append-only mapping behaves as a value, also when several versions are extended."""
 
 from hypothesis import given
 from hypothesis import strategies as st

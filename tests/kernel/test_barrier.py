@@ -1,4 +1,4 @@
-"""The threads that policies run in."""
+"""The threads of the policies."""
 
 from __future__ import annotations
 
@@ -28,30 +28,30 @@ def test_an_interrupt_while_a_thread_starts_leaves_no_coroutine_behind(monkeypat
         raise KeyboardInterrupt
 
     monkeypatch.setattr(AgentThread, "_ready", interrupted)
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         with pytest.raises(KeyboardInterrupt):
             AgentThread("a").submit(_answer)
         gc.collect()
-    assert not [one for one in told if one.category is RuntimeWarning]
+    assert not [warning for warning in caught if warning.category is RuntimeWarning]
 
 
 def test_an_interrupt_before_a_call_is_handed_over_leaves_no_coroutine_behind(monkeypatch: pytest.MonkeyPatch) -> None:
     hand_over = asyncio.run_coroutine_threadsafe
 
-    def interrupted(*given: Any) -> Future[Any]:
+    def interrupted(*arguments: Any) -> Future[Any]:
         signal.raise_signal(signal.SIGINT)
-        return hand_over(*given)
+        return hand_over(*arguments)
 
     thread = AgentThread("a")
     monkeypatch.setattr(asyncio, "run_coroutine_threadsafe", interrupted)
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         with pytest.raises(KeyboardInterrupt):
             thread.submit(_answer)
         thread.close()
         gc.collect()
-    assert not [one for one in told if one.category is RuntimeWarning]
+    assert not [warning for warning in caught if warning.category is RuntimeWarning]
 
 
 def test_a_thread_answers() -> None:
@@ -63,7 +63,7 @@ def test_a_thread_answers() -> None:
 
 
 class _JustDone(Future[tuple[int, float]]):
-    """It is not done when it is waited for, and done when it is looked at next."""
+    """A future that is not done when it is waited for, and done at the next look."""
 
     def result(self, timeout: float | None = None) -> tuple[int, float]:
         self.set_result((4, 0.1))
@@ -86,23 +86,23 @@ async def _lose_the_descriptor() -> int:
 
 
 def test_a_thread_whose_loop_is_broken_ends_without_a_word(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The traceback would be Python's own, in the middle of what a run prints."""
-    told: list[object] = []
-    monkeypatch.setattr(threading, "excepthook", told.append)
+    """Python's own traceback would appear in the middle of a run's output."""
+    caught: list[object] = []
+    monkeypatch.setattr(threading, "excepthook", caught.append)
     thread = AgentThread("broken")
     future = thread.submit(_lose_the_descriptor)
-    for running in [one for one in threading.enumerate() if one.name == "policy-broken"]:
+    for running in [thread for thread in threading.enumerate() if thread.name == "policy-broken"]:
         running.join(600)
         assert not running.is_alive()
-    assert not [one for one in told if one.category is RuntimeWarning]
+    assert not [report for report in caught if report.category is RuntimeWarning]
     assert not future.done() or future.result()[0] == 5
 
 
 class _Accuser:
-    """A policy that says that its infrastructure is gone."""
+    """A policy that reports an outage of its infrastructure."""
 
     async def reset(self, brief: Any) -> None:
-        """Nothing."""
+        """Do nothing."""
 
     async def act(self, observation: Any, inbox: Any) -> Decision:
         raise InfrastructureError("money: the service is gone")
@@ -110,13 +110,13 @@ class _Accuser:
 
 @pytest.mark.parametrize("kind", [PolicyBarrier, SequentialPolicies])
 def test_the_word_of_a_policy_ends_no_episode_unless_it_is_confirmed(kind: type[PolicyBarrier]) -> None:
-    asked: dict[str, tuple[Any, Any]] = {"a": (None, None)}
+    inputs: dict[str, tuple[Any, Any]] = {"a": (None, None)}
     barrier = kind({"a": _Accuser()}, 600.0)
-    (made,) = barrier.act(asked)
+    (made,) = barrier.act(inputs)
     barrier.close()
     assert (made.substituted, made.detail) == ("policy_error", "InfrastructureError: money: the service is gone")
     outage = InfrastructureError("it is gone indeed")
     confirmed = kind({"a": _Accuser()}, 600.0, lambda agent, error: outage)
     with pytest.raises(InfrastructureError, match="gone indeed"):
-        confirmed.act(asked)
+        confirmed.act(inputs)
     confirmed.close()

@@ -1,4 +1,4 @@
-"""What a policy may throw at the kernel: every odd value is refused with a receipt and none of it reaches a trace."""
+"""Odd values in decisions: each is rejected with a receipt, and none reaches a trace."""
 
 import asyncio
 
@@ -8,7 +8,7 @@ import pytest
 
 import tests.kernel.kernel_kit as kit
 from lingjing.kernel.barrier import PolicyBarrier
-from lingjing.kernel.candidates import DECISION_BYTES, THOUGHT_LETTERS, plain
+from lingjing.kernel.candidates import DECISION_BYTES, THOUGHT_LETTERS, plain_copy
 from lingjing.kernel.sequential import SequentialPolicies
 from lingjing.trace.encoding import to_json
 from lingjing.trace.records import Action, Decision, Outgoing, Usage
@@ -85,12 +85,12 @@ def test_a_lone_surrogate_is_replaced_and_a_long_thought_is_cut():
     assert made.substituted == ""
     assert made.decision.thought.startswith("\ufffdno")
     assert len(made.decision.thought) == THOUGHT_LETTERS
-    assert plain(Decision(thought="grün 🛟")).thought == "grün 🛟"
+    assert plain_copy(Decision(thought="grün 🛟")).thought == "grün 🛟"
 
 
 def test_a_decision_made_plain_stays_as_it_is():
     made = kit.joined(kit.does("go", x=NAN, y=10**30), kit.report("f", position=(INF, -INF)))
-    assert plain(plain(made)) == plain(made)
+    assert plain_copy(plain_copy(made)) == plain_copy(made)
 
 
 def test_a_subclass_of_a_decision_counts_as_one_and_an_extended_one_does_not():

@@ -1,4 +1,4 @@
-"""Each limit of a command has one source: what the kernel clips to, the engine admits."""
+"""Each limit of a command has one source: the engine admits what the kernel clips to."""
 
 import msgspec
 import pytest
@@ -28,9 +28,9 @@ def argument(name, unit="m"):
 
 
 def verbs_of(engine):
-    """The engine's verbs with arguments that no mission bounds."""
+    """Return the engine's verbs with arguments that no mission bounds."""
     place = (argument("x"), argument("y"), argument("z"))
-    given = {
+    arguments = {
         "takeoff": (argument("altitude"),),
         "setDestination": place if engine != "road" else place[:2],
         **dict.fromkeys(("forward", "backward", "up", "down"), (argument("distance"),)),
@@ -39,7 +39,7 @@ def verbs_of(engine):
         ),
     }
     kinds = builtin_engines()[engine].verbs
-    return tuple(VerbSpec(name=name, arguments=given[name], motion=kind.motion) for name, kind in kinds.items())
+    return tuple(VerbSpec(name=name, arguments=arguments[name], motion=kind.motion) for name, kind in kinds.items())
 
 
 def body(engine, kind, position, **properties):
@@ -52,7 +52,7 @@ def body(engine, kind, position, **properties):
 
 
 def clipped(entity, city, instance, verb, **arguments):
-    spec = next(one for one in entity.verbs if one.name == verb)
+    spec = next(candidate for candidate in entity.verbs if candidate.name == verb)
     return CommandLimits(instance, city).clipped(spec, arguments, entity, initial(instance))[0]
 
 
@@ -72,7 +72,7 @@ BAND = {"band_low_m": 0.0, "band_high_m": 120.0}
     ids=["quay", "sea", "roof", "edge"],
 )
 def test_down_a_lot_ends_above_what_lies_below(player, instance_of, street, size_m, band, position, lowest):
-    """The bug: `down 100` was clipped to the band's 0 m, which the engine refused as under the surface."""
+    """Regression: `down 100` was clipped to the band's 0 m, which the engine rejected as below the surface."""
     size = {"length_m": size_m, "width_m": size_m, "height_m": size_m / 2.0}
     entity = body("multirotor", "quadrotor", position, cruise_mps=12.0, endurance_s=2100.0, **size, **band)
     instance = instance_of([entity])
@@ -88,19 +88,19 @@ def test_down_a_lot_ends_above_what_lies_below(player, instance_of, street, size
 
 
 @pytest.mark.parametrize("position", [(0.0, 0.0, 0.9), (0.0, 0.0, 30.0), (300.0, 0.0, -2.0), (100.0, 0.0, 40.2)])
-@pytest.mark.parametrize("verb", [one.name for one in verbs_of("multirotor")])
+@pytest.mark.parametrize("verb", [spec.name for spec in verbs_of("multirotor")])
 @pytest.mark.parametrize("value", HUGE)
 def test_a_multirotor_refuses_no_clipped_number(instance_of, street, position, verb, value):
     entity = body("multirotor", "quadrotor", position, cruise_mps=12.0, endurance_s=1e9, **BAND)
     instance = instance_of([entity])
     engine = MultirotorEngine()
     engine.reset(EngineSpec(engine="multirotor", instance=instance, owns=("body",)), street, 1)
-    given = (
+    arguments = (
         {"x": 10.0, "y": 0.0, "z": value}
         if verb == "setDestination"
         else {"altitude" if verb == "takeoff" else "distance": value}
     )
-    receipt = submitted(engine, verb, clipped(entity, street, instance, verb, **given))
+    receipt = submitted(engine, verb, clipped(entity, street, instance, verb, **arguments))
     assert receipt.status == "accepted" or receipt.reason in ("airborne", "grounded"), receipt
 
 
@@ -136,7 +136,7 @@ def submitted(engine, verb, arguments):
 
 
 def test_the_altitude_of_a_takeoff_is_a_height_over_its_start_and_the_band_an_elevation(instance_of, street):
-    """From a roof at 40 m in a band of 20..120 m, a takeoff may climb by 1 to 80 m."""
+    """From a roof at 40 m, in a band of 20 to 120 m, a takeoff may climb by 1 to 80 m."""
     entity = body("multirotor", "quadrotor", (100.0, 0.0, 40.2), band_low_m=20.0, band_high_m=120.0)
     instance = instance_of([entity])
     assert clipped(entity, street, instance, "takeoff", altitude=5.0) == {"altitude": 5.0}
@@ -153,7 +153,7 @@ def test_the_slowest_and_the_fastest_cruise_stand_in_one_place():
 
 @pytest.mark.parametrize(("engine", "kind"), [("road", "car"), ("multirotor", "quadrotor"), ("quadruped", "robot_dog")])
 def test_agents_are_given_the_least_values_that_the_engine_takes(instance_of, street, engine, kind):
-    """The bug: a prompt said 0 m for a car's `forward`, of which the engine takes 0.1 m at least."""
+    """Regression: a prompt had 0 m for a car's `forward`, of which the engine accepts at least 0.1 m."""
     verbs = tuple(
         msgspec.structs.replace(verb, arguments=tuple(
             msgspec.structs.replace(spec, minimum=0.0, maximum=500.0) for spec in verb.arguments if spec.unit == "m"
@@ -198,7 +198,7 @@ mission drop "Come down" {
 
 
 class Down:
-    """Says `down` and means it."""
+    """A policy that commands `down`."""
 
     async def reset(self, brief):
         pass

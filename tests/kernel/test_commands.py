@@ -68,11 +68,13 @@ def test_a_busy_resource_refuses_everything_but_stop():
 
 
 def test_a_refusal_advises_stop_only_where_the_resource_has_it():
-    """The bug: an aeroplane, which has no `stop`, was advised to use it."""
+    """Regression: the advice to use `stop` was given for an aeroplane, which has none."""
     instance = kit.make_instance()
     entities = tuple(
-        one if one.id == "boat" else msgspec.structs.replace(one, verbs=tuple(v for v in one.verbs if v.name != "stop"))
-        for one in instance.entities
+        entity
+        if entity.id == "boat"
+        else msgspec.structs.replace(entity, verbs=tuple(v for v in entity.verbs if v.name != "stop"))
+        for entity in instance.entities
     )
     kernel = kernel_at_zero(msgspec.structs.replace(instance, entities=entities))
     kernel.step(kit.decisions(scout_1=kit.does("hop", distance=40.0), skipper=kit.does("go", x=0.0, y=300.0)))
@@ -110,7 +112,7 @@ def test_a_clipped_command_that_its_engine_rejects_is_rejected_once_and_assigns_
 
 
 class Preempting(kit.Glider):
-    """`stop` takes ten seconds, and the old request is reported as pre-empted while it lasts."""
+    """An engine with a `stop` of ten seconds, in which the old request is reported as pre-empted."""
 
     def reset(self, spec, city, seed):
         self.lost, self.halting = [], {}
@@ -195,11 +197,11 @@ def test_destinations_are_clipped_to_the_altitude_band():
 
 
 def test_the_band_ends_a_climb_and_not_its_speed():
-    """A plug-in's verb may have arguments of other dimensions beside how far it goes."""
+    """A plug-in's verb may have arguments of other dimensions beside a length."""
     arguments = (ArgumentSpec(name="distance", unit="m", maximum=500.0), ArgumentSpec(name="rate", unit="m/s"))
     climb = VerbSpec(name="climb", motion="up", arguments=arguments)
     made = kit.make_instance()
-    entities = [msgspec.structs.replace(one, verbs=(*one.verbs, climb)) for one in made.entities]
+    entities = [msgspec.structs.replace(entity, verbs=(*entity.verbs, climb)) for entity in made.entities]
     record = (
         kernel_at_zero(msgspec.structs.replace(made, entities=tuple(entities)))
         .step(kit.decisions(scout_1=kit.does("climb", distance=400.0, rate=300.0)))
@@ -240,8 +242,8 @@ def test_a_place_in_another_frame_is_refused_with_the_frame_that_holds(x, y, rea
     kernel = kit.make_kernel(plugin=kit.KitPlugin(glider=Narrow))
     kernel.reset()
     published = kernel.step(kit.decisions(scout_1=kit.does("go", x=x, y=y)))
-    told = [r for r in published.inboxes["scout[1]"].receipts if r.request == "c1-1"]
-    assert told[0].reason == reason
+    receipts = [r for r in published.inboxes["scout[1]"].receipts if r.request == "c1-1"]
+    assert receipts[0].reason == reason
     if reason == "outside_world":
-        assert "metres east and north" in told[0].detail and "(-500, -500) and (500, 500)" in told[0].detail
+        assert "metres east and north" in receipts[0].detail and "(-500, -500) and (500, 500)" in receipts[0].detail
         assert kernel.step(kit.decisions(scout_1=kit.does("go", x=100.0, y=100.0))).record.receipts[0].reason == ""

@@ -1,4 +1,6 @@
-"""What binds agents while a mission runs: permits, counted budgets, allowances, constraints, inspections, stages."""
+"""The constraints on agents while a mission runs: permits, counted budgets, allowances, constraints, inspections,
+stages.
+"""
 
 import msgspec
 import pytest
@@ -103,8 +105,8 @@ def test_a_limit_inside_a_stage_counts_while_the_stage_runs():
 def test_an_agent_without_tokens_is_not_asked_any_more():
     base = make_instance()
     agents = tuple(
-        msgspec.structs.replace(one, budget=Allowance(tokens=100)) if one.id == "skipper" else one
-        for one in base.agents
+        msgspec.structs.replace(entry, budget=Allowance(tokens=100)) if entry.id == "skipper" else entry
+        for entry in base.agents
     )
     kernel = started(agents=agents)
     thinking = Decision(usage=Usage(calls=1, prompt_tokens=60, completion_tokens=20))
@@ -112,14 +114,14 @@ def test_an_agent_without_tokens_is_not_asked_any_more():
     assert kernel.exhausted() == {}
     kernel.step(decisions(skipper=thinking))
     assert list(kernel.exhausted()) == ["skipper"]
-    asked = []
+    observed_ticks = []
 
     class Asked:
         async def reset(self, brief):
             pass
 
         async def act(self, observation, inbox):
-            asked.append(observation)
+            observed_ticks.append(observation)
             return Decision()
 
     barrier = PolicyBarrier({"skipper": Asked(), "scout[1]": Asked()}, 5.0)
@@ -127,8 +129,8 @@ def test_an_agent_without_tokens_is_not_asked_any_more():
         made = barrier.act({"skipper": (1, 2), "scout[1]": (3, 4)}, kernel.exhausted())
     finally:
         barrier.close()
-    assert asked == [3]
-    assert [(one.agent, one.substituted) for one in made] == [("skipper", "allowance"), ("scout[1]", "")]
+    assert observed_ticks == [3]
+    assert [(entry.agent, entry.substituted) for entry in made] == [("skipper", "allowance"), ("scout[1]", "")]
 
 
 def test_a_shared_allowance_of_money_ends_for_all():
@@ -216,7 +218,7 @@ def test_all_who_are_late_at_once_are_named():
 
 @pytest.mark.parametrize(("ticks", "reason"), [(2.0, "late"), (3.0, "late"), (4.0, "budget")])
 def test_a_stage_that_is_late_at_the_last_tick_is_what_ended_it(ticks, reason):
-    """It would have ended a mission of more ticks as well; also a stage that success does not need."""
+    """The stage would also end a longer mission, even if success does not need it."""
     stage = Stage(name="bonus", condition=ALWAYS_FALSE, ticks=Number(value=ticks))
     kernel = make_kernel(make_instance(stages=(stage,), relations=(), ticks=3))
     outcome = play(kernel, PolicyBarrier({}, 5.0))
@@ -318,10 +320,10 @@ def test_a_replan_begins_the_inspection_again():
     kernel.step(decisions(scout_1=does("go", x=160, y=0)))
     assert kernel.state.registry.progress.inspected["check"].complete_s is not None
     out = kernel.step(decisions(scout_2=says("order", assignee="boat", position=(130.0, 0.0))))
-    assert ("replan", {"x": 130.0, "y": 0.0}) in [(one.verb, one.arguments) for one in out.record.commands]
+    assert ("replan", {"x": 130.0, "y": 0.0}) in [(command.verb, command.arguments) for command in out.record.commands]
     known = kernel.state.registry.progress.inspected["check"]
     assert (known.route, known.complete_s, known.seen) == (2, None, frozenset())
-    at = kernel._adjudicator.instant(kernel.state.registry, kernel.state.registry.states, out.record.time_s)
+    at = kernel._adjudicator.context_at(kernel.state.registry, kernel.state.registry.states, out.record.time_s)
     replans = Call(function="replans", arguments=(Symbol(name="check"),))
     assert evaluate(replans, {}, at) == 1.0
 

@@ -1,4 +1,4 @@
-"""The schema that a foreign program's answers are checked by and the kernel's admission agree on every decision."""
+"""The JSON Schema for foreign programs and the kernel's admission agree on every decision."""
 
 import msgspec
 import pytest
@@ -16,7 +16,7 @@ from lingjing.plugins.decisions import MESSAGES_PER_CALL, REACH_M, DecisionForma
 from lingjing.trace.records import BodyState, Decision
 
 FRAME = "f1-uav[1]-nadir"
-"""The one picture taken so far: which there are only the running episode knows."""
+"""The only picture taken so far. Only the running episode knows the pictures."""
 
 NAMES = ("x", "y", "camera", "class")
 NUMBERS = st.one_of(
@@ -81,7 +81,7 @@ def instances(draw):
 
 
 def value_for(kind):
-    """Mostly what a field of that kind takes, sometimes anything."""
+    """Draw mostly a valid value of a field of that kind, sometimes any value."""
     good = {
         "number": NUMBERS,
         "flag": st.booleans(),
@@ -95,9 +95,9 @@ def value_for(kind):
 
 @st.composite
 def contents(draw, specs, kind_of):
-    """Values under the names of specs, mostly all of them, sometimes one that nobody knows."""
-    found = {spec.name: draw(value_for(kind_of(spec))) for spec in specs if draw(st.integers(0, 7))}
-    return {**found, "stray": 1} if not draw(st.integers(0, 9)) else found
+    """Draw values under the names of the specs, mostly all of them, sometimes with an unknown name."""
+    values = {spec.name: draw(value_for(kind_of(spec))) for spec in specs if draw(st.integers(0, 7))}
+    return {**values, "stray": 1} if not draw(st.integers(0, 9)) else values
 
 
 @st.composite
@@ -125,7 +125,7 @@ def answers(draw, instance, agent):
 
 
 def admits(instance, agent, decision):
-    """Whether the kernel admits all of a decision, with nothing under way and nothing counted."""
+    """Return whether the kernel admits all of a decision, without pending requests and counted budgets."""
     states = {
         entity.id: BodyState(id=entity.id, position=entity.position, status="idle") for entity in instance.entities
     }
@@ -199,8 +199,8 @@ def test_every_fault_is_told_at_once_with_its_path():
 def test_a_command_that_is_none_says_what_could_stand_there(command, fault):
     instance = kit.make_instance("star")
     form = DecisionFormat(Projector(instance).brief(instance.agents[0], ("person",)))
-    (told,) = form.faults(form.completed({"command": command}))
-    assert told.startswith(fault)
+    (message,) = form.faults(form.completed({"command": command}))
+    assert message.startswith(fault)
 
 
 def test_a_box_with_its_edges_in_the_wrong_order_is_a_fault():

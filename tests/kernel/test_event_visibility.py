@@ -1,4 +1,4 @@
-"""Which events agents are told: what somebody did, never what a report was worth or what is hidden and near."""
+"""The visibility of events: actions are visible, but not the worth of a report, nor hidden entities nearby."""
 
 import msgspec
 import pytest
@@ -17,9 +17,9 @@ PAST = Binary(
 )  # fmt: skip
 
 
-def instance(told=None, **changes):
+def instance(audience=None, **changes):
     made = kit.make_instance("star", **changes)
-    rescue = InteractionSpec(name="rescue", by="glider", within_m=50.0, told=told or "")
+    rescue = InteractionSpec(name="rescue", by="glider", within_m=50.0, told=audience or "")
     entities = tuple(
         msgspec.structs.replace(entity, interactions=(rescue,)) if entity.role == "target" else entity
         for entity in made.entities
@@ -32,9 +32,9 @@ def instance(told=None, **changes):
 
 
 def told(of, task_events=(), judged=()):
-    """By agent, what it is told."""
+    """Return the visible events by agent."""
     announcements = EventVisibility(of)
-    return {agent.id: announcements.of(agent, task_events, judged, 4) for agent in of.agents}
+    return {agent.id: announcements.visible_events(agent, task_events, judged, 4) for agent in of.agents}
 
 
 def listeners(views):
@@ -69,19 +69,19 @@ def test_a_collision_with_somebody_hidden_is_felt_by_who_collides():
 
 
 def test_a_receipt_of_an_engine_names_nobody_who_is_hidden():
-    """And one of the kernel repeats what an agent said: who asks for somebody hidden is not told that there is one."""
+    """A receipt of the kernel repeats the agent's own words, which do not confirm that a hidden entity exists."""
     projector = Projector(instance())
     hit = Receipt(request="c1", tick=3, sender="scout[2]", resource="uav[2]", status="rejected", by="glider",
                   detail="`uav[2]` hit `victim[1]` over `boat`")  # fmt: skip
-    assert projector.told(hit).detail == "`uav[2]` hit something over `boat`"
-    asked = msgspec.structs.replace(hit, by="kernel", detail="there is no resource `victim[1]`")
-    assert projector.told(asked) is asked
+    assert projector.redacted(hit).detail == "`uav[2]` hit something over `boat`"
+    rejection = msgspec.structs.replace(hit, by="kernel", detail="there is no resource `victim[1]`")
+    assert projector.redacted(rejection) is rejection
     plain = msgspec.structs.replace(hit, detail="`uav[2]` hit `house-3`")
-    assert projector.told(plain) is plain
+    assert projector.redacted(plain) is plain
 
 
 def test_numbers_do_not_count_what_was_not_told():
-    """An id that skips one would say that something happened."""
+    """A gap in the ids would reveal an invisible event."""
     arrived = TaskEvent(kind="arrived", entities=("boat",), time_s=10.0)
     rules = (*kit.make_instance().rules, kit.rule("met", PAST))
     quiet, busy = (
@@ -130,7 +130,7 @@ def test_a_broken_constraint_is_told_alike(condition, domain, is_told):
 
 
 def test_a_report_that_was_right_looks_like_one_that_was_wrong():
-    """The same picture is reported rightly and wrongly: until somebody acts, nobody is told which it was."""
+    """The same picture is reported correctly and wrongly. Until a body acts, no agent can distinguish the two."""
     inputs = []
     for box in (kit.TRUE_BOX, (0.0, 0.0, 0.1, 0.1)):
         kernel = kit.make_kernel(instance("all"))

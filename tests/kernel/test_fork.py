@@ -1,4 +1,4 @@
-"""A fork in mid-episode: the branch that changes nothing ends with its parent's digest; one that does, does not."""
+"""Forks in mid-episode: a branch without changes ends with its parent's digest, a branch with changes does not."""
 
 from pathlib import Path
 
@@ -30,7 +30,7 @@ def kernel(host):
 
 
 def deciding(tick):
-    """Everybody busy at first, a photograph later, nothing in between."""
+    """All agents are busy at first, with a photograph later and nothing in between."""
     moves = {
         "scout[1]": Action(verb="setDestination", arguments={"x": 250.0, "y": -800.0, "z": 100.0}),
         "scout[2]": Action(verb="setDestination", arguments={"x": 450.0, "y": -780.0, "z": 90.0}),

@@ -1,4 +1,4 @@
-"""A boundary costs what happens at it, not what has happened since the episode began."""
+"""The cost of a boundary depends on its own events, not on the length of the episode."""
 
 import sys
 
@@ -8,7 +8,9 @@ import tests.kernel.kernel_kit as kit
 
 
 def chatter(tick):
-    """Two good reports, two bad ones, two orders and two commands at every other boundary, pictures in between."""
+    """Return two good reports, two bad ones, two orders and two commands at every other boundary, pictures in
+    between.
+    """
     made = []
     for number, east in ((1, 100.0), (2, -100.0)):
         order = kit.says("order", assignee="boat", position=(280.0, float(tick % 90)))
@@ -22,7 +24,7 @@ def chatter(tick):
 
 
 def calls(kernel, tick):
-    """Python function calls that one boundary takes: a measure that no other program disturbs."""
+    """Return the Python function calls of one boundary: a measure that no other program disturbs."""
     count = 0
 
     def counted(frame, event, argument):

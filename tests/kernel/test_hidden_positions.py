@@ -1,4 +1,4 @@
-"""The sea rescue itself: what differs only in a hidden position looks the same to every policy at first."""
+"""Hidden positions in the sea rescue: instances that differ only there look the same to every policy at first."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def moved(instance: Instance) -> Instance:
-    """Every victim 100 m further west, still in the searched region or not: nobody may notice."""
+    """Move every victim 100 m further west, inside the searched region or not: no input may change."""
     entities = tuple(
         msgspec.structs.replace(entity, position=(entity.position[0] - 100.0, *entity.position[1:]))
         if "position" in entity.hidden
@@ -36,6 +36,11 @@ def test_hidden_positions_leave_boundary_zero_and_a_blind_tick_unchanged(mode):
         world = open_world("inline", host=host)
         kernel = Kernel(instance, host.scene(instance.scene.kind).build(instance.scene), world)
         records = [kernel.reset().record, kernel.step(()).record]
-        seen.append((kernel.briefs(), [[one.sha256 for one in record.observations] for record in records]))
+        seen.append(
+            (
+                kernel.briefs(),
+                [[record_of_agent.sha256 for record_of_agent in record.observations] for record in records],
+            )
+        )
         world.close()
     assert seen[0] == seen[1]

@@ -1,4 +1,4 @@
-"""What gets through between agents: radio out of range, lost edges, and whose receipts are seen."""
+"""The links between agents: radio out of range, lost edges, and the visibility of receipts."""
 
 import msgspec
 import pytest
@@ -8,11 +8,11 @@ from lingjing.kernel.bus import MessageRouter
 from lingjing.trace.admitted_messages import admitted_at, categories_of
 
 FAR = (("uav[1]", "uav[2]"), ("boat", "uav[1]"))
-"""Neither the other scout nor the skipper hears the first scout."""
+"""The first scout reaches neither the other scout nor the skipper."""
 
 
 class Mute(kit.Shore):
-    """Says from boundary `since` on who is out of reach."""
+    """An engine that reports unreachable pairs from boundary `since` on."""
 
     pairs = FAR
 
@@ -74,7 +74,7 @@ def test_under_star_a_coordinator_without_a_body_hears_everybody():
 
 
 def test_what_counts_is_the_reach_at_the_boundary_where_it_was_said():
-    """The state of the air that the agents decided in, not the one that their tick leads to."""
+    """The links of the boundary at which agents decided apply, not those at the end of the tick."""
 
     class Fading(kit.Shore):
         def advance(self, until, mirrors):
@@ -90,8 +90,8 @@ def expanded(loss, seed=3, count=400):
     instance = kit.make_instance()
     comms = msgspec.structs.replace(instance.comms, loss=loss)
     router = MessageRouter(msgspec.structs.replace(instance, comms=comms, seed=seed))
-    said = [("scout[1]", kit.says("order", assignee="boat").messages)]
-    return [router.expand(said, tick, ()) for tick in range(1, count // 2 + 1)]
+    candidates = [("scout[1]", kit.says("order", assignee="boat").messages)]
+    return [router.expand(candidates, tick, ()) for tick in range(1, count // 2 + 1)]
 
 
 @pytest.mark.parametrize("loss", [0.0, 0.1, 0.5])
@@ -120,12 +120,12 @@ def test_losses_depend_on_the_seed_and_on_nothing_else():
 
 
 def test_a_message_that_is_taken_out_changes_nothing_of_the_others():
-    """Ids go on as if it were there, and losses go by ids."""
+    """Ids continue as if the message were there, and losses derive from ids."""
     instance = kit.make_instance()
     router = MessageRouter(msgspec.structs.replace(instance, comms=msgspec.structs.replace(instance.comms, loss=0.3)))
     first, second = [(scout, kit.says("order", assignee="boat").messages) for scout in ("scout[1]", "scout[2]")]
     whole = [router.expand([first, second], tick, ()) for tick in range(1, 101)]
-    without = [router.expand([second], tick, (), unsaid={f"m{tick}-1"}) for tick in range(1, 101)]
+    without = [router.expand([second], tick, (), removed_ids={f"m{tick}-1"}) for tick in range(1, 101)]
     for (edges, receipts), (left, answers) in zip(whole, without, strict=True):
         assert left == tuple(edge for edge in edges if edge.sender == "scout[2]")
         assert answers == receipts[1:]
@@ -133,11 +133,11 @@ def test_a_message_that_is_taken_out_changes_nothing_of_the_others():
 
 def test_what_nobody_hears_is_found_under_the_id_that_the_bus_gave_it():
     kernel, _ = kernel_of(kit.Shore, loss=1.0)
-    kernel.unsaid = frozenset({"m2-1"})
+    kernel.removed_ids = frozenset({"m2-1"})
     kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
     record = kernel.step(kit.decisions(scout_1=kit.report("f1-uav[1]-nadir"))).record
     assert record.messages == ()
-    assert [one.id for one in admitted_at(record, categories_of(kernel.instance))] == ["m2-2"]
+    assert [message.id for message in admitted_at(record, categories_of(kernel.instance))] == ["m2-2"]
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Whatever policies decide, the kernel keeps its promises: random decisions over thirty ticks."""
+"""Invariants of the kernel under random decisions over thirty ticks."""
 
 import random
 
@@ -18,7 +18,7 @@ BOXES = (kit.TRUE_BOX, kit.TRUE_BOX, (0.0, 0.0, 0.1, 0.1), (0.42, 0.4, 0.6, 0.6)
 
 
 class Whim:
-    """Random decisions from one seed: mostly sensible, so that something happens, and now and then absurd."""
+    """A policy of random decisions from one seed: mostly sensible, sometimes absurd."""
 
     def __init__(self, seed):
         self.random = random.Random(seed)
@@ -61,7 +61,9 @@ class Whim:
 
 
 class Stopping(kit.Glider):
-    """Ends what `stop` pre-empts and completes `stop` itself, as the built-in engines do."""
+    """An engine that ends the requests that `stop` pre-empts and completes `stop` itself, as the built-in engines
+    do.
+    """
 
     def reset(self, spec, city, seed):
         self.outbox = []
@@ -89,7 +91,7 @@ def make_kernel(mode):
 
 
 def played(mode, whim):
-    """The kernel after thirty ticks and what it published."""
+    """Return the kernel after thirty ticks and its boundary outputs."""
     kernel = make_kernel(mode)
     instance, published = kernel.instance, [kernel.reset()]
     for tick in range(TICKS):
@@ -99,7 +101,7 @@ def played(mode, whim):
 
 
 def replayed(mode, records):
-    """The digests of the episode run again from its recorded decisions, as a trace gives them back."""
+    """Return the digests of the episode repeated from its recorded decisions."""
     kernel = make_kernel(mode)
     again = [kernel.reset().record]
     again += [kernel.step(from_json(to_json(record), BoundaryRecord).decisions).record for record in records[1:]]
@@ -123,8 +125,11 @@ def check_boundary(published, instance):
         assert all(edge.sender != agent for edge in inbox.messages)
         assert list(inbox.receipts) == [receipt for receipt in record.receipts if receipt.sender == agent]
     assert "victim" not in repr((published.observations, [inbox.messages for inbox in published.inboxes.values()]))
-    told = [receipt for inbox in published.inboxes.values() for receipt in inbox.receipts]
-    assert {r.reason for r in told if "victim" in repr(r)} <= {"unknown_resource", "stale"}  # as if it did not exist
+    receipts = [receipt for inbox in published.inboxes.values() for receipt in inbox.receipts]
+    assert {r.reason for r in receipts if "victim" in repr(r)} <= {
+        "unknown_resource",
+        "stale",
+    }  # as if it did not exist
     assert from_json(to_json(record), BoundaryRecord) == record
 
 
@@ -155,9 +160,9 @@ def check_events(records):
 @given(mode=st.sampled_from(["star", "broadcast"]), seed=st.integers(0, 2**32))
 def test_promises_hold_whatever_policies_decide(mode, seed):
     kernel, published = played(mode, Whim(seed))
-    records = [one.record for one in published]
-    for one in published:
-        check_boundary(one, kernel.instance)
+    records = [output.record for output in published]
+    for output in published:
+        check_boundary(output, kernel.instance)
     check_requests(records, kernel)
     check_events(records)
     assert replayed(mode, records) == [record.digest for record in records]
@@ -165,8 +170,8 @@ def test_promises_hold_whatever_policies_decide(mode, seed):
 
 def test_the_random_decisions_reach_what_the_promises_are_about():
     kernel, published = played("broadcast", Whim(1))
-    receipts = [(receipt.status, receipt.reason) for one in published for receipt in one.record.receipts]
+    receipts = [(receipt.status, receipt.reason) for output in published for receipt in output.record.receipts]
     reasons = {"busy", "conflict", "stale", "no_authority", "bad_argument", "bad_field", "preempted"}
     assert reasons <= {reason for _, reason in receipts}
-    assert {"matched", "reported"} <= {event.kind for one in published for event in one.record.events}
+    assert {"matched", "reported"} <= {event.kind for output in published for event in output.record.events}
     assert kernel.state.evaluation.reward < 1.0

@@ -1,4 +1,4 @@
-"""What an agent is told of the rules: true to the instance, whole, and without what is hidden."""
+"""The rules in briefs: true to the instance, complete, and without hidden values."""
 
 import msgspec
 import pytest
@@ -48,8 +48,8 @@ def played(name: str, mode: str, seed: int = 1) -> Instance:
     ],
 )
 def test_the_rules_are_told_with_their_numbers(name: str, mode: str, says: tuple[str, ...]):
-    told = "\n".join(rule_sentences(played(name, mode)))
-    assert [part for part in says if part not in told] == []
+    text = "\n".join(rule_sentences(played(name, mode)))
+    assert [part for part in says if part not in text] == []
 
 
 def test_a_changed_radius_changes_the_sentence():
@@ -63,8 +63,8 @@ def test_a_changed_radius_changes_the_sentence():
 @pytest.mark.parametrize("name", ["bi", "vdn", "ld", "idf", "upr", "ufr", "cr", "ssr"])
 def test_instances_that_differ_in_hidden_values_alone_are_told_the_same(name: str):
     mission = lingjing.compile(data_path("scenarios") / f"{name}.ljs")
-    told = {rule_sentences(instantiate(mission, seed=seed)) for seed in range(4)}
-    assert len(told) == 1
+    texts = {rule_sentences(instantiate(mission, seed=seed)) for seed in range(4)}
+    assert len(texts) == 1
 
 
 @pytest.mark.parametrize(

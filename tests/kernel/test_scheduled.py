@@ -1,4 +1,4 @@
-"""What happens by itself is in the trace and the log and told to agents, but for what is hidden in it."""
+"""Scheduled events are recorded, logged and shown to agents, except for hidden parts."""
 
 import msgspec
 import pytest
@@ -20,7 +20,7 @@ FRONT = EventSpec(name="front", tick=2, weather=STORM)
 
 
 def instance(*events, public=(), dormant=(), **changes):
-    """Everybody hears of events; who is `public` hides nothing."""
+    """All agents observe events; entities in `public` hide nothing."""
     made = kit.make_instance(weather=CALM, events=events, **changes)
     entities = tuple(
         msgspec.structs.replace(
@@ -37,25 +37,25 @@ def played(ticks, *events, **changes):
 
 
 def kinds(published, agent="skipper"):
-    return [[(event.kind, event.entities) for event in one.observations[agent].events] for one in published]
+    return [[(event.kind, event.entities) for event in output.observations[agent].events] for output in published]
 
 
 def test_the_weather_is_that_of_the_boundary_in_every_observation_and_its_record():
     published = played(3, FRONT)
     for agent in ("scout[1]", "skipper"):
-        assert [one.observations[agent].weather for one in published] == [CALM, CALM, STORM, STORM]
-    for one in published:
-        assert {seen.weather for seen in one.record.observations} == {one.observations["skipper"].weather}
+        assert [output.observations[agent].weather for output in published] == [CALM, CALM, STORM, STORM]
+    for output in published:
+        assert {seen.weather for seen in output.record.observations} == {output.observations["skipper"].weather}
 
 
 def test_a_change_of_the_weather_is_a_task_event_of_its_boundary_and_a_line_of_the_log():
     published = played(3, FRONT)
     changed = {"wind_mps": 14.0, "visibility_m": 800.0, "rain": 0.5}
     event = TaskEvent(kind="weather", name="front", entities=(), time_s=20.0, values=changed)
-    assert [one.record.task_events for one in published] == [(), (), (event,), ()]
+    assert [output.record.task_events for output in published] == [(), (), (event,), ()]
     assert kinds(published) == [[], [], [("weather", ())], []]
-    said = [data for _, _, data in logs(published[2].record)]
-    assert any(b"weather front: rain 0.5, visibility_m 800, wind_mps 14 at 20 s" in data for data in said)
+    lines = [data for _, _, data in logs(published[2].record)]
+    assert any(b"weather front: rain 0.5, visibility_m 800, wind_mps 14 at 20 s" in data for data in lines)
 
 
 def test_an_event_at_boundary_0_is_there_and_in_the_brief():
@@ -83,13 +83,13 @@ def test_who_comes_and_goes_leaves_a_mark_once():
     go = EventSpec(name="gone", tick=3, vanish=("victim[2]",))
     empty = EventSpec(name="nobody", tick=3)
     published = played(3, come, again, go, empty, public=("victim[1]", "victim[2]"), dormant=("victim[2]",))
-    lines = [[event.line for event in one.record.task_events] for one in published]
+    lines = [[event.line for event in output.record.task_events] for output in published]
     assert lines == [[], ["appeared late: victim[2]"], [], ["vanished gone: victim[2]"]]
     assert kinds(published) == [[], [("appeared", ("victim[2]",))], [], [("vanished", ("victim[2]",))]]
 
 
 def test_who_is_hidden_comes_and_goes_in_the_trace_alone():
-    """Two missions that differ only in when somebody hidden comes give everybody the same input."""
+    """Two missions that differ only in the time at which a hidden entity appears give all agents the same input."""
     both = [
         played(
             4,
@@ -99,17 +99,17 @@ def test_who_is_hidden_comes_and_goes_in_the_trace_alone():
         )
         for tick in (1, 3)
     ]
-    for one in both:
-        assert [event.line for each in one for event in each.record.task_events] == [
+    for outputs in both:
+        assert [event.line for each in outputs for event in each.record.task_events] == [
             "appeared late: victim[2]", "vanished all: victim[1] boat",
         ]  # fmt: skip
-        assert kinds(one)[4] == [("vanished", ("boat",))]
-    early, late = ([seen.sha256 for each in one for seen in each.record.observations] for one in both)
+        assert kinds(outputs)[4] == [("vanished", ("boat",))]
+    early, late = ([seen.sha256 for each in outputs for seen in each.record.observations] for outputs in both)
     assert early == late
 
 
 def test_no_rule_takes_what_happens_by_itself_for_something_done():
-    """An event and an interaction may have one name: nobody has rescued who has only appeared."""
+    """An event and an interaction may have one name: an entity that has only appeared is not rescued."""
     come = EventSpec(name="rescue", tick=1, appear=("victim[2]",), weather=STORM)
     for kind, who in (("appeared", "victim[2]"), ("weather", "victim[2]")):
         done = Call(function="emitted", arguments=(Symbol(name=kind), Ref(name=who, kind="entity")))
@@ -119,7 +119,7 @@ def test_no_rule_takes_what_happens_by_itself_for_something_done():
 
 
 def test_older_records_still_read():
-    (record, *_) = (one.record for one in played(2, FRONT)[2:])
+    (record, *_) = (output.record for output in played(2, FRONT)[2:])
     plain = msgspec.json.decode(to_json(record))
     for event in plain["task_events"]:
         del event["name"]
@@ -134,7 +134,7 @@ def test_older_records_still_read():
 def test_agents_without_the_channel_of_events_still_feel_the_weather():
     made = instance(FRONT)
     agents = tuple(
-        msgspec.structs.replace(one, observes=(ChannelSpec(source="entity", name="boat"),)) for one in made.agents
+        msgspec.structs.replace(agent, observes=(ChannelSpec(source="entity", name="boat"),)) for agent in made.agents
     )
     kernel = kit.make_kernel(msgspec.structs.replace(made, agents=agents))
     kernel.reset(), kernel.step(())
@@ -144,7 +144,7 @@ def test_agents_without_the_channel_of_events_still_feel_the_weather():
 
 @pytest.mark.parametrize("where", ["", "event front at 1 tick "])
 def test_weather_that_comes_from_something_hidden_is_refused(where):
-    """What observations carry can hold nothing hidden."""
+    """Observations cannot carry a hidden value."""
     text = f"""
 ljs 1
 use std.sea {{ lifeboat, person_in_water }}
@@ -161,4 +161,4 @@ mission raft "A raft" {{
   success when distance_xy(boat, victim) <= 10 m
 }}
 """
-    assert "LJ0401" in [found.code for found in compile_text(text).diagnostics]
+    assert "LJ0401" in [diagnostic.code for diagnostic in compile_text(text).diagnostics]

@@ -1,4 +1,4 @@
-"""Policies that are asked in turn in the caller's thread."""
+"""Policies that are called one after the other in the caller's thread."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from lingjing.kernel.sequential import SequentialPolicies
 from lingjing.trace.records import Decision
 
 LONG_S = 20.0
-"""Longer than any limit here; who is not interrupted answers after it."""
+"""Longer than any limit here; a policy that is not interrupted answers afterwards."""
 
 
 class Slow:
-    """A policy that takes its time, first in a callback of its loop if it is told to."""
+    """A policy that sleeps, optionally first in a callback of its loop."""
 
     def __init__(self, callback_s: float = 0.0) -> None:
         self._callback_s = callback_s
 
     async def reset(self, brief: Any) -> None:
-        """Nothing."""
+        """Do nothing."""
 
     async def act(self, observation: Any, inbox: Any) -> Decision:
         if self._callback_s:
@@ -38,7 +38,7 @@ def reasons(policies: SequentialPolicies) -> list[str]:
 
 
 def test_a_callback_that_is_interrupted_is_no_way_round_the_limit() -> None:
-    """A loop logs what a callback raises, and goes on."""
+    """A loop only logs an exception in a callback and continues."""
     assert reasons(SequentialPolicies({"a": Slow(callback_s=1.0)}, 0.2)) == ["policy_timeout"]
 
 
@@ -62,9 +62,9 @@ def test_an_interrupt_before_the_first_step_leaves_no_coroutine_behind(monkeypat
         raise KeyboardInterrupt
 
     monkeypatch.setattr(SequentialPolicies, "_loop", interrupted)
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         with pytest.raises(KeyboardInterrupt):
             reasons(SequentialPolicies({"a": Slow()}, 600.0))
         gc.collect()
-    assert not [one for one in told if one.category is RuntimeWarning]
+    assert not [warning for warning in caught if warning.category is RuntimeWarning]

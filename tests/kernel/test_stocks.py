@@ -1,4 +1,4 @@
-"""State values in rules and observations: demand and load as the engines have them, routes, nothing internal."""
+"""States in rules and observations: demand and load as the engines report them, routes, no internal accounts."""
 
 import msgspec
 import pytest
@@ -39,14 +39,14 @@ def test_what_is_hidden_or_internal_is_not_in_stock():
 
 
 class Porter(kit.Glider):
-    """Unloads 10 kg a tick, keeps a private account and publishes a route on its way."""
+    """An engine that unloads 10 kg per tick, keeps an internal account and publishes a route."""
 
     def advance(self, until, mirrors):
         boundary = super().advance(until, mirrors)
         load = {"load": 200.0 - until, "grain@silo": -3.0, "battery": 0.5}
         boundary = msgspec.structs.replace(
             boundary,
-            states=tuple(msgspec.structs.replace(one, resources=load) for one in boundary.states),
+            states=tuple(msgspec.structs.replace(state, resources=load) for state in boundary.states),
         )
         if until != 10.0:
             return boundary
@@ -55,7 +55,7 @@ class Porter(kit.Glider):
 
 
 def seen(*fields, source="entity", name="boat"):
-    """What the first scout sees of the boat at boundary 1 through channels of these fields."""
+    """Return the first scout's view of the boat at boundary 1 through channels of these fields."""
     channels = tuple(ChannelSpec(source=source, name=name, fields=(field,)) for field in fields)
     base = kit.make_instance()
     crew = tuple(
@@ -105,7 +105,7 @@ def test_a_privileged_policy_does_not_see_the_books_either():
     kernel = kit.make_kernel(plugin=kit.KitPlugin(glider=Porter), privileged=frozenset({"scout[1]"}))
     kernel.reset()
     truth = kernel.step(()).observations["scout[1]"].privileged
-    assert {name for one in truth.states for name in one.resources} == {"load", "battery"}
+    assert {name for state in truth.states for name in state.resources} == {"load", "battery"}
 
 
 def test_rules_sum_and_compare_current_states():
@@ -122,7 +122,7 @@ def test_rules_sum_and_compare_current_states():
 
 
 def test_stocks_that_an_engine_works_out_of_a_hidden_property_are_not_shown():
-    """Watt-hours at the start are the endurance; a declared state is the author's to show."""
+    """Watt-hours at the start derive from the hidden endurance; declared states stay visible."""
     closed = msgspec.structs.replace(VAN, hidden=("position", "endurance_s"))
     assert stocks(closed, state(load=1.0, battery_wh=120.0, battery=1.0)) == {"load": 1.0}
     placed = msgspec.structs.replace(VAN, hidden=("position",))

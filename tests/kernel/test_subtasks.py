@@ -1,4 +1,4 @@
-"""The subtask completion rate against counts by hand: targets or stages, never weights or penalties."""
+"""The subtask completion rate against counts by hand: targets or stages, without weights and penalties."""
 
 import pytest
 
@@ -12,7 +12,7 @@ THREE = ((100.0, 0.0), (0.0, -100.0), (-100.0, 0.0))
 
 
 def reached():
-    """The boat has been within 5 m of somebody."""
+    """The boat has been within 5 m of the victim."""
     return kit.rule(
         "reached",
         Binary("<=", Call("distance_xy", (Ref("boat", "entity"), kit.local("v"))), Number(5.0)),
@@ -29,7 +29,7 @@ def after(seconds):
 
 
 def played(*moves, **changes):
-    """Boundaries of an episode in which the boat goes from place to place."""
+    """Return the boundaries of an episode in which the boat goes from place to place."""
     base = {"rules": (reached(),), "unlocks": (), "stages": (), "relations": (), "victims": THREE}
     kernel = kit.make_kernel(kit.make_instance(**{**base, **changes}))
     yield kernel.reset()
@@ -38,14 +38,14 @@ def played(*moves, **changes):
 
 
 def rates(boundaries):
-    return [round(one.record.scr, 6) for one in boundaries]
+    return [round(output.record.scr, 6) for output in boundaries]
 
 
 SUCCESS = each(kit.called("reached", "v"))
 
 
 def test_two_of_three_targets_are_two_thirds_whatever_the_stages_weigh():
-    """Detecting is weighed and not required."""
+    """Detection has a weight but is not required."""
     stages = (
         Stage(name="detect", condition=after(0.0), variable="v", domain="victim"),
         Stage(name="execute", condition=kit.called("reached", "v"), variable="v", domain="victim", weight=Number(2.0)),
@@ -56,7 +56,7 @@ def test_two_of_three_targets_are_two_thirds_whatever_the_stages_weigh():
 
 
 def test_all_that_is_delivered_is_delivered_whatever_else_success_asks():
-    """Twenty of twenty served is 1, although a vehicle is not where it should be and the score says less."""
+    """Twenty of twenty deliveries give 1, although a vehicle is elsewhere and the score is lower."""
     home = Binary("<=", Call("distance_xy", (Ref("boat", "entity"), Point((Number(0.0), Number(0.0))))), Number(1.0))
     success = kit.both(SUCCESS, Quantified("forall", "u", "uav", home))
     boundaries = list(played((100.0, 0.0), *[(-100.0, 0.0)] * 4, success=success))

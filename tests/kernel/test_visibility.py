@@ -1,4 +1,6 @@
-"""What an agent may see: its channels, never a hidden value; instances that differ only there look the same."""
+"""The visibility of state: declared channels and no hidden value; instances that differ only in hidden values look the
+same.
+"""
 
 import msgspec
 import pytest
@@ -31,9 +33,9 @@ def test_a_sensor_makes_the_difference():
     first, second = kit.make_kernel(), kit.make_kernel(kit.make_instance(victims=((200.0, 200.0), (-100.0, 0.0))))
     for kernel in (first, second):
         kernel.reset()
-    one, two = (kernel.step(kit.decisions(scout_1=kit.does("takePhoto"))) for kernel in (first, second))
-    assert inputs(one)["scout[1]"] != inputs(two)["scout[1]"]
-    assert inputs(one)["skipper"] == inputs(two)["skipper"]
+    before, after = (kernel.step(kit.decisions(scout_1=kit.does("takePhoto"))) for kernel in (first, second))
+    assert inputs(before)["scout[1]"] != inputs(after)["scout[1]"]
+    assert inputs(before)["skipper"] == inputs(after)["skipper"]
 
 
 def test_an_agent_sees_its_channels_and_nothing_else():
@@ -69,7 +71,7 @@ def test_a_field_of_a_body_is_no_picture_and_a_camera_is_named(fields, pictures)
     made = kit.make_instance()
     channel = ChannelSpec(source="entity", name="uav[1]", fields=fields)
     agents = tuple(
-        msgspec.structs.replace(one, observes=(channel,)) if one.id == "skipper" else one for one in made.agents
+        msgspec.structs.replace(agent, observes=(channel,)) if agent.id == "skipper" else agent for agent in made.agents
     )
     kernel = kit.make_kernel(msgspec.structs.replace(made, agents=agents))
     kernel.reset()
@@ -116,11 +118,11 @@ def test_what_a_policy_does_to_its_inputs_reaches_nobody_else():
         kernel.briefs()["skipper"].settings.update(victims=99.0)
         kernel.reset()
         kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
-        said = kernel.step(kit.decisions(scout_1=kit.report("f1-uav[1]-nadir", position=(280.0, 0.0))))
+        output = kernel.step(kit.decisions(scout_1=kit.report("f1-uav[1]-nadir", position=(280.0, 0.0))))
         if spoil:
-            said.inboxes["skipper"].messages[0].body.clear()
-            said.observations["skipper"].entities[0].resources["battery"] = 99.0
-        assert said.inboxes["scout[2]"].messages[0].body["class"] == "person"
+            output.inboxes["skipper"].messages[0].body.clear()
+            output.observations["skipper"].entities[0].resources["battery"] = 99.0
+        assert output.inboxes["scout[2]"].messages[0].body["class"] == "person"
         return kernel.step(kit.decisions(skipper=kit.does("go", x=280.0, y=0.0))).record
 
     spoilt, clean = played(True), played(False)
@@ -170,7 +172,7 @@ def test_a_policys_seed_says_nothing_about_the_instances():
 
 
 def test_an_instances_seed_cannot_be_tried_out_from_a_brief():
-    """Whoever tries instance seeds finds the policy seed's own stream at best, never the instance's."""
+    """A search over seeds finds at best the policy seed's own stream, never the instance's."""
     instance = msgspec.structs.replace(kit.make_instance(), seed=77)
     for agent, brief in kit.make_kernel(instance).briefs().items():
         paths = (f"{instance.mission}/policy/{agent}", f"policy/{agent}", agent)

@@ -1,4 +1,6 @@
-"""Background movers, routes and radio silence on their way from an engine to the others, the camera and the kernel."""
+"""Background movers, routes and unreachable links on their way from an engine to the other engines, camera and
+kernel.
+"""
 
 import cProfile
 from typing import ClassVar
@@ -28,7 +30,7 @@ def world():
 
 
 def crowded(*more, **changes):
-    """A cat of the crowd's own engine, an ant with a camera, and a crowd of three."""
+    """Return a cat of the crowd's own engine, an ant with a camera, and a crowd of three."""
     return toys.instance(
         toys.entity("cat", "toy_crowd", 5.0),
         toys.entity("ant", "toy_a", 1.0, cameras=(toys.camera(),)),
@@ -72,20 +74,20 @@ def test_a_crowd_moves_who_follows_its_mirrors(world):
 def test_routes_of_every_macro_step_and_the_latest_silence_are_reported(world):
     ready = world.reset(crowded(silence=1.0), toys.CITY)
     assert [(route.entity, route.number) for route in ready.routes] == [("cat", 1)]
-    assert ready.unheard == (("cat", "ant"),)
+    assert ready.unreachable_links == (("cat", "ant"),)
     boundary = world.step(1, ())
     assert [route.number for route in boundary.routes] == list(range(2, 12))
-    assert boundary.unheard == (("cat", "ant"),)
+    assert boundary.unreachable_links == (("cat", "ant"),)
     world.reset(crowded(), toys.CITY)
-    assert world.step(1, ()).unheard == ()
+    assert world.step(1, ()).unreachable_links == ()
 
 
 @pytest.mark.parametrize("instance", [crowded(silence=1.0), far_crowd(silence=1.0)], ids=["local", "remote"])
 def test_both_worlds_carry_the_same(world, instance):
-    def played(one):
-        boundaries = [one.reset(instance, toys.CITY), *[one.step(tick, ()) for tick in (1, 2)]]
+    def played(world):
+        boundaries = [world.reset(instance, toys.CITY), *[world.step(tick, ()) for tick in (1, 2)]]
         now = boundaries[-1].snapshots[-1]
-        (frame,) = one.capture(2, [toys.request(2)], now.states + now.ambient)
+        (frame,) = world.capture(2, [toys.request(2)], now.states + now.ambient)
         return [without_waits(boundary) for boundary in boundaries], frame.jpeg
 
     process = open_world("process", plugins=TOYS, installed=False)
@@ -102,7 +104,7 @@ def test_both_worlds_carry_the_same(world, instance):
     ("fault", "message"),
     [
         ("ambient_nan", "engine `toy_crowd` failed in advance: entity `traffic/2` has a number that is not finite"),
-        ("ambient_twice", "its background mover `traffic/0` is there twice"),
+        ("ambient_twice", "its background mover `traffic/0` appears twice"),
         ("ambient_entity", "its background mover `ant` has the id of an entity"),
         ("ambient_text", "its answer is malformed"),
         ("foreign_route", "it planned a route for `ant`, which it does not own"),
@@ -125,7 +127,7 @@ def test_two_engines_may_not_have_movers_of_one_id(world):
 
 def test_silence_about_nobody_is_an_abort(world):
     instance = toys.instance(toys.entity("dog", "toy_crowd"), crowd=1.0, silence=1.0)
-    with pytest.raises(InfrastructureError, match="it says that `cat` is out of reach, which is no entity"):
+    with pytest.raises(InfrastructureError, match="it reports `cat` as out of radio range, which is no entity"):
         world.reset(instance, toys.CITY)
 
 
@@ -152,7 +154,7 @@ def test_an_engine_without_entities_plays_along(world):
 
 
 def test_looking_over_movers_is_linear_in_their_number():
-    """In calls of functions; `benchmarks/world.py --only movers` tells the time."""
+    """Measured in function calls; `benchmarks/world.py --only movers` measures the time."""
     few, many = calls_to_check(200), calls_to_check(2000)
     assert 0 < many <= 10 * few < 10 * 200 * 20
 
@@ -167,7 +169,7 @@ def calls_to_check(count):
 
 
 class Busy(kit.Shore):
-    """A shore with traffic: two cars, and a route for a target now and then."""
+    """A shore with traffic: two cars, and sometimes a route for a target."""
 
     colour = "red"
 

@@ -1,4 +1,4 @@
-"""What goes wrong in a worker and what is left of the episode: an abort, its partial trace, a clean next one."""
+"""Faults in a worker and the rest of the episode: an abort, its partial trace, a clean next episode."""
 
 import os
 import signal
@@ -26,7 +26,7 @@ TOYS = ("tests.kernel.world_toys:plugin", "tests.kernel.world_toys:painter")
 
 
 class Goer:
-    """A policy that sends its entity on at every boundary and takes a picture now and then."""
+    """A policy that moves its entity at every boundary and sometimes takes a picture."""
 
     async def reset(self, brief):
         self.resource = brief.resources[0].id
@@ -37,7 +37,7 @@ class Goer:
 
 
 def episode(fault="nothing", at=2.05, fault_in="toy_b", engine_s=20.0, capture_s=20.0, **more):
-    """Two movers, one with a camera and a mind; `fault` in one of the engines from `at` on."""
+    """Return an instance with two movers, one with a camera and a policy; `fault` occurs in one engine from `at` on."""
     verbs = (VerbSpec(name="go"), VerbSpec(name="takePhoto"))
     faults = {"fault": fault, "fault_at": at, "fault_in": fault_in, **more}
     ant = toys.entity("ant", "toy_a", 1.0, cameras=(toys.camera(),), **faults)
@@ -73,7 +73,7 @@ def world():
 
 
 def played(world, instance, folder, progress=None):
-    """The outcome and the trace that was left of one episode."""
+    """Return the outcome and the trace of one episode."""
     folder.mkdir()
     writer = TraceWriter(folder / "trace.mcap", Header(instance=instance, bindings=(), fingerprint={}))
 
@@ -92,23 +92,23 @@ def workers(world):
 
 
 def children():
-    """Processes of this one that still run."""
-    mine, found = str(os.getpid()), []
+    """Return the running child processes of this one."""
+    mine, children_found = str(os.getpid()), []
     for entry in Path("/proc").iterdir():
         try:
             state, parent = (entry / "stat").read_text().rpartition(")")[2].split()[:2]
         except (OSError, ValueError):
             continue
         if parent == mine and state not in "ZX":
-            found.append(int(entry.name))
-    return set(found)
+            children_found.append(int(entry.name))
+    return set(children_found)
 
 
 FAULTS = [
     ("raise", "toy_b", "engine `toy_b` failed in advance: ValueError: the toy is broken"),
     ("kill", "toy_b", "the world process died (SIGKILL) while engine `toy_b` was in advance"),
     ("nan", "toy_a", "engine `toy_a` failed in advance: entity `ant` has a number that is not finite"),
-    ("stale", "toy_b", "engine `toy_b` failed in advance: it stands at 2.0 s instead of 2.1"),
+    ("stale", "toy_b", "engine `toy_b` failed in advance: its boundary is at 2.0 s instead of 2.1"),
     ("hang", "toy_b", "engine `toy_b` (advance) did not answer within 2 s; the world process was killed"),
     ("kill", "camera", "the camera process died (SIGKILL) while engine `camera` was in advance"),
 ]
@@ -158,7 +158,7 @@ def test_a_late_picture_is_absent_and_the_episode_ends_as_it_should(world, tmp_p
 
 
 def test_a_world_killed_from_outside_in_mid_tick_is_an_abort(world, tmp_path):
-    """`kill -9` at no moment in particular, while an engine is at work."""
+    """`kill -9` at a random moment while an engine is at work."""
     instance = episode("hang", at=2.05, engine_s=3600.0)
 
     def kill(progress):
@@ -189,7 +189,7 @@ def fire(number):
 
 
 def test_five_hundred_resets_leave_memory_flat():
-    """Fresh engines each time in warm workers; what is left over after warming up must not grow."""
+    """New engines each time in the same workers: memory after the warm-up must not grow."""
     world = open_world("process", plugins=("tests.kernel.world_toys:plugin",), paths=(ROOT,))
     crowd = {"crowd": 20.0}
     bare = toys.instance(toys.entity("ant", "toy_a"), *(fire(n) for n in range(1, 9)), tick_s=0.2, **crowd)

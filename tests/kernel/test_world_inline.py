@@ -60,7 +60,7 @@ def test_boundary_zero_and_the_steps_after_it(world):
 
 
 class Watcher(toys.Toy):
-    """Notes in which order the engines are called and what they see of the others."""
+    """An engine that stores the order of calls and the mirrors that it receives."""
 
     log = []
 
@@ -130,12 +130,12 @@ def test_a_command_for_nobody_is_a_programmers_mistake(world):
         ("exit", "engine `toy_b` failed in advance: SystemExit: 3"),
         ("nan", "engine `toy_b` failed in advance: entity `bee` has a number that is not finite"),
         ("inf_battery", "not finite"),
-        ("missing", "engine `toy_b` failed in advance: its boundary comes without bee"),
-        ("foreign", "its boundary comes with foreign stranger"),
-        ("doubled", "its boundary comes with doubled bee"),
-        ("late_clock", r"engine `toy_b` failed in advance: it stands at 0\.60\d* s instead of 0\.6\d* s"),
-        ("signature", "its boundary is signed `somebody`"),
-        ("none", "it answered NoneType, not a Boundary"),
+        ("missing", "engine `toy_b` failed in advance: its boundary has no bee"),
+        ("foreign", "its boundary has foreign stranger"),
+        ("doubled", "its boundary has duplicate bee"),
+        ("late_clock", r"engine `toy_b` failed in advance: its boundary is at 0\.60\d* s instead of 0\.6\d* s"),
+        ("signature", "its boundary names the engine `somebody`"),
+        ("none", "it returned NoneType, not a Boundary"),
         ("malformed", "its answer is malformed"),
     ],
 )
@@ -143,7 +143,7 @@ def test_an_incoherent_boundary_names_engine_and_call(world, fault, message):
     world.reset(faulty(fault), toys.CITY)
     with pytest.raises(InfrastructureError, match=message):
         world.step(1, ())
-    with pytest.raises(UsageError, match="plays no episode"):
+    with pytest.raises(UsageError, match="no episode is running"):
         world.step(2, ())
     assert world.reset(toys.trio(), toys.CITY).tick == 0
 
@@ -155,7 +155,7 @@ def test_submit_that_raises_is_an_abort(world):
 
 
 def test_a_fault_at_reset_names_reset(world):
-    with pytest.raises(InfrastructureError, match="engine `toy_b` failed in reset: it stands at"):
+    with pytest.raises(InfrastructureError, match="engine `toy_b` failed in reset: its boundary is at"):
         world.reset(faulty("late_clock", 0.0), toys.CITY)
 
 
@@ -246,9 +246,9 @@ def test_no_fork_in_the_caller(world):
 
 
 def test_calls_between_episodes_are_refused(world):
-    with pytest.raises(UsageError, match="plays no episode"):
+    with pytest.raises(UsageError, match="no episode is running"):
         world.step(1, ())
-    with pytest.raises(UsageError, match="plays no episode"):
+    with pytest.raises(UsageError, match="no episode is running"):
         world.capture(0, [], ())
 
 

@@ -40,7 +40,7 @@ def test_one_thread_and_a_fork_that_goes_on_to_the_last_bit(world, city):
     assert [status.engine for status in ready.engines] == ["city", "multirotor", "quadruped", "road", "vessel"]
     played(world, instance, (1, 2))
     twin = world.fork()
-    pids = [one._workers.world.pid for one in (world, twin)]
+    pids = [each._workers.world.pid for each in (world, twin)]
     later = range(3, 3 + TICKS)
     ours = played(world, instance, later)
     assert played(twin, instance, later) == ours
@@ -52,10 +52,10 @@ def test_one_thread_and_a_fork_that_goes_on_to_the_last_bit(world, city):
 def test_another_process_and_a_warm_one_play_the_same(world, city):
     instance = mixed.instance()
     runs = []
-    for one in (world, world, open_world("process")):
-        one.reset(instance, city)
-        runs.append(played(one, instance, range(1, TICKS + 1)))
-    one.close()
+    for each in (world, world, open_world("process")):
+        each.reset(instance, city)
+        runs.append(played(each, instance, range(1, TICKS + 1)))
+    each.close()
     assert runs[0] == runs[1] == runs[2]
 
 
@@ -76,7 +76,7 @@ def _states(boundary):
 
 
 def test_a_thousand_background_movers_travel_once_a_tick(world, city):
-    """What crosses the process border: movers of the boundary, not of the fifty macro-steps before it."""
+    """Only the movers of the boundary cross the process border, not those of the fifty macro-steps before it."""
     instance = mixed.instance(uavs=0, dogs=0, traffic=40)
     world.reset(instance, city)
     boundary = world.step(1, ())

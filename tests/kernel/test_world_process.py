@@ -52,10 +52,10 @@ def exists(pid):
     return Path(f"/proc/{pid}").exists()
 
 
-def await_gone(gone, timeout_s=600.0):
+def await_gone(ended, timeout_s=600.0):
     deadline = time.monotonic() + timeout_s
-    while any(is_running(pid) for pid in gone):
-        assert time.monotonic() < deadline, f"{gone} still run after {timeout_s} s"
+    while any(is_running(pid) for pid in ended):
+        assert time.monotonic() < deadline, f"{ended} still run after {timeout_s} s"
         time.sleep(0.02)
 
 
@@ -87,7 +87,7 @@ def script(tick):
 
 
 def played(world, instance):
-    """Three ticks with commands and a picture, without what was measured on the wall."""
+    """Return three ticks with commands and a picture, without wall-clock measurements."""
     boundaries = [world.reset(instance, toys.CITY)]
     frames = []
     for tick in (1, 2, 3):
@@ -152,8 +152,8 @@ def test_a_city_larger_than_a_socket_buffer_arrives(world):
         ("raise", "engine `toy_b` failed in advance: ValueError: the toy is broken"),
         ("exit", "engine `toy_b` failed in advance: SystemExit: 3"),
         ("nan", "engine `toy_b` failed in advance: entity `bee` has a number that is not finite"),
-        ("missing", "engine `toy_b` failed in advance: its boundary comes without bee"),
-        ("late_clock", "engine `toy_b` failed in advance: it stands at"),
+        ("missing", "engine `toy_b` failed in advance: its boundary has no bee"),
+        ("late_clock", "engine `toy_b` failed in advance: its boundary is at"),
         ("crash", r"the world process died \(SIGSEGV\) while engine `toy_b` was in advance\n"),
         ("kill", r"the world process died \(SIGKILL\) while engine `toy_b` was in advance"),
     ],
@@ -164,7 +164,7 @@ def test_a_broken_engine_is_named_and_the_world_starts_afresh(world, fault, mess
     with pytest.raises(InfrastructureError, match=message):
         world.step(1, ())
     await_gone([before])
-    with pytest.raises(UsageError, match="plays no episode"):
+    with pytest.raises(UsageError, match="no episode is running"):
         world.step(2, ())
     assert world.reset(toys.trio(), toys.CITY).tick == 0
     assert world.step(1, ()).tick == 1
@@ -409,12 +409,12 @@ def test_a_fork_and_its_original_share_the_camera_and_close_apart(world):
 
 def test_closed_forks_are_reaped_while_the_original_lives(world):
     world.reset(toys.trio(), toys.CITY)
-    gone = []
+    ended = []
     for _ in range(5):
         twin = world.fork()
-        gone.append(pids(twin)[0])
+        ended.append(pids(twin)[0])
         twin.close()
-    assert all(await_reaped(pid) for pid in gone)
+    assert all(await_reaped(pid) for pid in ended)
     assert world.step(1, ()).tick == 1
 
 

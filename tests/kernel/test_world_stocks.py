@@ -1,4 +1,4 @@
-"""Declared states live on every asset, also where its engine knows nothing of them."""
+"""Declared states exist on every asset, also if its engine does not report them."""
 
 import msgspec
 import pytest
@@ -61,8 +61,8 @@ def test_what_an_engine_leaves_out_is_kept(engine):
     asset = msgspec.structs.replace(kit.entity("cart", 0.0, 0.0, properties=properties, state=state), engine=engine)
     depot = kit.entity("depot", 0.0, 0.0, role="target")
     stocks = Stocks(msgspec.structs.replace(kit.make_instance(), entities=(asset, depot)))
-    given = {"water@cart": 3.0, "water@other": 9.0, "load@cart": -8.0}
-    states = {"cart": body("cart", battery=0.5, load_kg=1.0), "depot": body("depot", **given)}
+    accounts = {"water@cart": 3.0, "water@other": 9.0, "load@cart": -8.0}
+    states = {"cart": body("cart", battery=0.5, load_kg=1.0), "depot": body("depot", **accounts)}
     (kept,) = stocks.kept(states).values()
     assert kept.resources == {"battery": 0.5, "load_kg": 1.0, "water": 8.0, "riders": 2.0}
     whole = {"cart": body("cart", water=1.0, riders=1.0, load=1.0), "depot": states["depot"]}
@@ -97,7 +97,7 @@ def test_by_a_role_an_episode_is_played_as_by_its_engine(tmp_path):
         lingjing.run(compile_text(text).mission, policy="random", out=tmp_path / name, world="inline", overview=False)
         for name, text in (("engine", BUS), ("role", BUS.replace("by = road", "by = driver")))
     ]
-    assert [(one.reason, one.ticks) for one in played] == [("success", 1)] * 2
+    assert [(outcome.reason, outcome.ticks) for outcome in played] == [("success", 1)] * 2
 
 
 def test_an_interaction_that_nothing_unlocks_is_allowed_from_the_start(tmp_path):

@@ -27,7 +27,7 @@ VERBS = ("takeoff", "setDestination", "forward", "left", "right", "stop", "moveT
 
 
 def city(side: int = 5) -> City:
-    """Streets every 200 m from (0, 0), both ways, a house in each block, open water in the south."""
+    """Return streets every 200 m from (0, 0) in both directions, a house in each block, and open water in the south."""
     corners = [(column, row) for column in range(side) for row in range(side)]
     nodes = [StreetNode(id=f"{c}{r}", east=c * SPAN_M, north=r * SPAN_M, control="priority") for c, r in corners]
     edges = [
@@ -83,13 +83,13 @@ def entity(
             properties=properties,
             verbs=() if engine == "city" else tuple(VerbSpec(name=verb) for verb in VERBS),
             interactions=acts,
-            state=tuple(one for one in (HEAT, LOAD, DEMAND) if one.field in properties),
+            state=tuple(spec for spec in (HEAT, LOAD, DEMAND) if spec.field in properties),
         )
     )
 
 
 def instance(uavs: int = 2, dogs: int = 1, vans: int = 1, traffic: int = 20, sync_s: float = 0.1) -> Instance:
-    """So many of each, a boat, a fire for the vans, an order, and radio of 600 m."""
+    """Return an instance with these numbers of bodies, a boat, a fire for the vans, an order, and radio of 600 m."""
     fleet = [
         *[
             entity(f"uav[{n}]", "quadrotor", "multirotor", (60.0 * n, 30.0, 0.2), cruise_mps=12.0, endurance_s=2100.0)
@@ -132,19 +132,19 @@ def instance(uavs: int = 2, dogs: int = 1, vans: int = 1, traffic: int = 20, syn
 
 
 def orders(tick: int, played: Instance) -> list[Command]:
-    """At the first tick everybody is sent somewhere, and the city's interactions are unlocked."""
+    """At the first tick every body is sent somewhere, and the city's interactions are unlocked."""
     if tick != 1:
         return []
     out = []
-    for number, one in enumerate(played.entities, 1):
-        verb, arguments = _order(one)
-        sender, origin = ("kernel", "kernel") if one.engine == "city" else (f"a-{one.id}", "agent")
+    for number, target in enumerate(played.entities, 1):
+        verb, arguments = _order(target)
+        sender, origin = ("kernel", "kernel") if target.engine == "city" else (f"a-{target.id}", "agent")
         out.append(
             Command(
                 id=f"c1-{number}",
                 tick=1,
                 sender=sender,
-                resource=one.id,
+                resource=target.id,
                 verb=verb,
                 arguments=arguments,
                 origin=origin,
@@ -153,12 +153,12 @@ def orders(tick: int, played: Instance) -> list[Command]:
     return out
 
 
-def _order(one: Entity) -> tuple[str, dict[str, float]]:
-    x = one.position[0]
+def _order(target: Entity) -> tuple[str, dict[str, float]]:
+    x = target.position[0]
     return {
         "multirotor": ("setDestination", {"x": x + 300.0, "y": 250.0, "z": 60.0}),
         "quadruped": ("forward", {"distance": 20.0}),
         "road": ("setDestination", {"x": 600.0, "y": 400.0}),
         "vessel": ("moveTo", {"x": 600.0, "y": -500.0}),
-        "city": (f"unlock.{one.interactions[0].name}" if one.interactions else "unlock.", {}),
-    }[one.engine]
+        "city": (f"unlock.{target.interactions[0].name}" if target.interactions else "unlock.", {}),
+    }[target.engine]

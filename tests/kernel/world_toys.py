@@ -36,14 +36,14 @@ BURNS_S = {"burn": 0.08, "burn_more": 0.2, "burn_much": 0.6}
 
 
 def burn(seconds):
-    """Compute for so long: what the thread ran, however long that takes."""
+    """Compute for `seconds` of this thread's CPU time."""
     end = time.thread_time() + seconds
     while time.thread_time() < end:
         pass
 
 
 class Misbehaviour:
-    """The faults that a toy may have, looked up from its entities' properties."""
+    """The faults of a toy, looked up from its entities' properties."""
 
     def __init__(self, spec):
         self.plans = [
@@ -77,7 +77,9 @@ class Misbehaviour:
 
 
 class Toy:
-    """Moves each entity east and follows the mean of the others a little, so that mirrors matter to the last bit."""
+    """An engine that moves each entity east and slightly towards the mean of the others, so that mirrors affect the
+    last bits.
+    """
 
     def __init__(self):
         self.faults = None
@@ -252,7 +254,7 @@ def wants_a_crowd(instance):
 class Painter:
     """A sensor that paints the sum of all positions and can be slow, held, empty, wrong or deadly.
 
-    What is held is drawn when the file is there that an entity's property `released` names.
+    A held picture is drawn when the file exists that an entity's property `released` names.
     """
 
     def reset(self, spec, city, seed):
@@ -308,7 +310,9 @@ class Painter:
 
 
 class ToyPlugin:
-    """Engines `toy_a`, `toy_b`, `toy_c` move, `toy_remote` moves in the caller, three bring background movers."""
+    """A plug-in with movers `toy_a`, `toy_b`, `toy_c`, the remote `toy_remote`, and three engines with background
+    movers.
+    """
 
     @hookimpl
     def lingjing_engines(self):
@@ -320,7 +324,7 @@ class ToyPlugin:
 
 
 class PainterPlugin:
-    """Only the painter: for hosts in which no other camera is installed."""
+    """A plug-in with the painter alone, for hosts without another camera."""
 
     @hookimpl
     def lingjing_engines(self):
@@ -365,7 +369,7 @@ def instance(*entities, seed=7, tick_s=1.0, sync_s=0.1, engine_s=20.0, capture_s
 
 
 def trio(**changes):
-    """Three engines, four entities, declared out of engine order, one with a camera."""
+    """Return an instance with three engines and four entities, declared out of engine order, one with a camera."""
     return instance(
         entity("cat", "toy_c", 5.0),
         entity("ant", "toy_a", 1.0, cameras=(camera(),)),
@@ -384,6 +388,6 @@ def request(tick, frame="f", entity_id="ant"):
 
 
 def big_city():
-    """A city of a few megabytes: more than a socket buffer holds."""
+    """Return a city of a few megabytes: more than a socket buffer holds."""
     props = tuple(Prop(id=f"prop{n}", cls="tree", model="tree", position=(float(n), 0.5, 0.25)) for n in range(40_000))
     return City(id="big", origin=(31.0, 121.5), bounds=(-1.0, -1.0, 1.0, 1.0), props=props)

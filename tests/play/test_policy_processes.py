@@ -21,7 +21,7 @@ import pytest
 
 import lingjing
 from lingjing.errors import LingjingError, UsageError
-from lingjing.kernel.ambient_random import generator_states, has_moved
+from lingjing.kernel.ambient_random import generator_states, generators_advanced
 from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeTask, play_apart
 from lingjing.play.policy_processes.barrier import LOAD_VARIABLE, AgentPolicy, ProcessBarrier
@@ -250,7 +250,7 @@ def test_a_process_that_ends_in_reset_is_named(tmp_path: Path) -> None:
     )
     assert done.returncode == 2
     assert done.stderr.startswith(
-        "error: the policy of `skipper[1]` could not take its brief: its process ended (exit code 9)"
+        "error: the policy of `skipper[1]` failed in `reset`: its process ended (exit code 9)"
     )
     assert not (tmp_path / "out").exists()
 
@@ -401,4 +401,4 @@ def test_a_generator_that_is_being_loaded_is_not_there_yet(monkeypatch: pytest.M
     monkeypatch.setitem(sys.modules, "numpy.random", ModuleType("numpy.random"))
     before = generator_states()
     monkeypatch.undo()
-    assert before[1] is None and not has_moved(before, (before[0], generator_states()[1]))
+    assert before[1] is None and not generators_advanced(before, (before[0], generator_states()[1]))

@@ -235,8 +235,8 @@ def test_an_evaluator_that_cannot_be_built_is_named_before_the_episode(
     ("answer", "said"),
     [
         (RuntimeError("no sight"), "failed at tick 1: RuntimeError: no sight"),
-        (None, "answered None at tick 1, no Evaluation"),
-        ((0.5, False), "answered a value of type `tuple` at tick 1, no Evaluation"),
+        (None, "returned None at tick 1, no Evaluation"),
+        ((0.5, False), "returned a value of type `tuple` at tick 1, no Evaluation"),
         (Evaluation(1.5, False), "its reward is 1.5, not a number in 0..1"),
         (Evaluation(-0.1, False), "its reward is -0.1, not a number in 0..1"),
         (Evaluation(float("nan"), False), "its reward is nan, not a number in 0..1"),

@@ -1,25 +1,30 @@
 """The world: the engines of an episode behind one interface, in the caller or in two worker processes.
 
-In the order of a call:
+Concepts. *Motion engines* move the entities that they own. The *sensor engine* draws pictures. An engine runs in the
+world process, in the camera process, or in the caller (a *remote* engine, the bridge to a simulator elsewhere). One
+decision tick is a whole number of *macro-steps*; after each, every engine reports its boundary. *Background movers* are
+bodies of an engine that are no entities, such as traffic.
 
-- `contract`    what the kernel asks (`World`) and gets (`WorldBoundary`, `StoredFrame`)
-- `process`     `ProcessWorld`: a world process and a camera process; `inline` `InlineWorld`: all in the caller
-- `camera`      the camera process as the caller sees it
-- `selection`   which engines an instance needs and where each runs
-- `cosimulation`   the coupling of the engines: a tick as macro-steps
-- `engine_group`   the engines of one process ← `boundary_checks` (what a boundary must be) ← `guarded_calls`
-- `stocks`      declared states that no engine keeps; `times` how long each engine has taken
-- `sensor`      the sensor engine ← `frames` (a drawn picture as it is stored)
-- `handle`      the caller's end of a worker ← `launch` (its process) ← `messages`, `shared`
-- `worker`      the far end, `python -m lingjing.kernel.world.worker` or a fork ← `handlers` (its answers)
-- `held_cities`   cities that a process holds for its forks; `placed_worlds` worlds that stand at boundary 0 (a fork
-  server's), `held_starts` the same of one caller; `first_pictures` the pictures of boundary 0
-- `extra_plugins`   plug-ins named on top of the installed ones, the same at both ends
+Modules in the order of a call:
 
-Starting, forking and ending processes, channels and deadlines are `lingjing.processes`.
+- `contract`: the interface between kernel and world (`World`, `WorldBoundary`, `StoredFrame`)
+- `process`: `ProcessWorld`, with a world process and a camera process; `inline`: `InlineWorld`, all in the caller
+- `camera`: the caller's side of the camera process
+- `selection`: the engines that an instance needs, with the place of each
+- `cosimulation`: the coupling of the engines, a tick as macro-steps
+- `engine_group`: the engines of one process; `boundary_checks`: validation of boundaries; `guarded_calls`: engine calls
+- `stocks`: declared states that no engine keeps; `times`: the time that each engine has taken
+- `sensor`: the sensor engine; `frames`: a drawn picture in its stored form
+- `handle`: the caller's side of a worker; `launch`: its process; `messages` and `shared`: what both sides exchange
+- `worker`: the process itself (`python -m lingjing.kernel.world.worker` or a fork); `handlers`: its replies
+- `held_cities`: cities that a process keeps for its forks; `placed_worlds`: a fork server's worlds at boundary 0;
+`held_starts`: those of one caller; `first_pictures`: the pictures of boundary 0
+- `extra_plugins`: plug-ins in addition to the installed ones, equal on both sides
 
-Invariants: both worlds report the same boundaries and pictures; a worker never outlives its caller; whatever goes
-wrong with an engine is one `InfrastructureError` that names it, after which `reset` starts afresh.
+`lingjing.processes` starts, forks and ends processes and has channels and deadlines.
+
+Invariants: both kinds of world report the same boundaries and pictures. A worker never outlives its caller. Every
+failure of an engine is one `InfrastructureError` with its name, and `reset` starts again afterwards.
 """
 
 from __future__ import annotations
@@ -35,7 +40,7 @@ if TYPE_CHECKING:
 __all__ = ["WorldKind", "open_world"]
 
 WorldKind = Literal["process", "inline"]
-"""Where the engines run: in processes of their own, or in the caller's."""
+"""The place of the engines: worker processes or the caller's process."""
 
 
 def open_world(
@@ -48,13 +53,17 @@ def open_world(
     fork_server: ForkServerClient | None = None,
     hold_starts: bool = False,
 ) -> World:
-    """A world of the given kind, idle until `reset`.
+    """Return a world of the given kind, idle until `reset`.
 
-    `plugins` are extra plug-in objects as `module:attribute`, importable here and in the workers (where `paths` come
-    before the caller's `sys.path`); without `installed` they are the only ones. `host`, if the caller has built one
-    already, must offer the same; workers always find plug-ins for themselves. A `fork_server` forks them from a process
-    that has imported all they need, else each is started anew. With `hold_starts` an instance that begins again begins
-    in a copy of the world that was kept at its boundary 0.
+    - `plugins`: additional plug-in objects as `module:attribute`, importable here and in the workers.
+    - `paths`: folders that workers put before the caller's `sys.path`.
+    - `installed`: whether installed plug-ins are loaded too.
+    - `host`: the caller's host, with the same plug-ins; workers always build their own.
+    - `fork_server`: forks the workers from a process with all imports done; without it each starts anew.
+    - `hold_starts`: whether an instance that begins again begins in a copy of the world that was kept at its boundary
+      0.
+
+    Raises `UsageError` for worker processes outside Linux.
     """
     if kind == "inline":
         from lingjing.kernel.world.extra_plugins import host_with

@@ -1,8 +1,7 @@
-"""What makes a boundary coherent: the right time, exactly the owned entities, finite numbers, plain values, and
-background movers that nobody could take for somebody else.
+"""Validation of engine boundaries: time, owned entities, finite numbers, plain values, distinct background movers.
 
-Engines may hand over numpy scalars, lists or integers; they are made plain here (`float`, `tuple`) so that the world
-in the caller and the world behind a socket report the same bytes.
+Engines may return numpy scalars, lists or integers. They are converted here (`float`, `tuple`), so that a world in the
+caller and a world behind a socket report the same bytes.
 """
 
 from __future__ import annotations
@@ -15,11 +14,14 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from lingjing.kernel.world.guarded_calls import broken
+from lingjing.kernel.world.guarded_calls import engine_error
 from lingjing.plugins.engine import Boundary
 from lingjing.trace.records import BodyState, Command, Receipt, Route, TaskEvent
 
 TIME_TOLERANCE_S = 1e-6
+"""Largest deviation in seconds between the requested and the reported time. Chosen: above the rounding of summed
+steps.
+"""
 
 
 def _plain_hook(value: object) -> object:
@@ -45,37 +47,39 @@ def checked_boundary(
     owns: Sequence[str],
     entities: Container[str] = frozenset(),
 ) -> Boundary:
-    """`report` made plain, or `InfrastructureError` if it is not the coherent boundary of `engine` at `until`.
+    """Return `report` in plain values. Raises `InfrastructureError` if it is not a valid boundary of `engine` at
+    `until` (s).
 
-    `entities` are the ids of all entities: no background mover may have one, routes and silence are theirs.
+    `owns` are the ids of the engine's entities in order. `entities` are the ids of all entities: background movers must
+    not have one of them, unreachable pairs must consist of them.
     """
     try:
         return _checked(engine, call, report, until, owns, entities)
     except (TypeError, AttributeError) as error:
-        raise broken(engine, call, f"its boundary is malformed: {error}") from error
+        raise engine_error(engine, call, f"its boundary is malformed: {error}") from error
 
 
 def check_apart(ambient: Mapping[str, Sequence[BodyState]]) -> None:
-    """Raise `InfrastructureError` if two engines (by name in `ambient`) have a background mover of the same id."""
+    """Raise `InfrastructureError` if two engines (the keys of `ambient`) have a background mover with the same id."""
     if len(ambient) < 2:
         return
     owner: dict[str, str] = {}
     for name, movers in sorted(ambient.items()):
         for mover in movers:
-            other = owner.setdefault(mover.id, name)
-            if other != name:
-                raise broken(name, "advance", f"its background mover `{mover.id}` is already one of `{other}`")
+            first = owner.setdefault(mover.id, name)
+            if first != name:
+                raise engine_error(name, "advance", f"its background mover `{mover.id}` is already one of `{first}`")
 
 
 def _checked(
     engine: str, call: str, report: Boundary, until: float, owns: Sequence[str], entities: Container[str]
 ) -> Boundary:
     if not isinstance(report, Boundary):
-        raise broken(engine, call, f"it answered {type(report).__name__}, not a Boundary")
+        raise engine_error(engine, call, f"it returned {type(report).__name__}, not a Boundary")
     if report.engine != engine:
-        raise broken(engine, call, f"its boundary is signed `{report.engine}`")
+        raise engine_error(engine, call, f"its boundary names the engine `{report.engine}`")
     if not abs(report.time_s - until) <= TIME_TOLERANCE_S:
-        raise broken(engine, call, f"it stands at {report.time_s!r} s instead of {until!r} s")
+        raise engine_error(engine, call, f"its boundary is at {report.time_s!r} s instead of {until!r} s")
     return Boundary(
         engine=engine,
         time_s=until,
@@ -89,18 +93,18 @@ def _checked(
 
 
 def checked_admissions(engine: str, commands: Sequence[Command], receipts: Sequence[Receipt]) -> dict[str, Receipt]:
-    """The admission receipt of each command that has exactly one that is addressed to it.
+    """Return the valid admission receipt of each command.
 
-    A receipt that is missing, doubled, neither `accepted` nor `rejected`, or meant for another sender or resource
-    leaves its command out: the kernel records it as timed out and the episode goes on.
+    A command is left out if its receipt is missing, duplicated, neither `accepted` nor `rejected`, or addressed to
+    another sender or resource. The kernel records it as timed out, and the episode continues.
     """
     answers: dict[str, list[Receipt]] = {}
     for receipt in _plain(engine, "submit", _RECEIPTS, tuple(receipts)):
         answers.setdefault(receipt.request, []).append(receipt)
     return {
-        command.id: found[0]
+        command.id: candidates[0]
         for command in commands
-        if len(found := answers.get(command.id, [])) == 1 and _answers(found[0], command)
+        if len(candidates := answers.get(command.id, [])) == 1 and _answers(candidates[0], command)
     }
 
 
@@ -110,13 +114,13 @@ def _answers(receipt: Receipt, command: Command) -> bool:
 
 
 def _in_order(engine: str, call: str, states: Sequence[BodyState], owns: Sequence[str]) -> Sequence[BodyState]:
-    """The states of exactly the owned entities, in their order."""
+    """Return the states of exactly the owned entities, in the order of `owns`."""
     reported = tuple([state.id for state in states])
     if reported == owns:
         return states
     _check_ownership(engine, call, reported, owns)
-    found = dict(zip(reported, states, strict=True))
-    return [found[name] for name in owns]
+    by_id = dict(zip(reported, states, strict=True))
+    return [by_id[name] for name in owns]
 
 
 def _check_ownership(engine: str, call: str, reported: Sequence[str], owns: Sequence[str]) -> None:
@@ -125,42 +129,45 @@ def _check_ownership(engine: str, call: str, reported: Sequence[str], owns: Sequ
     missing = [name for name in owns if name not in reported]
     foreign = [name for name in reported if name not in owns]
     doubled = sorted({name for name in reported if reported.count(name) > 1})
-    parts = [("without", missing), ("with foreign", foreign), ("with doubled", doubled)]
-    raise broken(engine, call, "its boundary comes " + ", ".join(f"{w} {', '.join(n)}" for w, n in parts if n))
+    parts = [("no", missing), ("foreign", foreign), ("duplicate", doubled)]
+    raise engine_error(engine, call, "its boundary has " + ", ".join(f"{w} {', '.join(n)}" for w, n in parts if n))
 
 
 def _checked_state(engine: str, call: str, state: BodyState) -> BodyState:
     if not _are_plain((state,)):
         state = _plain(engine, call, _STATE, state)
         if not _are_plain((state,)):
-            raise broken(engine, call, f"entity `{state.id}` has a number that is not finite: {state}")
+            raise engine_error(engine, call, f"entity `{state.id}` has a number that is not finite: {state}")
     return state
 
 
 def _checked_movers(
     engine: str, call: str, movers: Sequence[BodyState], entities: Container[str]
 ) -> tuple[BodyState, ...]:
-    """Background movers, all at once: there may be a thousand at each macro-step."""
+    """Check the background movers all at once: there may be a thousand at each macro-step."""
     ids = [mover.id for mover in movers]
     if len(set(ids)) != len(ids):
         doubled = next(name for name in ids if ids.count(name) > 1)
-        raise broken(engine, call, f"its background mover `{doubled}` is there twice")
+        raise engine_error(engine, call, f"its background mover `{doubled}` appears twice")
     for name in ids:
         if name in entities:
-            raise broken(engine, call, f"its background mover `{name}` has the id of an entity")
+            raise engine_error(engine, call, f"its background mover `{name}` has the id of an entity")
     return _checked_states(engine, call, movers)
 
 
 def _checked_states(engine: str, call: str, states: Sequence[BodyState]) -> tuple[BodyState, ...]:
-    """The states made plain; one by one only if something about them is not as it should be."""
+    """Return the states in plain values. They are converted one by one only if the fast check fails."""
     if _are_plain(states):
         return tuple(states)
     return tuple([_checked_state(engine, call, state) for state in states])
 
 
 def _are_plain(states: Sequence[BodyState]) -> bool:
-    """Whether all are shaped as they should be, of Python's own floats, and finite: one sum over all of them, which is
-    finite only if every term is (no coordinate comes near the largest float)."""
+    """Return whether all states have the expected shapes, Python floats and finite numbers.
+
+    One sum over all numbers suffices: it is finite only if every term is, since no coordinate comes near the largest
+    float.
+    """
     numbers: list[float] = []
     try:
         for state in states:
@@ -181,24 +188,24 @@ def _are_plain(states: Sequence[BodyState]) -> bool:
     return not states or ({*map(type, numbers)} == _PLAIN_NUMBERS and math.isfinite(sum(numbers)))
 
 
-def _checked_routes(engine: str, call: str, given: Sequence[Route], owns: Sequence[str]) -> tuple[Route, ...]:
-    routes: tuple[Route, ...] = _plain(engine, call, _ROUTES, tuple(given))
+def _checked_routes(engine: str, call: str, reported: Sequence[Route], owns: Sequence[str]) -> tuple[Route, ...]:
+    routes: tuple[Route, ...] = _plain(engine, call, _ROUTES, tuple(reported))
     for route in routes:
         if route.entity not in owns:
-            raise broken(engine, call, f"it planned a route for `{route.entity}`, which it does not own")
+            raise engine_error(engine, call, f"it planned a route for `{route.entity}`, which it does not own")
         numbers = (*chain.from_iterable(route.waypoints), route.length_m, route.duration_s, route.time_s)
         if not route.waypoints or not math.isfinite(sum(numbers)):
-            raise broken(engine, call, f"its route {route.number} of `{route.entity}` is empty or not finite")
+            raise engine_error(engine, call, f"its route {route.number} of `{route.entity}` is empty or not finite")
     return routes
 
 
 def _checked_pairs(
-    engine: str, call: str, given: Sequence[tuple[str, str]], entities: Container[str]
+    engine: str, call: str, reported: Sequence[tuple[str, str]], entities: Container[str]
 ) -> tuple[tuple[str, str], ...]:
-    pairs: tuple[tuple[str, str], ...] = _plain(engine, call, _PAIRS, tuple(given))
+    pairs: tuple[tuple[str, str], ...] = _plain(engine, call, _PAIRS, tuple(reported))
     for name in chain.from_iterable(pairs):
         if name not in entities:
-            raise broken(engine, call, f"it says that `{name}` is out of reach, which is no entity")
+            raise engine_error(engine, call, f"it reports `{name}` as out of radio range, which is no entity")
     return pairs
 
 
@@ -206,4 +213,4 @@ def _plain(engine: str, call: str, decoder: msgspec.msgpack.Decoder[Any], value:
     try:
         return decoder.decode(_ENCODER.encode(value))
     except (msgspec.ValidationError, NotImplementedError, TypeError, OverflowError) as error:
-        raise broken(engine, call, f"its answer is malformed: {error}") from error
+        raise engine_error(engine, call, f"its answer is malformed: {error}") from error

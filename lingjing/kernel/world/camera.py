@@ -1,7 +1,8 @@
-"""The camera process as the caller sees it: pictures within a deadline, late ones dropped, a dead one an abort.
+"""The caller's side of the camera process: pictures within a deadline; late ones are dropped, a dead process is an
+abort.
 
-It gets its engine and the episode's city when the first picture is asked for: many an episode asks for none. One camera
-may serve a world and its forks: a capture carries every entity's state, so nothing is remembered.
+It receives its engine and the episode's city at the first request for a picture, since many episodes request none. One
+camera may serve a world and its forks: a capture carries every entity's state, so the process keeps none.
 """
 
 from __future__ import annotations
@@ -20,22 +21,21 @@ from lingjing.processes.deadlines import OwnDeadline
 from lingjing.trace.records import Absent, BodyState
 
 START_S = 300.0
-"""What a worker may take to come up and import its engines, or to take in a city, and a camera to make a city's first
-pictures ready: seconds of its own time, and no part of `budget.engine_s` or `budget.capture_s`."""
+"""Seconds of a worker's own time to start and import its engines, to read a city, and to prepare a city's first
+pictures. Not part of `budget.engine_s` or `budget.capture_s`. Chosen.
+"""
 
 _PATIENCE = 3
-"""How many deadlines a camera may be late before it counts as hung."""
+"""Number of capture deadlines after which a silent camera counts as hung. Chosen."""
 
 
 class CameraProcess:
-    """The caller's end of a camera process.
-
-    `taken` is its `lingjing.numerics.runtime_fingerprint` once it has drawn.
-    """
+    """The caller's side of a camera process."""
 
     def __init__(self, worker: Worker) -> None:
         self.worker = worker
-        self.taken: Mapping[str, str] = {}
+        self.runtime: Mapping[str, str] = {}
+        """The process's `lingjing.numerics.runtime_fingerprint`; empty before its first picture."""
         self._lock = threading.Lock()
         self._due: tuple[Prepare, Reset] | None = None
         self._preparing: OwnDeadline | None = None
@@ -44,13 +44,16 @@ class CameraProcess:
 
     @property
     def busy(self) -> bool:
-        """Whether it still draws for a deadline that has passed."""
+        """True if the process still draws for a deadline that has passed."""
         return bool(self._owed)
 
     def begin(self, engine: str, reset: Reset, *, at_once: bool) -> None:
-        """Note the engine and the episode of the next pictures; `at_once` has the process start the engine now, beside
-        the world process, since pictures are sure to come."""
-        self.taken, self._preparing = {}, None
+        """Store the engine and the episode of the next pictures.
+
+        With `at_once` the process starts the engine now, in parallel to the world process. This pays if pictures are
+        certain.
+        """
+        self.runtime, self._preparing = {}, None
         self._due = Prepare(engines=(engine,)), reset
         if at_once:
             self._prepare(self._due[0])
@@ -58,8 +61,11 @@ class CameraProcess:
     def capture(
         self, time_s: float, requests: Sequence[CaptureRequest], states: Sequence[BodyState], allowed_s: float
     ) -> tuple[StoredFrame | Absent, ...]:
-        """One answer per request; what has not come within `allowed_s` seconds of the camera's own time is `late` and
-        dropped when it comes."""
+        """Return one answer per request.
+
+        A picture that does not arrive within `allowed_s` seconds of the camera's own time is absent as `late` and
+        dropped when it arrives. Raises `InfrastructureError` if the process has died or hangs.
+        """
         with self._lock:
             try:
                 if self._due is not None:
@@ -78,7 +84,7 @@ class CameraProcess:
         preparing = self._preparing or self._prepare(prepare)
         for problem in self.worker.expect(Ready, preparing).problems:
             warnings.warn(problem, RuntimeWarning, stacklevel=4)
-        self.taken = self.worker.ask(reset, Ready, self.worker.deadline(START_S)).taken
+        self.runtime = self.worker.ask(reset, Ready, self.worker.deadline(START_S)).runtime
         self._due = self._preparing = None
 
     def _captured(
@@ -100,8 +106,8 @@ class CameraProcess:
         answers: list[StoredFrame | Absent],
         deadline: OwnDeadline,
     ) -> bool:
-        """Take in one reply; False when the deadline has passed."""
-        patience, _ = next(iter(self._owed.values()))  # that of the oldest is the first to end
+        """Receive one reply. Return False if the deadline has passed."""
+        patience, _ = next(iter(self._owed.values()))  # the oldest capture's patience ends first
         is_hanging = patience.left_s() < deadline.left_s()
         try:
             reply, packet = self.worker.receive(patience if is_hanging else deadline)
@@ -112,7 +118,7 @@ class CameraProcess:
         try:
             if not isinstance(reply, PictureReply):
                 raise self.worker.fault(reply)
-            self._settle(reply.serial)
+            self._count_reply(reply.serial)
             if reply.serial != self._serial:
                 return True
             if reply.info is None or reply.layout is None:
@@ -123,7 +129,7 @@ class CameraProcess:
             packet.close()
         return True
 
-    def _settle(self, serial: int) -> None:
+    def _count_reply(self, serial: int) -> None:
         until, count = self._owed.pop(serial)
         if count > 1:
             self._owed[serial] = (until, count - 1)

@@ -1,9 +1,9 @@
-"""What the kernel asks of the world: reset, one round trip a tick, pictures, a fork.
+"""The interface between kernel and world: reset, one round trip per tick, pictures, fork.
 
-A `World` hides where the engines run (`process`: one world process and one camera process; `inline`: the caller) and
-how they are coupled. It raises `InfrastructureError`, naming the engine, for everything that makes a boundary
-incoherent: an engine that raises, dies, hangs past its deadline or reports a wrong time or a missing entity. A
-missing admission receipt is not one of these: it is reported in `missing`.
+A `World` hides the place of the engines (`process`: a world process and a camera process; `inline`: the caller) and
+their coupling. It raises `InfrastructureError` with the engine's name for every invalid boundary: an engine that
+raises, dies, exceeds its deadline, or reports a wrong time or a missing entity. A missing admission receipt is no
+error; it is listed in `WorldBoundary.missing`.
 """
 
 from __future__ import annotations
@@ -33,43 +33,52 @@ from lingjing.trace.records import (
 
 
 class WorldBoundary(msgspec.Struct, frozen=True):
-    """All engines at one decision boundary. `admissions` answer the submitted commands in order; `missing` are the
-    ids of commands without an admission receipt; `receipts` are the later ones of long requests.
-    Background movers are in the last snapshot; `routes` were planned since the boundary before, `unheard` are the pairs
-    of entities between which radio does not reach now."""
+    """All engines at one decision boundary."""
 
     tick: int
+    """The boundary's number."""
     time_s: float
+    """Simulated time in seconds."""
     snapshots: tuple[Snapshot, ...]
+    """The state of all entities at each macro-step of the tick. The last one holds the background movers too."""
     admissions: tuple[Receipt, ...] = ()
+    """Admission receipts of the submitted commands, in order."""
     missing: tuple[str, ...] = ()
+    """Ids of commands without an admission receipt."""
     receipts: tuple[Receipt, ...] = ()
+    """Later receipts of long-running requests."""
     events: tuple[TaskEvent, ...] = ()
+    """Task events of the engines."""
     engines: tuple[EngineStatus, ...] = ()
+    """Status of each engine."""
     routes: tuple[Route, ...] = ()
-    unheard: tuple[tuple[str, str], ...] = ()
+    """Routes planned since the boundary before."""
+    unreachable_links: tuple[tuple[str, str], ...] = ()
+    """Pairs of entities that radio does not connect at this boundary."""
 
 
 @dataclass(frozen=True, slots=True)
 class StoredFrame:
-    """A picture as it is stored: the JPEG and, where declared, depth (float32 metres) and semantic class ids.
-
-    `info.sha256` is that of the JPEG bytes.
-    """
+    """A picture in its stored form."""
 
     info: FrameInfo
+    """Pose, boxes and ids. `sha256` is that of the JPEG bytes."""
     jpeg: bytes
+    """The JPEG bytes."""
     depth: npt.NDArray[np.float32] | None = field(default=None, repr=False)
+    """Depth in metres, (height, width); None if the camera has no such channel."""
     semantic: npt.NDArray[np.uint8] | None = field(default=None, repr=False)
+    """Semantic class ids, (height, width); None if the camera has no such channel."""
 
 
 class World(Protocol):
-    """Engines as one. A `World` plays one episode at a time; `reset` starts the next on warm workers."""
+    """The engines of one episode at a time. `reset` starts the next episode on the same workers."""
 
     @property
     def processes(self) -> Mapping[str, Mapping[str, str]]:
-        """The processes that the last episode's engines run in beside the caller, by name, with what each of them runs
-        (`lingjing.numerics.runtime_fingerprint`); that of the sensor engine from the first picture on."""
+        """The processes of the last episode's engines beside the caller, by name, with the runtime fingerprint of each
+        (`lingjing.numerics.runtime_fingerprint`). The camera process is listed from its first picture on.
+        """
         ...
 
     def reset(self, instance: Instance, city: City) -> WorldBoundary:
@@ -83,16 +92,17 @@ class World(Protocol):
     def capture(
         self, tick: int, requests: Sequence[CaptureRequest], states: Sequence[BodyState]
     ) -> tuple[StoredFrame | Absent, ...]:
-        """Draw the pictures of boundary `tick` with all entities, then all background movers, at `states`; one answer
-        per request, in order.
+        """Draw the pictures of boundary `tick` and return one answer per request, in order.
 
-        A picture later than `budget.capture_s` is `Absent`; a dead camera raises `InfrastructureError`."""
+        `states` are those of all entities, then of all background movers. A picture later than `budget.capture_s` is
+        `Absent`. Raises `InfrastructureError` if the camera has died.
+        """
         ...
 
     def fork(self) -> World:
-        """A second world that starts as a bit-exact copy of this one at the current boundary."""
+        """Return a second world that starts as a bit-exact copy of this one at the present boundary."""
         ...
 
     def close(self) -> None:
-        """End all workers; idempotent."""
+        """End all workers. Idempotent."""
         ...

@@ -1,8 +1,8 @@
 """Fixed-step co-simulation of the motion engines of an episode: one decision tick is a whole number of macro-steps.
 
-It knows no process and no wall clock. It couples *groups*, each the engines of one process; a group is an `EngineGroup`
-here or the far end of a socket. Where there are several (a remote engine in the caller beside the world process), each
-sees the others' states at the interval's start, as engines do within a group.
+It couples *groups*, each the engines of one process: an `EngineGroup` in this process or the far end of a socket. It
+uses no wall clock. With several groups (a remote engine in the caller beside the world process), each receives the
+others' states at the interval's start, as engines do within a group.
 """
 
 from __future__ import annotations
@@ -23,30 +23,30 @@ from lingjing.trace.records import BodyState, Command, EngineStatus, Receipt, Ro
 
 
 class CoupledGroup(Protocol):
-    """The engines of one process, named in `engines`; see `EngineGroup` for the meaning of the calls."""
+    """The engines of one process; see `EngineGroup` for the meaning of the calls."""
 
     @property
     def engines(self) -> tuple[str, ...]:
-        """Names of the engines it hosts."""
+        """The names of the engines."""
         ...
 
     def reset(self) -> tuple[EngineReport, ...]:
-        """READY(0) of every engine."""
+        """Return READY(0) of every engine."""
         ...
 
     def submit(self, commands: Sequence[Command]) -> dict[str, Receipt]:
-        """Admission receipts by command id."""
+        """Return admission receipts by command id."""
         ...
 
     def advance(
         self, until: float, foreign: Sequence[BodyState] = (), ambient: Movers = NO_MOVERS
     ) -> tuple[EngineReport, ...]:
-        """One macro-step to `until` (s)."""
+        """Advance one macro-step to `until` (s)."""
         ...
 
 
 def macro_steps(clock: Clock) -> int:
-    """Macro-steps in a tick; `UsageError` if `tick` is not a whole multiple of `sync`."""
+    """Return the number of macro-steps in a tick. Raises `UsageError` if `tick` is not a whole multiple of `sync`."""
     count = round(clock.tick_s / clock.sync_s)
     if count < 1 or abs(count * clock.sync_s - clock.tick_s) > 1e-9 * clock.tick_s:
         raise UsageError(f"the tick of {clock.tick_s} s is not a whole number of macro-steps of {clock.sync_s} s")
@@ -54,7 +54,9 @@ def macro_steps(clock: Clock) -> int:
 
 
 def macro_time_s(clock: Clock, tick: int, step: int) -> float:
-    """The time of macro-step `step` (from 1) of `tick`, from integers: nothing accumulates, ticks meet exactly."""
+    """Return the time of macro-step `step` (from 1) of `tick`, from integers: no error accumulates, ticks meet
+    exactly.
+    """
     if step == macro_steps(clock):
         return tick * clock.tick_s
     return (tick - 1) * clock.tick_s + step * clock.sync_s
@@ -77,28 +79,30 @@ class CoSimulation:
         self._states: dict[str, BodyState] = {}
         self._stocks = Stocks(instance)
         self._ambient: dict[str, tuple[BodyState, ...]] = {}
-        self._unheard: dict[str, tuple[tuple[str, str], ...]] = {}
+        self._unreachable: dict[str, tuple[tuple[str, str], ...]] = {}
         self._frames: dict[str, int] = {}
         self._macro_steps = macro_steps(instance.clock)
         self.tick = 0
 
     def reset(self) -> WorldBoundary:
-        """Reset all parts; boundary 0 holds one snapshot, at time 0."""
+        """Reset all groups. Boundary 0 holds one snapshot, at time 0."""
         reports = _by_engine([report for group in self._groups for report in group.part.reset()])
         snapshot = self._commit(reports, 0.0)
         return WorldBoundary(
             tick=0,
             time_s=0.0,
-            snapshots=(self._crowded(snapshot),),
+            snapshots=(self._with_movers(snapshot),),
             receipts=_receipts(reports),
             events=_events(reports),
             engines=self._status(reports, 0.0),
             routes=_routes(reports),
-            unheard=self._silence(),
+            unreachable_links=self._unreachable_links(),
         )
 
     def step(self, tick: int, commands: Sequence[Command]) -> WorldBoundary:
-        """Submit `commands`, then run every macro-step of `tick`, which must follow the boundary before."""
+        """Submit `commands`, then run every macro-step of `tick`. Raises `ValueError` if `tick` does not follow the
+        last one.
+        """
         if tick != self.tick + 1:
             raise ValueError(f"boundary {tick} does not follow boundary {self.tick}")
         admitted = self._submit(commands)
@@ -110,7 +114,7 @@ class CoSimulation:
             snapshots.append(self._commit(latest, until))
             reports.extend(latest)
         self.tick = tick
-        snapshots[-1] = self._crowded(snapshots[-1])
+        snapshots[-1] = self._with_movers(snapshots[-1])
         return WorldBoundary(
             tick=tick,
             time_s=snapshots[-1].time_s,
@@ -121,7 +125,7 @@ class CoSimulation:
             events=_events(reports),
             engines=self._status(reports, snapshots[-1].time_s),
             routes=_routes(reports),
-            unheard=self._silence(),
+            unreachable_links=self._unreachable_links(),
         )
 
     def _submit(self, commands: Sequence[Command]) -> dict[str, Receipt]:
@@ -155,31 +159,31 @@ class CoSimulation:
                 self._states[state.id] = state
             if boundary.ambient or self._ambient:
                 keep_movers(self._ambient, boundary)
-            if boundary.unheard or self._unheard:
-                self._unheard[boundary.engine] = boundary.unheard
+            if boundary.unheard or self._unreachable:
+                self._unreachable[boundary.engine] = boundary.unheard
         if len(self._groups) > 1:
             check_apart(self._ambient)
         kept = self._stocks.kept(self._states)
         return Snapshot(time_s=time_s, states=tuple([kept.get(name) or self._states[name] for name in self._order]))
 
     def _around(self, group: _OwnedGroup) -> Movers:
-        """The background movers of the other parts' engines."""
+        """Return the background movers of the other groups' engines."""
         if len(self._groups) == 1:
             return NO_MOVERS
         return {name: movers for name, movers in self._ambient.items() if name not in group.part.engines}
 
-    def _crowded(self, snapshot: Snapshot) -> Snapshot:
-        """The snapshot of a decision boundary, which holds the background movers too."""
+    def _with_movers(self, snapshot: Snapshot) -> Snapshot:
+        """Return the snapshot of a decision boundary, with the background movers."""
         if not self._ambient:
             return snapshot
         movers = tuple([mover for _, movers in sorted(self._ambient.items()) for mover in movers])
         return msgspec.structs.replace(snapshot, ambient=movers)
 
-    def _silence(self) -> tuple[tuple[str, str], ...]:
-        """The pairs that any engine says do not hear each other now."""
-        if not self._unheard:
+    def _unreachable_links(self) -> tuple[tuple[str, str], ...]:
+        """Return the pairs that any engine reports as out of radio range."""
+        if not self._unreachable:
             return ()
-        return tuple(dict.fromkeys(pair for _, pairs in sorted(self._unheard.items()) for pair in pairs))
+        return tuple(dict.fromkeys(pair for _, pairs in sorted(self._unreachable.items()) for pair in pairs))
 
     def _status(self, reports: Sequence[EngineReport], time_s: float) -> tuple[EngineStatus, ...]:
         waits: dict[str, float] = {}

@@ -1,8 +1,8 @@
-"""The engines that one process hosts: created by name, reset, commanded and advanced side by side.
+"""The engines of one process: created by name, reset, commanded and advanced side by side.
 
-Order is by engine name. Within one `advance` every engine sees the others as they were at the interval's start
-(fixed-step Jacobi), so the order decides nothing but the sequence of receipts and events. Mirrors
-are the entities of the others in the instance's order, then their background movers by engine.
+Engines are ordered by name. Within one `advance` every engine receives the states of the others at the interval's start
+(fixed-step Jacobi), so the order affects only the sequence of receipts and events. These *mirrors* are the other
+engines' entities in the instance's order, then their background movers by engine.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import msgspec
 
 from lingjing.errors import InfrastructureError
 from lingjing.kernel.world.boundary_checks import check_apart, checked_admissions, checked_boundary
-from lingjing.kernel.world.guarded_calls import Enter, engine_seed, guarded, ignore
+from lingjing.kernel.world.guarded_calls import Enter, engine_seed, guarded, no_note
 from lingjing.mission.instance import Instance
 from lingjing.plugins.engine import Boundary, Engine, EngineSpec
 from lingjing.plugins.host import PluginHost
@@ -22,28 +22,30 @@ from lingjing.scene.city import City
 from lingjing.trace.records import BodyState, Command, Receipt
 
 Movers = Mapping[str, tuple[BodyState, ...]]
-"""Background movers by the engine that brings them."""
+"""Background movers by the engine that owns them."""
 
 NO_MOVERS: Movers = {}
 
 
 class EngineReport(msgspec.Struct, frozen=True):
-    """A checked boundary of one engine and the wall-clock seconds its call took."""
+    """A validated boundary of one engine."""
 
     boundary: Boundary
+    """The boundary."""
     wall_s: float
+    """Wall-clock seconds of the engine's call."""
 
 
-def start_engines(host: PluginHost, names: Iterable[str], enter: Enter = ignore) -> dict[str, Engine]:
-    """A fresh object of each named engine. Its heavy imports happen here, outside the engine barrier."""
+def start_engines(host: PluginHost, names: Iterable[str], enter: Enter = no_note) -> dict[str, Engine]:
+    """Create an object of each named engine. Its heavy imports happen here, outside the engine barrier."""
     started: dict[str, Engine] = {}
     for name in sorted(names):
         started[name], _ = guarded(enter, name, "start", host.engine(name).factory)
     return started
 
 
-def close_engines(engines: Mapping[str, Engine], enter: Enter = ignore) -> tuple[str, ...]:
-    """Close each engine, also when another one fails; returns what went wrong, by engine."""
+def close_engines(engines: Mapping[str, Engine], enter: Enter = no_note) -> tuple[str, ...]:
+    """Close each engine, even if another one fails. Return the error messages."""
     problems: list[str] = []
     for name, engine in engines.items():
         try:
@@ -62,10 +64,9 @@ class _Member:
 
 
 class EngineGroup:
-    """The motion engines of one process, coupled among themselves and to states from other places: `foreign` entities
-    and `ambient` background movers."""
+    """The motion engines of one process, coupled to each other and to states from other processes."""
 
-    def __init__(self, instance: Instance, city: City, engines: Mapping[str, Engine], enter: Enter = ignore) -> None:
+    def __init__(self, instance: Instance, city: City, engines: Mapping[str, Engine], enter: Enter = no_note) -> None:
         self._instance = instance
         self._city = city
         self._enter = enter
@@ -76,11 +77,13 @@ class EngineGroup:
         self.engines = tuple(member.name for member in self._members)
 
     def reset(self) -> tuple[EngineReport, ...]:
-        """READY(0) of every engine."""
+        """Return READY(0) of every engine."""
         return self._commit([self._reset(member) for member in self._members])
 
     def submit(self, commands: Sequence[Command]) -> dict[str, Receipt]:
-        """Hand each engine its commands; the valid admission receipts by command id (those missing are left out)."""
+        """Submit each engine's commands. Return the valid admission receipts by command id; missing ones are left
+        out.
+        """
         admitted: dict[str, Receipt] = {}
         for member in self._members:
             mine = tuple(command for command in commands if command.resource in member.owns)
@@ -91,7 +94,10 @@ class EngineGroup:
     def advance(
         self, until: float, foreign: Sequence[BodyState] = (), ambient: Movers = NO_MOVERS
     ) -> tuple[EngineReport, ...]:
-        """One macro-step of all engines to `until` (s), each with the others' states at the interval's start."""
+        """Advance all engines one macro-step to `until` (s).
+
+        `foreign` are states of entities and `ambient` background movers that live in other processes.
+        """
         known = self._states
         known.update((state.id, state) for state in foreign)
         crowds = sorted({**self._ambient, **ambient}.items()) if self._ambient or ambient else ()
@@ -123,7 +129,7 @@ class EngineGroup:
         return EngineReport(checked, wall_s)
 
     def _commit(self, reports: Sequence[EngineReport]) -> tuple[EngineReport, ...]:
-        # Only after the last engine: nobody may see a state of the interval's end.
+        # Only after the last engine: no engine may receive a state of the interval's end.
         for report in reports:
             boundary = report.boundary
             for state in boundary.states:
@@ -135,7 +141,7 @@ class EngineGroup:
 
 
 def keep_movers(ambient: dict[str, tuple[BodyState, ...]], boundary: Boundary) -> None:
-    """Put the background movers of a boundary in the place of their engine's before; without any it is not listed."""
+    """Replace an engine's background movers by those of its boundary; without any, the engine is removed."""
     if boundary.ambient:
         ambient[boundary.engine] = boundary.ambient
     else:

@@ -1,6 +1,6 @@
-"""From what a sensor engine drew to what the trace stores: checked, encoded as JPEG, hashed.
+"""The conversion of a drawn picture to its stored form: validated, encoded as JPEG, hashed.
 
-Runs where the camera runs, so that a raw picture never crosses a process border.
+It runs in the camera's process, so that an uncompressed picture never crosses a process border.
 """
 
 from __future__ import annotations
@@ -12,14 +12,16 @@ import msgspec
 import numpy as np
 
 from lingjing.kernel.world.contract import StoredFrame
-from lingjing.kernel.world.guarded_calls import broken
+from lingjing.kernel.world.guarded_calls import engine_error
 from lingjing.plugins.engine import CaptureRequest, Frame
 from lingjing.trace.images import encode_jpeg
 from lingjing.trace.records import FrameInfo
 
 
 def stored(engine: str, frame: Frame, request: CaptureRequest) -> StoredFrame:
-    """`frame` as it is kept; `InfrastructureError` if it is not an answer to `request` or has the wrong arrays."""
+    """Return `frame` in its stored form. Raises `InfrastructureError` if it does not answer `request` or has wrong
+    arrays.
+    """
     _check(engine, frame, request)
     jpeg = encode_jpeg(frame.rgb, frame.quality)
     info = msgspec.structs.replace(
@@ -29,13 +31,13 @@ def stored(engine: str, frame: Frame, request: CaptureRequest) -> StoredFrame:
 
 
 def described(engine: str, frame: Frame, request: CaptureRequest) -> StoredFrame:
-    """`without_pixels` of `frame`; `InfrastructureError` where `stored` says so."""
+    """Return `without_pixels` of `frame`. Raises `InfrastructureError` under the conditions of `stored`."""
     _check(engine, frame, request)
     return without_pixels(frame.info)
 
 
 def without_pixels(info: FrameInfo) -> StoredFrame:
-    """What is known of a picture (pose, boxes), and in place of its pixels a single black one."""
+    """Return the metadata of a picture (pose, boxes) with a single black pixel as its image."""
     return StoredFrame(info, _black())
 
 
@@ -50,7 +52,9 @@ def _check(engine: str, frame: Frame, request: CaptureRequest) -> None:
 
 
 def _channels_sha256(frame: Frame) -> str:
-    """One hash of depth and class ids, so that a policy input is compared by all its pixels."""
+    """Return one hash of depth and class ids, so that digests of policy inputs cover all pixels; "" without such
+    channels.
+    """
     layers = [layer for layer in (frame.depth, frame.semantic) if layer is not None]
     if not layers:
         return ""
@@ -64,7 +68,9 @@ def _check_identity(engine: str, frame: Frame, request: CaptureRequest) -> None:
     info = frame.info
     wanted = (request.frame, request.entity, request.camera, request.tick)
     if (info.id, info.entity, info.camera, info.tick) != wanted:
-        raise broken(engine, "capture", f"it drew `{info.id}` of `{info.entity}` when asked for `{request.frame}`")
+        raise engine_error(
+            engine, "capture", f"it drew `{info.id}` of `{info.entity}` when asked for `{request.frame}`"
+        )
 
 
 def _check_arrays(engine: str, frame: Frame) -> None:
@@ -76,5 +82,5 @@ def _check_arrays(engine: str, frame: Frame) -> None:
     )
     for name, array, dtype, shape in layers:
         if array is not None and (array.dtype != dtype or array.shape != shape):
-            found = f"{array.dtype} {array.shape}"
-            raise broken(engine, "capture", f"`{name}` is {found}, not {np.dtype(dtype)} {shape}")
+            actual = f"{array.dtype} {array.shape}"
+            raise engine_error(engine, "capture", f"`{name}` is {actual}, not {np.dtype(dtype)} {shape}")

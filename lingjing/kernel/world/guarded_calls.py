@@ -1,4 +1,4 @@
-"""The one guarded call by which every engine method is called, and the words for what can go wrong there."""
+"""The guarded call through which every engine method is called, and the errors of this boundary."""
 
 from __future__ import annotations
 
@@ -14,22 +14,24 @@ from lingjing.trace.records import Absent
 ResultT = TypeVar("ResultT")
 
 Enter = Callable[[str, str], None]
-"""Told (engine, call) before each engine call: a worker notes it where the caller can read it after a hang."""
+"""A function that receives (engine, call) before each engine call. A worker stores them where the caller can read them
+after a hang.
+"""
 
 
-def ignore(engine: str, call: str) -> None:
-    """The `Enter` of a world that runs in the caller: nobody has to be told."""
+def no_note(engine: str, call: str) -> None:
+    """Do nothing: the `Enter` of a world that runs in the caller."""
 
 
-def broken(engine: str, call: str, what: str, *, hint: str = "") -> InfrastructureError:
-    """The error for an engine that failed in one of its five methods (or in `start`, its factory)."""
-    return InfrastructureError(f"engine `{engine}` failed in {call}: {what}", hint=hint)
+def engine_error(engine: str, call: str, problem: str, *, hint: str = "") -> InfrastructureError:
+    """Return the error for an engine that failed in one of its five methods, or in `start`, its factory."""
+    return InfrastructureError(f"engine `{engine}` failed in {call}: {problem}", hint=hint)
 
 
 def guarded(enter: Enter, engine: str, call: str, action: Callable[[], ResultT]) -> tuple[ResultT, float]:
-    """The result of `action` and the wall-clock seconds it took; raises `InfrastructureError` naming the engine.
+    """Return the result of `action` and its wall-clock seconds. Raises `InfrastructureError` with the engine's name.
 
-    `SystemExit` counts as a failure of the engine; a `KeyboardInterrupt` is the user's and passes.
+    `SystemExit` counts as a failure of the engine. A `KeyboardInterrupt` belongs to the user and propagates.
     """
     enter(engine, call)
     started = time.perf_counter()
@@ -37,28 +39,28 @@ def guarded(enter: Enter, engine: str, call: str, action: Callable[[], ResultT])
         result = action()
     except (Exception, SystemExit) as error:
         hint = error.hint if isinstance(error, LingjingError) else ""
-        raise broken(engine, call, _describe(error), hint=hint) from error
+        raise engine_error(engine, call, _describe(error), hint=hint) from error
     return result, time.perf_counter() - started
 
 
 def engine_seed(seed: int, engine: str) -> int:
-    """The engine's own stream: the first 63 bits of SHA-256 over the mission's seed and the engine's path."""
+    """Return the seed of an engine: the first 63 bits of SHA-256 over the mission's seed and the engine's path."""
     digest = hashlib.sha256(f"{seed}/engine/{engine}".encode()).digest()
     return int.from_bytes(digest[:8], "big") >> 1
 
 
 def absent(request: CaptureRequest, reason: str) -> Absent:
-    """The answer to a request that brought no picture: `late` or `not_drawn`."""
+    """Return the answer to a request without a picture; `reason` is `late` or `not_drawn`."""
     return Absent(entity=request.entity, camera=request.camera, tick=request.tick, reason=reason)
 
 
 def no_episode() -> UsageError:
-    """The error for a call between episodes."""
-    return UsageError("the world plays no episode", hint="call reset first")
+    """Return the error for a call between episodes."""
+    return UsageError("no episode is running", hint="call reset first")
 
 
 def no_sensor() -> UsageError:
-    """The error for a capture when nothing draws."""
+    """Return the error for a capture without an installed sensor engine."""
     return UsageError("no installed engine draws pictures", hint="see `lingjing plugins`")
 
 

@@ -1,8 +1,8 @@
-"""The caller's end of a worker process: requests with deadlines, and a diagnosis when one is not met.
+"""The caller's side of a worker process: requests with deadlines, and a diagnosis if a deadline passes.
 
-A worker is used by one world, or by several when it has been forked or is a shared camera: the last one to release
-it ends it. A forked copy keeps its parent process alive, because the parent reaps it and its death signal is tied to
-the parent's life.
+One world uses a worker, or several if it has been forked or is a shared camera. The last user that releases it ends it.
+A forked copy keeps its parent process alive, because the parent reaps it and its death signal is tied to the parent's
+life.
 """
 
 from __future__ import annotations
@@ -39,17 +39,23 @@ from lingjing.processes.output import OutputTail
 ReplyT = TypeVar("ReplyT", bound=WorkerMessage)
 
 _CLOSE_S = 5.0
+"""Seconds of its own time that a worker may take to close its engines. Chosen."""
 _EXIT_S = 60.0
-"""How long the kernel may take to end a process that was killed, or that has closed its socket."""
+"""Seconds that the operating system may take to end a process that was killed or has closed its socket. Chosen."""
 _DUMP_S = 2.0
+"""Most seconds to collect the stack dump of a hung worker. Chosen."""
 _QUIET_S = 0.3
+"""Seconds of silence after which a stack dump counts as complete. Chosen."""
 _SHOWN_LINES = 5
+"""Lines of a dead worker's output in the error message. Chosen."""
 _DUMP_LINES = 60
+"""Lines of a hung worker's stack dump in the error's note. Chosen."""
 _CRASH = "Fatal Python error: "
+"""The first output of `faulthandler`'s report of a crash."""
 
 
 class Worker:
-    """One worker process. Every deadline is in the worker's own time."""
+    """A worker process. Every deadline is measured in the worker's own time."""
 
     def __init__(
         self,
@@ -57,7 +63,7 @@ class Worker:
         pidfd: int,
         end: socket.socket,
         progress: int,
-        words: OutputTail,
+        output: OutputTail,
         *,
         process: WorkerProcess | None = None,
         parent: Worker | None = None,
@@ -65,6 +71,7 @@ class Worker:
         lent: bool = False,
     ) -> None:
         self.name = name
+        """Its name in error messages."""
         self.pid = process.pid if process is not None else pid
         self.parent = parent
         self.alive = True
@@ -75,7 +82,7 @@ class Worker:
         self._channel = Channel(end)
         self._progress = CallMonitor(progress)
         os.close(progress)
-        self._words = words
+        self._output = output
         self._lent = lent
 
     @classmethod
@@ -86,48 +93,56 @@ class Worker:
         fork_server: ForkServerClient | None = None,
         start: bytes = b"",
     ) -> Worker:
-        """A new process of its own; through a fork server, a camera process may have drawn for others before, and a
-        world with the key `start` may be placed already."""
+        """Start a worker.
+
+        Through a fork server, a camera process may be one that has drawn for others before, and a world process may be
+        one that already stands at the boundary 0 with the key `start`.
+        """
         made = launch(place, settings, fork_server, start)
         name = f"{place} process"
-        return cls(name, made.pidfd, made.end, made.progress, made.words, process=made.process, lent=made.lent)
+        return cls(name, made.pidfd, made.end, made.progress, made.output, process=made.process, lent=made.lent)
 
     def share(self) -> Worker:
-        """Count one more user."""
+        """Add a user."""
         self.users += 1
         return self
 
     def release(self) -> None:
-        """Count one user less; the last one ends the worker politely."""
+        """Remove a user. The last one ends the worker in an orderly way."""
         self.users -= 1
         if self.users == 0 and self.alive:
             self._end()
 
     def deadline(self, allowed_s: float) -> OwnDeadline:
-        """So many seconds of the worker's own time from now."""
+        """Return a deadline `allowed_s` seconds from now, in the worker's own time."""
         return OwnDeadline(self.pid, allowed_s)
 
     def send(self, payload: bytes, deadline: OwnDeadline, descriptors: Sequence[int] = ()) -> None:
-        """Send one encoded request; past the deadline the worker is killed."""
+        """Send one encoded request. Past the deadline the worker is killed.
+
+        Raises `InfrastructureError` if the worker has died or does not take the request in time.
+        """
         self._check_alive()
         try:
-            self._channel.send(payload, descriptors, deadline, self._words)
+            self._channel.send(payload, descriptors, deadline, self._output)
         except TimeoutError:
             raise self.hung(deadline.allowed_s) from None
         except ChannelClosedError:
             raise self._died() from None
 
     def receive(self, deadline: Deadline) -> tuple[Reply, Packet]:
-        """The next reply and its packet; `TimeoutError` leaves the worker as it is."""
+        """Return the next reply and its packet. Raises `TimeoutError` past the deadline, which leaves the worker as it
+        is.
+        """
         self._check_alive()
         try:
-            packet = self._channel.receive(deadline, self._words)
+            packet = self._channel.receive(deadline, self._output)
         except ChannelClosedError:
             raise self._died() from None
         return decoded_reply(packet.payload), packet
 
     def expect(self, kind: type[ReplyT], deadline: OwnDeadline) -> ReplyT:
-        """The next reply, which must be of `kind`; past the deadline the worker is killed."""
+        """Return the next reply, which must be of type `kind`. Past the deadline the worker is killed."""
         try:
             reply, packet = self.receive(deadline)
         except TimeoutError:
@@ -138,22 +153,22 @@ class Worker:
         raise self.fault(reply)
 
     def ask(self, message: WorkerMessage, kind: type[ReplyT], deadline: OwnDeadline) -> ReplyT:
-        """One round trip."""
+        """Send a request and return its reply."""
         self.send(encoded(message), deadline)
         return self.expect(kind, deadline)
 
     def fault(self, reply: WorkerMessage) -> InfrastructureError:
-        """The error for a reply that is not the one expected."""
+        """Return the error for an unexpected reply."""
         if isinstance(reply, Refused):
             return InfrastructureError(reply.message)
         if isinstance(reply, Failed):
             error = InfrastructureError(reply.message, hint=reply.hint)
             error.add_note(reply.traceback)
             return error
-        return InfrastructureError(f"the {self.name} answered {type(reply).__name__} out of turn")
+        return InfrastructureError(f"the {self.name} sent an unexpected {type(reply).__name__}")
 
     def fork(self, deadline: OwnDeadline) -> Worker:
-        """A copy of this worker, bit for bit, in a process of its own."""
+        """Return a bit-exact copy of this worker in a process of its own."""
         ours, theirs = socket.socketpair()
         progress = progress_memory()
         try:
@@ -168,33 +183,35 @@ class Worker:
             if isinstance(error, ProcessLookupError):
                 raise InfrastructureError(f"the copy of the {self.name} died at once") from error
             raise
-        return Worker(self.name, pidfd, ours, progress, self._words, parent=self.share(), pid=pid)
+        return Worker(self.name, pidfd, ours, progress, self._output, parent=self.share(), pid=pid)
 
     def kill(self) -> None:
-        """End it now, whoever uses it; idempotent. Its forks die with it."""
+        """End the worker at once, even if other worlds use it; its forks die with it. Idempotent."""
         if self.alive:
             self._signal(signal.SIGKILL)
             self._await_exit(_EXIT_S)
             self._dispose()
 
     def hung(self, allowed_s: float) -> InfrastructureError:
-        """Kill a worker that did not answer in time; the error names the engine that took the most of it."""
+        """Kill a worker that missed its deadline. Return the error, which names the engine that took most of the
+        time.
+        """
         late = _late(self._progress.read(), own_clock_of_s(self.pid), f"the {self.name}", allowed_s)
-        # Its stack, for who wrote the engine: the worker dumps it at this signal even from within a C call.
+        # The stack is for the engine's author. The signal handler dumps it even from within a C call.
         self._signal(signal.SIGUSR2)
         until = self.deadline(_DUMP_S)
         while self._has_spoken(self.deadline(_QUIET_S)) and until.left_s() > 0.0:
             pass
         self.kill()
         error = InfrastructureError(f"{late}; the {self.name} was killed")
-        error.add_note(_tail(self._words.text(), _DUMP_LINES))
+        error.add_note(_tail(self._output.text(), _DUMP_LINES))
         return error
 
     def _has_spoken(self, deadline: OwnDeadline) -> bool:
-        """Wait for it to write something, and take that in."""
+        """Wait for output of the worker and read it. Return False if the deadline passes without any."""
         left_s = deadline.left_s()
-        while self._words.fileno() >= 0:
-            if self._words.wait(max(0.0, left_s)):
+        while self._output.fileno() >= 0:
+            if self._output.wait(max(0.0, left_s)):
                 return True
             if left_s <= 0.0:
                 return False
@@ -208,13 +225,13 @@ class Worker:
     def _died(self) -> InfrastructureError:
         call = self._progress.read()
         self._await_exit(_EXIT_S)
-        self._words.drain()
+        self._output.drain()
         reason = self._exit_reason()
         self.kill()
         where = f" while engine `{call.engine}` was in {call.call}" if call.engine else ""
-        # What the interpreter dumps when it crashes is for who wrote the engine; the rest is for everybody.
-        said, crash, dump = self._words.text().partition(_CRASH)
-        last = f"; its last words: {_tail(said, _SHOWN_LINES)}" if said.strip() else ""
+        # The interpreter's crash dump is for the engine's author and goes into a note, not into the message.
+        output, crash, dump = self._output.text().partition(_CRASH)
+        last = f"; its last output: {_tail(output, _SHOWN_LINES)}" if output.strip() else ""
         error = InfrastructureError(f"the {self.name} died{reason}{where}{last}")
         if crash:
             error.add_note(crash + dump)
@@ -222,7 +239,7 @@ class Worker:
 
     @property
     def _is_ours(self) -> bool:
-        # In a process that the caller forked, this is another process's worker: it must be left alone.
+        # In a fork of the caller the worker still belongs to the caller's process: signals must not reach it.
         return os.getpid() == self._owner
 
     def _exit_reason(self) -> str:
@@ -245,7 +262,7 @@ class Worker:
     def _ask_to_close(self) -> None:
         deadline = self.deadline(_CLOSE_S)
         try:
-            self._channel.send(encoded(Close()), (), deadline, self._words)
+            self._channel.send(encoded(Close()), (), deadline, self._output)
             while not isinstance(reply := self._late_reply(deadline), Closed):
                 pass
         except (TimeoutError, ChannelClosedError):
@@ -255,7 +272,7 @@ class Worker:
             warnings.warn(problem, RuntimeWarning, stacklevel=2)
 
     def _late_reply(self, deadline: OwnDeadline) -> Reply:
-        packet = self._channel.receive(deadline, self._words)
+        packet = self._channel.receive(deadline, self._output)
         packet.close()
         return decoded_reply(packet.payload)
 
@@ -265,7 +282,7 @@ class Worker:
         try:
             signal.pidfd_send_signal(self._pidfd, number)
         except ProcessLookupError:
-            return  # it has ended already, which is all a signal can ask of it
+            return  # it has ended already
 
     def _await_exit(self, timeout_s: float) -> bool:
         if not self._is_ours:
@@ -281,15 +298,17 @@ class Worker:
         os.close(self._pidfd)
         if isinstance(self._process, ForkedProcess):
             self._process.close()
-        self._words.drain()
+        self._output.drain()
         if self.parent is None:
-            self._words.close()
+            self._output.close()
         else:
             self.parent.release()
 
 
 def _late(call: CurrentCall, now_s: float, name: str, allowed_s: float) -> str:
-    """Who did not answer: the engine it is in, unless another one took more of the time."""
+    """Return the error text for a missed deadline. It blames the present engine unless another one took more of the
+    time.
+    """
     if not call.engine:
         return f"{name} did not answer within {allowed_s:g} s"
     if call.slowest != call.engine and call.slowest_s > now_s - call.since_s:

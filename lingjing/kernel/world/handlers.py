@@ -1,4 +1,4 @@
-"""What a worker does with a request: the handler of the world process and the handler of the camera process."""
+"""The request handlers of a worker: one for the world process, one for the camera process."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from lingjing.kernel.world.messages import (
     Submit,
     WorkerMessage,
 )
-from lingjing.kernel.world.placed_worlds import PlacedReplies, WorldStart, start_by
+from lingjing.kernel.world.placed_worlds import PlacedReplies, WorldStart, start_of
 from lingjing.kernel.world.sensor import Sensor
 from lingjing.kernel.world.shared import CallMonitor, store_frame
 from lingjing.numerics import runtime_fingerprint
@@ -35,30 +35,30 @@ from lingjing.plugins.engine import Engine
 from lingjing.plugins.host import PluginHost
 
 ReplyWithDescriptors = tuple[WorkerMessage, tuple[int, ...]]
-"""A reply and the descriptors that go with it; who yields it closes them after it was sent."""
+"""A reply and the descriptors that accompany it. The generator that yields it closes them after the reply was sent."""
 
 
 class RequestHandler:
-    """A worker's trade, and the engine objects of the present episode."""
+    """Base of the handlers, with the engine objects of the present episode."""
 
     def __init__(self, find_host: Callable[[], PluginHost], progress: CallMonitor) -> None:
         self._find_host = find_host
         self._host: PluginHost | None = None
         self._enter = progress.enter
         self._engines: dict[str, Engine] = {}
-        self._taken: dict[tuple[str, ...], dict[str, str]] = {}
+        self._runtimes: dict[tuple[str, ...], dict[str, str]] = {}
 
     def answer(self, request: Request) -> Iterator[ReplyWithDescriptors]:
-        """The replies to one request; raises what the engines raise."""
+        """Yield the replies to one request. Raises what the engines raise."""
         raise NotImplementedError
 
     def close(self) -> tuple[str, ...]:
-        """Close all engines; returns what went wrong."""
+        """Close all engines. Return the error messages."""
         engines, self._engines = self._engines, {}
         return close_engines(engines, self._enter)
 
     def _renewed(self, names: tuple[str, ...]) -> Ready:
-        """Close the old engines and create the new."""
+        """Close the old engines and create new ones."""
         problems = self.close()
         if self._host is None:
             self._host = self._find_host()
@@ -66,17 +66,17 @@ class RequestHandler:
         return Ready(problems=problems)
 
     def _is_reset(self) -> Ready:
-        """Says what this process runs with these engines: read once, what they load is loaded for good."""
+        """Return the reply to `Reset` with the runtime fingerprint, read once: what the engines load stays loaded."""
         names = tuple(self._engines)
-        if names not in self._taken:
-            self._taken[names] = runtime_fingerprint()
-        return Ready(taken=self._taken[names])
+        if names not in self._runtimes:
+            self._runtimes[names] = runtime_fingerprint()
+        return Ready(runtime=self._runtimes[names])
 
 
 class WorldHandler(RequestHandler):
-    """Motion engines: whole ticks when they are all here, single macro-steps when the caller hosts some too.
+    """The handler of the world process: whole ticks, or single macro-steps if the caller hosts engines too.
 
-    Each episode gets fresh engine objects, so that nothing carries over but what was imported.
+    Each episode has new engine objects, so that nothing but imports carries over.
     """
 
     def __init__(self, find_host: Callable[[], PluginHost], progress: CallMonitor) -> None:
@@ -94,14 +94,14 @@ class WorldHandler(RequestHandler):
         self._placed = PlacedReplies(start, ready, begun)
 
     def answer(self, request: Request) -> Iterator[ReplyWithDescriptors]:
-        """One reply to each request."""
+        """Yield one reply to each request."""
         yield self._reply(request), ()
 
     def _reply(self, request: Request) -> WorkerMessage:
         kept = self._placed.to(request) if self._placed is not None else None
         if kept is not None:
             return kept
-        self._placed = None  # the engines go on, or others take their place
+        self._placed = None  # from here on the engines leave boundary 0 or are replaced
         match request:
             case Prepare():
                 gc.unfreeze()
@@ -113,8 +113,8 @@ class WorldHandler(RequestHandler):
                 return self._is_reset()
             case Begin() if self._engine_group is not None:
                 ready = self._begin(self._engine_group)
-                # What the episode is played on stays until its end: collections need not walk through a whole city
-                # again and again, and a forked copy shares its pages untouched.
+                # Instance and city live until the episode's end. Frozen, they cost no garbage collection, and a
+                # forked copy shares their memory pages.
                 gc.freeze()
                 return ready
             case Step() if self._cosimulation is not None:
@@ -123,7 +123,7 @@ class WorldHandler(RequestHandler):
                 return Admitted(receipts=self._engine_group.submit(request.commands))
             case Advance() if self._engine_group is not None:
                 return Reported(reports=self._engine_group.advance(request.until, request.foreign, request.ambient))
-        raise RuntimeError(f"{type(request).__name__} came out of turn to the world process")
+        raise RuntimeError(f"{type(request).__name__} is not allowed in this state of the world process")
 
     def _begin(self, ensemble: EngineGroup) -> WorkerMessage:
         if self._cosimulation is None:
@@ -132,9 +132,9 @@ class WorldHandler(RequestHandler):
 
 
 class CameraHandler(RequestHandler):
-    """The sensor engine: pictures are drawn, encoded and handed over one by one, each as soon as it is there.
+    """The handler of the camera process: pictures are drawn, encoded and sent one by one.
 
-    One engine object stays from episode to episode with its graphics context: a picture depends on nothing before it.
+    One engine object with its graphics context stays from episode to episode: a picture depends on nothing before it.
     """
 
     def __init__(self, find_host: Callable[[], PluginHost], progress: CallMonitor) -> None:
@@ -144,18 +144,18 @@ class CameraHandler(RequestHandler):
         self._first = FirstPictures()
 
     def answer(self, request: Request) -> Iterator[ReplyWithDescriptors]:
-        """One reply, or one for each picture asked for."""
+        """Yield one reply, or one for each requested picture."""
         match request:
             case Prepare():
                 yield self._prepare(request), ()
             case Reset() if self._sensor is not None:
                 self._sensor.reset(request.instance, unpacked(request.city))
-                self._start = start_by((self._sensor.name,), request).key
+                self._start = start_of((self._sensor.name,), request).key
                 yield self._is_reset(), ()
             case Capture() if self._sensor is not None:
                 yield from self._capture(self._sensor, request)
             case _:
-                raise RuntimeError(f"{type(request).__name__} came out of turn to the camera process")
+                raise RuntimeError(f"{type(request).__name__} is not allowed in this state of the camera process")
 
     def _prepare(self, request: Prepare) -> WorkerMessage:
         (name,) = request.engines
@@ -166,14 +166,16 @@ class CameraHandler(RequestHandler):
         return ready
 
     def _capture(self, sensor: Sensor, request: Capture) -> Iterator[ReplyWithDescriptors]:
-        """The pictures, one by one; those of boundary 0 are kept for the next episode that begins alike."""
+        """Yield the pictures one by one. Those of boundary 0 are cached for the next episode with an equal
+        beginning.
+        """
         key = capture_key(self._start, request) if request.time_s == 0.0 else b""
         kept = self._first.find(key) if key else None
         if kept is not None:
             for index, frame in enumerate(kept):
                 yield from _sent(request.serial, index, frame)
             return
-        sensor.settle(request.time_s, request.states)
+        sensor.move_to(request.time_s, request.states)
         drawn: list[StoredFrame | None] = []
         for index, wanted in enumerate(request.requests):
             frame = sensor.picture(wanted)

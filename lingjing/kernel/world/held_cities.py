@@ -1,7 +1,7 @@
-"""Cities that a process holds for its forks: built before the fork, they are shared and need no decoding.
+"""Cities that a process keeps for its forks: built before the fork, they are shared and need no decoding.
 
-A city travels to a worker as it is encoded. A worker that was forked from a process which holds the same city, told by
-the hash of those bytes, takes that one. What is held changes no episode, only what its start costs.
+A city travels to a worker in its encoding. A worker that was forked from a process with the same city, identified by
+the hash of those bytes, uses that one. This changes only the cost of an episode's start.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from lingjing.scene.city import City
 from lingjing.scene.tiles import Tiles
 
 MOST = 8
-"""Cities held at a time; the one that was held first goes first."""
+"""Largest number of kept cities; the oldest is evicted. Chosen."""
 
 _held: dict[bytes, tuple[City, Tiles]] = {}
 
 
 def hold(city: City) -> None:
-    """Hold a city, with its division into tiles, for this process and for those that will be forked from it."""
+    """Keep a city, with its division into tiles, for this process and its forks."""
     key = _key(packed(city))
     if key not in _held:
         _held[key] = city, Tiles(city)
@@ -29,15 +29,15 @@ def hold(city: City) -> None:
 
 
 def packed(city: City) -> msgspec.Raw:
-    """A city as it travels."""
+    """Return the encoding in which a city travels."""
     return msgspec.Raw(msgspec.msgpack.encode(city))
 
 
-def unpacked(given: msgspec.Raw) -> City:
-    """The city of `packed`: the held one where it is the same."""
-    found = _held.get(_key(given))
-    return found[0] if found is not None else msgspec.msgpack.decode(given, type=City)
+def unpacked(encoded: msgspec.Raw) -> City:
+    """Return the city of an encoding: the kept one if it is the same, else a decoded one."""
+    entry = _held.get(_key(encoded))
+    return entry[0] if entry is not None else msgspec.msgpack.decode(encoded, type=City)
 
 
-def _key(given: msgspec.Raw) -> bytes:
-    return hashlib.sha256(given).digest()
+def _key(encoded: msgspec.Raw) -> bytes:
+    return hashlib.sha256(encoded).digest()

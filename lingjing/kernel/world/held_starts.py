@@ -1,7 +1,7 @@
-"""Copies of a world process at boundary 0, held by its caller for episodes of an instance that was seen before.
+"""Copies of a world process at boundary 0, kept by its caller for episodes of an instance that was played before.
 
-An environment that begins an instance again forks the held copy instead of placing the bodies and starting the engines
-anew. Copies are forks of the world process that plays first episodes, and end with it.
+An environment that begins an instance again forks the kept copy instead of placing the bodies and starting the engines.
+Copies are forks of the world process that plays first episodes, and end with it.
 """
 
 from __future__ import annotations
@@ -15,50 +15,59 @@ from lingjing.kernel.world.contract import WorldBoundary
 from lingjing.kernel.world.handle import Worker
 
 MOST = 4
-"""Copies held at a time, of 30 to 60 MB each; the one that was not used for the longest time ends first."""
+"""Largest number of copies, of 30 to 60 MB each; the least recently used ends first. Chosen."""
+
+
+Runtimes = Mapping[str, Mapping[str, str]]
+"""Runtime fingerprints (`lingjing.numerics.runtime_fingerprint`) by process."""
 
 
 @dataclass(frozen=True, slots=True)
-class HeldStart:
-    """A world process that stands at `boundary` 0 and is never stepped; `taken` is what its processes run."""
+class _HeldStart:
+    """A world process that stands at boundary 0 and is never stepped."""
 
     worker: Worker
+    """The process."""
     boundary: WorldBoundary
-    taken: Mapping[str, Mapping[str, str]]
+    """Its boundary 0."""
+    runtimes: Runtimes
+    """The runtime fingerprints of its processes by name."""
 
 
 class HeldStarts:
     """The copies by the keys of their starts (`placed_worlds.WorldStart`)."""
 
     def __init__(self) -> None:
-        self._held: OrderedDict[bytes, HeldStart] = OrderedDict()
+        self._held: OrderedDict[bytes, _HeldStart] = OrderedDict()
 
     def __len__(self) -> int:
         return len(self._held)
 
-    def hold(self, key: bytes, world: Worker, boundary: WorldBoundary, taken: Mapping[str, Mapping[str, str]]) -> None:
-        """Hold a copy of a world that has just come to boundary 0; nothing if it cannot be forked."""
+    def hold(
+        self, key: bytes, world: Worker, boundary: WorldBoundary, runtimes: Mapping[str, Mapping[str, str]]
+    ) -> None:
+        """Keep a copy of a world that has just reached boundary 0. Does nothing if it cannot be forked."""
         try:
             copy = world.fork(world.deadline(_FORK_S))
-        except InfrastructureError:  # it has threads, or the machine has no room for another process
+        except InfrastructureError:  # it has threads, or the machine cannot hold another process
             return
-        self._held[key] = HeldStart(copy, boundary, taken)
+        self._held[key] = _HeldStart(copy, boundary, runtimes)
         while len(self._held) > MOST:
             self._held.popitem(last=False)[1].worker.release()
 
-    def again(self, key: bytes) -> tuple[Worker, HeldStart] | None:
-        """A fork of the copy with that key, and what the copy answered; None if there is none."""
-        found = self._held.get(key)
-        if found is None:
+    def fork_of(self, key: bytes) -> tuple[Worker, _HeldStart] | None:
+        """Return a fork of the copy with that key, and the copy itself; None if there is none."""
+        start = self._held.get(key)
+        if start is None:
             return None
         try:
-            worker = found.worker.fork(found.worker.deadline(_FORK_S))
+            worker = start.worker.fork(start.worker.deadline(_FORK_S))
         except InfrastructureError:  # it was killed
             del self._held[key]
-            found.worker.kill()
+            start.worker.kill()
             return None
         self._held.move_to_end(key)
-        return worker, found
+        return worker, start
 
     def clear(self) -> None:
         """End all copies."""
@@ -67,6 +76,6 @@ class HeldStarts:
 
 
 _FORK_S = 60.0
-"""Own time of a process to copy itself. Chosen: a fork takes 4 to 22 ms."""
+"""Seconds of its own time in which a process may copy itself. Chosen: a fork takes 4 to 22 ms."""
 
-__all__ = ["MOST", "HeldStart", "HeldStarts"]
+__all__ = ["MOST", "HeldStarts"]

@@ -1,9 +1,9 @@
-"""`InlineWorld`: every engine in the caller. The same boundaries and pictures as `ProcessWorld`, for debuggers.
+"""`InlineWorld`: every engine in the caller, for debuggers. It reports the same boundaries and pictures as
+`ProcessWorld`.
 
-Nothing can be killed here, so a deadline is judged after the call: a boundary that came too late is an
-infrastructure abort, a picture that came too late is absent. An engine that never returns hangs the caller. As
-everywhere, the time in which this process stood in a run queue is nobody's, and making the camera ready is part of no
-budget.
+No engine can be killed here, so deadlines are checked after the call. A late boundary is an infrastructure abort, a
+late picture is absent, and an engine that never returns hangs the caller. As in the other world, time spent in a run
+queue and the preparation of the camera count for no budget.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ class InlineWorld:
         self._times = EngineTimes()
 
     def reset(self, instance: Instance, city: City) -> WorldBoundary:
-        """Start an episode on fresh motion engines; the sensor engine keeps its graphics context."""
+        """Start an episode on new motion engines; the sensor engine keeps its graphics context."""
         roles = select_engines(instance, self._host)
-        macro_steps(instance.clock)  # a clock that does not divide is refused before anything starts
+        macro_steps(instance.clock)  # reject a tick that is no multiple of `sync` before anything starts
         self._end_episode()
         try:
             self._motion = start_engines(self._host, (*roles.local, *roles.remote))
@@ -81,15 +81,15 @@ class InlineWorld:
             return ()
         sensor = self._ready_sensor(instance)
         deadline = OwnDeadline(os.getpid(), instance.budget.capture_s, watched=True)
-        sensor.settle(tick * instance.clock.tick_s, states)
+        sensor.move_to(tick * instance.clock.tick_s, states)
         return tuple(self._draw(sensor, request, deadline) for request in requests)
 
     def fork(self) -> World:
-        """Engines in the caller cannot be copied."""
+        """Raise `UsageError`: engines in the caller cannot be copied."""
         raise UsageError("a world in the caller cannot be forked", hint="use `--world process`")
 
     def close(self) -> None:
-        """Close all engines; idempotent. An engine that fails to close is reported as a warning."""
+        """Close all engines. An engine that fails to close is reported as a warning. Idempotent."""
         self._end_episode()
         drawing, self._drawing = self._drawing, {}
         _warn(close_engines(drawing))
@@ -100,7 +100,7 @@ class InlineWorld:
         _warn(close_engines(motion))
 
     def _ready_sensor(self, instance: Instance) -> Sensor:
-        """The sensor engine, started and brought to the city before the first picture of an episode."""
+        """Return the sensor engine, started and prepared for the city before the first picture of an episode."""
         if self._undrawn is not None:
             name, city = self._undrawn
             if name not in self._drawing:

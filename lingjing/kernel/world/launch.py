@@ -1,8 +1,10 @@
-"""Starting a worker process: its command, its standard error, and what its caller holds of it.
+"""The start of a worker process: its command, its standard error, and the caller's handles.
 
-Rules learnt by trying: `Popen` over a socket pair, because `multiprocessing` breaks scripts
-without a main guard, or a fork server; what chooses code by processor and thread counts fixed in the environment before
-any import; a process group of its own, so that a terminal's Ctrl-C reaches the caller alone.
+Design, each point found by experiment:
+
+- `Popen` over a socket pair, or a fork server: `multiprocessing` breaks scripts without a main guard.
+- Instruction sets and thread counts are fixed in the environment before any import: libraries read them once.
+- A process group of its own: Ctrl-C in a terminal reaches the caller alone.
 """
 
 from __future__ import annotations
@@ -24,10 +26,12 @@ from lingjing.processes.fork_requests import Template
 from lingjing.processes.output import OutputTail
 
 WorkerPlace = Literal["world", "camera"]
+"""The kind of a worker process."""
 
 _PIPE_BYTES = 1_048_576
-"""Room for the output of one worker while the caller waits for the other one. The most that Linux grants a user by
-default (`/proc/sys/fs/pipe-max-size`)."""
+"""Capacity for the output of one worker while the caller waits for the other. The largest that Linux grants a user by
+default (`/proc/sys/fs/pipe-max-size`).
+"""
 
 _FUNCTIONS = {
     "world": "lingjing.kernel.world.worker:serve_as_world",
@@ -37,7 +41,7 @@ _PLACED = "lingjing.kernel.world.worker:placed_template"
 
 
 class WorkerSettings(msgspec.Struct, frozen=True):
-    """The plug-ins of a worker; see `lingjing.kernel.world.open_world` for the meaning."""
+    """The plug-ins of a worker; see `lingjing.kernel.world.open_world` for the fields."""
 
     plugins: tuple[str, ...] = ()
     paths: tuple[str, ...] = ()
@@ -45,32 +49,41 @@ class WorkerSettings(msgspec.Struct, frozen=True):
 
 
 class WorkerProcess(Protocol):
-    """A process that a worker runs in: a `subprocess.Popen`, or a `ForkedProcess`."""
+    """The process of a worker: a `subprocess.Popen` or a `ForkedProcess`."""
 
     pid: int
 
     def wait(self, timeout: float | None = None) -> int:
-        """The return code; `subprocess.TimeoutExpired` after so many seconds."""
+        """Return the exit code. Raises `subprocess.TimeoutExpired` after `timeout` seconds."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
-class Launched:
-    """A worker that has been started: the caller owns all of it. One that is `lent` outlives its use."""
+class _Launched:
+    """A started worker. The caller owns all its handles."""
 
     process: WorkerProcess
+    """The process."""
     pidfd: int
+    """A descriptor of the process, for signals and waiting."""
     end: socket.socket
+    """The caller's end of the channel."""
     progress: int
-    words: OutputTail
+    """A descriptor of the memory of `shared.CallMonitor`."""
+    output: OutputTail
+    """The standard output and error of the worker."""
     lent: bool = False
+    """True if the process belongs to the fork server and outlives its use."""
 
 
 def launch(
     place: WorkerPlace, settings: WorkerSettings, fork_server: ForkServerClient | None, start: bytes = b""
-) -> Launched:
-    """Start a worker, which answers when it is up: `python -m lingjing.kernel.world.worker`, or by the fork server,
-    which may have a world with this `start` placed already."""
+) -> _Launched:
+    """Start a worker: `python -m lingjing.kernel.world.worker`, or through the fork server.
+
+    A fork server may have a world with the key `start` at its boundary 0 already. Raises `InfrastructureError` if the
+    process cannot be started.
+    """
     try:
         return _launch(place, settings, fork_server, start)
     except OSError as error:
@@ -79,7 +92,7 @@ def launch(
 
 def _launch(
     place: WorkerPlace, settings: WorkerSettings, fork_server: ForkServerClient | None, start: bytes
-) -> Launched:
+) -> _Launched:
     ours, theirs = socket.socketpair()
     progress = progress_memory()
     reading, writing = os.pipe2(os.O_CLOEXEC)
@@ -95,9 +108,9 @@ def _launch(
                 reuse=place == "camera",
                 template=Template(_PLACED, start) if start else None,
             )
-            return Launched(forked, os.dup(forked.pidfd), ours, progress, OutputTail(reading), place == "camera")
+            return _Launched(forked, os.dup(forked.pidfd), ours, progress, OutputTail(reading), place == "camera")
         process = _started(place, settings, (theirs.fileno(), progress), writing)
-        return Launched(process, os.pidfd_open(process.pid), ours, progress, OutputTail(reading))
+        return _Launched(process, os.pidfd_open(process.pid), ours, progress, OutputTail(reading))
     except BaseException:
         ours.close()
         os.close(progress)
@@ -111,7 +124,7 @@ def _launch(
 def _started(
     place: WorkerPlace, settings: WorkerSettings, descriptors: tuple[int, int], output: int
 ) -> subprocess.Popen[bytes]:
-    # -P: the worker takes its modules from where the caller does, not from the folder it happens to run in.
+    # -P: the worker must import the caller's modules, not those in its working directory.
     python = [sys.executable, "-P", "-m", "lingjing.kernel.world.worker"]
     ends = ["--fd", str(descriptors[0]), "--progress", str(descriptors[1]), "--parent", str(os.getpid())]
     options = [] if settings.installed else ["--bare"]

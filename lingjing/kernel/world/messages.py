@@ -1,4 +1,4 @@
-"""What caller and worker say to each other: tagged requests and replies, one msgpack document each."""
+"""The messages between caller and worker: tagged requests and replies, one msgpack document each."""
 
 from __future__ import annotations
 
@@ -13,22 +13,25 @@ from lingjing.trace.records import BodyState, Command, FrameInfo, Receipt
 
 
 class WorkerMessage(msgspec.Struct, frozen=True, kw_only=True, tag=True, tag_field="is"):
-    """Base of all requests and replies; the tag is the class name."""
+    """Base of all requests and replies. The tag is the class name."""
 
 
 class Prepare(WorkerMessage, frozen=True, kw_only=True):
-    """Create fresh engines of these names (heavy imports happen now) and close those of the episode before."""
+    """Create new engines, with their heavy imports, and close those of the episode before."""
 
     engines: tuple[str, ...]
+    """The names of the engines."""
 
 
 class Reset(WorkerMessage, frozen=True, kw_only=True):
-    """Take in what an episode is played on. `coupled`: the worker conducts whole ticks; otherwise the caller drives
-    each macro-step because it hosts other engines of the episode. A camera makes its pictures ready as well."""
+    """Read the data of an episode. A camera process prepares its pictures as well."""
 
     instance: Instance
+    """The placed instance."""
     city: msgspec.Raw
+    """The encoded city (`held_cities.packed`)."""
     coupled: bool = True
+    """True if the worker runs whole ticks; False if the caller drives each macro-step, because it hosts engines too."""
 
 
 class Begin(WorkerMessage, frozen=True, kw_only=True):
@@ -36,38 +39,44 @@ class Begin(WorkerMessage, frozen=True, kw_only=True):
 
 
 class Step(WorkerMessage, frozen=True, kw_only=True):
-    """A whole tick."""
+    """Run a whole tick."""
 
     tick: int
     commands: tuple[Command, ...]
 
 
 class Submit(WorkerMessage, frozen=True, kw_only=True):
-    """Admission alone, when the caller drives."""
+    """Submit commands without advancing; the caller drives."""
 
     commands: tuple[Command, ...]
 
 
 class Advance(WorkerMessage, frozen=True, kw_only=True):
-    """One macro-step, when the caller drives; `foreign` are the states of its own engines' entities, `ambient` those
-    of their background movers by engine."""
+    """Advance one macro-step; the caller drives."""
 
     until: float
+    """The end of the macro-step in seconds."""
     foreign: tuple[BodyState, ...]
+    """The states of the entities of the caller's engines."""
     ambient: dict[str, tuple[BodyState, ...]] = {}
+    """The background movers of the caller's engines, by engine."""
 
 
 class Capture(WorkerMessage, frozen=True, kw_only=True):
-    """Pictures of one boundary; each is answered by a `PictureReply` of the same `serial`."""
+    """Draw the pictures of one boundary. A `PictureReply` with the same `serial` answers each."""
 
     serial: int
+    """The number of the capture."""
     time_s: float
+    """Simulated time in seconds."""
     requests: tuple[CaptureRequest, ...]
+    """The pictures to draw."""
     states: tuple[BodyState, ...]
+    """The states of all entities, then of all background movers."""
 
 
 class Fork(WorkerMessage, frozen=True, kw_only=True):
-    """Copy yourself; with it come a socket and a progress memory for the copy."""
+    """Fork the worker. A socket and a progress memory for the copy accompany the request."""
 
 
 class Close(WorkerMessage, frozen=True, kw_only=True):
@@ -75,11 +84,12 @@ class Close(WorkerMessage, frozen=True, kw_only=True):
 
 
 class Ready(WorkerMessage, frozen=True, kw_only=True):
-    """Done. `problems` are engines of the episode before that failed to close; after a `Reset`, `taken` is what the
-    process runs (`lingjing.numerics.runtime_fingerprint`)."""
+    """The request is done."""
 
     problems: tuple[str, ...] = ()
-    taken: dict[str, str] = {}
+    """Errors of engines of the episode before that failed to close."""
+    runtime: dict[str, str] = {}
+    """After a `Reset`, the runtime fingerprint of the process (`lingjing.numerics.runtime_fingerprint`)."""
 
 
 class Stepped(WorkerMessage, frozen=True, kw_only=True):
@@ -101,12 +111,16 @@ class Admitted(WorkerMessage, frozen=True, kw_only=True):
 
 
 class PictureReply(WorkerMessage, frozen=True, kw_only=True):
-    """The answer to request `index` of a `Capture`: a descriptor with the bytes comes along, or `info` is None."""
+    """The answer to one request of a `Capture`. A descriptor with the bytes accompanies it."""
 
     serial: int
+    """The number of the capture."""
     index: int
+    """The index of the request in the capture."""
     info: FrameInfo | None = None
+    """The picture's metadata; None if the engine drew nothing."""
     layout: Layout | None = None
+    """The layout of the bytes; None if the engine drew nothing."""
 
 
 class Forked(WorkerMessage, frozen=True, kw_only=True):
@@ -116,23 +130,27 @@ class Forked(WorkerMessage, frozen=True, kw_only=True):
 
 
 class Closed(WorkerMessage, frozen=True, kw_only=True):
-    """The worker is about to end; `problems` are engines that failed to close."""
+    """The worker is about to end."""
 
     problems: tuple[str, ...] = ()
+    """Errors of engines that failed to close."""
 
 
 class Refused(WorkerMessage, frozen=True, kw_only=True):
-    """The request cannot be met, and nothing is broken."""
+    """The worker rejects the request; its state is intact."""
 
     message: str
 
 
 class Failed(WorkerMessage, frozen=True, kw_only=True):
-    """The episode is broken. `message` names engine and call; `traceback` is for who wrote the engine."""
+    """The episode is broken."""
 
     message: str
+    """The description, with engine and call."""
     hint: str = ""
+    """The way out; "" if unknown."""
     traceback: str = ""
+    """The traceback, for the engine's author."""
 
 
 Request = Prepare | Reset | Begin | Step | Submit | Advance | Capture | Fork | Close
@@ -144,15 +162,15 @@ _REPLIES: msgspec.msgpack.Decoder[Reply] = msgspec.msgpack.Decoder(Reply)
 
 
 def encoded(message: WorkerMessage) -> bytes:
-    """The message as it travels."""
+    """Encode a message."""
     return _ENCODER.encode(message)
 
 
 def decoded_request(payload: bytes | bytearray) -> Request:
-    """What the caller asked."""
+    """Decode a request of the caller."""
     return _REQUESTS.decode(payload)
 
 
 def decoded_reply(payload: bytes | bytearray) -> Reply:
-    """What the worker answered."""
+    """Decode a reply of a worker."""
     return _REPLIES.decode(payload)

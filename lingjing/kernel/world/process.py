@@ -1,8 +1,8 @@
-"""`ProcessWorld`: motion engines in a world process, the sensor engine in a camera process, both kept warm.
+"""`ProcessWorld`: motion engines in a world process, the sensor engine in a camera process, both kept between episodes.
 
-So a hung or killed engine is an abort and not a crash, deadlines hold, pictures are drawn on another core, and the
-world process can be forked. Remote engines run in the caller, which then drives every macro-step; without them a
-tick is one round trip.
+The separate processes have four purposes. A hung or killed engine is an abort and not a crash. Deadlines can be
+enforced. Pictures are drawn on another core. The world process can be forked. Remote engines run in the caller, which
+then drives every macro-step; without them a tick is one round trip.
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ OWN_ENGINES = "builtin"
 """The plug-in that offers the project's own engines."""
 
 
-class _FarPart:
-    """The world process as one part among others, when the caller conducts. Only what it takes itself is counted."""
+class _WorldProcessGroup:
+    """The world process as one group among others, when the caller drives. Only its own time counts for its budget."""
 
     def __init__(self, worker: Worker, engines: tuple[str, ...], allowed_s: float, remote: EngineTimes) -> None:
         self.engines = engines
@@ -72,7 +72,7 @@ class _FarPart:
         self._spent_s = 0.0
 
     def begin(self) -> None:
-        """A barrier begins: all the time that is allowed is there again."""
+        """Start a barrier: the whole allowed time is available again."""
         self._spent_s = 0.0
 
     def reset(self) -> tuple[EngineReport, ...]:
@@ -96,23 +96,27 @@ class _FarPart:
 
 @dataclass(slots=True)
 class _Driver:
-    """How an episode with remote engines is driven from here; `times` are those of the remote engines."""
+    """The state of an episode with remote engines, which the caller drives."""
 
     cosimulation: CoSimulation
-    far: _FarPart | None
+    """The coupling of all groups."""
+    far: _WorldProcessGroup | None
+    """The group of the world process; None if all engines are remote."""
     times: EngineTimes
+    """The times of the remote engines."""
     allowed_s: float
+    """The engine budget of one barrier, in seconds."""
 
     def reset(self) -> WorldBoundary:
-        """Boundary 0."""
-        return self._judged(self.cosimulation.reset)
+        """Return boundary 0."""
+        return self._within_budget(self.cosimulation.reset)
 
     def step(self, tick: int, commands: Sequence[Command]) -> WorldBoundary:
-        """Boundary `tick`."""
-        return self._judged(lambda: self.cosimulation.step(tick, commands))
+        """Return boundary `tick`."""
+        return self._within_budget(lambda: self.cosimulation.step(tick, commands))
 
-    def _judged(self, barrier: Callable[[], WorldBoundary]) -> WorldBoundary:
-        """A remote engine cannot be killed, so whether it was too slow is judged afterwards."""
+    def _within_budget(self, barrier: Callable[[], WorldBoundary]) -> WorldBoundary:
+        """Run a barrier. Remote engines cannot be killed, so their time is checked afterwards."""
         self.times.clear()
         if self.far is not None:
             self.far.begin()
@@ -130,7 +134,7 @@ class _Episode:
 
 
 class _Workers:
-    """The workers and the remote engines of a world; they can be ended without the world that uses them."""
+    """The workers and remote engines of a world. A finalizer can end them without a reference to the world."""
 
     def __init__(
         self, world: Worker | None = None, camera: CameraProcess | None = None, starts: HeldStarts | None = None
@@ -142,31 +146,31 @@ class _Workers:
         self.original: Worker | None = None
 
     def end_all(self) -> None:
-        """End everything; idempotent."""
+        """End everything. Idempotent."""
         self.return_to_original()
         if self.starts is not None:
             self.starts.clear()
         world, camera, remote = self.world, self.camera, self.remote
         self.world, self.camera, self.remote = None, None, {}
         if camera is not None:
-            _let_go(camera)
+            _release_camera(camera)
         if world is not None:
             world.release()
         _warn(close_engines(remote))
 
     def play_in(self, copy: Worker) -> None:
-        """Play an episode in a copy; the original waits for an instance that was not seen before."""
+        """Play an episode in a copy; the original waits for an instance that was not played before."""
         self.original, self.world = self.world, copy
 
     def return_to_original(self) -> None:
-        """The episode in a copy is over."""
+        """End the copy after its episode."""
         if self.original is not None:
             copy, self.world, self.original = self.world, self.original, None
             if copy is not None:
                 copy.release()
 
     def abandon_world(self) -> None:
-        """Kill the world process, whose state nobody knows any more."""
+        """Kill the world process: its state is unknown."""
         if self.world is not None:
             self.world.kill()
             self.world = None
@@ -189,18 +193,18 @@ class ProcessWorld:
         self._settings = WorkerSettings(plugins, paths, installed)
         self._host = host if host is not None else host_with(plugins, installed=installed)
         self._episode: _Episode | None = None
-        self._taken: Mapping[str, Mapping[str, str]] = {}
+        self._runtimes: Mapping[str, Mapping[str, str]] = {}
         self._keep(_Workers(starts=HeldStarts() if hold_starts else None))
 
     @property
     def processes(self) -> Mapping[str, Mapping[str, str]]:
-        """What each worker runs; the camera process from its first picture on."""
+        """The runtime fingerprint of each worker; the camera process from its first picture on."""
         camera = self._workers.camera
-        drawing = {"camera": camera.taken} if camera is not None and camera.taken else {}
-        return {**self._taken, **drawing}
+        drawing = {"camera": camera.runtime} if camera is not None and camera.runtime else {}
+        return {**self._runtimes, **drawing}
 
     def reset(self, instance: Instance, city: City) -> WorldBoundary:
-        """Start an episode on warm workers, or on new ones where there are none."""
+        """Start an episode on the present workers, or on new ones."""
         roles = select_engines(instance, self._host)
         macro_steps(instance.clock)
         self._episode = None
@@ -248,7 +252,9 @@ class ProcessWorld:
             raise
 
     def fork(self) -> ProcessWorld:
-        """A world in a forked copy of the world process; the camera is shared. Closing either leaves the other."""
+        """Return a world in a forked copy of the world process; the camera is shared. Closing one leaves the other
+        intact.
+        """
         episode = self._playing()
         if self._workers.world is None or episode.driver is not None:
             names = ", ".join(episode.cast.remote) or "none"
@@ -267,11 +273,11 @@ class ProcessWorld:
             camera.worker.share()
         twin._keep(_Workers(copy, camera))
         twin._episode = _Episode(episode.instance, episode.cast, episode.tick)
-        twin._taken = self._taken
+        twin._runtimes = self._runtimes
         return twin
 
     def close(self) -> None:
-        """End the workers and the remote engines; idempotent. Forks of this world live on."""
+        """End the workers and the remote engines. Forks of this world continue. Idempotent."""
         self._episode = None
         self._workers.end_all()
 
@@ -285,7 +291,7 @@ class ProcessWorld:
         return self._episode
 
     def _start_workers(self, roles: EngineSelection, instance: Instance, city: msgspec.Raw) -> None:
-        """Have the workers that this episode needs; they come up side by side."""
+        """Start the workers that this episode needs, in parallel."""
         workers = self._workers
         workers.return_to_original()
         workers.world = self._fit(workers.world)
@@ -295,18 +301,18 @@ class ProcessWorld:
             workers.world = self._start("world", start)
         camera = workers.camera
         if camera is not None and (not camera.worker.alive or camera.busy or camera.worker.users > 1):
-            _let_go(camera)
+            _release_camera(camera)
             workers.camera = None
         if roles.sensor is not None and workers.camera is None:
             workers.camera = CameraProcess(self._start("camera"))
 
     def _fit(self, worker: Worker | None) -> Worker | None:
-        """The worker if it can play another episode: alive and nobody's copy or original."""
+        """Return the worker if it can play another episode, that is, if it is alive and neither a copy nor forked."""
         copies = len(self._workers.starts) if self._workers.starts is not None else 0
         if worker is None or (worker.alive and worker.parent is None and worker.users == 1 + copies):
             return worker
         if self._workers.starts is not None:
-            self._workers.starts.clear()  # they end with it
+            self._workers.starts.clear()  # forks end with their parent process
         worker.release()
         return None
 
@@ -314,24 +320,24 @@ class ProcessWorld:
         return Worker.start(place, self._settings, self._fork_server, start)
 
     def _placed(self, episode: _Episode, city: City, carried: msgspec.Raw) -> WorldBoundary:
-        """Boundary 0: in a copy of a world that stands there, or of engines that are reset."""
+        """Return boundary 0, from a copy of a world that stands there or from engines that are reset."""
         workers, roles = self._workers, episode.cast
         starts = workers.starts if self._may_hold(roles) else None
         key = world_start(roles.local, episode.instance, carried).key if starts is not None else b""
-        found = starts.again(key) if starts is not None else None
-        if found is not None:
-            copy, start = found
+        kept = starts.fork_of(key) if starts is not None else None
+        if kept is not None:
+            copy, start = kept
             workers.play_in(copy)
-            self._episode, self._taken = episode, start.taken
+            self._episode, self._runtimes = episode, start.runtimes
             return start.boundary
         self._prepare(roles)
         boundary = self._reset(episode, city, carried)
         if starts is not None and workers.world is not None:
-            starts.hold(key, workers.world, boundary, self._taken)
+            starts.hold(key, workers.world, boundary, self._runtimes)
         return boundary
 
     def _may_hold(self, roles: EngineSelection) -> bool:
-        """True for worlds of the project's own engines, which a fork copies bit by bit."""
+        """Return whether all engines are the project's own, which a fork copies bit by bit."""
         own = all(self._host.sources.get(("lingjing_engines", name)) == OWN_ENGINES for name in roles.local)
         return own and bool(roles.local) and not roles.remote
 
@@ -354,13 +360,13 @@ class ProcessWorld:
         processes: dict[str, dict[str, str]] = {}
         if workers.world is not None and roles.local:
             worker, deadline = _sent(workers.world, reset)
-            processes["world"] = worker.expect(Ready, deadline).taken
+            processes["world"] = worker.expect(Ready, deadline).runtime
         if coupled and workers.world is not None:
             boundary = workers.world.ask(Begin(), Stepped, workers.world.deadline(instance.budget.engine_s)).boundary
         else:
             episode.driver = self._driver(episode, city)
             boundary = episode.driver.reset()
-        self._episode, self._taken = episode, processes
+        self._episode, self._runtimes = episode, processes
         return boundary
 
     def _driver(self, episode: _Episode, city: City) -> _Driver:
@@ -369,7 +375,7 @@ class ProcessWorld:
         parts: list[CoupledGroup] = [EngineGroup(instance, city, self._workers.remote, times.enter)]
         far = None
         if roles.local and world is not None:
-            far = _FarPart(world, roles.local, allowed_s, times)
+            far = _WorldProcessGroup(world, roles.local, allowed_s, times)
             parts.append(far)
         return _Driver(CoSimulation(instance, parts), far, times, allowed_s)
 
@@ -393,7 +399,7 @@ class ProcessWorld:
 
 
 def _sent(worker: Worker, message: WorkerMessage) -> tuple[Worker, OwnDeadline]:
-    """Have a worker begin what is part of no budget; with the deadline of its answer."""
+    """Send a request outside the budgets. Return the worker and the deadline of the reply."""
     deadline = worker.deadline(START_S)
     worker.send(encoded(message), deadline)
     return worker, deadline
@@ -404,8 +410,8 @@ def _warn(problems: Sequence[str]) -> None:
         warnings.warn(problem, RuntimeWarning, stacklevel=3)
 
 
-def _let_go(camera: CameraProcess) -> None:
-    # A camera that still draws what nobody waits for is not worth a polite end.
+def _release_camera(camera: CameraProcess) -> None:
+    # A camera that still draws late pictures would delay the caller until it has finished: kill it.
     if camera.busy and camera.worker.users == 1:
         camera.worker.kill()
     else:

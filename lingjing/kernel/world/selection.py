@@ -1,4 +1,4 @@
-"""Which engines an instance needs and where each of them runs."""
+"""The selection of the engines that an instance needs, with the place of each."""
 
 from __future__ import annotations
 
@@ -13,27 +13,31 @@ from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import one_line
 
 CAMERA = "camera"
+"""The name of the sensor engine that is preferred if several are installed."""
 
 
 @dataclass(frozen=True, slots=True)
 class EngineSelection:
-    """Engine names by place, each sorted: `local` motion engines, `remote` bridges, and the sensor engine, if the
-    instance has a camera and a plug-in draws pictures."""
+    """Engine names by place, each sorted."""
 
     local: tuple[str, ...]
+    """Motion engines of the world process."""
     remote: tuple[str, ...]
+    """Motion engines in the caller: bridges to simulators elsewhere."""
     sensor: str | None
+    """The sensor engine; None without cameras in the instance or without a plug-in that draws pictures."""
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All of them, the sensor engine last."""
+        """All names, the sensor engine last."""
         return (*self.local, *self.remote, *((self.sensor,) if self.sensor else ()))
 
 
 def select_engines(instance: Instance, host: PluginHost) -> EngineSelection:
-    """The engines of `instance`; `UsageError` names every engine that is not installed or cannot own entities.
+    """Return the engines of `instance`. Raises `UsageError` with every engine that is not installed or cannot own
+    entities.
 
-    An engine takes part if it owns an entity or wants to all the same (`EnginePlugin.wanted`).
+    An engine takes part if it owns an entity or its plug-in requests it (`EnginePlugin.wanted`).
     """
     errors = ErrorCollector()
     owners = {entity.engine: entity.id for entity in reversed(instance.entities)}
@@ -52,15 +56,15 @@ def select_engines(instance: Instance, host: PluginHost) -> EngineSelection:
 
 
 def takes_pictures_unasked(instance: Instance) -> bool:
-    """Whether pictures are sure to be taken: some camera takes one each tick."""
+    """Return whether pictures are certain to be taken, because some camera takes one each tick."""
     return any(camera.capture == "each_tick" for entity in instance.entities for camera in entity.cameras)
 
 
 def _is_wanted(plugin: EnginePlugin, instance: Instance) -> bool:
-    """True if an engine takes part without entities. One whose `wanted` fails does not: no mission names it."""
+    """Return whether an engine takes part without entities. An engine with a failing `wanted` does not."""
     try:
         return plugin.wanted is not None and bool(plugin.wanted(instance))
-    except (Exception, SystemExit) as error:  # noqa: BLE001 - a stranger's function; it is named, not hidden
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - a plug-in's function; the warning names it
         problem = f"engine `{plugin.name}` is left out: its `wanted` failed: {one_line(error)}"
         warnings.warn(problem, RuntimeWarning, stacklevel=2)
         return False

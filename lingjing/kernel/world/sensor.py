@@ -1,7 +1,7 @@
-"""The sensor engine at work: brought to a boundary once, then asked for one picture after another.
+"""The sensor engine: brought to a boundary once, then asked for one picture after another.
 
-It owns nothing and gets every entity's state as a mirror with each capture, so it remembers nothing between two
-captures and one camera serves a world and its forks alike.
+It owns no entity and receives every entity's state with each capture. It therefore keeps no state between two captures,
+and one camera serves a world and its forks.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from lingjing.kernel.world.boundary_checks import checked_boundary
 from lingjing.kernel.world.contract import StoredFrame
 from lingjing.kernel.world.frames import described, stored
-from lingjing.kernel.world.guarded_calls import Enter, broken, engine_seed, guarded, ignore
+from lingjing.kernel.world.guarded_calls import Enter, engine_error, engine_seed, guarded, no_note
 from lingjing.mission.instance import Instance
 from lingjing.plugins.engine import CaptureRequest, Engine, EngineSpec, KeyedPictures
 from lingjing.scene.city import City
@@ -21,7 +21,7 @@ from lingjing.trace.records import BodyState
 class Sensor:
     """One sensor engine, by name."""
 
-    def __init__(self, name: str, engine: Engine, enter: Enter = ignore) -> None:
+    def __init__(self, name: str, engine: Engine, enter: Enter = no_note) -> None:
         self.name = name
         self._engine = engine
         self._enter = enter
@@ -33,27 +33,29 @@ class Sensor:
         report, _ = guarded(self._enter, self.name, "reset", lambda: self._engine.reset(spec, city, seed))
         checked_boundary(self.name, "reset", report, 0.0, ())
 
-    def settle(self, time_s: float, states: Sequence[BodyState]) -> None:
-        """Put every entity where it is at the boundary at `time_s`."""
+    def move_to(self, time_s: float, states: Sequence[BodyState]) -> None:
+        """Move every entity to its state at the boundary at `time_s`."""
         mirrors = tuple(states)
         report, _ = guarded(self._enter, self.name, "advance", lambda: self._engine.advance(time_s, mirrors))
         checked_boundary(self.name, "advance", report, time_s, ())
 
     def key(self, request: CaptureRequest) -> bytes | None:
-        """What the picture depends on, where the engine can tell (`KeyedPictures`): the same key, the same picture."""
+        """Return the key of all that the picture depends on, or None if the engine offers none (`KeyedPictures`)."""
         engine = self._engine
         if not isinstance(engine, KeyedPictures):
             return None
         return guarded(self._enter, self.name, "picture_key", lambda: engine.picture_key(request))[0]
 
     def picture(self, request: CaptureRequest, *, pixels: bool = True) -> StoredFrame | None:
-        """The picture as it is stored, or None if the engine drew none; without `pixels` what is known of it."""
+        """Return the picture in its stored form, or None if the engine drew none. Without `pixels`, only its
+        metadata.
+        """
         frames, _ = guarded(self._enter, self.name, "capture", lambda: tuple(self._engine.capture((request,))))
         if len(frames) > 1:
-            raise broken(self.name, "capture", f"it drew {len(frames)} pictures when asked for `{request.frame}`")
+            raise engine_error(self.name, "capture", f"it drew {len(frames)} pictures when asked for `{request.frame}`")
         if not frames:
             return None
         try:
             return (stored if pixels else described)(self.name, frames[0], request)
         except (TypeError, ValueError, AttributeError) as error:
-            raise broken(self.name, "capture", f"its picture is malformed: {error}") from error
+            raise engine_error(self.name, "capture", f"its picture is malformed: {error}") from error

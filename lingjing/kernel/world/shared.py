@@ -1,8 +1,8 @@
-"""Memory that crosses the process border by descriptor: pictures, and the word that says what a worker is doing.
+"""Memory that crosses the process border by descriptor: pictures, and the monitor of a worker's present engine call.
 
-`memfd_create` needs no name, no tracker and no room in `/dev/shm`; the memory goes with its last descriptor. A
-picture is written into its memory, its descriptor is passed on, and the receiver reads it into arrays of its own and
-closes it at once: nothing stays open however long the arrays live.
+`memfd_create` needs no name, no tracker and no space in `/dev/shm`; the memory is freed with its last descriptor. The
+sender writes a picture into its memory and passes the descriptor. The receiver copies it into arrays of its own and
+closes the descriptor at once.
 """
 
 from __future__ import annotations
@@ -21,33 +21,40 @@ from lingjing.kernel.world.times import EngineTimes
 from lingjing.trace.records import FrameInfo
 
 _PROGRESS_BYTES = 1024
+"""Size of a call monitor. Chosen: above the largest `CurrentCall` as JSON."""
 _NAME = 48
-"""Characters of an engine's name that are noted."""
+"""Characters of an engine's name that are stored, so that a `CurrentCall` fits."""
 
 
 class Layout(msgspec.Struct, frozen=True):
-    """What lies in a picture's memory, one after the other: JPEG bytes, then depth, then semantic (or 0 by 0)."""
+    """The parts of a picture's memory in order: JPEG bytes, depth, semantic."""
 
     jpeg: int
+    """Length of the JPEG in bytes."""
     depth: tuple[int, int] | None
+    """(height, width) of the float32 depth; None without it."""
     semantic: tuple[int, int] | None
+    """(height, width) of the uint8 class ids; None without them."""
 
 
 def store_frame(frame: StoredFrame) -> tuple[Layout, int]:
-    """A memory with the frame's bytes; the caller closes the descriptor. `InfrastructureError` if none is to be had."""
+    """Return the layout and descriptor of a new memory with the frame's bytes; the caller closes the descriptor.
+
+    Raises `InfrastructureError` if the operating system grants no memory or descriptor.
+    """
     arrays = [np.ascontiguousarray(array) for array in (frame.depth, frame.semantic) if array is not None]
     try:
         descriptor = _filled([memoryview(frame.jpeg), *(array.data.cast("B") for array in arrays)])
     except OSError as error:
         raise InfrastructureError(
-            f"the picture `{frame.info.id}` cannot be handed to the process that wants it: {error.strerror}",
+            f"the picture `{frame.info.id}` cannot be passed to the receiving process: {error.strerror}",
             hint="memory or file descriptors of this machine or container have run out",
         ) from error
     return Layout(len(frame.jpeg), _shape(frame.depth), _shape(frame.semantic)), descriptor
 
 
 def load_frame(info: FrameInfo, layout: Layout, descriptor: int) -> StoredFrame:
-    """The frame in that memory, in arrays that nobody else holds. The descriptor stays the caller's to close."""
+    """Return the frame in that memory, in arrays of its own. The caller closes the descriptor."""
     jpeg = bytearray(layout.jpeg)
     depth = None if layout.depth is None else np.empty(layout.depth, np.float32)
     semantic = None if layout.semantic is None else np.empty(layout.semantic, np.uint8)
@@ -59,39 +66,45 @@ def load_frame(info: FrameInfo, layout: Layout, descriptor: int) -> StoredFrame:
 
 
 class CurrentCall(msgspec.Struct, frozen=True):
-    """What a worker is doing: the engine and the call it is in (empty: none) and since when on the worker's clock
-    (`own_clock_of_s`); the engine that has taken most of the barrier before, and its seconds."""
+    """The present engine call of a worker."""
 
     engine: str = ""
+    """The engine; "" between calls."""
     call: str = ""
+    """The method."""
     since_s: float = 0.0
+    """The start of the call on the worker's clock (`own_clock_of_s`), less the engine's earlier time in the same
+    barrier.
+    """
     slowest: str = ""
+    """The engine that has taken most time in this barrier; "" before the first."""
     slowest_s: float = 0.0
+    """The time of that engine in seconds."""
 
 
 class CallMonitor:
-    """One word in shared memory: what a worker is doing. Readable after it hangs or dies."""
+    """A `CurrentCall` in shared memory, readable after the worker hangs or dies."""
 
     def __init__(self, descriptor: int) -> None:
         self._memory = mmap.mmap(descriptor, _PROGRESS_BYTES)
         self._times = EngineTimes()
 
     def enter(self, engine: str, call: str) -> None:
-        """Note the call."""
+        """Store a call."""
         self._times.enter(engine, call)
         self._write(CurrentCall(engine[:_NAME], call, self._times.since_s, *_short(self._times.slowest())))
 
     def rest(self) -> None:
-        """Note that no engine is being called: a barrier has ended."""
+        """Store that no engine is being called: a barrier has ended."""
         self._times.clear()
         self._write(CurrentCall())
 
     def read(self) -> CurrentCall:
-        """What was noted last."""
+        """Return the last stored call."""
         word = self._memory[:].rstrip(b"\0")
         try:
             return msgspec.json.decode(word, type=CurrentCall)
-        except msgspec.DecodeError:  # nothing has been noted, or it is being noted just now
+        except msgspec.DecodeError:  # nothing is stored yet, or the worker is writing at this moment
             return CurrentCall()
 
     def _write(self, call: CurrentCall) -> None:
@@ -99,17 +112,17 @@ class CallMonitor:
         self._memory[:] = msgspec.json.encode(call).ljust(_PROGRESS_BYTES, b"\0")
 
     def rebind(self, descriptor: int) -> None:
-        """Write into another memory from now on: a forked worker must not speak for its parent."""
+        """Use another memory from now on. A forked worker must not write into its parent's."""
         self._memory.close()
         self._memory = mmap.mmap(descriptor, _PROGRESS_BYTES)
 
     def close(self) -> None:
-        """Let go of the memory."""
+        """Release the memory."""
         self._memory.close()
 
 
 def progress_memory() -> int:
-    """A descriptor for a new `CallMonitor`; the caller closes it."""
+    """Return the descriptor of a new memory for a `CallMonitor`; the caller closes it."""
     descriptor = os.memfd_create("lingjing-progress", os.MFD_CLOEXEC)
     os.ftruncate(descriptor, _PROGRESS_BYTES)
     return descriptor
@@ -124,7 +137,7 @@ def _shape(array: npt.NDArray[np.generic] | None) -> tuple[int, int] | None:
 
 
 def _filled(parts: Sequence[memoryview]) -> int:
-    """A descriptor of a new memory with these bytes."""
+    """Return the descriptor of a new memory with these bytes."""
     descriptor = os.memfd_create("lingjing-frame", os.MFD_CLOEXEC)
     try:
         offset = 0

@@ -1,7 +1,7 @@
-"""Declared states that no engine keeps: they live by what was declared and what interactions moved since.
+"""Declared states that no engine keeps, derived from the declaration and the interactions since.
 
-An engine that weighs its loads works out what is on board (`lingjing.plugins.stock`) and reports the state; for any
-other, a plug-in's among them, this does.
+An engine that weighs its loads derives them itself (`lingjing.plugins.stock`) and reports the state. This module does
+so for any other engine, including those of plug-ins.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class Stocks:
         self._stocks = {entity.id: Stock(entity) for entity in instance.entities if entity.state}
 
     def kept(self, states: Mapping[str, BodyState]) -> dict[str, BodyState]:
-        """The states of those entities whose engines leave a declared state out, with it."""
+        """Return the states of entities with a declared state that their engine does not report, completed with it."""
         lacking = {
             name: left_out
             for name, stock in self._stocks.items()

@@ -1,7 +1,7 @@
-"""`python -m lingjing.kernel.world.worker`: a worker process, started by `lingjing.kernel.world.launch` alone.
+"""`python -m lingjing.kernel.world.worker`: a worker process, started only by `lingjing.kernel.world.launch`.
 
-It never outlives its caller: the kernel kills it when the thread that started it ends, it looks for its parent
-whenever it has waited a while, and the end of its socket ends it. It ignores Ctrl-C, which is the caller's to handle.
+It never outlives its caller. The operating system kills it when the thread that started it ends; it checks for its
+parent after each second of waiting; and it ends at the end of its socket. It ignores Ctrl-C, which the caller handles.
 """
 
 from __future__ import annotations
@@ -48,37 +48,45 @@ from lingjing.processes.linux import SeveralThreadsError, end_with_parent, fork
 from lingjing.terminal import guard_streams
 
 _PATROL_S = 1.0
+"""Seconds of waiting after which a worker checks for its parent. Chosen."""
 _UNFORKABLE = ("cv2", "moderngl", "OpenGL", "glcontext", "glfw", "torch")
+"""Modules that usually start threads, which make a process unforkable; the error message names those that are
+loaded.
+"""
 
 
 @dataclass(slots=True)
-class WorkerContext:
-    """Where this process stands: whom it answers, who started it, whom it started."""
+class _WorkerContext:
+    """The connections of this process."""
 
     channel: Channel
+    """The channel to the caller."""
     progress: CallMonitor
+    """The monitor of the present engine call."""
     parent: int
+    """The process id of the parent."""
     forks: set[int] = field(default_factory=set)
+    """Process ids of forks that have not been reaped."""
 
     def reply(self, message: WorkerMessage, descriptors: Sequence[int] = ()) -> None:
         """Send one reply."""
         self.channel.send(encoded(message), descriptors)
 
     def take(self, channel: int, progress: int) -> None:
-        """Answer another caller from now on."""
+        """Serve another caller from now on."""
         self.channel = Channel(socket.socket(fileno=channel))
         self.progress.rebind(progress)
         os.close(progress)
 
     def reap(self, *_: object) -> None:
-        """Take note of ended forks; the handler of SIGCHLD. Only those: an engine may have children of its own."""
+        """Reap ended forks; the handler of SIGCHLD. Only forks are reaped: an engine may have children of its own."""
         for pid in tuple(self.forks):
             if os.waitpid(pid, os.WNOHANG)[0]:
                 self.forks.discard(pid)
 
 
 def main() -> NoReturn:
-    """Serve until told to close or left alone."""
+    """Serve until the caller closes the worker or disappears."""
     options = _options()
     end_with_parent(options.parent)
     for descriptor in (options.fd, options.progress):
@@ -88,7 +96,7 @@ def main() -> NoReturn:
     handler = _handler(options.place, settings, context.progress)
     _serve(handler, context, handler.close)
     _flush()
-    # No interpreter shutdown: in a forked copy it would run handlers that belong to the original.
+    # No interpreter shutdown: a forked copy would run the exit handlers of its original.
     os._exit(0)
 
 
@@ -105,13 +113,13 @@ def serve_as_world(argument: bytes, ends: tuple[int, ...]) -> None:
 
 
 def placed_template(argument: bytes, key: bytes) -> Callable[[], Function] | None:
-    """The template of a placed world (`processes.templates`), if its start was announced."""
+    """Return the template of a placed world (`processes.templates`) if its start was announced, else None."""
     start = announced(key)
     return None if start is None else lambda: _placed(argument, start)
 
 
 def _placed(argument: bytes, start: WorldStart) -> Function:
-    """Bring a world to boundary 0, within the time that its engines have; a function that serves it in a fork."""
+    """Bring a world to boundary 0 within the engines' time budget. Return a function that serves it in a fork."""
     settings = _settings(argument)
     progress = progress_memory()
     monitor = CallMonitor(progress)
@@ -129,8 +137,10 @@ def _placed(argument: bytes, start: WorldStart) -> Function:
 
 
 def _placed_handler(settings: WorkerSettings, start: WorldStart, progress: CallMonitor) -> WorldHandler:
-    """The handler of a world process that stands at boundary 0; one that has yet to go there, and then reports why it
-    cannot, if the engines fail."""
+    """Return the handler of a world process at boundary 0.
+
+    If the engines fail, the handler has yet to go there: each fork then meets and reports the failure.
+    """
 
     def find_host() -> PluginHost:
         return host_with(settings.plugins, installed=settings.installed)
@@ -165,7 +175,7 @@ def serve_as_camera(argument: bytes, ends: tuple[int, ...]) -> None:
         # Idle before the caller is answered, so that the next episode finds this process so.
         has_reported = _serve(handler, context, report_idle)
         context.channel.close()
-        _write_to(os.open(os.devnull, os.O_WRONLY))  # a reader of the output need not wait for this process's end
+        _write_to(os.open(os.devnull, os.O_WRONLY))  # closes the output, so that its reader reaches the end
         if not has_reported:
             report_idle()
         following = reuse.wait_for_next()
@@ -176,19 +186,19 @@ def serve_as_camera(argument: bytes, ends: tuple[int, ...]) -> None:
 
 
 def _settings(argument: bytes) -> WorkerSettings:
-    """The settings of a forked worker, whose paths come first from now on."""
+    """Return the settings of a forked worker and put their paths first in `sys.path`."""
     settings = msgspec.msgpack.decode(argument, type=WorkerSettings)
     sys.path[:0] = [path for path in settings.paths if path not in sys.path]
     return settings
 
 
-def _new_context(channel: int, progress: int, parent: int, monitor: CallMonitor | None = None) -> WorkerContext:
+def _new_context(channel: int, progress: int, parent: int, monitor: CallMonitor | None = None) -> _WorkerContext:
     guard_streams()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     faulthandler.enable()
     faulthandler.register(signal.SIGUSR2)
-    context = WorkerContext(Channel(socket.socket(fileno=channel)), monitor or CallMonitor(progress), parent)
+    context = _WorkerContext(Channel(socket.socket(fileno=channel)), monitor or CallMonitor(progress), parent)
     os.close(progress)
     signal.signal(signal.SIGCHLD, context.reap)
     return context
@@ -196,7 +206,7 @@ def _new_context(channel: int, progress: int, parent: int, monitor: CallMonitor 
 
 def _flush() -> None:
     for stream in (sys.stdout, sys.stderr):
-        with contextlib.suppress(OSError):  # nobody may be left to read it
+        with contextlib.suppress(OSError):  # the reader may have closed the pipe
             stream.flush()
 
 
@@ -227,8 +237,11 @@ def _handler(place: str, settings: WorkerSettings, progress: CallMonitor) -> Req
     return WorldHandler(find_host, progress)
 
 
-def _serve(handler: RequestHandler, context: WorkerContext, end: Callable[[], tuple[str, ...]]) -> bool:
-    """Answer until the caller has enough, which is told of the problems of `end`, or is gone; whether it was told."""
+def _serve(handler: RequestHandler, context: _WorkerContext, end: Callable[[], tuple[str, ...]]) -> bool:
+    """Serve requests until the caller closes the worker or disappears.
+
+    The reply to `Close` carries the problems that `end` returns. Returns whether the caller closed the worker.
+    """
     try:
         while True:
             packet = _next(context)
@@ -246,7 +259,7 @@ def _serve(handler: RequestHandler, context: WorkerContext, end: Callable[[], tu
         return False
 
 
-def _attempt(handler: RequestHandler, context: WorkerContext, request: Request) -> None:
+def _attempt(handler: RequestHandler, context: _WorkerContext, request: Request) -> None:
     try:
         for reply, descriptors in handler.answer(request):
             context.reply(reply, descriptors)
@@ -255,12 +268,12 @@ def _attempt(handler: RequestHandler, context: WorkerContext, request: Request) 
         raise
     except LingjingError as error:
         context.reply(Failed(message=str(error), hint=error.hint, traceback=traceback.format_exc()))
-    except Exception as error:  # noqa: BLE001 - a fault of ours; it is reported to the caller, who raises it
+    except Exception as error:  # noqa: BLE001 - a bug of ours; the caller raises it
         message = f"the worker failed: {type(error).__name__}: {error}"
         context.reply(Failed(message=message, traceback=traceback.format_exc()))
 
 
-def _next(context: WorkerContext) -> Packet:
+def _next(context: _WorkerContext) -> Packet:
     while True:
         try:
             return context.channel.receive(WallDeadline(_PATROL_S))
@@ -269,10 +282,10 @@ def _next(context: WorkerContext) -> Packet:
                 os._exit(0)
 
 
-def _fork(context: WorkerContext, packet: Packet) -> None:
+def _fork(context: _WorkerContext, packet: Packet) -> None:
     original = os.getpid()
     try:
-        pid = fork(keep_random=True)  # a copy must not differ from its original
+        pid = fork(keep_random=True)  # a copy must equal its original, random state included
     except SeveralThreadsError as error:
         packet.close()
         suspects = [name for name in _UNFORKABLE if name in sys.modules]
@@ -286,10 +299,10 @@ def _fork(context: WorkerContext, packet: Packet) -> None:
         context.reply(Forked(pid=pid))
         return
     end_with_parent(original)
-    _take_post(context, packet, original)
+    _become_fork(context, packet, original)
 
 
-def _take_post(context: WorkerContext, packet: Packet, parent: int) -> None:
+def _become_fork(context: _WorkerContext, packet: Packet, parent: int) -> None:
     context.channel.close()
     context.take(*packet.descriptors)
     context.parent = parent

@@ -112,7 +112,7 @@ class ProcessBarrier(Barrier):
             waiting = [process for process in waiting if not _has_closed(process)]
         self._end_all()
 
-    def _ask(self, inputs: Mapping[str, tuple[Observation, Inbox]]) -> dict[str, PolicyAnswer]:
+    def _call_policies(self, inputs: Mapping[str, tuple[Observation, Inbox]]) -> dict[str, PolicyAnswer]:
         begun = {name: self._from_the_start(name) for name in inputs}
         filled = self._filled({name: observation.pictures for name, (observation, _) in inputs.items()})
         requests = {}
@@ -160,19 +160,21 @@ class ProcessBarrier(Barrier):
 
     def _answer(self, name: str, turn: Turn) -> PolicyAnswer:
         if turn.is_late:
-            return self._late()
+            return self._timeout_answer()
         match turn.answer:
             case DecisionMade(decision=decision):
                 return PolicyAnswer(value=decision, wall_s=turn.wall_s)
             case CallFailed(reason="policy_timeout"):
-                return self._late()
+                return self._timeout_answer()
             case CallFailed(reason=reason, detail=detail, usage=usage):
                 return PolicyAnswer(reason=reason, detail=detail, wall_s=turn.wall_s, usage=usage)
             case RaisedError():
                 error = error_of(turn.answer)
                 detail = turn.answer.detail or failure(error, turn.started).detail
                 failed = PolicyAnswer(reason="policy_error", detail=detail, wall_s=turn.wall_s)
-                return self._accused(name, error, failed) if isinstance(error, InfrastructureError) else failed
+                return (
+                    self._failure_or_outage(name, error, failed) if isinstance(error, InfrastructureError) else failed
+                )
             case None:
                 return PolicyAnswer(reason="policy_error", detail=turn.ended, wall_s=turn.wall_s)
         return PolicyAnswer(wall_s=turn.wall_s)

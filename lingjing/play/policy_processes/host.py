@@ -30,7 +30,7 @@ import numpy as np
 from lingjing.errors import InfrastructureError, LingjingError
 from lingjing.installed_plugins.entry_points import PLUGINS, find_entries
 from lingjing.kernel.barrier import POLICY_ERRORS, failure, timed
-from lingjing.kernel.candidates import received
+from lingjing.kernel.candidates import normalise_decision
 from lingjing.kernel.world.held_cities import unpacked
 from lingjing.mission.instance import Instance
 from lingjing.play.policy_files import load_policy
@@ -236,7 +236,7 @@ def _decided(value: Any) -> PolicyAnswerMessage:
     if not isinstance(value, Decision):
         detail = f"`act` returned {type(value).__name__}, not a Decision"
         return CallFailed(reason="malformed", detail=detail)
-    made = received(DecisionRecord(agent="", decision=value))
+    made = normalise_decision(DecisionRecord(agent="", decision=value))
     if made.substituted:
         return CallFailed(reason="malformed", detail=made.detail)
     return DecisionMade(decision=made.decision)
