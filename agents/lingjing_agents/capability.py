@@ -1,4 +1,4 @@
-"""What a brief lets an agent do: read from verbs, cameras and message fields, never from the names in a mission."""
+"""The capabilities of an agent, derived from verbs, cameras and message fields, never from the names in a mission."""
 
 from __future__ import annotations
 
@@ -23,32 +23,37 @@ from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.perception.images import ImageBox
 
 INSPECT = "inspect"
-"""What a coordinator calls its order to look at a waypoint; who has looked says `inspect-N` of the Nth."""
+"""The task name of a coordinator's order to inspect a waypoint; a report on the Nth waypoint has the task
+`inspect-N`.
+"""
 
 CLEAR, JAMMED = "clear", "jammed"
-"""The state of a waypoint, as who has looked says it: whether something stands in the way there."""
+"""The reported state of a waypoint: free, or blocked by something."""
 
 
 def has_verb(resource: Resource, verb: str) -> bool:
-    """Whether the resource's action schema has that verb."""
+    """Return whether the resource's action space has that verb."""
     return any(spec.name == verb for spec in resource.verbs)
 
 
 def walks(verbs: Sequence[VerbSpec]) -> bool:
-    """Whether a body with these verbs turns on the spot, by an angle that it is told, and goes to no place by itself:
-    an aircraft of a plug-in may turn as well."""
+    """Return whether a body with these verbs is a walker.
+
+    A walker turns on the spot by an angle and has no verb that goes to a place. (A plug-in's aircraft may turn as
+    well.)
+    """
     turns = [verb.arguments for verb in verbs if verb.motion == "turn"]
     goes = any(verb.motion in ("straight", "route") for verb in verbs)
     return not goes and any(turns) and all(argument.unit == "deg" for arguments in turns for argument in arguments)
 
 
 def straight_to(resource: Resource, *coordinates: str) -> str:
-    """The verb with which a body goes straight to a place that these arguments name; "" if it has none."""
+    """Return the verb that moves a body straight to a place with these coordinates; "" if it has none."""
     return _going(resource, "straight", coordinates)
 
 
 def route_to(resource: Resource) -> str:
-    """The verb with which a body drives to a place on a map; "" if it has none."""
+    """Return the verb that drives a body to a place on a map; "" if it has none."""
     return _going(resource, "route", ("x", "y"))
 
 
@@ -60,7 +65,9 @@ def _going(resource: Resource, motion: VerbMotion, coordinates: tuple[str, ...])
 
 
 def flying_camera(brief: Brief) -> Resource | None:
-    """The first embodied resource that can go to a point and look down: what makes an agent a searcher."""
+    """Return the first embodied resource that flies to a point and has a downward camera, which makes an agent a
+    searcher.
+    """
     for resource in brief.resources:
         able = straight_to(resource, "x", "y", "z") and has_verb(resource, PHOTO)
         if resource.embodied and able and nadir_camera(resource) is not None:
@@ -69,8 +76,10 @@ def flying_camera(brief: Brief) -> Resource | None:
 
 
 def vessel(brief: Brief, *, embodied: bool = True) -> Resource | None:
-    """The first resource that goes straight to places on the water and that the agent embodies, or (`embodied=False`)
-    may merely command."""
+    """Return the first resource that moves straight on the water.
+
+    With `embodied` the agent embodies it; otherwise the agent may only command it.
+    """
     for resource in brief.resources:
         if resource.embodied == embodied and straight_to(resource, "x", "y"):
             return resource
@@ -78,7 +87,7 @@ def vessel(brief: Brief, *, embodied: bool = True) -> Resource | None:
 
 
 def vehicle(brief: Brief) -> Resource | None:
-    """The first embodied resource that drives: it goes to places on a map, without a height."""
+    """Return the first embodied resource that drives to places on a map, without a height."""
     for resource in brief.resources:
         if resource.embodied and route_to(resource):
             return resource
@@ -86,29 +95,29 @@ def vehicle(brief: Brief) -> Resource | None:
 
 
 def nadir_camera(resource: Resource) -> CameraSpec | None:
-    """The first camera that looks straight down."""
+    """Return the first camera that looks straight down."""
     return next((camera for camera in resource.cameras if camera.view == "nadir"), None)
 
 
 def rated(resource: Resource, name: str, default: float) -> float:
-    """A number among the resource's properties (`band_high_m`, `cruise_mps`, …), in the unit of its name."""
+    """Return a number among the resource's properties (`band_high_m`, `cruise_mps`, …), in the unit of its name."""
     value = resource.properties.get(name)
     return float(value) if isinstance(value, int | float) else default
 
 
 def speed(resource: Resource) -> float:
-    """Its `speed_mps`; 3 m/s where it states none."""
+    """Return the resource's `speed_mps`, or 3 m/s if it declares none."""
     stated = rated(resource, "speed_mps", 0.0)
     return stated if stated > 0 else 3.0
 
 
 def photo(body: Resource, camera: CameraSpec) -> Action:
-    """The command that has a body's camera take a picture."""
+    """Return the command that takes a picture with a body's camera."""
     return Action(verb=PHOTO, arguments={"camera": camera.name}, resource=body.id)
 
 
 def fly(body: Resource, x: float, y: float, z: float) -> Action:
-    """The command that sends a flier to a place in the world, metres to the centimetre."""
+    """Return the command that sends an aircraft to a place; coordinates in metres, rounded to the centimetre."""
     return Action(
         verb=straight_to(body, "x", "y", "z"),
         arguments={"x": round(x, 2), "y": round(y, 2), "z": round(z, 2)},
@@ -117,7 +126,9 @@ def fly(body: Resource, x: float, y: float, z: float) -> Action:
 
 
 def drive(body: Resource, place: GroundPoint) -> Action:
-    """The command that sends a vehicle or a vessel to a place, metres to the centimetre."""
+    """Return the command that sends a vehicle or a vessel to a place; coordinates in metres, rounded to the
+    centimetre.
+    """
     x, y = centimetres(place)
     return Action(verb=straight_to(body, "x", "y") or route_to(body), arguments={"x": x, "y": y}, resource=body.id)
 
@@ -125,7 +136,9 @@ def drive(body: Resource, place: GroundPoint) -> Action:
 def first_argument_bounds(
     verbs: tuple[VerbSpec, ...], name: str, least: float = 0.0, most: float = math.inf
 ) -> tuple[float, float]:
-    """The smallest (at least `least`) and the largest value of a verb's first argument; `most` if it has no bound."""
+    """Return the smallest (at least `least`) and the largest value of a verb's first argument; `most` if it has no
+    bound.
+    """
     for spec in verbs:
         if spec.name == name and spec.arguments:
             argument = spec.arguments[0]
@@ -134,29 +147,31 @@ def first_argument_bounds(
 
 
 def may_send(brief: Brief, category: str) -> MessageSpec | None:
-    """The first message kind of that category that this agent may send in this mode."""
+    """Return the first message kind of that category that this agent may send in this mode, or None."""
     return next((message for message in sendable(brief) if message.category == category), None)
 
 
 def sends(brief: Brief, record: str) -> MessageSpec | None:
-    """The first message kind made of that record (`assignment`, `trafficJam`, …) that this agent may send."""
+    """Return the first message kind of that record type (`assignment`, `trafficJam`, …) that this agent may send, or
+    None.
+    """
     return next((message for message in sendable(brief) if message.type == record), None)
 
 
 def exchanged(brief: Brief, record: str) -> bool:
-    """Whether anybody in the mission may send messages made of that record."""
+    """Return whether any agent of the mission may send messages of that record type."""
     return any(message.type == record for message in brief.messages)
 
 
 def compose(message: MessageSpec, body: Mapping[str, Datum], to: tuple[str, ...] = ()) -> Outgoing:
-    """A message with those of the given fields that its record declares; None values are left out."""
+    """Return a message with those fields of `body` that its record declares; None values are left out."""
     names = {field.name for field in message.fields}
     kept: dict[str, Datum] = {name: value for name, value in body.items() if name in names and value is not None}
     return Outgoing(kind=message.kind, body=kept, to=to)
 
 
 def centimetres(place: Sequence[float]) -> tuple[float, ...]:
-    """A place rounded to the centimetre, as messages give it."""
+    """Return a place rounded to the centimetre, as in messages."""
     return tuple(round(value, 2) for value in place)
 
 
@@ -169,8 +184,10 @@ def sighting(
     confidence: float,
     **more: Datum,
 ) -> Outgoing:
-    """A message that a picture shows something of a class in a box at a place, `more` of what its record has fields
-    for."""
+    """Return a message that reports an object of class `cls` in a picture's box, at a position.
+
+    `more` are further values; those without a field in the record are left out.
+    """
     body: dict[str, Datum] = {
         "frame": frame,
         "class": cls,
@@ -182,12 +199,12 @@ def sighting(
 
 
 def natural(name: str) -> tuple[tuple[int, int, str], ...]:
-    """A sort key that puts `uav[2]` before `uav[10]`; the agreed order among agents."""
+    """Return a sort key that puts `uav[2]` before `uav[10]`: the common order of agents."""
     parts = re.findall(r"\d+|\D+", name)
     return tuple((0, int(part), "") if part.isdigit() else (1, 0, part) for part in parts)
 
 
 def team(brief: Brief) -> tuple[str, ...]:
-    """Ids of the agents that share this agent's role, itself included, in the agreed order."""
+    """Return the ids of the agents with this agent's role, itself included, in the common order."""
     mates = {peer.id for peer in brief.peers if peer.role == brief.role and peer.resources}
     return tuple(sorted(mates | {brief.agent}, key=natural))

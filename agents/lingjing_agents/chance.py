@@ -1,4 +1,4 @@
-"""`random`: valid verbs with random arguments, now and then a message that is valid by its schema."""
+"""`random`: valid verbs with random arguments, and sometimes a message that is valid by its schema."""
 
 from __future__ import annotations
 
@@ -20,14 +20,18 @@ from lingjing.plugins.policy import (
 )
 
 ACT_PROBABILITY = 0.7
+"""Probability of a command at a boundary. Chosen."""
 SPEAK_PROBABILITY = 0.15
+"""Probability of a message at a boundary. Chosen."""
 
 
 class RandomPolicy:
-    """Draws everything from one stream started by `brief.seed`; looks only at what names a valid choice."""
+    """A policy that draws all choices from one stream, seeded by `brief.seed`. It reads only the names of valid
+    choices.
+    """
 
     async def reset(self, brief: Brief) -> None:
-        """Start the stream and remember the action schema."""
+        """Seed the stream and store the action space."""
         self._brief = brief
         self._random = np.random.Generator(np.random.PCG64(brief.seed))
         self._speech = sendable(brief)
@@ -35,7 +39,7 @@ class RandomPolicy:
         self._low, self._high = np.min(points, axis=0), np.max(points, axis=0)
 
     async def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """One random command, sometimes none; rarely a message."""
+        """Return one random command or none, and sometimes a message."""
         command = self._command() if self._chance(ACT_PROBABILITY) else None
         messages = (self._message(observation),) if self._speech and self._chance(SPEAK_PROBABILITY) else ()
         return Decision(command=command, messages=messages)

@@ -1,9 +1,9 @@
-"""Who flies how high: each aircraft of a team has flight levels of its own, so that no two fly level at one height.
+"""Flight levels: each aircraft of a team has levels of its own, so that no two fly at the same height.
 
-All of a team compute the same levels from what their briefs tell them; nothing has to be said. The levels of the first
-lie a whole period apart, those of the next a layer above them, and so on: whatever height a task asks for, an own level
-lies less than a period above it, and two levels of different aircraft are at least a layer apart. Where the band is too
-thin for that, each has one level.
+All aircraft of a team compute the same levels from their briefs, without communication. The levels of the first
+aircraft lie one period apart, those of the second one layer above them, and so on. For any wanted height, an aircraft
+has a level less than one period above it, and levels of different aircraft differ by at least one layer. If the
+altitude band is thinner than a period, each aircraft has one level.
 """
 
 from __future__ import annotations
@@ -15,29 +15,32 @@ from dataclasses import dataclass
 from lingjing.plugins.policy import Vector
 
 LAYER_M = 2.5
-"""Between two levels: what an aircraft errs in gusts, and the other too, with room between."""
+"""Distance between two levels in metres. Chosen: twice the vertical error of an aircraft in gusts, with a margin."""
 
 CROWDED_M = 20.0
-"""Pads nearer to each other than this are left straight up."""
+"""Distance in metres between two pads below which an aircraft takes off vertically. Chosen."""
 
 _OVERHEAD_M = 12.0
+"""Horizontal distance in metres within which another aircraft counts as overhead. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
 class FlightLevels:
-    """The flight levels of one aircraft: the `index`-th of `count`, between two elevations, metres.
-
-    `anchor_m` is an elevation that is a level of the first one.
-    """
+    """The flight levels of one aircraft between two elevations."""
 
     index: int
+    """The place of the aircraft in its team, from 0."""
     count: int
+    """The size of the team."""
     low_m: float = 0.0
+    """The lowest elevation in metres."""
     high_m: float = math.inf
+    """The highest elevation in metres."""
     anchor_m: float = 0.0
+    """An elevation in metres that is a level of the first aircraft."""
 
     def level(self, z_m: float) -> float:
-        """The lowest own level that is not below an elevation; below it only where the band ends."""
+        """Return the lowest own level that is not below `z_m`, or the highest one of the band."""
         wanted = min(max(z_m, self.low_m), self.high_m)
         if self.count <= 1:
             return wanted
@@ -52,10 +55,10 @@ class FlightLevels:
 
 
 def crowded(here: Vector, others: Iterable[Vector]) -> bool:
-    """Whether another aircraft is so near that one leaves the ground straight up."""
+    """Return whether another aircraft is so near that a take-off must be vertical."""
     return any(math.dist(here[:2], other[:2]) < CROWDED_M for other in others)
 
 
 def overhead(here: Vector, others: Iterable[Vector]) -> bool:
-    """Whether another aircraft is right above one that stands on the ground."""
+    """Return whether another aircraft is directly above one that stands on the ground."""
     return any(math.dist(here[:2], other[:2]) < _OVERHEAD_M and other[2] > here[2] + 2.0 for other in others)

@@ -1,7 +1,7 @@
-"""The detectors of `lingjing frames probe`: the colour rules, the trained detector, and a chat model.
+"""The detectors of `lingjing frames probe`: colour rules, the trained detector, and a chat model.
 
-Each is asked whether a picture shows a target of a class. Rules and network say yes if they are sure of a box by half.
-A model answers the paper's binary question: one prompt a class, one fixed schema, and no box.
+Each decides whether a picture shows a target of a class. Colour rules and network answer yes if a box has at least the
+confidence `SURE`. A model answers the paper's binary question: one prompt per class, one fixed schema, and no box.
 """
 
 from __future__ import annotations
@@ -31,9 +31,10 @@ from lingjing_agents.perception.people_at_sea import find_people
 from lingjing_agents.perception.pipe_leaks import find_leaks
 
 SURE = 0.5
+"""The confidence from which on a box counts, 0 to 1. Chosen."""
 
 _OBJECT = re.compile(r"\{[^{}]*\}")
-"""A JSON object without others in it; the last one of an answer counts, whatever was thought before it."""
+"""A JSON object without nested objects. The last one of an answer counts: reasoning may precede it."""
 
 SCHEMA = b"""{"type": "object", "properties": {"present": {"type": "boolean"}}, "required": ["present"], \
 "additionalProperties": false}"""
@@ -49,7 +50,7 @@ HINTS = {
     "bridge_fracture": "It is seen from above: a part of the bridge's deck is missing or broken. ",
     "fire_source": "It is seen from the ground: open flames. Lamps and painted things are none. ",
 }
-"""What is added to the question about a class."""
+"""The hint that follows the question about a class."""
 
 
 class _Found(Protocol):
@@ -69,28 +70,29 @@ COLOUR_RULES: Mapping[str, Finder] = {
     "bridge_fracture": find_gaps,
     "fire_source": find_fires_ahead,
 }
-"""The rules of the heuristic by the class of what they find."""
+"""The heuristic's rules by the class that they detect."""
 
 
 @dataclass(frozen=True, slots=True)
-class FoundBoxes:
+class _FoundBoxes:
     """A detector of finders by class."""
 
     finders: Mapping[str, Finder]
+    """The function that finds objects of each class."""
 
     def answer(self, question: FrameQuestion) -> FrameAnswer:
-        """Yes if a box is sure by half; the boxes that are."""
-        found = self.finders[question.cls](question.rgb, question.pose, question.level_m)
-        boxes = tuple(find.box for find in found if find.confidence >= SURE)
+        """Return yes if a box has at least the confidence `SURE`, with these boxes."""
+        candidates = self.finders[question.cls](question.rgb, question.pose, question.level_m)
+        boxes = tuple(candidate.box for candidate in candidates if candidate.confidence >= SURE)
         return FrameAnswer(bool(boxes), boxes)
 
 
 class _NoOptions(PluginOptions):
-    """There are none."""
+    """The options of a detector without options."""
 
 
 class ModelDetectorOptions(ModelOptions):
-    """What the model can be told."""
+    """The options of the detector `model`."""
 
     max_tokens: int = Field(2048, ge=16, le=1_000_000, description="the longest answer")
     deadline_s: float = Field(90.0, alias="deadline", ge=1.0, le=86_400.0, description="seconds for one answer")
@@ -100,19 +102,19 @@ class _Presence(msgspec.Struct):
     present: bool
 
 
-class ModelDetector:
-    """A chat model that is asked about one picture at a time."""
+class _ModelDetector:
+    """A chat model that decides about one picture at a time."""
 
     def __init__(self, options: ModelDetectorOptions) -> None:
         self._options = options
         self._model = open_model(options, UnrecordedCalls())
 
     def answer(self, question: FrameQuestion) -> FrameAnswer:
-        """The model's yes or no; a failed call and an answer that is neither are failures."""
-        asked = ChatMessage("user", question_of(question.cls), (jpeg_of(question),))
+        """Return the model's yes or no. A failed call or another answer is a failure."""
+        message = ChatMessage("user", question_of(question.cls), (_jpeg_of(question),))
         deadline = CallDeadline(self._options.deadline_s)
         try:
-            answer = asyncio.run(self._model.ask(0, (asked,), deadline, schema=SCHEMA))
+            answer = asyncio.run(self._model.ask(0, (message,), deadline, schema=SCHEMA))
             objects = _OBJECT.findall(answer.text)
             return FrameAnswer(msgspec.json.decode(objects[-1] if objects else "", type=_Presence).present)
         except ModelError as error:
@@ -122,45 +124,48 @@ class ModelDetector:
 
 
 def question_of(cls: str) -> str:
-    """The question about a class, in words."""
+    """Return the question about a class."""
     return QUESTION.format(name=cls.replace("_", " "), hint=HINTS.get(cls, ""))
 
 
-def jpeg_of(question: FrameQuestion) -> bytes:
-    """The picture as JPEG: as it is if it is one, else coded, as both pictures of a pair must come alike to a model."""
+def _jpeg_of(question: FrameQuestion) -> bytes:
+    """Return the picture as JPEG.
+
+    Other formats are encoded, because both pictures of a pair must reach a model in the same format.
+    """
     if question.jpeg.startswith(b"\xff\xd8"):
         return question.jpeg
     from lingjing_agents.perception.images import opencv
 
     cv2 = opencv()
-    done, data = cv2.imencode(".jpg", question.rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 90])
-    assert done
-    coded: bytes = data.tobytes()
-    return coded
+    is_encoded, data = cv2.imencode(".jpg", question.rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 90])
+    assert is_encoded
+    jpeg: bytes = data.tobytes()
+    return jpeg
 
 
-def colour_detector(given: Mapping[str, str]) -> FoundBoxes:
-    """`colours`. Raises `UsageError` for any option."""
-    read_options(_NoOptions, given, "detector colours")
-    return FoundBoxes(COLOUR_RULES)
+def colour_detector(options: Mapping[str, str]) -> _FoundBoxes:
+    """Build the detector `colours`. Raises `UsageError` for any option."""
+    read_options(_NoOptions, options, "detector colours")
+    return _FoundBoxes(COLOUR_RULES)
 
 
-def trained_detector(given: Mapping[str, str]) -> FoundBoxes:
-    """`learned`. Raises `UsageError` for any option."""
-    read_options(_NoOptions, given, "detector learned")
-    return FoundBoxes(learned_detectors())
+def trained_detector(options: Mapping[str, str]) -> _FoundBoxes:
+    """Build the detector `learned`. Raises `UsageError` for any option."""
+    read_options(_NoOptions, options, "detector learned")
+    return _FoundBoxes(learned_detectors())
 
 
-def model_detector(given: Mapping[str, str]) -> ModelDetector:
-    """`model`, of options such as `model=gpt-5.5`. Raises `UsageError` that tells every fault of them."""
-    return ModelDetector(read_options(ModelDetectorOptions, given, "detector model"))
+def model_detector(options: Mapping[str, str]) -> _ModelDetector:
+    """Build the detector `model` from options such as `model=gpt-5.5`. Raises `UsageError` with every fault in them."""
+    return _ModelDetector(read_options(ModelDetectorOptions, options, "detector model"))
 
 
 def colour_rules_know(cls: str) -> bool:
-    """Whether there is a rule for a class."""
+    """Return whether there is a rule for a class."""
     return cls in COLOUR_RULES
 
 
 def learned_knows(cls: str) -> bool:
-    """Whether a detector ships for a class."""
+    """Return whether a trained detector ships for a class."""
     return cls in learned_detectors()

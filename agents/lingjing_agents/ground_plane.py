@@ -14,16 +14,20 @@ GroundPoint = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class GroundRectangle:
-    """A rectangle with sides along the axes, metres; endless by default."""
+    """A rectangle with sides along the axes; unbounded by default."""
 
     west: float = -math.inf
+    """Smallest easting in metres."""
     south: float = -math.inf
+    """Smallest northing in metres."""
     east: float = math.inf
+    """Largest easting in metres."""
     north: float = math.inf
+    """Largest northing in metres."""
 
     @staticmethod
     def around(points: Sequence[GroundPoint], margin_m: float = 0.0) -> GroundRectangle:
-        """The rectangle of `points`, grown by `margin_m` on each side; endless without points."""
+        """Return the bounding rectangle of `points` with a margin on each side; unbounded without points."""
         if not points:
             return GroundRectangle()
         xs, ys = [x for x, _ in points], [y for _, y in points]
@@ -31,16 +35,16 @@ class GroundRectangle:
 
     @property
     def area_m2(self) -> float:
-        """Its area."""
+        """Area in square metres."""
         return (self.east - self.west) * (self.north - self.south)
 
     def holds(self, place: GroundPoint) -> bool:
-        """Whether a point lies inside, the rim included."""
+        """Return whether a point lies inside or on the edge."""
         return self.west <= place[0] <= self.east and self.south <= place[1] <= self.north
 
 
 def inside(polygon: Sequence[GroundPoint], place: GroundPoint) -> bool:
-    """Whether a point lies inside a polygon (even-odd rule)."""
+    """Return whether a point lies inside a polygon (even-odd rule)."""
     x, y = place
     odd = False
     for (ax, ay), (bx, by) in zip(polygon, (*polygon[1:], polygon[0]), strict=True):
@@ -50,12 +54,12 @@ def inside(polygon: Sequence[GroundPoint], place: GroundPoint) -> bool:
 
 
 def between(start: GroundPoint, end: GroundPoint, share: float) -> GroundPoint:
-    """The point at a share of the way from `start` (0) to `end` (1); beyond them for other shares."""
+    """Return the point at a share of the way from `start` (0) to `end` (1); shares outside 0 to 1 extrapolate."""
     return start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
 
 
 def distance_to_segment_m(point: GroundPoint, start: GroundPoint, end: GroundPoint) -> float:
-    """Distance from a point to the straight line between two others."""
+    """Return the distance in metres from a point to the segment between two others."""
     east, north = end[0] - start[0], end[1] - start[1]
     length2 = east * east + north * north
     along = 0.0 if length2 == 0.0 else ((point[0] - start[0]) * east + (point[1] - start[1]) * north) / length2
@@ -63,7 +67,9 @@ def distance_to_segment_m(point: GroundPoint, start: GroundPoint, end: GroundPoi
 
 
 def lattice(polygon: Sequence[GroundPoint], spacing_m: float, shift_m: float = 0.0) -> list[GroundPoint]:
-    """The points inside a polygon of a square lattice over its rectangle, moved north-east by `shift_m`."""
+    """Return the points inside a polygon of a square lattice over its bounding rectangle, moved north-east by
+    `shift_m`.
+    """
     if not polygon:
         return []
     own = GroundRectangle.around(polygon)
@@ -78,7 +84,7 @@ def lattice(polygon: Sequence[GroundPoint], spacing_m: float, shift_m: float = 0
 
 
 def position_in(body: Mapping[str, Datum]) -> GroundPoint | None:
-    """East and north of a message's `position`, or None if it has none that can be read."""
+    """Return east and north of a message's `position`, or None without a valid one."""
     value = body.get("position")
     if not isinstance(value, (tuple, list)) or len(value) < 2:
         return None

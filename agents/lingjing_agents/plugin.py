@@ -1,4 +1,4 @@
-"""What this distribution offers through the entry-point group `lingjing`; the policies load when they are asked for."""
+"""The plug-ins of this distribution in the entry-point group `lingjing`. Policies are imported when they are used."""
 
 from __future__ import annotations
 
@@ -16,57 +16,57 @@ from lingjing.plugins.prompts import PromptPlugin
 _RULES = ("lingjing_agents.heuristic.policy", "cv2")
 _TRUTH = ("lingjing_agents.oracle",)
 _MODEL = ("lingjing_agents.react.policy", "jsonschema", "cv2")
-"""What every agent of these policies imports."""
+"""The modules that every agent of these policies imports."""
 
 
 @hookimpl
 def lingjing_policies() -> Iterable[PolicyPlugin]:
-    """The six reference policies, and two with planted faults."""
+    """Return the six reference policies and two policies with planted faults."""
     return (
         PolicyPlugin(
             name="random",
-            factory=Deferred("chance", "RandomPolicy"),
+            factory=_Deferred("chance", "RandomPolicy"),
             summary="valid verbs with random arguments: the floor of every table",
             imports=("lingjing_agents.chance",),
         ),
         PolicyPlugin(
             name="heuristic",
-            factory=Deferred("heuristic.policy", "HeuristicPolicy"),
+            factory=_Deferred("heuristic.policy", "HeuristicPolicy"),
             summary="sweeps its cells and finds people in the pixels",
             imports=_RULES,
         ),
         PolicyPlugin(
             name="learned",
-            factory=Deferred("heuristic.policy", "learned_policy"),
+            factory=_Deferred("heuristic.policy", "learned_policy"),
             summary="the heuristic's rules, with detectors trained on frames where one ships",
             imports=_RULES,
         ),
         PolicyPlugin(
             name="oracle",
-            factory=Deferred("oracle", "OraclePolicy"),
+            factory=_Deferred("oracle", "OraclePolicy"),
             privileged=True,
             summary="reads the truth: shows that a mission can be won",
             imports=_TRUTH,
         ),
         PolicyPlugin(
             name="react",
-            factory=Deferred("react.policy", "react_policy"),
+            factory=_Deferred("react.policy", "react_policy"),
             options="lingjing_agents.react.options:ReactOptions",
             calls=True,
-            probe=Deferred("llm.probing", "probe_model"),
+            probe=_Deferred("llm.probing", "probe_model"),
             summary="perceives, reasons and acts over a chat model",
             imports=_MODEL,
         ),
         PolicyPlugin(
             name="scripted",
-            factory=Deferred("replay", "ScriptedPolicy"),
+            factory=_Deferred("replay", "ScriptedPolicy"),
             options="lingjing_agents.replay:ScriptOptions",
             summary="replays decisions from a JSON file",
             imports=("lingjing_agents.replay",),
         ),
         PolicyPlugin(
             name="faulty-oracle",
-            factory=Deferred("faulty.policy", "faulty_oracle"),
+            factory=_Deferred("faulty.policy", "faulty_oracle"),
             options="lingjing_agents.faulty.options:FaultyOptions",
             privileged=True,
             summary="the oracle with planted faults, to measure what finds them",
@@ -74,7 +74,7 @@ def lingjing_policies() -> Iterable[PolicyPlugin]:
         ),
         PolicyPlugin(
             name="faulty-heuristic",
-            factory=Deferred("faulty.policy", "faulty_heuristic"),
+            factory=_Deferred("faulty.policy", "faulty_heuristic"),
             options="lingjing_agents.faulty.options:FaultyOptions",
             summary="the heuristic with planted faults",
             imports=_RULES,
@@ -84,7 +84,7 @@ def lingjing_policies() -> Iterable[PolicyPlugin]:
 
 @hookimpl
 def lingjing_models() -> Iterable[ModelPlugin]:
-    """The chat models of `models.toml` and of the user's own list, which `react` plays with."""
+    """Return the chat models of `models.toml` and of the user's own list, for `react`."""
     from lingjing_agents.llm.models import known_models
 
     return known_models()
@@ -92,23 +92,23 @@ def lingjing_models() -> Iterable[ModelPlugin]:
 
 @hookimpl
 def lingjing_detectors() -> Iterable[DetectorPlugin]:
-    """What can be asked whether a frame shows a target."""
+    """Return the detectors that decide whether a frame shows a target."""
     return (
         DetectorPlugin(
             name="colours",
-            factory=Deferred("frame_detectors", "colour_detector"),
-            knows=Deferred("frame_detectors", "colour_rules_know"),
+            factory=_Deferred("frame_detectors", "colour_detector"),
+            knows=_Deferred("frame_detectors", "colour_rules_know"),
             summary="the heuristic's rules of colours and shapes",
         ),
         DetectorPlugin(
             name="learned",
-            factory=Deferred("frame_detectors", "trained_detector"),
-            knows=Deferred("frame_detectors", "learned_knows"),
+            factory=_Deferred("frame_detectors", "trained_detector"),
+            knows=_Deferred("frame_detectors", "learned_knows"),
             summary="the detector trained on frames",
         ),
         DetectorPlugin(
             name="model",
-            factory=Deferred("frame_detectors", "model_detector"),
+            factory=_Deferred("frame_detectors", "model_detector"),
             summary="a chat model, asked for yes or no (options: model=NAME and those of `react` for its service)",
         ),
     )
@@ -116,27 +116,29 @@ def lingjing_detectors() -> Iterable[DetectorPlugin]:
 
 @hookimpl
 def lingjing_prompts() -> Iterable[PromptPlugin]:
-    """The prompts of `react`."""
+    """Return the prompts of `react`."""
     return (
         PromptPlugin(
             name="react",
             policy="react",
             option="prompt",
-            shipped=Deferred("react.prompt_files", "shipped_texts"),
-            check=Deferred("react.prompt_files", "check_text"),
-            reviser=Deferred("react.prompt_reviser", "make_reviser"),
+            shipped=_Deferred("react.prompt_files", "shipped_texts"),
+            check=_Deferred("react.prompt_files", "check_text"),
+            reviser=_Deferred("react.prompt_reviser", "make_reviser"),
             summary="what a chat model is told beside what it may command and say",
         ),
     )
 
 
 @dataclass(frozen=True, slots=True)
-class Deferred:
-    """A function or class of a module that is imported when it is called."""
+class _Deferred:
+    """A function or class of a module that is imported at the first call."""
 
     module: str
+    """The module, relative to `lingjing_agents`."""
     attribute: str
+    """The name of the function or class."""
 
     def __call__(self, *arguments: Any) -> Any:
-        """What it returns."""
+        """Import the module and return the result of the call."""
         return getattr(import_module(f"lingjing_agents.{self.module}"), self.attribute)(*arguments)

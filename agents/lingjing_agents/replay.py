@@ -1,7 +1,7 @@
 """`scripted`: replays decisions from a JSON file, for tests, demonstrations and counterfactuals.
 
 The file maps an agent to a map from tick to decision: `{"scout[1]": {"0": {"command": {"verb": "takeoff"}}}}`. A
-decision has the fields of `lingjing.plugins.policy.Decision`, all optional; a tick that is not listed is a no-op.
+decision has the fields of `lingjing.plugins.policy.Decision`, all optional. A tick that is not listed is a no-op.
 """
 
 from __future__ import annotations
@@ -14,10 +14,11 @@ from lingjing.plugins.options import Field, PluginOptions
 from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, UsageError
 
 Script = dict[str, dict[int, Decision]]
+"""Decisions by agent and tick."""
 
 
-def load_script(path: Path) -> Script:
-    """The script in a file; `UsageError` if it cannot be read or is not one."""
+def _load_script(path: Path) -> Script:
+    """Return the script in a file. Raises `UsageError` if the file cannot be read or is not a script."""
     try:
         return msgspec.json.decode(path.read_bytes(), type=Script)
     except OSError as error:
@@ -30,22 +31,22 @@ def load_script(path: Path) -> Script:
 
 
 class ScriptOptions(PluginOptions):
-    """What `scripted` is told."""
+    """The options of `scripted`."""
 
     script: Path = Field(description="the JSON file with the decisions")
 
 
 class ScriptedPolicy:
-    """Says at each tick what the script says for its agent."""
+    """Returns at each tick the decision of the script for its agent."""
 
     def __init__(self, options: ScriptOptions) -> None:
-        self._script = load_script(options.script)
+        self._script = _load_script(options.script)
         self._lines: dict[int, Decision] = {}
 
     async def reset(self, brief: Brief) -> None:
-        """Take the lines of this agent."""
+        """Select the decisions of this agent."""
         self._lines = self._script.get(brief.agent, {})
 
     async def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """The line of this tick, or nothing."""
+        """Return the decision of this tick, or a no-op."""
         return self._lines.get(observation.tick, Decision())

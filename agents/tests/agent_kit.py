@@ -35,7 +35,7 @@ from lingjing.plugins.policy import (
 
 
 def react(**options: object) -> Policy:
-    """A `react` policy, made as an episode makes it."""
+    """Return a `react` policy, built as an episode builds it."""
     return build_policy(PluginHost().policy("react"), options)
 
 
@@ -118,7 +118,7 @@ JAM = MessageSpec(
 
 
 def sent_by(message: MessageSpec, *senders: str, to: tuple[str, ...] = ("all",)) -> MessageSpec:
-    """The same kind of message, said by others."""
+    """Return the same kind of message with other senders."""
     return msgspec.structs.replace(message, senders=senders, recipients=to)
 
 
@@ -127,7 +127,7 @@ def length(name: str, **more: float) -> ArgumentSpec:
 
 
 def verb(name: str, *arguments: ArgumentSpec) -> VerbSpec:
-    """A verb as the built-in engine declares it whose bodies take such arguments."""
+    """Return a verb as declared by the built-in engine that has these arguments."""
     names = {argument.name for argument in arguments}
     above, turned = names & {"z", "distance", "altitude"}, "angle" in names
     engine = "multirotor" if above else "quadruped" if turned else "vessel" if name == "moveTo" else "road"
@@ -194,7 +194,7 @@ def grid(rows: int = 3, columns: int = 3, overlap: float = 0.2) -> tuple[Cell, .
 
 
 def brief(agent: str = "scout[1]", mode: str = "broadcast", uavs: int = 3, **changes: object) -> Brief:
-    """The brief of one agent of a sea rescue: `scout[i]`, `skipper` or (star only) `commander`."""
+    """Return the brief of one agent of a sea rescue: `scout[i]`, `skipper` or (star only) `commander`."""
     everyone = [Peer(id=f"scout[{i}]", role="searcher", resources=(f"uav[{i}]",)) for i in range(1, uavs + 1)]
     everyone.append(Peer(id="skipper", role="rescuer", resources=("boat",)))
     if mode == "star":

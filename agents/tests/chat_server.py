@@ -1,5 +1,7 @@
-"""A real HTTP server on loopback that speaks the OpenAI chat protocol; each request is answered by the next script
-entry, the last one repeats. It keeps what it was asked."""
+"""A real HTTP server on loopback with the OpenAI chat protocol.
+
+The next script entry answers each request; the last one repeats. The server stores the requests.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,7 @@ NOOP = {"thought": "nothing to do", "command": None, "messages": []}
 
 @dataclass
 class Reply:
-    """One scripted answer; `step` becomes the completion's text (as JSON unless it is a string already)."""
+    """A scripted answer; `step` becomes the completion's text (as JSON unless it is a text already)."""
 
     step: Any = field(default_factory=lambda: NOOP)
     status: int = 200
@@ -29,7 +31,7 @@ class Reply:
 
 
 class ChatServer:
-    """The script, the log and the address."""
+    """The script, the stored requests and the address of a server."""
 
     def __init__(self, script: list[Reply] | Callable[[dict[str, Any]], Reply]) -> None:
         self.script = script
@@ -107,7 +109,7 @@ def _handler(server: ChatServer) -> type[BaseHTTPRequestHandler]:
 
 @contextmanager
 def serve(script: list[Reply] | Callable[[dict[str, Any]], Reply]) -> Iterator[ChatServer]:
-    """The server on a free port of the loopback interface, for the length of the block."""
+    """Run the server on a free port of the loopback interface inside the context."""
     state = ChatServer(script)
     http = ThreadingHTTPServer(("127.0.0.1", 0), _handler(state))
     http.daemon_threads = True

@@ -1,4 +1,4 @@
-"""A real HTTP server on loopback whose answers are raw bytes: whatever a hostile or broken service may send."""
+"""A real HTTP server on loopback with raw bytes as answers, as a hostile or broken service may send them."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
 Answer = Callable[[bytes], Iterator[bytes]]
-"""From the whole request (head and body) to the pieces that are sent; it may never end."""
+"""A function of the whole request (head and body) that yields the pieces of the answer; it may be endless."""
 
 BLOCK = 64 * 1024
 
 
 def answered(status: str, body: bytes, *headers: str) -> bytes:
-    """A whole HTTP/1.1 answer."""
+    """Return a complete HTTP/1.1 answer."""
     head = [f"HTTP/1.1 {status}", f"content-length: {len(body)}", *headers]
     return "\r\n".join(head).encode() + b"\r\n\r\n" + body
 
 
 def completion(text: str) -> bytes:
-    """A good completion with this text."""
+    """Return a valid completion with this text."""
     choice = {"index": 0, "message": {"role": "assistant", "content": text}, "finish_reason": "stop"}
     return answered("200 OK", json.dumps({"choices": [choice]}).encode(), "content-type: application/json")
 
 
 def header_of(request: bytes, name: str) -> str:
-    """A header's value, or an empty text."""
+    """Return a header's value, or ""."""
     for line in request.split(b"\r\n\r\n")[0].split(b"\r\n")[1:]:
         key, _, value = line.partition(b":")
         if key.decode().lower() == name:
@@ -37,7 +37,7 @@ def header_of(request: bytes, name: str) -> str:
 
 
 def gzip_bomb(status: str = "200 OK") -> bytes:
-    """One answer of 4 GiB of spaces, 4 MB on the wire: a block after a full flush may stand there many times."""
+    """Return an answer of 4 GiB of spaces, 4 MB on the wire: a block after a full flush may be repeated."""
     packer = zlib.compressobj(9, zlib.DEFLATED, -zlib.MAX_WBITS)
     block = packer.compress(b" " * (64 * 1024 * 1024)) + packer.flush(zlib.Z_FULL_FLUSH)
     return answered(status, b"\x1f\x8b\x08" + bytes(7) + block * 64, "content-encoding: gzip")
@@ -45,7 +45,7 @@ def gzip_bomb(status: str = "200 OK") -> bytes:
 
 @contextmanager
 def serve_raw(answer: Answer) -> Iterator[str]:
-    """The service's `base_url` for the length of the block. Each connection serves one request."""
+    """Yield the service's `base_url`. Each connection serves one request."""
     listener = socket.create_server(("127.0.0.1", 0))
     ended = threading.Event()
 

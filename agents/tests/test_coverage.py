@@ -1,12 +1,11 @@
-"""Where the heuristic takes pictures: every point is seen, everybody agrees who takes what."""
+"""The heuristic's places for pictures: every point is covered, and all searchers compute the same assignment."""
 
 import math
 
 import pytest
 from lingjing_agents.capability import natural, team
-from lingjing_agents.heuristic.coverage_map import CoverageMap
 from lingjing_agents.heuristic.picture_lattice import footprint, lattice, partition
-from lingjing_agents.heuristic.search_plan import SearchPlan, off_course_deg
+from lingjing_agents.heuristic.search_plan import CoverageMap, SearchPlan, off_course_deg
 
 from agents.tests.agent_kit import EAST, NADIR, NORTH, SOUTH, WEST, brief, grid
 

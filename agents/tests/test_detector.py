@@ -1,4 +1,4 @@
-"""The detector on frames that the real camera rendered, from seeds that nothing was tuned on, and on blanks."""
+"""The detector on frames of the real camera, from seeds that no threshold was tuned on, and on blank pictures."""
 
 import math
 import random
@@ -36,7 +36,7 @@ def camera():
 
 
 def shoot(engine, seed: int, height: float):
-    """For each of six people one picture that has them somewhere in it, as a policy would receive it."""
+    """Return for each of six people one picture with them in it, as a policy would receive it."""
     instance = instantiate(lingjing.compile(SCENARIO), seed=seed, settings={"victims": 6.0})
     city = PluginHost().scene(instance.scene.kind).build(instance.scene)
     try:
@@ -64,17 +64,17 @@ def count(engine, height: float, sure: float):
     for seed in SEEDS:
         for rgb, pose, truth, places in shoot(engine, seed, height):
             finds = [find for find in find_people(rgb, pose, LEVEL) if find.confidence >= sure]
-            found = set()
+            detected = set()
             for find in finds:
                 names = [name for name, box in truth.items() if overlap(find.box, box) >= 0.5]
-                found.update(names)
+                detected.update(names)
                 false += not names
                 for name in names:
                     place = box_to_plane(pose, find.box, LEVEL)
                     assert place is not None
                     errors.append(math.dist(place[:2], places[name][:2]))
-            hits += len(found)
-            misses += len(truth) - len(found)
+            hits += len(detected)
+            misses += len(truth) - len(detected)
     return hits / (hits + misses), hits / max(1, hits + false), max(errors, default=0.0)
 
 

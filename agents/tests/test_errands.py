@@ -1,4 +1,4 @@
-"""Bodies with an errand of their own: a picture, a place to fly to; both policies win with them."""
+"""Bodies with an errand: a picture, a place to fly to; both policies win with them."""
 
 from pathlib import Path
 

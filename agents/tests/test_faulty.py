@@ -1,4 +1,4 @@
-"""Policies with planted faults: what each fault changes, when, and for whom; without faults nothing changes."""
+"""Policies with planted faults: the changes of each fault, their time and agent; without faults nothing changes."""
 
 import asyncio
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ ANSWER = Decision(command=FLY, messages=(SIGHTING, ORDER))
 
 
 class Constant:
-    """Answers the same and remembers what it was shown."""
+    """A policy with a constant decision that stores its inputs."""
 
     def __init__(self, answer: Decision) -> None:
         self.answer, self.shown = answer, []

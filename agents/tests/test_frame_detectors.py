@@ -1,4 +1,4 @@
-"""The detectors that can be asked about frames: rules, and a chat model over real HTTP."""
+"""The detectors of frames: rules, and a chat model over real HTTP."""
 
 from __future__ import annotations
 

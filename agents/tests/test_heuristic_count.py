@@ -1,4 +1,4 @@
-"""Counting people who stand in line: in drawn pictures, and who is sent where."""
+"""Counting people in line on drawn pictures, and the orders to walkers."""
 
 import math
 
@@ -24,7 +24,9 @@ def square(rgb, east, north, side_m, colour):
 
 
 def picture(people, bearing_deg=70.0, head=(3.0, -2.0), dark=()):
-    """A pavement with a line of people behind `head`; those in `dark` wear what the pavement is like."""
+    """Return a picture of a pavement with a line of people behind `head`; those in `dark` have the pavement's
+    colour.
+    """
     rgb = np.empty((POSE.height, POSE.width, 3), np.uint8)
     rgb[:] = PAVEMENT
     ahead = math.sin(math.radians(bearing_deg)), math.cos(math.radians(bearing_deg))
@@ -80,16 +82,16 @@ DOGS = {"dog[1]": (0.0, 0.0, 0.0), "dog[2]": (90.0, -50.0, 0.0)}
 
 
 def counter(rank: int) -> LineCounter:
-    """The `rank`-th of two counters, who have two walkers to send."""
+    """Return the `rank`-th of two counters, with two walkers that can be sent."""
     everyone = [Peer(id=f"counter[{k}]", role="counter", resources=(f"uav[{k}]",)) for k in (1, 2)]
     everyone += [Peer(id=f"walker[{k}]", role="walker", resources=(f"dog[{k}]",)) for k in (1, 2)]
     me = f"counter[{rank}]"
     peers = tuple(peer for peer in everyone if peer.id != me)
     messages = (TALLY, sent_by(ASSIGNMENT, "counter"))
-    told = brief(
+    shared = brief(
         resources=(quadrotor(rank),), peers=peers, messages=messages, role="counter", classes=("queue_of_people",)
     )
-    return LineCounter(msgspec.structs.replace(told, agent=me), quadrotor(rank))
+    return LineCounter(msgspec.structs.replace(shared, agent=me), quadrotor(rank))
 
 
 def seen(rank: int, tick: int = 1):
@@ -106,19 +108,19 @@ def test_two_counters_share_the_lines_at_levels_of_their_own():
 
 
 def test_who_has_no_line_left_lets_the_others_count_for_a_while():
-    rules, heard = counter(2), envelope("counter[1]", TALLY, {"people": 5.0, "position": SHOPS["shop[2]"]})
-    assert rules.act(seen(2, tick=3), Inbox(messages=(heard,))).command is None
+    rules, tally = counter(2), envelope("counter[1]", TALLY, {"people": 5.0, "position": SHOPS["shop[2]"]})
+    assert rules.act(seen(2, tick=3), Inbox(messages=(tally,))).command is None
     assert rules.act(seen(2, tick=14), Inbox()).command is None
     assert rules.act(seen(2, tick=15), Inbox()).command is not None
 
 
 def test_what_others_counted_is_not_counted_again_and_the_first_sends_the_nearest_walker():
-    heard = tuple(
+    tallies = tuple(
         envelope("counter[2]", TALLY, {"people": float(people), "position": place})
         for people, place in zip((3, 5, 12), SHOPS.values(), strict=True)
     )
     first, second = counter(1), counter(2)
-    (order,) = first.act(seen(1), Inbox(messages=heard)).messages
+    (order,) = first.act(seen(1), Inbox(messages=tallies)).messages
     assert order.body["assignee"] == "walker[2]" and order.body["position"] == (100.0, -60.0, 0.0)
-    assert second.act(seen(2), Inbox(messages=heard)).messages == ()
+    assert second.act(seen(2), Inbox(messages=tallies)).messages == ()
     assert first.act(seen(1, tick=2), Inbox()).messages == (), "it is not said again at once"

@@ -1,4 +1,4 @@
-"""Leading a walker to the house of a picture: walls and doors from above, ways of few commands, the house confirmed."""
+"""Guidance of a walker to the house of a picture: walls and doors from above, paths of few commands, confirmation."""
 
 import math
 
@@ -42,7 +42,7 @@ Box = tuple[tuple[float, float, float], tuple[float, float, float], tuple[int, i
 
 
 def house(west: float, south: float, colour: tuple[int, int, int], door: float) -> tuple[Box, ...]:
-    """A house of 30 x 12 x 9 m with a canopy before its southern wall."""
+    """Return a house of 30 x 12 x 9 m with a canopy at its southern wall."""
     return (
         ((west, south, 0.0), (west + 30.0, south + 12.0, 9.0), colour),
         ((west + door - 1.6, south - 1.6, 2.8), (west + door + 1.6, south, 3.0), GREY),
@@ -53,7 +53,7 @@ HOUSES = (*house(10.0, 60.0, YELLOW, 15.0), *house(60.0, 60.0, BLUE, 12.0))
 
 
 def picture_of(boxes: tuple[Box, ...], pose: CameraPose, camera: str, entity: str) -> Picture:
-    """What a camera shows of boxes with grey roofs on a lawn: colours and depth, ray by ray."""
+    """Return a camera's picture of boxes with grey roofs on a lawn: colours and depth, ray by ray."""
     right, down, forward = (np.array(axis) for axis in camera_axes(pose))
     u = (np.arange(pose.width) + 0.5 - pose.width / 2) / focal_px(pose)
     v = (np.arange(pose.height) + 0.5 - pose.height / 2) / focal_px(pose)
@@ -86,7 +86,7 @@ def from_the_ground(x: float, y: float) -> Picture:
 
 
 def reference(x: float) -> Picture:
-    """A photograph of the house whose door is at `x`, from across the street."""
+    """Return a photograph, taken from across the street, of the house with a door at `x`."""
     pose = CameraPose(position=(x, 36.0, 4.0), heading_deg=0.0, tilt_deg=0.0, hfov_deg=75.0, width=640, height=360)
     return picture_of(HOUSES, pose, "reference", "house")
 

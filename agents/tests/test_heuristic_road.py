@@ -8,8 +8,7 @@ import msgspec
 import pytest
 from lingjing_agents.heuristic import bridge_inspector as following
 from lingjing_agents.heuristic import route_inspector as inspecting
-from lingjing_agents.heuristic.bridge_inspector import BridgeInspector
-from lingjing_agents.heuristic.centreline import centreline, longest
+from lingjing_agents.heuristic.bridge_inspector import BridgeInspector, centreline, longest
 from lingjing_agents.heuristic.delivery_coordinator import DeliveryCoordinator
 from lingjing_agents.heuristic.delivery_driver import DeliveryDriver
 from lingjing_agents.heuristic.policy import rules_for
@@ -170,8 +169,8 @@ def test_a_driver_waits_for_its_order_and_insists_when_refused(task):
 
 
 def inspecting_orders(*places, tick: int = 1) -> Inbox:
-    said = [{"assignee": "eye", "task": "inspect", "position": place} for place in places]
-    return Inbox(messages=tuple(envelope("boss", ORDER, body, tick=tick) for body in said))
+    bodies = [{"assignee": "eye", "task": "inspect", "position": place} for place in places]
+    return Inbox(messages=tuple(envelope("boss", ORDER, body, tick=tick) for body in bodies))
 
 
 def shot_by_uav(tick: int, place=(0.0, 0.0, 120.0)):
@@ -179,7 +178,7 @@ def shot_by_uav(tick: int, place=(0.0, 0.0, 120.0)):
 
 
 def inspector(monkeypatch, queues=()):
-    """The rules after the picture of the first waypoint, and what they decided on it."""
+    """Return the rules after the picture of the first waypoint, with their decision on it."""
     monkeypatch.setattr(inspecting, "find_queues", lambda rgb, pose, level, line: queues)
     rules = RouteInspector(told("eye", UAV, messages=INSPECTION), UAV)
     start = view("uav", (0.0, 0.0, 120.0))
@@ -308,8 +307,8 @@ def test_under_a_hub_a_driver_follows_the_tour_it_is_given():
     rules = hauler("boss")
     demands = {"p[1]": 100.0, "p[3]": 100.0}
     assert rules.act(town(1, (0.0, 10.0), 200.0, demands), Inbox()).command is None
-    given = envelope("boss", TOUR, {"assignee": "driver[1]", "stops": ("p[3]",), "load": 100.0})
-    command = rules.act(town(2, (0.0, 10.0), 200.0, demands), Inbox(messages=(given,))).command
+    order = envelope("boss", TOUR, {"assignee": "driver[1]", "stops": ("p[3]",), "load": 100.0})
+    command = rules.act(town(2, (0.0, 10.0), 200.0, demands), Inbox(messages=(order,))).command
     assert command is not None
     assert command.arguments == {"x": -200.0, "y": 0.0}
 

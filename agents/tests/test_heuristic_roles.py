@@ -1,4 +1,4 @@
-"""Every agent of the shipped missions has rules, which say the roles and message records that they serve."""
+"""Every agent of the shipped missions has rules with its role and message records."""
 
 import re
 from pathlib import Path

@@ -42,7 +42,7 @@ def test_rules_follow_from_abilities(agent: str, mode: str, kind: type):
 
 
 class AircraftControl:
-    """A searcher in a world that obeys at once: it is where it was sent at the next tick."""
+    """A searcher in a world without delay: each flight is completed at the next tick."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, finds=lambda height: (), agent="scout[1]", mode="broadcast"):
         kind = replace(PEOPLE, find=lambda rgb, pose, level: finds(pose.position[2] - level))
@@ -177,12 +177,12 @@ def test_searchers_over_one_place_fly_at_different_heights(monkeypatch):
 
 def test_a_searcher_sends_an_idle_boat_only_after_a_while(monkeypatch):
     rules = rules_for(brief("scout[1]"))
-    heard = Inbox(messages=(envelope("scout[2]", REPORT, report(100.0, -900.0)),))
+    report_inbox = Inbox(messages=(envelope("scout[2]", REPORT, report(100.0, -900.0)),))
     boat = view("boat", (12.4, -1351.8, -3.5), busy=None)
     verbs = []
     for tick in range(8):
         seen = observe("scout[1]", tick, view("uav[1]", (0.0, -900.0, 96.5), busy=True), boat)
-        command = rules.act(seen, heard if tick == 0 else Inbox()).command
+        command = rules.act(seen, report_inbox if tick == 0 else Inbox()).command
         verbs.append(command.verb if command else None)
     assert verbs.index("moveTo") >= 3
     assert verbs.count("moveTo") <= 2
@@ -213,8 +213,8 @@ def test_a_rescuer_takes_the_nearest_first_and_goes_on_after_each_event():
 def test_a_rescuer_gives_up_after_some_patience_and_says_so():
     rules = rules_for(brief("skipper"))
     sail(rules, 1, (12.4, -1351.8), envelope("s", REPORT, report(50.0, -1000.0)))
-    said = [note.body["state"] for tick in range(14, 20) for note in sail(rules, tick, (60.0, -990.0)).messages]
-    assert said == ["missed"]
+    states = [note.body["state"] for tick in range(14, 20) for note in sail(rules, tick, (60.0, -990.0)).messages]
+    assert states == ["missed"]
 
 
 def test_a_rescuer_obeys_only_its_own_orders():
@@ -255,13 +255,13 @@ def test_a_coordinator_shares_out_every_cell_at_once():
 def test_a_coordinator_orders_one_rescue_at_a_time():
     rules = rules_for(brief("commander", "star"))
     rules.act(observe("commander", 0), Inbox())
-    heard = Inbox(
+    reports = Inbox(
         messages=(
             envelope("scout[1]", REPORT, report(0.0, -900.0)),
             envelope("scout[2]", REPORT, report(300.0, -900.0)),
         )
     )
-    (order,) = orders(rules.act(observe("commander", 5), heard), "rescue")
+    (order,) = orders(rules.act(observe("commander", 5), reports), "rescue")
     assert order.body["assignee"] == "skipper"
     assert "skipper" in order.to
     assert orders(rules.act(observe("commander", 6), Inbox()), "rescue") == []
@@ -271,8 +271,8 @@ def test_a_coordinator_orders_one_rescue_at_a_time():
 
 def test_a_coordinator_goes_on_when_the_rescuer_found_nobody():
     rules = rules_for(brief("commander", "star"))
-    heard = (envelope("scout[1]", REPORT, report(0.0, -900.0)), envelope("scout[2]", REPORT, report(300.0, -900.0)))
-    rules.act(observe("commander", 0), Inbox(messages=heard))
+    reports = (envelope("scout[1]", REPORT, report(0.0, -900.0)), envelope("scout[2]", REPORT, report(300.0, -900.0)))
+    rules.act(observe("commander", 0), Inbox(messages=reports))
     missed = envelope("skipper", STATUS, {"task": "rescue", "state": "missed", "position": (0.0, -900.0)})
     assert len(orders(rules.act(observe("commander", 9), Inbox(messages=(missed,))), "rescue")) == 1
 

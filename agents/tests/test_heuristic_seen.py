@@ -1,4 +1,4 @@
-"""Detectors of fires, gaps and queues on pictures that the real camera drew, from seeds nothing was tuned on."""
+"""Detectors of fires, gaps and queues on pictures of the real camera, from seeds that no threshold was tuned on."""
 
 import math
 import random
@@ -39,7 +39,7 @@ def camera():
 
 
 def shoot(engine, mission: str, group: str, seed: int, height: float, heading: float | None, away: float = 0.0):
-    """A picture of each target of a group, somewhere near its middle, with the targets' true boxes."""
+    """Return a picture of each target of a group, near its centre, with the true boxes of the targets."""
     settings = {"fires": 6.0} if mission == "ufr" else {}
     instance = instantiate(lingjing.compile(SCENARIOS / f"{mission}.ljs"), seed=seed, settings=settings)
     city = PluginHost().scene(instance.scene.kind).build(instance.scene)
@@ -62,14 +62,14 @@ def shoot(engine, mission: str, group: str, seed: int, height: float, heading: f
 
 
 def test_every_fire_in_view_is_found_and_no_orange_roof_is_one(camera):
-    seen = wrong = found = 0
+    seen = wrong = detected = 0
     for rgb, pose, truth in shoot(camera, "ufr", "fire", 9001, 130.0, None):
         finds = find_fires_from_above(rgb, pose, 0.0)
         seen += len(truth)
-        found += sum(any(overlap(find.box, box) >= 0.5 for find in finds) for box in truth)
+        detected += sum(any(overlap(find.box, box) >= 0.5 for find in finds) for box in truth)
         wrong += sum(find.box[0] > 0.02 and not truth for find in finds)
     assert seen >= 4
-    assert found >= seen - 1
+    assert detected >= seen - 1
     assert wrong == 0
 
 
@@ -95,7 +95,7 @@ def test_a_blank_picture_shows_nothing():
 
 
 def road(name: str, x: float, y: float, heading: float) -> tuple[np.ndarray, CameraPose]:
-    """A stored picture of a road: the middle columns of a frame, so that its focal length is the frame's."""
+    """Return a stored picture of a road: the middle columns of a frame, so that its focal length is the frame's."""
     rgb = decode_jpeg((PICTURES / f"road-{name}.jpg").read_bytes())
     high, wide = rgb.shape[:2]
     focal = NADIR.width / 2 / math.tan(math.radians(NADIR.hfov_deg / 2))

@@ -51,7 +51,7 @@ def refused(reason: str) -> Inbox:
 
 
 class Walked:
-    """A dog that obeys at once in a world with one wall (x0, y0, x1, y1), which stops it a metre short."""
+    """A dog without delay in a world with one wall (x0, y0, x1, y1), which stops it a metre before."""
 
     def __init__(self, wall: tuple[float, float, float, float]) -> None:
         self.wall, self.at, self.heading, self.bumps = wall, (0.0, 0.0), 0.0, 0
@@ -116,11 +116,11 @@ def test_a_step_that_was_not_sent_has_met_nothing():
 
 
 def searching() -> FireSearcher:
-    said = brief(
+    shared = brief(
         "scout[1]", resources=(dog(),), cells=(), messages=(REPORT, STATUS), classes=("fire_source",),
         regions=(Region(name="yard", polygon=YARD),),
     )  # fmt: skip
-    return FireSearcher(said, dog(), EYE)
+    return FireSearcher(shared, dog(), EYE)
 
 
 def test_who_stands_where_a_fire_should_be_looks_for_it_all_around():
@@ -185,7 +185,7 @@ def test_views_count_what_a_picture_would_show():
     assert views.best_turn((0.0, 40.0), 90.0, 45.0) in (-90.0, 90.0)
     views.see_around((50.0, 40.0))
     left = min(math.dist(place, (50.0, 40.0)) for place in views.unseen)
-    assert OTHERS_M < left < views.far_m  # somebody else's look around counts less far than one's own
+    assert OTHERS_M < left < views.far_m  # the search of another dog counts within a smaller radius than its own
     east = views.next_place((0.0, 40.0), ((100.0, 40.0),))
     assert east is not None
     assert east[0] <= 50.0
@@ -225,10 +225,10 @@ def test_an_executor_carries_out_one_step_after_the_other_and_says_how_it_ended(
     rules = rules_for(brief("skipper", role="executor", resources=(dog(eyes=False),), cells=(), messages=(STATUS,)))
     assert isinstance(rules, DogRules)
     steps = [("right", 30.0), ("forward", 7.5), ("jump", 1.0)]
-    said = [envelope("pilot", GUIDANCE, {"assignee": "skipper", "step": step, "amount": amount})
+    guidance = [envelope("pilot", GUIDANCE, {"assignee": "skipper", "step": step, "amount": amount})
             for step, amount in steps]  # fmt: skip
     at = view("dog", (0.0, 0.0, 0.3))
-    first = rules.act(observe("skipper", 1, at), Inbox(messages=tuple(said)))
+    first = rules.act(observe("skipper", 1, at), Inbox(messages=tuple(guidance)))
     assert first.command is not None
     assert (first.command.verb, first.command.arguments) == ("right", {"angle": 30.0})
     assert rules.act(observe("skipper", 2, at), Inbox()).command is None
@@ -250,10 +250,10 @@ def test_an_executor_does_not_carry_out_what_another_is_told():
 def test_a_pilot_that_guides_flies_over_the_narrow_region_first():
     peers = (Peer(id="walker", role="executor", resources=("dog",)),)
     line = Region(name="line", polygon=((0.0, 0.0), (10.0, 0.0), (10.0, 80.0), (0.0, 80.0)))
-    told = brief("scout[1]", resources=(quadrotor(1),), cells=(), peers=peers, role="pilot",
+    pilot = brief("scout[1]", resources=(quadrotor(1),), cells=(), peers=peers, role="pilot",
                  messages=(sent_by(GUIDANCE, "pilot", to=("executor",)),),
                  regions=(Region(name="area", polygon=YARD), line))  # fmt: skip
-    rules = rules_for(told)
+    rules = rules_for(pilot)
     assert isinstance(rules, LeakGuidance)
     seen = observe("scout[1]", 1, view("uav[1]", (0.0, 0.0, 1.0)), view("dog", (50.0, 0.0, 0.33)))
     command = rules.act(seen, Inbox()).command
@@ -278,8 +278,8 @@ def test_pilots_share_the_line_and_one_without_a_follower_is_believed():
         own, led = view(f"uav[{k}]", (60.0, 12.0 * k, 30.0)), view("dog", (50.0, 0.0, 0.33))
         flown.append(rules.act(observe(f"scout[{k}]", 1, own, led), Inbox()).command)
         if k == 1:
-            told = Inbox(messages=(envelope("scout[2]", REPORT, {"position": (80.0, 0.0, 0.0)}),))
-            (step,) = rules.act(observe("scout[1]", 5, own, led), told).messages
+            report = Inbox(messages=(envelope("scout[2]", REPORT, {"position": (80.0, 0.0, 0.0)}),))
+            (step,) = rules.act(observe("scout[1]", 5, own, led), report).messages
             assert step.kind == "guide" and step.body["assignee"] == "walker"
     assert flown[0].arguments["x"] <= 62.0 <= flown[1].arguments["x"]
     assert abs(flown[0].arguments["z"] - flown[1].arguments["z"]) >= 2.5
@@ -293,9 +293,9 @@ def test_pictures_of_nothing_leave_belief_at_nothing():
 
 
 def test_a_navigator_enters_then_goes_on_where_the_view_is_open():
-    told = brief("skipper", role="navigator", resources=(dog(longest_m=25.0),), messages=(), cells=(),
+    navigator = brief("skipper", role="navigator", resources=(dog(longest_m=25.0),), messages=(), cells=(),
                  regions=(Region(name="yard", polygon=YARD), Region(name="gate", polygon=GATE)))  # fmt: skip
-    rules = rules_for(told)
+    rules = rules_for(navigator)
     white = np.full((720, 1280, 3), (139, 149, 160), np.uint8)
     street = np.full((720, 1280, 3), (90, 140, 230), np.uint8)  # sky to the horizon
     street[360:] = 120
@@ -318,9 +318,9 @@ def seen(camera: str, here: tuple[float, float], rgb: np.ndarray) -> Picture:
 
 
 def test_a_walker_without_a_reference_goes_where_it_is_told():
-    told = brief("skipper", role="courier", resources=(dog(longest_m=25.0),), cells=(), messages=(GUIDANCE,),
+    walker = brief("skipper", role="courier", resources=(dog(longest_m=25.0),), cells=(), messages=(GUIDANCE,),
                  regions=(Region(name="yard", polygon=YARD),), classes=("delivery_door",))  # fmt: skip
-    rules = rules_for(told)
+    rules = rules_for(walker)
     order = envelope("pilot", GUIDANCE, {"assignee": "skipper", "step": "go", "position": (60.0, 70.0, 0.0)})
     place = (50.0, 30.0, 0.33)
     street = np.full((720, 1280, 3), (90, 140, 230), np.uint8)

@@ -1,4 +1,6 @@
-"""What dogs and their guides see, on rendered frames: flames, walls, leaks, the building of a reference picture."""
+"""The detections of dogs and their guides on rendered frames: flames, walls, leaks, the building of a reference
+picture.
+"""
 
 import math
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The trained detector: whole numbers on every processor, its boxes, its seam in the rules, and how it is trained."""
+"""The trained detector: whole numbers on every processor, its boxes, its use in the rules, and its training."""
 
 import hashlib
 import json
@@ -36,7 +36,7 @@ POSE = camera_pose((0.0, 0.0, 100.0), 0.0, NADIR)
 
 
 def made_network(seed: int, channels: tuple[int, ...] = (3, 6, 8, 8, 8, 8)) -> IntegerNetwork:
-    """Random whole weights."""
+    """Return a network of random whole weights."""
     dice = np.random.default_rng(seed)
     shapes = [*((9 * a, b) for a, b in pairwise(channels)), (channels[-1], 5)]
     return IntegerNetwork(tuple(
@@ -50,7 +50,7 @@ def made_network(seed: int, channels: tuple[int, ...] = (3, 6, 8, 8, 8, 8)) -> I
 
 
 def in_integers(network: IntegerNetwork, picture: np.ndarray) -> np.ndarray:
-    """The same with sums of 64-bit whole numbers, which no BLAS computes."""
+    """Return the same result, computed with sums of 64-bit integers, which no BLAS computes."""
     values = picture[None].astype(np.float32) - np.float32(MIDDLE)
     for layer, stride, dilation in zip(network.layers, STRIDES, DILATIONS, strict=False):
         seen = taps(values, stride, dilation).astype(np.int64)
@@ -77,11 +77,11 @@ def test_a_picture_in_bands_is_answered_as_a_whole(monkeypatch: pytest.MonkeyPat
 
 
 def test_weights_whose_sums_could_be_rounded_are_refused() -> None:
-    one = np.ones(1, np.float32)
-    IntegerLayer(np.full((500, 1), 127, np.float32), one, one)
+    scale = np.ones(1, np.float32)
+    IntegerLayer(np.full((500, 1), 127, np.float32), scale, scale)
     for weights in (np.full((600, 1), 127, np.float32), np.full((5, 1), 0.5, np.float32)):
         with pytest.raises(ValueError, match="whole numbers are exact"):
-            IntegerLayer(weights, one, one)
+            IntegerLayer(weights, scale, scale)
 
 
 def test_pictures_are_made_smaller_by_means_of_squares() -> None:
@@ -102,7 +102,7 @@ def test_the_scale_follows_from_the_height_and_there_is_none_below_the_ground() 
 
 
 def test_of_boxes_that_overlap_one_is_left_and_confidence_is_read_off_a_curve() -> None:
-    """A network that says of bright cells that a target reaches 8 px to each side."""
+    """The network reports a target that reaches 8 px to each side of bright cells."""
     top = np.zeros((1, 5), np.float32)
     top[0, 0] = 1.0
     answer = np.zeros((20, 30, 5), np.float32)
@@ -115,10 +115,10 @@ def test_of_boxes_that_overlap_one_is_left_and_confidence_is_read_off_a_curve() 
             return answer
 
     detector = LearnedDetector(TargetScale(factors=(2,)), Fixed(()), (0.0, 2.0, 4.0), (0.0, 0.5, 1.0))
-    found = detector.find(np.full((160, 240, 3), 9, np.uint8), POSE, 0.0)
-    assert [round(each.confidence, 3) for each in found] == [0.75, 0.25]
+    boxes = detector.find(np.full((160, 240, 3), 9, np.uint8), POSE, 0.0)
+    assert [round(each.confidence, 3) for each in boxes] == [0.75, 0.25]
     x, y = 2 * (5 * CELL_PX + 0.5), 2 * (5 * CELL_PX + 0.5)
-    assert found[0].box == pytest.approx(((x - 16) / 240, (y - 16) / 160, (x + 16) / 240, (y + 16) / 160))
+    assert boxes[0].box == pytest.approx(((x - 16) / 240, (y - 16) / 160, (x + 16) / 240, (y + 16) / 160))
     assert detector.find(np.zeros((160, 240, 3), np.uint8), POSE, 0.0) == ()
 
 
@@ -134,20 +134,20 @@ def test_fires_in_boxes_are_where_the_rules_would_put_them() -> None:
 
 
 def test_a_searcher_reports_what_a_trained_detector_finds_and_not_what_the_rules_would() -> None:
-    asked = []
+    levels_m = []
 
     def find(rgb: np.ndarray, pose: object, level_m: float) -> tuple[FoundBox, ...]:
-        asked.append(level_m)
+        levels_m.append(level_m)
         return (FoundBox((0.49, 0.48, 0.51, 0.52), 0.9),)
 
-    said = brief("scout[1]", "broadcast")
-    rules = rules_for(said, {"person_in_water": find})
+    searcher = brief("scout[1]", "broadcast")
+    rules = rules_for(searcher, {"person_in_water": find})
     here = (200.0, -900.0, 96.5)
     decision = rules.act(observe("scout[1]", 3, view("uav[1]", here), pictures=(picture(here, tick=3),)), Inbox())
     (report,) = [message for message in decision.messages if message.kind == "detection"]
     assert report.body["confidence"] == 0.9
-    assert asked == [said.water_level_m]
-    assert rules_for(said, {"whale": find}).act(
+    assert levels_m == [searcher.water_level_m]
+    assert rules_for(searcher, {"whale": find}).act(
         observe("scout[1]", 3, view("uav[1]", here), pictures=(picture(here, tick=3),)), Inbox()
     ).messages == ()  # fmt: skip
 
@@ -163,10 +163,10 @@ def test_what_ships_is_small_and_is_what_its_record_says() -> None:
     assert files
     assert sum(each.stat().st_size for each in files) < 5_000_000
     for file in files:
-        told = json.loads(file.with_suffix(".json").read_text())
-        assert told["weights_sha256"] == hashlib.sha256(file.read_bytes()).hexdigest()
-        assert told["class"] == file.stem in SCALES
-        assert min(told["seeds"]) >= 2000  # none of an evaluation's
+        card = json.loads(file.with_suffix(".json").read_text())
+        assert card["weights_sha256"] == hashlib.sha256(file.read_bytes()).hexdigest()
+        assert card["class"] == file.stem in SCALES
+        assert min(card["seeds"]) >= 2000  # none of an evaluation's
         assert f"`{file.stem}`" in (WEIGHTS / "CARD.md").read_text()
         assert learned_detector(file.stem) is not None
     assert learned_detector("whale") is None

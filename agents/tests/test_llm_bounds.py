@@ -1,4 +1,4 @@
-"""What a hostile service sends is bounded in memory and in time, through both clients."""
+"""The answers of a hostile service are bounded in memory and in time, through both clients."""
 
 import datetime as dt
 import math
@@ -19,7 +19,7 @@ from lingjing_agents.llm.wire import ANSWER_BYTES, pause_s
 from agents.tests.hostile_server import BLOCK, answered, completion, gzip_bomb, serve_raw
 
 ROOM = 400_000
-"""Kilobytes by which a client's process may grow at most: the bombs hold gigabytes."""
+"""Kilobytes by which a client's process may grow; the bombs contain gigabytes."""
 
 BOMB = gzip_bomb()
 ZSTD_BOMB = zstandard.ZstdCompressor(19).compress(b" " * (256 * 1024 * 1024))
@@ -40,7 +40,7 @@ def endless(head: bytes, piece: bytes):
 
 
 def trickling(data: bytes):
-    """A good answer, a byte at a time: the whole takes many times the deadline."""
+    """Send a valid answer, one byte at a time: the whole takes many times the deadline."""
 
     def pieces(request: bytes) -> Iterator[bytes]:
         for byte in data:
@@ -51,7 +51,7 @@ def trickling(data: bytes):
 
 
 def dripping(head: bytes, piece: bytes):
-    """A piece now and then; the wait is what is tested."""
+    """Send a piece at intervals; the test is about the wait."""
 
     def pieces(request: bytes) -> Iterator[bytes]:
         yield head
@@ -123,7 +123,7 @@ def through_litellm(url: str) -> ModelClient:
 
 CLIENTS = [direct, pytest.param(through_litellm, marks=pytest.mark.slow)]
 FEW = {"a gzip bomb", "an endless stream", "deep JSON", "a dripping body"}
-"""What is tried through litellm too: the rest of the way is the same."""
+"""The cases that run through litellm too; the other code is shared."""
 
 
 def cases(names: Iterable[str]) -> list[object]:
@@ -180,17 +180,17 @@ async def test_a_packed_refusal_keeps_its_status():
 
 @pytest.mark.parametrize("client", CLIENTS)
 async def test_redirects_are_not_followed_with_a_key(client):
-    asked = []
+    redirected = []
 
     def elsewhere(request: bytes) -> Iterator[bytes]:
-        asked.append(request)
+        redirected.append(request)
         yield completion("stolen")
 
     with serve_raw(elsewhere) as other:
         away = once(answered("307 Temporary Redirect", b"", f"location: {other}/chat/completions"))
         with serve_raw(away) as url, pytest.raises(ModelError, match="307"):
             await ask(client(url), 600)
-    assert not asked
+    assert not redirected
 
 
 async def test_a_packed_answer_of_a_service_that_packs_all_the_same_is_read():
@@ -249,9 +249,9 @@ def test_a_date_counts_from_the_clock_of_the_service(until: str, now: str, found
 
 def test_a_date_without_a_clock_of_the_service_counts_from_ours():
     until = dt.datetime.now(dt.UTC).replace(microsecond=0) + dt.timedelta(hours=1)
-    found = pause_s(format_datetime(until, usegmt=True), "yesterday")
-    assert found is not None
-    assert (until - dt.datetime.now(dt.UTC)).total_seconds() <= found <= 3600  # whatever it took to get here
+    waited_s = pause_s(format_datetime(until, usegmt=True), "yesterday")
+    assert waited_s is not None
+    assert (until - dt.datetime.now(dt.UTC)).total_seconds() <= waited_s <= 3600  # whatever it took to get here
 
 
 @pytest.mark.parametrize("pause", ["99999999999", "9" * 400, LATER])

@@ -1,4 +1,4 @@
-"""The cause of a service's failure is named, also where time ends before the tries do."""
+"""The error names the cause of a service's failure, also if the deadline passes before the attempts are used up."""
 
 import asyncio
 import socket
@@ -37,8 +37,10 @@ BYTES = {
 
 @contextmanager
 def failing(cause: str, times: int, held: list[socket.socket] | None = None) -> Iterator[str]:
-    """A service whose first `times` connections fail in a way; it answers nothing after that. `held` are all of them,
-    in the order of their arrival."""
+    """Yield the URL of a service that fails its first `times` connections and answers nothing afterwards.
+
+    `held` collects all connections in the order of their arrival.
+    """
     listener, held = socket.create_server(("127.0.0.1", 0)), [] if held is None else held
 
     def serve() -> None:
@@ -66,7 +68,7 @@ def failing(cause: str, times: int, held: list[socket.socket] | None = None) -> 
 
 
 class EndingDeadline(CallDeadline):
-    """A deadline that is far away at first, and near once a call has failed, whatever the pace of the machine."""
+    """A deadline that is distant at first, and near after the first failed call, independent of the machine's speed."""
 
     made: ClassVar[list[float]] = []
 
@@ -100,10 +102,10 @@ async def test_time_that_ends_first_hides_no_cause(cause: str):
 
 
 async def test_a_refused_connection_is_named():
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
         with pytest.raises(ModelError, match="Connection refused"):
-            await asked(f"http://127.0.0.1:{taken.getsockname()[1]}/v1", CallDeadline(600.0), Attempts())
+            await asked(f"http://127.0.0.1:{listener.getsockname()[1]}/v1", CallDeadline(600.0), Attempts())
 
 
 async def test_a_policy_gives_up_before_the_kernel_does_and_says_why(monkeypatch: pytest.MonkeyPatch):

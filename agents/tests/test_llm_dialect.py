@@ -1,4 +1,4 @@
-"""What a service does not take is not asked for twice."""
+"""A parameter that a service rejects is not sent again."""
 
 import json
 from typing import Any
@@ -33,7 +33,7 @@ UNKNOWN = Reply(
 
 
 def strict(request: dict[str, Any]) -> Reply:
-    """A reasoning model's service."""
+    """A service of a reasoning model, which rejects some parameters."""
     if "max_tokens" in request:
         return NO_MAX_TOKENS
     return NO_TEMPERATURE if "temperature" in request else Reply()
@@ -64,10 +64,10 @@ async def test_an_unknown_one_is_learnt_once():
         policy = await mind(server.url, "mystery", tries="1")
         assert await calls(policy, 1) == 3
         assert await calls(policy, 2) == 1
-    asked = [
+    parameters = [
         sorted({"max_tokens", "max_completion_tokens", "temperature"} & request.keys()) for request in server.requests
     ]
-    assert asked == [
+    assert parameters == [
         ["max_tokens", "temperature"], ["max_completion_tokens", "temperature"],
         ["max_completion_tokens"], ["max_completion_tokens"],
     ]  # fmt: skip

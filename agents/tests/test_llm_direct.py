@@ -90,9 +90,9 @@ async def test_a_slow_service_ends_at_the_deadline():
 
 
 async def test_nobody_listens():
-    with socket.socket() as taken:  # bound, so that nobody else takes the port, and not listening
-        taken.bind(("127.0.0.1", 0))
-        port = taken.getsockname()[1]
+    with socket.socket() as bound:  # bound, so that nobody else takes the port, and not listening
+        bound.bind(("127.0.0.1", 0))
+        port = bound.getsockname()[1]
         with pytest.raises(ModelError, match=f"127.0.0.1:{port}"):
             await ask(f"http://127.0.0.1:{port}/v1", tries=2)
 
@@ -107,7 +107,7 @@ REFUSALS = [
 
 @pytest.mark.parametrize(("body", "status", "asked"), REFUSALS)
 async def test_an_error_that_comes_with_200_is_a_refusal_in_the_services_own_words(body: str, status: int, asked: int):
-    """An intermediary that has begun to answer can only say so in the body."""
+    """An intermediary that has already sent its status can report a failure only in the body."""
     with serve([Reply(body=body)]) as server:
         with pytest.raises(ModelError, match=f"answered {status}.*no such user") as failure:
             await ask(server.url, tries=2)

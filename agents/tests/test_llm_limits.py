@@ -1,4 +1,4 @@
-"""A service's limits hold over threads and processes, and never beyond a deadline."""
+"""A service's limits apply across threads and processes, and never delay a call beyond its deadline."""
 
 import asyncio
 import subprocess
@@ -33,10 +33,10 @@ def service(**limits: float) -> ServiceEntry:
 
 
 class Counting:
-    """A model that notes how many ask it at once, and when."""
+    """A model that counts its concurrent calls and stores their times."""
 
     def __init__(self, tokens: int = 0, together: int = 0) -> None:
-        """It answers nobody before so many have asked at once."""
+        """With `together`, the first answers wait for this number of concurrent calls."""
         self.now = self.most = 0
         self.together = together
         self.times: list[float] = []
@@ -83,7 +83,7 @@ async def test_calls_at_a_time_are_limited_over_clients_and_threads() -> None:
 
 
 async def test_requests_are_paced() -> None:
-    """A turn never comes before its moment; who is late with the first is so with the others, not ahead of them."""
+    """A turn never comes before its time. A delay of the first request delays the others too."""
     model, began = Counting(), time.monotonic()
     client = LimitedClient(model, service(requests_per_minute=1200), "u")
     await asyncio.gather(*(client.complete(REQUEST, 3600) for _ in range(10)))

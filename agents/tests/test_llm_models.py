@@ -1,4 +1,4 @@
-"""The list of models: what it says of the paper's, how it is extended, what is refused, and what is then sent."""
+"""The table of models: the paper's models, extensions, rejections, and the resulting requests."""
 
 import json
 from pathlib import Path
@@ -29,14 +29,14 @@ KEYS = ("OPENAI_API_KEY", "GEMINI_API_KEY", "MOONSHOT_API_KEY", "DASHSCOPE_API_K
 
 @pytest.fixture(autouse=True)
 def alone(tmp_path, monkeypatch):
-    """No list and no key of the machine's own."""
+    """Remove the machine's own table and keys from the environment."""
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     for name in ("LINGJING_MODELS", *KEYS):
         monkeypatch.delenv(name, raising=False)
 
 
-def options(**given: object) -> ModelOptions:
-    return read_options(ModelOptions, given, "policy `test`")
+def options(**values: object) -> ModelOptions:
+    return read_options(ModelOptions, values, "policy `test`")
 
 
 async def sent(url: str, **given: object) -> dict[str, object]:
@@ -127,7 +127,7 @@ async def test_a_step_can_come_as_a_tools_arguments():
 
 
 async def test_arguments_that_are_no_text_are_read_all_the_same():
-    """The protocol says JSON as text; some servers give the object itself."""
+    """By the protocol they are JSON as text; some servers send the object itself."""
     reply = completion(Reply())
     step = {"thought": "by a tool", "command": None, "messages": []}
     calls = [{"function": {"name": "step", "arguments": None}}, {"function": {"name": "step", "arguments": step}}]
@@ -160,7 +160,7 @@ async def test_an_answer_is_not_lost_for_a_count_that_cannot_be_and_counts_in_fu
 
 
 class CountedCalls(UnrecordedCalls):
-    """Keeps what the calls came to."""
+    """A record that stores the results of the calls."""
 
     def __init__(self) -> None:
         self.ended = []
@@ -244,8 +244,8 @@ def test_every_fault_of_a_list_is_told_at_once_with_its_path(tmp_path):
     )
     with pytest.raises(UsageError) as caught:
         read_models(Path(path))
-    found = {fault.where: fault.message for fault in caught.value.faults}
-    assert found == {
+    faults = {fault.where: fault.message for fault in caught.value.faults}
+    assert faults == {
         "services.lab.base_url": "it does not begin with http:// or https:// and a host",
         "services.lab.concurrency": "is 0, at least 1 is due",
         "models.one.price_in": "is -1, at least 0 is due",
@@ -257,7 +257,7 @@ def test_every_fault_of_a_list_is_told_at_once_with_its_path(tmp_path):
         "families.0.pattern": "is missing",
         "families.0.images": "is 'yes', yes or no is due",
     }
-    assert all(f"{path}: {where}: " in str(caught.value) for where in found)
+    assert all(f"{path}: {where}: " in str(caught.value) for where in faults)
 
 
 def test_what_is_wrong_with_the_list_of_the_environment_is_told_as_of_one_that_is_given(tmp_path, monkeypatch):
@@ -304,7 +304,7 @@ class Capped(UnrecordedCalls):
 
 def test_without_a_price_no_money_is_capped():
     given = {"model": "qwen3-vl-flash", "base_url": "http://localhost:1/v1"}
-    with pytest.raises(UsageError, match="nobody has said what `qwen3-vl-flash` costs"):
+    with pytest.raises(UsageError, match="the price of `qwen3-vl-flash` is not known"):
         open_model(options(**given), Capped())
     for more in ({"price_in": 0, "price_out": 0}, {"price_in": 1, "price_out": 2}):
         assert open_model(options(**given, **more), Capped()).profile.traits.priced

@@ -1,4 +1,4 @@
-"""Nothing that a service, a library or an exception says carries a key or a password out of a client."""
+"""No text of a service, a library or an exception carries a key or a password out of a client."""
 
 import html
 import json
@@ -53,14 +53,14 @@ SPELLINGS: dict[str, Callable[[str], str]] = {
 
 
 def readable(text: str) -> Iterator[str]:
-    """The text as somebody who looks for keys reads it."""
+    """Yield the text with its escapes undone, step by step, as a search for keys would read it."""
     for _ in range(3):
         text = re.sub(r"\\+u([0-9a-f]{4})", lambda match: chr(int(match[1], 16)), html.unescape(unquote(text)))
         yield text.lower()
 
 
 def told(text: str, secret: str, run: int = RUN + 2) -> str:
-    """A run of the secret's characters that a text tells, in whatever spelling; empty if it tells none."""
+    """Return a substring of the secret that a text contains in any encoding; "" without one."""
     data = secret.encode()
     forms = [secret.lower(), data.hex(), *(b64encode(b"?" * at + data).decode()[4:-4].lower() for at in range(3))]
     for form in forms:
@@ -96,14 +96,14 @@ def test_other_texts_stay_as_they_are():
     "piece", ["x", "%41", "&#65;", "\\u0041", "\\", "%", "&", "://", "://a", "Zq8vT3kX", "é", "%25", "@"]
 )
 def test_a_long_answer_is_searched_in_one_go(piece: str):
-    """Under the suite's time limit: a search that grows with the square of the text would take hours."""
+    """A search with quadratic cost would take hours and exceed the suite's time limit."""
     key = "Zq8vT3kX9-mWn2bLs77Rx"
     redacted = Redactor((key, LOGIN))(piece * (2_000_000 // len(piece)) + f" {key} {quote(KEY)} {key[:12]}")
     assert not told(redacted[-200:], key)
 
 
 def echo(status: str, spell: Callable[[str], str]):
-    """A service that sends back what it was sent as authorisation."""
+    """A service that returns the authorisation that it received."""
 
     def answer(request: bytes) -> Iterator[bytes]:
         sent = header_of(request, "authorization").partition(" ")[2]
@@ -141,7 +141,7 @@ async def test_exceptions_their_causes_and_logs_hold_no_key(client, monkeypatch,
 
 
 def _linked(error: BaseException) -> str:
-    """Everything that hangs on to an exception, with its attributes."""
+    """Return an exception with all linked exceptions and their attributes."""
     seen, texts, waiting = set(), [], [error]
     while waiting:
         one = waiting.pop()

@@ -1,4 +1,4 @@
-"""Whole episodes of the oracle with the real engines: bodies of every kind, and the relations that come about."""
+"""Whole episodes of the oracle with the real engines: bodies of every kind, and the declared relations."""
 
 import json
 from pathlib import Path
@@ -28,7 +28,9 @@ def test_the_oracle_wins_and_the_declared_relations_come_about(mission, mode, se
         compiled, policy="oracle", seed=3, mode=mode, settings=settings, out=tmp_path / "run", overview=False
     )
     assert result.success, result.reason
-    assert [said for said in result.warnings if not said.startswith("moved from")] == []  # vans are put on the road
+    assert [
+        warning for warning in result.warnings if not warning.startswith("moved from")
+    ] == []  # vans are put on the road
     records = [relation for record in read_trace(result.trace).boundaries for relation in record.relations]
     assert relations <= {record.kind for record in records}
     assert all(record.source and record.target and record.by for record in records)
@@ -43,7 +45,7 @@ def test_an_oracle_plays_its_part_among_heuristics(oracle: str, tmp_path: Path) 
 
 
 def document(task: str, cars: list[tuple[float, float]], state: dict, folder: Path) -> Path:
-    """A `resetScenario` document with cars at places in centimetres."""
+    """Return a `resetScenario` document with cars at places in centimetres."""
     fleet = [{"equipmentCode": f"CAR-{k}", "data": {"x": x, "y": y, "z": 0.0}} for k, (x, y) in enumerate(cars)]
     row = {"task_type": task, "initial_state": state}
     file = folder / "document.json"
@@ -52,7 +54,7 @@ def document(task: str, cars: list[tuple[float, float]], state: dict, folder: Pa
 
 
 def test_who_served_a_stop_beside_the_depot_loads_again(tmp_path: Path) -> None:
-    """The stop counts as the depot too, and who is sent there has a restocking under way until it is full."""
+    """The stop refers to the depot too, so an assignment there keeps a loading pending until the body is full."""
     stops = [{"delId": k, "x": 5000.0 * k, "y": -4000.0, "z": 0.0, "demand": k + 1.0} for k in (1, 2, 3)]
     state = {"warehousePosition": {"x": 100.0, "y": -100.0, "z": 0.0}, "goalDelPosition": stops}
     cars = [(700.0 * k, -1000.0) for k in (1, 2, 3)]

@@ -1,4 +1,4 @@
-"""How oracles share the inspection of a route: who is ordered what, who asks anew, and who waits."""
+"""The oracles' inspection of a route: orders, requests for another route, and waiting."""
 
 from __future__ import annotations
 
@@ -51,38 +51,38 @@ mission convoy "A route that two may inspect" {
 WAYPOINTS: tuple[Vector, ...] = ((-11.6, -201.7, 0.0), (5.0, -11.6, 0.0), (162.5, -5.0, 0.0), (330.0, -5.0, 0.0))
 FREE: tuple[Vector, ...] = (*WAYPOINTS[:2], (0.0, 200.0, 0.0), (330.0, 200.0, 0.0))
 TOO_LONG = round(PATIENCE_S / 20.0)
-"""Ticks after which nobody waits any more."""
+"""Ticks after which no vehicle waits any more."""
 
 
 class Mind:
-    """One agent's oracle before a truth that is made by hand."""
+    """One agent's oracle with a ground truth made by hand."""
 
     def __init__(self, folder: Path, agent: str, mission: str = MISSION, mode: str = "star", lost: float = 0.0) -> None:
         file = folder / "convoy.ljs"
         file.write_text(mission)
         self._instance = instantiate(lingjing.compile(file), seed=1, mode=mode, settings={"lost": lost})
-        spec = next(one for one in self._instance.agents if one.id == agent)
+        spec = next(candidate for candidate in self._instance.agents if candidate.id == agent)
         self._agent, self._policy = agent, OraclePolicy()
         asyncio.run(self._policy.reset(Projector(self._instance).brief(spec, ())))
 
     def act(
-        self, tick: int, route: int = 1, waypoints: tuple[Vector, ...] = WAYPOINTS, seen: int = 0, *heard: Envelope
+        self, tick: int, route: int = 1, waypoints: tuple[Vector, ...] = WAYPOINTS, seen: int = 0, *messages: Envelope
     ) -> Decision:
-        """What it decides at a boundary at which so many waypoints of the route were inspected."""
+        """Return the decision at a boundary with this number of inspected waypoints."""
         truth = Privileged(
             instance=self._instance,
-            states=tuple(BodyState(id=one.id, position=one.position) for one in self._instance.entities),
+            states=tuple(BodyState(id=entity.id, position=entity.position) for entity in self._instance.entities),
             frames=(), achieved=(),
             routes=(Route(entity="van", number=route, waypoints=waypoints, length_m=1.0, duration_s=1.0, time_s=0.0),),
             inspected={"check": tuple(range(seen))},
         )  # fmt: skip
         observed = Observation(agent=self._agent, tick=tick, time_s=20.0 * tick, privileged=truth)
-        return asyncio.run(self._policy.act(observed, Inbox(messages=heard)))
+        return asyncio.run(self._policy.act(observed, Inbox(messages=messages)))
 
     def orders(self, tick: int, route: int = 1, waypoints: tuple[Vector, ...] = WAYPOINTS, seen: int = 0) -> list[str]:
-        """Whom it orders to do what."""
-        said = self.act(tick, route, waypoints, seen).messages
-        return [f"{one.body['assignee']} {one.body['task']}" for one in said if one.kind == "order"]
+        """Return the orders as assignee and task."""
+        messages = self.act(tick, route, waypoints, seen).messages
+        return [f"{message.body['assignee']} {message.body['task']}" for message in messages if message.kind == "order"]
 
 
 def told(kind: str, **body: str | float | Vector) -> Envelope:
@@ -104,8 +104,8 @@ def test_whoever_leads_orders_each_inspector_that_somebody_controls(mode: str, t
 
 def test_a_request_for_another_route_is_not_asked_again_by_passing_it_on(tmp_path: Path) -> None:
     hub = Mind(tmp_path, "coordinator")
-    asked = told("jammed", waypoint=3.0, position=(177.0, -2.0, 0.0))
-    assert {one.kind for one in hub.act(2, 2, FREE, 4, asked).messages} == {"order"}
+    request = told("jammed", waypoint=3.0, position=(177.0, -2.0, 0.0))
+    assert {message.kind for message in hub.act(2, 2, FREE, 4, request).messages} == {"order"}
 
 
 def test_nobody_goes_or_is_sent_into_a_jam_that_another_route_may_avoid(tmp_path: Path) -> None:
@@ -166,15 +166,15 @@ ASKED = told("jammed", waypoint=3.0, position=JAM)
 def test_the_hub_asks_for_another_route_once_because_of_a_jam_and_not_after_who_found_it(
     mode: str, heard: list[list[Envelope]], asks: list[int], tmp_path: Path
 ) -> None:
-    """On the first route and on later ones alike: what those pass all the same cannot be avoided."""
+    """This holds on the first route and on later ones: a jam that they still pass cannot be avoided."""
     hub = Mind(tmp_path, "coordinator", mode=mode)
     for tick, (messages, number) in enumerate(zip(heard, asks, strict=True), 2):
-        said = hub.act(tick, tick, WAYPOINTS, 3, *messages).messages
-        assert [one.kind for one in said].count("jammed") == number
+        sent = hub.act(tick, tick, WAYPOINTS, 3, *messages).messages
+        assert [message.kind for message in sent].count("jammed") == number
 
 
 def test_nobody_is_sent_where_a_jam_is_reported_who_can_do_nothing_about_it(tmp_path: Path) -> None:
-    """However far from the jam the report places it."""
+    """The distance between the reported position and the jam does not matter."""
     reports = MISSION.replace("assignment, status", "assignment, report, status").replace(
         "carries jammed", "carries sighting"
     )
@@ -184,14 +184,18 @@ def test_nobody_is_sent_where_a_jam_is_reported_who_can_do_nothing_about_it(tmp_
     hub = Mind(tmp_path, "coordinator", reports)
     hub.act(1, 2, FREE, 4)
     for cls, orders in (("congestion", []), ("destination", ["driver destination"])):
-        said = hub.act(2, 2, FREE, 4, told("sighting", **{"class": cls}, position=(-22.7, -47.6, 0.0))).messages
-        assert [f"{one.body['assignee']} {one.body['task']}" for one in said] == orders
+        sent = hub.act(2, 2, FREE, 4, told("sighting", **{"class": cls}, position=(-22.7, -47.6, 0.0))).messages
+        assert [f"{message.body['assignee']} {message.body['task']}" for message in sent] == orders
 
 
 def test_an_inspector_calls_no_waypoint_clear_that_lies_in_a_jam(tmp_path: Path) -> None:
     inspector = Mind(tmp_path, "inspector")
-    said = inspector.act(2, 1, WAYPOINTS, 4).messages
-    assert [one.body["task"] for one in said if one.body["state"] == "clear"] == ["inspect-1", "inspect-2", "inspect-4"]
+    sent = inspector.act(2, 1, WAYPOINTS, 4).messages
+    assert [message.body["task"] for message in sent if message.body["state"] == "clear"] == [
+        "inspect-1",
+        "inspect-2",
+        "inspect-4",
+    ]
 
 
 def test_an_inspector_who_may_not_ask_for_another_route_tells_of_the_jam(tmp_path: Path) -> None:
@@ -199,8 +203,8 @@ def test_an_inspector_who_may_not_ask_for_another_route_tells_of_the_jam(tmp_pat
     there = mute.replace("(-120 m, -220 m, 1 m)", "(177 m, -2 m, 60 m)")
     inspector = Mind(tmp_path, "inspector", there)
     inspector.act(2, 1, WAYPOINTS, 3)
-    (said,) = inspector.act(3, 1, WAYPOINTS, 3).messages
-    assert (said.kind, said.body["task"], said.body["state"]) == ("progress", "inspect-4", "jammed")
+    (report,) = inspector.act(3, 1, WAYPOINTS, 3).messages
+    assert (report.kind, report.body["task"], report.body["state"]) == ("progress", "inspect-4", "jammed")
 
 
 def test_each_vehicle_goes_to_the_destination_of_its_own_inspected_route(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""How the oracle plans: ways around obstacles, tours, loads of goods."""
+"""The oracle's plans: paths around obstacles, tours, loads of goods."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from lingjing.plugins.terrain import ObstacleMap
 
 
 def ground(*walls: tuple[float, float, float, float], side_m: int = 60) -> ObstacleMap:
-    """A square with the south-west corner at (0, 0); walls are (west, south, east, north)."""
+    """Return a square with its south-west corner at (0, 0); walls are (west, south, east, north)."""
     cells = 2 * side_m
     ys, xs = np.meshgrid((np.arange(cells) + 0.5) * 0.5, (np.arange(cells) + 0.5) * 0.5, indexing="ij")
     clear = np.full((cells, cells), 1.6, np.float32)
@@ -41,7 +41,7 @@ def ground(*walls: tuple[float, float, float, float], side_m: int = 60) -> Obsta
 
 
 def test_a_way_is_found_however_much_of_the_map_leads_nowhere():
-    """More than 60,000 cells lie before the wall, and its one gap is at the far end."""
+    """More than 60,000 cells lie before the wall, and its only gap is at the far end."""
     points = find_path(ground((0.0, 150.0, 154.0, 151.0), side_m=160), (2.0, 2.0), (2.0, 158.0), 1.0)
     assert points and math.dist(points[-1], (2.0, 158.0)) <= 1.0
 
@@ -85,12 +85,12 @@ def test_the_shortest_tour_is_the_shortest_of_all():
 
 
 def test_each_target_goes_to_whoever_is_there_first():
-    found = shares({"w": (0.0, 0.0), "e": (100.0, 0.0)}, ["x", "y", "z"], {"x": (10, 0), "y": (90, 0), "z": (60, 0)})
-    assert found == {"w": ["x"], "e": ["y", "z"]}
+    assigned = shares({"w": (0.0, 0.0), "e": (100.0, 0.0)}, ["x", "y", "z"], {"x": (10, 0), "y": (90, 0), "z": (60, 0)})
+    assert assigned == {"w": ["x"], "e": ["y", "z"]}
 
 
 class DeliveryView:
-    """As much of the truth as the plan of a trade needs."""
+    """The part of the ground truth that the plan of deliveries needs."""
 
     def __init__(self, demands: dict[str, float]) -> None:
         self._demands = demands
@@ -137,10 +137,12 @@ def test_a_stock_is_not_taken_for_one_whose_name_begins_alike():
 
 
 def test_a_dog_outside_of_the_wall_goes_in_by_the_gate():
-    """It begins north of the walled compound, nearer to the wall beside its target than to the gate."""
+    """The dog starts north of the walled compound, nearer to the wall beside its target than to the gate."""
     instance = instantiate(templates_beside(Path("nowhere"))("vdn"), seed=1)
     start = (-69.0, 221.0)
-    bodies = tuple(replace(one, position=(*start, 0.5)) if one.id == "dog" else one for one in instance.entities)
+    bodies = tuple(
+        replace(entity, position=(*start, 0.5)) if entity.id == "dog" else entity for entity in instance.entities
+    )
     instance, city = CityBuilder(PluginHost()).place(replace(instance, entities=bodies), imported=True)
     plan = InstanceIndex(instance)
     (task,) = plan.tasks

@@ -1,4 +1,4 @@
-"""An outage that a policy reports counts if the harness gets no answer from the service either."""
+"""An outage that a policy reports counts only if the service does not answer the harness either."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def mission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def refusing(request: dict[str, Any]) -> Reply:
-    """A service that answers the harness and refuses the policy."""
+    """A service that answers the harness and rejects the policy."""
     return Reply() if request["messages"][0]["content"] == PROBE else Reply(status=500)
 
 
@@ -50,18 +50,18 @@ def test_a_service_that_refuses_the_policy_alone_is_the_policys_failure(mission:
     with serve(refusing) as server:
         played = play(mission, tmp_path / "a", server.url, {"tries": "1"})
     assert (played.reason, played.ticks) == ("budget", 4)
-    made = [one for record in read_trace(played.trace).boundaries for one in record.decisions]
-    assert {one.substituted for one in made} == {"policy_error"}
-    assert any("refused `scout[1]` 3 ticks in a row" in one.detail for one in made)
+    made = [decision for record in read_trace(played.trace).boundaries for decision in record.decisions]
+    assert {decision.substituted for decision in made} == {"policy_error"}
+    assert any("refused `scout[1]` 3 ticks in a row" in decision.detail for decision in made)
     again = play(mission, tmp_path / "b", server.url, {"tries": "1"}, calls="replay", calls_from=tmp_path / "a")
     assert decisions(played) == decisions(again)
 
 
 class Accuser:
-    """A policy that raises what would end an episode, or a whole suite, if its word counted."""
+    """A policy with an error that would end an episode, or a whole suite, if it counted without confirmation."""
 
     async def reset(self, brief: Any) -> None:
-        """Nothing."""
+        """Do nothing."""
 
     async def act(self, observation: Any, inbox: Any) -> Any:
         raise InfrastructureError("money: the limit does not cover another call")

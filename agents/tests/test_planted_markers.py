@@ -1,5 +1,8 @@
-"""Markers are planted in everything that must stay where it is, an episode is played, and all that is left is searched:
-every request, the trace, the record of calls, errors and the terminal."""
+"""Secrecy of planted markers: an episode is played with markers in all confidential places, and all outputs are
+searched.
+
+The outputs are every request, the trace, the record of calls, errors and the terminal.
+"""
 
 import json
 import os
@@ -53,8 +56,10 @@ SAID, THOUGHT = "Planted-message-of-scout-1", "Planted-thought-of-scout-1"
 
 
 class EchoingService:
-    """Answers with steps that repeat its key, steer the terminal, and say what scout[1] says; now and then an error
-    with its key instead. It keeps what it was asked."""
+    """A service with answers that repeat its key, contain terminal escapes, and quote scout[1].
+
+    Sometimes it returns an error with its key instead. It stores all requests.
+    """
 
     def __init__(self) -> None:
         self.requests: list[tuple[str, dict[str, Any]]] = []
@@ -63,24 +68,24 @@ class EchoingService:
     def __call__(self, request: bytes) -> Iterator[bytes]:
         sent = header_of(request, "authorization")
         body = json.loads(request.partition(b"\r\n\r\n")[2])
-        found = re.search(r"scout\[[12]\]|leader", body["messages"][0]["content"])
-        assert found
-        self.requests.append((found[0], body))
+        match = re.search(r"scout\[[12]\]|leader", body["messages"][0]["content"])
+        assert match
+        self.requests.append((match[0], body))
         self.sent.add(sent)
         plain = b64decode(sent.split()[1]).decode() if sent.startswith("Basic") else sent
         words = f"{EVIL} {plain} {sent}"
-        asked = sum(agent == found[0] for agent, _ in self.requests)  # by itself: agents ask at once, in any order
-        if found[0] == "scout[2]" and asked % 3 == 2:
+        count = sum(agent == match[0] for agent, _ in self.requests)  # by itself: agents ask at once, in any order
+        if match[0] == "scout[2]" and count % 3 == 2:
             yield answered("401 Unauthorized", json.dumps({"error": words}, ensure_ascii=False).encode(), f"x: {sent}")
             return
-        first = found[0] == "scout[1]"
+        first = match[0] == "scout[1]"
         note = {"kind": "word", "body": {"text": SAID if first else words}, "to": []}
         step = {"thought": f"{THOUGHT if first else ''} {words}", "command": None, "messages": [note] if first else []}
         yield completion(f"<think>{words}</think>" + json.dumps(step))
 
 
 def on_terminal(folder: Path, environment: dict[str, str], *arguments: str) -> tuple[int, str]:
-    """The exit code and all that a terminal got."""
+    """Return the exit code and the complete output on a terminal."""
     primary, secondary = pty.openpty()
     process = subprocess.Popen(
         [sys.executable, "-m", "lingjing.cli.main", *arguments],
@@ -101,15 +106,15 @@ def on_terminal(folder: Path, environment: dict[str, str], *arguments: str) -> t
 
 
 def stored(folder: Path) -> dict[str, bytes]:
-    """Everything that a run left, packed parts unpacked."""
-    found = {path.name: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    """Return all files of a run, with packed parts unpacked."""
+    contents = {path.name: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     for path in folder.rglob("*.mcap*"):
-        found[f"{path.name}, unpacked"] = b"\n".join(one.data for one in scan(path))
+        contents[f"{path.name}, unpacked"] = b"\n".join(record.data for record in scan(path))
     for path in folder.rglob("*.sqlite"):
         with sqlite3.connect(path) as file:
             rows = [*file.execute("SELECT data, hash FROM content"), *file.execute("SELECT result, head FROM call")]
-        found[f"{path.name}, its rows"] = b"\n".join(bytes(part) for row in rows for part in row if part is not None)
-    return found
+        contents[f"{path.name}, its rows"] = b"\n".join(bytes(part) for row in rows for part in row if part is not None)
+    return contents
 
 
 @pytest.mark.parametrize("secret", [KEY, LOGIN])

@@ -1,4 +1,4 @@
-"""What all policies promise: valid answers to any observation, the same ones each time, no peeking."""
+"""The contract of all policies: valid decisions for any observation, equal ones each time, no hidden information."""
 
 import asyncio
 import json
@@ -59,7 +59,7 @@ def play(plugin: PolicyPlugin, agent: str, mode: str, shown: list[tuple[Observat
 
 
 class Shown:
-    """A plug-in's policy that is handed inboxes as well, so that the conformance kit sees what it then says."""
+    """A plug-in's policy that also receives inboxes, so that the conformance kit checks its messages."""
 
     def __init__(self, plugin: PolicyPlugin, inboxes: list[Inbox]) -> None:
         self._policy, self._inboxes = plugin.factory(), iter(inboxes)
@@ -107,7 +107,7 @@ def test_random_draws_from_the_briefs_seed_alone():
 
 
 class Trap:
-    """Truth that must not be touched: every access raises."""
+    """A ground truth that raises on every access."""
 
     def __getattribute__(self, name: str):
         raise AssertionError(f"an unprivileged policy read privileged.{name}")

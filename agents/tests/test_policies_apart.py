@@ -1,4 +1,4 @@
-"""The reference policies in processes of their own decide what they decide in the caller's: one digest."""
+"""The reference policies decide equally in processes of their own and in the caller's: one digest."""
 
 from __future__ import annotations
 
@@ -62,11 +62,11 @@ def test_one_digest_here_and_apart(
     if mission in ("cd", "ld") and find_spec("libsumo") is None:
         pytest.skip("the road engine is an optional extra")
     text = lingjing.compile(short(tmp_path, mission, 6))
-    given = {"policy": policy, "mode": mode, "seed": 1, "overview": False}
+    options = {"policy": policy, "mode": mode, "seed": 1, "overview": False}
     with Session(policy_server=server) as session:
-        apart = session.run(text, out=tmp_path / "apart", **given)
+        apart = session.run(text, out=tmp_path / "apart", **options)
     with Session() as session:
-        here = session.run(text, out=tmp_path / "here", **given)
+        here = session.run(text, out=tmp_path / "here", **options)
     assert apart.metrics is not None and apart.metrics.substitutions == 0
     assert (apart.digest, apart.frames_digest, apart.ticks) == (here.digest, here.frames_digest, here.ticks)
 
@@ -82,16 +82,16 @@ def test_a_script_decides_the_same_apart(server: ForkServerClient, glance: Path,
     script = tmp_path / "script.json"
     commands = {"0": {"command": {"verb": "takeoff"}}, "1": {"command": {"verb": "takePhoto"}}}
     script.write_text(json.dumps({"scout[1]": commands}))
-    given = {"policy": "scripted", "policy_args": {"script": str(script)}, "overview": False, "seed": 1}
+    options = {"policy": "scripted", "policy_args": {"script": str(script)}, "overview": False, "seed": 1}
     with Session(policy_server=server) as session:
-        apart = session.run(glance, out=tmp_path / "apart", **given)
-    here = lingjing.run(glance, out=tmp_path / "here", **given)
+        apart = session.run(glance, out=tmp_path / "apart", **options)
+    here = lingjing.run(glance, out=tmp_path / "here", **options)
     assert (apart.digest, apart.frames_digest) == (here.digest, here.frames_digest)
 
 
 @dataclass
 class Asking:
-    """A mission with an agent that asks a model, a session that plays it apart, and the service of the model."""
+    """A mission with an agent that calls a model, a session that plays it in processes, and the model's service."""
 
     mission: Path
     session: Session
@@ -99,8 +99,8 @@ class Asking:
     close_service: Callable[[], None]
 
     def play(self, out: Path, **changes: object) -> EpisodeReport:
-        given = {"policy": "react", "policy_args": {**ARGUMENTS, "base_url": self.url}, "overview": False}
-        return self.session.run(self.mission, out=out, **{**given, **changes})  # type: ignore[arg-type]
+        options = {"policy": "react", "policy_args": {**ARGUMENTS, "base_url": self.url}, "overview": False}
+        return self.session.run(self.mission, out=out, **{**options, **changes})  # type: ignore[arg-type]
 
 
 @pytest.fixture
@@ -111,7 +111,7 @@ def asking(server: ForkServerClient, glance: Path) -> Iterator[Asking]:
 
 
 def test_model_calls_cross_the_border(asking: Asking, tmp_path: Path) -> None:
-    """A record that is made apart is replayed here without a service, and the other way round."""
+    """A record that is made in a policy process is replayed in the caller without a service, and vice versa."""
     apart = asking.play(tmp_path / "apart")
     asking.close_service()
     replaying = {"calls": "replay", "calls_from": tmp_path / "apart"}
@@ -120,8 +120,8 @@ def test_model_calls_cross_the_border(asking: Asking, tmp_path: Path) -> None:
     assert apart.digest == here.digest == again.digest
     assert decisions(apart) == decisions(here) == decisions(again)
     assert again.warnings == here.warnings
-    asked = [len(list(CallReader(tmp_path / name / CALLS_NAME).calls())) for name in ("apart", "here", "again")]
-    assert len(set(asked)) == 1 and asked[0] > 8
+    counts = [len(list(CallReader(tmp_path / name / CALLS_NAME).calls())) for name in ("apart", "here", "again")]
+    assert len(set(counts)) == 1 and counts[0] > 8
 
 
 def test_limits_of_spending_hold_for_all_processes(asking: Asking, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Whole episodes of the sea rescue with the real engines: the oracle wins, the heuristic repeats itself."""
+"""Whole episodes of the sea rescue with the real engines: the oracle wins, the heuristic is reproducible."""
 
 import itertools
 import math
@@ -74,6 +74,6 @@ def test_who_starts_from_pads_eight_metres_apart_meets_nobody(policy: str, tmp_p
         aloft = [state for state in moment.states if state.id.startswith("uav") and state.status != "grounded"]
         flown |= {state.id for state in aloft}
         pairs = itertools.combinations(aloft, 2)
-        nearest = min([nearest, *(math.dist(one.position, other.position) for one, other in pairs)])
+        nearest = min([nearest, *(math.dist(first.position, other.position) for first, other in pairs)])
     assert len(flown) == (10 if policy == "heuristic" else 3)  # the oracle needs one for each victim
     assert nearest > 2.0, nearest

@@ -1,4 +1,4 @@
-"""`lingjing prompts improve` over real HTTP: real episodes, a second model, nothing hidden in what it reads."""
+"""`lingjing prompts improve` over real HTTP: real episodes, a second model, no hidden values in its input."""
 
 import re
 from pathlib import Path
@@ -53,15 +53,15 @@ def test_a_prompt_is_improved_from_failed_traces(tmp_path: Path, capsys: pytest.
             "--reviser-arg", "model=second", "--reviser-arg", f"base_url={server.url}",
         ])  # fmt: skip
     assert code == ExitCode.OK, capsys.readouterr().err
-    asked = next(one for one in server.requests if one["model"] == "second")["messages"][1]["content"]
-    assert "TSR 0%" in asked
-    assert "I wait for somebody" in asked
+    question = next(item for item in server.requests if item["model"] == "second")["messages"][1]["content"]
+    assert "TSR 0%" in question
+    assert "I wait for somebody" in question
     trace = read_trace(tmp_path / "P2.txt.search" / "candidate-0-1000" / "trace.mcap")
-    hidden = next(one for one in trace.header.instance.entities if one.id == "victim").position
-    assert not {f"{hidden[0]:.1f}", f"{hidden[1]:.1f}"} & set(re.findall(r"-?\d+\.\d", asked))
+    hidden = next(item for item in trace.header.instance.entities if item.id == "victim").position
+    assert not {f"{hidden[0]:.1f}", f"{hidden[1]:.1f}"} & set(re.findall(r"-?\d+\.\d", question))
     assert trace.header.fingerprint["react.prompt"].startswith("candidate-0.txt sha256:")
-    played = [one for one in server.requests if one["model"] == "player"]
-    assert any("Look twice." in one["messages"][0]["content"] for one in played)
+    played = [item for item in server.requests if item["model"] == "player"]
+    assert any("Look twice." in item["messages"][0]["content"] for item in played)
     assert (tmp_path / "P2.txt").read_text().startswith("You are `$agent`, $role: $goal")  # the first of two equals
 
 
@@ -83,7 +83,7 @@ def test_a_second_model_that_gives_no_prompt_is_asked_once_more():
     assert (revision.text, revision.fault) == (f"{LONGER}\n", "")
     with serve([Reply("no"), Reply({"prompt": LONGER})]) as server:
         assert reviser(server.url).revise("p", "r", ["f"], []).text == f"{LONGER}\n"
-    assert ["response_format" in one for one in server.requests] == [False, True]
+    assert ["response_format" in request for request in server.requests] == [False, True]
     assert "JSON object" in server.requests[1]["messages"][-1]["content"]
     with serve([Reply("", status=500)] * 9) as server, pytest.raises(InfrastructureError, match="gave no revision"):
         reviser(server.url, tries="1").revise("p", "r", [], [])
@@ -136,8 +136,8 @@ def test_a_reviser_is_told_what_was_tried_and_no_more_than_its_context_takes(tmp
     ):
         with serve([Reply(f"<prompt>{LONGER}</prompt>")]) as server:
             reviser(server.url, **options).revise("You are $agent", "TSR 0%", failures, tried)
-        asked = server.requests[0]["messages"][1]["content"]
+        question = server.requests[0]["messages"][1]["content"]
         every = ("FAILED EPISODE 1", "FAILED EPISODE 2", "DID NO BETTER: TSR 10%\nFly low", "the answer was cut off")
-        assert [part for part in every if part in asked] == parts
-        told = sum(len(one["content"]) for one in server.requests[0]["messages"])
-        assert not options or told / 3.0 + 700 <= 2048
+        assert [part for part in every if part in question] == parts
+        letters = sum(len(message["content"]) for message in server.requests[0]["messages"])
+        assert not options or letters / 3.0 + 700 <= 2048

@@ -40,7 +40,7 @@ def url() -> Iterator[str]:
 
 
 def models(folder: Path, url: str) -> Path:
-    """A list of one's own: the model goes round in circles without a penalty for it."""
+    """Return an own table of models: the model repeats itself endlessly without a penalty for repetition."""
     path = folder / "models.toml"
     path.write_text(
         f'[services.local]\nbase_url = "{url}"\nconcurrency = 1\n'
@@ -59,11 +59,11 @@ def test_a_real_model_plays_six_ticks_and_again_without_its_server(mode: str, ur
         "model": "smollm2-135m", "models": models(tmp_path, url), "deadline": "3500", "max_tokens": "160",
         "prompt": "P0", "repairs": "0", "history_tokens": "400",
     }  # fmt: skip
-    given = {
+    options = {
         "policy": "react", "policy_args": arguments, "mode": mode, "settings": {"uavs": 1.0, "victims": 1.0},
         "overview": False, "world": "inline",
     }  # fmt: skip
-    played = lingjing.run(mission, out=tmp_path / "played", **given)
+    played = lingjing.run(mission, out=tmp_path / "played", **options)
     assert (played.reason, played.ticks) in (("budget", TICKS), ("success", played.ticks))
     assert played.metrics is not None
     calls = list(CallReader(tmp_path / "played" / CALLS_NAME).calls())
@@ -76,5 +76,5 @@ def test_a_real_model_plays_six_ticks_and_again_without_its_server(mode: str, ur
         f"\n{mode}: won {played.success}, SCR {played.scr:.2f}, {valid} of {len(decisions)} steps valid, "
         f"{played.metrics.tokens} tokens in {len(calls)} calls"
     )
-    again = lingjing.run(mission, out=tmp_path / "again", calls="replay", calls_from=tmp_path / "played", **given)
+    again = lingjing.run(mission, out=tmp_path / "again", calls="replay", calls_from=tmp_path / "played", **options)
     assert (again.digest, again.scr, again.warnings) == (played.digest, played.scr, played.warnings)

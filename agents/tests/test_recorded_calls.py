@@ -59,7 +59,7 @@ def key(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 class Script:
-    """Answers by agent and by how often it has asked; the last of a list repeats, an agent without one does nothing."""
+    """Answers by agent and number of its calls; the last of a list repeats, an agent without one does nothing."""
 
     def __init__(self, **replies: list[Reply]) -> None:
         self.replies = replies
@@ -67,9 +67,9 @@ class Script:
         self.lock = threading.Lock()
 
     def __call__(self, request: dict[str, Any]) -> Reply:
-        found = re.search(r"scout\[(\d)\]", request["messages"][0]["content"])
-        assert found
-        name = f"scout{found[1]}"
+        match = re.search(r"scout\[(\d)\]", request["messages"][0]["content"])
+        assert match
+        name = f"scout{match[1]}"
         with self.lock:
             number = self.asked[name]
             self.asked[name] += 1
@@ -78,7 +78,7 @@ class Script:
 
 
 def looking() -> Script:
-    """scout[1] looks down, with a mistake to be repaired on its way; scout[2] does nothing."""
+    """scout[1] looks down, with an error to repair on its way; scout[2] does nothing."""
     return Script(scout1=[Reply(LOOK), Reply("so I look down"), Reply(LOOK)])
 
 
@@ -86,12 +86,12 @@ def play(
     mission: Path, out: Path, url: str, policy_args: dict[str, str] | None = None, **changes: object
 ) -> EpisodeReport:
     arguments = {**ARGUMENTS, "base_url": url, **(policy_args or {})}
-    given = {"policy": "react", "policy_args": arguments, "overview": False, "world": "inline", "out": out, **changes}
-    return lingjing.run(mission, **given)
+    options = {"policy": "react", "policy_args": arguments, "overview": False, "world": "inline", "out": out, **changes}
+    return lingjing.run(mission, **options)
 
 
 def row(report: EpisodeReport) -> dict[str, object]:
-    """What a study keeps of an episode, but for the place of its trace and the seconds of wall clock."""
+    """Return a study's row of an episode, without the path of its trace and the wall-clock seconds."""
     plain = msgspec.to_builtins(report)
     del plain["trace"]
     return {**plain, "metrics": {k: v for k, v in plain["metrics"].items() if "wall" not in k}}
@@ -108,8 +108,8 @@ def decisions(report: EpisodeReport) -> list[object]:
 def test_an_episode_is_replayed_without_its_service_byte_for_byte(tmp_path, mission, monkeypatch, capsys):
     with serve(looking()) as server:
         played = play(mission, tmp_path / "a", server.url)
-        asked = len(server.requests)
-    assert asked == 4 * 2 + 1
+        count = len(server.requests)
+    assert count == 4 * 2 + 1
     monkeypatch.delenv("TEST_KEY")  # no key, no service
     again = play(mission, tmp_path / "b", server.url, calls="replay", calls_from=tmp_path / "a")
     third = play(mission, tmp_path / "c", server.url, calls="replay", calls_from=tmp_path / "b" / "trace.mcap")
@@ -123,7 +123,7 @@ def test_an_episode_is_replayed_without_its_service_byte_for_byte(tmp_path, miss
         return list(CallReader(tmp_path / name / CALLS_NAME).calls())
 
     assert recorded("a") == recorded("b") == recorded("c")
-    assert len(server.requests) == asked
+    assert len(server.requests) == count
 
 
 def test_the_record_can_be_listed_and_read(tmp_path, mission, capsys):
@@ -164,22 +164,25 @@ def test_no_key_is_in_anything_that_is_left(tmp_path, mission):
 
 
 def failing() -> Script:
-    """scout[2] meets a refusal, a time-out and a pause that is too long; scout[1] nothing."""
+    """scout[2] receives a rejection, a time-out and a pause that is too long; scout[1] none of them."""
     return Script(scout2=[Reply(status=401), Reply(delay_s=3600.0), Reply(status=429, headers={"retry-after": "900"})])
 
 
 @pytest.mark.parametrize("deadline", ["3", "60"])
 def test_failures_and_time_outs_are_replayed_at_once(tmp_path, mission, deadline):
-    """`react` gives up at its own deadline, or at nine tenths of the time that the mission allows a policy."""
+    """`react` ends a call at its own deadline, or at nine tenths of the time that the mission allows a policy."""
     mission.write_text(TEXT.replace("policy <= 600 s", "policy <= 5 s").replace("ticks <= 4", "ticks <= 3"))
     with serve(failing()) as server:
         played = play(mission, tmp_path / "a", server.url, {"deadline": deadline})
     again = play(mission, tmp_path / "b", "http://127.0.0.1:1/v1", {"deadline": deadline}, calls="replay",
                  calls_from=tmp_path / "a")  # fmt: skip
-    made = [one for one in decisions(played) if one.agent == "scout[2]"]
+    made = [decision for decision in decisions(played) if decision.agent == "scout[2]"]
     assert made[1].substituted == "policy_error"
     assert "no answer from the model within" in made[1].detail
-    assert {one.substituted for one in made} <= {"policy_error", "policy_timeout"}  # a refusal may be heard too late
+    assert {decision.substituted for decision in made} <= {
+        "policy_error",
+        "policy_timeout",
+    }  # a refusal may be heard too late
     assert decisions(played) == decisions(again)
     assert row(played) == row(again)
     waited = [record.decisions[1].policy_wall_s for record in read_trace(again.trace).boundaries[1:]]
@@ -189,10 +192,10 @@ def test_failures_and_time_outs_are_replayed_at_once(tmp_path, mission, deadline
 def test_a_missing_answer_is_an_error_and_never_a_call(tmp_path, mission):
     with serve(looking()) as server:
         play(mission, tmp_path / "a", server.url)
-        asked = len(server.requests)
+        recorded = len(server.requests)
         mission.write_text(TEXT.replace("ticks <= 4", "ticks <= 6"))
         report = play(mission, tmp_path / "b", server.url, calls="replay", calls_from=tmp_path / "a")
-        assert len(server.requests) == asked
+        assert len(server.requests) == recorded
     assert (report.reason, report.ticks) == ("infrastructure-abort", 4)
     assert report.detail.startswith("calls: `")
     assert "has no answer for `scout[1]`, tick 4, call 0" in report.detail
@@ -208,9 +211,10 @@ def test_what_was_asked_otherwise_is_named(tmp_path, mission):
     assert other.reason == "budget"
     assert "9 of 9 replayed calls were asked with other parameters, first `scout[1]`, tick 0, call 0" in other.warnings
     assert any(
-        "replayed calls were asked with other pictures, first `scout[1]`, tick 1" in one for one in other.warnings
+        "replayed calls were asked with other pictures, first `scout[1]`, tick 1" in warning
+        for warning in other.warnings
     )
-    assert not any("other texts" in one for one in other.warnings)
+    assert not any("other texts" in warning for warning in other.warnings)
     mission.write_text(TEXT.replace('"Look."', '"Look down."'))
     third = play(mission, tmp_path / "c", server.url, calls="replay", calls_from=tmp_path / "a")
     assert "9 of 9 replayed calls were asked with other texts, first `scout[1]`, tick 0, call 0" in third.warnings
@@ -277,7 +281,7 @@ def test_what_does_not_go_together_is_told(tmp_path, mission, given, said):
 
 
 def test_a_price_that_is_missing_where_money_is_capped_is_told_before_anything_starts(tmp_path, mission):
-    with serve([Reply()]) as server, pytest.raises(UsageError, match="nobody has said what `mystery` costs"):
+    with serve([Reply()]) as server, pytest.raises(UsageError, match="the price of `mystery` is not known"):
         lingjing.run(
             mission, policy="react", policy_args={"model": "mystery", "base_url": server.url}, max_cost=1.0,
             out=tmp_path / "a", world="inline",

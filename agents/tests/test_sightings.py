@@ -1,4 +1,4 @@
-"""What is believed of places that drift."""
+"""Beliefs about drifting targets."""
 
 import pytest
 from lingjing_agents.heuristic.rescuer import Rescuer
@@ -32,13 +32,13 @@ def test_what_stands_stays_whatever_the_weather(kind, moved):
 
 
 def test_a_rescuer_goes_where_the_new_current_takes_somebody():
-    told = brief("skipper")
+    skipper = brief("skipper")
     ways = []
-    for weather in (told.weather, NORTH):
-        rules = Rescuer(told, told.resources[0])
+    for weather in (skipper.weather, NORTH):
+        rules = Rescuer(skipper, skipper.resources[0])
         body = {"position": (0.0, -900.0, -3.5), "confidence": 0.9, "class": "person_in_water"}
-        heard = Inbox(messages=(envelope("scout[1]", SPEC, body),))
-        rules.act(observe("skipper", 1, weather=told.weather), heard)
+        report = Inbox(messages=(envelope("scout[1]", SPEC, body),))
+        rules.act(observe("skipper", 1, weather=skipper.weather), report)
         rules.act(observe("skipper", 2, weather=weather), Inbox())
         (sighting,) = rules._sightings.known
         ways.append(rules._sightings.where(sighting, 30.0))

@@ -1,7 +1,7 @@
-"""A "model" that plays from the text of its requests alone: it reads them back into a brief, an observation and an
-inbox, has the rules of `heuristic` decide on these, and answers in JSON.
+"""A "model" that plays from the text of its requests alone.
 
-What a request does not say, this model does not know. So an episode that it wins shows that the request says enough.
+It parses a request into a brief, an observation and an inbox, runs the rules of `heuristic` on them, and answers in
+JSON. An episode that it wins shows that the requests contain enough information.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _RECORDS = (
     ({"stop", "delivered"}, "delivery", "target_status"),
     ({"task", "state"}, "status", "target_status"),
 )
-"""What a message is, told by its fields: the record and the category."""
+"""The record and the category of a message, by its fields."""
 
 _TYPES = (
     ("[east, north]", "position"), ("[x_min", "box"), ("id of a picture", "frame"), ("true or false", "flag"),
@@ -60,7 +60,7 @@ _TYPES = (
 
 
 class ReadingModel:
-    """Answers requests; one heuristic policy for each agent that it is asked for."""
+    """A "model" with one heuristic policy for each agent that sends requests."""
 
     def __init__(self) -> None:
         self._minds: dict[str, tuple[HeuristicPolicy, Brief]] = {}
@@ -81,7 +81,7 @@ class ReadingModel:
 
 
 def _run(coroutine: Any) -> Any:
-    """What a coroutine that waits for nothing returns."""
+    """Return the result of a coroutine that never waits."""
     try:
         coroutine.send(None)
     except StopIteration as ended:
@@ -105,7 +105,9 @@ def _answer(decision: Decision) -> dict[str, Any]:
         "command": None
         if command is None
         else {"resource": command.resource, "verb": command.verb, "arguments": dict(command.arguments)},
-        "messages": [{"kind": one.kind, "body": dict(one.body), "to": list(one.to)} for one in decision.messages],
+        "messages": [
+            {"kind": message.kind, "body": dict(message.body), "to": list(message.to)} for message in decision.messages
+        ],
     }
 
 
@@ -113,7 +115,7 @@ def _answer(decision: Decision) -> dict[str, Any]:
 
 
 def brief_from(system: str) -> Brief:
-    """The brief that a system text tells of."""
+    """Return the brief in a system text."""
     head = re.search(r"You are `([^`]+)`, (\w+) in a mission of (\d+) ticks of ([\d.]+) s", system)
     assert head is not None
     known = json.loads(_section(system, "KNOWN FROM THE START").splitlines()[0])
@@ -134,7 +136,8 @@ def brief_from(system: str) -> Brief:
         seed=0,
         resources=tuple(_resources(_section(system, "YOU MAY COMMAND"))),
         peers=tuple(
-            Peer(id=one["id"], role=one["role"], resources=tuple(one["resources"])) for one in known.get("agents", ())
+            Peer(id=peer["id"], role=peer["role"], resources=tuple(peer["resources"]))
+            for peer in known.get("agents", ())
         ),
         messages=tuple(_all_messages(system, head[2], known)),
         regions=tuple(
@@ -153,30 +156,30 @@ def _section(system: str, head: str) -> str:
     return system.split(f"{head}\n", 1)[1].split("\n\n", 1)[0]
 
 
-def _cell(told: dict[str, Any]) -> Cell:
-    (west, east), (south, north) = told["east_m"], told["north_m"]
-    grid, row, column = told["name"].rsplit("-", 2)
+def _cell(described: dict[str, Any]) -> Cell:
+    (west, east), (south, north) = described["east_m"], described["north_m"]
+    grid, row, column = described["name"].rsplit("-", 2)
     return Cell(
-        name=told["name"], grid=grid, row=int(row), column=int(column), centre=tuple(told["centre_m"]),
+        name=described["name"], grid=grid, row=int(row), column=int(column), centre=tuple(described["centre_m"]),
         polygon=((west, south), (east, south), (east, north), (west, north)),
     )  # fmt: skip
 
 
 def _resources(section: str) -> list[Resource]:
-    found = []
+    resources = []
     for block in re.split(r"^- `", section, flags=re.MULTILINE)[1:]:
         head, *lines = block.splitlines()
         name, kind, more = re.match(r"([^`]+)`: (\w+), (.*)", head).groups()  # type: ignore[union-attr]
         properties = {key: float(value) for key, value in re.findall(r"(\w+) (-?[\d.e+]+)[,)]", more)}
         cameras = tuple(_camera(line) for line in lines if line.startswith("  camera"))
         verbs = tuple(_verb(line) for line in lines if not line.startswith("  camera"))
-        found.append(
+        resources.append(
             Resource(
                 id=name, type=kind, embodied=more.startswith("yours"), verbs=verbs, cameras=cameras,
                 properties=properties,
             )
         )  # fmt: skip
-    return found
+    return resources
 
 
 def _camera(line: str) -> CameraSpec:
@@ -194,39 +197,39 @@ def _camera(line: str) -> CameraSpec:
 def _verb(line: str) -> VerbSpec:
     name, inside = re.match(r"  (\w+)\((.*?)\):", line).groups()  # type: ignore[union-attr]
     arguments = []
-    for told in re.findall(r"(\w+):((?: -?[\d.]+ to -?[\d.]+)?(?: [a-z/|_]+)?)((?:, [^:,]+ left out)?)", inside):
-        bounds = re.search(r"(-?[\d.]+) to (-?[\d.]+)", told[1])
-        default = re.search(r"(-?[\d.]+) if left out", told[2])
-        unit = "name" if "|" in told[1] or told[0] == "camera" else "deg" if "degrees" in told[1] else "m"
+    for match in re.findall(r"(\w+):((?: -?[\d.]+ to -?[\d.]+)?(?: [a-z/|_]+)?)((?:, [^:,]+ left out)?)", inside):
+        bounds = re.search(r"(-?[\d.]+) to (-?[\d.]+)", match[1])
+        default = re.search(r"(-?[\d.]+) if left out", match[2])
+        unit = "name" if "|" in match[1] or match[0] == "camera" else "deg" if "degrees" in match[1] else "m"
         arguments.append(
             ArgumentSpec(
-                name=told[0], unit=unit, minimum=float(bounds[1]) if bounds else None,
+                name=match[0], unit=unit, minimum=float(bounds[1]) if bounds else None,
                 maximum=float(bounds[2]) if bounds else None, default=float(default[1]) if default else None,
-                optional="may be left out" in told[2],
+                optional="may be left out" in match[2],
             )
         )  # fmt: skip
     return verb(name, *arguments)
 
 
 def _messages(section: str, role: str, known: dict[str, Any]) -> list[MessageSpec]:
-    roles = {one["id"]: one["role"] for one in known.get("agents", ())}
-    found = []
+    roles = {item["id"]: item["role"] for item in known.get("agents", ())}
+    messages = []
     for line in section.splitlines():
-        told = re.match(r"- (\w+) \((\w+)\): \{(.*)\}(?:; `to`: some of (.*))?", line)
-        if told is None:
+        match = re.match(r"- (\w+) \((\w+)\): \{(.*)\}(?:; `to`: some of (.*))?", line)
+        if match is None:
             continue
-        fields = tuple(_field(one) for one in re.split(r"; (?=\w+(?: \(may be left out\))?: )", told[3]))
+        fields = tuple(_field(item) for item in re.split(r"; (?=\w+(?: \(may be left out\))?: )", match[3]))
         record = next((name for needs, name, _ in _RECORDS if needs <= {field.name for field in fields}), "note")
-        to = tuple(dict.fromkeys(roles[name] for name in told[4].split(", "))) if told[4] else ("all",)
-        found.append(
-            MessageSpec(kind=told[1], type=record, category=told[2], fields=fields, senders=(role,), recipients=to)
+        to = tuple(dict.fromkeys(roles[name] for name in match[4].split(", "))) if match[4] else ("all",)
+        messages.append(
+            MessageSpec(kind=match[1], type=record, category=match[2], fields=fields, senders=(role,), recipients=to)
         )
-    return found
+    return messages
 
 
 def _all_messages(system: str, role: str, known: dict[str, Any]) -> list[MessageSpec]:
-    """The kinds that the agent may send, then those of others; one that both may send is one."""
-    found = {one.kind: one for one in _messages(_section(system, "YOU MAY SEND"), role, known)}
+    """Return the kinds that the agent may send, then those of others; a shared kind appears once."""
+    by_kind = {message.kind: message for message in _messages(_section(system, "YOU MAY SEND"), role, known)}
     for line in _section(system, "OTHERS MAY SEND").splitlines() if "OTHERS MAY SEND\n" in system else ():
         kind, category, senders, to, names = re.match(  # type: ignore[union-attr]
             r"- (\w+) \((\w+)\) from (.+) to (.+): (.*)", line
@@ -235,17 +238,17 @@ def _all_messages(system: str, role: str, known: dict[str, Any]) -> list[Message
             Field(name=name.rstrip("?"), type="name", optional=name.endswith("?")) for name in names.split(", ")
         )
         record = next((name for needs, name, _ in _RECORDS if needs <= {field.name for field in fields}), "note")
-        own = found.get(kind)
+        own = by_kind.get(kind)
         others = tuple(senders.split(", "))
-        found[kind] = MessageSpec(
+        by_kind[kind] = MessageSpec(
             kind=kind, type=record, category=category, fields=own.fields if own else fields,
             senders=(*(own.senders if own else ()), *others), recipients=tuple(to.split(", ")),
         )  # fmt: skip
-    return list(found.values())
+    return list(by_kind.values())
 
 
-def _field(told: str) -> Field:
-    name, optional, holds = re.match(r"(\w+)( \(may be left out\))?: (.*)", told).groups()  # type: ignore[union-attr]
+def _field(text: str) -> Field:
+    name, optional, holds = re.match(r"(\w+)( \(may be left out\))?: (.*)", text).groups()  # type: ignore[union-attr]
     kind = next((kind for words, kind in _TYPES if words in holds), "name")
     low, high = (re.search(rf"at {word} (-?[\d.]+)", holds) for word in ("least", "most"))
     return Field(
@@ -258,14 +261,14 @@ def _field(told: str) -> Field:
 
 
 def observation_from(state: dict[str, Any], images: list[bytes], brief: Brief) -> Observation:
-    """The observation that a state tells of, with the pictures that go along."""
+    """Return the observation in a state, with the accompanying pictures."""
     searched = state.get("cells_searched", {})
-    cells = [CellView(name=name, visited_tick=one["tick"], visited_by=one["by"]) for name, one in searched.items()]
+    cells = [CellView(name=name, visited_tick=item["tick"], visited_by=item["by"]) for name, item in searched.items()]
     cells += [CellView(name=name) for name in state.get("cells_unsearched", ())]
     order = {cell.name: number for number, cell in enumerate(brief.cells)}
-    pictures = [_picture(told, data) for told, data in zip(state.get("pictures", ()), images, strict=True)]
+    pictures = [_picture(described, data) for described, data in zip(state.get("pictures", ()), images, strict=True)]
     if state["tick"] > 0:  # the contract shows reference pictures once
-        pictures = [one for one in pictures if one.camera != REFERENCE]
+        pictures = [item for item in pictures if item.camera != REFERENCE]
     return Observation(
         agent=brief.agent,
         tick=state["tick"],
@@ -273,69 +276,70 @@ def observation_from(state: dict[str, Any], images: list[bytes], brief: Brief) -
         entities=tuple(map(_entity, state.get("entities", ()))),
         cells=tuple(sorted(cells, key=lambda cell: order[cell.name])),
         events=tuple(
-            EventView(id=f"e{number}", kind=one["kind"], tick=one["tick"], entities=tuple(one["entities"]))
-            for number, one in enumerate(state.get("events", ()))
+            EventView(id=f"e{number}", kind=item["kind"], tick=item["tick"], entities=tuple(item["entities"]))
+            for number, item in enumerate(state.get("events", ()))
         ),
         pictures=tuple(pictures),
         weather=Weather(**state["weather"]) if "weather" in state else brief.weather,
     )
 
 
-def _entity(told: dict[str, Any]) -> EntityView:
-    route = told.get("route")
-    moving = told.get("velocity_east_north_up_mps", [0.0, 0.0, 0.0])
+def _entity(described: dict[str, Any]) -> EntityView:
+    route = described.get("route")
+    moving = described.get("velocity_east_north_up_mps", [0.0, 0.0, 0.0])
     return EntityView(
-        id=told["id"],
-        type=told.get("type", ""),
-        position=tuple(told["position"]) if "position" in told else None,
-        velocity=tuple(moving) if "heading_deg" in told else None,
-        heading_deg=told.get("heading_deg"),
-        status=told.get("status"),
-        resources=told.get("resources"),
-        busy=told.get("busy"),
-        route=tuple(tuple(one["position"]) for one in route) if route else None,
+        id=described["id"],
+        type=described.get("type", ""),
+        position=tuple(described["position"]) if "position" in described else None,
+        velocity=tuple(moving) if "heading_deg" in described else None,
+        heading_deg=described.get("heading_deg"),
+        status=described.get("status"),
+        resources=described.get("resources"),
+        busy=described.get("busy"),
+        route=tuple(tuple(point["position"]) for point in route) if route else None,
     )
 
 
-def _picture(told: dict[str, Any], data: bytes) -> Picture:
+def _picture(described: dict[str, Any], data: bytes) -> Picture:
     rgb = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)[:, :, ::-1]
-    width, height = told["size_px"]
+    width, height = described["size_px"]
     assert rgb.shape[:2] == (height, width)
-    if told.get("reference"):
+    if described.get("reference"):
         pose = CameraPose(
             position=(0.0, 0.0, 0.0), heading_deg=0.0, tilt_deg=0.0, hfov_deg=75.0, width=width, height=height
         )
-        return Picture(frame=told["frame"], entity="", camera=REFERENCE, tick=0, time_s=0.0, pose=pose, rgb=rgb)
-    entity, camera = told["camera"].split("/")
+        return Picture(frame=described["frame"], entity="", camera=REFERENCE, tick=0, time_s=0.0, pose=pose, rgb=rgb)
+    entity, camera = described["camera"].split("/")
     pose = CameraPose(
-        position=tuple(told["camera_position"]), heading_deg=told["heading_deg"], tilt_deg=told["tilt_deg"],
-        roll_deg=told["roll_deg"], hfov_deg=told["field_of_view_deg"], width=width, height=height,
+        position=tuple(described["camera_position"]), heading_deg=described["heading_deg"],
+        tilt_deg=described["tilt_deg"], roll_deg=described["roll_deg"],
+        hfov_deg=described["field_of_view_deg"], width=width, height=height,
     )  # fmt: skip
     return Picture(
-        frame=told["frame"], entity=entity, camera=camera, tick=told["tick"], time_s=0.0, pose=pose,
+        frame=described["frame"], entity=entity, camera=camera, tick=described["tick"], time_s=0.0, pose=pose,
         rgb=np.ascontiguousarray(rgb),
     )  # fmt: skip
 
 
 def inbox_from(state: dict[str, Any], brief: Brief) -> Inbox:
-    """The inbox that a state tells of."""
+    """Return the inbox in a state."""
     notes = []
-    for number, one in enumerate(state.get("received", ())):
-        fields = set(one["body"])
+    for number, item in enumerate(state.get("received", ())):
+        fields = set(item["body"])
         category = next((category for needs, _, category in _RECORDS if needs <= fields), "other")
-        body = {name: tuple(value) if isinstance(value, list) else value for name, value in one["body"].items()}
+        body = {name: tuple(value) if isinstance(value, list) else value for name, value in item["body"].items()}
         notes.append(
             Envelope(
-                id=f"m{state['tick']}-{number}", tick=one["sent_at_tick"], sender=one["from"], recipient=brief.agent,
-                kind=one["kind"], category=category, body=body, bytes=1, deliver_at=state["tick"],
+                id=f"m{state['tick']}-{number}", tick=item["sent_at_tick"], sender=item["from"], recipient=brief.agent,
+                kind=item["kind"], category=category, body=body, bytes=1, deliver_at=state["tick"],
             )
         )  # fmt: skip
     receipts = [
         Receipt(
-            request=one["request"], tick=state["tick"], sender=brief.agent if one["from"] == "you" else one["from"],
-            resource=one.get("resource", one.get("message", "")), status=one["status"], reason=one.get("reason", ""),
-            detail=one.get("detail", ""),
+            request=item["request"], tick=state["tick"], sender=brief.agent if item["from"] == "you" else item["from"],
+            resource=item.get("resource", item.get("message", "")), status=item["status"],
+            reason=item.get("reason", ""), detail=item.get("detail", ""),
         )
-        for one in state.get("receipts", ())
+        for item in state.get("receipts", ())
     ]  # fmt: skip
     return Inbox(messages=tuple(notes), receipts=tuple(receipts))

@@ -1,7 +1,7 @@
-"""`faulty-oracle` and `faulty-heuristic`: a policy in which a known fault is planted.
+"""`faulty-oracle` and `faulty-heuristic`: policies with planted faults, to measure methods that find faults.
 
-`options` says which faults there are: who, in which faculty, from which boundary on. `policy` wraps another policy and
-lets each fault change what that is shown or what it answers: `shown` (what its pictures show, where it believes they
-were taken) and `answered` (where it says things are, where it sends bodies, what it says to others, what it does).
-Before a fault begins the answers are those of the wrapped policy, so an episode can be compared with the one without.
+`options` declares the faults: agent, faculty and first boundary of each. `policy` wraps another policy and applies each
+fault to its observations (targets in pictures) or to its decisions (reported positions, destinations, messages,
+commands). Before a fault begins, decisions equal those of the wrapped policy, so an episode can be compared with the
+one without faults.
 """

@@ -9,7 +9,9 @@ from pydantic import field_validator, model_validator
 from lingjing.plugins.options import Field, PluginOptions
 
 FailingFaculty = Literal["perception", "localisation", "waypoint", "routing", "handoff", "execution"]
+"""The faculties in which a fault can be planted."""
 WayToFail = Literal["blind", "displaced", "mirrored", "dropped", "misaddressed", "withheld", "halted"]
+"""The effects that a fault can have."""
 
 WAYS: dict[FailingFaculty, tuple[WayToFail, ...]] = {
     "perception": ("blind",),
@@ -19,11 +21,11 @@ WAYS: dict[FailingFaculty, tuple[WayToFail, ...]] = {
     "handoff": ("dropped", "misaddressed"),
     "execution": ("withheld", "halted"),
 }
-"""How each faculty can fail, the usual way first."""
+"""The possible effects of each faculty's faults, the default first."""
 
 
 class PlantedFault(PluginOptions):
-    """One fault: a faculty of an agent fails in a way, from a boundary on."""
+    """A fault of one agent's faculty from a boundary on."""
 
     agent: str = Field(description="the agent's id")
     faculty: FailingFaculty = Field(description="what fails")
@@ -42,23 +44,23 @@ class PlantedFault(PluginOptions):
 
     @property
     def chosen(self) -> WayToFail:
-        """How it fails."""
+        """The effect of the fault."""
         return self.way or WAYS[self.faculty][0]
 
     def acts(self, agent: str, boundary: int) -> bool:
-        """Whether it makes this agent fail at this boundary."""
+        """Return whether the fault affects this agent at this boundary."""
         end = self.boundary + self.boundaries if self.boundaries else boundary + 1
         return agent == self.agent and self.boundary <= boundary < end
 
 
 class FaultyOptions(PluginOptions):
-    """What a faulty policy is told."""
+    """The options of a faulty policy."""
 
     faults: tuple[PlantedFault, ...] = Field((), description="the planted faults as a JSON list; none: no fault")
 
     @field_validator("faults")
     @classmethod
     def _one_each(cls, faults: tuple[PlantedFault, ...]) -> tuple[PlantedFault, ...]:
-        if len({(one.agent, one.faculty) for one in faults}) < len(faults):
+        if len({(fault.agent, fault.faculty) for fault in faults}) < len(faults):
             raise ValueError("an agent's faculty fails in one way: two faults name the same agent and faculty")
         return faults

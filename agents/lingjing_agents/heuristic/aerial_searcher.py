@@ -1,8 +1,8 @@
-"""The searcher's rules: fly to a waypoint, take a picture, look at its pixels, report what is there, go on.
+"""The searcher's rules: fly to a waypoint, take a picture, detect targets, report them, go on.
 
-What is looked for, and how, follows from the classes in the brief (`target_types`). A doubtful find is looked at again,
-from lower down or from right above, before anything is said. What team mates have reported is not reported again.
-Under broadcast a searcher may send the vessel itself when nobody else seems to.
+The targets and their detector follow from the classes in the brief (`target_types`). A doubtful detection is
+photographed again, from lower or from directly above, before it is reported. Targets that team mates have reported are
+not reported again. In a broadcast topology a searcher may command the vessel itself if no other agent seems to.
 """
 
 from __future__ import annotations
@@ -51,32 +51,41 @@ from lingjing_agents.heuristic.target_types import PEOPLE, TrainedDetectors, tar
 from lingjing_agents.perception.people_at_sea import FoundBox
 
 CONFIRMED = 0.3
-"""What a second look must be worth at least."""
+"""Least confidence of a detection in a second picture. Chosen."""
 REACHED_M = 12.0
+"""Distance in metres at which a waypoint counts as reached. Chosen."""
 TURN_HOP_M = 5.0
-"""A vehicle turns its nose only when it goes somewhere: a short hop along the lane is enough."""
+"""Length in metres of the hop that turns an aircraft along the lane: it changes its heading only in motion. Chosen."""
 PATIENCE_TICKS = 3
-"""How long one on the ground waits for who flies over it."""
+"""Ticks that an aircraft on the ground waits for one overhead. Chosen."""
 HUB_PATIENCE_TICKS = 3
+"""Ticks after which a searcher starts without orders of the hub. Chosen."""
 ATTEMPTS = 2
+"""Number of flights, turns or pictures for one waypoint. Chosen."""
 LOOKS = 3
-"""How often at most one place is looked at again from right above."""
+"""Number of second pictures of one place. Chosen."""
 BOAT_PATIENCE_TICKS = 4
+"""Ticks without motion after which a searcher commands the vessel. Chosen."""
 
 
 @dataclass(slots=True)
-class PictureGoal:
-    """A picture to be taken: from where, and for which doubtful find if it is a second look."""
+class _PictureGoal:
+    """A picture to take."""
 
     waypoint: PictureWaypoint
+    """The place from which it is taken."""
     doubt: FoundBox | None = None
+    """The doubtful detection that it is to confirm; None for a first picture."""
     flights: int = 0
+    """Number of flights so far."""
     turns: int = 0
+    """Number of turning hops so far."""
     shots: int = 0
+    """Number of pictures so far."""
 
 
 class AerialSearcher:
-    """One camera in the air. All state is of this episode."""
+    """One airborne camera. Its state belongs to one episode."""
 
     roles: ClassVar[tuple[str, ...]] = ("searcher",)
     reads: ClassVar[tuple[str, ...]] = ("report", "assignment", "status")
@@ -127,8 +136,8 @@ class AerialSearcher:
         )
         self._mates = frozenset(name for peer in brief.peers if peer.id in mates for name in peer.resources)
         self._waited = 0
-        self._goal: PictureGoal | None = None
-        self._second_looks: list[PictureGoal] = []
+        self._goal: _PictureGoal | None = None
+        self._second_looks: list[_PictureGoal] = []
         self._doubted: list[GroundPoint] = []
         self._ordered = brief.hub is None
         self._boat = vessel(brief, embodied=False)
@@ -137,7 +146,7 @@ class AerialSearcher:
         self._outbox: list[Outgoing] = []
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """Listen and look first, then speak, then move."""
+        """Process messages and pictures, then report, then move."""
         self._sightings.heed(observation.weather, observation.time_s)
         self._listen(observation, inbox)
         self._log.fresh_rescues(observation.events)
@@ -152,10 +161,10 @@ class AerialSearcher:
         if own.status == DEAD:
             return Decision(messages=messages)
         command = self._send_boat(observation) if own.busy else self._move(observation, own)
-        said, self._outbox = tuple(self._outbox), []
-        return Decision(command=command, messages=messages + said)
+        queued, self._outbox = tuple(self._outbox), []
+        return Decision(command=command, messages=messages + queued)
 
-    # -- what the others say
+    # -- messages of others
 
     def _listen(self, observation: Observation, inbox: Inbox) -> None:
         for envelope in inbox.messages:
@@ -186,7 +195,7 @@ class AerialSearcher:
             if known is not None:
                 known.state = "missed" if state == "missed" else "rescued"
 
-    # -- what the pixels say
+    # -- pictures
 
     def _look(self, picture: Picture) -> tuple[Outgoing, ...]:
         ground = ground_footprint(picture.pose, self._brief.water_level_m)
@@ -215,7 +224,7 @@ class AerialSearcher:
         return self._say(picture, find, place)
 
     def _doubt(self, find: FoundBox, place: Vector) -> None:
-        """Look again from right above, unless that is planned already or was tried often enough."""
+        """Plan a second picture from directly above, unless one is planned or enough were taken."""
         low = max(self._sweep.height_m * self._target_type.confirm, self._sweep.lowest_m)
         near = self._target_type.merge_m / 2 if self._target_type.aside < 1.0 else 0.0
         planned = [goal.waypoint for goal in self._second_looks]
@@ -223,7 +232,7 @@ class AerialSearcher:
         if tried >= LOOKS or any(math.dist((goal.x, goal.y), place[:2]) < near for goal in planned):
             return
         self._doubted.append(place[:2])
-        self._second_looks.append(PictureGoal(PictureWaypoint(place[0], place[1], low, ""), doubt=find))
+        self._second_looks.append(_PictureGoal(PictureWaypoint(place[0], place[1], low, ""), doubt=find))
 
     def _say(self, picture: Picture, find: FoundBox, place: Vector) -> tuple[Outgoing, ...]:
         if self._report is None:
@@ -241,12 +250,12 @@ class AerialSearcher:
             return ()
         return tuple(compose(self._status, {"task": "search", "state": "searched", "cell": cell}) for cell in done)
 
-    # -- where to go
+    # -- motion
 
     def _move(self, observation: Observation, own: EntityView) -> Action | None:
         assert own.position is not None
         if not self._ordered and observation.tick >= HUB_PATIENCE_TICKS:
-            self._ordered = True  # the hub is silent: everybody falls back to the same partition
+            self._ordered = True  # the hub sends nothing: all searchers use the common partition
         if self._goal is None or self._goal.flights > ATTEMPTS or self._goal.shots > ATTEMPTS:
             if self._goal is not None:
                 self._sweep.drop(self._goal.waypoint)
@@ -263,17 +272,17 @@ class AerialSearcher:
                 return self._take_off(self._goal, own.position, others)
         return self._pursue(self._goal, own.position, own.heading_deg)
 
-    def _take_off(self, goal: PictureGoal, here: Vector, others: list[Vector]) -> Action | None:
-        """Straight up from between other pads, once nobody flies over it."""
+    def _take_off(self, goal: _PictureGoal, here: Vector, others: list[Vector]) -> Action | None:
+        """Return a vertical take-off between other pads, or None while another aircraft is overhead."""
         if overhead(here, others) and self._waited < PATIENCE_TICKS:
             self._waited += 1
             return None
         return fly(self._body, here[0], here[1], self._height(goal))
 
-    def _height(self, goal: PictureGoal) -> float:
+    def _height(self, goal: _PictureGoal) -> float:
         return self._layers.level(goal.waypoint.height_m + self._brief.water_level_m)
 
-    def _pursue(self, goal: PictureGoal, here: Vector, heading_deg: float | None) -> Action:
+    def _pursue(self, goal: _PictureGoal, here: Vector, heading_deg: float | None) -> Action:
         z = self._height(goal)
         target = (goal.waypoint.x, goal.waypoint.y, z)
         if self._target_type.raised_m > 0.0 and here[2] < self._lowest_m + self._brief.water_level_m - REACHED_M:
@@ -289,7 +298,7 @@ class AerialSearcher:
         goal.shots += 1
         return photo(self._body, self._camera)
 
-    def _choose(self, here: GroundPoint, time_s: float) -> PictureGoal | None:
+    def _choose(self, here: GroundPoint, time_s: float) -> _PictureGoal | None:
         if not self._ordered:
             return None
         while self._second_looks:
@@ -305,11 +314,14 @@ class AerialSearcher:
             self._sweep.next_pass()
             self._claimed.clear()
             waypoint = self._sweep.next_waypoint(here)
-        return None if waypoint is None else PictureGoal(waypoint)
+        return None if waypoint is None else _PictureGoal(waypoint)
 
     def _claim(self) -> bool:
-        """Under broadcast, take a cell over from the busiest team mate and say so; of two claims the first name's
-        holds. Under a hub that is the hub's to decide."""
+        """Take over a cell of the busiest team mate and announce it, in a broadcast topology. Return whether one was
+        taken over.
+
+        Of two claims that of the first name holds. In a star topology the hub decides.
+        """
         cell = self._sweep.claim() if self._brief.hub is None else None
         if cell is None or self._assignment is None:
             return False
@@ -324,7 +336,7 @@ class AerialSearcher:
         return bool(known) and self._log.rescues >= known[0]
 
     def _send_boat(self, observation: Observation) -> Action | None:
-        """Send the vessel to the nearest open sighting if it has not moved for a while; its crew usually does."""
+        """Command the vessel to the nearest open sighting if it has not moved for a while; its crew usually does so."""
         boat = view_of(observation, self._boat.id) if self._boat is not None else None
         if self._boat is None or boat is None or boat.position is None:
             return None
@@ -341,6 +353,8 @@ class AerialSearcher:
 
 
 def _aside(find: FoundBox) -> float:
-    """How far a find lies from the picture's middle: the larger share of the picture's width or height, 0..0.5."""
+    """Return the distance of a detection from the picture's centre: the larger share of its width or height, 0 to
+    0.5.
+    """
     x0, y0, x1, y1 = find.box
     return max(abs(x0 + x1 - 1.0), abs(y0 + y1 - 1.0)) / 2.0

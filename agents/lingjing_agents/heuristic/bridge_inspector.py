@@ -1,8 +1,8 @@
-"""The inspector's rules: follow a long thing from its near end and look at every picture for what is wrong with it.
+"""The bridge inspector's rules: follow the bridge from its near end and report damage in each picture.
 
-Pictures overlap, so that a gap that one cuts off is whole in the next; it is reported from every picture that shows it
-whole: nobody says whether a report was believed. At the far end the inspector turns and comes back, half a step
-aside of where it looked before.
+Pictures overlap, so that a gap that one cuts off is whole in the next. A gap is reported from every picture that shows
+it whole, because adjudication gives no feedback. At the far end the inspector returns, half a step aside of its first
+pictures.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ import math
 from itertools import pairwise
 from types import MappingProxyType
 from typing import ClassVar
+
+import numpy as np
 
 from lingjing.plugins.geometry import box_to_plane
 from lingjing.plugins.policy import (
@@ -22,27 +24,29 @@ from lingjing.plugins.policy import (
     Observation,
     Outgoing,
     Picture,
+    Region,
     Resource,
     Vector,
 )
 from lingjing_agents.capability import centimetres, fly, may_send, nadir_camera, photo, rated, sighting, team
 from lingjing_agents.flight_levels import FlightLevels
 from lingjing_agents.ground_plane import GroundPoint
-from lingjing_agents.heuristic.centreline import centreline, longest
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.picture_lattice import footprint
 from lingjing_agents.heuristic.target_types import GAPS, TrainedDetectors, target_type_of
 
 STEP = 0.8
-"""Distance between pictures as a share of how far one reaches along the line."""
+"""Distance between pictures as a share of a picture's extent along the line. Chosen."""
 REACHED_M = 12.0
+"""Distance in metres at which a waypoint counts as reached. Chosen."""
 DECK_M = 12.0
-"""How high over the water the deck lies that is looked at, more or less."""
+"""Assumed height of the deck above the water in metres. Chosen."""
 SURE = 0.5
+"""Least confidence of a report. Chosen."""
 
 
 class BridgeInspector:
-    """One camera that follows one line. All state is of this episode."""
+    """One camera that follows one line. Its state belongs to one episode."""
 
     roles: ClassVar[tuple[str, ...]] = ("inspector",)
     reads: ClassVar[tuple[str, ...]] = ()
@@ -64,7 +68,7 @@ class BridgeInspector:
         self._looked = True
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """Look at what came, say what it shows, then go one step on."""
+        """Report what the new pictures show, then go one step on."""
         messages: tuple[Outgoing, ...] = ()
         for picture in observation.pictures:
             if picture.entity == self._body.id and picture.camera == self._camera.name:
@@ -79,14 +83,14 @@ class BridgeInspector:
         if self._report is None:
             return ()
         finds = self._find(picture.rgb, picture.pose, self._brief.water_level_m)
-        found = []
+        reports = []
         for find in finds:
             place = box_to_plane(picture.pose, find.box, self._brief.water_level_m + DECK_M)
             if find.confidence < SURE or place is None:
                 continue
             where = centimetres(place)
-            found.append(sighting(self._report, picture.frame, self._class, find.box, where, find.confidence))
-        return tuple(found)
+            reports.append(sighting(self._report, picture.frame, self._class, find.box, where, find.confidence))
+        return tuple(reports)
 
     def _move(self, here: Vector) -> Action | None:
         if not self._line:
@@ -105,7 +109,7 @@ class BridgeInspector:
         return fly(self._body, *there)
 
     def _plan(self, here: GroundPoint) -> list[GroundPoint]:
-        """The next leg from end to end; every second one begins half a step farther in."""
+        """Return the next leg from end to end. Every second one is shifted by half a step."""
         region = longest(self._brief.regions)
         if region is None:
             return []
@@ -115,3 +119,49 @@ class BridgeInspector:
             line = tuple(((a[0] + b[0]) / 2, (a[1] + b[1]) / 2) for a, b in pairwise(line))
         self._leg += 1
         return list(line)
+
+
+def longest(regions: tuple[Region, ...]) -> Region | None:
+    """Return the region with the largest ratio of length to width, or None."""
+    return max((region for region in regions if len(region.polygon) >= 3), key=_slenderness, default=None)
+
+
+def centreline(polygon: tuple[GroundPoint, ...], start: GroundPoint, step_m: float) -> tuple[GroundPoint, ...]:
+    """Return points about `step_m` apart along the centre of a polygon, from the end nearest to `start` (east, north;
+    m).
+    """
+    points = np.array(polygon)
+    middle = points.mean(axis=0)
+    axis = np.linalg.svd(points - middle)[2][0]
+    across = np.array((-axis[1], axis[0]))
+    along = (points - middle) @ axis
+    low, high = float(along.min()), float(along.max())
+    count = max(2, math.ceil((high - low) / step_m) + 1)
+    line: list[GroundPoint] = []
+    for station in np.linspace(low + 1e-3 * (high - low), high - 1e-3 * (high - low), count):
+        offset = _middle(points, middle + station * axis, axis, across)
+        if offset is not None:
+            x, y = middle + station * axis + offset * across
+            line.append((float(x), float(y)))
+    if line and math.dist(line[-1], start) < math.dist(line[0], start):
+        line.reverse()
+    return tuple(line)
+
+
+def _middle(points: np.ndarray, origin: np.ndarray, axis: np.ndarray, across: np.ndarray) -> float | None:
+    """Return the offset across the axis of the centre of the polygon's section through `origin`; None without a
+    section.
+    """
+    crossings = []
+    for a, b in zip(points, np.roll(points, -1, axis=0), strict=True):
+        da, db = float((a - origin) @ axis), float((b - origin) @ axis)
+        if (da < 0.0) != (db < 0.0):
+            hit = a + (b - a) * (da / (da - db))
+            crossings.append(float((hit - origin) @ across))
+    return (min(crossings) + max(crossings)) / 2.0 if crossings else None
+
+
+def _slenderness(region: Region) -> float:
+    points = np.array(region.polygon)
+    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return float(spread[0] / max(spread[1], 1e-6))

@@ -1,4 +1,4 @@
-"""The planner's rules: tours for all vans, each gets its next one before it is done with the one it has."""
+"""The delivery coordinator's rules: tours for all vans, each sent before the driver has finished the last one."""
 
 from __future__ import annotations
 
@@ -12,15 +12,17 @@ from lingjing_agents.heuristic.delivery_view import DeliveryView, look
 from lingjing_agents.paths.delivery_tours import DeliveryTour, shared_out, tours
 
 AHEAD = 2
-"""How many tours a driver has at a time: the one under way and the next, since orders take a tick."""
+"""Tours that a driver has at a time: the current and the next one, since orders take a tick."""
 PATIENCE_TICKS = 25
-"""A tour that takes longer than this goes to somebody else as well."""
+"""Ticks after which a tour is also sent to another driver. Chosen."""
 STILL_TICKS, STILL_M = 4, 3.0
-"""A van that has a tour and has not moved for so long is told it again."""
+"""Ticks without motion, and motion in metres that counts as none, after which a driver receives its tour again.
+Chosen.
+"""
 
 
 class DeliveryCoordinator:
-    """Hands out tours and keeps count. All state is of this episode."""
+    """Assigns tours and tracks them. Its state belongs to one episode."""
 
     roles: ClassVar[tuple[str, ...]] = ("coordinator",)
     reads: ClassVar[tuple[str, ...]] = ()
@@ -38,7 +40,7 @@ class DeliveryCoordinator:
         self._still: dict[str, tuple[GroundPoint, int]] = {}
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """Plan once; then give whoever has fewer than two tours the next one."""
+        """Plan once, then send the next tour to each driver with fewer than `AHEAD` tours."""
         seen = look(observation)
         if self._plan is None or seen.depot is None or not seen.vans:
             return Decision()
@@ -57,7 +59,7 @@ class DeliveryCoordinator:
         return Decision(messages=messages + self._rescue(observation.tick))
 
     def _remind(self, tick: int, seen: DeliveryView) -> tuple[Outgoing, ...]:
-        said: tuple[Outgoing, ...] = ()
+        reminders: tuple[Outgoing, ...] = ()
         for name, van in self._vans.items():
             view = seen.vans.get(van)
             if view is None or view.position is None:
@@ -67,16 +69,16 @@ class DeliveryCoordinator:
                 self._still[name] = here, tick
             elif self._given[name] and tick - self._still[name][1] >= STILL_TICKS:
                 self._still[name] = here, tick
-                said += (self._say(name, self._given[name][0][0]),)
-        return said
+                reminders += (self._say(name, self._given[name][0][0]),)
+        return reminders
 
     def _payload(self, seen: DeliveryView) -> float:
-        """What a van holds: at the start they are full."""
+        """Return the capacity of a van in kilograms: at the start all are full."""
         loads = [(view.resources or {}).get("load", 0.0) for view in seen.vans.values()]
         return max(loads, default=0.0)
 
     def _next(self, name: str) -> DeliveryTour | None:
-        """The driver's own next tour, or the last of whoever has most waiting."""
+        """Return the driver's own next tour, or the last one of the longest queue."""
         assert self._waiting is not None
         if self._waiting[name]:
             return self._waiting[name].pop(0)
@@ -86,7 +88,7 @@ class DeliveryCoordinator:
         return self._waiting[busiest].pop() if self._waiting[busiest] else None
 
     def _rescue(self, tick: int) -> tuple[Outgoing, ...]:
-        """A tour that takes too long goes to an idle driver."""
+        """Send a tour that takes too long to an idle driver."""
         idle = [name for name, tours_given in self._given.items() if not tours_given]
         for name, mine in self._given.items():
             for tour, since in mine[:1]:

@@ -1,7 +1,7 @@
-"""The rules of whoever delivers: one tour after the other, back to the depot in between, and say what was left where.
+"""The delivery driver's rules: one tour after the other, back to the depot in between, with a report of each delivery.
 
-Without a hub all drivers compute the same tours and share them out in the agreed order; each claims a tour's stops
-when it sets out, and who has none left takes the last of whoever has most. Under a hub the tours come from it.
+Without a hub all drivers compute the same tours and share them in the common order. Each announces a tour's stops when
+it starts; a driver without tours takes over the last one of the longest queue. With a hub the tours come from it.
 """
 
 from __future__ import annotations
@@ -18,17 +18,19 @@ from lingjing_agents.heuristic.sightings import name_in
 from lingjing_agents.paths.delivery_tours import DeliveryTour, shared_out, tours
 
 DELIVER = "deliver"
+"""The task name of an announcement."""
 NEAR_M = 25.0
-"""Deliveries happen within 30 m."""
+"""Distance in metres at which a driver stops before a stop: deliveries happen within 30 m."""
 DEPOT_M = 48.0
-"""A van is loaded within 50 m."""
+"""Distance in metres at which a driver stops before the depot: vans are loaded within 50 m."""
 CLAIM_TICKS = 15
-"""How long a stop that somebody else has claimed is left to them."""
+"""Ticks for which an announced stop is left to its driver. Chosen."""
 HUB_PATIENCE_TICKS = 6
+"""Ticks after which drivers plan without a silent hub. Chosen."""
 
 
 class DeliveryDriver:
-    """One van. All state is of this episode."""
+    """One van. Its state belongs to one episode."""
 
     roles: ClassVar[tuple[str, ...]] = ("driver",)
     reads: ClassVar[tuple[str, ...]] = ("tour", "assignment")
@@ -47,7 +49,7 @@ class DeliveryDriver:
         self._before: tuple[dict[str, float], float] | None = None
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """Listen, tell what was delivered, then drive on."""
+        """Process messages, report deliveries, then drive on."""
         seen, own = look(observation), view_of(observation, self._body.id)
         if own is None or own.position is None or seen.depot is None:
             return Decision()
@@ -59,7 +61,7 @@ class DeliveryDriver:
         command = self._unblock(own) if own.busy else self._move(seen, own)
         return Decision(command=command, messages=messages)
 
-    # -- who takes which tour
+    # -- assignment of tours
 
     def _plan(self, tick: int, seen: DeliveryView) -> None:
         late = self._brief.hub is not None and tick >= HUB_PATIENCE_TICKS and not any(self._shares.values())
@@ -86,7 +88,7 @@ class DeliveryDriver:
                     self._hear_claim(envelope.sender, stop, tick)
 
     def _hear_claim(self, sender: str, stop: str, tick: int) -> None:
-        """Somebody sets out for a stop: a tour of others that has it is theirs from now on."""
+        """Process another driver's announcement of a stop: a tour with this stop moves to that driver."""
         self._claims[stop] = tick
         if sender not in self._shares:
             return
@@ -108,7 +110,7 @@ class DeliveryDriver:
         return self._take_over(tick, seen) if self._brief.hub is None or tick > self._brief.ticks * 0.6 else ()
 
     def _take_over(self, tick: int, seen: DeliveryView) -> tuple[Outgoing, ...]:
-        """Nothing left of one's own: the last tour of whoever has most (at least one that is not under way)."""
+        """Take over the last tour of the driver with the most tours (at least one that has not started)."""
         left = {
             name: [tour for tour in queue if all(seen.demands_kg.get(stop, 0.0) > 0.0 for stop in tour.stops)]
             for name, queue in self._shares.items()
@@ -122,7 +124,7 @@ class DeliveryDriver:
         return self._mop_up(tick, seen)
 
     def _mop_up(self, tick: int, seen: DeliveryView) -> tuple[Outgoing, ...]:
-        """What is still wanted and nobody has claimed of late: the longest tour over it."""
+        """Take the longest tour over the open demands that no driver has announced recently."""
         free = {
             stop: left
             for stop, left in seen.demands_kg.items()
@@ -138,16 +140,18 @@ class DeliveryDriver:
     def _say_claim(self, tour: DeliveryTour, seen: DeliveryView) -> tuple[Outgoing, ...]:
         if self._claim is None:
             return ()
-        said = []
+        announcements = []
         for stop in tour.stops:
             place = (*(round(value, 1) for value in seen.places[stop]), self._brief.water_level_m)
-            said.append(compose(self._claim, {"assignee": self._brief.agent, "task": DELIVER, "position": place}))
-        return tuple(said)
+            announcements.append(
+                compose(self._claim, {"assignee": self._brief.agent, "task": DELIVER, "position": place})
+            )
+        return tuple(announcements)
 
-    # -- what was delivered
+    # -- deliveries
 
     def _tell(self, seen: DeliveryView, own: EntityView) -> tuple[Outgoing, ...]:
-        """Where the load went down and a stop's demand with it, something was delivered."""
+        """Report a delivery: the load and a stop's demand have both decreased."""
         load = (own.resources or {}).get(LOADED, 0.0)
         before, self._before = self._before, (seen.demands_kg, load)
         if before is None or load >= before[1] or own.position is None:
@@ -165,14 +169,14 @@ class DeliveryDriver:
         return (compose(self._handover, {"stop": stop, "delivered": dropped, "left": left}),)
 
     def _left(self, tour: DeliveryTour, seen: DeliveryView) -> list[str]:
-        """Stops of the tour that still want what this van has for them."""
+        """Return the stops of the tour that still need this van's goods."""
         return [
             stop
             for stop, amount in zip(tour.stops, tour.amounts, strict=True)
             if seen.demands_kg.get(stop, 0.0) > 0.0 and self._given.get(stop, 0.0) < amount - 1e-6
         ]
 
-    # -- where to go
+    # -- motion
 
     def _move(self, seen: DeliveryView, own: EntityView) -> Action | None:
         assert own.position is not None
@@ -191,7 +195,7 @@ class DeliveryDriver:
         return None
 
     def _unblock(self, own: EntityView) -> Action | None:
-        """Loaded while still in the queue before the depot: there is nothing more to wait for."""
+        """Leave the queue before the depot once the van is full."""
         full = (own.resources or {}).get(LOADED, 0.0) >= self._payload - 1e-6
         if not (self._loading and full and own.status == "waiting"):
             return None

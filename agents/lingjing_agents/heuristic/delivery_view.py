@@ -1,4 +1,4 @@
-"""What a driver or planner of deliveries sees of the town: stops with what they want, the depot, the vans."""
+"""The delivery situation in an observation: stops with their demands, the depot, the vans."""
 
 from __future__ import annotations
 
@@ -8,21 +8,25 @@ from lingjing.plugins.policy import EntityView, Observation
 from lingjing_agents.ground_plane import GroundPoint
 
 WANTED, LOADED = "demand", "load"
-"""Stocks: what a stop still wants and what a van carries (kg)."""
+"""Names of stocks: the open demand of a stop and the load of a van, in kilograms."""
 
 
 @dataclass(frozen=True, slots=True)
 class DeliveryView:
-    """One boundary's view. `vans` are those that show their load."""
+    """The delivery situation at one boundary."""
 
     places: dict[str, GroundPoint]
+    """Positions of the stops (east, north; m)."""
     demands_kg: dict[str, float]
+    """Open demands of the stops."""
     depot: GroundPoint | None
+    """Position of the depot; None if it is not visible."""
     vans: dict[str, EntityView]
+    """The vans with a visible load."""
 
 
 def look(observation: Observation) -> DeliveryView:
-    """Sort what is seen: who wants something is a stop, who carries something a van, the rest that stands a depot."""
+    """Classify the visible entities: with a demand a stop, with a load a van, the first other static one the depot."""
     places: dict[str, GroundPoint] = {}
     demands: dict[str, float] = {}
     vans: dict[str, EntityView] = {}
@@ -42,6 +46,6 @@ def look(observation: Observation) -> DeliveryView:
 
 
 def _moves(view: EntityView, observation: Observation) -> bool:
-    """Whether it is one of the vans whose load is not shown: of the same type as one that shows it."""
+    """Return whether an entity is a van without visible load: of the same type as one with a visible load."""
     vans = {other.type for other in observation.entities if other.resources and LOADED in other.resources}
     return view.type in vans

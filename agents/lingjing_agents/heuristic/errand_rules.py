@@ -1,4 +1,4 @@
-"""The rules of bodies with an errand of their own: to take a picture, to fly to a place."""
+"""The rules of bodies with an errand: take a picture, fly to a place."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from lingjing_agents.heuristic.events import view_of
 
 
 class PictureTaker:
-    """One body that takes one picture. All state is of this episode."""
+    """One body that takes one picture. Its state belongs to one episode."""
 
     roles: ClassVar[tuple[str, ...]] = ("photographer",)
     reads: ClassVar[tuple[str, ...]] = ()
@@ -20,14 +20,14 @@ class PictureTaker:
         self._body, self._has_one = body, False
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """Ask for a picture until there is one."""
+        """Return the command for a picture until there is one."""
         command = None if self._has_one else picture(self._body, observation)
         self._has_one = command is None
         return Decision(command=command)
 
 
 class GoalFlyer:
-    """One aircraft that flies to the place it is shown."""
+    """One aircraft that flies to a given place."""
 
     roles: ClassVar[tuple[str, ...]] = ("pilot",)
     reads: ClassVar[tuple[str, ...]] = ()
@@ -37,7 +37,7 @@ class GoalFlyer:
         self._brief, self._body = brief, body
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """Fly on; nothing for one that is shown no place, or several."""
+        """Return the next command of the flight; none without exactly one visible place."""
         own, place = view_of(observation, self._body.id), shown_place(self._brief, observation)
         if own is None or place is None:
             return Decision()

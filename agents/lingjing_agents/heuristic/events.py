@@ -1,4 +1,4 @@
-"""Public events, each counted once, and the small questions the rules ask of an observation."""
+"""Public events, each counted once, and lookups in an observation."""
 
 from __future__ import annotations
 
@@ -6,8 +6,11 @@ from lingjing.plugins.policy import EntityView, EventView, Observation
 
 
 class EventLog:
-    """Remembers which events have been seen. One happening may come as a task event and as an adjudicated event
-    (`serve`, then `served`): the first of the two kinds that is met is the one that counts."""
+    """The events that have been received.
+
+    One occurrence may be reported as a task event and as an adjudicated event (`serve`, then `served`). Only the first
+    of the two kinds counts.
+    """
 
     def __init__(self, stem: str = "rescue") -> None:
         self._stem = stem
@@ -16,7 +19,7 @@ class EventLog:
         self.rescues = 0
 
     def fresh_rescues(self, events: tuple[EventView, ...]) -> int:
-        """How many rescues these events tell of that were not known before."""
+        """Return the number of new rescues in these events."""
         before = self.rescues
         for event in events:
             if event.id in self._seen:
@@ -34,5 +37,5 @@ class EventLog:
 
 
 def view_of(observation: Observation, entity: str) -> EntityView | None:
-    """What the agent sees of one entity."""
+    """Return the agent's view of one entity, or None."""
     return next((view for view in observation.entities if view.id == entity), None)

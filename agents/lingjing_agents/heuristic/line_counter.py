@@ -1,7 +1,7 @@
-"""The rules of whoever counts people from above: look at each line once, say how many, send somebody to the longest.
+"""The rules of a counter of people: photograph each line once, report the count, send a walker to the longest line.
 
-Several counters share the lines, each at flight levels of its own, and hear each other's counts; the first of them
-sends whoever is nearest.
+Several counters share the lines, each at its own flight levels, and receive each other's counts. The first of them
+sends the nearest walker.
 """
 
 from __future__ import annotations
@@ -30,17 +30,21 @@ from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.perception.people_in_line import PeopleLine, find_line
 
 REACHED_M, VIEW_M = 3.0, 8.0
-"""When a place counts as reached, and how far aside of a picture's middle it may lie to be counted in it."""
+"""Distance in metres at which a place counts as reached, and largest offset from a picture's centre for a count.
+Chosen.
+"""
 ABOVE_M = 45.0
-"""Over roofs, and low enough that somebody is a dozen pixels wide."""
+"""Flight level in metres. Chosen: above roofs, and low enough that a person is a dozen pixels wide."""
 TRIES = 3
+"""Pictures without a detection after which a line counts as empty. Chosen."""
 AGAIN_TICKS = 12
-"""The order to go to the longest line is said again so often: it may not have been heard. Who has no line left waits
-as long for the counts of the others before counting for them."""
+"""Ticks after which the order to a walker is repeated, since messages may be lost. A counter without lines of its own
+waits as long for the counts of others before it counts theirs. Chosen.
+"""
 
 
 class LineCounter:
-    """One camera over a few places that everybody knows. All state is of this episode."""
+    """One camera over a few known places. Its state belongs to one episode."""
 
     roles: ClassVar[tuple[str, ...]] = ("counter",)
     reads: ClassVar[tuple[str, ...]] = ("count",)
@@ -61,7 +65,7 @@ class LineCounter:
         self._said_at, self._counted_at = -AGAIN_TICKS, 0
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """Count in the picture that came, then go on to the next place or say which line is the longest."""
+        """Count in the new pictures, then go to the next place or announce the longest line."""
         places = {view.id: view.position for view in observation.entities if view.type == self._class and view.position}
         messages: list[Outgoing] = []
         known = len(self._people)
@@ -77,15 +81,14 @@ class LineCounter:
         left = [name for name in places if name not in self._people]
         if left:
             mine = [name for number, name in enumerate(places) if number % self._mates == self._rank and name in left]
-            if (
-                not mine and observation.tick < self._counted_at + AGAIN_TICKS
-            ):  # who helps now is in the others' pictures
+            waits = not mine and observation.tick < self._counted_at + AGAIN_TICKS
+            if waits:  # an early helper would block the view of the other counters
                 return Decision(messages=tuple(messages))
             return Decision(command=self._visit(own, places, mine or left), messages=tuple(messages))
         return Decision(messages=(*messages, *self._send(places, observation)))
 
     def _listen(self, inbox: Inbox, places: dict[str, Vector]) -> None:
-        """What the other counters have counted need not be counted again."""
+        """Store the counts of other counters."""
         for envelope in inbox.messages:
             people, where = envelope.body.get("people"), position_in(envelope.body)
             if isinstance(people, int | float) and where is not None and places:
@@ -100,19 +103,19 @@ class LineCounter:
             self._tries[name] = self._tries.get(name, 0) + 1
             if line is not None:
                 self._people[name] = line.people
-                return self._told(picture, place, line)
+                return self._count_message(picture, place, line)
             if self._tries[name] >= TRIES:
                 self._people[name] = 0
         return []
 
-    def _told(self, picture: Picture, place: Vector, line: PeopleLine) -> list[Outgoing]:
+    def _count_message(self, picture: Picture, place: Vector, line: PeopleLine) -> list[Outgoing]:
         if self._tally is None:
             return []
         where, people = centimetres(place), float(line.people)
         return [sighting(self._tally, picture.frame, self._class, line.box, where, line.confidence, people=people)]
 
     def _visit(self, own: EntityView, places: dict[str, Vector], left: list[str]) -> Action:
-        """Up over the roofs first, then to the nearest place that has not been counted, and a picture there."""
+        """Climb above the roofs, fly to the nearest place without a count, and take a picture there."""
         assert own.position is not None
         here = own.position
         if own.status == "grounded":
@@ -123,7 +126,7 @@ class LineCounter:
         return photo(self._body, self._camera)
 
     def _send(self, places: dict[str, Vector], observation: Observation) -> list[Outgoing]:
-        """Whoever can be told and is nearest goes to the longest line; the first counter says so."""
+        """Send the nearest walker to the longest line; only the first counter does so."""
         walkers = [peer for peer in self._brief.peers if peer.resources and peer.role != self._brief.role]
         late = observation.tick >= self._said_at + AGAIN_TICKS
         if self._order is None or not places or not walkers or not late or self._rank:
@@ -132,6 +135,6 @@ class LineCounter:
         longest = places[max(places, key=lambda name: self._people[name])]
         views = {peer.id: view_of(observation, peer.resources[0]) for peer in walkers}
         known = {name: view.position for name, view in views.items() if view is not None and view.position is not None}
-        told = min(known, key=lambda name: math.dist(known[name][:2], longest[:2]), default=walkers[0].id)
-        body: dict[str, Datum] = {"assignee": told, "task": "join", "position": centimetres(longest)}
-        return [compose(self._order, body, to=(told,))]
+        walker = min(known, key=lambda name: math.dist(known[name][:2], longest[:2]), default=walkers[0].id)
+        body: dict[str, Datum] = {"assignee": walker, "task": "join", "position": centimetres(longest)}
+        return [compose(self._order, body, to=(walker,))]

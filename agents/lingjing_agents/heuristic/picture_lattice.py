@@ -1,10 +1,8 @@
-"""Where to take pictures: a lattice of nadir footprints over the cells, the same for every agent that computes it.
+"""A lattice of places for pictures that covers the cells, equal for every agent that computes it.
 
-A multirotor turns its nose to where it flies, and image-up with it, so a footprint lies across the course: lanes run
-east-west or north-south, whichever needs fewer pictures.
-
-Also who takes which: cells in a snake from the south-west are cut into runs of equal waypoint counts, one for each
-searcher in the agreed order.
+A multirotor points its nose where it flies, and the picture's top with it, so a footprint lies across the course. Lanes
+run east-west or north-south, whichever needs fewer pictures. `partition` assigns the cells: in a snake from the
+south-west they are cut into runs of equal numbers of waypoints, one for each searcher in the common order.
 """
 
 from __future__ import annotations
@@ -18,22 +16,24 @@ from lingjing_agents.ground_plane import GroundRectangle
 
 @dataclass(frozen=True, slots=True)
 class PictureWaypoint:
-    """A place to take a picture from: east, north in metres, height above the water in metres, and whose cell.
-
-    `course_deg` is the lane's axis (a course or its opposite), None if any will do; `size` the footprint's extent
-    (east, north) in metres.
-    """
+    """A place for a picture."""
 
     x: float
+    """East in metres."""
     y: float
+    """North in metres."""
     height_m: float
+    """Height above the water in metres."""
     cell: str
+    """The name of its cell."""
     course_deg: float | None = None
+    """The lane's axis in degrees, in either direction; None for any course."""
     size: tuple[float, float] = (0.0, 0.0)
+    """Extent of the footprint (east, north) in metres."""
 
 
 def footprint(camera: CameraSpec, height_m: float) -> tuple[float, float]:
-    """Width and height in metres of what a nadir camera sees of flat water from `height_m` above it."""
+    """Return width and height in metres of a nadir picture of flat water from `height_m` above it."""
     width = 2.0 * height_m * math.tan(math.radians(camera.hfov_deg) / 2.0)
     return width, width * camera.height / camera.width
 
@@ -41,9 +41,10 @@ def footprint(camera: CameraSpec, height_m: float) -> tuple[float, float]:
 def lattice(
     cells: tuple[Cell, ...], camera: CameraSpec, height_m: float, *, overlap: float = 0.03, crosswise: bool = False
 ) -> tuple[PictureWaypoint, ...]:
-    """Waypoints whose footprints cover the cells' bounding box with at least `overlap` (0..1) between neighbours.
+    """Return waypoints with footprints that cover the cells' bounding box, with at least `overlap` (0 to 1) between
+    neighbours.
 
-    `crosswise` takes the lanes of the other, longer way: the same height from other places.
+    With `crosswise` the lanes run in the other direction, which needs more pictures: the same height from other places.
     """
     if not cells:
         return ()
@@ -64,7 +65,7 @@ def _lanes(
 
 
 def partition(cells: tuple[Cell, ...], plan: tuple[PictureWaypoint, ...], searchers: tuple[str, ...]) -> dict[str, str]:
-    """Which searcher takes which cell: columns in a snake, cut into runs with about equal numbers of waypoints."""
+    """Return the searcher of each cell: a snake of columns, cut into runs of about equal numbers of waypoints."""
     load = {cell.name: 0 for cell in cells}
     for waypoint in plan:
         load[waypoint.cell] += 1
@@ -80,7 +81,7 @@ def partition(cells: tuple[Cell, ...], plan: tuple[PictureWaypoint, ...], search
 
 
 def _stations(low: float, high: float, span: float, overlap: float) -> tuple[float, ...]:
-    """Centres of equal spans that cover [low, high]; the fewest that keep the overlap, spread evenly."""
+    """Return the centres of the fewest equal spans that cover [low, high] with the overlap, evenly spaced."""
     count = max(1, math.ceil((high - low - span * overlap) / (span * (1.0 - overlap)) - 1e-9))
     if count == 1:
         return ((low + high) / 2,)

@@ -1,4 +1,4 @@
-"""`heuristic`: picks the rules by what the agent can do, then follows them."""
+"""`heuristic`: selects the rules by an agent's abilities and follows them."""
 
 from __future__ import annotations
 
@@ -38,34 +38,39 @@ ROLE_RULES: tuple[type[RoleRules], ...] = (
     LeakGuidance,
     DogRules,
 )
-"""All rules of agents that exchange messages; each says which roles and message records it serves. Those of agents that
-have an errand of their own are `errand_rules`."""
+"""All rules of agents that exchange messages, each with its roles and message records. Agents with an errand have
+`errand_rules`.
+"""
 
 
 class HeuristicPolicy:
-    """The rule baseline. It needs no arguments and draws no random numbers. Classes of targets for which there are
-    `trained` detectors are looked for with them, the others by the colour rules."""
+    """The rule baseline. It needs no arguments and draws no random numbers.
+
+    Classes in `trained` are detected by their trained detectors, the others by the colour rules.
+    """
 
     def __init__(self, trained: TrainedDetectors = MappingProxyType({})) -> None:
         self._trained = trained
         self._rules: RoleRules | None = None
 
     async def reset(self, brief: Brief) -> None:
-        """Choose: who flies a camera over cells searches, who drives a vessel rescues, who has no body coordinates."""
+        """Select the rules."""
         self._rules = rules_for(brief, self._trained)
 
     async def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """What the rules say; nothing for an agent no rule fits."""
+        """Return the decision of the rules, or a no-op without rules."""
         return self._rules.act(observation, inbox) if self._rules is not None else Decision()
 
 
 def learned_policy() -> HeuristicPolicy:
-    """`learned`: the same rules, with trained detectors in the place of the colour rules where one ships."""
+    """Build `learned`: the same rules with the shipped trained detectors in place of colour rules."""
     return HeuristicPolicy(learned_detectors())
 
 
 def rules_for(brief: Brief, trained: TrainedDetectors = MappingProxyType({})) -> RoleRules | None:
-    """The rules that fit an agent's abilities, or None: by whether it flies, sails, drives, walks or only speaks."""
+    """Return the rules that fit an agent's abilities (flying, sailing, driving, walking, communication only), or
+    None.
+    """
     if wants_pictures(brief) and (body := camera_body(brief)) is not None:
         return PictureTaker(body)
     if (camera := flying_camera(brief)) is not None:
@@ -80,8 +85,9 @@ def rules_for(brief: Brief, trained: TrainedDetectors = MappingProxyType({})) ->
 
 
 def _flying(brief: Brief, camera: Resource, trained: TrainedDetectors) -> RoleRules:
-    """Cells are searched, routes inspected, people counted, long things followed; who may guide somebody does so; any
-    other aircraft flies to the place that it is shown."""
+    """Return the rules of an aircraft: search of cells, inspection of routes, counting, guidance, bridges, else a
+    flight.
+    """
     if brief.cells:
         return AerialSearcher(brief, camera, trained)
     if exchanged(brief, "trafficJam"):
@@ -96,14 +102,16 @@ def _flying(brief: Brief, camera: Resource, trained: TrainedDetectors) -> RoleRu
 
 
 def _driving(brief: Brief, car: Resource) -> RoleRules:
-    """Goods are hauled, inspected routes driven when told, and reported targets driven to."""
+    """Return the rules of a vehicle: deliveries, inspected routes, else drives to reported targets."""
     if exchanged(brief, "delivery"):
         return DeliveryDriver(brief, car)
     return RouteDriver(brief, car) if exchanged(brief, "trafficJam") else Rescuer(brief, car)
 
 
 def _speaking(brief: Brief) -> RoleRules:
-    """Who has no body plans tours, has routes inspected, or coordinates a search."""
+    """Return the rules of an agent without a body: planning of tours, coordination of routes, or coordination of a
+    search.
+    """
     if sends(brief, "tour") is not None:
         return DeliveryCoordinator(brief)
     return RouteCoordinator(brief) if exchanged(brief, "trafficJam") else SearchCoordinator(brief)

@@ -1,6 +1,6 @@
-"""The rescuer's rules: go to one believed target at a time, the nearest first, until the engine says it is settled.
+"""The rescuer's rules: go to one believed target at a time, the nearest first, until an event reports it as served.
 
-A vessel goes where it is sent; a vehicle only to the nearest road, so that it has arrived when it goes no further.
+A vessel goes to the commanded place. A vehicle goes only to the nearest road, so it has arrived when it stops.
 """
 
 from __future__ import annotations
@@ -16,16 +16,17 @@ from lingjing_agents.heuristic.sightings import Sighting, confidence_in, name_in
 from lingjing_agents.heuristic.target_types import PEOPLE, target_type_of
 
 ROAD_OFF_M = 90.0
-"""A vehicle that stands no farther than this from its target has come as near as the road leads."""
+"""Distance in metres from a target within which a stopped vehicle is as near as the road allows. Chosen."""
 PATIENCE_TICKS = 2
+"""Ticks at a target without an event after which it counts as missed. Chosen."""
 DOUBT_M = 300.0
-"""Extra distance that a sighting of confidence 0 is worth: near and doubtful against far and sure."""
+"""Additional distance in metres that a confidence of 0 is worth: trades distance against confidence. Chosen."""
 STAGING_TICKS = 2.0
-"""While nothing is known the vessel closes in with short hops: a pending `moveTo` could not be taken back."""
+"""Length of a hop in ticks while no target is known: a pending `moveTo` blocks the next command. Chosen."""
 
 
 class Rescuer:
-    """Keeps reported positions, drives to them one by one, tells the others what came of each."""
+    """Stores reported positions, drives to them one by one, and reports the result of each."""
 
     roles: ClassVar[tuple[str, ...]] = ("rescuer", "responder")
     reads: ClassVar[tuple[str, ...]] = ("report", "assignment")
@@ -46,7 +47,7 @@ class Rescuer:
         self._stages = True
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """Listen, settle the current target, then go on."""
+        """Process messages, close the present target, then go on."""
         self._sightings.heed(observation.weather, observation.time_s)
         self._listen(observation, inbox)
         self._heed(inbox)
@@ -71,7 +72,7 @@ class Rescuer:
                 self._sightings.add(Sighting(*place, time_s, confidence_in(envelope.body)))
 
     def _heed(self, inbox: Inbox) -> None:
-        """Where no road leads is not asked for again: neither a place to wait at nor a target."""
+        """Process receipts: a place without a road is not tried again, neither as staging area nor as target."""
         for receipt in () if self._afloat else inbox.receipts:
             if receipt.resource == self._body.id and receipt.reason == "unreachable":
                 if self._target is None:
@@ -95,7 +96,7 @@ class Rescuer:
         return messages
 
     def _passed(self, here: GroundPoint, time_s: float) -> Sighting | None:
-        """The open sighting nearest to the way since the last boundary, if near enough to have been settled."""
+        """Return the open sighting nearest to the path since the last boundary, if near enough to have been served."""
 
         def off(sighting: Sighting) -> float:
             return distance_to_segment_m(self._sightings.where(sighting, time_s), self._before or here, here)
@@ -140,7 +141,7 @@ class Rescuer:
         return drive(self._body, between(here, middle, hop / distance))
 
     def _give_up(self, observation: Observation) -> tuple[Outgoing, ...]:
-        """At the target, and nothing happens: after some patience it was a false alarm or has drifted away."""
+        """Mark a target without an event as missed after some ticks: a false alarm, or it has drifted away."""
         if self._target is None:
             return ()
         if self._arrived_tick is None:

@@ -1,4 +1,4 @@
-"""`RoleRules`: what the rules of every role have in common."""
+"""`RoleRules`: the interface of the rules of every role."""
 
 from __future__ import annotations
 
@@ -8,17 +8,20 @@ from lingjing.plugins.policy import Decision, Inbox, Observation
 
 
 class RoleRules(Protocol):
-    """One role's rules: a pure function of what it has seen so far. All state is of one episode.
+    """The rules of one role: a deterministic function of the observations so far. The state belongs to one episode.
 
-    `roles` are those that it serves in the shipped missions, `reads` and `sends` the message records, by the names that
-    the language's standard library gives them (`report`, `assignment`, `status`, …). The rules of an agent are chosen
-    by what it can do, so a mission may call its roles otherwise.
+    Rules are selected by an agent's abilities, so a mission may use other role names.
     """
 
     roles: ClassVar[tuple[str, ...]]
+    """The roles that the rules serve in the shipped missions."""
     reads: ClassVar[tuple[str, ...]]
+    """The message records that they read, by their names in the standard library (`report`, `assignment`,
+    `status`, …).
+    """
     sends: ClassVar[tuple[str, ...]]
+    """The message records that they send."""
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """The decision for this boundary."""
+        """Return the decision for this boundary."""
         ...

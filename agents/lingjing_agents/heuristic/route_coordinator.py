@@ -1,9 +1,9 @@
-"""The rules of whoever has a route inspected, replanned and driven, and sees the vehicle's channel alone.
+"""The rules of a coordinator of routes, which observes the vehicle's channel alone: inspection, replanning, driving.
 
-Each new route goes to the inspector as one order a waypoint. A jam that is told of is answered with a request for
-another route as long as the limit allows. When all waypoints were told of, the driver is ordered to the route's end,
-again and again until an event says that it has arrived. Where somebody walks on from there, the inspector then looks
-down on that stretch, and the walking body is led by what these show (`guidance.to_building`).
+Each new route is sent to the inspector as one order per waypoint. A reported jam causes a request for another route, as
+long as the limit allows. When all waypoints are reported, the driver is ordered to the route's end, repeatedly until an
+event reports its arrival. If a walker continues from there, the inspector also photographs that stretch, and the walker
+is guided by these pictures (`guidance.to_building`).
 """
 
 from __future__ import annotations
@@ -19,21 +19,24 @@ from lingjing_agents.heuristic.route_inspector import LOOK
 from lingjing_agents.heuristic.sightings import name_in
 
 GroundPosition = tuple[float, ...]
+"""East and north, possibly with an elevation, in metres."""
 
 DRIVE = "drive"
-"""What the order to drive to the route's end is called."""
+"""The task name of the order to drive to the route's end."""
 REPEAT_TICKS = 4
+"""Ticks after which an order to the driver is repeated. Chosen."""
 SILENCE_TICKS = 10
-"""The orders are repeated when the inspector has said nothing for so long."""
+"""Ticks without a report of the inspector after which its orders are repeated. Chosen."""
 SAME_JAM_M = 60.0
+"""Distance in metres within which two reported jams count as one. Chosen."""
 SPARE_MOVES, MOST_LOOKS = 4, 8
-"""What starting and driving take of the moves, with something to spare, and how many pictures are ever asked for."""
+"""Moves that are kept for start and drive, and largest number of pictures of the last stretch. Chosen."""
 LOOKING_TICKS = 10
-"""How long after the order to drive all the pictures of the last stretch are waited for."""
+"""Ticks after the order to drive for which pictures of the last stretch are awaited. Chosen."""
 
 
 class RouteCoordinator:
-    """Inspect, replan, drive. All state is of this episode."""
+    """Inspects, replans and drives one route. Its state belongs to one episode."""
 
     roles: ClassVar[tuple[str, ...]] = ("coordinator",)
     reads: ClassVar[tuple[str, ...]] = ("status",)
@@ -42,7 +45,7 @@ class RouteCoordinator:
     def __init__(self, brief: Brief) -> None:
         self._brief = brief
         self._order, self._jammed = sends(brief, "assignment"), sends(brief, "trafficJam")
-        self._inspector, self._driver = inspector_and_driver(brief)
+        self._inspector, self._driver = _inspector_and_driver(brief)
         limits = [value for name, value in brief.settings.items() if name.startswith("replan")]
         self._replans_left = min(limits, default=math.inf)
         self._route: tuple[GroundPosition, ...] = ()
@@ -53,13 +56,13 @@ class RouteCoordinator:
         self._guidance: BuildingGuidance | None = None
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """Order the inspection of a new route; else listen, and replan or drive; lead whoever walks on."""
+        """Order the inspection of a new route; otherwise process reports, replan or drive, and guide the walker."""
         decision = self._have_route(observation, inbox)
         led = self._have_led(observation)
         return Decision(messages=decision.messages + led) if led else decision
 
     def _have_led(self, observation: Observation) -> tuple[Outgoing, ...]:
-        """The way for the walker, from the moment the route is verified."""
+        """Return guidance for the walker, once the route is verified."""
         if observation.tick == 0:
             self._guidance = BuildingGuidance.of(self._brief, observation)
         if self._guidance is None:
@@ -101,7 +104,7 @@ class RouteCoordinator:
         return (*inspect, *(self._send(self._inspector, LOOK, (*place, 0.0)) for place in last))
 
     def _looks(self) -> int:
-        """For how many pictures of the last stretch the moves are enough, two for each picture; one at least."""
+        """Return the number of pictures of the last stretch that the moves allow, two moves each; at least one."""
         limits = [value for name, value in self._brief.settings.items() if name.startswith("moves")]
         left = min(limits, default=math.inf) - 2 * len(self._route) - SPARE_MOVES
         return max(1, int(min(left / 2.0, MOST_LOOKS)))
@@ -121,7 +124,7 @@ class RouteCoordinator:
         if name_in(envelope.body, "state") != JAMMED or self._jammed is None or self._replans_left < 1:
             return ()
         if any(math.dist(place, before) < SAME_JAM_M for before in self._asked):
-            return ()  # there is no way around it
+            return ()  # the new route passes the same jam: there is no way around it
         self._replans_left -= 1
         self._asked.append(place)
         body: dict[str, Datum] = {
@@ -137,10 +140,10 @@ class RouteCoordinator:
         return compose(self._order, {"assignee": assignee, "task": task, "position": where}, to=(assignee,))
 
 
-def inspector_and_driver(brief: Brief) -> tuple[str, str]:
-    """Who inspects and who drives: of those with bodies that orders reach, those that may report inspect."""
+def _inspector_and_driver(brief: Brief) -> tuple[str, str]:
+    """Return the inspector and the driver: of the peers with bodies that receive orders, inspectors may report jams."""
     orders = [message for message in brief.messages if message.type == "assignment"]
-    reached = [peer for peer in brief.peers if peer.resources and any(one.is_for(peer.role) for one in orders)]
+    reached = [peer for peer in brief.peers if peer.resources and any(order.is_for(peer.role) for order in orders)]
     seers = [peer for peer in reached if _may_send(brief, peer, "trafficJam")]
     others = [peer for peer in reached if peer not in seers and not _may_send(brief, peer, "report")]
     return (seers[0].id if seers else ""), (others[0].id if others else "")

@@ -1,7 +1,7 @@
-"""The rules of whoever drives a route that others clear: wait, then drive to where the order says, and insist.
+"""The rules of a driver on an inspected route: wait, drive to the ordered place, and repeat the command if necessary.
 
-An order to a driver that names a place is one to drive there, whatever the task is called: a coordinator of other ways
-(an oracle, a model) has words of its own.
+Every order with a position is an order to drive there, whatever its task name: other coordinators (an oracle, a model)
+use other words.
 """
 
 from __future__ import annotations
@@ -16,12 +16,13 @@ from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.sightings import name_in
 
 ARRIVED_M = 20.0
+"""Distance in metres at which the driver counts as arrived. Chosen."""
 PAUSE_TICKS = 2
-"""After a refusal this long is waited before the command is sent again."""
+"""Ticks between a rejection and the next command. Chosen."""
 
 
 class RouteDriver:
-    """One vehicle that keeps still until it is ordered. All state is of this episode."""
+    """One vehicle that waits until it is ordered. Its state belongs to one episode."""
 
     roles: ClassVar[tuple[str, ...]] = ("driver",)
     reads: ClassVar[tuple[str, ...]] = ("assignment",)
@@ -33,7 +34,7 @@ class RouteDriver:
         self._next_tick = 0
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """Drive when ordered and not under way; wait a little after a refusal (the permit may be a tick away)."""
+        """Drive if ordered and idle. Pause after a rejection, since the permit may follow a tick later."""
         for envelope in inbox.messages:
             mine = name_in(envelope.body, "assignee") in {self._brief.agent, self._body.id}
             if envelope.category == "assignment" and mine:

@@ -1,7 +1,7 @@
-"""The rules of whoever inspects a route from above: waypoint after waypoint, a picture at each, and say what it shows.
+"""The rules of a route inspector: waypoint after waypoint, with a picture and a report at each.
 
-The waypoints come as orders from a coordinator, all at once; a new set of orders is a new route and begins anew. Only
-the road between the waypoints is judged, so that parked cars in yards say nothing.
+The waypoints come as orders of a coordinator, all at once; a new set of orders is a new route. Only the road between
+the waypoints is examined, so that parked cars in yards do not count.
 """
 
 from __future__ import annotations
@@ -42,22 +42,25 @@ from lingjing_agents.heuristic.target_types import QUEUES
 from lingjing_agents.perception.road_queues import find_queues
 
 LOOK = "look"
-"""What a coordinator's order to take a picture of a place is called, when all waypoints have been looked at."""
+"""The task name of a coordinator's order to photograph a place after all waypoints."""
 REACHED_M = 5.0
+"""Distance in metres at which a place counts as reached. Chosen."""
 SLACK_M = 23.0
-"""A waypoint counts as inspected from 25 m: it need not be flown to exactly."""
+"""Distance in metres at which a waypoint need not be approached further: it counts as inspected from 25 m."""
 VIEW_M = 12.0
-"""A place is looked at from this near above it."""
+"""Largest distance in metres from a place for its picture. Chosen."""
 SETTLE_S = 5.5
-"""What getting up to speed and coming to rest take of a tick."""
+"""Seconds of a tick that acceleration and braking take. Chosen."""
 SURE = 0.5
+"""Least confidence of a jam. Chosen."""
 ATTEMPTS = 3
+"""Number of flights to one waypoint. Chosen."""
 WAIT_TICKS = 5
-"""How long a new route is waited for after a jam was told; then the old one is gone on with."""
+"""Ticks to wait for a new route after a reported jam, before the present one is continued. Chosen."""
 
 
 class RouteInspector:
-    """One camera over one route. All state is of this episode."""
+    """One camera over one route. Its state belongs to one episode."""
 
     roles: ClassVar[tuple[str, ...]] = ("inspector",)
     reads: ClassVar[tuple[str, ...]] = ("assignment",)
@@ -71,7 +74,7 @@ class RouteInspector:
         self._status, self._report = sends(brief, "status"), sends(brief, "report")
         mates, ceiling = team(brief), rated(body, "band_high_m", 100.0)
         z = brief.water_level_m + ceiling
-        # The first flies as high as it may, the others below it.
+        # The first inspector flies at the top of the band, the others below it.
         self._z = FlightLevels(
             mates.index(brief.agent), len(mates), rated(body, "band_low_m", 0.0), z, anchor_m=z
         ).level(z)
@@ -86,7 +89,7 @@ class RouteInspector:
         self._flights = 0
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """Take orders, look at the picture that came, go on."""
+        """Process orders and the new pictures, then go on."""
         self._listen(inbox)
         messages: tuple[Outgoing, ...] = ()
         for picture in observation.pictures:
@@ -144,9 +147,9 @@ class RouteInspector:
     def _move(self, own: EntityView, tick: int) -> Action | None:
         assert own.position is not None
         if own.status == "grounded":
-            return self._fly(*own.position[:2])  # straight up: there are houses around
+            return self._fly(*own.position[:2])  # vertically, because of houses around
         if tick < self._wait_until and self._route:
-            # The next route begins where this one does: be there when it comes.
+            # The next route begins at the same place as this one: go there while waiting.
             first = self._route[0]
             return self._fly(*first) if math.dist(own.position[:2], first) > REACHED_M else None
         if self._next >= len(self._route):
@@ -161,7 +164,7 @@ class RouteInspector:
         return photo(self._body, self._camera)
 
     def _view(self, here: GroundPoint) -> Action | None:
-        """A picture of the next place that was asked for, from over it."""
+        """Return the flight to the next ordered place, or its picture."""
         if not self._looks:
             return None
         if math.dist(here, self._looks[0]) > VIEW_M and self._flights < ATTEMPTS:
@@ -170,8 +173,11 @@ class RouteInspector:
         return photo(self._body, self._camera)
 
     def _aimed(self, here: GroundPoint) -> GroundPoint:
-        """Where to fly for the next waypoint: over it, so that the road up to it is in view; short of it where that
-        saves a tick, and past it where the leg after it would take another one otherwise."""
+        """Return the place to fly to for the next waypoint.
+
+        Over the waypoint the road up to it is in view. A place short of it may save a tick, and a place beyond it may
+        save one on the next leg.
+        """
         place = self._route[self._next]
         distance = math.dist(here, place)
         if distance <= SLACK_M:
@@ -190,7 +196,7 @@ class RouteInspector:
 
 
 def _ground_start(observation: Observation, body: str) -> GroundPoint | None:
-    """Where the route begins: the first other entity whose place is shown, the vehicle that is to drive it."""
+    """Return the start of the route: the first other entity with a visible position, the vehicle that will drive it."""
     for view in observation.entities:
         if view.id != body and view.position is not None:
             return view.position[:2]
@@ -198,6 +204,6 @@ def _ground_start(observation: Observation, body: str) -> GroundPoint | None:
 
 
 def _towards(start: GroundPoint, end: GroundPoint, distance_m: float) -> GroundPoint:
-    """The point so far from `start` on the way to `end`; `end` where that is nearer."""
+    """Return the point `distance_m` from `start` on the way to `end`, or `end` if that is nearer."""
     run = math.dist(start, end)
     return between(start, end, min(1.0, distance_m / run) if run else 0.0)

@@ -1,6 +1,6 @@
-"""The coordinator's rules: cells to searchers at the start, then one rescue at a time to the rescuer.
+"""The search coordinator's rules: cells to searchers at the start, then one rescue at a time to the rescuer.
 
-It controls nothing and sees no pictures: what it knows came in messages and public events.
+It has no body and no pictures; its knowledge comes from messages and public events.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from lingjing_agents.heuristic.sightings import Sighting, confidence_in, name_in
 from lingjing_agents.heuristic.target_types import PEOPLE, target_type_of
 
 RESCUE_PATIENCE_S = 350.0
-"""A rescue that takes longer than this is given up: its crew may never have heard of it."""
+"""Seconds after which a rescue is abandoned, since the order may have been lost. Chosen."""
 
 
 class SearchCoordinator:
-    """Assigns, merges, and hands over one rescue after the other."""
+    """Assigns cells, merges reports, and orders one rescue after the other."""
 
     roles: ClassVar[tuple[str, ...]] = ("coordinator",)
     reads: ClassVar[tuple[str, ...]] = ("report", "status")
@@ -40,7 +40,7 @@ class SearchCoordinator:
         self._vessel: GroundPoint | None = None
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """Cells first; then listen, settle the rescue under way and order the next one."""
+        """Assign cells first; then process messages, close the present rescue and order the next one."""
         if self._assignment is None:
             return Decision()
         self._sightings.heed(observation.weather, observation.time_s)
@@ -73,7 +73,7 @@ class SearchCoordinator:
                 self._close("missed")
 
     def _help(self, observation: Observation) -> tuple[Outgoing, ...]:
-        """A searcher that has finished takes one cell from the one with most left to do (at least two)."""
+        """Move one cell to an idle searcher from the one with the most open cells (at least two)."""
         left = {name: [cell for cell, owner in self._owner.items() if owner == name] for name in self._searchers}
         left = {name: [cell for cell in cells if cell not in self._done] for name, cells in left.items()}
         idle = [name for name, cells in left.items() if not cells]
@@ -113,13 +113,13 @@ class SearchCoordinator:
 
     def _order(self, assignee: str, task: str, *, cell: str | None = None, position: Vector | None = None) -> Outgoing:
         assert self._assignment is not None
-        heard_by = self._searchers if task == "search" else (assignee,)  # all searchers are to know who searches what
+        recipients = self._searchers if task == "search" else (assignee,)  # all searchers need the owners of cells
         body = {"assignee": assignee, "task": task, "cell": cell, "position": position}
-        return compose(self._assignment, body, to=heard_by)
+        return compose(self._assignment, body, to=recipients)
 
 
 def _split(brief: Brief) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Searchers and rescuers among the peers: whose role may send reports searches, other bodies rescue."""
+    """Return searchers and rescuers among the peers: roles that may send reports search, other bodies rescue."""
     reports = [message for message in brief.messages if message.category == "report"]
     bodies = sorted((peer for peer in brief.peers if peer.resources), key=lambda peer: natural(peer.id))
     searchers = tuple(peer.id for peer in bodies if any(message.is_sent_by(peer.role) for message in reports))

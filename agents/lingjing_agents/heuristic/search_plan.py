@@ -1,9 +1,9 @@
-"""Which cell is whose and where to take the next picture: the shared plan of a team of searchers.
+"""The shared plan of a team of searchers: the owner of each cell and the next place for a picture.
 
-All searchers compute the same lattice and the same first partition, so nothing has to be said to agree on it; under a
-hub its assignments replace the partition. Messages `assignment(search, cell)` move a cell to another searcher and
-`status(searched, cell)` closes it. When all is done the next pass flies
-crosswise, for other waves and glints, then lower, where people are larger.
+All searchers compute the same lattice and the same first partition without communication. With a hub, its assignments
+replace the partition. A message `assignment(search, cell)` moves a cell to another searcher, `status(searched, cell)`
+closes it. When all cells are searched, the next pass flies crosswise, for other waves and glints, then lower, where
+people appear larger.
 """
 
 from __future__ import annotations
@@ -11,20 +11,59 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from lingjing.plugins.geometry import bearing_deg
 from lingjing.plugins.policy import Brief, CameraSpec, Cell
 from lingjing_agents.capability import team
 from lingjing_agents.ground_plane import GroundPoint, GroundRectangle
-from lingjing_agents.heuristic.coverage_map import CoverageMap
 from lingjing_agents.heuristic.picture_lattice import PictureWaypoint, lattice, partition
+from lingjing_agents.perception.images import FloatArray, MaskArray
 
 PASSES = ((1.0, False), (1.0, True), (0.7, False), (0.55, False))
-"""Height of each pass as a share of the mission's altitude, and whether lanes run crosswise; the last one repeats."""
+"""Height of each pass as a share of the mission's altitude, and whether its lanes run crosswise; the last one
+repeats.
+"""
 ALIGNED_DEG = 20.0
+"""Largest deviation in degrees from a lane's axis for a picture. Chosen."""
 TURN_M = 60.0
-"""What a turn into the lane costs, in metres of flight."""
+"""Cost of a turn into the lane, in metres of flight. Chosen."""
 WORTH_GAIN = 0.12
-"""A waypoint is skipped when less than this share of its footprint is new."""
+"""Share of new ground in a footprint below which a waypoint is skipped. Chosen."""
+
+
+SPACING_M = 12.0
+"""Distance between sample points in metres."""
+
+
+class CoverageMap:
+    """Counts the pictures of each sample point in the cells' bounding box."""
+
+    def __init__(self, cells: tuple[Cell, ...]) -> None:
+        corners = np.array([corner for cell in cells for corner in cell.polygon] or [(0.0, 0.0)])
+        (west, south), (east, north) = corners.min(axis=0), corners.max(axis=0)
+        xs = np.arange(west + SPACING_M / 2, east, SPACING_M)
+        ys = np.arange(south + SPACING_M / 2, north, SPACING_M)
+        self._points: FloatArray = np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
+        self._views = np.zeros(len(self._points), np.int64)
+
+    def mark(self, polygon: tuple[GroundPoint, ...]) -> None:
+        """Count one picture of all points in a convex polygon of either orientation (east, north; m)."""
+        self._views[self._inside(np.array(polygon))] += 1
+
+    def gain(self, x: float, y: float, size: tuple[float, float], looks: int) -> float:
+        """Return the share (0 to 1) of a rectangle of `size` (east, north; m) with fewer than `looks` pictures."""
+        near = np.abs(self._points - (x, y)) <= np.array(size) / 2
+        inside = near[:, 0] & near[:, 1]
+        total = int(inside.sum())
+        return float((self._views[inside] < looks).sum()) / total if total else 0.0
+
+    def _inside(self, polygon: FloatArray) -> MaskArray:
+        edges = np.roll(polygon, -1, axis=0) - polygon
+        offsets = self._points[:, None, :] - polygon[None, :, :]
+        cross = edges[None, :, 0] * offsets[..., 1] - edges[None, :, 1] * offsets[..., 0]
+        inside: MaskArray = np.all(cross >= 0, axis=1) | np.all(cross <= 0, axis=1)
+        return inside
 
 
 @dataclass(slots=True)
@@ -32,15 +71,25 @@ class SearchPlan:
     """The state of the search as one searcher knows it."""
 
     brief: Brief
+    """The searcher's brief."""
     camera: CameraSpec
+    """Its camera."""
     height_m: float
+    """Height of the first pass above the water in metres."""
     lowest_m: float
+    """Least height of later passes in metres."""
     overlap: float = 0.03
+    """Overlap of neighbouring pictures, 0 to 1."""
     number: int = 0
+    """Number of the pass, from 0."""
     plan: tuple[PictureWaypoint, ...] = ()
+    """The open waypoints of all searchers."""
     owner: dict[str, str] = field(default_factory=dict)
+    """The searcher of each cell."""
     open_cells: set[str] = field(default_factory=set)
+    """Cells that are not searched yet in this pass."""
     map: CoverageMap = field(init=False)
+    """The photographed ground."""
 
     def __post_init__(self) -> None:
         self.map = CoverageMap(self.brief.cells)
@@ -49,21 +98,22 @@ class SearchPlan:
         self.open_cells = {cell.name for cell in self.brief.cells}
 
     def next_waypoint(self, here: GroundPoint) -> PictureWaypoint | None:
-        """The quickest to reach of this searcher's waypoints that would still show something new.
-
-        Coming along the lane saves a turn, which is worth a tick's flight."""
+        """Return this searcher's nearest waypoint that would show new ground, or None. An approach along the lane saves
+        a turn.
+        """
         mine = [waypoint for waypoint in self.plan if self._is_mine(waypoint.cell)]
         worth = [waypoint for waypoint in mine if self._worth(waypoint)]
         return min(worth, key=lambda waypoint: _effort_m(here, waypoint), default=None)
 
     def drop(self, waypoint: PictureWaypoint) -> None:
-        """Never mind this waypoint any more: it has been photographed or cannot be reached."""
+        """Remove a waypoint that was photographed or cannot be reached."""
         self.plan = tuple(other for other in self.plan if other != waypoint)
 
     def finished_cells(self) -> tuple[str, ...]:
-        """Own open cells that no picture still to be taken would touch; they count as searched from now on.
+        """Close own cells that no open waypoint touches. Return those that have mostly been photographed.
 
-        Only those are told that have mostly been looked at: a cell taken over may have no waypoint of its own."""
+        A cell that was taken over may have no waypoint of its own and is then closed without being returned.
+        """
         left = [waypoint for waypoint in self.plan if self._is_mine(waypoint.cell) and self._worth(waypoint)]
         mine = [cell for cell in self.brief.cells if self._is_mine(cell.name)]
         done = [cell for cell in mine if not any(_touches(waypoint, cell) for waypoint in left)]
@@ -71,7 +121,7 @@ class SearchPlan:
         return tuple(cell.name for cell in done if self._looked_at(cell))
 
     def claim(self) -> str | None:
-        """A cell to take over from the team mate with most left (at least two), or None."""
+        """Return a cell to take over from the team mate with the most open cells (at least two), or None."""
         left: dict[str, list[str]] = {}
         for cell in dict.fromkeys(waypoint.cell for waypoint in self.plan if self._worth(waypoint)):
             if cell in self.open_cells and self.owner[cell] != self.brief.agent:
@@ -80,7 +130,7 @@ class SearchPlan:
         return busiest[-1] if len(busiest) >= 2 else None
 
     def next_pass(self) -> None:
-        """Look again at this searcher's share of the cells, from other places."""
+        """Start a new pass over the cells from other places."""
         self.number += 1
         share, crosswise = PASSES[min(self.number, len(PASSES) - 1)]
         height_m = max(self.height_m * share, self.lowest_m)
@@ -107,7 +157,7 @@ def _touches(waypoint: PictureWaypoint, cell: Cell) -> bool:
 
 
 def off_course_deg(course_deg: float, heading_deg: float) -> float:
-    """How far a heading is from a lane's axis, either way along it: 0..90 degrees."""
+    """Return the deviation of a heading from a lane's axis, in either direction: 0 to 90 degrees."""
     off = abs(heading_deg - course_deg) % 180.0
     return min(off, 180.0 - off)
 

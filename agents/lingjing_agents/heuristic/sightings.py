@@ -1,4 +1,4 @@
-"""What an agent believes about people at sea: positions that drift, merged when they are near each other."""
+"""An agent's beliefs about people at sea: drifting positions, merged when they are near each other."""
 
 from __future__ import annotations
 
@@ -10,33 +10,44 @@ from lingjing.plugins.policy import Datum, Weather
 from lingjing_agents.ground_plane import GroundPoint
 
 SightingState = Literal["open", "rescued", "missed"]
+"""The state of a believed target: to be served, served, or not found."""
 
 
 @dataclass(slots=True)
 class Sighting:
-    """One believed person: where it was seen (east, north, m) and when (s), how sure (0..1), and what came of it."""
+    """One believed target."""
 
     x: float
+    """East in metres at `time_s`."""
     y: float
+    """North in metres at `time_s`."""
     time_s: float
+    """Simulated time of the position in seconds."""
     confidence: float
+    """From 0 to 1."""
     cell: str | None = None
+    """The search cell, if known."""
     state: SightingState = "open"
+    """The state."""
     reports: int = 1
+    """Number of merged reports."""
 
 
 @dataclass(slots=True)
 class Sightings:
-    """All sightings of one agent. Positions move with the water's current as `weather` has it; `drifts` says whether
-    such targets float at all."""
+    """All sightings of one agent."""
 
     weather: Weather
+    """The present weather, with the water's current."""
     merge_m: float = 35.0
+    """Distance in metres within which sightings are merged."""
     drifts: bool = True
+    """True if such targets drift with the current."""
     known: list[Sighting] = field(default_factory=list)
+    """The sightings in the order of their first report."""
 
     def heed(self, weather: Weather, time_s: float) -> None:
-        """Take on the weather of `time_s`: what floats has drifted with the current before until then."""
+        """Take the weather of `time_s`. Positions are first moved with the previous current up to then."""
         if weather == self.weather:
             return
         for sighting in self.known:
@@ -45,7 +56,7 @@ class Sightings:
         self.weather = weather
 
     def where(self, sighting: Sighting, time_s: float) -> GroundPoint:
-        """Where a sighting has drifted to by `time_s`."""
+        """Return the drifted position of a sighting at `time_s`."""
         if not self.drifts:
             return sighting.x, sighting.y
         bearing = math.radians(self.weather.current_to_deg)
@@ -55,7 +66,7 @@ class Sightings:
     def nearest(
         self, point: GroundPoint, time_s: float, *, within: float = math.inf, state: SightingState | None = None
     ) -> Sighting | None:
-        """The nearest sighting to `point` (m) at `time_s`, if one in that state is within `within` metres."""
+        """Return the nearest sighting to `point` (m) at `time_s`, of that state and within `within` metres, or None."""
         near = [
             (math.dist(point, self.where(sighting, time_s)), index)
             for index, sighting in enumerate(self.known)
@@ -65,9 +76,10 @@ class Sightings:
         return self.known[index] if index >= 0 and distance <= within else None
 
     def add(self, fresh: Sighting) -> Sighting:
-        """Merge `fresh` into the sighting it belongs to, or remember it as a new one; returns the one that is kept.
+        """Merge `fresh` into the nearest sighting, or store it as a new one. Return the stored one.
 
-        A missed one that is seen again is open again; the newer position replaces the older one."""
+        The newer position replaces the older one. A missed sighting that is reported again is open again.
+        """
         old = self.nearest((fresh.x, fresh.y), fresh.time_s, within=self.merge_m)
         if old is None:
             self.known.append(fresh)
@@ -80,17 +92,17 @@ class Sightings:
         return old
 
     def of(self, state: SightingState) -> tuple[Sighting, ...]:
-        """All sightings in that state, in the order they became known."""
+        """Return all sightings of that state, in the order of their first report."""
         return tuple(sighting for sighting in self.known if sighting.state == state)
 
 
 def confidence_in(body: dict[str, Datum]) -> float:
-    """A message's `confidence` in 0..1, or 0.5 if it has none that can be read."""
+    """Return a message's `confidence` in 0 to 1, or 0.5 without a valid one."""
     value = body.get("confidence")
     return min(1.0, max(0.0, float(value))) if isinstance(value, (int, float)) and math.isfinite(value) else 0.5
 
 
 def name_in(body: dict[str, Datum], field_name: str) -> str | None:
-    """A message's text field, or None."""
+    """Return a message's text field, or None."""
     value = body.get(field_name)
     return value if isinstance(value, str) else None

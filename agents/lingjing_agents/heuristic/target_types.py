@@ -1,4 +1,4 @@
-"""What is looked for, by the classes that a report may name: its detector and how its finds are to be treated."""
+"""Types of targets by the classes of reports, with the detector and the search rules of each."""
 
 from __future__ import annotations
 
@@ -13,44 +13,54 @@ from lingjing_agents.perception.images import ByteImage
 from lingjing_agents.perception.people_at_sea import FoundBox, find_people
 
 Detector = Callable[[ByteImage, CameraPose, float], tuple[FoundBox, ...]]
-"""Picture (height, width, 3), its pose and the elevation of the ground or water → finds, the surest first."""
+"""A function of a picture (height, width, 3), its pose and the elevation of the ground or water that returns
+detections, highest confidence first.
+"""
 
 
 TrainedDetectors = Mapping[str, Detector]
-"""Detectors that take the place of the colour rules, by the class of what they find."""
+"""Detectors that replace the colour rules, by class."""
 
 
 @dataclass(frozen=True, slots=True)
 class TargetType:
-    """One sort of target: words of which a class's name has one, and rules of thumb.
-
-    `done` begins the name of the event that settles one and `task` is what an assignment calls it; `counts` are names
-    of settings that may say how many there are. Finds nearer than `merge_m` metres are one. `aside` is how far from
-    the picture's middle, as a share of its size, one may lie for its place to be believed: what stands high seems
-    farther out than it is. `confirm` is the height of a second look as a share of the search height, `settle_m` the
-    distance (m) from which somebody settles one, `raised_m` how high over the ground one usually is: among buildings,
-    where a vehicle climbs before it flies anywhere. Searches are flown at `aloft` times the mission's altitude, from
-    where walls hide less, with `overlap` (0..1) between pictures and never below `lowest` of that height. What
-    `drifts` goes with the water.
-    """
+    """A type of target with its search rules."""
 
     words: tuple[str, ...]
+    """Words of which the class's name contains one."""
     find: Detector
+    """The detector."""
     done: str = ""
+    """Beginning of the name of the event that reports a target as served."""
     task: str = ""
+    """Task name in assignments."""
     counts: tuple[str, ...] = ()
+    """Names of settings that may hold the number of targets."""
     merge_m: float = 35.0
+    """Distance in metres within which detections are one target."""
     aside: float = 1.0
+    """Largest distance from the picture's centre, as a share of its size, for a reliable position: high objects appear
+    farther out than they are.
+    """
     confirm: float = 0.5
+    """Height of a second picture as a share of the search height."""
     settle_m: float = 50.0
+    """Distance in metres from which a target is served."""
     raised_m: float = 0.0
+    """Usual height of a target above the ground in metres. Above 0 it lies among buildings, where aircraft climb
+    first.
+    """
     aloft: float = 1.0
+    """Search height as a multiple of the mission's altitude: from higher up, walls hide less."""
     overlap: float = 0.03
+    """Overlap of pictures, 0 to 1."""
     lowest: float = 0.0
+    """Least search height of later passes as a share of the first."""
     drifts: bool = False
+    """True if targets drift with the water."""
 
     def sightings(self, brief: Brief) -> Sightings:
-        """An empty memory of such targets; what floats moves with the water's current."""
+        """Return an empty store of sightings of this type."""
         return Sightings(brief.weather, merge_m=self.merge_m, drifts=self.drifts)
 
 
@@ -72,19 +82,21 @@ FIRES = TargetType(
 )
 GAPS = TargetType(("fracture", "gap", "collapse"), find_gaps, merge_m=60.0)
 QUEUES = ("congestion", "jam")
-"""Words of which a class of queues has one; those are looked for along a route, see `perception.road_queues`."""
+"""Words of which the class of a queue contains one; queues are detected along a route (`perception.road_queues`)."""
 
 TARGET_TYPES = (PEOPLE, FIRES, GAPS)
-"""In this order the first that has a class in the brief is what a searcher looks for."""
+"""The target types in order of precedence: the first with a class in the brief is searched for."""
 
 
 VEHICLES = frozenset(("truck", "van", "car", "bus", "boat", "engine"))
+"""Words that mark a class as a vehicle."""
 
 
 def target_type_of(brief: Brief, among: tuple[TargetType, ...] = TARGET_TYPES) -> tuple[TargetType, str] | None:
-    """What this mission's reports are about, and the class to report it as; None if no detector knows any class.
+    """Return the target type and class of the mission's reports; None if no detector knows a class.
 
-    A fire truck is no fire: names of vehicles are left out."""
+    Classes of vehicles are left out: a fire truck is no fire.
+    """
     for kind in among:
         for name in brief.classes:
             if any(word in name for word in kind.words) and not VEHICLES.intersection(name.split("_")):

@@ -1,10 +1,13 @@
-"""Chat models behind one small Protocol, so that `react` does not know which service answers.
+"""Chat models behind one small Protocol, so that `react` does not depend on a service.
 
-`models` reads what is known of models and their services (`models.toml`, and a user's own list) → `options` is what a
-policy is told of its model, and the profile that comes of both → `asking` asks it: `AskedModel` records each question,
-retries (`retry`: backoff within a deadline) and bills. Below it are `chat` (the values and `ModelClient`), `direct`
-(the OpenAI chat protocol; `dialect` remembers what a service refuses to be told) or `through_litellm` (everything
-litellm speaks), both over `wire` (one bounded HTTP exchange), within the service's `limits` and behind `guard` (nothing
-passes with a key or password in it: `redaction`; `address` takes them out of URLs). `probing` asks a service, apart
-from any policy, if it can be reached.
+Concepts. A *service* is an HTTP address that serves models. A *call* is one question of a policy, possibly answered
+after several attempts. Calls are recorded in the trace, so that a replay needs no service.
+
+Modules in the order of a call: `models` reads the known models and services (`models.toml` and a user's own list).
+`options` are a policy's options for its model, and the profile that results from both. `asking` makes the calls:
+`AskedModel` records each, retries it (`retry`: backoff within a deadline) and sums up the cost. Below it are `chat`
+(the values and `ModelClient`) and the clients: `direct` (the OpenAI chat protocol; it stores parameters that a
+service rejects) or `through_litellm` (all services of litellm). Both use `wire` (one bounded HTTP exchange), within the
+service's `limits` and behind `guard`, which removes keys and passwords (`redaction`; `address` removes them from URLs).
+`probing` tests whether a service can be reached, independently of policies.
 """

@@ -1,4 +1,4 @@
-"""`Address`: a service's URL, with the credentials in it told apart from what may be shown."""
+"""`Address`: a service's URL with its credentials kept separately."""
 
 from __future__ import annotations
 
@@ -8,26 +8,32 @@ from urllib.parse import SplitResult, unquote, urlsplit, urlunsplit
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """`url` without user and password; `login` is `user:password`, decoded, or empty."""
+    """A URL without user and password."""
 
     url: str
+    """The URL without credentials."""
     login: str = field(default="", repr=False)
+    """The decoded `user:password`; "" without credentials."""
 
     @property
     def secrets(self) -> tuple[str, ...]:
-        """What of the address must not be told: the login and its password; a user name alone (a token) if there is
-        no password."""
+        """The texts that must not be shown: the login and its password, or a user name without password, which is a
+        token.
+        """
         user, _, password = self.login.partition(":")
         return (self.login, password or user) if self.login else ()
 
 
 def address(text: str) -> Address:
-    """`text` taken apart. Raises `ValueError`, which quotes nothing, if it is not an http(s) URL with a host and
-    without query and fragment."""
-    taken = _taken_apart(text)
-    if taken is None:
+    """Parse the URL of a service.
+
+    Raises `ValueError` if `text` is not an http(s) URL with a host and without query and fragment. The message quotes
+    nothing of it.
+    """
+    split = _split(text)
+    if split is None:
         raise ValueError("it is not a URL")
-    parts, port = taken
+    parts, port = split
     if parts.scheme not in ("http", "https") or not parts.hostname:
         raise ValueError("it does not begin with http:// or https:// and a host")
     if parts.query or parts.fragment:
@@ -38,9 +44,9 @@ def address(text: str) -> Address:
     return Address(urlunsplit((parts.scheme, place, parts.path, "", "")), login)
 
 
-def _taken_apart(text: str) -> tuple[SplitResult, int | None] | None:
+def _split(text: str) -> tuple[SplitResult, int | None] | None:
     try:
         parts = urlsplit(text)
         return parts, parts.port
-    except ValueError:  # it quotes the text: nothing may hang on to it
+    except ValueError:  # its message quotes the text, so it must not become the cause of another error
         return None

@@ -1,8 +1,8 @@
-"""`AskedModel`: one agent's questions to its model, recorded, limited, retried and billed.
+"""`AskedModel`: one agent's calls to its model, recorded, limited, retried and billed.
 
-A question is looked up in the record first (a replay asks nobody), then asked with retries until the deadline, and what
-came out of it, an answer or a failure, is recorded before the policy sees it. So a replay needs no clock: whatever
-time decided is in the record.
+A call is first looked up in the record; a replay finds every call there and contacts no service. Otherwise it is made
+with retries until the deadline, and its result, an answer or a failure, is recorded before the policy receives it. A
+replay therefore needs no clock.
 """
 
 from __future__ import annotations
@@ -33,16 +33,18 @@ from lingjing_agents.llm.retry import Attempts, CallDeadline, complete_with_retr
 from lingjing_agents.llm.through_litellm import LitellmClient, load_litellm
 
 _KEY_VARIABLES = ("_API_KEY", "_ACCESS_KEY", "_API_TOKEN", "_ACCESS_TOKEN", "_AUTH_TOKEN")
+"""Suffixes of environment variables that hold keys."""
 _LEAST_KEY_LETTERS = 16
+"""Shortest value that counts as a key. Chosen: shorter ones may be ordinary words."""
 
 _OVERHEAD_TOKENS = 64
-"""Tokens that a service's template may add to one message."""
+"""Tokens that a service's template may add to one message. Chosen, on the safe side."""
 
 
 class AskedModel:
-    """A model, one agent's record of it, and what it has cost since the last bill.
+    """A model with one agent's record of calls and the cost since the last bill.
 
-    `profile` says what the model can do. `client` is None in a replay.
+    `profile` describes the model. `client` is None in a replay.
     """
 
     def __init__(self, profile: ModelProfile, client: ModelClient | None, calls: ModelCalls) -> None:
@@ -55,9 +57,9 @@ class AskedModel:
     async def ask(
         self, tick: int, messages: tuple[ChatMessage, ...], deadline: CallDeadline, *, schema: bytes | None = None
     ) -> CallResult:
-        """The model's answer to the question that is asked at boundary `tick`. `schema` is a JSON Schema as text.
+        """Return the model's answer to `messages` at boundary `tick`. `schema` is a JSON Schema as text.
 
-        Raises `ModelError` if there is none within the deadline, and what `ModelCalls.begin` raises.
+        Raises `ModelError` without an answer within the deadline, and the errors of `ModelCalls.begin`.
         """
         request = self._request(messages, schema)
         kept = self._kept(tick, request)
@@ -75,12 +77,12 @@ class AskedModel:
         return result
 
     def bill(self) -> Usage:
-        """What the questions since the last bill have cost."""
+        """Return the usage of the calls since the last bill."""
         usage, self._unbilled = self._unbilled, Usage()
         return usage
 
     async def _asked(self, request: ChatRequest, kept: CallRequest, deadline: CallDeadline) -> CallResult:
-        assert self._client is not None, "a replay asks nobody"
+        assert self._client is not None, "a replay makes no calls"
         attempts, started = Attempts(), time.monotonic()
         result = CallResult(failure="the policy was given up while it waited", fault="abandoned")
         try:
@@ -134,7 +136,7 @@ class AskedModel:
         pictures = tuple(image for message in request.messages for image in message.images)
         head = msgspec.json.encode(parameters(request), order="sorted")
         # No tokenizer makes more than one token of a byte.
-        prompt = len(head) + sum(len(one) + _OVERHEAD_TOKENS for one in messages)
+        prompt = len(head) + sum(len(message) + _OVERHEAD_TOKENS for message in messages)
         prompt += len(pictures) * self.profile.traits.image_tokens
         return CallRequest(
             tick=tick,
@@ -147,7 +149,7 @@ class AskedModel:
         )
 
     def _number(self, tick: int) -> int:
-        """How many questions this boundary has had before."""
+        """Return the number of earlier calls at this boundary."""
         before, number = self._asked_at
         self._asked_at = (tick, number + 1 if tick == before else 0)
         return self._asked_at[1]
@@ -163,34 +165,35 @@ class AskedModel:
 
 
 def open_model(options: ModelOptions, calls: ModelCalls) -> AskedModel:
-    """The model that the options name, with the record of its calls.
+    """Return the model that the options name, with the record of its calls.
 
     Raises `UsageError` if its key or address is missing, or its price where money is capped.
     """
     profile = options.profile
     if calls.capped and not profile.traits.priced and not calls.replaying:
         raise UsageError(
-            f"money is capped, and nobody has said what `{options.model}` costs",
+            f"money is capped, and the price of `{options.model}` is not known",
             hint="give price_in= and price_out= (US dollars per million tokens), or both in models.toml; 0 is a price",
         )
     return AskedModel(profile, None if calls.replaying else open_client(options, profile), calls)
 
 
 def open_client(options: ModelOptions, profile: ModelProfile) -> ModelClient:
-    """The client that the profile asks for, behind a guard that knows its secrets. Raises `UsageError` if its key or
-    its address is missing."""
-    given = options.credentials(profile)
-    secrets = (given.key, *given.secrets)
-    client: ModelClient = DirectClient(given.url, given.key, given.login)
+    """Return the client of the profile, behind a guard for its secrets. Raises `UsageError` without its key or
+    address.
+    """
+    credentials = options.credentials(profile)
+    secrets = (credentials.key, *credentials.secrets)
+    client: ModelClient = DirectClient(credentials.url, credentials.key, credentials.login)
     if profile.client == "litellm":
-        load_litellm()  # seconds of import: before the first barrier, and a missing package is told at once
+        load_litellm()  # takes seconds: import it before the first barrier, and report a missing package early
         secrets = (*secrets, *_keys_of_environment())
-        client = LitellmClient(given.url, given.key, given.login)
-    return GuardedClient(limited(client, profile.service, given.url or profile.served), Redactor(secrets))
+        client = LitellmClient(credentials.url, credentials.key, credentials.login)
+    return GuardedClient(limited(client, profile.service, credentials.url or profile.served), Redactor(secrets))
 
 
 def _keys_of_environment() -> tuple[str, ...]:
-    """The keys that litellm may find for itself."""
+    """Return the keys that litellm may read from the environment."""
     return tuple(
         value
         for name, value in sorted(os.environ.items())

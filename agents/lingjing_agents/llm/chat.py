@@ -10,71 +10,90 @@ from typing import Literal, Protocol
 import msgspec
 
 TokenLimit = Literal["max_tokens", "max_completion_tokens"]
-"""How a bound on the tokens of an answer is spelled; the second one counts the reasoning too."""
+"""The parameter that bounds the tokens of an answer. The second one counts reasoning too."""
 
 Structured = Literal["json_schema", "json_object", "tool", "none"]
-"""How a service is asked for an answer of a given form: by `response_format` with the JSON Schema or without it, by a
-tool whose parameters are the schema, or not at all."""
+"""The way in which a service is asked for an answer of a given form: `response_format` with or without the JSON Schema,
+a tool with the schema as parameters, or none.
+"""
 
 FailureCause = Literal["service", "model", "time"]
+"""The cause of a failed call: the service (rejects, unreachable), the model (will not answer this) or a passed
+deadline.
+"""
 
 TOOL = "step"
-"""The name of the schema, and of the tool that has it."""
+"""The name of the schema, and of the tool with the schema."""
 
 
 @dataclass(frozen=True, slots=True)
 class ChatMessage:
-    """One turn. `images` are JPEG files; they go with user turns only."""
+    """One turn of a conversation."""
 
     role: Literal["system", "user", "assistant"]
+    """The sender of the turn."""
     text: str
+    """The text."""
     images: tuple[bytes, ...] = ()
+    """JPEG files; only in user turns."""
 
 
 @dataclass(frozen=True, slots=True)
 class ChatRequest:
-    """One completion to ask for. `schema` is a JSON Schema the answer must satisfy, as JSON text, or None; `structured`
-    says how the service is told of it.
-
-    `temperature` is None where the model takes none; `insist` says that somebody asked for this one, so that it must
-    not be left out where a service refuses it. `limit_name` is what the model calls the bound of `max_tokens`.
-    `reasoning_effort` is sent if it is not empty, and so are the members of `extra`, a JSON object as text.
-    """
+    """A request for one completion."""
 
     model: str
+    """The model's name at the service."""
     messages: tuple[ChatMessage, ...]
+    """The conversation."""
     temperature: float | None = 0.0
+    """None if the model accepts none."""
     max_tokens: int = 2048
+    """Bound on the tokens of the answer."""
     schema: bytes | None = None
+    """JSON Schema of the answer as text, or None."""
     insist: bool = False
+    """True if the user set the temperature: it is then never left out, even if a service rejects it."""
     limit_name: TokenLimit = "max_tokens"
+    """The model's name for the bound of `max_tokens`."""
     structured: Structured = "json_schema"
+    """The way in which the service is asked for the schema."""
     reasoning_effort: str = ""
+    """Sent unless it is ""."""
     extra: bytes = b"{}"
+    """Further members of the request, a JSON object as text."""
 
 
 @dataclass(frozen=True, slots=True)
 class ModelCompletion:
-    """What came back. `text` is the answer (the arguments, if it came as a tool's call), `reasoning` what the service
-    gave beside it. `finish_reason` is the protocol's (`stop`, `length`, `content_filter`, …). `cached_tokens` are those
-    of the prompt that the service had kept; no tokens at all means that it did not count. `cost_usd` is what the client
-    knows of the price, None if nothing."""
+    """The answer of a model."""
 
     text: str
+    """The answer: the content, or the arguments of a tool call."""
     finish_reason: str
+    """The protocol's reason (`stop`, `length`, `content_filter`, …)."""
     prompt_tokens: int = 0
+    """Tokens of the prompt; 0 if the service does not count."""
     completion_tokens: int = 0
+    """Tokens of the answer; 0 if the service does not count."""
     cost_usd: float | None = None
+    """The price that the client knows, in US dollars; None if unknown."""
     reasoning: str = ""
+    """Reasoning that the service returned beside the answer."""
     cached_tokens: int = 0
+    """Tokens of the prompt that the service had cached."""
 
 
 class ModelError(Exception):
-    """A call to a model failed. `transient` says whether trying again may help, `retry_after_s` when the service
-    said so, `status` is the HTTP status or None, `fault` whose failure it is: the service's (it refuses, or is not
-    there), the model's (it will not answer this), or that of time, which ran out. `adapted` says that the client has
-    changed its way of asking and the same request may now be taken. `billed` says that the service may have answered
-    and taken money for it."""
+    """A failed call to a model.
+
+    - `transient`: whether another attempt may succeed.
+    - `retry_after_s`: pause that the service requested, in seconds; None without one.
+    - `status`: HTTP status, or None.
+    - `fault`: the cause.
+    - `adapted`: the client has changed its dialect, and the same request may now be accepted.
+    - `billed`: the service may have answered and charged for it.
+    """
 
     def __init__(
         self,
@@ -97,20 +116,20 @@ class ModelError(Exception):
 
 
 class ModelClient(Protocol):
-    """A chat model. A call may be made from any event loop; nothing is kept open between calls."""
+    """A chat model. Calls may come from any event loop; no connection stays open between calls."""
 
     async def complete(self, request: ChatRequest, timeout_s: float) -> ModelCompletion:
-        """Ask once, without retries, within `timeout_s` seconds. Raises `ModelError`."""
+        """Make one call, without retries, within `timeout_s` seconds. Raises `ModelError`."""
         ...
 
 
 def wire_messages(messages: tuple[ChatMessage, ...]) -> list[dict[str, object]]:
-    """The messages as the OpenAI chat protocol spells them; images become base64 data URLs."""
+    """Return the messages in the OpenAI chat protocol, images as base64 data URLs."""
     return [{"role": message.role, "content": _content(message)} for message in messages]
 
 
 def recorded_message(message: ChatMessage) -> bytes:
-    """The message as JSON for a record: a picture is named by its SHA-256."""
+    """Return the message as JSON for a record, pictures as SHA-256."""
     content: object = message.text
     if message.images:
         shown = [{"type": "picture", "sha256": sha256(image).hexdigest()} for image in message.images]
@@ -119,7 +138,7 @@ def recorded_message(message: ChatMessage) -> bytes:
 
 
 def parameters(request: ChatRequest) -> dict[str, object]:
-    """Everything of the request but its messages, as the protocol spells it."""
+    """Return all of the request but its messages, in the OpenAI chat protocol."""
     body: dict[str, object] = {"model": request.model, request.limit_name: request.max_tokens}
     if request.temperature is not None:
         body["temperature"] = request.temperature
@@ -130,7 +149,7 @@ def parameters(request: ChatRequest) -> dict[str, object]:
 
 
 def _form(request: ChatRequest) -> dict[str, object]:
-    """What tells the service of the schema. Not `strict`: optional fields are part of it."""
+    """Return the parameters for the schema. It is not `strict`, because it has optional fields."""
     if request.schema is None or request.structured == "none":
         return {}
     if request.structured == "json_object":

@@ -1,8 +1,9 @@
-"""The OpenAI chat protocol over HTTP, nothing else: works with every compatible server, hosted or local."""
+"""The OpenAI chat protocol over HTTP and nothing else: works with every compatible server, hosted or local."""
 
 from __future__ import annotations
 
 import os
+import re
 import socket
 import ssl
 from base64 import b64encode
@@ -12,18 +13,20 @@ from typing import Annotated
 import httpx
 import msgspec
 
-from lingjing_agents.llm.chat import ChatRequest, ModelCompletion, ModelError, parameters, wire_messages
-from lingjing_agents.llm.dialect import Dialect
+from lingjing_agents.llm.chat import ChatRequest, ModelCompletion, ModelError, TokenLimit, parameters, wire_messages
 from lingjing_agents.llm.wire import HttpAnswer, UnreadableAnswerError, exchange
 
 TRANSIENT_STATUS = frozenset({408, 409, 425, 429, 500, 502, 503, 504, 529})
+"""HTTP statuses after which another attempt may succeed."""
 
 MOST_TOKENS = 2**40
+"""Largest plausible token count of a service; larger ones are ignored. Chosen."""
 Count = Annotated[int, msgspec.Meta(ge=0, le=MOST_TOKENS)]
+"""A token count."""
 
 
 class _Called(msgspec.Struct):
-    """Arguments are JSON as text, by the protocol; some servers give the object itself."""
+    """The arguments of a tool call: JSON as text by the protocol; some servers send the object itself."""
 
     arguments: msgspec.Raw = msgspec.Raw(b"null")
 
@@ -66,7 +69,9 @@ class _Answer(msgspec.Struct):
 
 
 class _Failure(msgspec.Struct):
-    """An answer in which an intermediary that had begun with 200 says what came of it."""
+    """An error body under status 200, as intermediaries send it when they have begun the response before the
+    failure.
+    """
 
     error: msgspec.Raw
     choices: msgspec.Raw | None = None
@@ -76,18 +81,78 @@ class _Numbered(msgspec.Struct):
     code: Annotated[int, msgspec.Meta(ge=400, le=599)]
 
 
+_OTHER: dict[TokenLimit, TokenLimit] = {
+    "max_tokens": "max_completion_tokens",
+    "max_completion_tokens": "max_tokens",
+}
+_ADAPTED = frozenset({"temperature", "reasoning_effort", *_OTHER})
+_REFUSED = re.compile(
+    r"unsupported|not support|unrecogni[sz]ed|unknown|unexpected|not permitted|not allowed|extra", re.I
+)
+
+
+class _Fault(msgspec.Struct):
+    param: str | None = None
+
+
+class _Refusal(msgspec.Struct):
+    error: _Fault
+
+
+@dataclass(slots=True)
+class Dialect:
+    """The parameters to leave out or to rename. A parameter is adapted once; a second rejection is final."""
+
+    refused: set[str] = field(default_factory=set)
+    """Names of rejected parameters."""
+
+    def spoken(self, request: ChatRequest) -> ChatRequest:
+        """Return the request in the form that the service accepts."""
+        limit = _OTHER[request.limit_name] if request.limit_name in self.refused else request.limit_name
+        temperature = None if "temperature" in self.refused else request.temperature
+        effort = "" if "reasoning_effort" in self.refused else request.reasoning_effort
+        return replace(request, temperature=temperature, limit_name=limit, reasoning_effort=effort)
+
+    def adapt(self, refusal: str, request: ChatRequest) -> bool:
+        """Adapt to a rejection (the body of a 400 or 422). Return whether it names a parameter that can be left out or
+        renamed.
+        """
+        if not _REFUSED.search(refusal):
+            return False
+        sent = [request.limit_name, *["reasoning_effort"] * bool(request.reasoning_effort)]
+        sent += ["temperature"] * (request.temperature is not None and not request.insist)
+        named = _param(refusal)
+        for name in sent:
+            is_named = named == name if named in _ADAPTED else re.search(rf"\b{name}\b", refusal) is not None
+            if is_named and name not in self.refused:
+                self.refused.add(name)
+                return True
+        return False
+
+
+def _param(refusal: str) -> str | None:
+    """Return the parameter that an error of the protocol names, or None."""
+    try:
+        return msgspec.json.decode(refusal, type=_Refusal).error.param
+    except (msgspec.DecodeError, UnicodeEncodeError, RecursionError):
+        return None
+
+
 @dataclass(frozen=True, slots=True)
 class DirectClient:
-    """`base_url` ends where `/chat/completions` is appended. The key is sent as a bearer token if there is one, else
-    `login` (`user:password`) as basic authorisation. What the service refuses to be told is remembered."""
+    """A client of the OpenAI chat protocol. It stores what the service rejects."""
 
     base_url: str
+    """The address to which `/chat/completions` is appended."""
     api_key: str = field(default="", repr=False)
+    """Sent as a bearer token unless it is ""."""
     login: str = field(default="", repr=False)
+    """`user:password` for basic authorisation, used without a key."""
     dialect: Dialect = field(default_factory=Dialect, repr=False)
+    """The parameters that the service rejects."""
 
     async def complete(self, request: ChatRequest, timeout_s: float) -> ModelCompletion:
-        """One POST. Raises `ModelError`; status, broken connections and time-outs say whether to try again."""
+        """Send one POST. Raises `ModelError`, transient for suitable statuses, broken connections and time-outs."""
         try:
             post = httpx.Request(
                 "POST", self._url(), headers=self._headers(), content=_payload(self.dialect.spoken(request))
@@ -132,7 +197,7 @@ class DirectClient:
 
 
 def _failed(content: bytes) -> int:
-    """The status of the error that stands in the place of an answer, 502 if it names none; 0 if there is no error."""
+    """Return the status of an error body, 502 if it has none; 0 if the body is no error."""
     try:
         failure = msgspec.json.decode(content, type=_Failure)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
@@ -146,12 +211,12 @@ def _failed(content: bytes) -> int:
 
 
 def basic(login: str) -> str:
-    """The `Authorization` of a `user:password`."""
+    """Return the `Authorization` header of a `user:password`."""
     return "Basic " + b64encode(login.encode()).decode()
 
 
 def filtered(refusal: str) -> bool:
-    """Whether a service refuses because of what the prompt is about, which is no fault of the service's."""
+    """Return whether a service rejects the content of the prompt, which is no fault of the service."""
     return "content_filter" in refusal or "content_policy" in refusal
 
 
@@ -165,11 +230,11 @@ def _completion(content: bytes) -> ModelCompletion:
         choice = answer.choices[0]
         text = _called(choice.message) or _written(choice.message)
     except (msgspec.DecodeError, UnicodeDecodeError, IndexError, RecursionError) as error:
-        message = f"the service's answer is not a chat completion: {error}"
-        raise ModelError(message, transient=True, billed=True) from error
-    said = choice.message
-    if said.refusal:
-        raise ModelError(f"the model refused: {said.refusal}", fault="model", billed=True)
+        problem = f"the service's answer is not a chat completion: {error}"
+        raise ModelError(problem, transient=True, billed=True) from error
+    message = choice.message
+    if message.refusal:
+        raise ModelError(f"the model refused: {message.refusal}", fault="model", billed=True)
     tokens = _counted(answer.usage)
     kept = tokens.prompt_tokens_details or _PromptTokens()
     return ModelCompletion(
@@ -177,14 +242,16 @@ def _completion(content: bytes) -> ModelCompletion:
         finish_reason=choice.finish_reason or "stop",
         prompt_tokens=tokens.prompt_tokens or 0,
         completion_tokens=tokens.completion_tokens or 0,
-        reasoning=said.reasoning_content or said.reasoning or "",
+        reasoning=message.reasoning_content or message.reasoning or "",
         cached_tokens=min(kept.cached_tokens or 0, tokens.prompt_tokens or 0),
     )
 
 
 def _counted(usage: msgspec.Raw) -> _Tokens:
-    """The tokens that the service says it has counted; none where what it says cannot be: an answer is not lost for
-    that, and money that nobody has counted is reckoned in full."""
+    """Return the service's token counts, or none if they are invalid.
+
+    Invalid counts do not invalidate the answer; its cost then counts in full as unknown.
+    """
     try:
         return msgspec.json.decode(usage, type=_Tokens | None, strict=False) or _Tokens()
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
@@ -192,29 +259,29 @@ def _counted(usage: msgspec.Raw) -> _Tokens:
 
 
 def _called(message: _Message) -> str:
-    """The arguments of the first tool that the model calls, as JSON text."""
+    """Return the arguments of the model's first tool call as JSON text; "" without one."""
     for call in message.tool_calls or ():
-        given = bytes(call.function.arguments)
-        text = msgspec.json.decode(given, type=str) if given.startswith(b'"') else given.decode()
+        arguments = bytes(call.function.arguments)
+        text = msgspec.json.decode(arguments, type=str) if arguments.startswith(b'"') else arguments.decode()
         if text not in ("", "null"):
             return text
     return ""
 
 
 def _written(message: _Message) -> str:
-    """The text of a message, of whose parts those that are reasoning or no text are left out."""
+    """Return the text of a message, without parts that are reasoning or no text."""
     if isinstance(message.content, list):
         return "".join(part.text or "" for part in message.content if part.type == "text")
     return message.content or ""
 
 
 def _sent(error: httpx.HTTPError) -> bool:
-    """Whether the service may have got the request."""
+    """Return whether the service may have received the request."""
     return not isinstance(error, httpx.ConnectError | httpx.ConnectTimeout | httpx.PoolTimeout)
 
 
 def _reason(error: Exception) -> str:
-    """The words of the error, with those of the system's or of TLS behind it, which httpx leaves out of some errors."""
+    """Return the text of the error with those of its system or TLS causes, which httpx leaves out of some errors."""
     words, cause = str(error) or type(error).__name__, error.__cause__ or error.__context__
     while cause is not None:
         text = _system_words(cause) if isinstance(cause, OSError) else ""
@@ -225,7 +292,7 @@ def _reason(error: Exception) -> str:
 
 
 def _system_words(error: OSError) -> str:
-    """The system's words for an error number; a failure of TLS or of a look-up of a name has words of its own."""
+    """Return the system's text for an error number. Failures of TLS or of name resolution have texts of their own."""
     if error.errno and not isinstance(error, ssl.SSLError | socket.gaierror):
         return os.strerror(error.errno)
     return error.strerror or str(error)

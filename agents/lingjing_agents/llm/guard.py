@@ -1,7 +1,7 @@
-"""`GuardedClient`: the border between a service and everything else. What it lets through holds no key or password.
+"""`GuardedClient`: the border between a service and the rest of the program, which no key or password passes.
 
-Answers, errors and what the HTTP libraries log during a call are redacted; an error leaves without the exceptions that
-caused it, because these carry the request and its headers.
+It redacts answers, errors and the logs of HTTP libraries during a call. Errors lose their causes, because these hold
+the request with its headers.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from lingjing_agents.llm.chat import ChatRequest, ModelClient, ModelCompletion, 
 from lingjing_agents.llm.redaction import Redactor
 
 MESSAGE_LETTERS = 300
+"""Characters after which an error message is truncated. Chosen."""
 
 LOGGERS = (
     "httpx",
@@ -27,7 +28,9 @@ LOGGERS = (
     "openai._response",
     "LiteLLM",
 )
-"""Who logs requests and answers, some of it only at the level DEBUG. A filter holds for its own logger alone."""
+"""The loggers of requests and answers, some only at level DEBUG. A filter applies to its own logger alone, so each gets
+one.
+"""
 
 
 class GuardedClient:
@@ -38,13 +41,13 @@ class GuardedClient:
         self._redact = redact
 
     async def complete(self, request: ChatRequest, timeout_s: float) -> ModelCompletion:
-        """Ask once. Raises `ModelError`, without a cause; an exception that is none becomes one."""
+        """Make one call. Raises `ModelError` without a cause; any other exception becomes one."""
         try:
             with _redacted_logs(self._redact):
                 answer = await self._client.complete(request, timeout_s)
         except ModelError as error:
             failure = self._without_secrets(error)
-        except Exception as error:  # noqa: BLE001 - whatever a library raises may quote the request
+        except Exception as error:  # noqa: BLE001 - any exception of a library may quote the request
             failure = self._without_secrets(ModelError(f"{type(error).__name__}: {error}", billed=True))
         else:
             redact = self._redact
@@ -54,7 +57,7 @@ class GuardedClient:
                 reasoning=redact(answer.reasoning),
                 finish_reason=redact(answer.finish_reason),
             )
-        raise failure  # outside of the `except`, so that no exception hangs on to it
+        raise failure  # outside of the `except`, so that it has no context with the request
 
     def _without_secrets(self, error: ModelError) -> ModelError:
         text = self._redact(str(error))

@@ -1,8 +1,8 @@
-"""How many calls a service gets at a time and a minute, over all processes of this machine that a user runs.
+"""Limits of calls to a service, at a time and per minute, across all processes of a user on this machine.
 
-Turns are kept in a folder of the user's own under the system's folder for temporary files: a lock for each call at a
-time, which the system frees when its process ends however it ends, and one file with the moments at which the next
-request and the next token are due. Requests are paced evenly: in no minute there is more than one too many.
+A folder of the user under the system's temporary folder holds the state: a lock file for each concurrent call, which
+the system releases when its process ends, and one file with the times at which the next request and the next tokens are
+due. Requests are spaced evenly, so that no minute has more than one request too many.
 """
 
 from __future__ import annotations
@@ -25,24 +25,31 @@ from lingjing_agents.llm.chat import ChatRequest, ModelClient, ModelCompletion, 
 from lingjing_agents.llm.models import ServiceEntry
 
 _POLL_S = 0.05
+"""Seconds between two attempts to get a lock. Chosen."""
 _SPARE_S = 0.05
-"""So much of a call's time is left when its wait is given up: that is told before the caller's own deadline passes."""
+"""Seconds that remain of a call's time when its wait is abandoned, so that the failure arrives before the caller's
+deadline.
+"""
 
 _BYTES_PER_TOKEN = 4
+"""Mean bytes per token of an English text; an estimate until the answer is counted."""
 _BOOT = Path("/proc/sys/kernel/random/boot_id")
+"""Linux's identifier of the present boot, since the monotonic clock restarts with it."""
 
 
 class _Due(msgspec.Struct):
-    """Seconds of the machine's monotonic clock at which the next request, and the next tokens, may be sent; `boot` says
-    from which start of the machine they count."""
+    """The next free times on the machine's monotonic clock."""
 
     request: float = 0.0
+    """Seconds at which the next request may be sent."""
     tokens: float = 0.0
+    """Seconds at which the next tokens may be sent."""
     boot: str = ""
+    """The boot to which these times belong."""
 
 
 class LimitedClient:
-    """A client that waits for its turn. `url` says which service it asks: who asks the same one shares its limits."""
+    """A client that waits for its turn. Clients with the same `url` share the limits of its service."""
 
     def __init__(self, client: ModelClient, service: ServiceEntry, url: str) -> None:
         self._client = client
@@ -52,7 +59,7 @@ class LimitedClient:
         _make(self._folder)
 
     async def complete(self, request: ChatRequest, timeout_s: float) -> ModelCompletion:
-        """Wait for a turn and ask. Raises `ModelError`; the service's fault if no turn comes in time."""
+        """Wait for a turn and make the call. Raises `ModelError`, with fault `service` if no turn comes in time."""
         started = time.monotonic()
         estimate = _estimated(request)
         async with self._turn(estimate, timeout_s):
@@ -72,10 +79,12 @@ class LimitedClient:
             yield
         finally:
             if slot is not None:
-                os.close(slot)  # and its lock with it
+                os.close(slot)  # releases its lock
 
     def _paced(self, tokens: float, timeout_s: float) -> float:
-        """The seconds until the request may be sent; its place is taken unless that is too late."""
+        """Return the seconds until the request may be sent, and reserve its time. Raises `ModelError` if that is too
+        late.
+        """
         service, now = self._service, time.monotonic()
         if service.requests_per_minute is None and service.tokens_per_minute is None:
             return 0.0
@@ -90,13 +99,13 @@ class LimitedClient:
         return start - now
 
     def _correct(self, tokens: float) -> None:
-        """Count the tokens that were taken beyond the estimate, or were not."""
+        """Add the tokens of the answer beyond the estimate; `tokens` may be negative."""
         if self._service.tokens_per_minute is not None:
             with self._moments() as due:
                 due.tokens += 60.0 * tokens / self._service.tokens_per_minute
 
     async def _slot(self) -> int | None:
-        """A locked file, once one is free; None if calls at a time are not limited."""
+        """Return a locked file as soon as one is free, or None without a limit on concurrent calls."""
         if self._service.concurrency is None:
             return None
         while True:
@@ -116,7 +125,7 @@ class LimitedClient:
         try:
             fcntl.flock(file, fcntl.LOCK_EX)
             due, boot = _Due(), _BOOT.read_text().strip()
-            with contextlib.suppress(msgspec.DecodeError):  # a new file, or half of one
+            with contextlib.suppress(msgspec.DecodeError):  # the file is new or incomplete
                 due = msgspec.json.decode(os.pread(file, 4096, 0), type=_Due)
             due = due if due.boot == boot else _Due(boot=boot)
             yield due
@@ -131,22 +140,23 @@ class LimitedClient:
             "requests a minute": service.requests_per_minute,
             "tokens a minute": service.tokens_per_minute,
         }
-        said = ", ".join(f"{most:g} {what}" for what, most in limits.items() if most is not None)
-        return ModelError(f"no turn at {self._url} within {timeout_s:.1f} s: it is limited to {said}")
+        listed = ", ".join(f"{most:g} {unit}" for unit, most in limits.items() if most is not None)
+        return ModelError(f"no turn at {self._url} within {timeout_s:.1f} s: it is limited to {listed}")
 
 
 def _estimated(request: ChatRequest) -> float:
-    """About how many tokens a request and its answer take; pictures count when the answer has been counted."""
+    """Return the estimated tokens of a request. Pictures and the answer are added when the answer has been counted."""
     return sum(len(message.text.encode()) for message in request.messages) / _BYTES_PER_TOKEN
 
 
 def _own_folder() -> Path:
-    """A folder that this user alone can write. Raises `UsageError` if it cannot be made, or somebody else has made
-    it."""
+    """Return a folder that only this user can write. Raises `UsageError` if it cannot be made or belongs to another
+    user.
+    """
     folder = Path(os.environ.get("XDG_RUNTIME_DIR") or tempfile.gettempdir()) / f"lingjing-turns-{os.getuid()}"
     _make(folder)
-    found = folder.lstat()
-    if found.st_uid != os.getuid() or found.st_mode & 0o077 or folder.is_symlink():
+    status = folder.lstat()
+    if status.st_uid != os.getuid() or status.st_mode & 0o077 or folder.is_symlink():
         raise UsageError(f"`{folder}` is not a folder of this user alone", hint="remove it, or set XDG_RUNTIME_DIR")
     return folder
 
@@ -156,10 +166,12 @@ def _make(folder: Path) -> None:
         folder.mkdir(mode=0o700, exist_ok=True)
     except OSError as error:
         hint = "set XDG_RUNTIME_DIR, or TMPDIR, to a folder of yours"
-        raise UsageError(f"cannot make `{folder}` for the limits of calls: {error.strerror}", hint=hint) from error
+        raise UsageError(
+            f"cannot create `{folder}`, which holds the limits of calls: {error.strerror}", hint=hint
+        ) from error
 
 
 def limited(client: ModelClient, service: ServiceEntry, url: str) -> ModelClient:
-    """The client with the limits of its service, or itself if there are none."""
+    """Return the client with the limits of its service, or the client itself without limits."""
     limits = (service.concurrency, service.requests_per_minute, service.tokens_per_minute)
     return LimitedClient(client, service, url) if any(limit is not None for limit in limits) else client

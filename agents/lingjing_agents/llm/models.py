@@ -1,7 +1,7 @@
-"""What is known of chat models and their services: `models.toml`, and a file of the user's own that adds to it.
+"""The known chat models and services: `models.toml`, and a user's own file that adds to it.
 
-`read_models` gives the table; `ModelTable.entry` finds a model by name and `ModelTable.traits` what a name that is not
-in the table says by itself. The services' own lists are not asked: they are wrong for local models.
+`read_models` returns the table. `ModelTable.entry` finds a model by name; `ModelTable.traits` derives the traits of a
+name that is not in the table. The services' own lists are not used, because they are wrong for local models.
 """
 
 from __future__ import annotations
@@ -23,23 +23,27 @@ from lingjing_agents.llm.address import address
 from lingjing_agents.llm.chat import Structured, TokenLimit
 
 SHIPPED = Path(__file__).with_name("models.toml")
+"""The table that ships with this package."""
 OWN_VARIABLE = "LINGJING_MODELS"
+"""The environment variable with the path of a user's own table."""
 IMAGE_TOKENS = 4096
-"""The most tokens that a picture of 1920 by 1080 pixels is taken to cost where a model does not say (Qwen3-VL: one
-token for 32 by 32 pixels makes 2,040)."""
+"""Upper bound of the tokens of a picture with 1920 by 1080 pixels for models without a declared value. Chosen, twice
+the 2,040 tokens of Qwen3-VL (one token for 32 by 32 pixels).
+"""
 
 MOST_BYTES = 4 * 1024 * 1024
+"""Largest file that is read as a table. Chosen."""
 
 _PRICE = Field(None, ge=0.0, le=1e6)
 _CONTEXT = Field(None, ge=1, le=2**40)
 
 
 class _Checked(PluginOptions, strict=True):
-    """A part of the file: unknown names are faults, and a text is no number."""
+    """A part of the file. Unknown names are faults, and a text is no number."""
 
 
 class ModelTraits(_Checked):
-    """What a model can do, how it is asked and what it costs; the head of `models.toml` explains each."""
+    """The abilities, parameters and prices of a model; the head of `models.toml` explains each field."""
 
     images: bool = True
     most_images: int | None = Field(None, ge=1, le=1000)
@@ -64,17 +68,19 @@ class ModelTraits(_Checked):
 
     @property
     def takes_temperature(self) -> bool:
-        """Whether a temperature is sent."""
+        """True if a temperature is sent."""
         plain = self.temperature == "without reasoning" and self.reasoning_effort == "none"
         return self.temperature == "yes" or plain
 
     @property
     def priced(self) -> bool:
-        """Whether its price is known; 0 is a price."""
+        """True if the price is known; 0 is a price."""
         return self.price_in is not None and self.price_out is not None
 
     def cost_usd(self, prompt: int, answer: int, cached: int = 0) -> float | None:
-        """US dollars of so many tokens, of the prompt's `cached` ones at their own price; None if it is not known."""
+        """Return the cost in US dollars, with `cached` tokens of the prompt at their own price; None if the price is
+        unknown.
+        """
         if self.price_in is None or self.price_out is None:
             return None
         price_cached = self.price_in if self.price_cached is None else self.price_cached
@@ -83,11 +89,11 @@ class ModelTraits(_Checked):
 
 
 NOTHING_SPECIAL = ModelTraits.model_validate({})
-"""What is taken of a model of which nothing is known: a service that does not take what it is sent says so."""
+"""The traits of unknown models. A service rejects parameters that it does not support, and `direct.Dialect` adapts."""
 
 
 class ModelEntry(ModelTraits):
-    """A model that a name stands for."""
+    """A model with its name at a service."""
 
     service: str
     served: str = Field(min_length=1, max_length=200)
@@ -96,13 +102,13 @@ class ModelEntry(ModelTraits):
 
 
 class FamilyEntry(ModelTraits):
-    """What the names that fit a pattern say by themselves."""
+    """The traits of all names that match a pattern."""
 
     pattern: str = Field(min_length=1, max_length=100)
 
 
 class ServiceEntry(_Checked):
-    """Where models are served, and what all processes of a machine together may ask of it."""
+    """A service, with limits for all processes of a machine together."""
 
     base_url: str = ""
     key_variable: str = Field("", pattern=r"^([A-Z][A-Z0-9_]{0,63})?$")
@@ -120,18 +126,20 @@ class ServiceEntry(_Checked):
 
 
 class ModelTable(_Checked):
-    """A file of models, or several in one. An entry of a model names a service of the table."""
+    """One or several files of models. Each model names a service of the table."""
 
     services: dict[str, ServiceEntry] = {}
     models: dict[str, ModelEntry] = {}
     families: list[FamilyEntry] = []
 
     def entry(self, name: str) -> ModelEntry | None:
-        """The model of that name, if the table has it."""
+        """Return the model of that name, or None."""
         return self.models.get(name)
 
     def traits(self, name: str) -> ModelTraits:
-        """What is known of a model: its entry, else the first family that its name fits, else nothing special."""
+        """Return the traits of a model: those of its entry, else of the first matching family, else
+        `NOTHING_SPECIAL`.
+        """
         if name in self.models:
             return self.models[name]
         short = name.rsplit("/", 1)[-1].lower()
@@ -139,10 +147,10 @@ class ModelTable(_Checked):
 
 
 def read_models(own: Path | None = None) -> ModelTable:
-    """The shipped table with a user's own over it: `own`, else the file that `LINGJING_MODELS` names, else
-    `lingjing/models.toml` in the user's configuration folder if it is there.
+    """Return the shipped table, extended by a user's own table.
 
-    Raises `UsageError` that tells every fault of a file with its path.
+    The own table is `own`, else the file in `LINGJING_MODELS`, else `lingjing/models.toml` in the user's configuration
+    folder if it exists. Raises `UsageError` with every fault of a file.
     """
     named = own or (Path(os.environ[OWN_VARIABLE]) if os.environ.get(OWN_VARIABLE) else None)
     path = named or _configuration() / "lingjing" / "models.toml"
@@ -151,7 +159,7 @@ def read_models(own: Path | None = None) -> ModelTable:
 
 
 def known_models() -> tuple[ModelPlugin, ...]:
-    """The models of the table as a plug-in declares them, for suites and lists."""
+    """Return the models of the table as plug-in declarations, for suites and lists."""
     table = read_models()
     return tuple(
         ModelPlugin(
@@ -196,14 +204,14 @@ def _merged(table: ModelTable, own: ModelTable) -> ModelTable:
 
 
 def _read(path: Path, below: ModelTable) -> ModelTable:
-    """The file's own table; its models may also name services of the table below it."""
-    given = _toml(path)
-    faults = (*option_faults(ModelTable, given), *_unknown_services(given, below))
+    """Return the table of a file. Its models may also name services of the table `below`."""
+    content = _toml(path)
+    faults = (*option_faults(ModelTable, content), *_unknown_services(content, below))
     if faults:
-        lines = "\n".join(f"{path}: {one.where}: {one.message}" for one in faults)
+        lines = "\n".join(f"{path}: {fault.where}: {fault.message}" for fault in faults)
         hint = f"{SHIPPED.name} of the agents' package is an example; its head explains each entry"
         raise UsageError(lines, hint=hint, faults=faults)
-    return ModelTable.model_validate(given)
+    return ModelTable.model_validate(content)
 
 
 def _toml(path: Path) -> dict[str, Any]:
@@ -219,8 +227,8 @@ def _toml(path: Path) -> dict[str, Any]:
         raise UsageError(f"{path} is not TOML: {error}") from error
 
 
-def _unknown_services(given: Mapping[str, Any], below: ModelTable) -> list[Fault]:
-    models, services = given.get("models"), given.get("services")
+def _unknown_services(content: Mapping[str, Any], below: ModelTable) -> list[Fault]:
+    models, services = content.get("models"), content.get("services")
     known = dict.fromkeys((*below.services, *(services if isinstance(services, dict) else ())))
     named = {
         name: entry["service"]

@@ -1,4 +1,4 @@
-"""Which model a policy asks and how: the options that every policy over `llm` has."""
+"""The options of every policy over `llm`: the choice of a model and its parameters."""
 
 from __future__ import annotations
 
@@ -24,8 +24,11 @@ Switch = Literal["auto", "yes", "no"]
 
 
 class ModelOptions(PluginOptions):
-    """What a policy can be told of its model. Options go into the trace, so a key, and an address with a password in
-    it, are named by their environment variables. What is not given is as the list of models says."""
+    """The model options of a policy. Options that are not set follow the table of models.
+
+    Options are stored in the trace. A key, and an address with a password, are therefore given by the names of
+    environment variables.
+    """
 
     models: Path | None = Field(
         None, validate_default=True, description="a list of models over the shipped one (models.toml)"
@@ -61,24 +64,24 @@ class ModelOptions(PluginOptions):
     @field_validator("base_url")
     @classmethod
     def _is_address(cls, url: str, info: ValidationInfo) -> str:
-        given = info.data
-        if url and given.get("base_url_env"):
+        options = info.data
+        if url and options.get("base_url_env"):
             raise ValueError("is given, and base_url_env too: leave one of them out")
         if url and _address(url).login:
             raise ValueError(
                 "holds a user or password, and options are written into the trace: export the address in a variable "
                 "and give base_url_env=VARIABLE; a bearer key goes by api_key_env"
             )
-        if not url and not given.get("base_url_env") and _needs_address(given):
+        if not url and not options.get("base_url_env") and _needs_address(options):
             raise ValueError(
                 f"is missing: client=direct needs the service's address, {_FOR_INSTANCE}, or a model of the list"
-                f"{_nearest(given)}"
+                f"{_nearest(options)}"
             )
         return url
 
     @property
     def profile(self) -> ModelProfile:
-        """The model with everything that the list and these options say of it."""
+        """The model with all its settings from the table and these options."""
         table = read_models(self.models)
         entry = table.entry(self.model)
         listed = table.services[entry.service] if entry else _unlisted(self.client)
@@ -113,10 +116,10 @@ class ModelOptions(PluginOptions):
     def _is_given(self, name: str) -> bool:
         return name in self.model_fields_set
 
-    def credentials(self, profile: ModelProfile) -> Credentials:
-        """The key and the address, from the environment where they are named.
+    def credentials(self, profile: ModelProfile) -> _Credentials:
+        """Return the key and the address, read from the environment where variables are named.
 
-        Raises `UsageError` that tells every variable that is not set, or holds no address.
+        Raises `UsageError` with every variable that is not set or holds no address.
         """
         key_variable = self.api_key_env or profile.service.key_variable
         faults = list(_unset({"api_key_env" if self.api_key_env else "model": key_variable}))
@@ -125,69 +128,82 @@ class ModelOptions(PluginOptions):
         service = Address("")
         try:
             service = _address(url) if url else service
-        except ValueError as error:  # it quotes nothing
+        except ValueError as error:  # its message quotes nothing of the URL
             faults.append(Fault("base_url_env", str(error)))
         if faults:
             raise options_error({"policy `react`": tuple(faults)})
-        return Credentials(service.url, environ.get(key_variable, ""), service.login, service.secrets)
+        return _Credentials(service.url, environ.get(key_variable, ""), service.login, service.secrets)
 
 
 @dataclass(frozen=True, slots=True)
-class Credentials:
-    """A service's address without user and password; its key; the login and what of it must not be told."""
+class _Credentials:
+    """The access data of a service."""
 
     url: str
+    """The address without user and password."""
     key: str = field(default="", repr=False)
+    """The key; "" without one."""
     login: str = field(default="", repr=False)
+    """`user:password`; "" without one."""
     secrets: tuple[str, ...] = field(default=(), repr=False)
+    """The parts of the login that must not be shown."""
 
 
 @dataclass(frozen=True, slots=True)
 class ModelProfile:
-    """A model as a policy asks it. `served` is its name at the service; `temperature` is None if none is sent, and
-    `insist` says that somebody asked for this one; `max_tokens` bounds an answer; `tries` is per question."""
+    """A model with all settings of a policy's calls."""
 
     served: str
+    """The model's name at the service."""
     service: ServiceEntry
+    """The service."""
     client: Literal["direct", "litellm"]
+    """The client that makes the calls."""
     traits: ModelTraits
+    """The abilities and prices of the model."""
     temperature: float | None
+    """The temperature to send; None for none."""
     insist: bool
+    """True if the user set the temperature."""
     max_tokens: int
+    """Bound on the tokens of an answer."""
     tries: int
+    """Number of attempts per call."""
 
 
 def _unlisted(client: str) -> ServiceEntry:
-    """A service that is not in the list: nothing is known of it, and no key of another one is sent to it."""
+    """Return a service outside the table. Nothing is known of it, and no key of another service is sent to it."""
     return ServiceEntry.model_validate({"client": client})
 
 
-def _needs_address(given: Mapping[str, Any]) -> bool:
-    """Whether the model is to be asked directly and is not in the list, as far as the options are right."""
-    if given.get("client") != "direct" or not {"models", "base_url_env"} <= given.keys():
+def _needs_address(options: Mapping[str, Any]) -> bool:
+    """Return whether the model needs an address: it is called directly and has no service with one in the table."""
+    if options.get("client") != "direct" or not {"models", "base_url_env"} <= options.keys():
         return False
-    table = read_models(given["models"])
-    entry = table.entry(given.get("model", ""))
+    table = read_models(options["models"])
+    entry = table.entry(options.get("model", ""))
     return not entry or not table.services[entry.service].base_url
 
 
-def _nearest(given: Mapping[str, Any]) -> str:
-    """The model of the list that was perhaps meant; where they are listed, if there is none."""
-    names = read_models(given["models"]).models
-    close = difflib.get_close_matches(str(given.get("model", "")).lower(), names, n=1)
+def _nearest(options: Mapping[str, Any]) -> str:
+    """Return a suggestion for a misspelled model name, or a hint at the list of models."""
+    names = read_models(options["models"]).models
+    close = difflib.get_close_matches(str(options.get("model", "")).lower(), names, n=1)
     return f" (did you mean `{close[0]}`?)" if close else " (`lingjing plugins` lists them)"
 
 
 def _unset(named: Mapping[str, str]) -> Iterator[Fault]:
-    """A fault for each variable that is named by an option and not set. A name that does not look like one may be the
-    key itself: it is not repeated."""
+    """Yield a fault for each named variable that is not set.
+
+    A text that does not look like a variable name may be the key itself, so it is not repeated.
+    """
     for option, name in named.items():
         if name and not environ.get(name):
             shown = f"`{name}`" if re.fullmatch(r"[A-Z][A-Z0-9_]{0,63}", name) else "…"
-            said = f"takes the name of an environment variable, and {shown} is not set: export it first"
+            problem = f"takes the name of an environment variable, and {shown} is not set: export it first"
             if option == "model":
-                said = f"is at a service whose key is in {shown}, which is not set: export it first"
-            yield Fault(option, said)
+                problem = f"is at a service whose key is in {shown}, which is not set: export it first"
+            yield Fault(option, problem)
 
 
 def _address(url: str) -> Address:

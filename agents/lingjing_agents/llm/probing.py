@@ -1,4 +1,4 @@
-"""`probe_model`: a chat model asked for a sign of life, in place of a policy that says that its service is gone."""
+"""`probe_model`: a test of whether a chat model answers, independent of the policy that reports an outage."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from lingjing_agents.llm.options import ModelOptions
 from lingjing_agents.llm.retry import Attempts, CallDeadline, complete_with_retries
 
 WITHIN_S = 20.0
-"""How long the service has for its sign of life, seconds of wall clock."""
+"""Seconds of wall clock for the answer. Chosen."""
 
 FEW_TOKENS = 16
-"""The longest answer that is asked for."""
+"""Bound on the tokens of the answer."""
 
 
 async def probe_model(options: PluginOptions) -> str:
-    """Why the service gives no answer to one short question without pictures; "" if it gives one.
+    """Return the reason for which the service does not answer a short question without pictures; "" if it answers.
 
-    A refusal of what the question is about is an answer; a key or an address that is not set is silence.
+    A refusal by the model counts as an answer. A missing key or address is a reason.
     """
     assert isinstance(options, ModelOptions)
     profile = options.profile

@@ -1,9 +1,9 @@
-"""`Redactor`: texts without the keys and passwords that a service, a library or an exception may have put into them.
+"""`Redactor`: removes keys and passwords from texts of services, libraries and exceptions.
 
-A secret is found in any letter case, as any run of `RUN` of its characters or more, percent-encoded, as JSON or HTML
+A secret is found in any letter case, as any substring of at least `RUN` characters, percent-encoded, with JSON or HTML
 escapes, in hexadecimal and in base64 (alone or inside a longer text, as in `Basic` authorisation). A secret shorter
-than `RUN` is found where it stands alone, one shorter than `SHORTEST` not at all: such texts are in every sentence.
-What a service ciphers in a way of its own cannot be found.
+than `RUN` is found as a separate word. One shorter than `SHORTEST` is not searched for, because such texts occur in
+every sentence. A secret in an encoding of the service's own cannot be found.
 """
 
 from __future__ import annotations
@@ -19,12 +19,17 @@ import numpy as np
 import numpy.typing as npt
 
 MARK = "***"
+"""The replacement of a secret."""
 RUN = 8
+"""Length of the substrings of a secret that are searched for. Chosen."""
 SHORTEST = 4
+"""Length of the shortest secret that is searched for. Chosen."""
 _LONG = 1000
+"""Length from which on a text is pre-filtered by rolling sums."""
 _FACTOR = 1_000_003
+"""Base of the polynomial sums of substrings: a prime above all character frequencies in practice. Chosen."""
 _ROUNDS = 3
-"""How many escapes inside one another are undone."""
+"""Number of nested escapes that are undone."""
 
 _USERINFO = re.compile(r"(?<=://)[^/\s@\"'<>]+@")
 _JSON_ESCAPE = re.compile(r"(?<!\\)\\++(?:u([0-9a-fA-F]{4})|x([0-9a-fA-F]{2}))")
@@ -32,7 +37,7 @@ _ASCII_LOWER = {upper: upper + 32 for upper in range(ord("A"), ord("Z") + 1)}
 
 
 class Redactor:
-    """A function from texts to texts that blanks `secrets`, and the user and password of every URL."""
+    """A function that replaces `secrets`, and the user and password of every URL, in a text."""
 
     def __init__(self, secrets: Iterable[str]) -> None:
         spellings = {_lower(form) for secret in secrets if len(secret) >= SHORTEST for form in _spellings(secret)}
@@ -42,7 +47,9 @@ class Redactor:
         self._alone = re.compile(rf"(?<!\w)(?:{'|'.join(map(re.escape, short))})(?!\w)") if short else None
 
     def __call__(self, text: str) -> str:
-        """`text` with `***` for every secret; one whose escapes hid a secret comes back without these escapes."""
+        """Return `text` with `***` for every secret. A text with a secret in escapes is returned without these
+        escapes.
+        """
         text = self._plain(text)
         view = text
         for _ in range(_ROUNDS):
@@ -63,7 +70,7 @@ class Redactor:
         return _USERINFO.sub(f"{MARK}@", "".join([*parts, text[end:]]))
 
     def _found(self, text: str) -> list[tuple[int, int]]:
-        """Where secrets stand, in order and apart."""
+        """Return the spans of secrets, in order and disjoint."""
         lowered = _lower(text)
         spans = [match.span() for match in self._alone.finditer(lowered)] if self._alone else []
         spans += [(at, at + RUN) for at in self._candidates(lowered) if lowered[at : at + RUN] in self._runs]
@@ -76,7 +83,9 @@ class Redactor:
         return joined
 
     def _candidates(self, lowered: str) -> list[int]:
-        """Where a run may begin: everywhere in a short text, where its sum is a run's in a long one."""
+        """Return possible starts of a secret: every index of a short text, indices with a matching sum in a long
+        one.
+        """
         if len(lowered) < _LONG or not self._runs:
             return list(range(max(0, len(lowered) - RUN + 1)))
         return [int(at) for at in np.flatnonzero(np.isin(_sums(lowered), self._sums))]
@@ -87,13 +96,13 @@ def _spellings(secret: str) -> Iterator[str]:
     data = secret.encode("utf-8", "surrogatepass")
     yield data.hex()
     for encode in (b64encode, urlsafe_b64encode):
-        for before in range(3):  # inside a longer text it may begin at any of three places of a group of four letters
+        for before in range(3):  # inside a longer text it may start at any of three offsets of a base64 group
             letters = encode(b"\0" * before + data).decode().rstrip("=")
             yield letters[(0, 2, 3)[before] : len(letters) - bool((before + len(data)) % 3)]
 
 
 def _sums(text: str) -> npt.NDArray[np.uint64]:
-    """A number for each run of `RUN` characters; equal runs have equal ones."""
+    """Return a number for each substring of `RUN` characters; equal substrings have equal numbers."""
     letters = np.frombuffer(text.encode("utf-32-le", "surrogatepass"), "<u4").astype(np.uint64)
     sums = np.zeros(len(letters) - RUN + 1, np.uint64)
     for at in range(RUN):
@@ -106,7 +115,7 @@ def _without_json_escapes(text: str) -> str:
 
 
 def _lower(text: str) -> str:
-    """Lower case of the same length."""
+    """Return the text in lower case with the same length."""
     lowered = text.lower()
     return lowered if len(lowered) == len(text) else text.translate(_ASCII_LOWER)
 

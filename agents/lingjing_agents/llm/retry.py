@@ -1,4 +1,4 @@
-"""Backoff for transient failures, within a deadline: the caller never waits longer than it may."""
+"""Retries with backoff for transient failures, within a deadline that is never exceeded."""
 
 from __future__ import annotations
 
@@ -9,42 +9,46 @@ from dataclasses import dataclass
 from lingjing_agents.llm.chat import ChatRequest, ModelClient, ModelCompletion, ModelError
 
 FIRST_PAUSE_S = 0.5
+"""Seconds before the second attempt. Chosen."""
 LONGEST_PAUSE_S = 20.0
+"""Upper bound of the doubling pause in seconds. Chosen."""
 
 
 class CallDeadline:
-    """A span of wall time that starts now."""
+    """A deadline `seconds` of wall time from now."""
 
     def __init__(self, seconds: float) -> None:
         self._end = time.monotonic() + seconds
         self.seconds = seconds
 
     def left_s(self) -> float:
-        """Seconds left, never negative."""
+        """Return the remaining seconds, at least 0."""
         return max(0.0, self._end - time.monotonic())
 
 
 @dataclass(slots=True)
 class Attempts:
-    """The calls of one question. `calls`: their number, failed ones included. `billed`: those of the failed ones that
-    may have been billed all the same. `failure`: the last failure that was not a lack of time, in words, or ""."""
+    """The attempts of one call."""
 
     calls: int = 0
+    """Number of attempts, failed ones included."""
     billed: int = 0
+    """Number of failed attempts that the service may have charged for."""
     failure: str = ""
+    """The last failure that was not a time-out; "" without one."""
 
     def told(self, message: str) -> str:
-        """The message of a lack of time, with the failure before it, which is why there is no answer."""
+        """Return the message of a time-out with the failure before it, which is its probable cause."""
         return f"{message}; before that: {self.failure}" if self.failure else message
 
 
 async def complete_with_retries(
     client: ModelClient, request: ChatRequest, deadline: CallDeadline, attempts: Attempts, *, tries: int = 5
 ) -> ModelCompletion:
-    """Ask until there is an answer, a failure that repeating cannot mend, `tries` failures, or no time left.
+    """Make a call until it succeeds, fails permanently, has failed `tries` times, or the deadline passes.
 
-    The pause doubles from half a second; a `Retry-After` that fits into the deadline is honoured instead. A client
-    that has adapted to the service is asked again at once, which is no failure.
+    The pause doubles from half a second; a `Retry-After` within the deadline takes its place. A client that has adapted
+    its dialect tries again at once, which does not count as a failure.
     """
     pause, failures = FIRST_PAUSE_S, 0
     while (left := deadline.left_s()) > 0.0:

@@ -1,8 +1,8 @@
-"""Any service that litellm speaks to. litellm is imported here and nowhere else, and only when it is used.
+"""A client of any service that litellm supports. litellm is imported here alone, and only when it is used.
 
-Its own retries stay off: some need undeclared packages, and ours keep to a deadline. The price map it would fetch at
-import is replaced by the local one: an import without a network has been seen to dead-lock. What it sends over httpx
-goes through `wire`, so that answers are bounded; providers with a library of their own (boto3, Google's) are not.
+litellm's own retries are off: some need undeclared packages, and ours keep to a deadline. Its price map is the local
+one, because an import without a network has been observed to dead-lock while fetching it. Its httpx traffic goes
+through `wire`, so that answers are bounded; providers with a library of their own (boto3, Google's) are not.
 """
 
 from __future__ import annotations
@@ -30,15 +30,17 @@ from lingjing_agents.llm.wire import BoundedTransport, pause_s
 
 @dataclass(frozen=True, slots=True)
 class LitellmClient:
-    """`base_url` and `api_key` are optional: litellm finds a provider's own by the model's prefix. `login` is
-    `user:password` for basic authorisation."""
+    """A client over litellm."""
 
     base_url: str = ""
+    """The address; "" for the provider's own, which litellm derives from the model's prefix."""
     api_key: str = field(default="", repr=False)
+    """The key; "" for the provider's own environment variable."""
     login: str = field(default="", repr=False)
+    """`user:password` for basic authorisation."""
 
     async def complete(self, request: ChatRequest, timeout_s: float) -> ModelCompletion:
-        """One `acompletion` with `num_retries=0`. Raises `ModelError`."""
+        """Make one `acompletion` with `num_retries=0`. Raises `ModelError`."""
         litellm = load_litellm()
         try:
             answer = await litellm.acompletion(
@@ -59,7 +61,7 @@ class LitellmClient:
 
 
 def load_litellm() -> Any:
-    """The litellm module (seconds of import and 180 MB); `UsageError` if it is not installed."""
+    """Return the litellm module, which takes seconds and 180 MB. Raises `UsageError` if it is not installed."""
     os.environ.setdefault("LITELLM_LOCAL_MODEL_COST_MAP", "True")
     try:
         import litellm
@@ -79,7 +81,7 @@ def _install_hint() -> str:
 
 
 def _bound(litellm: Any) -> None:
-    """Have both of its ways to HTTP use `BoundedTransport`: the OpenAI library's client and its own handler."""
+    """Make both of litellm's HTTP paths use `BoundedTransport`: the OpenAI library's client and its own handler."""
     from litellm.llms.custom_httpx.http_handler import AsyncHTTPHandler
 
     if isinstance(litellm.aclient_session, httpx.AsyncClient):
@@ -123,15 +125,15 @@ def _completion(answer: Any) -> ModelCompletion:
     if not answer.choices:
         raise ModelError("the service's answer holds no choices", transient=True, billed=True)
     choice = answer.choices[0]
-    said = choice.message
-    calls = getattr(said, "tool_calls", None) or ()
-    called = next((one.function.arguments for one in calls if one.function.arguments), "")
+    message = choice.message
+    calls = getattr(message, "tool_calls", None) or ()
+    called = next((call.function.arguments for call in calls if call.function.arguments), "")
     usage = getattr(answer, "usage", None)
     cost = getattr(answer, "_hidden_params", {}).get("response_cost")
     return ModelCompletion(
-        text=called or said.content or "",
+        text=called or message.content or "",
         finish_reason=choice.finish_reason or "stop",
-        reasoning=getattr(said, "reasoning_content", None) or "",
+        reasoning=getattr(message, "reasoning_content", None) or "",
         cached_tokens=_count(getattr(getattr(usage, "prompt_tokens_details", None), "cached_tokens", 0)),
         prompt_tokens=_count(getattr(usage, "prompt_tokens", 0)),
         completion_tokens=_count(getattr(usage, "completion_tokens", 0)),
@@ -140,5 +142,5 @@ def _completion(answer: Any) -> ModelCompletion:
 
 
 def _count(tokens: object) -> int:
-    """A number of tokens; 0 for what cannot be one."""
+    """Return a number of tokens; 0 for an implausible value."""
     return tokens if isinstance(tokens, int) and 0 <= tokens <= MOST_TOKENS else 0

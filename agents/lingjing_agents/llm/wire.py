@@ -1,8 +1,7 @@
-"""One HTTP exchange with a service that is not trusted: at most `ANSWER_BYTES` are read, however they are packed.
+"""One HTTP exchange with an untrusted service: at most `ANSWER_BYTES` are read, in any compression.
 
-Every wait is asynchronous, so a caller's deadline ends whatever a service does: dripping bytes, headers without an
-end, redirects (which are not followed: a key goes where it was sent). Connections belong to one exchange, because each
-policy call has an event loop of its own.
+Every wait is asynchronous, so a caller's deadline ends slow bytes and endless headers. Redirects are not followed: a
+key goes only to its own address. Connections belong to one exchange, because each policy call has its own event loop.
 """
 
 from __future__ import annotations
@@ -20,32 +19,38 @@ import httpx
 import msgspec
 
 ANSWER_BYTES = 4 * 1024 * 1024
-"""Of an answer, unpacked: half a million tokens of text with their reasoning."""
+"""Largest uncompressed answer. Chosen: half a million tokens of text with their reasoning."""
 
 REFUSAL_BYTES = 64 * 1024
-"""Of an answer whose status is no success: its beginning says why."""
+"""Bytes that are read of an answer without a success status: its beginning holds the reason."""
 
 _CHUNK = 64 * 1024
+"""Bytes per read."""
 _GZIP = 16 + zlib.MAX_WBITS
+"""zlib's window size with a gzip header."""
 _SECONDS = re.compile(r"[0-9]+(\.[0-9]+)?", re.ASCII)
 _HOP_HEADERS = ("content-encoding", "content-length", "transfer-encoding", "connection")
+"""Headers that describe the transfer, not the content."""
 
 
 class UnreadableAnswerError(Exception):
-    """An answer is longer than `ANSWER_BYTES`, or packed in a way that was not asked for or is broken."""
+    """An answer is longer than `ANSWER_BYTES`, or its compression was not requested or is broken."""
 
 
 @dataclass(frozen=True, slots=True)
 class HttpAnswer:
-    """A whole answer: `body` is unpacked."""
+    """A complete answer."""
 
     status: int
+    """The HTTP status."""
     headers: httpx.Headers
+    """The headers."""
     body: bytes
+    """The uncompressed body."""
 
     @property
     def retry_after_s(self) -> float | None:
-        """The seconds that the service asks to be left alone; None if it does not say so in a way that is known."""
+        """The pause that the service requests, in seconds; None without a valid one."""
         milliseconds = self.headers.get("retry-after-ms", "")
         if _SECONDS.fullmatch(milliseconds.strip()):
             return float(milliseconds) / 1000
@@ -53,9 +58,12 @@ class HttpAnswer:
 
 
 def pause_s(retry_after: str | None, answered: str | None = None) -> float | None:
-    """A `Retry-After` value as seconds from now: a number of seconds or an HTTP date (RFC 9110, 10.2.3), which counts
-    from the service's own clock if it tells the time (`answered`, its `Date`). One in the past is 0, so is a negative
-    number; more digits than a float holds are infinite; None for what is neither."""
+    """Return a `Retry-After` value as seconds from now.
+
+    It is a number of seconds or an HTTP date (RFC 9110, 10.2.3). A date is relative to the service's own clock if
+    `answered`, its `Date` header, is known. A past date or negative number gives 0, a number beyond floats infinity,
+    any other text None.
+    """
     text = (retry_after or "").strip()
     if _SECONDS.fullmatch(text):
         return float(text)
@@ -68,7 +76,7 @@ def pause_s(retry_after: str | None, answered: str | None = None) -> float | Non
 
 
 def _moment(text: str) -> dt.datetime | None:
-    """An HTTP date; None for anything else."""
+    """Return the time of an HTTP date; None for any other text."""
     try:
         moment = parsedate_to_datetime(text)
     except (ValueError, TypeError, OverflowError, IndexError):
@@ -77,7 +85,7 @@ def _moment(text: str) -> dt.datetime | None:
 
 
 async def exchange(request: httpx.Request, timeout_s: float | None) -> HttpAnswer:
-    """Send `request` and read the answer. `timeout_s` bounds each step; the whole is the caller's to bound.
+    """Send `request` and read the answer. `timeout_s` bounds each step; the caller bounds the whole.
 
     Raises `httpx.HTTPError`, `httpx.InvalidURL` or `UnreadableAnswerError`.
     """
@@ -98,15 +106,15 @@ async def exchange(request: httpx.Request, timeout_s: float | None) -> HttpAnswe
 
 @cache
 def _certificates() -> ssl.SSLContext:
-    """The authorities that are trusted, read once: that takes 24 ms of CPU, and any thread may use them."""
+    """Return the trusted authorities. They are read once, which takes 24 ms of CPU; any thread may use them."""
     return httpx.create_ssl_context()
 
 
 class BoundedTransport(httpx.AsyncBaseTransport):
-    """The same for whoever brings an httpx client of its own; it may be shared among event loops."""
+    """`exchange` as a transport for other httpx clients. Event loops may share it."""
 
     async def handle_async_request(self, request: httpx.Request) -> httpx.Response:
-        """One exchange; an answer that cannot be read is a `httpx.ReadError`."""
+        """Make one exchange. An unreadable answer raises `httpx.ReadError`."""
         whole = httpx.Request(request.method, request.url, headers=request.headers, content=await request.aread())
         timeout = request.extensions.get("timeout", {}).get("read")
         try:
@@ -121,24 +129,24 @@ class BoundedTransport(httpx.AsyncBaseTransport):
 
 
 def _check_depth(body: bytes) -> None:
-    """Refuse JSON that is nested deeper than Python's stack: others take many seconds to say so."""
+    """Reject JSON that is nested deeper than Python's stack. Other parsers take many seconds to do so."""
     try:
         msgspec.json.decode(body)
     except RecursionError as error:
         raise UnreadableAnswerError("the service's answer is nested too deeply") from error
     except (msgspec.DecodeError, UnicodeDecodeError):
-        return  # whoever asked says what is wrong
+        return  # the caller reports it
 
 
 async def _read(response: httpx.Response) -> bytes:
-    """The body: whole if it is an answer, its beginning if it is a refusal."""
+    """Return the body of an answer, or the beginning of a refusal."""
     refused = not response.is_success
     most = REFUSAL_BYTES if refused else ANSWER_BYTES
     unpack = _unpacker(response.headers.get("content-encoding", ""))
     body, packed_bytes = bytearray(), 0
     async for chunk in response.aiter_raw(_CHUNK):
         packed_bytes += len(chunk)
-        body += unpack(chunk, most + 1 - len(body))  # one byte more than may be kept shows that there is more
+        body += unpack(chunk, most + 1 - len(body))  # one byte above the limit shows that there is more
         if max(len(body), packed_bytes) > most:
             if refused:
                 break
@@ -147,7 +155,7 @@ async def _read(response: httpx.Response) -> bytes:
 
 
 def _unpacker(encoding: str) -> Callable[[bytes, int], bytes]:
-    """A function of a chunk and the most bytes to make of it."""
+    """Return a function that uncompresses a chunk to at most a number of bytes."""
     packed = encoding.strip().lower()
     if packed in ("", "identity"):
         return lambda chunk, most: chunk[:most]

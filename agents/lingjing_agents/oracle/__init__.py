@@ -1,11 +1,11 @@
-"""`oracle`: plays with the truth, to show that a mission can be won and how fast.
+"""`oracle`: a policy with access to the ground truth. It shows that a mission can be won, and how fast.
 
-`policy` gives each agent the abilities that its resources and messages allow; each tick every `ability` may speak and
-the first that has a command gives it. All look at `privileged_state` and send by `composing`. Abilities: `reporting`
-(what pictures show), `aircraft` (above targets, along `routes`), `vehicles` (road vehicles and vessels to targets) with
-`detours` (around what blocks the roads), `dogs` (around what stands in the way, and steps for dogs that do not see),
-`deliveries` (goods), `hub` (what a hub passes on and orders), `errands` (a picture, a flight to the place that is
-shown). Nothing here knows a mission by name.
+`policy` gives each agent the abilities that its resources and messages allow. At each tick every `ability` may send
+messages, and the first ability with a command determines the command. All read `privileged_state` and send through
+`composing`. The abilities are in `reporting` (targets in pictures), `aircraft` (flights above targets, along `routes`),
+`vehicles` (road vehicles and vessels to targets) with `detours` (around road blocks), `dogs` (paths around obstacles,
+guidance for dogs without cameras), `deliveries` (goods), `hub` (relayed messages and orders) and `errands` (a picture,
+a flight to a given place). No module knows a mission by name.
 """
 
 from lingjing_agents.oracle.policy import OraclePolicy

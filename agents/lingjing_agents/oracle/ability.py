@@ -1,4 +1,4 @@
-"""`Ability`: one thing that an agent can do, whatever the mission."""
+"""`Ability`: one task that an agent can carry out in any mission."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from lingjing_agents.oracle.privileged_state import PrivilegedState
 
 
 class Ability:
-    """Looks at the truth once a tick: first everything is said, then the first ability with a command gives it."""
+    """Base of the abilities. At each tick all abilities send their messages; the first with a command determines it."""
 
     def say(self, truth: PrivilegedState) -> list[Outgoing]:
-        """Messages for the next boundary."""
+        """Return messages for the next boundary."""
         return []
 
     def act(self, truth: PrivilegedState) -> Action | None:
-        """A command, if there is something to do."""
+        """Return a command, or None if there is nothing to do."""
         return None

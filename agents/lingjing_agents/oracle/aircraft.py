@@ -1,4 +1,4 @@
-"""Aircraft: above targets to look at them or to deal with them, along routes to inspect them."""
+"""Aircraft: flights above targets, to photograph or to serve them, and along routes to inspect them."""
 
 from __future__ import annotations
 
@@ -30,18 +30,24 @@ from lingjing_agents.oracle.routes import another_way, is_blocked, jams_on, segm
 from lingjing_agents.paths.visiting_order import shares, shortest
 
 ABOVE_M = 40.0
-"""Over a target: low enough for a clear box, high enough for one that drifts while the aircraft comes."""
+"""Height above a target in metres. Chosen: low enough for a clear box, high enough to keep a drifting target in
+view.
+"""
 
 NEAR_M = 8.0
+"""Distance in metres at which an aircraft counts as arrived. Chosen."""
 OVER_ROOFS_M = 15.0
+"""Margin above roofs in metres. Chosen."""
 STRAIGHT_M = 12.0
+"""Distance in metres within which waypoints beside a straight flight count as passed. Chosen."""
 PATIENCE_TICKS = 3
-"""How long one on the ground waits for who flies over it."""
+"""Ticks that an aircraft on the ground waits for one overhead. Chosen."""
 _LEAD_S, _LEAD_MPS = 60.0, 8.0
+"""Bound in seconds, and speed in metres per second, for the prediction of a drifting target's position. Chosen."""
 
 
 def flyer(brief: Brief) -> Resource | None:
-    """The first embodied resource that goes to points in the air."""
+    """Return the first embodied resource that flies to points."""
     for resource in brief.resources:
         if resource.embodied and straight_to(resource, "x", "y", "z"):
             return resource
@@ -49,7 +55,7 @@ def flyer(brief: Brief) -> Resource | None:
 
 
 class AircraftControl:
-    """One aircraft: how high it flies and how it is sent somewhere."""
+    """The flight control of one aircraft: altitudes and commands."""
 
     def __init__(self, body: Resource, plan: InstanceIndex) -> None:
         self.body, self._plan = body, plan
@@ -59,19 +65,24 @@ class AircraftControl:
         self.camera: CameraSpec | None = nadir_camera(body) if has_verb(body, PHOTO) else None
 
     def altitude(self, truth: PrivilegedState, place: GroundPoint, target_m: float, above_m: float = ABOVE_M) -> float:
-        """Elevation for looking at something: in the aircraft's band and over all roofs, or, where the band does not
-        allow that, over those on the way."""
+        """Return the elevation for a view of a target.
+
+        It lies in the aircraft's band and above all roofs; if the band does not allow that, above the roofs on the way.
+        """
         low, high = rated(self.body, "band_low_m", 0.0), rated(self.body, "band_high_m", math.inf)
         roofs = self._roofs(truth)
         if roofs + OVER_ROOFS_M > high:
             roofs = _highest(truth, truth.place(self.body.id), place)
         if self._layers is None:
-            fleet = [one.id for one in self._plan.bodies(self._plan.entities[self.body.id].engine)]
+            fleet = [body.id for body in self._plan.bodies(self._plan.entities[self.body.id].engine)]
             self._layers = FlightLevels(fleet.index(self.body.id), len(fleet), low, high)
         return self._layers.level(min(max(low, target_m + above_m, roofs + OVER_ROOFS_M), high))
 
     def to(self, truth: PrivilegedState, x: float, y: float, z: float) -> Action | None:
-        """Go there; where roofs or other pads are near, first straight up, once nobody flies over it."""
+        """Return the next command of a flight to a place, or None to wait.
+
+        Near roofs or other pads the aircraft first climbs vertically, as soon as no other one is overhead.
+        """
         here = truth.states[self.body.id].position
         others = self._others(truth)
         if truth.states[self.body.id].status == "grounded" and crowded(here, others):
@@ -92,12 +103,13 @@ class AircraftControl:
         return Action(verb=straight_to(self.body, "x", "y", "z"), arguments=arguments, resource=self.body.id)
 
     def _others(self, truth: PrivilegedState) -> list[Vector]:
-        """Where the rest of the fleet is."""
+        """Return the positions of the other living aircraft of the fleet."""
         fleet = self._plan.bodies(self._plan.entities[self.body.id].engine)
-        return [truth.states[one.id].position for one in fleet if one.id != self.body.id and _alive(truth, one.id)]
+        others = (body.id for body in fleet if body.id != self.body.id)
+        return [truth.states[name].position for name in others if _alive(truth, name)]
 
     def _roofs(self, truth: PrivilegedState) -> float:
-        """The top of the highest building."""
+        """Return the top of the highest building in metres."""
         if self._tallest is None:
             city = truth.known.city
             tops = [building.top_m for building in city.buildings] if city is not None else []
@@ -105,21 +117,21 @@ class AircraftControl:
         return self._tallest
 
     def photo(self) -> Action | None:
-        """A picture straight down."""
+        """Return the command for a picture straight down, or None without a camera."""
         if self.camera is None:
             return None
         return photo(self.body, self.camera)
 
 
-class SearchAbility(Ability):
-    """Takes a picture from above of each target of its share, then deals with those that aircraft deal with."""
+class _SearchAbility(Ability):
+    """Photographs each target of the aircraft's share from above, then serves those that aircraft serve."""
 
     def __init__(self, aircraft: AircraftControl, plan: InstanceIndex, reports: ReportAbility) -> None:
         self._aircraft, self._plan, self._reports = aircraft, plan, reports
         self._tries: dict[str, int] = {}
 
     def act(self, truth: PrivilegedState) -> Action | None:
-        """Fly on, or take the picture."""
+        """Return the next command of a flight, or a picture."""
         body = self._aircraft.body
         if truth.busy(body.id):
             return None
@@ -145,7 +157,7 @@ class SearchAbility(Ability):
         return shares(mates, self._order(truth, places), places).get(self._aircraft.body.id, [])
 
     def _order(self, truth: PrivilegedState, places: dict[str, GroundPoint]) -> tuple[str, ...]:
-        """As those who deal with the targets will visit them."""
+        """Return the targets in the order in which the bodies that serve them will visit them."""
         tasks = [task for task in truth.left if task.target in places]
         actors = [body.id for body in sorted(self._plan.able(*tasks), key=lambda body: body.engine)]
         start = truth.place(actors[0] if actors else self._aircraft.body.id)
@@ -165,9 +177,10 @@ class SearchAbility(Ability):
         return self._aircraft.to(truth, x + lead_s * east, y + lead_s * north, z)
 
 
-class InspectionAbility(Ability):
-    """Flies along a route, waypoint after waypoint; what blocks it is photographed, reported, and another route asked
-    for."""
+class _InspectionAbility(Ability):
+    """Flies along a route from waypoint to waypoint. It photographs and reports obstacles and requests another
+    route.
+    """
 
     def __init__(
         self, aircraft: AircraftControl, plan: InstanceIndex, composer: MessageComposer, inspection: InspectionSpec
@@ -180,19 +193,19 @@ class InspectionAbility(Ability):
         self._asked = -1
 
     def say(self, truth: PrivilegedState) -> list[Outgoing]:
-        """Which waypoints are inspected; what blocks the route, once we are there; that the last waypoint was seen."""
+        """Return reports on inspected waypoints, on an obstacle that was photographed, and on the last waypoint."""
         route = truth.routes.get(self._inspection.asset)
         return [] if route is None else self._clear(truth, route) + self._found(truth, route)
 
     def _clear(self, truth: PrivilegedState, route: Route) -> list[Outgoing]:
-        said: list[Outgoing] = []
+        messages: list[Outgoing] = []
         for number in truth.known.inspected.get(self._inspection.name, ()):
             x, y, _ = route.waypoints[number]
             if (route.number, number) not in self._cleared and not is_blocked(truth, (x, y)):
                 self._cleared.add((route.number, number))
                 place: dict[str, Datum] = {"position": route.waypoints[number]}
-                said += self._composer.status(f"{INSPECT}-{number + 1}", CLEAR, place)
-        return said
+                messages += self._composer.status(f"{INSPECT}-{number + 1}", CLEAR, place)
+        return messages
 
     def _found(self, truth: PrivilegedState, route: Route) -> list[Outgoing]:
         jam = self._jam(truth, route)
@@ -205,14 +218,14 @@ class InspectionAbility(Ability):
         return []
 
     def act(self, truth: PrivilegedState) -> Action | None:
-        """The next waypoint, or what blocks the way before it."""
+        """Return the flight to the next waypoint, or to an obstacle before it."""
         body = self._aircraft.body
         if truth.busy(body.id):
             return None
         route = truth.routes.get(self._inspection.asset)
         if route is None:
             return self._take_off(truth)
-        if self._asked == truth.tick:  # the new route begins where this one does
+        if self._asked == truth.tick:  # the requested route begins at the same place as this one
             x, y, z = route.waypoints[0]
             return self._aircraft.to(truth, x, y, self._aircraft.altitude(truth, (x, y), z))
         place = self._next(truth, route)
@@ -243,7 +256,7 @@ class InspectionAbility(Ability):
         return []
 
     def _all_clear(self, truth: PrivilegedState, route: Route) -> list[Outgoing]:
-        """A picture of the last waypoint for those who drive there."""
+        """Return a report with a picture of the last waypoint, for the agents that drive there."""
         for frame in truth.known.frames:
             self._sighted = route.number
             end = self._plan.entities.get(self._inspection.destination)
@@ -261,18 +274,18 @@ class InspectionAbility(Ability):
         return self._composer.say(kind, body) if kind else []
 
     def _carried(self) -> str:
-        """The kind of report with which inspectors hand over what they see."""
+        """Return the kind of report that inspectors may send; "" without one."""
         message = self._composer.with_fields("frame", "class", "box", "position")
         return message.kind if message is not None else ""
 
     def _ask_anew(self, truth: PrivilegedState, route: Route, jam: Entity) -> list[Outgoing]:
-        """A request for another route; who may not send one says that the waypoint is jammed."""
+        """Return a request for another route, or a report of the obstacle if this agent may not send requests."""
         known = another_way(truth, route, jam)
-        asked = self._composer.say(self._inspection.replan, known)
-        return asked or self._composer.status(f"{INSPECT}-{known['waypoint']}", JAMMED, known)
+        requests = self._composer.say(self._inspection.replan, known)
+        return requests or self._composer.status(f"{INSPECT}-{known['waypoint']}", JAMMED, known)
 
     def _jam(self, truth: PrivilegedState, route: Route) -> Entity | None:
-        """The first thing that blocks the route and has not been told of yet."""
+        """Return the first obstacle on the route that has not been reported yet."""
         return next((jam for jam in jams_on(truth, route) if (jam.id, route.waypoints) not in self._told), None)
 
     def _next(self, truth: PrivilegedState, route: Route) -> int | None:
@@ -280,7 +293,7 @@ class InspectionAbility(Ability):
         return next((number for number in range(len(route.waypoints)) if number not in seen), None)
 
     def _farthest(self, truth: PrivilegedState, route: Route, place: int) -> int:
-        """The last waypoint that a straight flight reaches past all those before it."""
+        """Return the last waypoint that a straight flight reaches after passing all waypoints before it."""
         here, best = truth.place(self._aircraft.body.id), place
         jam = self._jam(truth, route)
         last = len(route.waypoints) if jam is None else min(len(route.waypoints), segment(truth, route, jam))
@@ -301,15 +314,15 @@ class InspectionAbility(Ability):
 def aircraft_abilities(
     brief: Brief, plan: InstanceIndex, reports: ReportAbility | None, composer: MessageComposer
 ) -> list[Ability]:
-    """What an agent with an aircraft does: inspections first."""
+    """Return the abilities of an agent with an aircraft, inspections first."""
     body = flyer(brief)
     if body is None:
         return []
     aircraft = AircraftControl(body, plan)
-    found: list[Ability] = [
-        InspectionAbility(aircraft, plan, composer, one) for one in plan.instance.inspections if body.id in one.by
+    inspections: list[Ability] = [
+        _InspectionAbility(aircraft, plan, composer, spec) for spec in plan.instance.inspections if body.id in spec.by
     ]
-    return [*found, SearchAbility(aircraft, plan, reports or ReportAbility(plan, composer))]
+    return [*inspections, _SearchAbility(aircraft, plan, reports or ReportAbility(plan, composer))]
 
 
 def _alive(truth: PrivilegedState, name: str) -> bool:
@@ -318,7 +331,7 @@ def _alive(truth: PrivilegedState, name: str) -> bool:
 
 
 def _highest(truth: PrivilegedState, start: GroundPoint, end: GroundPoint) -> float:
-    """The top of the highest building near the straight way between two places; the datum where there is none."""
+    """Return the top in metres of the highest building near a straight line; the datum without one."""
     city = truth.known.city
     highest = truth.brief.water_level_m
     for building in city.buildings if city is not None else ():
@@ -329,4 +342,8 @@ def _highest(truth: PrivilegedState, start: GroundPoint, end: GroundPoint) -> fl
 
 
 _REACH_M = 60.0
+"""Distance in metres from a flight line within which buildings count. Chosen."""
 _STEEP_M, _CLEAR_M = 10.0, 5.0
+"""Height differences in metres: a climb above the first goes vertically if the roofs are nearer than the second.
+Chosen.
+"""

@@ -1,4 +1,4 @@
-"""`MessageComposer`: finds the message kinds that an agent may send by their fields, and composes messages."""
+"""`MessageComposer`: selects message kinds by their fields and composes messages."""
 
 from __future__ import annotations
 
@@ -11,31 +11,31 @@ from lingjing_agents.capability import compose
 
 
 class MessageComposer:
-    """What one agent may say."""
+    """The messages that one agent may send."""
 
     def __init__(self, brief: Brief) -> None:
         self._brief, self._open = brief, sendable(brief)
         self._progress: dict[str, str] = {}
 
     def kind(self, name: str) -> MessageSpec | None:
-        """The message kind of that name, if this agent may send it."""
+        """Return the message kind of that name if this agent may send it."""
         return next((message for message in self._open if message.kind == name), None)
 
     def with_fields(self, *names: str) -> MessageSpec | None:
-        """The first kind whose record has all of the fields."""
+        """Return the first sendable kind with all of these fields."""
         wanted = set(names)
-        return next((one for one in self._open if wanted <= {field.name for field in one.fields}), None)
+        return next((kind for kind in self._open if wanted <= {field.name for field in kind.fields}), None)
 
     def order(self, assignee: str, task: str, body: Mapping[str, Datum], to: tuple[str, ...] = ()) -> list[Outgoing]:
-        """An assignment of a task, if this agent may give one."""
+        """Return an assignment of a task, or [] if this agent may not send one."""
         return self._said(self.with_fields("assignee", "task"), {"assignee": assignee, "task": task, **body}, to)
 
     def status(self, task: str, state: str, body: Mapping[str, Datum]) -> list[Outgoing]:
-        """How a task is going, if this agent may say so."""
+        """Return a status message of a task, or [] if this agent may not send one."""
         return self._said(self.with_fields("task", "state"), {"task": task, "state": state, **body})
 
     def progress(self, body: str, task: Task | None, more: Mapping[str, Datum]) -> list[Outgoing]:
-        """Which task a body goes to, None for none that is left, whenever that changes."""
+        """Return a status message whenever the task of a body changes; None stands for no task."""
         name = f"{task.name} {task.target}" if task is not None else ""
         if name == self._progress.get(body, ""):
             return []
@@ -51,7 +51,7 @@ class MessageComposer:
         position: tuple[float, ...],
         known: Mapping[str, float] | None = None,
     ) -> list[Outgoing]:
-        """A sighting in a picture, with whatever is `known` of the target that the record has a field for."""
+        """Return a report of a target in a picture, with those values of `known` that the record has fields for."""
         message = self.kind(kind)
         fields = {field.name for field in message.fields} if message is not None else set()
         more = {name: value for name, value in (known or {}).items() if name in fields}
@@ -61,7 +61,7 @@ class MessageComposer:
         )
 
     def say(self, kind: str, body: Mapping[str, Datum], to: tuple[str, ...] = ()) -> list[Outgoing]:
-        """A message of a kind by name."""
+        """Return a message of a kind by name, or [] if this agent may not send it."""
         return self._said(self.kind(kind), body, to)
 
     def _said(self, message: MessageSpec | None, body: Mapping[str, Datum], to: tuple[str, ...] = ()) -> list[Outgoing]:

@@ -1,8 +1,8 @@
-"""Goods: who brings what where, in loads that a vehicle holds.
+"""Deliveries of goods, in loads that a vehicle holds.
 
-The plan of `paths.delivery_tours` is made once, from the first boundary. Every driver makes the same plan, so without
-a coordinator they agree; with one they follow its tours. What happens on the way (a stop served in passing) is seen in
-the truth.
+The plan of `paths.delivery_tours` is computed once, from the first boundary. Every driver computes the same plan, so
+drivers agree without a coordinator; with one they follow its tours. The ground truth shows deviations, such as a stop
+that was served in passing.
 """
 
 from __future__ import annotations
@@ -21,21 +21,25 @@ from lingjing_agents.oracle.vehicles import mover
 from lingjing_agents.paths.delivery_tours import DeliveryTour, shared_out, tours
 
 MEANT_M = 50.0
-"""How near a destination must be to a place for `assigned` to mean that place."""
+"""Largest distance in metres between a destination and a place that it refers to in `assigned`."""
 
 
 @dataclass(frozen=True, slots=True)
 class SupplyChain:
-    """Deliveries and the supply that feeds them: who drives (bodies), how much each holds."""
+    """Deliveries and the supply that feeds them."""
 
     deliveries: tuple[Task, ...]
+    """The deliveries."""
     supply: Task
+    """The loading task."""
     bodies: tuple[Entity, ...]
+    """The vehicles or aircraft."""
     holds: float
+    """The smallest capacity of a body, in the unit of the goods."""
 
 
 def supply_chain(plan: InstanceIndex) -> SupplyChain | None:
-    """The trade that the mission asks for, if it asks for one."""
+    """Return the deliveries that the mission requires with their supply, or None."""
     deliveries = tuple(task for task in plan.tasks if task.takes and task.source)
     for supply in plan.supplies:
         if deliveries and supply.gives == deliveries[0].source:
@@ -47,15 +51,15 @@ def supply_chain(plan: InstanceIndex) -> SupplyChain | None:
 
 
 def vehicle_tours(truth: PrivilegedState, chain: SupplyChain) -> dict[str, list[DeliveryTour]]:
-    """The tours of each vehicle in order."""
+    """Return the tours of each vehicle in order."""
     demands = {task.target: truth.stock(task.target, task.takes) for task in chain.deliveries}
     places = {name: truth.place(name) for name in demands}
     plan = tours(truth.place(chain.supply.target), places, demands, chain.holds)
     return shared_out(plan, tuple(body.id for body in chain.bodies))
 
 
-class DeliveryAbility(Ability):
-    """Takes one vehicle or aircraft along its stops, back to the depot when it is empty."""
+class _DeliveryAbility(Ability):
+    """Sends one vehicle or aircraft along its stops, and back to the depot when it is empty."""
 
     def __init__(
         self, body: Resource, chain: SupplyChain, composer: MessageComposer, aircraft: AircraftControl | None
@@ -68,7 +72,7 @@ class DeliveryAbility(Ability):
         self._tries: dict[str, int] = {}
 
     def say(self, truth: PrivilegedState) -> list[Outgoing]:
-        """What was left where since the last boundary; which stops it takes, once it knows."""
+        """Return reports of deliveries since the last boundary, and the planned stops once they are known."""
         messages = self._hand_over(truth)
         if self._learn(truth):
             for stop in dict.fromkeys(self._stops or ()):
@@ -78,7 +82,7 @@ class DeliveryAbility(Ability):
         return messages
 
     def act(self, truth: PrivilegedState) -> Action | None:
-        """On to the next stop, or back to load."""
+        """Return the command to the next stop or back to the depot."""
         if truth.busy(self._body.id):
             return None
         if self._stops is None:
@@ -101,18 +105,20 @@ class DeliveryAbility(Ability):
         return Action(verb=mover(self._body), arguments=arguments, resource=self._body.id)
 
     def _is_due_to_load(self, truth: PrivilegedState, load: float) -> bool:
-        """Whether it was last said to go to where the depot is meant as well, as to a stop beside it, and is not full:
-        who is sent there has a loading under way until it is."""
+        """Return whether the body was assigned a destination that also refers to the depot, and is not full.
+
+        This happens for a stop beside the depot. An assignment there keeps a loading pending until the body is full.
+        """
         depot = truth.place(self._chain.supply.target)
         return load < self._chain.holds and any(math.dist(place, depot) <= MEANT_M for place in self._meant[1])
 
     def _mean(self, truth: PrivilegedState, place: GroundPoint) -> None:
-        """Keep a destination that is said or commanded; those of one boundary count together, until later ones."""
+        """Store a destination that is announced or commanded. Those of one boundary count together until later ones."""
         kept = self._meant[1] if self._meant[0] == truth.tick else ()
         self._meant = truth.tick, (*kept, place)
 
     def _near(self, truth: PrivilegedState, goal: str) -> GroundPoint:
-        """The goal, or where driving there has failed twice, a place beside it."""
+        """Return the goal, or a place beside it after two failed attempts."""
         tries = self._tries[goal] = self._tries.get(goal, 0) + 1
         x, y = truth.place(goal)
         if tries % 4 < 3:
@@ -121,14 +127,14 @@ class DeliveryAbility(Ability):
         return x + 12.0 * math.sin(angle), y + 12.0 * math.cos(angle)
 
     def _short(self, truth: PrivilegedState, goal: str, load: float) -> bool:
-        """Whether it would leave the stop half served although a full load would do."""
+        """Return whether the stop would be served in part although a full load would suffice."""
         if not goal:
             return False
         wanted = min(truth.stock(goal, self._chain.deliveries[0].takes), self._chain.holds)
         return load < wanted
 
     def _next(self, truth: PrivilegedState) -> str:
-        """The first of its stops that still wants something; then whichever stop does and is nearest."""
+        """Return the first own stop with an open demand, else the nearest stop with one; "" without any."""
         open_now = self._open(truth)
         for name in self._stops or ():
             if name in open_now:
@@ -141,8 +147,9 @@ class DeliveryAbility(Ability):
         return tuple(task.target for task in truth.left if task in self._chain.deliveries)
 
     def _learn(self, truth: PrivilegedState) -> bool:
-        """Take the coordinator's latest tour for this vehicle or, without a coordinator, the plan that all make;
-        whether that is news."""
+        """Read the coordinator's latest tour, or compute the common plan without a coordinator. Return whether it
+        changed.
+        """
         before = self._stops
         for message in truth.inbox.messages:
             stops, assignee = message.body.get("stops"), message.body.get("assignee")
@@ -158,25 +165,25 @@ class DeliveryAbility(Ability):
         message = self._composer.with_fields("stop", "delivered")
         for task in self._chain.deliveries:
             wants = truth.stock(task.target, task.takes)
-            given = self._before.get(task.target, wants) - wants
+            delivered = self._before.get(task.target, wants) - wants
             near = truth.distance(self._body.id, task.target) <= 200.0
-            if message is not None and given > 0.0 and near and load < self._load:
-                body: dict[str, Datum] = {"stop": task.target, "delivered": given, "left": wants}
+            if message is not None and delivered > 0.0 and near and load < self._load:
+                body: dict[str, Datum] = {"stop": task.target, "delivered": delivered, "left": wants}
                 messages += self._composer.say(message.kind, body)
             self._before[task.target] = wants
         self._load = load
         return messages
 
 
-class DispatchAbility(Ability):
-    """A coordinator without a vehicle: sends everybody a tour."""
+class _DispatchAbility(Ability):
+    """The coordinator without a vehicle: sends a tour to each driver."""
 
     def __init__(self, chain: SupplyChain, plan: InstanceIndex, composer: MessageComposer, kind: str) -> None:
         self._chain, self._plan, self._composer, self._kind = chain, plan, composer, kind
         self._sent = False
 
     def say(self, truth: PrivilegedState) -> list[Outgoing]:
-        """The tours, at the start: an order that no vehicle holds is split among them."""
+        """Return the tours, once at the start."""
         if self._sent:
             return []
         self._sent = True
@@ -191,24 +198,24 @@ class DispatchAbility(Ability):
 
 
 def delivery_abilities(brief: Brief, plan: InstanceIndex, composer: MessageComposer) -> list[Ability]:
-    """Drivers of what carries goods, and the coordinator who sends tours."""
+    """Return the abilities of drivers of goods and of the coordinator that sends tours."""
     chain = supply_chain(plan)
     if chain is None:
         return []
     carriers = {body.id for body in chain.bodies}
     own = [resource for resource in brief.resources if resource.embodied and resource.id in carriers]
     aircraft = flyer(brief)
-    found: list[Ability] = [
-        DeliveryAbility(resource, chain, composer, AircraftControl(resource, plan) if resource == aircraft else None)
+    abilities: list[Ability] = [
+        _DeliveryAbility(resource, chain, composer, AircraftControl(resource, plan) if resource == aircraft else None)
         for resource in own
     ]
     message = composer.with_fields("assignee", "stops")
     if not brief.resources and message is not None:
-        found.append(DispatchAbility(chain, plan, composer, message.kind))
-    return found
+        abilities.append(_DispatchAbility(chain, plan, composer, message.kind))
+    return abilities
 
 
 def _limit(body: Entity, name: str) -> float:
-    """What a body holds at most; 0 where nothing says it."""
+    """Return the capacity of a body; 0 if it declares none."""
     field = field_named(name, body.properties)
     return 0.0 if field is None else body.number_or(field, 0.0)

@@ -1,7 +1,7 @@
-"""Ways around what blocks the roads, as places to drive to one after another.
+"""Detours around road blocks, as successive places to drive to.
 
-A vehicle that is sent to a place takes its engine's way there, through whatever stands on it. Where an inspection asks
-the engine for other ways, that is the way around; for other vehicles it is worked out here.
+A vehicle follows its engine's route to a place, through any block on it. For inspected routes the engine plans another
+route on request; for other vehicles this module plans the detour.
 """
 
 from __future__ import annotations
@@ -14,26 +14,26 @@ from lingjing_agents.oracle.privileged_state import PrivilegedState
 from lingjing_agents.oracle.routes import jams
 
 CLEAR_M = 3.0
-"""How far from the rim of a jam a way passes it at least: half a lane, and a little."""
+"""Least distance in metres between a detour and the edge of a jam. Chosen: half a lane with a margin."""
 
 
 def next_place(truth: PrivilegedState, vehicle: str, goal: GroundPoint) -> GroundPoint:
-    """The goal, or the last place on the shortest open way there that the vehicle reaches on an open way of its own.
+    """Return the goal, or the last place on the shortest open way to it that the vehicle's own route reaches unblocked.
 
-    The goal as well where the mission has a route of the vehicle inspected, or no way is open.
+    Also the goal if the vehicle's route is inspected by the mission, or if no way is open.
     """
     blocked = [(truth.place(jam.id), jam.blocked_m or 0.0) for jam in jams(truth)]
-    inspected = any(one.asset == vehicle for one in truth.plan.instance.inspections)
+    inspected = any(spec.asset == vehicle for spec in truth.plan.instance.inspections)
     if not blocked or inspected or not truth.brief.road_network:
         return goal
     roads = read_road_map(truth.brief.road_network)
     here = truth.place(vehicle)
-    shut = {one.id for one in roads.segments.values() if any(_passes(one, *jam) for jam in blocked)}
+    shut = {each.id for each in roads.segments.values() if any(_passes(each, *jam) for jam in blocked)}
     last = roads.nearest(goal)
-    shut.discard(last.segment if last else "")  # a jam on the goal's own stretch may lie behind it
+    shut.discard(last.segment if last else "")  # a jam on the goal's own segment may lie behind the goal
     if _is_open(roads, here, goal, shut):
         return goal
-    way = RoadMap([one for one in roads.segments.values() if one.id not in shut]).way(here, goal)
+    way = RoadMap([each for each in roads.segments.values() if each.id not in shut]).way(here, goal)
     if way is None:
         return goal
     places = (_middle(roads.segments[name]) for name in reversed(way.segments[1:]))
@@ -46,12 +46,12 @@ def _is_open(roads: RoadMap, here: GroundPoint, there: GroundPoint, shut: set[st
 
 
 def _passes(segment: RoadSegment, place: GroundPoint, radius_m: float) -> bool:
-    """Whether a vehicle on the segment comes near a jam."""
+    """Return whether a vehicle on the segment comes near a jam."""
     return any(_off(a, b, place) <= radius_m + CLEAR_M for a, b in zip(segment.shape, segment.shape[1:], strict=False))
 
 
 def _off(a: GroundPoint, b: GroundPoint, place: GroundPoint) -> float:
-    """How far a place lies from the line between two points."""
+    """Return the distance in metres between a place and the segment between two points."""
     along = (b[0] - a[0], b[1] - a[1])
     length = math.hypot(*along)
     share = ((place[0] - a[0]) * along[0] + (place[1] - a[1]) * along[1]) / length**2 if length else 0.0
@@ -60,7 +60,7 @@ def _off(a: GroundPoint, b: GroundPoint, place: GroundPoint) -> float:
 
 
 def _middle(segment: RoadSegment) -> GroundPoint:
-    """A place half-way along a segment."""
+    """Return the point half-way along a segment."""
     left = segment.length_m / 2.0
     for a, b in zip(segment.shape, segment.shape[1:], strict=False):
         step = math.dist(a, b)

@@ -1,4 +1,4 @@
-"""Dogs: around what stands in the way to the targets that dogs deal with, leg by leg."""
+"""Dogs: paths around obstacles to the targets that dogs serve, step by step."""
 
 from __future__ import annotations
 
@@ -18,22 +18,29 @@ from lingjing_agents.paths.clearance_paths import find_path
 from lingjing_agents.paths.visiting_order import shares, shortest
 
 AROUND_M = 50.0
-"""How far beyond the straight way a way around may lead."""
+"""Distance in metres by which a detour may leave the straight line. Chosen."""
 
 REACHED_M = 0.8
+"""Distance in metres at which a corner of a path counts as reached. Chosen."""
 SEEN_M = (4.0, 14.0)
-"""How far from a target a dog takes its picture."""
+"""Nearest and farthest distance in metres from which a dog photographs a target. Chosen."""
 
 AIMED_DEG = 12.0
+"""Largest bearing error in degrees for a picture. Chosen."""
 _LOOKS = 3
+"""Number of pictures of one target. Chosen."""
 _FINEST_DEG, _COARSEST_DEG, _STRAY_M = 1.6, 12.0, 0.4
+"""Bounds in degrees of the tolerated heading error, and the tolerated deviation at the end of a step in metres.
+Chosen.
+"""
 _GAINED_M = 0.3
+"""Progress in metres below which a step counts as blocked. Chosen."""
 _WITHIN_M = 1.0
-"""A dog stops so far behind the rim of a region that it must be in."""
+"""Distance in metres behind the edge of a required region at which a dog stops. Chosen."""
 
 
 class DogPath:
-    """The way of one dog, planned anew when its task changes or something turned out to be in the way."""
+    """The path of one dog. It is planned again when the task changes or an obstacle is met."""
 
     def __init__(self, dog: Entity, plan: InstanceIndex) -> None:
         self.dog, self._plan = dog, plan
@@ -46,7 +53,7 @@ class DogPath:
         self._beyond: list[GroundPoint] = []
 
     def task(self, truth: PrivilegedState) -> Task | None:
-        """What this dog goes to."""
+        """Return the task of this dog, or None."""
         able = (task for task in truth.left if self.dog.id in task.actors)
         tasks = {task.target: task for task in able if not task.moves_goods}
         if not tasks:
@@ -63,7 +70,7 @@ class DogPath:
         return tasks[min(places, key=lambda name: math.dist(places[name], truth.place(self.dog.id)))]
 
     def step(self, truth: PrivilegedState, task: Task) -> tuple[str, float] | None:
-        """`left` or `right` and degrees, or `forward` and metres; None where it is near enough."""
+        """Return `left` or `right` with degrees, or `forward` with metres; None if the dog is near enough."""
         here, goal = truth.place(self.dog.id), truth.place(task.target)
         near = self._near_m(task)
         if math.dist(here, goal) <= near + 0.3 and (task.target in self._inner_m or not self._is_outside(task, here)):
@@ -77,12 +84,15 @@ class DogPath:
         return self._towards(truth, here, self._path[0])
 
     def _near_m(self, task: Task) -> float:
-        """The distance from its target at which the dog stops, metres."""
+        """Return the distance from the target at which the dog stops, in metres."""
         return self._inner_m.get(task.target, max(0.6 * task.within_m, task.within_m - 4.0))
 
     def _way(self, truth: PrivilegedState, task: Task, here: GroundPoint, goal: GroundPoint) -> list[GroundPoint]:
-        """The way to where the task can be done. One that ends near the target, and outside of a region where the dog
-        must be (on the other side of its wall), is replaced by one into the region."""
+        """Return the path to a place where the task can be done.
+
+        The dog may have to be in a region. A path that ends near the target but outside the region (behind its wall) is
+        replaced by a path into the region.
+        """
         path = self._find(truth, here, goal, self._near_m(task))
         if task.target not in self._inner_m and self._is_outside(task, path[-1] if path else here):
             self._inner_m[task.target] = min(self._near_m(task), self._depth_m(task, goal))
@@ -93,11 +103,13 @@ class DogPath:
         return path or [goal]
 
     def _is_outside(self, task: Task, here: GroundPoint) -> bool:
-        """True if a place is outside of a region where the dog must be for its task."""
+        """Return whether a place is outside a region in which the dog must be for its task."""
         return any(not inside(region.polygon, here) for region in entry_regions(task, self._plan.instance))
 
     def _depth_m(self, task: Task, goal: GroundPoint) -> float:
-        """The distance from the target within which the dog is in those regions, metres; 0 if the target is in none."""
+        """Return the distance in metres from the target within which the dog is in those regions; 0 if the target is
+        outside.
+        """
         rims = [region.polygon for region in entry_regions(task, self._plan.instance)]
         if not all(inside(rim, goal) for rim in rims):
             return 0.0
@@ -118,7 +130,7 @@ class DogPath:
         return "forward", max(step, least)
 
     def command(self, truth: PrivilegedState, step: tuple[str, float]) -> Action:
-        """The step as a command."""
+        """Return a step as a command."""
         verb, amount = step
         if verb == "forward":
             here = truth.place(self.dog.id)
@@ -131,7 +143,9 @@ class DogPath:
         return Action(verb=verb, arguments=arguments, resource=self.dog.id)
 
     def _look_back(self, truth: PrivilegedState, here: GroundPoint) -> None:
-        """A walk that gained nothing met something that no map shows: keep away from it."""
+        """Check the progress of the last step. A step without progress met an obstacle that no map shows: close its
+        place.
+        """
         if self._last is None:
             return
         (x, y), heading = self._last
@@ -141,7 +155,7 @@ class DogPath:
             self._shut = [*self._shut[-7:], (here[0] + 1.3 * math.sin(heading), here[1] + 1.3 * math.cos(heading))]
             self._path = []
         elif self._path and math.dist(here, self._path[0]) > REACHED_M and len(self._path) > 1:
-            self._goal = ""  # it strayed or was stopped half-way: look for the way from here
+            self._goal = ""  # the dog deviated or was stopped half-way: plan again from here
 
     def _find(self, truth: PrivilegedState, here: GroundPoint, goal: GroundPoint, within_m: float) -> list[GroundPoint]:
         ground = self._ground(truth, here, goal)
@@ -163,8 +177,8 @@ class DogPath:
         return next((verb for verb in self.dog.verbs if verb.name == name), None)
 
 
-class DogAbility(Ability):
-    """Commands one dog: by itself, or by the steps it is told if it does not see."""
+class _DogAbility(Ability):
+    """Commands one dog: by its own path, or by guidance if the dog has no camera."""
 
     def __init__(
         self, walk: DogPath, plan: InstanceIndex, composer: MessageComposer, reports: ReportAbility | None
@@ -175,17 +189,17 @@ class DogAbility(Ability):
         self._heard = 0
 
     def say(self, truth: PrivilegedState) -> list[Outgoing]:
-        """What it goes to, whenever that changes."""
+        """Return a status message whenever the dog's task changes."""
         task = self._walk.task(truth)
         position = truth.states[self._walk.dog.id].position
         return self._composer.progress(self._walk.dog.id, task, {"position": position})
 
     def act(self, truth: PrivilegedState) -> Action | None:
-        """A picture of what must be reported, else the next step."""
+        """Return a picture of a target that must be reported, else the next step."""
         dog = self._walk.dog
         task = self._walk.task(truth)
-        heard = _guidance(truth)
-        if heard is not None:
+        guidance = _guidance(truth)
+        if guidance is not None:
             self._heard = truth.tick
         if task is None or truth.busy(dog.id) or truth.forbidden(dog.id, "forward"):
             return None
@@ -193,12 +207,12 @@ class DogAbility(Ability):
         if photo is not None:
             return photo
         if self._led(truth):
-            return self._walk.command(truth, heard) if heard is not None else None
+            return self._walk.command(truth, guidance) if guidance is not None else None
         step = self._walk.step(truth, task)
         return self._walk.command(truth, step) if step is not None else None
 
     def _led(self, truth: PrivilegedState) -> bool:
-        """Whether somebody still guides this dog, which sees nothing by itself."""
+        """Return whether another agent still guides this dog, which has no camera."""
         if self._walk.dog.cameras:
             return False
         kinds = [spec for spec in truth.brief.messages if _is_guidance({field.name for field in spec.fields})]
@@ -217,8 +231,8 @@ class DogAbility(Ability):
         return Action(verb=PHOTO, arguments={"camera": self._camera.name}, resource=dog.id)
 
 
-class GuidanceAbility(Ability):
-    """Tells somebody else's dog its next step."""
+class _GuidanceAbility(Ability):
+    """Sends the next step to a dog of another agent."""
 
     def __init__(self, walk: DogPath, plan: InstanceIndex, composer: MessageComposer, kind: str) -> None:
         self._walk, self._plan, self._composer, self._kind = walk, plan, composer, kind
@@ -226,7 +240,7 @@ class GuidanceAbility(Ability):
         self._said: tuple[str, float] | None = None
 
     def say(self, truth: PrivilegedState) -> list[Outgoing]:
-        """The next step, as soon as the last one has been taken."""
+        """Return the next step as soon as the last one has been carried out."""
         dog, task = self._walk.dog, self._walk.task(truth)
         standing = truth.states[dog.id].status == "standing"
         if task is None or not standing or truth.forbidden(dog.id, "forward"):
@@ -236,7 +250,7 @@ class GuidanceAbility(Ability):
         step = self._walk.step(truth, task)
         if step is None:
             return []
-        self._walk.command(truth, step)  # so that it notices what comes of it
+        self._walk.command(truth, step)  # stores the step, so that `_look_back` can check its progress
         self._sent, self._said = truth.tick, step
         owner = self._plan.owners[dog.id].id
         place = truth.states[task.target].position
@@ -247,28 +261,30 @@ class GuidanceAbility(Ability):
 
 
 _EVERY_TICKS = 2
+"""Least ticks between two messages of guidance. Chosen."""
 _WAIT_TICKS = 4
+"""Ticks without guidance after which a dog walks by itself. Chosen."""
 
 
 def dog_abilities(
     brief: Brief, plan: InstanceIndex, composer: MessageComposer, reports: ReportAbility | None
 ) -> list[Ability]:
-    """Whoever embodies a dog walks it; whoever may send guidance guides the dogs of others."""
-    found: list[Ability] = []
+    """Return an ability for each embodied dog, and guidance for dogs of others if the agent may send it."""
+    abilities: list[Ability] = []
     own = {resource.id for resource in brief.resources if resource.embodied}
     message = composer.with_fields("assignee", "step")
     for entity in plan.instance.entities:
         if entity.role != "asset" or not walks(entity.verbs) or entity.id not in plan.owners:
             continue
         if entity.id in own:
-            found.append(DogAbility(DogPath(entity, plan), plan, composer, reports))
+            abilities.append(_DogAbility(DogPath(entity, plan), plan, composer, reports))
         elif message is not None and brief.resources:
-            found.append(GuidanceAbility(DogPath(entity, plan), plan, composer, message.kind))
-    return found
+            abilities.append(_GuidanceAbility(DogPath(entity, plan), plan, composer, message.kind))
+    return abilities
 
 
 def _guidance(truth: PrivilegedState) -> tuple[str, float] | None:
-    """The step that the latest message in the inbox tells."""
+    """Return the step in the latest message of guidance, or None."""
     for message in reversed(truth.inbox.messages):
         step, amount = message.body.get("step"), message.body.get("amount")
         if isinstance(step, str) and isinstance(amount, int | float):
@@ -281,11 +297,11 @@ def _is_guidance(fields: set[str]) -> bool:
 
 
 def _left(truth: PrivilegedState, kind: str) -> int:
-    """How many more messages of a kind the mission's limits allow."""
+    """Return how many more messages of a kind the mission's limits allow."""
     bounds = [
         limit.most - truth.known.used.get(limit.name, 0)
         for limit in truth.plan.instance.limits
-        if any(one.kind == "message" and one.name == kind for one in limit.counts)
+        if any(counted.kind == "message" and counted.name == kind for counted in limit.counts)
     ]
     return min(bounds, default=1)
 

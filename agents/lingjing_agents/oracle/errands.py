@@ -1,4 +1,4 @@
-"""Errands of one body in missions that ask for no interaction: a picture, a flight to the place it is shown."""
+"""Errands in missions without interactions: a picture, a flight to a given place."""
 
 from __future__ import annotations
 
@@ -9,38 +9,38 @@ from lingjing_agents.oracle.aircraft import flyer
 from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState
 
 
-class PictureAbility(Ability):
+class _PictureAbility(Ability):
     """Takes one picture."""
 
     def __init__(self, body: Resource) -> None:
         self._body, self._has_one = body, False
 
     def act(self, truth: PrivilegedState) -> Action | None:
-        """Ask for a picture until there is one."""
+        """Return the command for a picture until there is one."""
         command = None if self._has_one else picture(self._body, truth.observation)
         self._has_one = command is None
         return command
 
 
-class GoalAbility(Ability):
-    """Flies to the one place that the agent is shown."""
+class _GoalAbility(Ability):
+    """Flies to the only place that the agent observes."""
 
     def __init__(self, brief: Brief, body: Resource) -> None:
         self._brief, self._body = brief, body
 
     def act(self, truth: PrivilegedState) -> Action | None:
-        """Fly on."""
+        """Return the next command of the flight."""
         own = next((view for view in truth.observation.entities if view.id == self._body.id), None)
         place = shown_place(self._brief, truth.observation)
         return None if own is None or place is None else flight(self._brief, self._body, own, place)
 
 
 def errand_abilities(brief: Brief, plan: InstanceIndex) -> list[Ability]:
-    """What an agent does where nothing is to be done to a target and nothing to be reported."""
-    found: list[Ability] = []
+    """Return the abilities for missions in which no target is served and nothing reported."""
+    abilities: list[Ability] = []
     camera, aircraft = camera_body(brief), flyer(brief)
     if camera is not None and wants_pictures(brief):
-        found.append(PictureAbility(camera))
+        abilities.append(_PictureAbility(camera))
     if aircraft is not None and not plan.tasks and not plan.kinds:
-        found.append(GoalAbility(brief, aircraft))
-    return found
+        abilities.append(_GoalAbility(brief, aircraft))
+    return abilities

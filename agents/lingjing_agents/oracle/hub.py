@@ -1,4 +1,4 @@
-"""What a hub does: passes on what is meant for others, gives orders when they can be carried out."""
+"""The hub: relays messages and sends orders when they can be carried out."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedSta
 from lingjing_agents.oracle.routes import RouteWatch, another_way, is_blocked, jams, jams_on
 
 REPEAT_TICKS = 6
-"""After so long without progress an order about an inspected route is repeated where messages can get lost."""
+"""Ticks without progress after which an order is repeated, if messages can be lost. Chosen."""
 
 
-class HubAbility(Ability):
-    """The hub of a star; without one, whoever has no body: it leads, and others hear for themselves."""
+class _HubAbility(Ability):
+    """The hub of a star topology, or the agent without a body in a broadcast topology, which leads without relaying."""
 
     def __init__(self, brief: Brief, plan: InstanceIndex, composer: MessageComposer) -> None:
         self._brief, self._plan, self._composer = brief, plan, composer
@@ -30,23 +30,23 @@ class HubAbility(Ability):
         self._since: dict[str, int] = {}
         self._asked: set[tuple[str, str]] = set()
         self._replans = {inspection.replan for inspection in plan.instance.inspections}
-        self._watches = {one.asset: RouteWatch(one.asset) for one in plan.instance.inspections}
+        self._watches = {spec.asset: RouteWatch(spec.asset) for spec in plan.instance.inspections}
 
     def say(self, truth: PrivilegedState) -> list[Outgoing]:
-        """Orders and what is passed on."""
+        """Return orders and relayed messages."""
         messages: list[Outgoing] = []
         for message in truth.inbox.messages:
             messages += self._pass_on(message, truth)
-        # who asked for another route itself is heard before who only tells of a jam
-        for message in sorted(truth.inbox.messages, key=lambda one: one.kind not in self._replans):
+        # requests for another route before mere reports of a jam, so that a jam causes one request
+        for message in sorted(truth.inbox.messages, key=lambda received: received.kind not in self._replans):
             messages += self._another_way(message, truth)
         return messages + self._cells(truth) + self._inspections(truth) + self._tasks(truth)
 
     def _pass_on(self, message: Envelope, truth: PrivilegedState) -> list[Outgoing]:
-        """To those whom a relation says it is for: as it is, or as an order to its place."""
-        said: list[Outgoing] = []
+        """Relay a message to the roles that a relation names: unchanged, or as an order to its position."""
+        relayed: list[Outgoing] = []
         if self._brief.hub is None:
-            return said
+            return relayed
         for relation in self._plan.instance.relations:
             kind = relation.carries or relation.by
             if kind in self._replans or kind != message.kind or relation.source != self._roles.get(message.sender):
@@ -55,38 +55,41 @@ class HubAbility(Ability):
             if not to:
                 continue
             if self._composer.kind(message.kind) is not None:
-                said += self._composer.say(message.kind, message.body, to)
+                relayed += self._composer.say(message.kind, message.body, to)
             elif (place := position_in(message.body)) is not None and not is_blocked(truth, place):
-                said += self._order_there(message, [name for name in to if self._may_go(name, message, truth)])
-        return said
+                relayed += self._order_there(message, [name for name in to if self._may_go(name, message, truth)])
+        return relayed
 
     def _may_go(self, agent: str, message: Envelope, truth: PrivilegedState) -> bool:
-        """Whether an agent is to go where a message says: to what lets nobody pass, or is taken for it, only who can do
-        something about it."""
+        """Return whether an agent may go to the reported place. To a blocking object go only the agents that can serve
+        it.
+        """
         reported = message.body.get("class")
         blocking = {jam.id for jam in jams(truth) if jam.type == reported}
         dealt = (task for task in truth.left if task.target in blocking)
         return not blocking or any(self._plan.owners[body.id].id == agent for body in self._plan.able(*dealt))
 
     def _another_way(self, message: Envelope, truth: PrivilegedState) -> list[Outgoing]:
-        """A request for another route, where an inspector tells of what blocks this one and nobody asked because of it
-        yet: a route that passes it all the same has no way around it."""
-        said: list[Outgoing] = []
+        """Return a request for another route after an inspector's report of a jam, once for each jam.
+
+        If the new route passes the same jam, there is no way around it.
+        """
+        requests: list[Outgoing] = []
         place = position_in(message.body)
         if place is None or message.body.get("state") == CLEAR:
-            return said
+            return requests
         for inspection in self._plan.instance.inspections:
             route = truth.routes.get(inspection.asset)
             if route is None or message.sender not in self._inspectors(inspection):
                 continue
             for jam in jams_on(truth, route):
                 near = math.dist(truth.place(jam.id), place) <= inspection.within_m + (jam.blocked_m or 0.0)
-                told = near and message.body.get("class", jam.type) == jam.type
-                if told and (inspection.name, jam.id) not in self._asked:
+                is_reported = near and message.body.get("class", jam.type) == jam.type
+                if is_reported and (inspection.name, jam.id) not in self._asked:
                     self._asked.add((inspection.name, jam.id))
                     if message.kind != inspection.replan:
-                        said += self._composer.say(inspection.replan, another_way(truth, route, jam))
-        return said
+                        requests += self._composer.say(inspection.replan, another_way(truth, route, jam))
+        return requests
 
     def _inspectors(self, inspection: InspectionSpec) -> list[str]:
         owners = [self._plan.owners[name].id for name in inspection.by if name in self._plan.owners]
@@ -94,26 +97,26 @@ class HubAbility(Ability):
 
     def _order_there(self, message: Envelope, to: Sequence[str]) -> list[Outgoing]:
         body: dict[str, Datum] = {"position": message.body["position"]}
-        said: list[Outgoing] = []
+        orders: list[Outgoing] = []
         for name in to:
-            said += self._composer.order(name, str(message.body.get("class", "go")), body, (name,))
-        return said
+            orders += self._composer.order(name, str(message.body.get("class", "go")), body, (name,))
+        return orders
 
     def _cells(self, truth: PrivilegedState) -> list[Outgoing]:
-        """At the start: to everyone whom this hub guides, its part of the search cells."""
-        roles = {one.target for one in self._plan.instance.relations if one.kind == "guidance"}
+        """Return, at the start, an order for each guided agent with its part of the search cells."""
+        roles = {relation.target for relation in self._plan.instance.relations if relation.kind == "guidance"}
         if truth.tick != 0 or not self._brief.cells:
             return []
         mates = [name for name, role in self._roles.items() if role in roles]
-        said: list[Outgoing] = []
+        orders: list[Outgoing] = []
         for number, name in enumerate(mates):
             cell = self._brief.cells[number % len(self._brief.cells)]
-            said += self._composer.order(name, "search", {"cell": cell.name}, (name,))
-        return said
+            orders += self._composer.order(name, "search", {"cell": cell.name}, (name,))
+        return orders
 
     def _inspections(self, truth: PrivilegedState) -> list[Outgoing]:
-        """To the inspectors, the waypoints of each new route that were not inspected yet, all at once."""
-        said: list[Outgoing] = []
+        """Return, for each new route, orders to its inspectors with all waypoints that were not inspected yet."""
+        orders: list[Outgoing] = []
         for inspection in self._plan.instance.inspections:
             route = truth.routes.get(inspection.asset)
             seen = truth.known.inspected.get(inspection.name, ())
@@ -122,11 +125,13 @@ class HubAbility(Ability):
             for agent in self._inspectors(inspection):
                 for number, waypoint in enumerate(route.waypoints):
                     if number not in seen:
-                        said += self._composer.order(agent, INSPECT, {"position": waypoint}, (agent,))
-        return said
+                        orders += self._composer.order(agent, INSPECT, {"position": waypoint}, (agent,))
+        return orders
 
     def _is_due(self, inspection: str, route: int, seen: int, tick: int) -> bool:
-        """Whether a route is new, or its inspection has not gone on for so long that an order may have got lost."""
+        """Return whether a route is new, or its inspection has made no progress for so long that an order may be
+        lost.
+        """
         before = self._followed.get(inspection, (0, 0))
         is_new = before[0] != route
         if before == (route, seen) and not (self._loses and tick - self._since[inspection] >= REPEAT_TICKS):
@@ -135,8 +140,8 @@ class HubAbility(Ability):
         return is_new or before == (route, seen)
 
     def _tasks(self, truth: PrivilegedState) -> list[Outgoing]:
-        """To whoever deals with a target, as soon as that is permitted and, where it must be, reported."""
-        said: list[Outgoing] = []
+        """Return orders to serve targets, as soon as that is permitted and the target reported where it must be."""
+        orders: list[Outgoing] = []
         waiting = {vehicle for vehicle, watch in self._watches.items() if watch.is_to_wait(truth)}
         for task in truth.left:
             if task.moves_goods or task.target in truth.unreported:
@@ -145,11 +150,11 @@ class HubAbility(Ability):
             if name and self._is_to_order(name, task, truth.tick):
                 self._ordered[name, task.target] = truth.tick
                 body: dict[str, Datum] = {"position": truth.states[task.target].position}
-                said += self._composer.order(name, task.name, body, (name,))
-        return said
+                orders += self._composer.order(name, task.name, body, (name,))
+        return orders
 
     def _is_to_order(self, agent: str, task: Task, tick: int) -> bool:
-        """Whether an agent was not ordered to a target yet, or so long ago that it may not have heard."""
+        """Return whether an agent has no order for a target yet, or one so old that it may be lost."""
         before = self._ordered.get((agent, task.target))
         again = self._loses and bool(self._watches) and before is not None and tick - before >= REPEAT_TICKS
         return before is None or again
@@ -168,6 +173,6 @@ class HubAbility(Ability):
 
 
 def hub_abilities(brief: Brief, plan: InstanceIndex, composer: MessageComposer) -> list[Ability]:
-    """The hub alone leads; without one, who has peers and no body."""
-    bodiless = brief.hub is None and bool(brief.peers) and not any(one.embodied for one in brief.resources)
-    return [HubAbility(brief, plan, composer)] if brief.hub == brief.agent or bodiless else []
+    """Return the hub's ability for the hub, or without a hub for an agent with peers and no body."""
+    bodiless = brief.hub is None and bool(brief.peers) and not any(body.embodied for body in brief.resources)
+    return [_HubAbility(brief, plan, composer)] if brief.hub == brief.agent or bodiless else []

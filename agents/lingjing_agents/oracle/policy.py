@@ -1,4 +1,4 @@
-"""The oracle's policy object: abilities found at the first boundary, asked in one order at each."""
+"""The oracle's policy object: abilities are selected at the first boundary and run in one order at each."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from lingjing_agents.oracle.vehicles import vehicle_abilities
 
 
 class OraclePolicy:
-    """One mind for every role; what is left to do is read from the truth at each tick."""
+    """The oracle for every role. It reads the open tasks from the ground truth at each tick."""
 
     async def reset(self, brief: Brief) -> None:
-        """Remember the brief; the truth comes with the first observation."""
+        """Store the brief. The ground truth comes with the first observation."""
         self._brief = brief
         self._plan: InstanceIndex | None = None
         self._abilities: tuple[Ability, ...] = ()
 
     async def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """Say what there is to say and give the first command. `UsageError` if the truth was not handed over."""
+        """Return all messages and the first command of the abilities. Raises `UsageError` without a ground truth."""
         known = privileged(observation)
         if self._plan is None:
             self._plan = InstanceIndex(known.instance)
@@ -39,10 +39,10 @@ class OraclePolicy:
 
 
 def abilities(brief: Brief, plan: InstanceIndex) -> tuple[Ability, ...]:
-    """What an agent can do, most urgent first."""
+    """Return an agent's abilities, the most urgent first."""
     composer = MessageComposer(brief)
     reports = report_abilities(brief, plan, composer)
-    reporter = next((one for one in reports if isinstance(one, ReportAbility)), None)
+    reporter = next((ability for ability in reports if isinstance(ability, ReportAbility)), None)
     return (
         *reports,
         *aircraft_abilities(brief, plan, reporter, composer),

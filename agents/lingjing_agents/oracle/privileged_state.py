@@ -1,4 +1,4 @@
-"""What the oracle knows at a boundary: the truth, indexed by what its abilities ask for."""
+"""The ground truth of a boundary, indexed for the oracle's abilities."""
 
 from __future__ import annotations
 
@@ -24,12 +24,11 @@ from lingjing.plugins.tasks import Task, asked, field_named, possible, reported
 from lingjing_agents.ground_plane import GroundPoint
 
 ABSENT = (DORMANT, CLEARED)
-"""Status words of what is not there."""
+"""Status words of entities that are not present."""
 
 
 class InstanceIndex:
-    """What does not change in an episode: tasks, who may be reported how, who embodies what; `first_seen` is where
-    everything was at first, and when (s)."""
+    """The constants of an episode: tasks, report kinds, owners of bodies."""
 
     def __init__(self, instance: Instance) -> None:
         self.instance = instance
@@ -39,20 +38,22 @@ class InstanceIndex:
         self.supplies = tuple(task for entity in instance.entities for task in possible(entity, instance) if task.gives)
         self.owners = {name: agent for agent in instance.agents for name in agent.controls}
         self.first_seen: dict[str, tuple[GroundPoint, float]] = {}
+        """The first known position of each entity with its time in seconds."""
 
     def bodies(self, engine: str) -> tuple[Entity, ...]:
-        """The assets of an engine that some agent embodies."""
+        """Return the assets of an engine that an agent embodies."""
         entities = self.instance.entities
-        return tuple(one for one in entities if one.role == "asset" and one.engine == engine and one.id in self.owners)
+        owned = (body for body in entities if body.role == "asset" and body.id in self.owners)
+        return tuple(body for body in owned if body.engine == engine)
 
     def able(self, *tasks: Task) -> tuple[Entity, ...]:
-        """The assets that may do one of these and that some agent embodies."""
+        """Return the assets that may do one of these tasks and that an agent embodies."""
         able = {name for task in tasks for name in task.actors if name in self.owners}
-        return tuple(one for one in self.instance.entities if one.id in able)
+        return tuple(entity for entity in self.instance.entities if entity.id in able)
 
 
 class PrivilegedState:
-    """One boundary as one agent's oracle sees it. `UsageError` if the truth was not handed over."""
+    """One boundary for one agent's oracle. Raises `UsageError` without a ground truth."""
 
     def __init__(self, brief: Brief, plan: InstanceIndex, observation: Observation, inbox: Inbox) -> None:
         self.brief, self.plan, self.observation, self.inbox = brief, plan, observation, inbox
@@ -64,20 +65,20 @@ class PrivilegedState:
             plan.first_seen.setdefault(name, (state.position[:2], self.time_s))
 
     def place(self, name: str) -> GroundPoint:
-        """East and north of an entity now."""
+        """Return an entity's present east and north in metres."""
         state = self.states.get(name)
         return state.position[:2] if state is not None else self.plan.entities[name].position[:2]
 
     def state(self, name: str) -> BodyState | None:
-        """An entity's state, if it has one."""
+        """Return an entity's state, or None."""
         return self.states.get(name)
 
-    def distance(self, one: str, other: str) -> float:
-        """Metres between two entities in the plane."""
-        return math.dist(self.place(one), self.place(other))
+    def distance(self, first: str, second: str) -> float:
+        """Return the planar distance in metres between two entities."""
+        return math.dist(self.place(first), self.place(second))
 
     def drift(self, target: str) -> tuple[float, float]:
-        """Mean velocity (east, north; m/s) of a target so far; the water's current before anything has moved."""
+        """Return a target's mean velocity so far (east, north; m/s), or the water's current before any motion."""
         if "drift_mps" not in self.plan.entities[target].properties:
             return 0.0, 0.0
         first, since_s = self.plan.first_seen[target]
@@ -89,35 +90,35 @@ class PrivilegedState:
         return (here[0] - first[0]) / passed, (here[1] - first[1]) / passed
 
     def stock(self, name: str, stock: str) -> float:
-        """How much of a stock an entity has; stocks are named without their units."""
+        """Return the amount of a stock of an entity; stocks are named without their units."""
         state = self.states.get(name)
         resources = state.resources if state is not None else {}
         field = field_named(stock, resources)
         return 0.0 if field is None else resources[field]
 
     def busy(self, name: str) -> bool:
-        """Whether a resource of this agent is still doing something."""
+        """Return whether a resource of this agent has a pending request."""
         view = next((view for view in self.observation.entities if view.id == name), None)
         return view is not None and bool(view.busy)
 
     def forbidden(self, resource: str, verb: str) -> bool:
-        """Whether the mission does not permit a command yet."""
+        """Return whether the mission does not permit a command yet."""
         return (resource, "") in self.known.forbidden or (resource, verb) in self.known.forbidden
 
     def present(self, name: str) -> bool:
-        """Whether a target is there now."""
+        """Return whether a target is present."""
         state = self.states.get(name)
         return state is None or state.status not in ABSENT
 
     @cached_property
     def matched(self) -> frozenset[str]:
-        """Targets that a report has been matched with, and, of those that a report must also place, been placed."""
+        """Targets that a report has been matched with, and placed where a report must also place them."""
         rules = {rule.name for rule in self.plan.instance.rules if rule.matching}
         return frozenset(name for rule, binding in self.known.achieved if rule in rules for name in binding)
 
     @cached_property
     def left(self) -> tuple[Task, ...]:
-        """The tasks that are still to be done and whose targets are there."""
+        """The open tasks with present targets."""
         return tuple(task for task in self.plan.tasks if self.present(task.target) and not self._done(task))
 
     def _done(self, task: Task) -> bool:
@@ -127,7 +128,7 @@ class PrivilegedState:
 
     @cached_property
     def unreported(self) -> tuple[str, ...]:
-        """Targets that are there, that a rule wants reported and that no report has been matched with."""
+        """Present targets that a rule wants reported and that no report has been matched with."""
         return tuple(
             entity.id
             for entity in self.plan.instance.entities
@@ -136,14 +137,14 @@ class PrivilegedState:
 
 
 def _of_inspected(task: Task, instance: Instance) -> Task:
-    """The task; where its target is the destination of inspected routes, for those alone whose routes they are."""
-    inspected = {one.asset for one in instance.inspections if one.destination == task.target}
+    """Return the task. If its target is the destination of inspected routes, only their assets may do it."""
+    inspected = {spec.asset for spec in instance.inspections if spec.destination == task.target}
     actors = tuple(name for name in task.actors if name in inspected)
     return replace(task, actors=actors) if actors else task
 
 
 def privileged(observation: Observation) -> Privileged:
-    """The truth that an observation carries. `UsageError` if it carries none."""
+    """Return the ground truth of an observation. Raises `UsageError` without one."""
     if observation.privileged is None:
-        raise UsageError("policy `oracle` was given no privileged observation", hint="declare it as privileged")
+        raise UsageError("policy `oracle` received no privileged observation", hint="declare it as privileged")
     return observation.privileged

@@ -1,4 +1,4 @@
-"""Reports: whatever unreported target a picture shows is reported with its exact box and position."""
+"""Reports: every unreported target in a picture is reported with its exact box and position."""
 
 from __future__ import annotations
 
@@ -8,23 +8,25 @@ from lingjing_agents.oracle.composing import MessageComposer
 from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState
 
 PATIENCE_TICKS = 3
-"""A report is adjudicated one boundary after it was sent and seen to be one later; after that it is sent again."""
+"""Ticks until a report is repeated. A report is adjudicated one boundary after it was sent, and the result is observed
+one boundary later.
+"""
 
 
 class ReportAbility(Ability):
-    """Says what the agent's own pictures show, and hands each target over to whoever deals with it."""
+    """Reports the targets in the agent's own pictures and hands each over to an agent that can serve it."""
 
     def __init__(self, plan: InstanceIndex, composer: MessageComposer) -> None:
         self._plan, self._composer = plan, composer
         self.told: dict[str, int] = {}
 
     def open(self, truth: PrivilegedState) -> tuple[str, ...]:
-        """The targets that are neither reported nor waiting to be judged."""
+        """Return the targets that are neither reported nor waiting for adjudication."""
         waiting = {name for name, tick in self.told.items() if truth.tick - tick < PATIENCE_TICKS}
         return tuple(name for name in truth.unreported if name not in waiting)
 
     def say(self, truth: PrivilegedState) -> list[Outgoing]:
-        """Reports of this boundary's pictures."""
+        """Return reports of this boundary's pictures."""
         messages: list[Outgoing] = []
         for frame in truth.known.frames:
             messages += self._of(frame, truth)
@@ -38,10 +40,10 @@ class ReportAbility(Ability):
             if box.entity not in wanted or state is None:
                 continue
             kind = self._plan.kinds[self._plan.entities[box.entity].group]
-            said = self._composer.report(kind, frame, box.cls, box.box, state.position, state.resources)
-            if said:
+            report = self._composer.report(kind, frame, box.cls, box.box, state.position, state.resources)
+            if report:
                 self.told[box.entity] = truth.tick
-                messages += said + self._hand_over(box.entity, truth)
+                messages += report + self._hand_over(box.entity, truth)
         return messages
 
     def _hand_over(self, target: str, truth: PrivilegedState) -> list[Outgoing]:
@@ -57,6 +59,6 @@ class ReportAbility(Ability):
 
 
 def report_abilities(brief: Brief, plan: InstanceIndex, composer: MessageComposer) -> list[Ability]:
-    """Whoever may send a kind that a rule matches."""
+    """Return the ability if the agent may send a kind that a rule matches."""
     able = any(composer.kind(kind) is not None for kind in plan.kinds.values())
     return [ReportAbility(plan, composer)] if able else []

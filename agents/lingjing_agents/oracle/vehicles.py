@@ -1,5 +1,7 @@
-"""Vehicles and vessels: each goes near the targets that it deals with, in the order of the shortest tour; who has none
-left goes where the others are."""
+"""Vehicles and vessels: each goes near the targets that it can serve, in the order of the shortest tour.
+
+A body without open tasks goes to where the others are.
+"""
 
 from __future__ import annotations
 
@@ -17,19 +19,21 @@ from lingjing_agents.oracle.routes import RouteWatch
 from lingjing_agents.paths.visiting_order import shares, shortest
 
 SHORT = 0.6
-"""The share of an interaction's distance at which a vessel stops: the engine needs it no nearer."""
+"""The share of an interaction's distance at which a vessel stops. Chosen."""
 
 NEAR_M = 8.0
+"""Tolerance in metres around a vessel's stopping distance. Chosen."""
 _RING_M = 14.0
+"""Radius in metres of the places around a target that are tried after failed approaches. Chosen."""
 
 
 def mover(resource: Resource) -> str:
-    """The verb with which a resource goes to a point in the plane, "" if it has none."""
+    """Return the verb that moves a resource to a point in the plane; "" if it has none."""
     return straight_to(resource, "x", "y") or route_to(resource)
 
 
-class TargetApproach:
-    """Where a body is to go next; kept by whoever commands it."""
+class _TargetApproach:
+    """The next destination of a body."""
 
     def __init__(self, resource: Resource, plan: InstanceIndex) -> None:
         self.resource, self.verb, self._plan = resource, mover(resource), plan
@@ -38,7 +42,9 @@ class TargetApproach:
         self._watch = RouteWatch(resource.id)
 
     def next(self, truth: PrivilegedState) -> tuple[Task, Action | None] | None:
-        """The task to go to, and the command that brings the body there; None if nothing is left for it."""
+        """Return the next task with the command towards it, or None without a task. The command is None to wait or on
+        arrival.
+        """
         tour = self.tour(truth) or self._meeting(truth)
         if not tour:
             return None
@@ -46,7 +52,7 @@ class TargetApproach:
         return task, self._to(truth, task, tour[1].target if len(tour) > 1 else "")
 
     def tour(self, truth: PrivilegedState) -> list[Task]:
-        """The tasks that are left for the body, in the order in which it goes to them."""
+        """Return the body's open tasks in the order of its tour."""
         able = (task for task in truth.left if self.resource.id in task.actors)
         tasks = {task.target: task for task in able if not task.moves_goods}
         if not tasks:
@@ -59,7 +65,7 @@ class TargetApproach:
         return [tasks[name] for name in mine]
 
     def _meeting(self, truth: PrivilegedState) -> list[Task]:
-        """The nearest place that others see to or have seen to: a mission that goes on may want everybody there."""
+        """Return the nearest task that others do or have done: a mission may require all bodies at one place."""
         able = [task for task in self._plan.tasks if self.resource.id in task.actors and not task.moves_goods]
         there = [task for task in able if truth.present(task.target)]
         return sorted(there, key=lambda task: (truth.distance(self.resource.id, task.target), task.target))[:1]
@@ -84,7 +90,7 @@ class TargetApproach:
         return Action(verb=self.verb, arguments=arguments, resource=self.resource.id)
 
     def _around(self, target: str, there: GroundPoint) -> GroundPoint:
-        """The target's place; where that has not brought us near enough, places around it."""
+        """Return the target's place, or places around it after two approaches that did not arrive."""
         tries = self._sent.get(target, 0)
         self._sent[target] = tries + 1
         if tries < 2:
@@ -93,57 +99,60 @@ class TargetApproach:
         return there[0] + _RING_M * math.sin(angle), there[1] + _RING_M * math.cos(angle)
 
 
-class DriverAbility(Ability):
-    """The body's own driver or skipper."""
+class _DriverAbility(Ability):
+    """Commands an embodied vehicle or vessel."""
 
-    def __init__(self, course: TargetApproach, composer: MessageComposer) -> None:
+    def __init__(self, course: _TargetApproach, composer: MessageComposer) -> None:
         self._course, self._composer = course, composer
 
     def say(self, truth: PrivilegedState) -> list[Outgoing]:
-        """Which task it goes to, whenever that changes."""
+        """Return a status message whenever the task changes."""
         task = next(iter(self._course.tour(truth)), None)
         return self._composer.progress(self._course.resource.id, task, {})
 
     def act(self, truth: PrivilegedState) -> Action | None:
-        """On to the next target."""
+        """Return the command to the next target."""
         if truth.busy(self._course.resource.id):
             return None
-        found = self._course.next(truth)
-        return found[1] if found is not None else None
+        following = self._course.next(truth)
+        return following[1] if following is not None else None
 
 
-class ClaimAbility(Ability):
-    """Somebody who may command a body of another agent's: sends it where its driver would, when itself has nothing to
-    do. Whoever comes first is obeyed, the others get a receipt of the conflict."""
+class _ClaimAbility(Ability):
+    """Commands a body of another agent that this agent may command, when it has no task itself.
 
-    def __init__(self, course: TargetApproach) -> None:
+    It sends the body where its driver would. The first command of a boundary is admitted; later ones are rejected as
+    conflicts.
+    """
+
+    def __init__(self, course: _TargetApproach) -> None:
         self._course = course
         self._claimed: set[str] = set()
 
     def act(self, truth: PrivilegedState) -> Action | None:
-        """Once for each target, and only if the body stands idle."""
+        """Return a command once for each target, and only if the body is idle."""
         if truth.busy(self._course.resource.id):
             return None
-        found = self._course.next(truth)
-        if found is None or found[1] is None or found[0].target in self._claimed:
+        following = self._course.next(truth)
+        if following is None or following[1] is None or following[0].target in self._claimed:
             return None
-        self._claimed.add(found[0].target)
-        return found[1]
+        self._claimed.add(following[0].target)
+        return following[1]
 
 
 def vehicle_abilities(brief: Brief, plan: InstanceIndex, composer: MessageComposer) -> list[Ability]:
-    """Bodies that go to points in the plane, and do something there that is not moving goods."""
-    found: list[Ability] = []
+    """Return the abilities for bodies that move in the plane and serve targets other than by moving goods."""
+    abilities: list[Ability] = []
     for resource in brief.resources:
         if not mover(resource):
             continue
-        course = TargetApproach(resource, plan)
-        found.append(DriverAbility(course, composer) if resource.embodied else ClaimAbility(course))
-    return found
+        course = _TargetApproach(resource, plan)
+        abilities.append(_DriverAbility(course, composer) if resource.embodied else _ClaimAbility(course))
+    return abilities
 
 
 def _rim(here: GroundPoint, there: GroundPoint, onward: GroundPoint, radius_m: float) -> GroundPoint:
-    """Where within `radius_m` of `there` the way from `here` to `onward` is shortest."""
+    """Return the point within `radius_m` of `there` that makes the way from `here` to `onward` shortest."""
     angles = [math.tau * step / 24 for step in range(24)]
     options = [(there[0] + radius_m * math.cos(a), there[1] + radius_m * math.sin(a)) for a in angles]
     return min(options, key=lambda point: math.dist(here, point) + math.dist(point, onward))

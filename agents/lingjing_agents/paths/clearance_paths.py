@@ -1,4 +1,4 @@
-"""Paths for dogs over a map that says how far the next obstacle is."""
+"""Paths for dogs over a map of the distance to the next obstacle."""
 
 from __future__ import annotations
 
@@ -10,20 +10,21 @@ from lingjing_agents.ground_plane import GroundPoint, between
 from lingjing_agents.paths.grid_search import NEIGHBOURS, GridCell, cheapest_path, straightened
 
 NARROW_M = 0.45
-"""Nothing may come nearer to a dog's middle than this."""
+"""Least distance in metres between an obstacle and a dog's centre. Chosen: half a dog's length with a margin."""
 
 WIDE_M = 1.2
-"""Nearer to anything than this a way is dearer."""
+"""Distance in metres to obstacles below which a path is more expensive. Chosen."""
 
 _DEAR = 2.5
+"""Cost factor of cells nearer to an obstacle than `WIDE_M`. Chosen."""
 
 
 def find_path(
     ground: ObstacleMap, start: GroundPoint, goal: GroundPoint, within_m: float, shut: Sequence[GroundPoint] = ()
 ) -> list[GroundPoint]:
-    """Points to walk to, one after another, until the goal is `within_m` away; [] if no way leads there.
+    """Return points to walk to, in order, until the goal is `within_m` metres away; [] if no path leads there.
 
-    `shut` are places that turned out to be blocked: they are kept a metre away from.
+    `shut` are places that were found to be blocked; the path keeps a metre away from them.
     """
     rows, columns = ground.clearance_m.shape
     closed = {cell for place in shut for cell in _around(ground, place)}
@@ -65,7 +66,7 @@ def _free(ground: ObstacleMap, start: GroundPoint, end: GroundPoint, shut: Seque
         row, column = ground.cell(*point)
         if not (0 <= row < rows and 0 <= column < columns):
             return False
-        # A walk strays from its line by what a turn errs, so long legs keep farther away.
+        # The error of a turn makes a walk deviate from its line, so long legs keep farther away.
         wanted = NARROW_M + min(0.4, 0.02 * share * length)
         if ground.clearance_m[row, column] < wanted and math.dist(point, start) > 1.0:
             return False

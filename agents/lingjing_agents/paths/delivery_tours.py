@@ -1,6 +1,6 @@
-"""Tours from a depot: which stops one load serves, by savings (Clarke and Wright, 1964), and in which order.
+"""Tours from a depot: the stops of each load, by the savings method (Clarke and Wright, 1964), and their order.
 
-A demand above a load is split into full loads and a rest. All who know the same stops compute the same tours.
+A demand above a load is split into full loads and a rest. All agents with the same stops compute the same tours.
 """
 
 from __future__ import annotations
@@ -15,27 +15,30 @@ from lingjing_agents.ground_plane import GroundPoint
 
 @dataclass(frozen=True, slots=True)
 class DeliveryTour:
-    """Stops in order, what each gets, and how long the way from the depot and back is (m, along streets)."""
+    """One tour from the depot and back."""
 
     stops: tuple[str, ...]
+    """The stops in order."""
     amounts: tuple[float, ...]
+    """The amount for each stop."""
     length_m: float
+    """The length along streets in metres."""
 
     @property
     def load(self) -> float:
-        """What is loaded for it."""
+        """The total amount of the tour."""
         return sum(self.amounts)
 
 
 def street_m(a: GroundPoint, b: GroundPoint) -> float:
-    """The way between two places in a town of square blocks."""
+    """Return the distance between two places in a town of square blocks (Manhattan metric)."""
     return abs(a[0] - b[0]) + abs(a[1] - b[1])
 
 
 def tours(
     depot: GroundPoint, places: Mapping[str, GroundPoint], demands: Mapping[str, float], load: float
 ) -> tuple[DeliveryTour, ...]:
-    """Tours that serve all demands with at most `load` each, the longest first."""
+    """Return tours that serve all demands with at most `load` each, the longest first."""
     visits = _visits(demands, load)
     routes: list[list[int]] = [[number] for number in range(len(visits))]
     where = [places[stop] for stop, _ in visits]
@@ -59,7 +62,9 @@ def tours(
 
 
 def shared_out(plan: tuple[DeliveryTour, ...], vans: tuple[str, ...]) -> dict[str, list[DeliveryTour]]:
-    """Tours to vans, the longest first, each to who would be done first (ties in the vans' order)."""
+    """Assign tours to vans, the longest first, each to the van with the shortest total so far (ties in the vans'
+    order).
+    """
     queue: dict[str, list[DeliveryTour]] = {van: [] for van in vans}
     for tour in plan:
         name = min(vans, key=lambda van: (sum(each.length_m for each in queue[van]), vans.index(van)))
@@ -80,7 +85,7 @@ def _route_of(routes: list[list[int]], number: int) -> list[int]:
 
 
 def _joined(first: list[int], second: list[int], a: int, b: int) -> list[int] | None:
-    """Both routes end to end, so that `a` and `b` are neighbours; None if one of them lies inside its route."""
+    """Return both routes joined with `a` and `b` as neighbours, or None if one of them lies inside its route."""
     head = first if first[-1] == a else first[::-1] if first[0] == a else None
     tail = second if second[0] == b else second[::-1] if second[-1] == b else None
     return head + tail if head is not None and tail is not None else None

@@ -1,8 +1,8 @@
-"""The way that takes a walker the fewest commands over ground seen from above.
+"""The path with the fewest commands for a walker over ground seen from above.
 
-Each leg costs a turn and a step for every so many metres, so few long legs are better than a short way with many
-corners. What stands is known from points of depth pictures: buildings and low things close their ground, crowns of
-trees only that around their stems.
+Each leg costs a turn and a step per so many metres, so a few long legs are better than a short path with many corners.
+Obstacles are known from points of depth pictures: buildings and low objects block their ground, crowns of trees only
+the area around their trunks.
 """
 
 from __future__ import annotations
@@ -18,41 +18,49 @@ from lingjing_agents.ground_plane import GroundPoint, GroundRectangle
 from lingjing_agents.perception.images import ByteImage, FloatArray, MaskArray, opencv
 
 CELL_M = 0.5
+"""Side of a grid cell in metres."""
 STEP_OVER_M, UNDER_M, STOREY_M = 0.35, 2.2, 4.2
-"""What is lower is stepped over; what is higher than the second and small may be walked under, but for its stem; what
-is higher than the third and large is a building."""
+"""Height limits in metres. A walker steps over lower objects than the first. Small objects above the second can be
+walked under, except at their trunk. Large objects above the third are buildings. Chosen.
+"""
 
 LARGE_M, CROWN_M, BESIDE_M = 5.5, 3.0, 1.0
-"""How wide a building is at least, by how much crowns shrink to their stems, and how far the way keeps from things."""
+"""Least width of a building, shrinkage of crowns to their trunks, and distance of the path from obstacles, in metres.
+Chosen.
+"""
 
 NODES_M, LEG_M = 4.0, 75.0
-"""How close the corners to choose from lie, and how long a leg may be."""
+"""Spacing of possible corners and longest leg, in metres. Chosen."""
 
 METRE = 0.012
-"""What a metre costs, in commands: of two ways with as many the shorter is taken."""
+"""Cost of a metre in commands, so that the shorter of two paths with equal commands is preferred. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
 class OpenGround:
-    """Which cells of `CELL_M` within `bounds` are closed; rows from the south, columns from the west."""
+    """A grid of closed cells."""
 
     bounds: GroundRectangle
+    """The area of the grid."""
     closed: MaskArray
+    """(rows, columns), True for closed cells; rows from the south, columns from the west."""
 
     def open_lines(self, here: GroundPoint, ends: FloatArray) -> MaskArray:
-        """Whether straight walks from `here` to each of `ends` (n, 2) meet nothing."""
+        """Return for each of `ends` (n, 2) whether the straight line from `here` is free, as (n,)."""
         count = max(2, math.ceil(float(np.hypot(*(ends - here).T).max()) / CELL_M)) if len(ends) else 2
         share = np.linspace(0.0, 1.0, count)[None, :]
         column = ((here[0] + share * (ends[:, :1] - here[0]) - self.bounds.west) / CELL_M).astype(np.int64)
         row = ((here[1] + share * (ends[:, 1:] - here[1]) - self.bounds.south) / CELL_M).astype(np.int64)
         rows, columns = self.closed.shape
         met = self.closed[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)]
-        found: MaskArray = np.logical_not(met.any(axis=1))
-        return found
+        is_open: MaskArray = np.logical_not(met.any(axis=1))
+        return is_open
 
 
 def ground_of(points: FloatArray, bounds: GroundRectangle, here: GroundPoint) -> OpenGround:
-    """What stands, from points (n, 3; east, north, metres over the ground); the walker's own place is free."""
+    """Return the grid of obstacles from points (n, 3; east, north, metres above the ground). The walker's own place is
+    free.
+    """
     cv2 = opencv()
     columns = math.ceil((bounds.east - bounds.west) / CELL_M)
     rows = math.ceil((bounds.north - bounds.south) / CELL_M)
@@ -83,8 +91,10 @@ def fewest_commands(
     within_m: float,
     longest_m: float,
 ) -> tuple[GroundPoint, ...]:
-    """Corners inside `within` of the way to within `within_m` of `goal`, without the start; empty if none is known or
-    needed."""
+    """Return the corners inside `within` of the path to within `within_m` of `goal`, without the start.
+
+    Empty if no path is known or none is needed. `longest_m` is the longest step of the walker.
+    """
     if math.dist(here, goal) <= within_m:
         return ()
     nodes = _nodes(ground, within, here)
@@ -120,7 +130,7 @@ def _turns(heading_deg: float, bearing: float) -> int:
 
 
 def _nodes(ground: OpenGround, within: GroundRectangle, here: GroundPoint) -> FloatArray:
-    """The start and all free places of a lattice."""
+    """Return the start and all free points of a lattice, (n, 2)."""
     bounds = ground.bounds
     east = np.arange(within.west, within.east, NODES_M)
     north = np.arange(within.south, within.north, NODES_M)
@@ -141,5 +151,5 @@ def _traced(nodes: FloatArray, came: dict[int, int], index: int) -> tuple[Ground
 
 def _disc(metres: float) -> ByteImage:
     size = max(1, round(metres / CELL_M)) | 1
-    found: ByteImage = opencv().getStructuringElement(opencv().MORPH_ELLIPSE, (size, size))
-    return found
+    disc: ByteImage = opencv().getStructuringElement(opencv().MORPH_ELLIPSE, (size, size))
+    return disc

@@ -1,4 +1,4 @@
-"""The one search for paths over a grid: A*, and the fewest straight legs that replace a path of neighbouring cells."""
+"""Path search over a grid (A*), and the reduction of a path of neighbouring cells to the fewest straight legs."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from collections.abc import Callable, Iterable, Sequence
 from lingjing_agents.ground_plane import GroundPoint
 
 GridCell = tuple[int, int]
+"""Two integer indices; their axes depend on the map."""
 
 NEIGHBOURS = tuple((i, j, math.hypot(i, j)) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j)
-"""Steps to the eight neighbours of a cell and their lengths, in cells."""
+"""Steps to the eight neighbours of a cell with their lengths, in cells."""
 
 
 def cheapest_path(
@@ -22,10 +23,10 @@ def cheapest_path(
     *,
     most_cells: float = math.inf,
 ) -> list[GridCell]:
-    """The cells of the cheapest path from `start` to one that has `arrived`, without `start`; empty if there is none
-    among the `most_cells` cells that are looked at first, or none is needed.
+    """Return the cells of the cheapest path from `start` to the first cell with `arrived`, without `start` (A*).
 
-    `steps` are the neighbours of a cell and what it costs to go there, `left` a lower bound of the cost from a cell.
+    Empty if no path is found within `most_cells` expanded cells, or none is needed. `steps` yields the neighbours of a
+    cell with the cost of each; `left` is a lower bound of the cost from a cell.
     """
     cost, before = {start: 0.0}, dict[GridCell, GridCell]()
     queue, done = [(left(start), start)], set[GridCell]()
@@ -45,8 +46,9 @@ def cheapest_path(
 
 
 def straightened(points: Sequence[GroundPoint], free: Callable[[GroundPoint, GroundPoint], bool]) -> list[GroundPoint]:
-    """The corners that remain of a path when each leg goes straight to the farthest point that is `free` from its
-    start; the first point is left out."""
+    """Reduce a path to corners with straight legs, each to the farthest point with a `free` line; the first point is
+    left out.
+    """
     corners, at = list[GroundPoint](), 0
     while at < len(points) - 1:
         ahead = range(len(points) - 1, at + 1, -1)

@@ -1,4 +1,4 @@
-"""The way that is being walked: kept as long as it is open, so that two ways of equal length are not taken in turns."""
+"""The path that is being walked. It is kept as long as it is open, so that equally long paths do not alternate."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.paths.obstacle_grid import ObstacleGrid
 
 SAME_GOAL_M = 2.0
+"""Distance in metres between two goals below which they count as the same. Chosen."""
 
 
 class KeptPath:
-    """Corners on the way to one goal after another over one map; a corner nearer than `passed_m` has been passed."""
+    """Corners on the path to successive goals over one map. A corner nearer than `passed_m` metres has been passed."""
 
     def __init__(self, known: ObstacleGrid, passed_m: float) -> None:
         self._map, self._passed_m = known, passed_m
@@ -21,8 +22,10 @@ class KeptPath:
         self._forgot_for: GroundPoint | None = None
 
     def ahead(self, here: GroundPoint, goal: GroundPoint, reach_m: float) -> tuple[GroundPoint, ...]:
-        """The corners ahead to within `reach_m` of `goal`; empty if it is reached or no way is known. Where everything
-        is closed the map forgets once for each goal: what stood there may have gone."""
+        """Return the remaining corners to within `reach_m` of `goal`; empty on arrival or without a known path.
+
+        If no path is open, the map is cleared once for each goal: the obstacles may have moved.
+        """
         if math.dist(here, goal) <= reach_m:
             return ()
         kept = self._kept(here)
@@ -37,7 +40,7 @@ class KeptPath:
         return self._corners
 
     def _kept(self, here: GroundPoint) -> tuple[GroundPoint, ...]:
-        """What is left of the corners: those up to the last that has been passed are behind."""
+        """Return the corners after the last one that has been passed."""
         passed = [index for index, corner in enumerate(self._corners) if math.dist(corner, here) <= self._passed_m]
         return self._corners[passed[-1] + 1 :] if passed else self._corners
 

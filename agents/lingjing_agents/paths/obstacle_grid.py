@@ -1,7 +1,7 @@
-"""A walker's map: where it has bumped into something or seen a wall; everything else counts as free until proven not.
+"""A walker's map of obstacles that it has met or seen; all other ground counts as free.
 
-Routes are planned over what is known (A* on a grid) and planned anew at every step, so an unknown building is felt out
-side by side: each bump closes a few metres, and the way around becomes the shortest.
+Paths are planned over the known obstacles (A* on a grid) and planned again at every step. An unknown building is thus
+explored along its sides: each collision closes a few metres, and the path around becomes the shortest.
 """
 
 from __future__ import annotations
@@ -14,67 +14,75 @@ from lingjing_agents.ground_plane import GroundPoint, GroundRectangle, between
 from lingjing_agents.paths.grid_search import NEIGHBOURS, GridCell, cheapest_path, straightened
 
 CELL_M = 1.5
+"""Side of a grid cell in metres."""
 SIDES = 5
+"""Samples on each side of a collision's wall."""
 MOST_CELLS = 60_000
-"""So many cells are looked at before there is no path."""
+"""Expanded cells after which a search ends without a path. Chosen."""
 NEAR_COST = 2.0
-"""What a step beside something closed costs more, in cells: keeps the way off walls where there is room."""
+"""Additional cost of a step beside a closed cell, in cells. Keeps paths off walls where there is room. Chosen."""
 
 
 @dataclass(slots=True)
 class ObstacleGrid:
-    """What one walker knows of the ground. Cells are squares of `CELL_M` metres."""
+    """The map of one walker, in square cells of `CELL_M` metres."""
 
     bounds: GroundRectangle = field(default_factory=GroundRectangle)
+    """The area in which paths may lie."""
     closed: set[GridCell] = field(default_factory=set)
+    """Cells with an obstacle."""
     trodden: set[GridCell] = field(default_factory=set)
+    """Cells in which the walker has stood."""
 
     def reach(self, place: GroundPoint, margin_m: float) -> None:
-        """Routes may go as far as a place and so much beyond."""
+        """Extend the bounds to a place with a margin."""
         own = self.bounds
         corners = ((own.west, own.south), (own.east, own.north))
         near = ((place[0] - margin_m, place[1] - margin_m), (place[0] + margin_m, place[1] + margin_m))
         self.bounds = GroundRectangle.around((*corners, *near))
 
     def tread(self, place: GroundPoint) -> None:
-        """Somebody stands here, so it is free."""
+        """Mark the cell of a place in which the walker stands as free."""
         cell = _cell(place)
         self.trodden.add(cell)
         self.closed.discard(cell)
 
     def close(self, place: GroundPoint) -> None:
-        """Something is in the way here; where somebody has walked stays free."""
+        """Close the cell of a place unless the walker has stood in it."""
         cell = _cell(place)
         if cell not in self.trodden:
             self.closed.add(cell)
 
     def wall(self, a: GroundPoint, b: GroundPoint) -> None:
-        """Something long is in the way from one place to another; where somebody has walked stays free."""
+        """Close the cells between two places unless the walker has stood in them."""
         count = max(1, math.ceil(math.dist(a, b) / (CELL_M / 3)))
         for index in range(count + 1):
             self.close(between(a, b, index / count))
 
     def bump(self, here: GroundPoint, heading_deg: float, *, half_width_m: float = 2.4) -> None:
-        """A walk along `heading_deg` ended here against something: close a short wall ahead, even where somebody has
-        walked (whatever it is may have come since), but not the cell one stands in."""
+        """Close a short wall ahead after a walk along `heading_deg` ended at `here`.
+
+        Cells in which the walker has stood are closed too, since the obstacle may be new. The walker's own cell stays
+        free.
+        """
         east, north = math.sin(math.radians(heading_deg)), math.cos(math.radians(heading_deg))
         start = _cell(here)
         for ahead in (CELL_M / 2, CELL_M, 1.5 * CELL_M):
             for index in range(-SIDES, SIDES + 1):
                 side = half_width_m * index / SIDES
                 if ahead < CELL_M and side != 0.0:
-                    continue  # the flanks are free: it stands there
+                    continue  # the walker stands beside its centre line, so the flanks are free
                 cell = _cell((here[0] + ahead * east + side * north, here[1] + ahead * north - side * east))
                 if cell != start:
                     self.trodden.discard(cell)
                     self.closed.add(cell)
 
     def forget(self) -> None:
-        """All that is closed may be open again: what stood there may have gone."""
+        """Clear all closed cells: the obstacles may have moved."""
         self.closed.clear()
 
     def clear(self, here: GroundPoint, there: GroundPoint) -> bool:
-        """Whether nothing known is in the way of a straight walk."""
+        """Return whether a straight walk meets no known obstacle."""
         length = math.dist(here, there)
         count = max(1, math.ceil(length / (CELL_M / 3)))
         start = _cell(here)
@@ -85,8 +93,10 @@ class ObstacleGrid:
         return True
 
     def route(self, here: GroundPoint, goal: GroundPoint, *, reach_m: float = 0.0) -> tuple[GroundPoint, ...]:
-        """Corners of the shortest known way to within `reach_m` of `goal`, without the start; empty if there is
-        none or none is needed."""
+        """Return the corners of the shortest known path to within `reach_m` of `goal`, without the start.
+
+        Empty if there is no path or none is needed.
+        """
         if math.dist(here, goal) <= reach_m:
             return ()
         if self.clear(here, goal):
@@ -104,7 +114,7 @@ class ObstacleGrid:
         return tuple(straightened([here, *places], self._roomy))
 
     def _steps(self, cell: GridCell) -> Iterator[tuple[GridCell, float]]:
-        """The open neighbours of a cell; nothing goes between two closed ones."""
+        """Yield the open neighbours of a cell. No step passes diagonally between closed cells."""
         for i, j, length in NEIGHBOURS:
             other = cell[0] + i, cell[1] + j
             if other in self.closed or not self.bounds.holds(_centre(other)):
@@ -121,7 +131,7 @@ class ObstacleGrid:
         )
 
     def _roomy(self, here: GroundPoint, there: GroundPoint) -> bool:
-        """A straight walk with half a metre to spare on both sides."""
+        """Return whether a straight walk has a margin of 0.6 m on both sides."""
         length = math.dist(here, there)
         if length == 0.0:
             return True

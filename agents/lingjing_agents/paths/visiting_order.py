@@ -1,4 +1,4 @@
-"""Who goes where in which order: shortest tours of one body, shares of several."""
+"""Orders of visits: the shortest tour of one body, and the assignment of places to several bodies."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from itertools import islice, pairwise, permutations
 from lingjing_agents.ground_plane import GroundPoint
 
 MAX_TOURS = 5040
-"""So many orders of one tour are tried: all of those of seven places."""
+"""Number of orders that are compared: all those of seven places."""
 
 
 def shortest(start: GroundPoint, places: Mapping[str, GroundPoint]) -> tuple[str, ...]:
-    """The names of all places in the order of the shortest open tour from `start`; the first of equal ones."""
+    """Return the names of all places in the order of the shortest open tour from `start`; the first of equal tours."""
 
     def length(order: Sequence[str]) -> float:
         return sum(math.dist(a, b) for a, b in pairwise([start, *(places[name] for name in order)]))
@@ -24,14 +24,14 @@ def shortest(start: GroundPoint, places: Mapping[str, GroundPoint]) -> tuple[str
 def shares(
     bodies: Mapping[str, GroundPoint], order: Sequence[str], places: Mapping[str, GroundPoint]
 ) -> dict[str, list[str]]:
-    """Each place, in `order`, goes to the body that would be there first; bodies go from place to place."""
+    """Assign each place, in `order`, to the body that would reach it first; bodies move from place to place."""
     free = {name: (0.0, place) for name, place in bodies.items()}
-    found: dict[str, list[str]] = {name: [] for name in bodies}
+    assigned: dict[str, list[str]] = {name: [] for name in bodies}
     for target in order:
         if not free:
             break
-        there = places[target]
-        name = min(free, key=lambda name: (free[name][0] + math.dist(free[name][1], there), name))
-        free[name] = free[name][0] + math.dist(free[name][1], there), there
-        found[name].append(target)
-    return found
+        goal = places[target]
+        name = min(free, key=lambda name: (free[name][0] + math.dist(free[name][1], goal), name))
+        free[name] = free[name][0] + math.dist(free[name][1], goal), goal
+        assigned[name].append(target)
+    return assigned

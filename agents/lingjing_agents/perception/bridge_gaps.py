@@ -1,8 +1,8 @@
-"""A gap in a bridge's deck in pixels: open water where the deck should go on.
+"""Detection of gaps in a bridge's deck: open water in the continuation of the deck.
 
-The deck is what is not water; its two edges are straight within a picture. Between them the share of water is near
-nothing where the deck is whole, so a run of rows with water in them, with deck before and after it (or up to the
-picture's edge), is a gap. The picture is turned so that the deck runs up and down, and read at a quarter of its size.
+The deck is the region without water; its two edges are straight within a picture. Between them the share of water is
+almost zero where the deck is whole. A run of rows with water, with deck before and after it or up to the picture's
+edge, is therefore a gap. The picture is rotated so that the deck runs vertically, and read at a quarter of its size.
 """
 
 from __future__ import annotations
@@ -18,56 +18,62 @@ from lingjing_agents.perception.images import ByteImage, ImageBox, MaskArray, op
 from lingjing_agents.perception.people_at_sea import FoundBox
 
 SCALE = 4
+"""Factor by which the picture is reduced."""
 WATER_HUES = (82, 118)
-"""Of OpenCV's 180: the blues and greens of water under any sky."""
+"""Hues of water under any sky, in OpenCV's range of 180: blues and greens."""
 LEAST_SATURATION = 70
+"""Least saturation of water, 0 to 255."""
 DECK_M = (6.0, 45.0)
-"""Narrowest and widest deck that is believed."""
+"""Narrowest and widest plausible deck in metres."""
 OPEN = 0.12
-"""Share of water across the deck from which a row is part of a gap."""
+"""Share of water across the deck from which on a row belongs to a gap."""
 GAP_M = (3.0, 45.0)
+"""Shortest and longest plausible gap in metres."""
 WHOLE_SHARE = 0.25
-"""Share of the picture's rows that must show a whole deck for its edges to be known."""
+"""Least share of the picture's rows with a whole deck, so that its edges are reliable."""
 
 
 @dataclass(frozen=True, slots=True)
-class DeckEdges:
-    """The deck's two edges: columns as linear functions of the row, and which rows show it whole."""
+class _DeckEdges:
+    """The two edges of a deck."""
 
     left: tuple[float, float]
+    """Slope and offset of the left edge: column as a linear function of the row."""
     right: tuple[float, float]
+    """Slope and offset of the right edge."""
     whole: MaskArray
+    """(rows,), True for rows with a whole deck."""
 
 
 def find_gaps(rgb: ByteImage, pose: CameraPose, level_m: float) -> tuple[FoundBox, ...]:
-    """Gaps in a nadir picture (height, width, 3) of a bridge over water at elevation `level_m`."""
+    """Return the gaps in a nadir picture (height, width, 3) of a bridge over water at elevation `level_m`."""
     above_m = pose.position[2] - level_m
     if above_m <= 0.0 or not rgb.any():
         return ()
-    water = water_mask(rgb)
+    water = _water_mask(rgb)
     metres_per_px = above_m / focal_px(pose) * SCALE
     upright = _upright(water, metres_per_px)
     seen = water if upright else water.T
-    edges = deck_edges(seen, metres_per_px)
+    edges = _deck_edges(seen, metres_per_px)
     if edges is None:
         return ()
     finds = tuple(_finds(seen, edges, metres_per_px))
     return finds if upright else tuple(FoundBox(_transposed(find.box), find.confidence) for find in finds)
 
 
-def water_mask(rgb: ByteImage) -> MaskArray:
-    """Which pixels of the reduced picture are water."""
+def _water_mask(rgb: ByteImage) -> MaskArray:
+    """Return the mask of water in the reduced picture."""
     cv2 = opencv()
     size = (rgb.shape[1] // SCALE, rgb.shape[0] // SCALE)
     hsv = cv2.cvtColor(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), cv2.COLOR_RGB2HSV)
     blue = (hsv[..., 0] >= WATER_HUES[0]) & (hsv[..., 0] <= WATER_HUES[1]) & (hsv[..., 1] >= LEAST_SATURATION)
-    # Glints on the water are white specks: too small for a deck.
+    # Glints on the water are white specks, too small for a deck: close them.
     water: MaskArray = cv2.morphologyEx(blue.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3))) > 0
     return water
 
 
-def deck_edges(water: MaskArray, metres_per_px: float) -> DeckEdges | None:
-    """The edges of a deck that runs up and down, or None if no plain one is in the picture."""
+def _deck_edges(water: MaskArray, metres_per_px: float) -> _DeckEdges | None:
+    """Return the edges of a vertical deck, or None if the picture shows no clear one."""
     spans = [max(runs(~row), key=lambda run: run[1] - run[0], default=(0, 0)) for row in water]
     starts, widths = np.array([(start, end - start) for start, end in spans]).T
     fits = (widths * metres_per_px >= DECK_M[0]) & (widths * metres_per_px <= DECK_M[1])
@@ -80,10 +86,10 @@ def deck_edges(water: MaskArray, metres_per_px: float) -> DeckEdges | None:
     rows = np.flatnonzero(whole)
     left = _line(rows, starts[whole])
     right = _line(rows, (starts + widths)[whole])
-    return DeckEdges(left, right, whole)
+    return _DeckEdges(left, right, whole)
 
 
-def _finds(water: MaskArray, edges: DeckEdges, metres_per_px: float) -> list[FoundBox]:
+def _finds(water: MaskArray, edges: _DeckEdges, metres_per_px: float) -> list[FoundBox]:
     height, width = water.shape
     rows = np.arange(height)
     left = edges.left[0] * rows + edges.left[1]
@@ -92,7 +98,7 @@ def _finds(water: MaskArray, edges: DeckEdges, metres_per_px: float) -> list[Fou
         return []
     inner = zip(water, np.maximum(left + 2, 0).round().astype(int), (right - 2).round().astype(int), strict=True)
     share = np.array([row[a : max(a + 1, b)].mean() for row, a, b in inner])
-    found = []
+    boxes = []
     for top, bottom in runs(share > OPEN, round(2.0 / metres_per_px)):
         long_m = (bottom - top) * metres_per_px
         if not GAP_M[0] <= long_m <= GAP_M[1] or top <= 1 or bottom >= height - 1:
@@ -105,20 +111,20 @@ def _finds(water: MaskArray, edges: DeckEdges, metres_per_px: float) -> list[Fou
             min(1.0, x1 / width),
             min(1.0, (bottom + pad) / height),
         )
-        found.append(FoundBox(box, float(min(1.0, 0.5 + share[top:bottom].mean()))))
-    return sorted(found, key=lambda find: (-find.confidence, find.box))
+        boxes.append(FoundBox(box, float(min(1.0, 0.5 + share[top:bottom].mean()))))
+    return sorted(boxes, key=lambda find: (-find.confidence, find.box))
 
 
 def _upright(water: MaskArray, metres_per_px: float) -> bool:
-    """Whether the deck runs up and down rather than from side to side."""
-    up, across = (deck_edges(mask, metres_per_px) for mask in (water, water.T))
+    """Return whether the deck runs vertically rather than horizontally."""
+    up, across = (_deck_edges(mask, metres_per_px) for mask in (water, water.T))
     if up is None or across is None:
         return across is None
     return bool(up.whole.mean() >= across.whole.mean())
 
 
 def _line(rows: npt.NDArray[np.int64], columns: npt.NDArray[np.int64]) -> tuple[float, float]:
-    """Slope and offset of a line through the points, outliers left out once."""
+    """Return slope and offset of a line through the points, fitted again without outliers."""
     slope, offset = np.polyfit(rows, columns, 1)
     near = np.abs(slope * rows + offset - columns) <= 3.0
     if near.sum() >= 8:

@@ -1,9 +1,9 @@
-"""Buildings as pictures from above with depth show them: outlines, what colours their walls have and where doors are.
+"""Buildings in pictures from above with depth: outlines, wall colours, and doors.
 
-A wide picture from above sees the walls that look towards its middle. What is high and flat over a large rectangle is
-a building; points between ground and roof along a side are that wall; a slab at a door's height in front of a wall is
-the canopy over its entrance. The colours of a wall are compared with those of a reference picture as they are: the
-same wall stands in the same light.
+A wide picture from above shows the walls that face its centre. A high flat region that fills a large rectangle is a
+building. Points between ground and roof along a side belong to that wall. A slab at door height in front of a wall is
+the canopy over its entrance. Wall colours are compared with those of a reference picture without correction, since the
+same wall has the same light.
 """
 
 from __future__ import annotations
@@ -20,84 +20,95 @@ from lingjing_agents.perception.depth_points import heights
 from lingjing_agents.perception.images import ByteImage, FloatArray, opencv
 
 WallEnds = tuple[GroundPoint, GroundPoint]
+"""The two ends of a wall."""
 
 STRIDE_PX = 2
+"""Sampling interval of pixels."""
 CELL_M = 0.5
+"""Side of a grid cell in metres."""
 HIGH_M = 4.2
-"""Whatever is higher and large is a building; below are cars, and crowns of trees are small."""
+"""Height in metres above which large objects are buildings. Cars are lower, and crowns of trees are smaller."""
 
 CROWN_CELLS = 11
+"""Size in cells of the opening that removes crowns of trees."""
 LEAST_M, LEAST_FILL = 7.0, 0.8
-"""A building's shorter side at least, and how much of its rectangle its outline fills."""
+"""Least length in metres of a building's shorter side, and least share of its rectangle that its outline fills."""
 
 SKIRT_M, CORNICE_M, WALL_M = 1.0, 0.8, (-2.0, 0.6)
-"""A wall's colours count from this high to this far below its top, between these distances outside the outline seen
-from above: eaves reach beyond the wall."""
+"""Height range of a wall's colours, in metres above the ground and below the top, and their range of distances from the
+outline. Eaves extend beyond the wall, so the range includes the inside.
+"""
 
 CANOPY_M, REACH_M, FLAT_M = (2.2, 4.0), (0.4, 2.4), 0.15
-"""How high the slab over a door lies, between which distances from the wall, and how flat it is."""
+"""Height range of a canopy, its range of distances from the wall, and its thickness, in metres."""
 
 LEAST_SAMPLES, MOSTLY = 30, 0.6
-"""So many points make a slab, if they are this share of all that is seen above its place."""
+"""Least number of points of a canopy, and their least share of all points at its place."""
 
 AMONG = 8.0
-"""So many points for each metre of its length make a wall's colours known."""
+"""Least number of points per metre of a wall for reliable colours."""
 
 SHADES, BIN, SPAN = 4, 3.0, 81.0
-"""A colour signature's steps of lightness, the width of its bins of hue and saturation, and how far these reach on both
-axes (CIELAB a and b)."""
+"""Bins of a colour signature: lightness bins, bin width and range of both colour axes (CIELAB a and b)."""
 
 BLUR = 1.0
-"""By how many bins the same wall may differ from afar."""
+"""Standard deviation in bins of the smoothing of a colour signature, for differences with distance."""
 
 
 @dataclass(frozen=True, slots=True)
 class ColourSpread:
-    """How the colours of something are spread over lightness, hue and saturation; the weights' squares sum to one."""
+    """A colour signature: a histogram over lightness and both colour axes. The squares of the weights sum to one."""
 
     weights: FloatArray
+    """(lightness, a, b), the square roots of the shares."""
 
     def likeness(self, other: ColourSpread) -> float:
-        """1 for the same spread, 0 where nothing is shared (Bhattacharyya)."""
+        """Return the similarity, 1 for equal signatures and 0 for disjoint ones (Bhattacharyya coefficient)."""
         return float((self.weights * other.weights).sum())
 
 
 @dataclass(frozen=True, slots=True)
 class BuildingWall:
-    """One side of a building: its middle (east, north), the bearing it looks to (degrees), whether it is one of the
-    two longer ones, its colours if enough of it was seen, and the place of its door, if one shows."""
+    """One side of a building."""
 
     middle: GroundPoint
+    """East and north of its centre in metres."""
     bearing_deg: float
+    """The bearing of its outer normal in degrees."""
     long: bool
+    """True for the two longer sides."""
     colours: ColourSpread | None
+    """Its signature; None if too little of it was visible."""
     door: GroundPoint | None
+    """East and north of its door; None without a visible one."""
 
 
 @dataclass(frozen=True, slots=True)
 class ColouredPoints:
-    """The points (n, 3; east, north, metres over the ground) of one picture and their colours (n, 3; 0..255)."""
+    """The points of one picture with their colours."""
 
     points: FloatArray
+    """(n, 3): east, north, height above the ground, in metres."""
     colours: ByteImage
+    """(n, 3): red, green, blue, 0 to 255."""
 
     @staticmethod
     def of(picture: Picture, ground_m: float, bounds: GroundRectangle) -> ColouredPoints | None:
-        """The points inside `bounds`; None for a picture without depth."""
+        """Return the points inside `bounds`; None for a picture without depth or with the horizon."""
         if picture.depth is None:
             return None
         points = heights(picture.depth, picture.pose, ground_m, STRIDE_PX)
         half = STRIDE_PX // 2
         rows = picture.rgb[half::STRIDE_PX, half::STRIDE_PX].reshape(-1, 3)
         if len(rows) != len(points):
-            return None  # some depth is endless: the picture shows the horizon
+            return None  # some depth is infinite: the picture shows the horizon
         x, y = points[:, 0], points[:, 1]
         inside = (x > bounds.west) & (x < bounds.east) & (y > bounds.south) & (y < bounds.north)
         return ColouredPoints(points[inside], rows[inside])
 
 
 def signature(pixels: ByteImage) -> ColourSpread:
-    """The spread of colours of pixels (n, 3)."""
+    """Return the signature of pixels (n, 3)."""
     cv2 = opencv()
     lab = cv2.cvtColor((pixels.astype(np.float32) / 255.0)[None], cv2.COLOR_RGB2LAB)[0]
     edges = np.linspace(-SPAN, SPAN, round(2 * SPAN / BIN) + 1)
@@ -108,24 +119,24 @@ def signature(pixels: ByteImage) -> ColourSpread:
 
 
 def reference_signature(rgb: ByteImage) -> ColourSpread:
-    """The colours of what fills a reference picture's upper middle."""
+    """Return the signature of the object in a reference picture's upper centre."""
     height, width = rgb.shape[:2]
     return signature(rgb[height // 4 : height * 5 // 8, width // 6 : width * 5 // 6].reshape(-1, 3))
 
 
 def find_walls(views: tuple[ColouredPoints, ...], bounds: GroundRectangle) -> tuple[BuildingWall, ...]:
-    """All sides of all buildings that the views show, in a fixed order."""
-    found: list[BuildingWall] = []
+    """Return all sides of all buildings in the views, in a fixed order."""
+    walls: list[BuildingWall] = []
     for corners, top in _buildings(views, bounds):
         for a, b in zip(corners, (*corners[1:], corners[0]), strict=True):
-            found.append(_wall(views, (a, b), top, corners))
-    return tuple(found)
+            walls.append(_wall(views, (a, b), top, corners))
+    return tuple(walls)
 
 
 def _buildings(
     views: tuple[ColouredPoints, ...], bounds: GroundRectangle
 ) -> list[tuple[tuple[GroundPoint, ...], float]]:
-    """Corners (in turn) and height of every building."""
+    """Return the corners (in order) and the height in metres of every building."""
     cv2 = opencv()
     columns = math.ceil((bounds.east - bounds.west) / CELL_M)
     rows = math.ceil((bounds.north - bounds.south) / CELL_M)
@@ -138,17 +149,17 @@ def _buildings(
     high = cv2.morphologyEx(high, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
     high = cv2.morphologyEx(high, cv2.MORPH_OPEN, np.ones((CROWN_CELLS, CROWN_CELLS), np.uint8))
     count, labels = cv2.connectedComponents(high)
-    found = []
+    buildings = []
     for label in range(1, count):
         cells = np.argwhere(labels == label)
         (x, y), (wide, deep), angle = cv2.minAreaRect(cells[:, ::-1].astype(np.float32))
-        wide, deep = wide + 1.0, deep + 1.0  # from the middles of cells to their rims
+        wide, deep = wide + 1.0, deep + 1.0  # the rectangle joins centres of cells; extend it to their edges
         if min(wide, deep) * CELL_M < LEAST_M or len(cells) < LEAST_FILL * wide * deep:
             continue
         box = cv2.boxPoints(((x, y), (wide, deep), angle))
         corners = tuple((bounds.west + (u + 0.5) * CELL_M, bounds.south + (v + 0.5) * CELL_M) for u, v in box.tolist())
-        found.append((corners, float(np.percentile(tops.reshape(rows, columns)[labels == label], 20))))
-    return found
+        buildings.append((corners, float(np.percentile(tops.reshape(rows, columns)[labels == label], 20))))
+    return buildings
 
 
 def _wall(
@@ -170,7 +181,7 @@ def _wall(
         pixels.append(view.colours[wall])
         before = beside & (off > REACH_M[0]) & (off < REACH_M[1]) & (z > CANOPY_M[0])
         slabs.append(np.stack((along[before], z[before]), axis=1))
-    seen = max(pixels, key=len)  # the view that shows the wall least aslant
+    seen = max(pixels, key=len)  # the view with the most direct sight of the wall
     door = _door(np.concatenate(slabs), length)
     place = None if door is None else (middle[0] + door * out[1], middle[1] - door * out[0])
     deep = math.dist(centre, middle) * 2.0
@@ -178,13 +189,15 @@ def _wall(
 
 
 def _door(points: FloatArray, length: float) -> float | None:
-    """Where along a wall a flat slab lies before it, from points (n, 2) of the place along and the height."""
+    """Return the position of a canopy along a wall, from points (n, 2) of position along the wall and height, or
+    None.
+    """
     along, height = points[:, 0], points[:, 1]
     layers = round((CANOPY_M[1] - CANOPY_M[0]) / FLAT_M)
     span = (-length / 2.0, length / 2.0)
     counts, edges, _ = np.histogram2d(along, height, bins=(max(3, int(length)), layers), range=(span, CANOPY_M))
     several = counts[:-2] + counts[1:-1] + counts[2:]
-    several = several[:, :-1] + several[:, 1:]  # a slab may lie on the line between two layers
+    several = several[:, :-1] + several[:, 1:]  # a canopy may cross the border of two layers
     place, layer = np.unravel_index(int(np.argmax(several)), several.shape)
     beside = np.abs(along - (edges[place + 1] + edges[place + 2]) / 2.0) < 1.5
     if several[place, layer] < max(LEAST_SAMPLES, MOSTLY * int(beside.sum())):

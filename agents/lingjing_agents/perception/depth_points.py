@@ -1,4 +1,4 @@
-"""What stands on the ground, seen from above: a depth picture turned into closed cells of a walker's map."""
+"""Obstacles on the ground in depth pictures from above, as closed cells of a walker's map."""
 
 from __future__ import annotations
 
@@ -11,16 +11,18 @@ from lingjing_agents.paths.obstacle_grid import CELL_M, ObstacleGrid
 from lingjing_agents.perception.images import FloatArray, GreyPlane
 
 HIGH_M = 0.35
+"""Height in metres from which on a point is an obstacle: a dog steps over lower ones."""
 STRIDE_PX = 6
+"""Sampling interval of pixels."""
 OWN_M = 1.2
-"""What is so near to the follower is the follower."""
+"""Radius in metres around the guided body within which points belong to it."""
 
 SHARE = 0.12
-"""A cell is closed when at least this share of its samples is higher than a dog can step."""
+"""Least share of high samples for a closed cell."""
 
 
 def heights(depth: GreyPlane, pose: CameraPose, ground_m: float, stride: int = STRIDE_PX) -> FloatArray:
-    """East, north and height over the ground (n, 3; metres) of every `stride`-th pixel of a depth picture."""
+    """Return east, north and height above the ground (n, 3; metres) of every `stride`-th pixel of a depth picture."""
     rows = np.arange(stride // 2, depth.shape[0], stride)
     columns = np.arange(stride // 2, depth.shape[1], stride)
     right, down, forward = (np.array(axis) for axis in camera_axes(pose))
@@ -35,7 +37,7 @@ def heights(depth: GreyPlane, pose: CameraPose, ground_m: float, stride: int = S
 
 
 def close_what_stands(known: ObstacleGrid, points: FloatArray, follower: GroundPoint | None = None) -> None:
-    """Close the cells in which enough of the points (n, 3) are higher than a dog steps, but for the follower's own."""
+    """Close the cells with enough high points (n, 3), except those of the guided body."""
     if follower is not None:
         away = np.hypot(points[:, 0] - follower[0], points[:, 1] - follower[1])
         points = points[away > OWN_M]

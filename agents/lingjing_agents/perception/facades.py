@@ -1,8 +1,8 @@
-"""Which buildings ahead look like the one in a reference picture: facades of its colour, with windows.
+"""Buildings ahead that resemble the one in a reference picture: facades of its colour, with windows.
 
-A wall is either in the sun or in shade, and the reference picture shows one of the two: both colours are looked for.
-Windows tell walls from clouds, fences and pavements. How high a facade reaches over the horizon tells roughly how far
-it is.
+A wall is in the sun or in shade, and the reference picture shows one of the two, so both colours are searched for.
+Windows distinguish walls from clouds, fences and pavements. The height of a facade above the horizon gives its rough
+distance.
 """
 
 from __future__ import annotations
@@ -17,45 +17,54 @@ from lingjing.plugins.policy import CameraPose
 from lingjing_agents.perception.images import ByteImage, GreyPlane, MaskArray
 
 COLUMNS = 64
+"""Number of vertical strips of a picture."""
 LOWEST_DEG = 1.2
-"""A facade that rises less over the horizon is too far, or a wall."""
+"""Least elevation in degrees of a facade's top; lower ones are too far away or garden walls."""
 
 HEIGHT_M = 20.0
+"""Assumed height of a building in metres. Chosen."""
 SUN = (1.67, 1.56, 1.44)
-"""By how much the sun brightens a wall's red, green and blue against the shade on a clear day."""
+"""Ratio of a wall's red, green and blue in the sun to those in shade on a clear day."""
 
 LIT, SHADED = 13.0, 9.0
-"""How far each channel may be from the wanted colour (0..255), in the sun and in shade."""
+"""Largest difference of each channel (0 to 255) from the expected colour, in the sun and in shade."""
 
 BRIGHTEST = 246.0
-"""No wall is brighter: a reference that would be in the sun is in the sun already."""
+"""Highest channel value of a wall. A reference that would exceed it in the sun is already in the sun."""
 
 DOUBT = 0.3
-"""What shaded walls count: many greys look like them."""
+"""Weight of walls in shade: many grey objects resemble them."""
 
 WINDOWS = 2
+"""Least number of window rows."""
 
 
 @dataclass(frozen=True, slots=True)
 class WallColour:
-    """What to look for: the wall's mean colour (0..255) in the reference picture."""
+    """The mean colour of a wall in a reference picture, 0 to 255."""
 
     red: float
+    """Red."""
     green: float
+    """Green."""
     blue: float
+    """Blue."""
 
 
 @dataclass(frozen=True, slots=True)
 class FacadeColumn:
-    """What one column shows: its bearing (degrees), the rough distance (m) and how much it looks wanted (0..1)."""
+    """A facade in one column of a picture."""
 
     bearing_deg: float
+    """Its bearing in degrees."""
     distance_m: float
+    """Its rough distance in metres."""
     likeness: float
+    """Its similarity to the reference, 0 to 1."""
 
 
 def look_of(rgb: ByteImage) -> WallColour:
-    """The colour of the wall that fills most of a reference picture's upper middle."""
+    """Return the colour of the wall in a reference picture's upper centre."""
     height, width = rgb.shape[:2]
     wall = rgb[height // 8 : height * 5 // 8, width // 6 : width * 5 // 6].reshape(-1, 3).astype(np.float32)
     bright = wall.sum(axis=1)
@@ -65,22 +74,22 @@ def look_of(rgb: ByteImage) -> WallColour:
 
 
 def skyline(rgb: ByteImage, pose: CameraPose) -> tuple[tuple[float, float], ...]:
-    """For each column its bearing and how high (degrees over the horizon) what stands there hides the sky."""
+    """Return for each column its bearing and the elevation of its skyline, in degrees."""
     strip = rgb.shape[1] // COLUMNS
     part = rgb[::2, : strip * COLUMNS].reshape(-1, COLUMNS, strip, 3).astype(np.float32).mean(axis=2)
     red, blue = part[..., 0], part[..., 2]
     sky = (blue > 140.0) & (blue >= red - 4.0) & (blue + red > 270.0)
     rows = np.where(sky.all(axis=0), len(sky), np.argmin(sky, axis=0)) * 2
-    found = []
+    columns = []
     for index, row in enumerate(rows.tolist()):
         ray = pixel_ray(pose, (index + 0.5) * strip, float(row))
         elevation = math.degrees(math.atan2(ray[2], math.hypot(ray[0], ray[1])))
-        found.append((bearing_deg((0.0, 0.0), ray), elevation))
-    return tuple(found)
+        columns.append((bearing_deg((0.0, 0.0), ray), elevation))
+    return tuple(columns)
 
 
 def find_facades(rgb: ByteImage, pose: CameraPose, look: WallColour) -> tuple[FacadeColumn, ...]:
-    """The columns of a front picture that show a wall of the wanted colour with windows in it."""
+    """Return the columns of a front picture with a wall of the reference's colour and with windows."""
     height, width = rgb.shape[:2]
     if not rgb.any():
         return ()
@@ -89,7 +98,7 @@ def find_facades(rgb: ByteImage, pose: CameraPose, look: WallColour) -> tuple[Fa
     strip = width // COLUMNS
     band = rgb[:low].astype(np.float32)[:, : strip * COLUMNS]
     alike = likeness(band, look)
-    found = []
+    columns = []
     for index in range(COLUMNS):
         part = alike[:, index * strip : (index + 1) * strip]
         column = (part > 0.0).mean(axis=1) > 0.5
@@ -101,12 +110,12 @@ def find_facades(rgb: ByteImage, pose: CameraPose, look: WallColour) -> tuple[Fa
             continue
         lit = float(part[part > 0.0].mean())
         distance = HEIGHT_M / math.tan(math.radians(min(elevation, 60.0)))
-        found.append(FacadeColumn(bearing_deg((0.0, 0.0), ray), distance, lit * min(1.0, share * 1.5)))
-    return tuple(found)
+        columns.append(FacadeColumn(bearing_deg((0.0, 0.0), ray), distance, lit * min(1.0, share * 1.5)))
+    return tuple(columns)
 
 
 def likeness(rgb: GreyPlane, look: WallColour) -> GreyPlane:
-    """1 where a pixel has the wall's colour in the sun, `DOUBT` where it has that in shade, else 0."""
+    """Return 1 for pixels of the wall's colour in the sun, `DOUBT` for its colour in shade, else 0; (height, width)."""
     lit, shaded = _lights(look)
     in_sun = (np.abs(rgb - np.array(lit, np.float32)) < LIT).all(axis=2)
     in_shade = (np.abs(rgb - np.array(shaded, np.float32)) < SHADED).all(axis=2)
@@ -115,8 +124,10 @@ def likeness(rgb: GreyPlane, look: WallColour) -> GreyPlane:
 
 
 def _lights(look: WallColour) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """The wall's colour in the sun and in shade, whichever of the two the reference picture shows: walls in shade are
-    bluish, as the sky that lights them."""
+    """Return the wall's colours in the sun and in shade, derived from the one in the reference picture.
+
+    Walls in shade are bluish, because the sky lights them.
+    """
     here = (look.red, look.green, look.blue)
     brighter = tuple(value * factor for value, factor in zip(here, SUN, strict=True))
     if max(brighter) <= BRIGHTEST:
@@ -125,8 +136,10 @@ def _lights(look: WallColour) -> tuple[tuple[float, ...], tuple[float, ...]]:
 
 
 def _wall(column: MaskArray) -> tuple[int, float, int]:
-    """Top row of the lowest run of wall with gaps no longer than a window row, its share of wall, and how many
-    windows it has. Rows count from the top; the last is the lowest."""
+    """Return top row, share of wall pixels and number of windows of the lowest wall in a column.
+
+    Gaps up to the height of a row of windows belong to the wall. Rows count from the top.
+    """
     rows = np.flatnonzero(column)
     if len(rows) < 6:
         return len(column), 0.0, 0

@@ -1,8 +1,8 @@
-"""Flames in a front picture, and where on the ground they burn.
+"""Flames in a front picture, with their positions on the ground.
 
-Flames are the brightest saturated orange and yellow there is; lamps, rust, crates and roofs are duller or redder, and
-have no hot yellow core. A fire's distance follows from where its foot stands below the horizon when it is near, and
-from the height of its flames when it is far.
+Flames are the brightest saturated orange and yellow. Lamps, rust, crates and roofs are duller or redder and have no hot
+yellow core. The distance of a near fire follows from the row of its base below the horizon, that of a far fire from the
+height of its flames.
 """
 
 from __future__ import annotations
@@ -20,37 +20,45 @@ from lingjing_agents.perception.images import ByteImage, ImageBox, PixelBox, ope
 from lingjing_agents.perception.people_at_sea import FoundBox
 
 FLAME_M = 1.75
-"""How high the flames of a fire on the ground usually are, in metres."""
+"""Usual height in metres of the flames of a fire on the ground."""
 
 EMBERS = 0.02
-"""What burns lies a little below the flames: so much of their height is added to the box. Where they stand is told by
-their own foot: a row more makes a fire a third nearer than it is."""
+"""Share of the flames' height that is added below them for the fuel, in the box only: one more row at the base would
+reduce a distance by a third.
+"""
 
 HALF = 0.5
-"""How sure somebody else must be of a box."""
+"""Least confidence of another detector's box."""
 
 SMALLEST_PX = 9
+"""Least number of flame pixels."""
 FAINT_PX = 3.5
-"""Tips that the air between makes too faint to count."""
+"""Rows at the tips of flames that haze makes invisible."""
 
 NEAR_M = 9.0
-"""From nearer than this the foot tells the distance, from farther the height does."""
+"""Distance in metres below which the base determines the distance, and above which the height does."""
 
 
 @dataclass(frozen=True, slots=True)
 class FireAhead:
-    """One fire as seen: a normalised box (x0, y0, x1, y1), the bearing (degrees), the estimated distance from the
-    camera and place (east, north) in metres, and how sure (0..1)."""
+    """A fire in a front picture."""
 
     box: ImageBox
+    """Normalised x0, y0, x1, y1."""
     bearing_deg: float
+    """The bearing in degrees."""
     distance_m: float
+    """The estimated distance from the camera in metres."""
     place: GroundPoint
+    """Estimated east and north in metres."""
     confidence: float
+    """From 0 to 1."""
 
 
 def find_fires_ahead(rgb: ByteImage, pose: CameraPose, ground_m: float = 0.0) -> tuple[FireAhead, ...]:
-    """Fires in a front picture (height, width, 3), the biggest first; `ground_m` is the ground's elevation."""
+    """Return the fires in a front picture (height, width, 3), the nearest first; `ground_m` is the ground's
+    elevation.
+    """
     cv2 = opencv()
     red, green, blue = (rgb[..., index].astype(np.int16) for index in range(3))
     flame = (red > 185) & (red - blue > 85) & (green - blue > 15) & (red - green > 10)
@@ -66,25 +74,28 @@ def find_fires_ahead(rgb: ByteImage, pose: CameraPose, ground_m: float = 0.0) ->
         for label, (x, y, wide, high, _) in enumerate(stats.tolist())
         if label and pixels[label] >= SMALLEST_PX
     ]
-    found = []
+    fires = []
     for patch in _gathered(patches):
         fire = _judged(patch, pose, ground_m)
         if fire is not None:
-            found.append(fire)
-    return tuple(sorted(found, key=lambda fire: (fire.distance_m, fire.box)))
+            fires.append(fire)
+    return tuple(sorted(fires, key=lambda fire: (fire.distance_m, fire.box)))
 
 
 @dataclass(frozen=True, slots=True)
 class _Patch:
-    """A patch of flame: edges in pixels, how many pixels are flame and how many hot."""
+    """A connected patch of flame."""
 
     edges: PixelBox
+    """Its box in pixels."""
     pixels: int
+    """Number of flame pixels."""
     heat: int
+    """Number of hot pixels."""
 
 
 def _gathered(patches: list[_Patch]) -> list[_Patch]:
-    """Tongues of one fire as one: patches that are nearer than half the higher one's height."""
+    """Merge the tongues of one fire: patches that are closer than half the height of the higher one."""
     left = sorted(patches, key=lambda patch: (-patch.pixels, patch.edges))
     fires: list[_Patch] = []
     while left:
@@ -112,7 +123,7 @@ def _judged(patch: _Patch, pose: CameraPose, ground_m: float) -> FireAhead | Non
     wide, high = x1 - x0, y1 - y0
     cut = x0 <= 2 or y0 <= 2 or x1 >= pose.width - 2 or y1 >= pose.height - 2
     if heat < 0.2 * pixels or (wide > 2.5 * high + 4 and not cut) or pixels < 0.12 * wide * high:
-        return None  # a stripe, scattered specks or a dull thing
+        return None  # a stripe, scattered specks or a dull object
     foot = min(float(pose.height), y1 + EMBERS * high)
     left, top, right, low = (
         max(0.0, x0 - 1.0),
@@ -126,8 +137,10 @@ def _judged(patch: _Patch, pose: CameraPose, ground_m: float) -> FireAhead | Non
 
 
 def fires_in_boxes(finds: Iterable[FoundBox], pose: CameraPose, ground_m: float) -> tuple[FireAhead, ...]:
-    """The fires of boxes that another detector found and is sure of by half, the nearest first: their distances follow
-    from the boxes as they would from flames."""
+    """Return the fires of another detector's boxes with a confidence of at least `HALF`, the nearest first.
+
+    The distances follow from the boxes as they would from flames.
+    """
     fires = []
     for find in finds:
         if find.confidence < HALF:
@@ -141,7 +154,7 @@ def fires_in_boxes(finds: Iterable[FoundBox], pose: CameraPose, ground_m: float)
 def _placed(
     pose: CameraPose, edges: tuple[float, float, float, float], box: ImageBox, confidence: float, ground_m: float
 ) -> FireAhead:
-    """A fire whose flames have these edges (pixels)."""
+    """Return the fire with flames at these edges (pixels)."""
     x0, y0, x1, y1 = edges
     ray = pixel_ray(pose, (x0 + x1) / 2.0, (y0 + y1) / 2.0)
     bearing = bearing_deg((0.0, 0.0), ray)
@@ -154,7 +167,7 @@ def _placed(
 
 
 def _distance_m(pose: CameraPose, high_px: float, foot_px: float, u: float, ground_m: float) -> float:
-    """Horizontal distance of a fire whose flames are `high_px` high and end at row `foot_px`."""
+    """Return the horizontal distance of a fire with flames of height `high_px` that end at row `foot_px`."""
     ray = pixel_ray(pose, u, pose.height / 2.0)
     _, _, forward = camera_axes(pose)
     slant = math.hypot(ray[0], ray[1]) / max(1e-6, math.hypot(forward[0], forward[1]))

@@ -1,7 +1,7 @@
-"""Flames in pixels: orange that flickers from yellow to red, in a patch of some metres with soot around it.
+"""Flames in pictures from above: orange patches of a few metres with varying hue and soot around them.
 
-A painted roof is as orange as a fire but of one hue, so what is looked for is orange whose hue varies from pixel to
-pixel; on an orange roof only the burning part does. The picture is read at half its size.
+A painted roof is as orange as a fire, but of one hue. The detector therefore searches for orange with a hue that varies
+from pixel to pixel. The picture is read at half its size.
 """
 
 from __future__ import annotations
@@ -14,21 +14,27 @@ from lingjing_agents.perception.images import ByteImage, MaskArray, PixelBox, op
 from lingjing_agents.perception.people_at_sea import FoundBox
 
 SCALE = 2
+"""Factor by which the picture is reduced."""
 HUES = (6, 26)
-"""Of OpenCV's 180: from red-orange to yellow."""
+"""Hues from red-orange to yellow, in OpenCV's range of 180."""
 LEAST_SATURATION, LEAST_VALUE = 130, 140
+"""Least saturation and value of flames, 0 to 255."""
 WINDOW_PX = 7
+"""Side of the window in which the hue's variation is measured."""
 VARIED = 1.1
-"""Standard deviation of the hue (of 180) within the window; a painted roof stays below 1."""
+"""Least standard deviation of the hue (of 180) within the window; a painted roof stays below 1."""
 SIZE_M = (2.0, 24.0)
-"""Shortest and longest side of a fire as it would be on the ground; one on a high roof looks twice its size."""
+"""Shortest and longest side of a fire in metres at ground level; a fire on a high roof appears twice as large."""
 LEAST_FILL = 0.35
+"""Least share of its box that a fire fills."""
 SOOT_VALUE = 95
+"""Highest value (0 to 255) of soot."""
 RING_PX = 6
+"""Width of the ring around a patch in which soot is measured."""
 
 
 def find_fires_from_above(rgb: ByteImage, pose: CameraPose, level_m: float) -> tuple[FoundBox, ...]:
-    """Fires in a nadir picture (height, width, 3), the surest first; the ground lies at elevation `level_m`."""
+    """Return the fires in a nadir picture (height, width, 3), highest confidence first; the ground is at `level_m`."""
     cv2 = opencv()
     above_m = pose.position[2] - level_m
     if above_m <= 0.0 or not rgb.any():
@@ -51,7 +57,7 @@ def find_fires_from_above(rgb: ByteImage, pose: CameraPose, level_m: float) -> t
 
 
 def _flickering(hsv: ByteImage) -> ByteImage:
-    """Orange pixels amid orange of many hues, gaps closed and thin edges of painted things opened away."""
+    """Return the mask of orange pixels with varying hue, with gaps closed and thin edges of painted objects removed."""
     cv2 = opencv()
     hue, saturation, value = hsv[..., 0], hsv[..., 1], hsv[..., 2]
     orange = (hue >= HUES[0]) & (hue <= HUES[1]) & (saturation >= LEAST_SATURATION) & (value >= LEAST_VALUE)
@@ -67,7 +73,7 @@ def _flickering(hsv: ByteImage) -> ByteImage:
 
 
 def _soot(hsv: ByteImage, own: MaskArray, box: PixelBox) -> float:
-    """Share (0..1) of the ring around a patch that is dark and grey: burnt roof or smoke."""
+    """Return the share (0 to 1) of the ring around a patch that is dark and grey: burnt roof or smoke."""
     cv2 = opencv()
     x, y, wide, high = box
     rows = slice(max(0, y - RING_PX), y + high + RING_PX)

@@ -1,7 +1,8 @@
-"""What stands close ahead in a front picture: walls, tanks, cars that fill a column where ground should be seen.
+"""Obstacles close ahead in a front picture: walls, tanks or cars that fill a column where ground should be visible.
 
-A dog's eye is so low that the ground beyond a few metres is a narrow strip below the horizon. Where nothing changes in
-a column from above the horizon down to the row of a near distance, no ground is seen beyond it: something stands there.
+A dog's camera is so low that the ground beyond a few metres is a narrow strip below the horizon. If a column does not
+change from above the horizon down to the row of a near distance, no ground is visible beyond it, so an obstacle stands
+there.
 """
 
 from __future__ import annotations
@@ -16,26 +17,33 @@ from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.perception.images import ByteImage
 
 NEAREST_M, FARTHEST_M = 1.5, 22.0
+"""Nearest and farthest distance in metres at which obstacles are detected."""
 ABOVE_DEG = 1.0
+"""Elevation in degrees above the horizon at which the search starts."""
 COLUMNS = 24
+"""Number of columns that are searched."""
 JUMP = 9.0
 """Mean change of colour (grey levels) between rows that counts as an edge."""
 
 EYE_M = 0.36
+"""Height of the camera above the ground in metres."""
 
 
 def near_walls(rgb: ByteImage, pose: CameraPose, eye_m: float = EYE_M) -> tuple[GroundPoint, ...]:
-    """Places (east, north) where something stands nearer than `FARTHEST_M`; what is nearer than `NEAREST_M` counts as
-    being there. A single column may be a pole or a mistake: two neighbours must agree."""
+    """Return places (east, north) of obstacles nearer than `FARTHEST_M`; those nearer than `NEAREST_M` are placed
+    there.
+
+    Two neighbouring columns must agree, since a single one may show a pole or be an error.
+    """
     height, width = rgb.shape[:2]
     focal = focal_px(pose)
-    found: list[tuple[float, float, float] | None] = []  # east, north, distance (m)
+    obstacles: list[tuple[float, float, float] | None] = []  # east, north, distance (m)
     for index in range(COLUMNS):
         u = (index + 0.5) * width / COLUMNS
         horizon = _horizon_row(pose, u)
         low = horizon + focal * eye_m / NEAREST_M
         top, bottom = int(horizon - focal * math.tan(math.radians(ABOVE_DEG))), int(low)
-        found.append(None)
+        obstacles.append(None)
         if top < 4 or bottom > height - 4:
             continue
         half = width // (3 * COLUMNS)
@@ -52,17 +60,17 @@ def near_walls(rgb: ByteImage, pose: CameraPose, eye_m: float = EYE_M) -> tuple[
             continue
         ray = pixel_ray(pose, u, row)
         scale = eye_m / max(-ray[2], 1e-3)
-        found[-1] = pose.position[0] + scale * ray[0], pose.position[1] + scale * ray[1], scale
-    return tuple((a[0], a[1]) for index, a in enumerate(found) if a is not None and _agrees(a[2], found, index))
+        obstacles[-1] = pose.position[0] + scale * ray[0], pose.position[1] + scale * ray[1], scale
+    return tuple((a[0], a[1]) for index, a in enumerate(obstacles) if a is not None and _agrees(a[2], obstacles, index))
 
 
-def _agrees(distance: float, found: list[tuple[float, float, float] | None], index: int) -> bool:
-    near = [other for other in found[max(0, index - 1) : index + 2] if other is not None]
+def _agrees(distance: float, obstacles: list[tuple[float, float, float] | None], index: int) -> bool:
+    near = [other for other in obstacles[max(0, index - 1) : index + 2] if other is not None]
     return sum(abs(other[2] - distance) < 0.3 * distance for other in near) >= 2
 
 
 def _horizon_row(pose: CameraPose, u: float) -> float:
-    """The row where a column's ray is level."""
+    """Return the row at which a column's ray is horizontal."""
     low, high = 0.0, float(pose.height)
     for _ in range(24):
         middle = (low + high) / 2.0

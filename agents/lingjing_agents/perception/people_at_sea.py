@@ -1,13 +1,13 @@
-"""People in pixels: what differs from the water, by its colour, size and shape.
+"""People in the water, by their difference from the water in colour, size and shape.
 
-Water, foam and glints all lie near the line from the local water colour to white; what people wear and their skin do
-not. A pixel is described by its place along that line (`whiteness`, 0 at the water, 1 at white) and its distance from
-it (`colour`, in grey levels). Blobs that hold warm pixels are judged by rules of thumb about a person who waves: one
-to two metres long, neither solid nor round (buoys and crates are), not a stick, some of it pale skin but not most,
-and no white paint (life rings have it).
+In colour space, water, foam and glints lie near the line from the local water colour to white; clothes and skin do not.
+A pixel is described by its position along that line (`whiteness`, 0 at the water, 1 at white) and its distance from it
+(`colour`, in grey levels). Patches with warm pixels are judged by rules about a waving person: one to two metres long,
+neither solid nor round (buoys and crates are), no stick, partly but not mostly pale skin, and no white paint (life
+rings have it).
 
-Only what a nadir picture of open water shows is understood; shores are rejected by size. The thresholds were chosen
-on rendered frames of other seeds than the studies use.
+Only nadir pictures of open water are supported; shores are rejected by size. The thresholds were chosen on rendered
+frames of other seeds than the studies use.
 """
 
 from __future__ import annotations
@@ -23,18 +23,25 @@ from lingjing.plugins.policy import CameraPose
 from lingjing_agents.perception.images import ByteImage, GreyPlane, ImageBox, IntArray, MaskArray, PixelBox, opencv
 
 COLOUR = 18.0
+"""Distance from the water-white line, in grey levels, from which on a pixel is not water."""
 WHITE = 0.4
+"""Whiteness from which on a pixel is not water."""
 WARM, WARM_COLOUR = 26.0, 24.0
-"""Grey levels by which red must exceed blue (more than the water does) for skin, wood or a vest, and the colour that
-must go with it."""
+"""Least excess of red over blue beyond that of the water, and least `colour`, of warm pixels (skin, wood, vests), in
+grey levels.
+"""
 WARM_LEAST = 2
-"""So many warm pixels a person has at least."""
+"""Least number of warm pixels of a person."""
 PALE, PALE_COLOUR = 0.45, 45.0
-"""Skin in the sun: at least this white, at most this coloured."""
+"""Least whiteness and largest `colour` of skin in the sun."""
 GAPS_M = (0.0, 0.15)
-"""Arms and head may look severed from dark clothes: pieces this far apart are tried as one, too."""
+"""Gaps in metres across which patches are joined. Arms and head may appear separate from dark clothes, so both are
+tried.
+"""
 BACKGROUND_SCALE = 8
+"""Reduction of the picture for the local water colour."""
 BACKGROUND_WINDOW = 7
+"""Side of the median filter on the reduced picture."""
 
 RULES: tuple[tuple[str, tuple[float, float, float, float]], ...] = (
     ("length_m", (0.80, 1.00, 1.70, 2.10)),
@@ -47,57 +54,65 @@ RULES: tuple[tuple[str, tuple[float, float, float, float]], ...] = (
     ("brightest", (0.30, 0.50, 0.90, 0.97)),
     ("warm", (0.04, 0.10, 0.86, 0.94)),
 )
-"""For each measure the interval where it speaks for a person fully (the middle two), and where not at all (beyond the
-outer two)."""
+"""For each measure four corners of a trapezoid: full membership between the middle two, none outside the outer two."""
 LONGEST_M = dict(RULES)["length_m"][3]
+"""Largest length of a person in metres."""
 
 
 @dataclass(frozen=True, slots=True)
 class FoundBox:
-    """One found person: a normalised box (x0, y0, x1, y1), origin top left, and how sure (0..1)."""
+    """A detection."""
 
     box: ImageBox
+    """Normalised x0, y0, x1, y1; origin top left."""
     confidence: float
+    """From 0 to 1."""
 
 
 @dataclass(frozen=True, slots=True)
-class WaterContrast:
-    """What a picture says about each pixel: `whiteness`, `colour`, and `warmth` (grey levels of red over blue)."""
+class _WaterContrast:
+    """The description of each pixel relative to the local water colour."""
 
     whiteness: GreyPlane
+    """Position on the line from water (0) to white (1)."""
     colour: GreyPlane
+    """Distance from that line in grey levels."""
     warmth: GreyPlane
+    """Excess of red over blue in grey levels."""
 
 
 @dataclass(frozen=True, slots=True)
-class ColourPatch:
-    """A connected patch that is not water: its pixel box (x0, y0, x1, y1) and which pixels of the box are its own."""
+class _ColourPatch:
+    """A connected patch that is not water."""
 
     box: PixelBox
+    """Its box in pixels."""
     mask: MaskArray
+    """The mask of its pixels in the box."""
     measures: dict[str, float]
+    """The measures of `RULES`."""
 
 
 def find_people(rgb: ByteImage, pose: CameraPose, water_level_m: float) -> tuple[FoundBox, ...]:
-    """People in a nadir picture (height, width, 3), the surest first; nothing for a blank one."""
+    """Return the people in a nadir picture (height, width, 3), highest confidence first; none in a black picture."""
     height, width = rgb.shape[:2]
     above_m = pose.position[2] - water_level_m
     if above_m <= 0.0 or not rgb.any():
         return ()
     metres_per_px = above_m / focal_px(pose)
     gaps_px = tuple(round(gap_m / metres_per_px) for gap_m in GAPS_M)
-    water = local_water(rgb)
-    rows, columns = warm_pixels(rgb, water)
+    water = _local_water(rgb)
+    rows, columns = _warm_pixels(rgb, water)
     if len(rows) < WARM_LEAST:
         return ()
-    reach = math.ceil(LONGEST_M / metres_per_px) + 2 * max(gaps_px) + 2  # whatever is longer is nobody
-    y0, x0 = (max(0, int(found.min()) - reach) for found in (rows, columns))
+    reach = math.ceil(LONGEST_M / metres_per_px) + 2 * max(gaps_px) + 2  # longer patches are no people
+    y0, x0 = (max(0, int(indices.min()) - reach) for indices in (rows, columns))
     around = slice(y0, int(rows.max()) + reach + 1), slice(x0, int(columns.max()) + reach + 1)
     seen = contrast(rgb[around], water[around])
     finds = []
     for gap_px in gaps_px:
-        for blob in blobs(seen, metres_per_px, gap_px):
-            confidence = likelihood(blob.measures)
+        for blob in _blobs(seen, metres_per_px, gap_px):
+            confidence = _likelihood(blob.measures)
             if confidence > 0.0:
                 left, top, right, bottom = blob.box
                 box = ((x0 + left) / width, (y0 + top) / height, (x0 + right) / width, (y0 + bottom) / height)
@@ -106,7 +121,7 @@ def find_people(rgb: ByteImage, pose: CameraPose, water_level_m: float) -> tuple
 
 
 def _distinct(finds: list[FoundBox]) -> tuple[FoundBox, ...]:
-    """Of overlapping finds the first one."""
+    """Return the first of each group of overlapping detections."""
     kept: list[FoundBox] = []
     for find in finds:
         if not any(_overlap(find.box, other.box) for other in kept):
@@ -118,8 +133,8 @@ def _overlap(a: ImageBox, b: ImageBox) -> bool:
     return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
 
-def local_water(rgb: ByteImage) -> ByteImage:
-    """The colour of the water around each pixel, (height, width, 3)."""
+def _local_water(rgb: ByteImage) -> ByteImage:
+    """Return the colour of the water around each pixel, (height, width, 3)."""
     cv2 = opencv()
     height, width = rgb.shape[:2]
     size = (max(1, width // BACKGROUND_SCALE), max(1, height // BACKGROUND_SCALE))
@@ -128,8 +143,8 @@ def local_water(rgb: ByteImage) -> ByteImage:
     return water
 
 
-def warm_pixels(rgb: ByteImage, water: ByteImage) -> tuple[IntArray, IntArray]:
-    """The rows and columns of the pixels that are warm."""
+def _warm_pixels(rgb: ByteImage, water: ByteImage) -> tuple[IntArray, IntArray]:
+    """Return the rows and columns of the warm pixels."""
     cv2 = opencv()
     redder = cv2.subtract(rgb[..., 0], water[..., 0], dtype=cv2.CV_16S)
     bluer = cv2.subtract(rgb[..., 2], water[..., 2], dtype=cv2.CV_16S)
@@ -138,7 +153,7 @@ def warm_pixels(rgb: ByteImage, water: ByteImage) -> tuple[IntArray, IntArray]:
     return rows[warm], columns[warm]
 
 
-def contrast(rgb: ByteImage, water: ByteImage) -> WaterContrast:
+def contrast(rgb: ByteImage, water: ByteImage) -> _WaterContrast:
     """Split the difference of pixels (…, 3) from the local water colour into whiteness and colour."""
     levels = np.moveaxis(water, -1, 0).astype(np.float32, order="C")
     to_white = 255.0 - levels
@@ -146,18 +161,22 @@ def contrast(rgb: ByteImage, water: ByteImage) -> WaterContrast:
     length2 = np.maximum(_dot(to_white, to_white), 1.0)
     whiteness: GreyPlane = np.divide(_dot(difference, to_white), length2)
     distance2 = _dot(difference, difference) - whiteness * whiteness * length2
-    return WaterContrast(whiteness, np.sqrt(np.maximum(distance2, 0.0)), difference[0] - difference[2])
+    return _WaterContrast(whiteness, np.sqrt(np.maximum(distance2, 0.0)), difference[0] - difference[2])
 
 
 def _dot(left: GreyPlane, right: GreyPlane) -> GreyPlane:
-    """The sum over three channels, which come first; whole numbers below 2^24, so exact in any order."""
+    """Return the sum of products over three channels, the first axis. Whole numbers below 2^24 are exact in any
+    order.
+    """
     product: GreyPlane = left[0] * right[0] + left[1] * right[1] + left[2] * right[2]
     return product
 
 
-def blobs(seen: WaterContrast, metres_per_px: float, gap_px: int) -> Iterator[ColourPatch]:
-    """Patches with at least `WARM_LEAST` warm pixels, wholly inside and not too big for a person; pieces that are at
-    most `gap_px` apart are one patch."""
+def _blobs(seen: _WaterContrast, metres_per_px: float, gap_px: int) -> Iterator[_ColourPatch]:
+    """Yield patches with at least `WARM_LEAST` warm pixels, inside the picture and no longer than a person.
+
+    Pieces at most `gap_px` apart form one patch.
+    """
     cv2 = opencv()
     warm = (seen.colour > WARM_COLOUR) & (seen.warmth > WARM)
     patches = ((seen.colour > COLOUR) | (seen.whiteness > WHITE)).astype(np.uint8)
@@ -183,16 +202,18 @@ def blobs(seen: WaterContrast, metres_per_px: float, gap_px: int) -> Iterator[Co
         measures["pale"] = float(pale[mask].mean())
         measures["brightest"] = float(seen.whiteness[inside][mask].max())
         measures["warm"] = float(warm_counts[label]) / float(mask.sum())
-        yield ColourPatch((int(x0), int(y0), int(x1), int(y1)), mask, measures)
+        yield _ColourPatch((int(x0), int(y0), int(x1), int(y1)), mask, measures)
 
 
 def measure(mask: MaskArray, metres_per_px: float) -> dict[str, float]:
-    """Size (m, m²) and shape of a patch: share of its box, share of its convex hull, ratio of its principal axes."""
+    """Return size (m, m²) and shape of a patch: share of its box, share of its convex hull, ratio of its principal
+    axes.
+    """
     cv2 = opencv()
     rows, columns = np.nonzero(mask)
     points = np.stack([columns, rows], axis=1).astype(np.int32)
     hull = cv2.convexHull(points)
-    # A hull of pixel centres misses half a pixel all around (Pick's theorem).
+    # A hull of pixel centres lacks half a pixel all around (Pick's theorem).
     hull_px = cv2.contourArea(hull) + cv2.arcLength(hull, True) / 2.0 + 1.0
     spread = np.linalg.eigvalsh(np.cov(points.T)) if len(points) > 2 else np.ones(2)
     high, wide = mask.shape
@@ -206,8 +227,8 @@ def measure(mask: MaskArray, metres_per_px: float) -> dict[str, float]:
     }
 
 
-def likelihood(measures: dict[str, float]) -> float:
-    """How well the measures fit a person: the product of how well each does, 0..1."""
+def _likelihood(measures: dict[str, float]) -> float:
+    """Return the membership of a patch in the class of people, 0 to 1: the product over all measures."""
     product = 1.0
     for name, corners in RULES:
         product *= _membership(measures[name], corners)

@@ -1,8 +1,8 @@
-"""People who stand in line, in pixels from above: coloured or bright spots, each a step behind the one before.
+"""People in a line, from above: coloured or bright spots at regular distances.
 
-Where the line begins is known, so it is looked for as a ray: the bearing along which the most spots follow each other
-without a gap. Clothes differ, and some are as dark as shadows; so those are counted who must stand between the first
-and the last spot at the distance that is usual between two of them.
+The start of the line is known, so the detector searches for a ray: the bearing with the most spots that follow each
+other without a gap. Some clothes are as dark as shadows. The count therefore follows from the distance of the first and
+the last spot and the usual distance between two people.
 """
 
 from __future__ import annotations
@@ -19,34 +19,43 @@ from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.perception.images import ByteImage, ImageBox, opencv
 
 REACH_M = 22.0
+"""Longest line in metres."""
 AROUND_M = 1.9
-"""What the colour of a spot is compared with: the median of a square of this size."""
+"""Side in metres of the square with the median colour of the ground around a spot."""
 COLOURED, BRIGHT = 9.0, 26.0
-"""By how much a spot differs from the ground: in chroma, or in lightness (of 255); shadows differ in neither."""
+"""Least difference of a spot from the ground in chroma or in lightness (of 255); shadows differ in neither."""
 SPOT_M2 = (0.02, 0.6)
+"""Smallest and largest area of a spot in square metres."""
 BEGINS_M, ASIDE_M = 2.2, 0.45
-"""From where the line begins to its first spot, and beside the ray: at most so much."""
+"""Largest distance in metres from the start of the line to its first spot, and of a spot from the ray."""
 HEAD_M = 0.45
-"""Nearer than this to where the line begins stands what marks it."""
+"""Distance in metres from the start of the line within which spots belong to its marker."""
 STEP_M, OFF, MOST_STEPS = 0.82, 0.25, 5
-"""From one person to the next, as seen from above; by what share of it somebody may be off; and how many steps may lie
-between two spots: the dark ones are not seen."""
+"""Distance in metres between two people, tolerated deviation as a share of it, and most steps between two visible
+spots.
+"""
 BEARINGS = 240
+"""Number of bearings that are compared."""
 HALF_WIDTH_M = 0.55
+"""Half the width of the line's box in metres."""
 
 
 @dataclass(frozen=True, slots=True)
 class PeopleLine:
-    """A line of people: a normalised box (x0, y0, x1, y1), how many stand in it, and how sure (0..1)."""
+    """A line of people."""
 
     box: ImageBox
+    """Normalised x0, y0, x1, y1."""
     people: int
+    """The number of people."""
     confidence: float
+    """From 0 to 1."""
 
 
 def find_line(rgb: ByteImage, pose: CameraPose, head: GroundPoint, level_m: float) -> PeopleLine | None:
-    """The line that begins at `head` (east, north; m) on ground at elevation `level_m`, in a nadir picture; None if
-    nobody stands there."""
+    """Return the line that starts at `head` (east, north; m) on ground at elevation `level_m`, in a nadir picture, or
+    None.
+    """
     middle = world_to_pixel(pose, (*head, level_m))
     beside = world_to_pixel(pose, (head[0] + 1.0, head[1], level_m))
     ahead = world_to_pixel(pose, (head[0], head[1] + 1.0, level_m))
@@ -71,7 +80,9 @@ def find_line(rgb: ByteImage, pose: CameraPose, head: GroundPoint, level_m: floa
 
 
 def _spots(rgb: ByteImage, middle: tuple[float, float], scale: float) -> list[tuple[float, float]]:
-    """Centres (u, v) of what stands out from the ground within reach of a pixel; `scale` is pixels a metre."""
+    """Return centres (u, v) of spots that differ from the ground within reach of a pixel; `scale` is pixels per
+    metre.
+    """
     cv2 = opencv()
     reach = int(REACH_M * scale)
     left, top = max(0, int(middle[0]) - reach), max(0, int(middle[1]) - reach)
@@ -93,8 +104,10 @@ def _spots(rgb: ByteImage, middle: tuple[float, float], scale: float) -> list[tu
 
 
 def _row(spots: list[GroundPoint], bearing: float) -> tuple[float, list[float]]:
-    """The distances of the spots that follow each other step by step along a bearing (radians). After a gap there must
-    be as many as seem to be missing in it: one spot alone is a lamp or a tree."""
+    """Return the distances of the spots that follow each other along a bearing (radians).
+
+    After a gap there must be as many spots as are missing in it: a single one is a lamp or a tree.
+    """
     ahead = math.sin(bearing), math.cos(bearing)
     along = sorted(x * ahead[0] + y * ahead[1] for x, y in spots if abs(x * ahead[1] - y * ahead[0]) <= ASIDE_M)
     runs: list[list[float]] = []
@@ -116,18 +129,18 @@ def _row(spots: list[GroundPoint], bearing: float) -> tuple[float, list[float]]:
     return bearing, [distance for run in runs for distance in run]
 
 
-def _worth(found: tuple[float, list[float]]) -> tuple[int, float]:
-    """Longer rows first; of equal ones the shorter way."""
-    return len(found[1]), -found[1][-1] if found[1] else 0.0
+def _worth(candidate: tuple[float, list[float]]) -> tuple[int, float]:
+    """Return the sort key of a row: longer rows first, of equal ones the shorter distance."""
+    return len(candidate[1]), -candidate[1][-1] if candidate[1] else 0.0
 
 
 def _count(row: list[float]) -> int:
-    """How many stand from the first to the last, seen or not."""
+    """Return the number of people from the first to the last spot, visible or not."""
     return 1 + sum(round((b - a) / STEP_M) for a, b in pairwise(row))
 
 
 def _box(pose: CameraPose, ends: list[GroundPoint], bearing: float, level_m: float) -> ImageBox:
-    """The box around a line of people and the barrier at its head."""
+    """Return the box around a line of people and the barrier at its head."""
     aside = math.cos(bearing) * HALF_WIDTH_M, -math.sin(bearing) * HALF_WIDTH_M
     beyond = math.sin(bearing) * 0.3, math.cos(bearing) * 0.3
     head, last = ends

@@ -1,6 +1,6 @@
-"""Leaks in pictures from above: a rusty clamp on a pipe and the white spray that comes out of it over wet ground.
+"""Leaks in pictures from above: a rusty clamp on a pipe with a white spray beside it over wet ground.
 
-Roofs, cars and crates are rust-coloured, too, and pipes are as white as water; only a leak has a small rusty thing with
+Roofs, cars and crates are rust-coloured too, and pipes are as white as water. Only a leak has a small rusty object with
 a fan of white specks beside it.
 """
 
@@ -16,40 +16,54 @@ from lingjing.plugins.policy import CameraPose, Vector
 from lingjing_agents.perception.images import ByteImage, ImageBox, MaskArray, PixelBox, opencv
 
 Metres = npt.NDArray[np.floating]
+"""Distances in metres, (n,)."""
 
 CLAMP_M = (0.25, 2.2)
+"""Smallest and largest clamp in metres."""
 SPRAY_M = (1.2, 9.0)
+"""Shortest and longest spray in metres."""
 RUN_M, BIN_M = 10.0, 0.2
-"""How far to both sides of a clamp its pipe is followed, and how finely what runs beside it is told apart."""
+"""Distance in metres to both sides of a clamp along which its pipe is followed, and width of the strips beside the
+axis.
+"""
 
 LEAST_M2 = 0.15
+"""Least area of a spray in square metres."""
 GAP_M = 0.4
+"""Gap in metres across which specks are joined."""
 TOUCH_M = 2.0
+"""Largest distance in metres between a clamp and its spray."""
 PART = 0.3
-"""What is smaller than this share of the biggest patch is noise."""
+"""Share of the largest patch below which a patch is noise."""
 
 PIPE_M = 1.4
-"""How high over the ground pipes run."""
+"""Height of pipes above the ground in metres."""
 
 WHITE, OVER, PALE = 172.0, 32.0, 45
-"""How bright (grey levels) the darkest channel of white is at least, and how much brighter than the ground; how far
-the channels differ at most."""
+"""Least grey level of the darkest channel of white, its least excess over the ground, and largest difference of
+channels.
+"""
 
 SPECKS = 1.0
-"""Square metres of specks that make a leak sure."""
+"""Square metres of specks for full confidence."""
 
 
 @dataclass(frozen=True, slots=True)
 class PipeLeak:
-    """One leak as seen: a normalised box (x0, y0, x1, y1), the clamp's place (m), how sure (0..1)."""
+    """A leak."""
 
     box: ImageBox
+    """Normalised x0, y0, x1, y1."""
     place: Vector
+    """The position of the clamp in metres."""
     confidence: float
+    """From 0 to 1."""
 
 
 def find_leaks(rgb: ByteImage, pose: CameraPose, ground_m: float) -> tuple[PipeLeak, ...]:
-    """Leaks in a nadir picture (height, width, 3), the surest first; `ground_m` is the ground's elevation."""
+    """Return the leaks in a nadir picture (height, width, 3), highest confidence first; `ground_m` is the ground's
+    elevation.
+    """
     above = pose.position[2] - ground_m - PIPE_M
     if above <= 2.0 or not rgb.any():
         return ()
@@ -59,7 +73,7 @@ def find_leaks(rgb: ByteImage, pose: CameraPose, ground_m: float) -> tuple[PipeL
         return ()
     low, high = rgb.min(axis=2), rgb.max(axis=2)
     white: MaskArray = (low > max(WHITE, float(np.median(low)) + OVER)) & (high - low < PALE)
-    found = []
+    leaks = []
     for clamp in clamps:
         spray = _spray(white, clamp, metres)
         place = pixel_to_plane(pose, (clamp[0] + clamp[2]) / 2, (clamp[1] + clamp[3]) / 2, ground_m + PIPE_M)
@@ -67,8 +81,8 @@ def find_leaks(rgb: ByteImage, pose: CameraPose, ground_m: float) -> tuple[PipeL
             continue
         x0, y0, x1, y1 = _union(clamp, spray[0])
         box = (x0 / pose.width, y0 / pose.height, x1 / pose.width, y1 / pose.height)
-        found.append(PipeLeak(box, place, min(1.0, spray[1] * metres**2 / SPECKS)))
-    return tuple(sorted(found, key=lambda leak: (-leak.confidence, leak.box)))
+        leaks.append(PipeLeak(box, place, min(1.0, spray[1] * metres**2 / SPECKS)))
+    return tuple(sorted(leaks, key=lambda leak: (-leak.confidence, leak.box)))
 
 
 def _clamps(rgb: ByteImage, metres: float) -> list[PixelBox]:
@@ -79,8 +93,10 @@ def _clamps(rgb: ByteImage, metres: float) -> list[PixelBox]:
 
 
 def _spray(white: MaskArray, clamp: PixelBox, metres: float) -> tuple[PixelBox, int] | None:
-    """The fan of white specks beside a clamp and how many pixels it has: what is white near the clamp and does not
-    belong to the stripes that run along the pipe's axis."""
+    """Return the fan of white specks beside a clamp with its number of pixels, or None.
+
+    The fan is the white near the clamp that does not belong to the stripes along the pipe's axis.
+    """
     u, v = (clamp[0] + clamp[2]) / 2, (clamp[1] + clamp[3]) / 2
     reach = round(RUN_M / metres)
     x0, y0 = max(0, round(u) - reach), max(0, round(v) - reach)
@@ -98,7 +114,7 @@ def _spray(white: MaskArray, clamp: PixelBox, metres: float) -> tuple[PixelBox, 
     shifted = (clamp[0] - x0, clamp[1] - y0, clamp[2] - x0, clamp[3] - y0)
     fan_edges, total = shifted, 0
     big = [patch for patch in patches if patch[1] >= PART * patches[0][1]]
-    for _ in big:  # a pipe beside it may cut the fan in two
+    for _ in big:  # a neighbouring pipe may divide the fan
         near = [patch for patch in big if _gap(fan_edges, patch[0]) * metres <= TOUCH_M]
         for edges, count in near:
             fan_edges, total = _union(fan_edges, edges), total + count
@@ -109,7 +125,7 @@ def _spray(white: MaskArray, clamp: PixelBox, metres: float) -> tuple[PixelBox, 
 
 
 def _axis(east: Metres, south: Metres) -> float:
-    """The direction (radians) of the pipe through the clamp: along it lies most white that is some way off."""
+    """Return the direction (radians) of the pipe through the clamp: that with the most white at a distance."""
     far = (np.hypot(east, south) > 2.0) & (np.hypot(east, south) < RUN_M)
     angles = np.radians(np.arange(0, 180, 2))
     counts = [int((np.abs(south[far] * np.cos(a) - east[far] * np.sin(a)) < 0.35).sum()) for a in angles]
@@ -117,7 +133,7 @@ def _axis(east: Metres, south: Metres) -> float:
 
 
 def _stripes(along: Metres, across: Metres, metres: float) -> MaskArray:
-    """Which strips of `BIN_M` metres beside the axis are white all along, also far from the clamp."""
+    """Return the mask of strips of `BIN_M` metres beside the axis that are white along their whole length."""
     count = int(2 * RUN_M / BIN_M) + 1
     bins = np.clip(np.floor((across + RUN_M) / BIN_M).astype(np.int64), 0, count - 1)
     stripe = np.zeros(count, bool)
@@ -130,7 +146,7 @@ def _stripes(along: Metres, across: Metres, metres: float) -> MaskArray:
 
 
 def _patches(mask: MaskArray, join_px: int) -> list[tuple[PixelBox, int]]:
-    """Edges and pixel count of what is connected when gaps up to `join_px` are closed."""
+    """Return edges and pixel count of connected patches after gaps up to `join_px` are closed."""
     cv2 = opencv()
     joined = cv2.dilate(mask.astype(np.uint8), _square(join_px)) if join_px > 1 else mask.astype(np.uint8)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(joined, connectivity=8)

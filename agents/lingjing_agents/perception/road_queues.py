@@ -1,8 +1,8 @@
-"""Queues in pixels: vehicles close behind each other on the lane that a route takes.
+"""Queues of vehicles on the lane of a route.
 
-Only the route's own road is looked at: a strip along it is cut out of the picture at a fixed scale. Asphalt is smooth
-along a lane; vehicles are not. So a station of the strip is taken when the colour around it varies, leaves aside
-(trees hang over roads), and runs as long as a vehicle are counted. Four or more within a few car lengths are a queue.
+Only the route's own road is examined: a strip along it is cut out of the picture at a fixed scale. Asphalt is smooth
+along a lane, vehicles are not. A station of the strip is therefore occupied if the colour around it varies, except for
+leaves of trees. Runs with the length of a vehicle are counted; four or more within a few car lengths are a queue.
 """
 
 from __future__ import annotations
@@ -19,49 +19,62 @@ from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.perception.images import ByteImage, ImageBox, MaskArray, opencv, runs
 
 STEP_M = 0.2
+"""Distance between two stations of a strip in metres."""
 HALF_LANE_M = 0.8
+"""Half the width of a strip in metres."""
 OFFSETS_M = (-3.3, -2.2, -1.1, 0.0, 1.1)
-"""Where beside the route's line a queue may stand: the line is straight from waypoint to waypoint, lanes are not."""
+"""Offsets in metres from the route's line at which queues are searched for. The line is straight between waypoints,
+lanes are not.
+"""
 CONTRAST = 7.0
-"""Standard deviation of the lane's colour (grey levels) along it from which something stands there."""
+"""Standard deviation of the lane's colour (grey levels) from which on a station is occupied."""
 WINDOW_M = 2.0
+"""Length in metres over which the deviation is computed."""
 VEHICLE_M = (3.0, 14.0)
+"""Shortest and longest vehicle in metres."""
 GAP_M = 26.0
-"""Two vehicles farther apart than this, front to front, are not of one queue."""
+"""Largest distance in metres between the fronts of two vehicles of a queue."""
 QUEUE_OF = 4
+"""Least number of vehicles of a queue."""
 STRAIGHT = 0.995
-"""Cosine of a turn that is none."""
+"""Cosine of the largest turn that counts as none."""
 SPLIT_M = 1.6
-"""Pieces of one vehicle are at most so far apart."""
+"""Largest gap in metres within one vehicle."""
 
 
 @dataclass(frozen=True, slots=True)
 class VehicleQueue:
-    """One queue: a normalised box (x0, y0, x1, y1), how sure (0..1), where its middle is (m), and how many stand."""
+    """A queue of vehicles."""
 
     box: ImageBox
+    """Normalised x0, y0, x1, y1."""
     confidence: float
+    """From 0 to 1."""
     place: GroundPoint
+    """East and north of its centre in metres."""
     vehicles: int
+    """Number of vehicles."""
 
 
 def find_queues(
     rgb: ByteImage, pose: CameraPose, level_m: float, line: tuple[GroundPoint, ...] = ()
 ) -> tuple[VehicleQueue, ...]:
-    """Queues in a nadir picture (height, width, 3) on the road along `line` (east, north; m), the surest first."""
+    """Return the queues in a nadir picture (height, width, 3) along `line` (east, north; m), the longest first."""
     if not rgb.any():
         return ()
-    found = []
+    queues = []
     for start, end in pairwise(corners(line)):
         for offset in OFFSETS_M:
             queue = _along(rgb, pose, level_m, _moved(start, end, offset))
             if queue is not None:
-                found.append(queue)
-    return tuple(sorted(found, key=lambda queue: (-queue.vehicles, queue.box)))
+                queues.append(queue)
+    return tuple(sorted(queues, key=lambda queue: (-queue.vehicles, queue.box)))
 
 
 def corners(line: tuple[GroundPoint, ...]) -> tuple[GroundPoint, ...]:
-    """The line with a corner put in where it turns: straight on from the point before, then square to the next."""
+    """Return the line with a corner at each turn: straight on from the previous point, then perpendicular to the
+    next.
+    """
     if len(line) < 2:
         return line
     path = [line[0], line[1]]
@@ -78,7 +91,7 @@ def corners(line: tuple[GroundPoint, ...]) -> tuple[GroundPoint, ...]:
 
 
 def _straightened(path: list[GroundPoint]) -> tuple[GroundPoint, ...]:
-    """The path without points where it goes straight on: a queue may stand astride of one."""
+    """Return the path without points at which it goes straight on, since a queue may extend over one."""
     kept = path[:1]
     for here, after in pairwise(path[1:]):
         a, b = _unit(kept[-1], here), _unit(here, after)
@@ -90,7 +103,7 @@ def _straightened(path: list[GroundPoint]) -> tuple[GroundPoint, ...]:
 def _along(
     rgb: ByteImage, pose: CameraPose, level_m: float, leg: tuple[GroundPoint, GroundPoint]
 ) -> VehicleQueue | None:
-    """The longest queue on one straight piece of lane, or None."""
+    """Return the longest queue on one straight piece of lane, or None."""
     strip = _strip(rgb, pose, level_m, leg)
     if strip is None:
         return None
@@ -115,7 +128,9 @@ def _along(
 
 
 def _strip(rgb: ByteImage, pose: CameraPose, level_m: float, leg: tuple[GroundPoint, GroundPoint]) -> ByteImage | None:
-    """The lane's pixels, (across, along, 3) at `STEP_M`; black where the picture ends. None if it is out of view."""
+    """Return the lane's pixels, (across, along, 3) at `STEP_M`, black outside the picture; None if it is not
+    visible.
+    """
     cv2 = opencv()
     length = math.dist(*leg)
     ahead = _unit(*leg)
@@ -138,23 +153,23 @@ def _strip(rgb: ByteImage, pose: CameraPose, level_m: float, leg: tuple[GroundPo
 
 
 def _taken(strip: ByteImage) -> MaskArray:
-    """Which stations of a strip have something on the asphalt that is no leaf."""
+    """Return the mask of stations with an object on the asphalt that is no leaf."""
     cv2 = opencv()
     hsv = cv2.cvtColor(strip, cv2.COLOR_RGB2HSV)
     leaves = (hsv[..., 0] > 35) & (hsv[..., 0] < 85) & (hsv[..., 1] > 80)
-    # The median across a lane forgets painted lines, which are narrow; a vehicle's roof, glass and bonnet remain.
+    # The median across a lane removes painted lines, which are narrow; a vehicle's roof, glass and bonnet remain.
     colour = np.median(strip.astype(np.float32), axis=0)
     wide = max(1, round(WINDOW_M / STEP_M))
     kernel = np.ones(wide, np.float32) / wide
     mean = np.stack([np.convolve(colour[:, each], kernel, "same") for each in range(3)], axis=1)
     square = np.stack([np.convolve(colour[:, each] ** 2, kernel, "same") for each in range(3)], axis=1)
     spread = np.sqrt(np.maximum(square - mean * mean, 0.0)).max(axis=1)
-    taken: MaskArray = (spread > CONTRAST) & (leaves.mean(axis=0) < 0.25)
-    return taken
+    occupied: MaskArray = (spread > CONTRAST) & (leaves.mean(axis=0) < 0.25)
+    return occupied
 
 
 def _moved(start: GroundPoint, end: GroundPoint, offset_m: float) -> tuple[GroundPoint, GroundPoint]:
-    """A leg moved to the right of its direction."""
+    """Return a leg moved to the right of its direction."""
     ahead = _unit(start, end)
     east, north = ahead[1] * offset_m, -ahead[0] * offset_m
     return (start[0] + east, start[1] + north), (end[0] + east, end[1] + north)

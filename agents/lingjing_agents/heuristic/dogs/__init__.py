@@ -1,11 +1,11 @@
 """Rules of agents that command a walking body, which turns by degrees and steps by metres.
 
-`dog_rules` chooses one of three at the first boundary:
+`dog_rules` selects one of three at the first boundary:
 
-- `building_finder`   goes where an assignment says or as guidance leads; finds the building of its reference picture
-- `fire_searcher`     looks for fires, which `known_fires` keeps, and stands beside them until they are out
-- `step_executor`     has no camera: takes the steps that guidance names
+- `building_finder`: goes to an assigned place or along guidance; finds the building of its reference picture
+- `fire_searcher`: searches for fires (`known_fires`) and stands beside them until they are out
+- `step_executor`: has no camera and carries out guided steps
 
-They share `movement` (a goal → the next turn or step, over `paths`) and `seen_ground` (which ground pictures have
-shown, and from where to look next).
+They share `movement` (from a goal to the next turn or step, over `paths`) and `seen_ground` (the photographed ground
+and the next place for a picture).
 """

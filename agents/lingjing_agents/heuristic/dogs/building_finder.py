@@ -1,8 +1,8 @@
-"""The navigator's rules: find the building of the reference picture by eye and walk up to it.
+"""The navigator's rules: find the building of the reference picture and walk up to it.
 
-Each picture adds to a map of where the wanted facade may stand: columns that look like it speak for the places along
-their bearing at about the distance that their height tells. The dog walks to the best place, looks around where
-nothing has been seen yet, and strikes out what it has walked up to without arriving.
+Each picture adds to a map of possible positions of the facade: columns that resemble it add evidence along their
+bearing, at about the distance that their height implies. The dog walks to the best position and explores where nothing
+has been seen yet. It removes positions that it has reached without arriving.
 """
 
 from __future__ import annotations
@@ -37,43 +37,51 @@ from lingjing_agents.perception.images import FloatArray
 from lingjing_agents.perception.obstacles_ahead import near_walls
 
 GRID_M = 8.0
+"""Distance between positions of the map in metres."""
 ARRIVAL_M = 20.0
-"""Having been so near to a place without arriving strikes it out."""
+"""Distance in metres to a position within which it is removed if the dog has not arrived. Chosen."""
 
 SPREAD = 0.5
-"""How wrong a distance is usually, as a factor's logarithm."""
+"""Usual error of a distance, as a factor's natural logarithm. Chosen."""
 
 VIEWS_M, VIEW_WORTH = (85.0, 55.0, 35.0), 24
-"""How far a view is trusted to show a facade, in each pass, and how many new samples make a look to the side worth
-a tick: buildings are big, and there is a bound on ticks."""
+"""Distance in metres up to which a view shows a facade, in each pass, and new samples that make a sideways picture
+worth a tick. Chosen: buildings are large, and ticks are limited.
+"""
 
 WORTH_GOING = 0.7
+"""Least score of a position for an approach. Chosen."""
 HELD = 1.25
-"""Another place must be better by this factor before the dog changes its mind."""
+"""Factor by which another position must be better before the goal changes. Chosen."""
 
 ORDERED_M = 3.0
-"""How near to a place one was told to go is near enough."""
+"""Distance in metres at which an ordered place counts as reached. Chosen."""
 
 LOW_M, BESIDE_DEG, SAME_PLACE_M, LEAST_WALK_M = 11.0, 3.0, 8.0, 20.0
-"""A way is open where nothing is so high (m) that it could be a building nearer than its end, also a little to the
-sides (degrees); skylines count from about here (m), and nearer ends than the last (m) are not worth going to."""
+"""A line is open if no skyline along it, also `BESIDE_DEG` degrees aside, is so high (m) that it could be a building
+nearer than the end. Skylines count within `SAME_PLACE_M` metres; ends nearer than `LEAST_WALK_M` are not worth a walk.
+Chosen.
+"""
 
 MARGIN_M = 40.0
+"""Margin of paths around the region in metres. Chosen."""
 WALK, FACE, FACING_DEG = "walk", "face", 15.0
-"""What guidance calls a place to walk to, and one to look at: to take a picture of, facing it about so well."""
+"""Guidance steps: a place to walk to, or to photograph; and the largest bearing error in degrees for the picture."""
 
 NOT_YET, PATIENCE_TICKS = frozenset({"not_permitted"}), 2
-"""What a refusal says when something else must happen first, and how long to wait before asking again."""
+"""Reason codes of a rejection that another event must precede, and the ticks before the next attempt. Chosen."""
 
 UNLED_SHARE, LED_AGAIN_TICKS = 0.8, 6
-"""Who may be guided waits for it, for this share of the ticks at first, and for so many ticks where the way has ended;
-then it looks for itself."""
+"""Share of the ticks for which a guided dog waits for first guidance, and ticks for which it waits after a path has
+ended. Chosen.
+"""
 
 FAR_M = 220.0
+"""Distance in metres at which the weight of a position is halved. Chosen."""
 
 
 class BuildingFinder:
-    """One dog with a picture of where it should go. All state is of this episode."""
+    """One dog with a picture of its destination. Its state belongs to one episode."""
 
     roles: ClassVar[tuple[str, ...]] = ("navigator", "courier", "walker")
     reads: ClassVar[tuple[str, ...]] = ("assignment", "guidance")
@@ -100,7 +108,7 @@ class BuildingFinder:
         self._skylines: list[tuple[GroundPoint, tuple[tuple[float, float], ...]]] = []
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """Look, believe, one step."""
+        """Process pictures, update the map, take one step."""
         own = view_of(observation, self._body.id)
         if own is None or own.position is None or own.heading_deg is None:
             return Decision()
@@ -124,12 +132,13 @@ class BuildingFinder:
         return Decision(command=self._next(own, here), thought=f"towards {self._goal}")
 
     def _patience_for(self, observation: Observation) -> float:
-        """How many ticks somebody who is guided waits to be led, at first and again."""
+        """Return the ticks for which a guided dog waits for guidance."""
         return LED_AGAIN_TICKS if self._led_tick else UNLED_SHARE * self._brief.ticks
 
     def _listen(self, inbox: Inbox) -> None:
-        """An assignment to this walker with a position is its goal until it is reached; guidance with positions is the
-        way it takes."""
+        """Process messages. An assignment to this dog with a position is its goal; guidance with positions is its
+        path.
+        """
         way = []
         for envelope in inbox.messages:
             assignee, place = name_in(envelope.body, "assignee"), position_in(envelope.body)
@@ -161,7 +170,7 @@ class BuildingFinder:
         if self._ordered is not None:
             action = self._movement.towards(own, self._ordered, reach_m=ORDERED_M)
             if action is not None:
-                return action  # a bump costs less than a look before every step
+                return action  # a collision costs less than a picture before every step
             self._ordered = None
         if self._snaps and not self._fresh(here, own.heading_deg):
             return photo(self._body, self._camera)
@@ -181,7 +190,7 @@ class BuildingFinder:
         return self._explore(own, here)
 
     def _follow(self, own: EntityView, here: GroundPoint) -> Action | None:
-        """The next step of the way one is led, or the picture that was asked for."""
+        """Return the next step of the guided path, or the requested picture."""
         assert own.heading_deg is not None
         while self._led:
             step, place = self._led[0]
@@ -202,7 +211,7 @@ class BuildingFinder:
         action = self._movement.towards(own, goal, reach_m=ARRIVAL_M * 0.5) if self._patience > 0 else None
         if action is not None:
             return action
-        self._belief.strike(goal, GRID_M * 1.6)  # it cannot be reached or is not the one
+        self._belief.strike(goal, GRID_M * 1.6)  # it cannot be reached, or it is another building
         self._goal = None
         return self._explore(own, here)
 
@@ -229,7 +238,9 @@ class BuildingFinder:
         return action
 
     def _in_the_open(self, here: GroundPoint) -> Callable[[GroundPoint], bool]:
-        """Whether nothing high stands between here and a place, by the skylines seen from about here."""
+        """Return a function that tests whether a place is reachable in the open, by the skylines seen from about
+        here.
+        """
         lines = [line for place, line in self._skylines if math.dist(place, here) < SAME_PLACE_M]
 
         def seen(place: GroundPoint) -> bool:
@@ -248,7 +259,7 @@ class BuildingFinder:
 
 
 class Belief:
-    """How much speaks for the wanted building's standing at each place of a grid over a region."""
+    """The evidence for the building's position, on a grid over a region."""
 
     def __init__(self, polygon: tuple[GroundPoint, ...]) -> None:
         xs, ys = [x for x, _ in polygon] or [0.0], [y for _, y in polygon] or [0.0]
@@ -260,8 +271,9 @@ class Belief:
         self._out = np.zeros(len(grid), bool)
 
     def add(self, here: GroundPoint, heading_deg: float, half_deg: float, facades: tuple[FacadeColumn, ...]) -> None:
-        """One picture: each column that looks wanted speaks for the places where it may be; views that show nothing
-        wanted speak a little against the near places in them."""
+        """Add one picture. Similar columns add evidence along their bearing; views without any reduce that of near
+        positions.
+        """
         east, north = self._places[:, 0] - here[0], self._places[:, 1] - here[1]
         distance = np.maximum(np.hypot(east, north), 1.0)
         bearing = np.degrees(np.arctan2(east, north))
@@ -276,12 +288,12 @@ class Belief:
         self._score = np.maximum(self._score + speaks - 0.15 * against, 0.0)
 
     def strike(self, place: GroundPoint, within_m: float) -> None:
-        """The building does not stand within that distance of a place."""
+        """Remove all positions within that distance of a place."""
         east, north = self._places[:, 0] - place[0], self._places[:, 1] - place[1]
         self._out |= np.hypot(east, north) <= within_m
 
     def best(self, here: GroundPoint) -> tuple[GroundPoint | None, float]:
-        """The most likely place and its score, nearer ones first; None if nothing speaks for any."""
+        """Return the best position with its score, nearer ones preferred; None without a grid."""
         if len(self._places) == 0:
             return None, 0.0
         east, north = self._places[:, 0] - here[0], self._places[:, 1] - here[1]
@@ -291,7 +303,7 @@ class Belief:
         return place, float(self._score[index]) if not self._out[index] else 0.0
 
     def at(self, place: GroundPoint) -> float:
-        """What speaks for the grid's place nearest to this one."""
+        """Return the score of the grid's position nearest to this place."""
         if len(self._places) == 0:
             return 0.0
         index = int(np.argmin(np.hypot(self._places[:, 0] - place[0], self._places[:, 1] - place[1])))
@@ -299,8 +311,11 @@ class Belief:
 
 
 def where_to_look(brief: Brief, here: GroundPoint) -> tuple[tuple[GroundPoint, ...], GroundPoint | None]:
-    """The region to search and the middle of its entrance, if there is one to go through first: who starts inside a
-    region searches the smallest such; who starts outside all searches the largest and enters by the smallest."""
+    """Return the region to search, and the centre of its entrance if it must be entered first.
+
+    From inside a region the smallest such is searched. From outside, the largest is searched and entered by the
+    smallest.
+    """
     regions = [region.polygon for region in brief.regions if region.polygon]
     regions.sort(key=lambda polygon: GroundRectangle.around(polygon).area_m2)
     own = [polygon for polygon in regions if inside(polygon, here)]

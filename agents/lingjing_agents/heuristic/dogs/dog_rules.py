@@ -1,7 +1,8 @@
-"""Which rules a walker follows: decided at the first boundary, because what it is to look for comes with the pictures.
+"""The selection of a walker's rules, at the first boundary, because the reference picture comes with the first
+observation.
 
-Without a camera it carries out the steps it is told (`step_executor`); where reports may name fires it looks for flames
-(`fire_searcher`); else it goes where it is told and looks for what a reference picture shows, or just around
+Without a camera it carries out guided steps (`step_executor`). If reports may name fires it searches for flames
+(`fire_searcher`). Otherwise it goes to ordered places and searches for the building of a reference picture, or explores
 (`building_finder`).
 """
 
@@ -20,27 +21,27 @@ from lingjing_agents.heuristic.role_rules import RoleRules
 from lingjing_agents.heuristic.target_types import TrainedDetectors
 
 STEPS = ("forward", "left", "right")
-"""The verbs that walkers are sent; no declaration says which way a turn goes."""
+"""The verbs of walkers. Their declarations do not state the direction of a turn, so it is known by name."""
 
 REFERENCE = "reference"
-"""The camera name of pictures that show what is looked for."""
+"""The camera name of reference pictures."""
 
 
 def walking_body(brief: Brief) -> Resource | None:
-    """The first embodied resource that turns on the spot, by degrees, and has the verbs of such steps."""
+    """Return the first embodied resource that turns by degrees and has the verbs of `STEPS`, or None."""
     for resource in brief.resources:
         if resource.embodied and walks(resource.verbs) and all(has_verb(resource, verb) for verb in STEPS):
             return resource
     return None
 
 
-def front_camera(body: Resource) -> CameraSpec | None:
-    """The first camera that looks ahead."""
+def _front_camera(body: Resource) -> CameraSpec | None:
+    """Return the first camera that looks ahead, or None."""
     return next((camera for camera in body.cameras if camera.view == "front"), None)
 
 
 class DogRules:
-    """One walker, whatever it is for."""
+    """One walker with the rules that fit its task."""
 
     roles: ClassVar[tuple[str, ...]] = (*FireSearcher.roles, *BuildingFinder.roles, *StepExecutor.roles)
     reads: ClassVar[tuple[str, ...]] = (*FireSearcher.reads, *BuildingFinder.reads)
@@ -51,13 +52,13 @@ class DogRules:
         self._rules: RoleRules | None = None
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """Choose once, then follow the rules."""
+        """Select the rules once, then follow them."""
         if self._rules is None:
             self._rules = self._chosen(observation)
         return self._rules.act(observation, inbox)
 
     def _chosen(self, observation: Observation) -> RoleRules:
-        camera = front_camera(self._body)
+        camera = _front_camera(self._body)
         if camera is None:
             return StepExecutor(self._brief, self._body)
         reference = next((picture for picture in observation.pictures if picture.camera == REFERENCE), None)

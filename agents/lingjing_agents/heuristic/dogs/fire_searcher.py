@@ -1,7 +1,7 @@
-"""A walking searcher's rules: look around for flames, tell where, walk up to the nearest and wait until it is out.
+"""The fire searcher's rules: search for flames, report them, walk to the nearest and wait until it is out.
 
-Several dogs share the ground by who is nearer (they see each other's places), tell what they have looked at, and each
-known fire is the nearest free dog's. All of it is computed alike by all, so little has to be said.
+Several dogs share the ground by distance (they observe each other's positions) and report the searched places. Each
+known fire belongs to the nearest free dog. All dogs compute the same assignment, so little communication is needed.
 """
 
 from __future__ import annotations
@@ -38,52 +38,59 @@ from lingjing_agents.perception.fires_ahead import FireAhead, find_fires_ahead, 
 from lingjing_agents.perception.obstacles_ahead import near_walls
 
 MARGIN_M = 6.0
-"""Routes may leave the region by this much: dogs start outside."""
+"""Margin of paths around the region in metres: dogs start outside. Chosen."""
 
 EYE_M = 0.37
-"""How high over the ground the camera of a dog is."""
+"""Height of a dog's camera above the ground in metres."""
 
 REPORTABLE = 0.6
+"""Least confidence of a report. Chosen."""
 BESIDE_M = 0.6
-"""How near to a fire's middle a dog goes: it is put out from farther."""
+"""Distance in metres from a fire's centre to which a dog goes; it is put out from farther away. Chosen."""
 
 PUT_OUT_M = 3.2
-"""Whoever is so near to a known fire when one goes out has put it out."""
+"""Distance in metres to a known fire within which a dog has put it out, when an event reports one. Chosen."""
 
 DEEP_M = 20.0
-"""How deep buildings are."""
+"""Depth of buildings in metres. Chosen."""
 
 CHASE_TICKS = 50
-"""A fire that has not been seen for so long while one was after it is called false until somebody sees it again."""
+"""Ticks of pursuit without a sight after which a fire counts as false until it is seen again. Chosen."""
 
 UNSEEN = 1.7
-"""So much longer the way to a fire may be for who has not seen it."""
+"""Factor on the distance to a fire that a dog has not seen itself: there may be obstacles. Chosen."""
 
 FIRE_M = 2.5
+"""Radius in metres around a fire within which detected obstacles are ignored. Chosen."""
 ONE_WALL_M, SURE_M = 2.0, 5.0
-"""Places so near to each other (m) at which something stands are of one wall; farther ones are too often mistakes."""
+"""Distance in metres within which two obstacles belong to one wall, and distance beyond which they are unreliable.
+Chosen.
+"""
 
 LOOK_AHEAD_DEG = 30.0
+"""Largest bearing difference in degrees at which a picture covers the way ahead. Chosen."""
 LOOK_EVERY_M, WORTH_A_LOOK_M = 15.0, 5.0
-"""On its way a dog takes a picture ahead so often, and before steps that are at least so long."""
+"""Distance in metres between pictures on the way, and least length of a step that is worth one. Chosen."""
 
 FRESH_SHARE = 0.55
-"""A fire is looked at again when the way to it has shrunk to this share since the last look."""
+"""Share of the former distance at which a fire is photographed again. Chosen."""
 
 NEAR_M = 4.0
-"""So near to a fire it is tried for step by step."""
+"""Distance in metres within which a fire is approached step by step. Chosen."""
 
 SAME_PLACE_M = 0.5
+"""Distance in metres within which two pictures are taken from one place. Chosen."""
 UPON_M = 1.5
-"""So near to where it is believed a fire may as well burn to a side or behind."""
+"""Distance in metres to a believed position within which the fire may burn in any direction. Chosen."""
 
 SHUT_IN = 3
+"""Attempts that a fire without an open path costs. Chosen."""
 TRIES = 14
-"""Looks and steps around a fire that does not go out before it is called false."""
+"""Pictures and steps around a fire without success after which it counts as false. Chosen."""
 
 
 class FireSearcher:
-    """One dog. All state is of this episode."""
+    """One dog. Its state belongs to one episode."""
 
     roles: ClassVar[tuple[str, ...]] = ("searcher",)
     reads: ClassVar[tuple[str, ...]] = ("report", "status")
@@ -110,7 +117,7 @@ class FireSearcher:
         self._thought = ""
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """Listen, look, then one step."""
+        """Process messages and pictures, then take one step."""
         own = view_of(observation, self._body.id)
         if own is None or own.position is None or own.heading_deg is None:
             return Decision()
@@ -124,10 +131,10 @@ class FireSearcher:
         command = None if own.busy else self._next(observation, own, here)
         if not own.busy:
             self._movement.sent(command)
-        said, self._outbox = tuple(self._outbox), []
-        return Decision(command=command, messages=said, thought=self._thought)
+        messages, self._outbox = tuple(self._outbox), []
+        return Decision(command=command, messages=messages, thought=self._thought)
 
-    # -- what others say and the world tells
+    # -- messages and events
 
     def _listen(self, observation: Observation, inbox: Inbox) -> None:
         for envelope in inbox.messages:
@@ -149,7 +156,7 @@ class FireSearcher:
         return min((math.dist(v.position[:2], place) for v in seen if v is not None and v.position), default=60.0)
 
     def _hear_events(self, observation: Observation, here: GroundPoint) -> None:
-        """The engine says who has put a fire out: the one beside which that one stands. Who it was says so."""
+        """Process events: the fire beside the acting dog is out, and that dog reports it."""
         for event in observation.events:
             if event.id in self._heard or not event.kind.startswith("extinguish"):
                 continue
@@ -175,7 +182,7 @@ class FireSearcher:
             fire.looked_at, fire.chased = here, 0
             if fire.state == "open":
                 self._say(picture, flames, fire)
-        # Its own logs are no obstacle on the way to a fire.
+        # The fire's own logs are no obstacle on the way to it.
         walls = [
             place
             for place in near_walls(picture.rgb, pose)
@@ -194,14 +201,16 @@ class FireSearcher:
         return fires_in_boxes(self._trained(picture.rgb, picture.pose, ground_m), picture.pose, ground_m)
 
     def _is_visible(self, here: GroundPoint, place: GroundPoint) -> bool:
-        """Whether no known wall hides a place. Just behind one is the inside of a building: not worth a look."""
+        """Return whether no known wall hides a place. Places just behind a wall are inside a building and count as
+        visible.
+        """
         away = math.dist(here, place)
         if away <= DEEP_M:
             return True
         return self._movement.map.clear(here, between(here, place, (away - DEEP_M) / away))
 
     def _inside(self, here: GroundPoint, place: GroundPoint) -> GroundPoint | None:
-        """A place seen from here, drawn nearer until it is in the region; None if it burns outside."""
+        """Return a seen place, moved towards the dog until it is in the region; None if it is outside."""
         for share in (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4):
             nearer = between(here, place, share)
             if self._movement.map.bounds.holds(nearer):
@@ -223,18 +232,20 @@ class FireSearcher:
             body: dict[str, Datum] = {"task": task, "state": state, "position": (*place, 0.0)}
             self._outbox.append(compose(self._status, body))
 
-    # -- what to do
+    # -- actions
 
     def _next(self, observation: Observation, own: EntityView, here: GroundPoint) -> Action | None:
         fire = self._mine(observation, here)
-        self._thought = f"fire at {_said(fire.place)}" if fire is not None else f"look around at {_said(self._goal)}"
+        self._thought = (
+            f"fire at {_place_words(fire.place)}" if fire is not None else f"look around at {_place_words(self._goal)}"
+        )
         if fire is not None:
             self._goal = None
             return self._fight(observation, own, here, fire)
         return self._search(observation, own, here)
 
     def _mine(self, observation: Observation, here: GroundPoint) -> KnownFire | None:
-        """The open fire that is this dog's when each goes to the nearest free one, as far as all know the ways."""
+        """Return this dog's fire in the common assignment of fires to nearest free dogs, or None."""
         mates = {peer.id: peer.resources for peer in self._brief.peers if peer.role == self._brief.role}
         places = {self._brief.agent: here}
         for name, resources in mates.items():
@@ -272,8 +283,10 @@ class FireSearcher:
         return self._close_in(own, here, fire, action)
 
     def _close_in(self, own: EntityView, here: GroundPoint, fire: KnownFire, action: Action | None) -> Action | None:
-        """A few steps off: walk up to where it is believed, and look for it anew in between. On that very place one
-        cannot turn to it, so it is looked for all around."""
+        """Walk up to the believed position, with new pictures in between.
+
+        On the position itself the dog cannot face the fire, so it takes pictures all around.
+        """
         assert own.heading_deg is not None
         fire.tries += 1
         if fire.tries > TRIES:
@@ -289,14 +302,16 @@ class FireSearcher:
         return photo(self._body, self._camera)
 
     def _shut_in(self, fire: KnownFire) -> None:
-        """No way to a fire is known: some of what is closed is not, so it is felt out anew, but not for ever."""
+        """Clear the map if no path to a fire is known, since some closed cells may be open; a limited number of
+        times.
+        """
         self._movement.map.forget()
         fire.tries += SHUT_IN
         if fire.tries > TRIES:
             fire.state = "false"
 
     def _glance(self, own: EntityView, here: GroundPoint, fire: KnownFire) -> Action:
-        """Face the fire and take its picture."""
+        """Face the fire and photograph it."""
         assert own.heading_deg is not None
         off = turn_deg(own.heading_deg, bearing_deg(here, fire.place))
         if abs(off) > LOOK_AHEAD_DEG:
@@ -327,7 +342,7 @@ class FireSearcher:
         return self._look_around(own, here)
 
     def _walk(self, own: EntityView, here: GroundPoint, goal: GroundPoint, reach_m: float) -> Action | None:
-        """The next step, after a picture of what is ahead if none shows it yet: a bump costs more than a look."""
+        """Return the next step, or first a picture of the way ahead: a collision costs more than a picture."""
         action = self._movement.towards(own, goal, reach_m=reach_m)
         if action is None or action.verb != "forward" or own.heading_deg is None:
             return action
@@ -356,14 +371,14 @@ class FireSearcher:
 
 
 def _way_m(name: str, here: GroundPoint, fire: KnownFire) -> float:
-    """How long a way to a fire may be: who saw it last has it in sight, for others something may stand between."""
+    """Return the assumed length of the way to a fire. For dogs that did not see it last, obstacles are likely."""
     return math.dist(here, fire.place) * (1.0 if fire.seen_by == name else UNSEEN)
 
 
 def _same_view(a: tuple[GroundPoint, float], b: tuple[GroundPoint, float]) -> bool:
-    """Whether two pictures, each from a place with a heading, show the same."""
+    """Return whether two pictures, each from a place with a heading, show the same."""
     return math.dist(a[0], b[0]) < SAME_PLACE_M and abs(turn_deg(a[1], b[1])) < LOOK_AHEAD_DEG
 
 
-def _said(place: GroundPoint | None) -> str:
+def _place_words(place: GroundPoint | None) -> str:
     return "this place" if place is None else f"({place[0]:.0f}, {place[1]:.0f})"

@@ -1,4 +1,4 @@
-"""What a searcher believes about fires: places that get better the nearer they are seen from."""
+"""A searcher's beliefs about fires: positions that improve with nearer views."""
 
 from __future__ import annotations
 
@@ -9,46 +9,56 @@ from typing import Literal
 from lingjing_agents.ground_plane import GroundPoint
 
 FireState = Literal["open", "out", "false"]
+"""The state of a believed fire: burning, out, or a false alarm."""
 
 ERROR_SHARE = 0.35
-"""How wrong a distance may be, as a share of it."""
+"""Error of a distance as a share of it. Chosen."""
 
 LEAST_ERROR_M = 5.0
+"""Least error of a position in metres. Chosen."""
 CLOSER = 0.6
-"""A fire is worth another report when it is seen from less than this share of the former distance."""
+"""Share of the former distance below which a fire is reported again. Chosen."""
 
 
 @dataclass(slots=True)
 class KnownFire:
-    """One believed fire: its place (m), from how far it was seen at best and who saw it last, and what came of it."""
+    """One believed fire."""
 
     place: GroundPoint
+    """East and north in metres."""
     seen_from_m: float
+    """The distance in metres of the best view."""
     state: FireState = "open"
+    """The state."""
     reported_from_m: float = math.inf
+    """The distance in metres of the last report's view; infinite before the first."""
     looked_at: GroundPoint | None = None
+    """The place of the last picture of it; None before the first."""
     tries: int = 0
+    """Number of attempts beside it."""
     seen_by: str = ""
+    """The agent that saw it last."""
     chased: int = 0
+    """Ticks of pursuit since the last sight."""
 
     @property
     def error_m(self) -> float:
-        """How far off the place may be."""
+        """Error of the position in metres."""
         return max(LEAST_ERROR_M, ERROR_SHARE * self.seen_from_m)
 
 
 @dataclass(slots=True)
 class KnownFires:
-    """All fires one searcher has seen or heard of."""
+    """All fires that one searcher has seen or received reports of."""
 
     known: list[KnownFire] = field(default_factory=list)
 
     def of(self, state: FireState) -> tuple[KnownFire, ...]:
-        """Those in a state, in the order they became known."""
+        """Return the fires of a state, in the order of their first report."""
         return tuple(fire for fire in self.known if fire.state == state)
 
     def near(self, place: GroundPoint, within_m: float, state: FireState | None = None) -> KnownFire | None:
-        """The nearest one to a place, if there is one so near."""
+        """Return the nearest fire within a distance of a place, or None."""
         options = [
             (math.dist(fire.place, place), i) for i, fire in enumerate(self.known) if state in (None, fire.state)
         ]
@@ -56,7 +66,7 @@ class KnownFires:
         return self.known[index] if distance <= within_m else None
 
     def add(self, place: GroundPoint, distance_m: float, by: str = "") -> KnownFire:
-        """Somebody sees a fire at a place from a distance: the one it must be, or a new one."""
+        """Add a view of a fire at a place from a distance. Return the known fire that it matches, or a new one."""
         fresh = KnownFire(place, distance_m, seen_by=by)
         candidates = [
             (math.dist(fire.place, place), index)
@@ -80,7 +90,7 @@ class KnownFires:
         return fire
 
     def put_out(self, place: GroundPoint, within_m: float) -> KnownFire | None:
-        """A fire near a place is out."""
+        """Mark the nearest fire within a distance of a place as out, and return it."""
         fire = self.near(place, within_m, "open")
         if fire is not None:
             fire.state = "out"

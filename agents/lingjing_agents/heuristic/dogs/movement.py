@@ -1,6 +1,6 @@
-"""A dog's legs: from a goal to the next turn or forward step, around what it bumped into.
+"""A dog's movement: from a goal to the next turn or forward step, around obstacles.
 
-Receipts say when a step ended early (`blocked`, `unreachable`); a step that has not moved the dog counts as one, too.
+Receipts report when a step ended early (`blocked`, `unreachable`); a step without motion counts as blocked too.
 """
 
 from __future__ import annotations
@@ -15,27 +15,31 @@ from lingjing_agents.paths.kept_path import KeptPath
 from lingjing_agents.paths.obstacle_grid import CELL_M, ObstacleGrid
 
 OBSTRUCTED = frozenset({"blocked", "unreachable"})
+"""Reason codes of an obstructed step."""
 OFF_DEG = 6.0
-"""A walk may be off its line by this much: a turn costs a whole tick."""
+"""Tolerated heading error of a walk in degrees: a turn costs a whole tick. Chosen."""
 
 STALLED_M = 0.4
+"""Motion in metres below which a step counts as blocked. Chosen."""
 NARROW_M, WIDE = 2.4, 1.1
-"""What stopped a walk is taken to reach so far to both sides: metres, or shortest steps if those are longer, for a dog
-that cannot step short must go around wide."""
+"""Half width of an assumed obstacle: metres, or shortest steps if those are longer, for a dog that cannot step short
+must take a wide detour. Chosen.
+"""
 
 ONE_WALL_M, ONE_WALL_DEG, BEYOND_M = 12.0, 40.0, 5.0
-"""Two walks in about one direction (degrees) that ended so near to each other (m) met one wall, which goes on for this
-much (m) past the later one."""
+"""Two walks in about one direction (degrees) that ended this near to each other (m) met one wall, which continues
+`BEYOND_M` metres past the later one. Chosen.
+"""
 
 HAZARD_M = 3.0
-"""A step refused for water or a drop somewhere on its way is tried again, half as long, down to this."""
+"""Length in metres down to which a step that was rejected for water or a drop is halved and repeated. Chosen."""
 
 
 class DogMovement:
-    """Turns and steps of one dog. `map` is what it knows of the ground."""
+    """The turns and steps of one dog."""
 
     def __init__(self, body: Resource, known: ObstacleGrid) -> None:
-        self.body, self.map = body, known
+        self.body, self.map = body, known  # `map`: the known obstacles
         self.shortest_m, self.longest_m = first_argument_bounds(body.verbs, "forward", 0.5, 10.0)
         self.least_deg, self.most_deg = first_argument_bounds(body.verbs, "left", 1.0, 90.0)
         self.bumps = 0
@@ -45,22 +49,22 @@ class DogMovement:
         self._hits: list[tuple[GroundPoint, float]] = []
 
     def feel(self, own: EntityView, inbox: Inbox) -> bool:
-        """Learn from the last step: whether it was obstructed."""
+        """Evaluate the last step. Return whether it was obstructed."""
         if own.position is None or own.heading_deg is None:
             return False
         here = own.position[:2]
         self.map.tread(here)
         failed = [receipt for receipt in inbox.receipts if receipt.reason in OBSTRUCTED]
-        asked, self._asked = self._asked, None if not own.busy else self._asked
-        if asked is None or own.busy:
+        requested, self._asked = self._asked, None if not own.busy else self._asked
+        if requested is None or own.busy:
             return False
-        start, heading, length = asked
-        gone = math.dist(start, here)
+        start, heading, length = requested
+        moved_m = math.dist(start, here)
         refused = any(receipt.reason == "unreachable" for receipt in failed)
-        if refused and gone < STALLED_M and length > HAZARD_M:
+        if refused and moved_m < STALLED_M and length > HAZARD_M:
             self._cap_m = length / 2.0
             return True
-        if failed or (gone < STALLED_M and length > 2.0 * STALLED_M):
+        if failed or (moved_m < STALLED_M and length > 2.0 * STALLED_M):
             self.map.bump(here, heading, half_width_m=max(NARROW_M, WIDE * self.shortest_m))
             self._hit(offset_xy(here, heading, CELL_M), heading)
             self.bumps += 1
@@ -70,12 +74,12 @@ class DogMovement:
         return False
 
     def sent(self, command: Action | None) -> None:
-        """What was decided in the end: a step that was only thought of, and not sent, has met nothing."""
+        """Process the command that was finally sent: a step that was planned but not sent has met nothing."""
         if command is None or command.verb != "forward":
             self._asked = None
 
     def _hit(self, place: GroundPoint, heading_deg: float) -> None:
-        """A walk ended against something here: with the nearest hit from the same side it makes a wall."""
+        """Store the place where a walk was blocked. With the nearest such place from the same side it forms a wall."""
         same = [
             (math.dist(place, other), other)
             for other, heading in self._hits
@@ -87,7 +91,7 @@ class DogMovement:
             self.map.wall(other, between(other, place, 1.0 + BEYOND_M / distance))
 
     def towards(self, own: EntityView, goal: GroundPoint, *, reach_m: float = 1.0) -> Action | None:
-        """The next command on the way to within `reach_m` of `goal`; None if it is there or knows no way."""
+        """Return the next command on the way to within `reach_m` of `goal`; None on arrival or without a path."""
         if own.position is None or own.heading_deg is None:
             return None
         here = own.position[:2]
@@ -99,7 +103,7 @@ class DogMovement:
         return self.step(own, bearing_deg(here, corner), max(distance, self.shortest_m))
 
     def step(self, own: EntityView, bearing: float, distance_m: float) -> Action:
-        """Turn to a bearing, or walk along it if the nose is near enough."""
+        """Return a turn to a bearing, or a step along it if the heading is near enough."""
         assert own.position is not None and own.heading_deg is not None
         here, off = own.position[:2], turn_deg(own.heading_deg, bearing)
         length = min(max(distance_m, self.shortest_m), self.longest_m, max(self._cap_m, self.shortest_m))
@@ -110,7 +114,7 @@ class DogMovement:
         return Action(verb="forward", arguments={"distance": round(length, 2)}, resource=self.body.id)
 
     def turn(self, off_deg: float) -> Action:
-        """Turn by `off_deg`, clockwise positive, as far as one command may."""
+        """Return a turn by `off_deg`, clockwise positive, as far as one command allows."""
         angle = min(max(abs(off_deg), self.least_deg), self.most_deg)
         verb = "right" if off_deg > 0 else "left"
         return Action(verb=verb, arguments={"angle": round(angle, 1)}, resource=self.body.id)

@@ -1,6 +1,6 @@
-"""Which ground a walker's pictures have shown: sample points over a region, and from where to look next.
+"""The ground that a walker's pictures have shown: sample points over a region, and the next place for a picture.
 
-What stands between is not known, so a later pass looks again from other places and trusts shorter views.
+Obstacles in the view are not known, so later passes look again from other places and assume shorter views.
 """
 
 from __future__ import annotations
@@ -13,17 +13,18 @@ from lingjing.plugins.geometry import bearing_deg, turn_deg
 from lingjing_agents.ground_plane import GroundPoint, lattice
 
 SAMPLE_M = 8.0
+"""Distance between sample points in metres."""
 PASSES_M = (36.0, 24.0, 18.0)
-"""How far a view is trusted in each pass; the last one repeats."""
+"""Assumed length of a view in metres, in each pass; the last one repeats. Chosen."""
 
 WORTH = 4
-"""A picture is worth a tick if it would show so many new samples."""
+"""Number of new samples that make a picture worth a tick. Chosen."""
 
 OTHERS_M = 22.0
-"""How far somebody else's look around is trusted."""
+"""Assumed length in metres of another dog's views. Chosen."""
 
 LOOK_COST_M = 45.0
-"""What the looks around at a place cost, in metres of walking."""
+"""Cost of the pictures at a place, in metres of walking. Chosen."""
 
 
 def _always(_here: GroundPoint, _there: GroundPoint) -> bool:
@@ -32,51 +33,59 @@ def _always(_here: GroundPoint, _there: GroundPoint) -> bool:
 
 @dataclass(slots=True)
 class SeenGround:
-    """The samples of the regions' polygons that nobody has looked at in this pass. `visible` says whether one place may
-    be seen from another, as far as is known."""
+    """The sample points that no dog has photographed in this pass."""
 
     polygons: tuple[tuple[GroundPoint, ...], ...]
+    """The regions."""
     passes_m: tuple[float, ...] = PASSES_M
+    """Assumed length of a view in metres, in each pass."""
     worth: int = WORTH
+    """Number of new samples that make a picture worth a tick."""
     visible: Callable[[GroundPoint, GroundPoint], bool] = _always
+    """A function that tests whether one place can be seen from another, as far as is known."""
     number: int = 0
+    """Number of the pass, from 0."""
     unseen: set[GroundPoint] = field(default_factory=set)
+    """Samples that are not photographed yet."""
     refused: set[GroundPoint] = field(default_factory=set)
+    """Places that cannot be reached."""
 
     def __post_init__(self) -> None:
         self.again()
 
     @property
     def far_m(self) -> float:
-        """How far a view is trusted."""
+        """The assumed length of a view in metres."""
         return self.passes_m[min(self.number, len(self.passes_m) - 1)]
 
     def again(self) -> None:
-        """Begin with everything unseen, on a lattice shifted by half a step in every second pass."""
+        """Reset all samples to unseen. The lattice is shifted by half a step in every second pass."""
         shift = SAMPLE_M / 2 * (self.number % 2)
         self.refused.clear()
         self.unseen = {place for polygon in self.polygons for place in lattice(polygon, SAMPLE_M, shift)}
 
     def next_pass(self) -> None:
-        """Look at everything once more, more closely."""
+        """Start another pass with shorter views."""
         self.number += 1
         self.again()
 
     def see(self, here: GroundPoint, heading_deg: float, half_deg: float) -> None:
-        """A picture was taken from here, with half a field of view to both sides."""
+        """Mark the samples of a picture from here, with half a field of view to both sides."""
         self.unseen -= set(self.shown(here, heading_deg, half_deg))
 
     def see_around(self, here: GroundPoint) -> None:
-        """Somebody else has looked all around here; what hid the rest from them is not known, so little counts."""
+        """Mark the samples around a place that another dog has searched. Its obstacles are not known, so the radius is
+        small.
+        """
         self.unseen = {place for place in self.unseen if math.dist(place, here) > min(self.far_m, OTHERS_M)}
 
     def refuse(self, place: GroundPoint) -> None:
-        """That place cannot be reached."""
+        """Mark a place as unreachable."""
         self.refused.add(place)
         self.unseen = {other for other in self.unseen if math.dist(place, other) > SAMPLE_M * 0.8}
 
     def shown(self, here: GroundPoint, heading_deg: float, half_deg: float) -> list[GroundPoint]:
-        """The unseen samples that a picture would show."""
+        """Return the unseen samples that a picture would show."""
         return [
             place
             for place in self.unseen
@@ -86,8 +95,11 @@ class SeenGround:
         ]
 
     def best_turn(self, here: GroundPoint, heading_deg: float, half_deg: float) -> float | None:
-        """By how much to turn (a multiple of the field of view) for the picture that shows most; None if none is
-        worth taking. Staying costs nothing, so it wins a tie."""
+        """Return the turn (a multiple of the field of view) for the picture with the most new samples; None if none is
+        worth it.
+
+        No turn wins a tie, because it costs nothing.
+        """
         options = (0.0, -2 * half_deg, 2 * half_deg, 180.0)
         counts = [(len(self.shown(here, heading_deg + turn, half_deg)), -abs(turn), turn) for turn in options]
         if counts[0][0] >= self.worth:
@@ -98,8 +110,11 @@ class SeenGround:
     def next_place(
         self, here: GroundPoint, others: tuple[GroundPoint, ...], seen: Callable[[GroundPoint], bool] | None = None
     ) -> GroundPoint | None:
-        """Where to look around next: much to see and near, nearer to here than to the others if possible, and
-        `seen` from here if anything worth going to is."""
+        """Return the next place for pictures, or None: much unseen ground, near, and nearer to here than to `others` if
+        possible.
+
+        Places that `seen` accepts are preferred.
+        """
         options = sorted(place for place in self.unseen if place not in self.refused)
         own = [place for place in options if all(math.dist(place, here) <= math.dist(place, at) for at in others)]
         best, best_score = None, 0.0

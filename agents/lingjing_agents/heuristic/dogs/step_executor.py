@@ -1,4 +1,4 @@
-"""A walker that sees nothing: carries out the step that the last guidance names and says what came of it."""
+"""The rules of a walker without a camera: carry out the step of the last guidance and report its result."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.sightings import name_in
 
 ENDED = {"completed": "done", "rejected": "blocked"}
-"""What a guide is told about the receipts of a step."""
+"""The reported state for each receipt status that ends a step."""
 
 PATIENCE_TICKS = 4
+"""Ticks without a receipt after which the next step begins. Chosen."""
 
 
 class StepExecutor:
-    """One body that is told each step."""
+    """One body that is guided step by step."""
 
     roles: ClassVar[tuple[str, ...]] = ("executor",)
     reads: ClassVar[tuple[str, ...]] = ("guidance",)
@@ -30,9 +31,9 @@ class StepExecutor:
         self._under_way = -1
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """Report how the last step ended; begin the next."""
+        """Report the result of the last step and begin the next."""
         for envelope in inbox.messages:
-            step = step_in(envelope, self._brief.agent, self._body)
+            step = _step_in(envelope, self._brief.agent, self._body)
             if step is not None:
                 self._steps.append(step)
         messages: tuple[Outgoing, ...] = ()
@@ -56,8 +57,8 @@ class StepExecutor:
         return resource == self._body.id and status in ENDED
 
 
-def step_in(envelope: Envelope, agent: str, body: Resource) -> Action | None:
-    """The step that a message of guidance asks of `agent`, as a command of `body`; None if it asks for none."""
+def _step_in(envelope: Envelope, agent: str, body: Resource) -> Action | None:
+    """Return the step that a message of guidance requests of `agent`, as a command of `body`, or None."""
     step, assignee = name_in(envelope.body, "step"), name_in(envelope.body, "assignee")
     amount = envelope.body.get("amount")
     if envelope.category != "assignment" or step is None or not has_verb(body, step):

@@ -1,5 +1,5 @@
-"""Rules of agents that fly and lead a walking body which does not see what it is to find, by `guidance` messages.
+"""Rules of flying agents that guide a walker which cannot see its destination, by `guidance` messages.
 
-- `to_leak`       finds a leak, reports it, then sends one step at a time
-- `to_building`   leads to the building of a reference picture by a whole path at once
+- `to_leak`: finds a leak, reports it, then sends one step at a time
+- `to_building`: guides to the building of a reference picture with a whole path at once
 """

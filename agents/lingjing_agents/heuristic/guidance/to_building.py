@@ -1,9 +1,9 @@
-"""Leading a walker to the building of a reference picture with pictures from above.
+"""Guidance of a walker to the building of a reference picture, with pictures from above.
 
-Whoever is shown the reference and the flier's pictures has the flier look down on the region where the walker stands,
-compares the walls that these pictures show with the reference, and makes a way around all that stands on the ground
-to the front of the most likely one. The walker's own picture of that front confirms it or not: a front that is another,
-or was reached in vain, is struck out, and the next is tried.
+An agent that receives the reference and the aircraft's pictures has the aircraft photograph the region around the
+walker. It compares the walls in these pictures with the reference and plans a path around all obstacles to the front of
+the most similar one. The walker's own picture of that front confirms or refutes it. A refuted front, or one that was
+reached in vain, is excluded, and the next is tried.
 """
 
 from __future__ import annotations
@@ -30,57 +30,66 @@ from lingjing_agents.perception.building_walls import (
 )
 
 REFERENCE = "reference"
+"""The camera name of reference pictures."""
 MARGIN_M = 12.0
-"""How far beyond the region buildings are looked at."""
+"""Margin in metres around the region within which buildings are examined. Chosen."""
 
 EYE_M = 0.33
-"""How high over the ground a walker's body is."""
+"""Height of a walker's body above the ground in metres."""
 
 APART_M, SEEN_M = 40.0, 15.0
-"""How far apart along the region pictures from above are taken at most, so that each wall is seen aslant in one of
-them, and how near to such a place one counts."""
+"""Largest distance in metres between pictures along the region, so that one of them shows each wall at an angle, and
+distance within which a place counts as photographed. Chosen.
+"""
 
 NEAR_M, NEARER_M = 9.0, 4.0
-"""How near to a door the way ends; who came so near in vain is sent nearer once."""
+"""Distance in metres from a door at which a path ends, first and after a visit in vain. Chosen."""
 
 INSET_M = -5.0
-"""The way keeps so far inside the region: there are streets around it."""
+"""Margin in metres of paths inside the region (negative: inwards), because there are streets around it. Chosen."""
 
 LONGEST_M = 25.0
-"""How far a walker is taken to go with one command."""
+"""Assumed longest step of a walker in metres. Chosen."""
 
 DOOR_BONUS, LONG_BONUS = 0.06, 0.05
-"""What a door in a wall, and its being the building's longer side, count when walls look alike."""
+"""Score of a visible door, and of the building's longer side, beside the similarity. Chosen."""
 
 SURE = 0.72
-"""Likeness from which a wall is gone to before all pictures have come."""
+"""Similarity from which on a wall is approached before all pictures have arrived. Chosen."""
 
 AT_M, STOOD_TICKS, RULED_OUT_M = 5.0, 4, 22.0
-"""Who stood so near to the way's end for so many ticks was there in vain; all walls this near are struck out."""
+"""A walker within `AT_M` metres of a path's end for `STOOD_TICKS` ticks was there in vain; all walls within
+`RULED_OUT_M` metres are excluded. Chosen.
+"""
 
 SAME_M = 12.0
-"""Walls whose middles are this near are one that was seen better."""
+"""Distance in metres between centres within which two walls are the same one, seen better. Chosen."""
 
 OTHER, FACING_DEG, FACING_M = 0.5, 30.0, 45.0
-"""A front less like the reference than this is another, if the walker's picture was taken from this near and looked
-towards it."""
+"""Similarity below which a front is another one, for a walker's picture within these bearing (degrees) and distance (m)
+limits. Chosen.
+"""
 
 FRONT = (slice(0, 36), slice(15, 85))
-"""Where in a walker's picture the front is that it faces: rows and columns, in hundredths."""
+"""The part of a walker's picture with the front that it faces: rows and columns, in hundredths. Chosen."""
 
 
 @dataclass(slots=True)
-class ApproachedWall:
-    """The wall that is gone to, the end of the way before it, and for how many ticks the walker has stood there."""
+class _ApproachedWall:
+    """The wall that the walker is guided to."""
 
     wall: BuildingWall
+    """The wall."""
     end: GroundPoint
+    """The end of the path."""
     stood: int = 0
+    """Ticks for which the walker has stood there."""
     nearer: bool = False
+    """True after a visit in vain: the path ends nearer to the door."""
 
 
 class BuildingGuidance:
-    """What one episode has shown of the region and where the walker is being led."""
+    """The guidance of one episode: views of the region, excluded walls, present target."""
 
     def __init__(
         self, follower: Peer, message: MessageSpec, reference: ColourSpread, region: tuple[GroundPoint, ...]
@@ -92,11 +101,13 @@ class BuildingGuidance:
         self._views: tuple[ColouredPoints, ...] = ()
         self._walls: tuple[BuildingWall, ...] | None = None
         self._ruled_out: list[GroundPoint] = []
-        self._target: ApproachedWall | None = None
+        self._target: _ApproachedWall | None = None
 
     @staticmethod
     def of(brief: Brief, observation: Observation) -> BuildingGuidance | None:
-        """A guide for an agent that may guide a walker whose place it sees and that was shown a reference."""
+        """Return the guidance of an agent that may guide a walker, observes its position and received a reference; else
+        None.
+        """
         message = sends(brief, "guidance")
         reference = next((picture for picture in observation.pictures if picture.camera == REFERENCE), None)
         if message is None or reference is None:
@@ -112,14 +123,14 @@ class BuildingGuidance:
         return None
 
     def viewpoints(self, start: GroundPoint, most: int) -> tuple[GroundPoint, ...]:
-        """Over which places, `most` at most, to take pictures, flying across the region from the side of `start`."""
+        """Return at most `most` places for pictures, on a flight across the region from the side of `start`."""
         places = viewpoints(self._region, start, most)
         if self._unseen is None:
             self._unseen = list(places)
         return places
 
     def see(self, observation: Observation) -> None:
-        """Take in the pictures from above that came."""
+        """Process the new pictures."""
         follower = self._view(observation)
         ground = follower.position[2] - EYE_M if follower is not None and follower.position is not None else 0.0
         for picture in observation.pictures:
@@ -133,8 +144,10 @@ class BuildingGuidance:
                 self._confirm(picture)
 
     def lead(self, observation: Observation, *, waited: bool) -> tuple[Outgoing, ...]:
-        """The way to the most likely front as messages, whenever that is another one than before. Until all pictures
-        have come or have been `waited` for long enough only a wall that is very like the reference is gone to."""
+        """Return the path to the best front as messages, whenever the front changes.
+
+        Until all pictures have arrived, or have been `waited` for, only a very similar wall is approached.
+        """
         follower = self._view(observation)
         if follower is None or follower.position is None or not self._views:
             return ()
@@ -153,7 +166,7 @@ class BuildingGuidance:
         return self._send_to(follower, best, nearer=False)
 
     def _send_to(self, follower: EntityView, wall: BuildingWall, *, nearer: bool) -> tuple[Outgoing, ...]:
-        """The way to a wall's door, or to its middle where none shows."""
+        """Return the path to a wall's door, or to its centre without a visible door."""
         assert follower.position is not None
         goal, here = wall.door or wall.middle, follower.position[:2]
         points = np.concatenate([view.points for view in self._views])
@@ -161,14 +174,14 @@ class BuildingGuidance:
         within, heading = (NEARER_M if nearer else NEAR_M), follower.heading_deg or 0.0
         way = fewest_commands(ground, self._path_bounds, here, heading, goal, within, LONGEST_M)
         way = way or (offset_xy(goal, wall.bearing_deg, within),)
-        self._target = ApproachedWall(wall, way[-1], nearer=nearer)
+        self._target = _ApproachedWall(wall, way[-1], nearer=nearer)
         unsure = self._likeness(wall) < SURE and len(way) > 1
         steps = [(WALK, place) for place in way]
         steps.insert(len(way) - 1 if unsure else len(way), (FACE, goal))
         return self._tell(steps)
 
     def _confirm(self, picture: Picture) -> None:
-        """Strike out the front that the walker's picture shows to be another."""
+        """Exclude the target if the walker's picture shows another front."""
         target, pose = self._target, picture.pose
         if target is None:
             return
@@ -183,7 +196,7 @@ class BuildingGuidance:
         if self._reference.likeness(signature(picture.rgb[rows, columns].reshape(-1, 3))) < OTHER:
             self._rule_out(target)
 
-    def _rule_out(self, target: ApproachedWall) -> None:
+    def _rule_out(self, target: _ApproachedWall) -> None:
         self._ruled_out.append(target.wall.middle)
         self._target = None
 
@@ -191,7 +204,7 @@ class BuildingGuidance:
         return view_of(observation, self._follower.resources[0])
 
     def _notice(self, here: GroundPoint) -> None:
-        """Strike out what the walker stands near to, if nothing has come of it."""
+        """Exclude the target if the walker stands near it without an arrival."""
         target = self._target
         if target is None:
             return
@@ -230,8 +243,10 @@ class BuildingGuidance:
 
 
 def viewpoints(region: tuple[GroundPoint, ...], start: GroundPoint, most: int) -> tuple[GroundPoint, ...]:
-    """Over which places pictures of a region are taken: along its middle, straight on from the side of `start`, because
-    a picture is wider than high and its top is where the flier came to."""
+    """Return the places for pictures of a region: along its centre, away from the side of `start`.
+
+    A picture is wider than high, and its top points in the direction of flight.
+    """
     xs, ys = [x for x, _ in region], [y for _, y in region]
     west, south, wide, deep = min(xs), min(ys), max(xs) - min(xs), max(ys) - min(ys)
     east_of, north_of = (start[0] - west) / wide - 0.5, (start[1] - south) / deep - 0.5

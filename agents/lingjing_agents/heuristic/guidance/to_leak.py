@@ -1,9 +1,9 @@
-"""The guiding pilot's rules: find the leak from above, say where it is, then lead somebody who does not see to it.
+"""The guiding pilot's rules: find the leak from above, report it, then guide a walker without a camera to it.
 
-It flies from place to place over the narrowest region until a picture shows a leak, goes down to look closer, reports,
-and sends one step at a time: a turn or a walk, around what its depth pictures show standing on the ground. Nobody says
-what a report was worth: if the first walk is not even begun, it goes down and reports again. What steps are left is
-counted: each must be worth its message.
+The pilot flies over the narrowest region until a picture shows a leak, descends for a nearer picture, reports, and
+sends one step at a time: a turn or a walk, around the obstacles in its depth pictures. Adjudication gives no feedback
+on a report. If the first walk does not begin, the pilot descends and reports again. Messages of guidance are limited,
+so each must be worth it.
 """
 
 from __future__ import annotations
@@ -39,40 +39,51 @@ from lingjing_agents.perception.depth_points import close_what_stands, heights
 from lingjing_agents.perception.pipe_leaks import PipeLeak, find_leaks
 
 STEP_M = 7.5
-"""The longest walk one piece of guidance asks for."""
+"""Longest walk of one message in metres. Chosen."""
 
 OFF_DEG = 6.0
+"""Tolerated heading error of a walk in degrees. Chosen."""
 BESIDE_M = 2.0
+"""Distance in metres from the leak at which guidance ends. Chosen."""
 REACHED_M = 4.0
+"""Distance in metres at which a waypoint counts as reached. Chosen."""
 PASSES_M = (45.0, 30.0, 20.0)
-"""Heights of the search, lower with each pass."""
+"""Search heights in metres, lower with each pass. Chosen."""
 
 BEGUN_M = 0.5
-"""A walk of this much was allowed."""
+"""Motion in metres from which on a walk has begun, and so was permitted. Chosen."""
 CLOSER_M = 26.0
+"""Height in metres of the first nearer picture. Chosen."""
 SURE = 0.4
+"""Least confidence of a detection. Chosen."""
 ANSWER_TICKS = 3
-"""How long it waits between reports, and for a step to be carried out when nobody says how it ended."""
+"""Ticks between two reports, and ticks for a step without a report of its end. Chosen."""
 
 SAMPLE_M = 6.0
+"""Distance between search places in metres. Chosen."""
 EYE_M = 0.33
-"""How high over the ground a guided dog's body is."""
+"""Height of a guided dog's body above the ground in metres."""
 
 
 @dataclass(slots=True)
-class BelievedLeak:
-    """The leak as known: its place, whether its last report is trusted, when that was sent, how many there were."""
+class _BelievedLeak:
+    """The believed leak."""
 
     place: Vector
+    """Its position in metres."""
     trusted: bool = False
-    told: int = -99
+    """True if its last report counts as accepted."""
+    reported_tick: int = -99
+    """The tick of the last report; -99 before the first."""
     reports: int = 0
+    """Number of reports."""
 
 
 class LeakGuidance:
-    """One camera in the air and one follower on the ground. All state is of this episode.
+    """One airborne camera and one walker. Its state belongs to one episode.
 
-    Several pilots share the line and fly at levels of their own; one who has no follower only looks, and is believed.
+    Several pilots share the search area and fly at levels of their own. A pilot without a walker only searches; its
+    reports are trusted.
     """
 
     roles: ClassVar[tuple[str, ...]] = ("pilot",)
@@ -101,7 +112,7 @@ class LeakGuidance:
         self._passes, self._left = 0, self._share()
         self._ground = 0.0
         self._dog_at: GroundPoint | None = None
-        self._leak: BelievedLeak | None = None
+        self._leak: _BelievedLeak | None = None
         self._goal: Vector | None = None
         self._flights = 0
         self._mapped: set[tuple[int, int]] = set()
@@ -109,24 +120,24 @@ class LeakGuidance:
         self._step: tuple[int, GroundPoint, float, str, float] | None = None
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """Look and listen, speak, fly."""
+        """Process pictures and messages, send guidance, fly."""
         own = view_of(observation, self._body.id)
         dog = view_of(observation, self._follower.resources[0]) if self._follower is not None else None
         if own is None or own.position is None:
             return Decision()
         if dog is not None and dog.position is not None:
             self._ground, self._dog_at = dog.position[2] - EYE_M, dog.position[:2]
-        said: tuple[Outgoing, ...] = ()
+        messages: tuple[Outgoing, ...] = ()
         for picture in observation.pictures:
             if picture.entity == self._body.id and picture.camera == self._camera.name:
-                said += self._look(picture, observation)
+                messages += self._look(picture, observation)
         self._hear(observation, inbox, dog)
         if self._leak is not None and self._leak.trusted and dog is not None:
-            said += self._lead(observation, dog)
+            messages += self._lead(observation, dog)
         command = None if own.busy else self._fly(observation, own, dog)
-        return Decision(command=command, messages=said)
+        return Decision(command=command, messages=messages)
 
-    # -- seeing and saying
+    # -- pictures and reports
 
     def _look(self, picture: Picture, observation: Observation) -> tuple[Outgoing, ...]:
         if picture.depth is not None:
@@ -137,17 +148,19 @@ class LeakGuidance:
             self._left = [place for place in self._left if not inside(footprint, place)]
         finds = [leak for leak in find_leaks(picture.rgb, picture.pose, self._ground) if self._plausible(leak)]
         if not finds:
-            if self._leak is not None and not self._leak.trusted and self._leak.told < 0:
-                self._leak = None  # from nearer there is nothing
+            if self._leak is not None and not self._leak.trusted and self._leak.reported_tick < 0:
+                self._leak = None  # the nearer picture shows no leak
             return ()
         leak = finds[0]
         near = picture.pose.position[2] - self._ground < CLOSER_M + 4.0
         if self._leak is None or not self._leak.trusted:
-            told, reports = (self._leak.told, self._leak.reports) if self._leak is not None else (-99, 0)
-            self._leak = BelievedLeak(leak.place, False, told, reports)
+            reported_tick, reports = (
+                (self._leak.reported_tick, self._leak.reports) if self._leak is not None else (-99, 0)
+            )
+            self._leak = _BelievedLeak(leak.place, False, reported_tick, reports)
         if not near and leak.confidence < 0.9 and self._leak.reports == 0:
             return ()
-        if self._leak.trusted or observation.tick - self._leak.told < ANSWER_TICKS:
+        if self._leak.trusted or observation.tick - self._leak.reported_tick < ANSWER_TICKS:
             return ()
         return self._say(picture, leak, observation.tick)
 
@@ -157,7 +170,7 @@ class LeakGuidance:
 
     def _say(self, picture: Picture, leak: PipeLeak, tick: int) -> tuple[Outgoing, ...]:
         assert self._leak is not None
-        self._leak.told, self._leak.reports = tick, self._leak.reports + 1
+        self._leak.reported_tick, self._leak.reports = tick, self._leak.reports + 1
         if self._report is None:
             return ()
         where = centimetres(leak.place)
@@ -167,28 +180,28 @@ class LeakGuidance:
         return next((name for name in self._brief.classes if "leak" in name), (*self._brief.classes, "leak")[0])
 
     def _hear(self, observation: Observation, inbox: Inbox, dog: EntityView | None) -> None:
-        if self._leak is not None and 0 <= self._leak.told < observation.tick:
+        if self._leak is not None and 0 <= self._leak.reported_tick < observation.tick:
             self._leak.trusted = True
         for envelope in inbox.messages:
             place = position_in(envelope.body) if envelope.sender in self._idle else None
             if place is not None and envelope.category == "report" and self._leak is None:
-                self._leak = BelievedLeak((*place, self._ground), True, observation.tick, 1)
+                self._leak = _BelievedLeak((*place, self._ground), True, observation.tick, 1)
         if self._step is None or dog is None or dog.position is None or dog.heading_deg is None:
             return
         since, start, heading, verb, amount = self._step
         states = [
             name_in(envelope.body, "state") for envelope in inbox.messages if envelope.category == "target_status"
         ]
-        gone, turned = math.dist(start, dog.position[:2]), abs(turn_deg(heading, dog.heading_deg))
-        carried_out = gone > amount - 0.5 if verb == "forward" else turned > amount - 3.0
+        moved_m, turned = math.dist(start, dog.position[:2]), abs(turn_deg(heading, dog.heading_deg))
+        carried_out = moved_m > amount - 0.5 if verb == "forward" else turned > amount - 3.0
         late = observation.tick - since > 2 * ANSWER_TICKS
         ended = observation.tick - since >= ANSWER_TICKS and ("done" in states or "blocked" in states)
         if not (carried_out or ended or late):
             return
-        self._walked = self._walked or (verb == "forward" and gone > BEGUN_M)
+        self._walked = self._walked or (verb == "forward" and moved_m > BEGUN_M)
         if verb == "forward" and not self._walked and self._leak is not None:
-            self._leak = BelievedLeak(self._leak.place, False, -ANSWER_TICKS, self._leak.reports)
-        elif verb == "forward" and gone < amount - 1.0:
+            self._leak = _BelievedLeak(self._leak.place, False, -ANSWER_TICKS, self._leak.reports)
+        elif verb == "forward" and moved_m < amount - 1.0:
             self._map.bump(dog.position[:2], dog.heading_deg)
         self._step = None
 
@@ -226,7 +239,7 @@ class LeakGuidance:
         if leak is not None and leak.trusted:
             return self._map_the_way(own, dog)
         if leak is not None:
-            if observation.tick - leak.told < ANSWER_TICKS:
+            if observation.tick - leak.reported_tick < ANSWER_TICKS:
                 return None
             height = max(self._low + 2.0, CLOSER_M - 4.0 * leak.reports)
             return self._photograph_at(own, (leak.place[0], leak.place[1], self._ground + height))
@@ -251,7 +264,7 @@ class LeakGuidance:
         return place[0], place[1], self._ground + height
 
     def _map_the_way(self, own: EntityView, dog: EntityView | None) -> Action | None:
-        """Pictures of the ground between the follower and the leak, while it is being led."""
+        """Photograph the ground between walker and leak during guidance."""
         assert self._leak is not None and own.position is not None
         if dog is None or dog.position is None:
             return None
@@ -266,7 +279,7 @@ class LeakGuidance:
         return action
 
     def _share(self) -> list[GroundPoint]:
-        """The places over the line that this one of several pilots looks at."""
+        """Return this pilot's share of the search places."""
         places = lattice(self._line, SAMPLE_M)
         return places[self._rank * len(places) // self._mates : (self._rank + 1) * len(places) // self._mates]
 
@@ -282,7 +295,7 @@ class LeakGuidance:
 
 
 def _followers(brief: Brief) -> list[Peer]:
-    """Whom guidance goes to, each from the pilot of the same rank: peers with a body that may receive it."""
+    """Return the walkers, one for the pilot of each rank: peers with a body that may receive guidance."""
     guide = sends(brief, "guidance")
     others = [peer for peer in brief.peers if peer.resources and peer.role != brief.role]
     return [peer for peer in others if guide is not None and guide.is_for(peer.role)]

@@ -17,37 +17,41 @@ from lingjing_agents.perception.learned.targets import SCALES, TargetScale, redu
 from lingjing_agents.perception.people_at_sea import FoundBox
 
 LEAST_EVIDENCE = -2.0
-"""Cells with less are not looked at."""
+"""Evidence below which a cell is ignored."""
 
 MOST_CELLS = 400
-"""Of the cells with evidence, so many of the best are made boxes of."""
+"""Number of cells with the highest evidence that become boxes."""
 
 SAME = 0.3
-"""The IoU from which two boxes are of one target."""
+"""IoU from which on two boxes belong to one target."""
 
 MOSTLY = 0.7
-"""The share of the smaller of two boxes from which they are of one target, however large the other is."""
+"""Share of the smaller of two boxes in the other from which on they belong to one target."""
 
 PixelBoxes = npt.NDArray[np.float64]
-"""x0, y0, x1, y1 and the evidence, a line for each box; in pixels of the whole picture."""
+"""(n, 5): x0, y0, x1, y1 in pixels of the whole picture, and the evidence."""
 
 
 @dataclass(frozen=True, slots=True)
 class LearnedDetector:
-    """The network of one class. Between the points of `evidence` and `confidences` the confidence is interpolated."""
+    """The network of one class."""
 
     scale: TargetScale
+    """The scale at which the class is searched for."""
     network: IntegerNetwork
+    """The network."""
     evidence: tuple[float, ...]
+    """The evidence at the points of the calibration curve."""
     confidences: tuple[float, ...]
+    """The confidence at these points, interpolated between them."""
 
     def find(self, rgb: ByteImage, pose: CameraPose, level_m: float) -> tuple[FoundBox, ...]:
-        """Targets in a picture (height, width, 3) taken over ground at elevation `level_m`, the surest first."""
+        """Return the targets in a picture (height, width, 3) over ground at `level_m`, highest confidence first."""
         height, width = rgb.shape[:2]
-        found = self.boxes(rgb, pose, level_m)
+        boxes = self.boxes(rgb, pose, level_m)
         size = np.array([width, height, width, height], np.float64)
-        shares = np.clip(found[:, :4] / size, 0.0, 1.0)
-        sure = np.interp(found[:, 4], self.evidence, self.confidences)
+        shares = np.clip(boxes[:, :4] / size, 0.0, 1.0)
+        sure = np.interp(boxes[:, 4], self.evidence, self.confidences)
         return tuple(
             FoundBox(_image_box(share), confidence)
             for share, confidence in zip(shares.tolist(), sure.tolist(), strict=True)
@@ -55,7 +59,7 @@ class LearnedDetector:
         )
 
     def boxes(self, rgb: ByteImage, pose: CameraPose, level_m: float) -> PixelBoxes:
-        """The boxes that are left of those of all cells, most evidence first; nothing in a black picture."""
+        """Return the distinct boxes of all cells, highest evidence first; none in a black picture."""
         if not rgb.any():
             return np.empty((0, 5))
         answers = [
@@ -66,14 +70,14 @@ class LearnedDetector:
 
 
 def learned_detectors() -> Mapping[str, Callable[[ByteImage, CameraPose, float], tuple[FoundBox, ...]]]:
-    """What finds targets, by class: of all classes that a detector ships for."""
-    found = ((cls, learned_detector(cls)) for cls in SCALES)
-    return {cls: detector.find for cls, detector in found if detector is not None}
+    """Return the shipped detectors by class."""
+    shipped = ((cls, learned_detector(cls)) for cls in SCALES)
+    return {cls: detector.find for cls, detector in shipped if detector is not None}
 
 
 @cache
 def learned_detector(cls: str) -> LearnedDetector | None:
-    """The shipped detector of a class, None if none was trained for it."""
+    """Return the shipped detector of a class, or None."""
     file = resources.files("lingjing_agents.perception.learned") / "weights" / f"{cls}.npz"
     if cls not in SCALES or not file.is_file():
         return None
@@ -95,15 +99,15 @@ def _image_box(share: list[float]) -> ImageBox:
 
 def _cell_boxes(answer: npt.NDArray[np.float32], factor: int) -> PixelBoxes:
     rows, columns = np.nonzero(answer[..., 0] >= LEAST_EVIDENCE)
-    told = answer[rows, columns].astype(np.float64)
-    order = np.argsort(-told[:, 0], kind="stable")[:MOST_CELLS]
-    told, x, y = told[order], columns[order] * CELL_PX + 0.5, rows[order] * CELL_PX + 0.5
-    edges = np.stack([x - told[:, 1], y - told[:, 2], x + told[:, 3], y + told[:, 4]], axis=1)
-    return np.concatenate([edges * factor, told[:, :1]], axis=1)
+    cells = answer[rows, columns].astype(np.float64)
+    order = np.argsort(-cells[:, 0], kind="stable")[:MOST_CELLS]
+    cells, x, y = cells[order], columns[order] * CELL_PX + 0.5, rows[order] * CELL_PX + 0.5
+    edges = np.stack([x - cells[:, 1], y - cells[:, 2], x + cells[:, 3], y + cells[:, 4]], axis=1)
+    return np.concatenate([edges * factor, cells[:, :1]], axis=1)
 
 
 def _distinct(boxes: PixelBoxes) -> PixelBoxes:
-    """Of boxes that overlap the one with most evidence; ones that are turned inside out are none."""
+    """Return the box with the highest evidence of each overlapping group. Inverted boxes are dropped."""
     whole = boxes[(boxes[:, 2] > boxes[:, 0]) & (boxes[:, 3] > boxes[:, 1])]
     left = whole[np.argsort(-whole[:, 4], kind="stable")]
     kept = []
@@ -114,13 +118,13 @@ def _distinct(boxes: PixelBoxes) -> PixelBoxes:
     return np.array(kept).reshape(-1, 5)
 
 
-def _overlaps(one: npt.NDArray[np.float64], others: PixelBoxes) -> npt.NDArray[np.float64]:
-    """The IoU of a box with each of others; more if one holds most of the other."""
-    wide = np.minimum(one[2], others[:, 2]) - np.maximum(one[0], others[:, 0])
-    high = np.minimum(one[3], others[:, 3]) - np.maximum(one[1], others[:, 1])
+def _overlaps(box: npt.NDArray[np.float64], others: PixelBoxes) -> npt.NDArray[np.float64]:
+    """Return the IoU of a box with each of `others`, or the covered share if one contains most of the other; (n,)."""
+    wide = np.minimum(box[2], others[:, 2]) - np.maximum(box[0], others[:, 0])
+    high = np.minimum(box[3], others[:, 3]) - np.maximum(box[1], others[:, 1])
     shared = np.maximum(wide, 0.0) * np.maximum(high, 0.0)
     areas = (others[:, 2] - others[:, 0]) * (others[:, 3] - others[:, 1])
-    own = (one[2] - one[0]) * (one[3] - one[1])
+    own = (box[2] - box[0]) * (box[3] - box[1])
     inside = shared / np.minimum(areas, own)
     overlaps: npt.NDArray[np.float64] = np.maximum(shared / (areas + own - shared), inside * (inside > MOSTLY))
     return overlaps

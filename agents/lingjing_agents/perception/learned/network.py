@@ -1,9 +1,9 @@
-"""A convolutional network in whole numbers: what it answers has the same bits on every processor.
+"""A convolutional network in whole numbers: its output has the same bits on every processor.
 
-Five convolutions of 3 by 3 (the first two halve the picture) and one of 1 by 1 on top. Weights are int8 and activations
-whole numbers from 0 to 255, so every sum in a convolution is a whole number below 2**24: float32 holds each of them
-exactly, and the order in which a BLAS adds them up, which differs by processor, changes nothing. Between the layers
-each value is multiplied once, rounded and clipped, element by element, which IEEE 754 defines to the last bit.
+It has five convolutions of 3 by 3 (the first two halve the picture) and one of 1 by 1. Weights are int8 and activations
+whole numbers from 0 to 255, so every sum in a convolution is a whole number below 2**24. float32 holds each exactly,
+and the order of a BLAS's additions, which differs by processor, has no effect. Between layers each value is multiplied
+once, rounded and clipped, element by element, which IEEE 754 defines to the last bit.
 """
 
 from __future__ import annotations
@@ -16,37 +16,41 @@ import numpy.typing as npt
 from lingjing_agents.perception.images import ByteImage
 
 STRIDES = (2, 2, 1, 1, 1)
+"""Stride of each 3 by 3 convolution."""
 DILATIONS = (1, 1, 1, 2, 4)
+"""Dilation of each 3 by 3 convolution."""
 CELL_PX = 4
-"""Pixels of the picture from one cell of the answer to the next."""
+"""Pixels of the picture per cell of the output."""
 
 MIDDLE = 128
-"""What is taken from a pixel's value before the first layer; what lies outside of the picture counts as this grey."""
+"""Value that is subtracted from each pixel before the first layer; pixels outside the picture count as this grey."""
 
 TOP = 255
 """The highest activation."""
 
 EXACT = 2**24
-"""Up to here float32 holds every whole number."""
+"""Bound below which float32 holds every whole number."""
 
 BAND_ROWS = 64
-"""Rows of cells that are computed at a time: what they take stays in a processor's cache."""
+"""Rows of cells that are computed at a time, so that the data stay in a processor's cache."""
 
 HALO_ROWS = 1 + 1 + 2 + 4
-"""Rows of cells beside a band that its answer hangs on."""
+"""Rows of cells beside a band on which its output depends."""
 
 
 @dataclass(frozen=True, slots=True)
 class IntegerLayer:
-    """One convolution: `weights` (taps × channels in, channels out) and `bias` are whole numbers; a sum times `scale`,
-    one for each channel out, is what the layer says."""
+    """One convolution."""
 
     weights: npt.NDArray[np.float32]
+    """(taps × channels in, channels out), whole numbers."""
     bias: npt.NDArray[np.float32]
+    """(channels out,), whole numbers."""
     scale: npt.NDArray[np.float32]
+    """(channels out,), the factors of the sums."""
 
     def __post_init__(self) -> None:
-        """Raise `ValueError` for weights whose sums float32 might not hold exactly."""
+        """Raise `ValueError` for weights with sums that float32 may not hold exactly."""
         most = float(np.abs(self.weights).sum(axis=0).max()) * TOP + float(np.abs(self.bias).max())
         if not np.array_equal(self.weights, np.rint(self.weights)) or not most < EXACT:
             raise ValueError(f"sums may reach {most:.0f}, and whole numbers are exact below {EXACT}")
@@ -54,13 +58,16 @@ class IntegerLayer:
 
 @dataclass(frozen=True, slots=True)
 class IntegerNetwork:
-    """The layers of one network, the last of which is the 1 by 1."""
+    """The layers of one network; the last is the 1 by 1 convolution."""
 
     layers: tuple[IntegerLayer, ...]
 
     def answer(self, picture: ByteImage) -> npt.NDArray[np.float32]:
-        """(rows, columns, 5) for a picture (height, width, 3): for each cell the evidence that it is the middle of a
-        target, and how far the target reaches to the left, up, right and down from there, in pixels."""
+        """Return (rows, columns, 5) for a picture (height, width, 3).
+
+        For each cell: the evidence that it is the centre of a target, and the distances from there to the target's
+        left, top, right and bottom edge, in pixels.
+        """
         height, width = picture.shape[:2]
         rows = -(-height // CELL_PX)
         out = np.empty((rows, -(-width // CELL_PX), 5), np.float32)
@@ -82,7 +89,7 @@ class IntegerNetwork:
 
 
 def taps(values: npt.NDArray[np.float32], stride: int, dilation: int) -> npt.NDArray[np.float32]:
-    """What a 3 by 3 convolution sees around each of its cells: (pictures, rows, columns, 9 × channels)."""
+    """Return the input of a 3 by 3 convolution at each of its cells: (pictures, rows, columns, 9 × channels)."""
     count, height, width, channels = values.shape
     rows, columns = -(-height // stride), -(-width // stride)
     padded = np.pad(values, ((0, 0), (dilation, dilation), (dilation, dilation), (0, 0)))

@@ -1,8 +1,8 @@
-"""At what scale each class of target is looked for.
+"""The scale at which each class of target is searched for.
 
-A network sees some 60 pixels around a cell, so a picture is first made smaller by whole factors until its targets are
-about 10 to 40 pixels long: one factor for a camera that looks straight down from a known height, several for one that
-looks ahead, where near and far targets stand in one picture.
+A network covers about 60 pixels around a cell. A picture is first reduced by whole factors until its targets are about
+10 to 40 pixels long: one factor for a nadir camera at a known height, several for a front camera, where near and far
+targets share a picture.
 """
 
 from __future__ import annotations
@@ -18,14 +18,15 @@ from lingjing_agents.perception.images import ByteImage
 
 @dataclass(frozen=True, slots=True)
 class TargetScale:
-    """Metres that a pixel of the reduced picture is to show on the ground, or the factors themselves (of a camera that
-    looks ahead)."""
+    """The scale of one class: a ground resolution for nadir cameras, or fixed factors for front cameras."""
 
     metres_per_px: float = 0.0
+    """Metres per pixel of the reduced picture on the ground; 0 with fixed factors."""
     factors: tuple[int, ...] = ()
+    """Fixed factors; empty with a ground resolution."""
 
     def factors_for(self, pose: CameraPose, level_m: float) -> tuple[int, ...]:
-        """By what the picture is to be made smaller; nothing for a camera below the ground's elevation."""
+        """Return the factors by which a picture is reduced; none for a camera below the ground's elevation."""
         if self.factors:
             return self.factors
         above = pose.position[2] - level_m
@@ -39,17 +40,19 @@ SCALES = {
     "bridge_fracture": TargetScale(metres_per_px=0.8),
     "fire_source": TargetScale(factors=(1, 2, 4)),
 }
-"""By the name of the class."""
+"""The scales by class name."""
 
 
 def reduced(rgb: ByteImage, factor: int) -> ByteImage:
-    """A picture (height, width, 3) made smaller by a whole factor: means of squares, rounded in whole numbers. What is
-    left over at its right and lower edge is cut off."""
+    """Return a picture (height, width, 3) reduced by a whole factor: means of squares, rounded in whole numbers.
+
+    Pixels beyond the last whole square at the right and lower edge are cut off.
+    """
     if factor == 1:
         return rgb
     height, width = rgb.shape[0] // factor, rgb.shape[1] // factor
     cut = rgb[: height * factor, : width * factor]
-    # Rows first: whole rows of bytes are added up in one go.
+    # Rows first: numpy adds contiguous rows of bytes fastest.
     rows = cut.reshape(height, factor, -1).sum(axis=1, dtype=np.uint32).reshape(height, width, factor, 3)
     total = rows.sum(axis=2, dtype=np.uint32)
     area = factor * factor
