@@ -24,7 +24,7 @@ SCRIPTS = (
 
 
 def main() -> int:
-    """Run them in order; the exit code is that of the first that fails, after all have run."""
+    """Run the benchmarks in order. Return the exit code of the first that fails, after all have run."""
     codes = []
     for script in SCRIPTS:
         print(f"\n## {script.removesuffix('.py')}\n", flush=True)

@@ -46,11 +46,11 @@ FLIGHT, FLIGHTS = 40, 3
 class MujocoTown(MujocoCamera):
     """The same triangles as static geoms: one for each material of a tile, one for each prop."""
 
-    def __init__(self, city: City, given: Instance) -> None:
+    def __init__(self, city: City, placed: Instance) -> None:
         super().__init__(near=0.001, far=20.0)
         self._city(city)
         for name, (camera, height, heading) in VIEWS.items():
-            mount = next(c for c in given.entities[0].cameras if c.name == camera)
+            mount = next(c for c in placed.entities[0].cameras if c.name == camera)
             self.add_view(name, mount, (0.0, 0.0, height), heading)
         self.compiled()
 
@@ -89,8 +89,8 @@ class MujocoTown(MujocoCamera):
 def render() -> None:
     """Print the table of the two renderers."""
     scene = SceneSpec(kind="map", options={"file": str(MAP)}) if MAP.is_file() else SceneSpec(kind="commercial")
-    given, city = instance(scene, WEATHER), PluginHost().scene(scene.kind).build(scene)
-    ours, theirs = OurCamera(given, city), MujocoTown(city, given)
+    placed, city = instance(scene, WEATHER), PluginHost().scene(scene.kind).build(scene)
+    ours, theirs = OurCamera(placed, city), MujocoTown(city, placed)
     print(f"{city.id}: {theirs.model.ngeom} geoms, {theirs.triangles} triangles, {SIZE[0]}x{SIZE[1]}, "
           f"RGB + depth + ids, median of {ROUNDS}, milliseconds wall / CPU\n")  # fmt: skip
     print("| view | this camera | MuJoCo, shadows | no shadows | ratios, wall | ratios, CPU | depths that agree |")
@@ -109,7 +109,7 @@ def render() -> None:
 
 
 def streaming(folder: Path) -> None:
-    """Print what the wide city costs beside its busiest square kilometre alone."""
+    """Print the cost of the wide city beside its busiest square kilometre alone."""
     city = PluginHost().scene(WIDE.kind).build(WIDE)
     buildings = sum(len(tile.buildings) for tile in Tiles(city))
     centre, alone = busiest(city, folder)
@@ -118,8 +118,8 @@ def streaming(folder: Path) -> None:
         for name, store in (("10 x 10 km", city.store), ("its busiest km2 alone", alone)):
             command = [sys.executable, str(HERE / "city.py"), "--fly", json.dumps([store, centre])]
             done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
-            found = json.loads(done.stdout.splitlines()[-1])
-            rows[name] = {key: min(value, rows.get(name, found)[key]) for key, value in found.items()}
+            measured = json.loads(done.stdout.splitlines()[-1])
+            rows[name] = {key: min(value, rows.get(name, measured)[key]) for key, value in measured.items()}
     flown = f"{FLIGHTS} flights of {FLIGHT} pictures in turn, {SIZE[0]}x{SIZE[1]}, RGB + depth + ids"
     print(f"\n{city.id}: {buildings} buildings; {flown}\n")
     print("| city | down, CPU ms | ahead, CPU ms | the camera's process, MB | with three dogs in it, MB |")
@@ -131,7 +131,9 @@ def streaming(folder: Path) -> None:
 
 
 def busiest(city: City, folder: Path) -> tuple[tuple[float, float], str]:
-    """The middle of the square kilometre with the most buildings, and the folder of a city that is it alone."""
+    """Return the centre of the square kilometre with the most buildings, and the folder of a city that consists of it
+    alone.
+    """
     tiles = {tile.key: tile for tile in Tiles(city)}
     side = max(1, round(1000.0 / city.tile_m))
 
@@ -149,21 +151,23 @@ def busiest(city: City, folder: Path) -> tuple[tuple[float, float], str]:
 
 
 def fly(store: str, centre: tuple[float, float]) -> dict[str, float]:
-    """Median CPU milliseconds of a picture, down and ahead, on a flight across; memory held by camera and dogs."""
+    """Return median CPU milliseconds of a picture, down and ahead, on a flight across, and the memory of camera and
+    dogs in MB.
+    """
     from lingjing.engines.quadruped.engine import QuadrupedEngine
 
     city = read_store(Path(store))
-    given = instance(WIDE, WEATHER)
-    ours = OurCamera(given, city)
-    found: dict[str, float] = {}
+    placed = instance(WIDE, WEATHER)
+    ours = OurCamera(placed, city)
+    measured: dict[str, float] = {}
     for camera in ("nadir", "front"):
         spent = []
         for step in range(FLIGHT):
             x, y = centre[0] - 300.0 + 600.0 * step / FLIGHT, centre[1] + 40.0
             ours.look(camera, (x, y, 100.0), 90.0)
             spent.append(timed(ours.shoot)[1])
-        found[camera] = statistics.median(spent)
-    found["camera_mb"] = memory_mb()
+        measured[camera] = statistics.median(spent)
+    measured["camera_mb"] = memory_mb()
     dogs = tuple(
         Entity(id=f"dog[{k}]", group="dog", index=k, role="asset", type="robot_dog", engine="quadruped",
                position=(centre[0] + 20.0 * k, centre[1], 0.5))
@@ -171,15 +175,15 @@ def fly(store: str, centre: tuple[float, float]) -> dict[str, float]:
     )  # fmt: skip
     engine = QuadrupedEngine()
     spec = EngineSpec(engine="quadruped", owns=tuple(dog.id for dog in dogs),
-                      instance=msgspec.structs.replace(given, entities=dogs))  # fmt: skip
+                      instance=msgspec.structs.replace(placed, entities=dogs))  # fmt: skip
     engine.reset(spec, city, 7)
     engine.advance(2.0, ())
-    found["dogs_mb"] = memory_mb()
-    return found
+    measured["dogs_mb"] = memory_mb()
+    return measured
 
 
 def memory_mb() -> float:
-    """Resident memory of this process."""
+    """Return the resident memory of this process in MB."""
     for line in Path("/proc/self/status").read_text().splitlines():
         if line.startswith("VmRSS"):
             return int(line.split()[1]) / 1024
@@ -191,13 +195,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", choices=("render", "streaming"))
     parser.add_argument("--fly", help=argparse.SUPPRESS)
-    asked = parser.parse_args()
-    if asked.fly:
-        print(json.dumps(fly(*json.loads(asked.fly))))
+    arguments = parser.parse_args()
+    if arguments.fly:
+        print(json.dumps(fly(*json.loads(arguments.fly))))
         return
-    if asked.only != "streaming":
+    if arguments.only != "streaming":
         render()
-    if asked.only != "render":
+    if arguments.only != "render":
         with tempfile.TemporaryDirectory() as folder:
             streaming(Path(folder))
 

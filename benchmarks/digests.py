@@ -1,7 +1,7 @@
-"""Digests of played episodes: `digests.json` beside this file says what they were, `--write` stores them anew.
+"""Digests of played episodes: `digests.json` beside this file holds the stored ones, `--write` stores them again.
 
 Twelve columns (the nine missions of the paper in their modes), seeds 1 to 3, the oracle and the heuristic. After a
-change that should change nothing, `python benchmarks/digests.py` names every episode that differs from what is stored;
+change without intended effects, `python benchmarks/digests.py` names every episode that differs from the stored one;
 `--columns ssr-star --seeds 1` plays fewer.
 """
 
@@ -29,8 +29,8 @@ Told = dict[str, str | int]
 
 
 def main() -> int:
-    """Play what is asked for and compare it with what is stored, or store it; 1 if something differs."""
-    known = {one.name: one for one in columns(shipped()) if one.mission not in NOT_THE_PAPERS}
+    """Play the selected episodes and compare them with the stored digests, or store theirs; return 1 if any differs."""
+    known = {column.name: column for column in columns(shipped()) if column.mission not in NOT_THE_PAPERS}
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--columns", nargs="+", choices=sorted(known), default=sorted(known), metavar="COLUMN")
     parser.add_argument("--seeds", nargs="+", type=int, default=SEEDS, metavar="SEED")
@@ -43,22 +43,24 @@ def main() -> int:
     differing = []
     with ThreadPoolExecutor(args.jobs) as pool:
         names = [f"{column} {policy} {seed}" for column, policy, seed in wanted]
-        played = pool.map(lambda one: play(known[one[0]], one[1], one[2]), wanted)
-        for done, (name, told) in enumerate(zip(names, played, strict=True), 1):
-            same = stored.get(name) == told
+        played = pool.map(lambda job: play(known[job[0]], job[1], job[2]), wanted)
+        for done, (name, measured) in enumerate(zip(names, played, strict=True), 1):
+            same = stored.get(name) == measured
             verdict = "as stored" if same else "not stored" if name not in stored else "DIFFERS"
-            print(f"[{done}/{len(wanted)}] {name}: {told['reason']}, {told['ticks']} ticks, {verdict}", flush=True)
+            print(
+                f"[{done}/{len(wanted)}] {name}: {measured['reason']}, {measured['ticks']} ticks, {verdict}", flush=True
+            )
             if name in stored and not same:
                 differing.append(name)
             if args.write:
-                stored[name] = told
+                stored[name] = measured
                 STORE.write_text(json.dumps(dict(sorted(stored.items())), indent=1) + "\n")
     print(f"{len(differing)} of {len(wanted)} differ from what was stored", *differing, sep="\n")
     return int(bool(differing) and not args.write)
 
 
 def play(column: Column, policy: str, seed: int) -> Told:
-    """An episode in a process of its own: how it ended and its two digests."""
+    """Play an episode in a process of its own and return its result and its two digests."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "run"
         call = [sys.executable, "-m", "lingjing.cli.main", "run", str(column.path), "--mode", column.mode, "--seed"]

@@ -13,7 +13,7 @@ ROUNDS = 2
 
 
 def factor(pictures: str) -> tuple[float, int]:
-    """Real-time factor of one episode and the number of its stored pictures."""
+    """Return the real-time factor of one episode and the number of its stored pictures."""
     mission = lingjing.compile(HERE.parent / "scenarios" / "ssr.ljs")
     with tempfile.TemporaryDirectory() as folder:
         result = lingjing.run(

@@ -1,5 +1,7 @@
-"""What a turn of a model agent costs beside the model and the picture: CPU of `react` with an instant model, live and
-recorded, and of Inspect AI's ReAct agent with its own instant model on the same number of turns.
+"""The cost of a model agent's turn without the model and the picture.
+
+It compares the CPU of `react` with an instant model, live and recorded, with that of Inspect AI's ReAct agent with its
+own instant model on the same number of turns.
 
 Ours is the CPU of the agent's thread from the observation to the checked decision: prompt and state as text, limits,
 secrets blanked, the record, the answer checked against its JSON Schema. Inspect's is its process's CPU a turn, with its
@@ -54,7 +56,7 @@ class InstantClient:
 
 
 class Measured(ReactPolicy):
-    """`react` with an instant model; notes the CPU of each turn."""
+    """`react` with an instant model; stores the CPU time of each turn."""
 
     options = ReactOptions
     calls = True
@@ -76,7 +78,7 @@ class Measured(ReactPolicy):
 
 
 class Looking(Measured):
-    """The same with a picture asked for and seen at every turn."""
+    """The same with a picture requested and received at every turn."""
 
     options = ReactOptions
     calls = True
@@ -84,7 +86,7 @@ class Looking(Measured):
 
 
 def ours(policy: type[Measured], calls: str) -> list[float]:
-    """Milliseconds of CPU of each turn of one episode of the sea rescue."""
+    """Return the CPU milliseconds of each turn of one episode of the sea rescue."""
     turns.clear()
     with tempfile.TemporaryDirectory() as folder:
         report = lingjing.run(
@@ -103,9 +105,9 @@ def ours(policy: type[Measured], calls: str) -> list[float]:
 
 
 def over_http(pictures: int) -> list[float]:
-    """Milliseconds of CPU of each exchange with a server on this machine: 15 kB of text, and pictures of 100 kB."""
+    """Return the CPU milliseconds of each exchange with a local server: 15 kB of text, and pictures of 100 kB."""
     picture = bytes(range(256)) * 400
-    said = (ChatMessage("system", "x" * 12_000), ChatMessage("user", "y" * 3_000, (picture,) * pictures))
+    messages = (ChatMessage("system", "x" * 12_000), ChatMessage("user", "y" * 3_000, (picture,) * pictures))
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
     with subprocess.Popen([sys.executable, "-c", SERVER], cwd=HERE.parent, **pipes) as server:
         client = DirectClient(server.stdout.readline().strip())
@@ -114,13 +116,13 @@ def over_http(pictures: int) -> list[float]:
             spent = []
             for _ in range(100):
                 started = time.thread_time()
-                await client.complete(ChatRequest("m", said), 60)
+                await client.complete(ChatRequest("m", messages), 60)
                 spent.append(1e3 * (time.thread_time() - started))
             return spent
 
-        found = asyncio.run(exchanges())
+        spent = asyncio.run(exchanges())
         server.stdin.close()
-    return found
+    return spent
 
 
 def main() -> None:

@@ -32,7 +32,7 @@ def step() -> Tool:
 
 
 def cpu_s(samples: int, turns: int) -> float:
-    """CPU seconds of an evaluation of so many samples with so many turns each, its log written."""
+    """Return the CPU seconds of an evaluation with this number of samples and turns, its log included."""
 
     def outputs():
         while True:

@@ -2,7 +2,7 @@
 
 Every engine owns one body, sees all others where they were at the tick's start (fixed-step Jacobi) and moves. Three
 columns of ours: `world` is the coupling alone, what mosaik does; `kernel` adds all that a boundary is: visibility,
-adjudication, evaluation, the hash-chained record; `agents` adds three agents that see everybody, each of which
+adjudication, evaluation, the hash-chained record; `agents` adds three agents that observe all bodies, each of which
 commands its body and speaks to the others at every tick. Ticks are counted by seconds of CPU, so that a busy machine
 slows both sides alike; rounds alternate, and the best round of each side counts.
 """
@@ -45,7 +45,7 @@ SECONDS = 3.0
 
 
 class Toy:
-    """One body that moves a metre a tick and looks at where the others were."""
+    """A body that moves a metre per tick and reads the positions of the others."""
 
     def reset(self, spec, city, seed):
         self.name, self.body, self.east, self.seen = spec.engine, spec.owns[0], 0.0, 0.0
@@ -53,9 +53,9 @@ class Toy:
 
     def submit(self, commands):
         return tuple(
-            Receipt(request=one.id, tick=one.tick, sender=one.sender, resource=one.resource, status="accepted",
-                    by=self.name, time_s=self.east)
-            for one in commands
+            Receipt(request=command.id, tick=command.tick, sender=command.sender, resource=command.resource,
+                    status="accepted", by=self.name, time_s=self.east)
+            for command in commands
         )  # fmt: skip
 
     def advance(self, until, mirrors):
@@ -75,7 +75,7 @@ class Toy:
 
 
 class Toys:
-    """A plug-in with as many trivial engines as asked for."""
+    """A plug-in with `count` trivial engines."""
 
     def __init__(self, count: int) -> None:
         self.names = [f"toy{number}" for number in range(count)]
@@ -86,7 +86,9 @@ class Toys:
 
 
 def instance(count: int, agents: int = 0) -> Instance:
-    """An instance with one body for each of `count` engines, ticks of one second, and agents for the first bodies."""
+    """Return an instance with one body for each of `count` engines, ticks of one second, and agents for the first
+    bodies.
+    """
     return Instance(
         mission="toys", title="", goal="", seed=0, settings={}, scene=SceneSpec(kind="toy"),
         clock=Clock(tick_s=1.0, sync_s=1.0), budget=Budget(ticks=10**9, policy_s=60, engine_s=60, capture_s=60),
@@ -113,7 +115,7 @@ def instance(count: int, agents: int = 0) -> Instance:
 
 
 def world_rate(count: int) -> float:
-    """Ticks per second of the coupling alone."""
+    """Return the ticks per second of the coupling alone."""
     world = InlineWorld(PluginHost(entry_points=False, extra=[Toys(count)]))
     world.reset(instance(count), CITY)
     try:
@@ -123,7 +125,7 @@ def world_rate(count: int) -> float:
 
 
 def kernel_rate(count: int) -> float:
-    """Ticks per second of the whole boundary."""
+    """Return the ticks per second of the whole boundary."""
     world = InlineWorld(PluginHost(entry_points=False, extra=[Toys(count)]))
     kernel = Kernel(instance(count), CITY, world)
     kernel.reset()
@@ -134,7 +136,7 @@ def kernel_rate(count: int) -> float:
 
 
 def agents_rate(count: int) -> float:
-    """Ticks per second of the whole boundary with three agents that command and speak at each."""
+    """Return the ticks per second of the whole boundary with three agents that command and send messages at each."""
     world = InlineWorld(PluginHost(entry_points=False, extra=[Toys(count)]))
     kernel = Kernel(instance(count, agents=3), CITY, world)
     kernel.reset()
@@ -147,7 +149,7 @@ def agents_rate(count: int) -> float:
 
 
 def rate(step: Callable[[int], object]) -> float:
-    """Call `step(1)`, `step(2)`, … for a few seconds; calls per second."""
+    """Call `step(1)`, `step(2)`, … for a few seconds and return the calls per second."""
     tick, started = 0, time.process_time()
     while (elapsed := time.process_time() - started) < SECONDS:
         for _ in range(20):
@@ -157,7 +159,7 @@ def rate(step: Callable[[int], object]) -> float:
 
 
 def mosaik_rate(count: int) -> float:
-    """Ticks per second of mosaik, from its own environment."""
+    """Return the ticks per second of mosaik, from its own environment."""
     command = [str(FOREIGN_PYTHON), str(HERE / "mosaik_side.py"), str(count), str(9000 // count)]
     return float(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
 

@@ -41,7 +41,7 @@ END = """\
 
 
 def mission(assets: int, *, rich: bool) -> str:
-    """That many explicit assets; `rich` ones have a band and verbs besides a place and a heading."""
+    """Return a mission with this number of explicit assets; `rich` ones also have a band and verbs."""
     more = "\n    band = 20 m..120 m\n    actions { takeoff, forward <= 50 m, up <= 20 m, stop }\n  " if rich else ""
     lines = [
         f"  asset a{k} : quadrotor {{ position = ({x:.1f} m, {y:.1f} m, 10 m), heading = {k % 360} deg{more} }}\n"
@@ -51,7 +51,7 @@ def mission(assets: int, *, rich: bool) -> str:
 
 
 def scene(objects: int) -> str:
-    """The same in Scenic."""
+    """Return the same scene in Scenic."""
     lines = [
         f"new Object at ({x:.1f}, {y:.1f}, 10), facing {k % 360} deg, with allowCollisions True\n"
         for k, x, y in places(objects)
@@ -60,13 +60,13 @@ def scene(objects: int) -> str:
 
 
 def places(number: int) -> list[tuple[int, float, float]]:
-    """Number, east and north of places 100 m and less apart."""
+    """Yield number, east and north of places at most 100 m apart."""
     side = math.ceil(math.sqrt(number))
     return [(k, 50 + (k % side) * 9900 / side, 50 + k // side * 9900 / side) for k in range(number)]
 
 
 def cost(command: list[str], environment: dict[str, str] | None = None) -> tuple[float, float]:
-    """Processor seconds and peak memory in MB of one process that must end well."""
+    """Return processor seconds and peak memory in MB of one process, which must succeed."""
     with tempfile.TemporaryFile() as output:
         process = subprocess.Popen(command, stdout=output, stderr=output, env=environment or dict(os.environ))
         _, status, usage = os.wait4(process.pid, 0)
@@ -95,7 +95,7 @@ def main() -> None:
 
 
 def cold(folder: Path) -> None:
-    """A cold start on the shipped mission, with and without the cache."""
+    """Measure a cold start on the shipped mission, with and without the cache."""
     environment = {**os.environ, "XDG_CACHE_HOME": str(folder / "cache")}
     cached = [LINGJING, "validate", str(SSR)]
     cost(cached, environment)  # fills the cache
@@ -107,7 +107,7 @@ def cold(folder: Path) -> None:
 
 
 def scaling(folder: Path, sizes: tuple[int, ...]) -> None:
-    """Explicit assets against time and memory, and the exponent of a power law fitted to what is above the start."""
+    """Compare explicit assets with time and memory, and fit a power law to the part above the start."""
     start = statistics.median(cost(validate(SSR))[0] for _ in range(3))
     print("| assets | MB of text | CPU s | peak MB |")
     print("| --- | --- | --- | --- |")
@@ -123,13 +123,13 @@ def scaling(folder: Path, sizes: tuple[int, ...]) -> None:
 
 
 def slope(sizes: tuple[int, ...], times: list[float]) -> float:
-    """Least squares in logarithms."""
+    """Return the exponent of a power law: least squares in logarithms."""
     x, y = [math.log(size) for size in sizes], [math.log(took) for took in times]
     return statistics.linear_regression(x, y).slope
 
 
 def beside_scenic(folder: Path) -> None:
-    """1,000 objects with a place and a heading each; and one error to report."""
+    """Compare with Scenic: 1,000 objects with a place and a heading each, and one error to report."""
     ours, theirs = folder / "equal.ljs", folder / "equal.scenic"
     ours.write_text(mission(1_000, rich=False))
     theirs.write_text(scene(1_000))
@@ -149,7 +149,7 @@ def beside_scenic(folder: Path) -> None:
 
 
 def corpora(files: int) -> None:
-    """Faults found and spurious errors, on a seed that recovery was not tuned on."""
+    """Count faults found and spurious errors, on a seed that recovery was not tuned on."""
     script = str(ROOT / "tests" / "dsl" / "corpus.py")
     for faults, kinds in ((1, ()), (3, ()), (10, ()), (1, ("--kinds", "brace"))):
         number = str(max(20, files // faults))

@@ -1,6 +1,9 @@
-"""Whether memory stays flat over many episodes of model agents in one session: resident memory of this process and of
-its workers (`/proc/PID/smaps_rollup`: private and shared in proportion) after so many short episodes, recorded calls
-and pictures included. Usage: memory.py [EPISODES] (default 200)."""
+"""Memory over many episodes of model agents in one session, which should stay constant.
+
+It prints the resident memory of this process and of its workers (`/proc/PID/smaps_rollup`: private and shared in
+proportion) after numbers of short episodes, recorded calls and pictures included. Usage: memory.py [EPISODES] (default
+200).
+"""
 
 from __future__ import annotations
 
@@ -39,22 +42,22 @@ mission glance "Two look down" {
 
 
 def descendants(pid: int) -> list[int]:
-    """The process and everything that it has started."""
+    """Return the process and all its descendants."""
     lists = [path.read_text() for path in Path(f"/proc/{pid}/task").glob("*/children")]
-    return [pid, *(one for child in " ".join(lists).split() for one in descendants(int(child)))]
+    return [pid, *(descendant for child in " ".join(lists).split() for descendant in descendants(int(child)))]
 
 
 def resident_mb() -> tuple[float, float]:
-    """Megabytes of this process, and of its workers."""
+    """Return the resident megabytes of this process, and of its workers."""
     gc.collect()
     own, *workers = (_pss_mb(pid) for pid in descendants(os.getpid()))
     return own, sum(workers)
 
 
 def _pss_mb(pid: int) -> float:
-    found = re.search(r"^Pss:\s+(\d+) kB", Path(f"/proc/{pid}/smaps_rollup").read_text(), re.MULTILINE)
-    assert found
-    return int(found[1]) / 1024
+    match = re.search(r"^Pss:\s+(\d+) kB", Path(f"/proc/{pid}/smaps_rollup").read_text(), re.MULTILINE)
+    assert match
+    return int(match[1]) / 1024
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""What an episode of every shipped mission costs in every mode, and on what: rendering, physics, kernel, policy.
+"""The cost of an episode of every shipped mission in every mode, by part: rendering, physics, kernel, policy.
 
 Every episode is a process of its own with all engines in it, and everything is processor time of that process (all its
 threads, the software renderer's too), so that a busy machine does not count; the wall time is this machine's at this
@@ -34,7 +34,7 @@ PARTS = ("rendering", "physics", "kernel", "policy", "start")
 
 
 class PartClock:
-    """Processor time by part of the work; a part that calls another does not count the other's."""
+    """Processor time by part of the work. A part that calls another does not count the other's time."""
 
     def __init__(self) -> None:
         self.spent: dict[str, float] = {}
@@ -45,11 +45,11 @@ class PartClock:
         inner: Callable[..., Any] = getattr(owner, method)
 
         @wraps(inner)
-        def counted(*given: Any, **named: Any) -> Any:
+        def counted(*arguments: Any, **named: Any) -> Any:
             started = time.process_time()
             self._stack.append(0.0)
             try:
-                return inner(*given, **named)
+                return inner(*arguments, **named)
             finally:
                 whole = time.process_time() - started
                 self.spent[part] = self.spent.get(part, 0.0) + whole - self._stack.pop()
@@ -60,7 +60,7 @@ class PartClock:
 
 
 def play(path: str, mode: str, policy: str, seed: int) -> dict[str, Any]:
-    """One episode in this process."""
+    """Play one episode in this process."""
     clock = PartClock()
     clock.over(EngineGroup, "advance", "physics")
     clock.over(InlineWorld, "capture", "rendering")
@@ -88,15 +88,17 @@ def main() -> int:
     parser.add_argument("--only", help="names of columns that contain this")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--play", help=argparse.SUPPRESS)
-    asked = parser.parse_args()
-    if asked.play:
-        print(json.dumps(play(*json.loads(asked.play))))
+    arguments = parser.parse_args()
+    if arguments.play:
+        print(json.dumps(play(*json.loads(arguments.play))))
         return 0
-    return max(table(policy, asked.only or "", asked.seed) for policy in asked.policy or ("oracle", "heuristic"))
+    return max(
+        table(policy, arguments.only or "", arguments.seed) for policy in arguments.policy or ("oracle", "heuristic")
+    )
 
 
 def table(policy: str, only: str, seed: int) -> int:
-    """One row for each mission in each of its modes; 1 if any of them could not be played."""
+    """Print one row for each mission in each of its modes; return 1 if any could not be played."""
     print(f"| {policy} | ticks | ended | simulated, s | CPU, s | real-time factor | wall, s | "
           + " | ".join(PARTS) + " |")  # fmt: skip
     print("| --- " * (7 + len(PARTS)) + "|")

@@ -19,7 +19,7 @@ META = {
 
 
 class MosaikToy(mosaik_api_v3.Simulator):
-    """One body that moves a metre a tick and looks at where the others were."""
+    """A body that moves a metre per tick and reads the positions of the others."""
 
     def __init__(self):
         super().__init__(META)

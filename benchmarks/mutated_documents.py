@@ -52,22 +52,22 @@ ODD: tuple[Any, ...] = (
 
 
 def spots(value: Any) -> list[tuple[Any, Any]]:
-    """(container, key) of everything in a document."""
-    found: list[tuple[Any, Any]] = []
+    """Return (container, key) of every value in a document."""
+    places: list[tuple[Any, Any]] = []
     stack = [value]
     while stack:
-        one = stack.pop()
-        inner = one.items() if isinstance(one, dict) else enumerate(one)
+        container = stack.pop()
+        inner = container.items() if isinstance(container, dict) else enumerate(container)
         for key, item in inner:
-            found.append((one, key))
+            places.append((container, key))
             if isinstance(item, dict | list):
                 stack.append(item)
-    return found
+    return places
 
 
-def mutate(found: Sequence[tuple[Any, Any]], chance: random.Random) -> None:
-    """Change something in a document of which these are the spots."""
-    holder, key = chance.choice(found)
+def mutate(places: Sequence[tuple[Any, Any]], chance: random.Random) -> None:
+    """Change one value of a document, given all its places."""
+    holder, key = chance.choice(places)
     change = chance.randrange(8)
     if change == 0 or isinstance(holder, list):
         holder[key] = copy.deepcopy(chance.choice(ODD))
@@ -88,18 +88,18 @@ def mutate(found: Sequence[tuple[Any, Any]], chance: random.Random) -> None:
 
 
 def mutated(texts: Sequence[str], chance: random.Random) -> str:
-    """One of the documents with one to four things changed in it."""
+    """Return one of the documents with one to four changes."""
     whole = json.loads(chance.choice(texts))
     if chance.random() < 0.5 and isinstance(whole.get("scenario"), dict):
         whole["scenario"].pop("lingjing", None)
     for _ in range(chance.randint(1, 4)):
-        if found := spots(whole):
-            mutate(found, chance)
+        if places := spots(whole):
+            mutate(places, chance)
     return json.dumps(whole, ensure_ascii=False)
 
 
 def ended(text: str, templates: Callable[[str], Mission]) -> tuple[str, str]:
-    """How the reading of a document ended, and what may not be about it, or ""."""
+    """Return how the reading of a document ended, and the forbidden part of its result, or ""."""
     try:
         mission, notes = instantiate_document(text, "m.json", templates)
         guesses = "; ".join(silent_guesses(text, mission, notes, templates))
@@ -112,7 +112,7 @@ def ended(text: str, templates: Callable[[str], Mission]) -> tuple[str, str]:
 
 
 def read_mutated(count: int, seed: int, tell: Callable[[int, Mapping[str, int]], object]) -> Mapping[str, int]:
-    """How so many documents ended, by kind of error; what may not be is printed."""
+    """Read mutated documents and return the number of each kind of result; forbidden results are printed."""
     chance = random.Random(seed)
     tests = ROOT / "tests" / "mission"
     folders = (ROOT / "scenarios" / "reset", tests / "wild", tests / "made_up")
@@ -136,7 +136,7 @@ def read_mutated(count: int, seed: int, tell: Callable[[int, Mapping[str, int]],
 
 
 def main() -> int:
-    """Read as many documents as asked for."""
+    """Read the requested number of documents."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=1)

@@ -1,6 +1,6 @@
-"""What a policy in a process of its own costs: CPU of the player and of the policy's process a turn, and of a start.
+"""The cost of a policy in a process of its own: CPU of the player and of the policy's process, per turn and per start.
 
-An agent that decides nothing is asked again and again, with a 1080p picture: colour alone, and colour with depth and
+An agent that decides nothing is called repeatedly, with a 1080p picture: colour alone, and colour with depth and
 classes. Beside it the same turn in a thread of the caller. Starting is one more process of `heuristic` from a fork
 server that is there already, from the request to the answer of `reset`.
 """
@@ -33,18 +33,18 @@ HEIGHT, WIDTH = 1080, 1920
 
 
 class Idle:
-    """Decides nothing."""
+    """A policy that decides nothing."""
 
     async def reset(self, brief: Brief) -> None:
-        """Nothing to take in."""
+        """Do nothing."""
 
     async def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """No command, no message."""
+        """Return no command and no message."""
         return Decision()
 
 
 def main() -> None:
-    """Print the table: milliseconds of CPU a turn, and for one more process."""
+    """Print the table: CPU milliseconds per turn, and for one more process."""
     brief = _brief()
     with _server() as server:
         print("picture | player, process of its own | both | in a thread")
@@ -58,7 +58,7 @@ def main() -> None:
 
 
 def _turns(barrier: Barrier, brief: Brief, picture: Picture | None) -> tuple[float, float]:
-    """Milliseconds of CPU a turn: of this process, and of the policy's."""
+    """Return the CPU milliseconds per turn of this process and of the policy's."""
     barrier.reset({"a": brief})
     pids = [process.pid for process in barrier._processes.values()] if isinstance(barrier, ProcessBarrier) else []
     pictures = (picture,) if picture is not None else ()
@@ -83,7 +83,7 @@ def _starting(server: ForkServerClient, brief: Brief, count: int = 10) -> float:
 
 
 def _cpu_s(pid: int) -> float:
-    """Seconds of CPU that the first thread of a process has run (`schedstat`, nanoseconds)."""
+    """Return the CPU seconds of a process's first thread (`schedstat`, nanoseconds)."""
     return int(Path(f"/proc/{pid}/schedstat").read_text().split()[0]) * 1e-9
 
 

@@ -40,7 +40,7 @@ def at_sea() -> tuple[Entity, ...]:
 class MujocoBay(MujocoCamera):
     """The same scene as geoms of one static model."""
 
-    def __init__(self, city: City, given: Instance) -> None:
+    def __init__(self, city: City, placed: Instance) -> None:
         super().__init__(near=0.0004, far=40.0)
         self.spec.worldbody.add_geom(
             type=self.mujoco.mjtGeom.mjGEOM_PLANE, size=(15000, 15000, 1), pos=(0, 0, LEVEL),
@@ -53,21 +53,21 @@ class MujocoBay(MujocoCamera):
         for prop in city.props:
             key, mesh = prop_model(prop.model, int(prop.options.get("variant", 0)))
             self.add_model(key, mesh, prop.position, prop.heading_deg)
-        for entity in given.entities[1:]:
+        for entity in placed.entities[1:]:
             key, mesh = entity_model(entity.type, entity.index, 10.0)
             self.add_model(key, mesh, entity.position)
         for name, (camera, position, heading) in VIEWS.items():
-            mount = next(c for c in given.entities[0].cameras if c.name == camera)
+            mount = next(c for c in placed.entities[0].cameras if c.name == camera)
             self.add_view(name, mount, position, heading)
         self.compiled()
 
 
 def main() -> None:
-    """Print the table; nearly every pixel must be equally far in both scenes."""
+    """Print the table. Nearly every pixel must be equally far in both scenes."""
     scene = SceneSpec(kind="bay", datum_m=LEVEL, seed=7)
     weather = Weather(wind_mps=4, wind_from_deg=220, wave_height_m=0.5)
-    given, city = instance(scene, weather, at_sea()), build(scene)
-    ours, theirs = OurCamera(given, city), MujocoBay(city, given)
+    placed, city = instance(scene, weather, at_sea()), build(scene)
+    ours, theirs = OurCamera(placed, city), MujocoBay(city, placed)
     print(f"{theirs.model.ngeom} geoms, {theirs.triangles} triangles, {SIZE[0]}x{SIZE[1]}, RGB + depth + ids, "
           f"median of {ROUNDS}, milliseconds wall / CPU")  # fmt: skip
     print(f"GL: {ours.engine.fingerprint()['gl']}; MuJoCo {theirs.mujoco.__version__}\n")

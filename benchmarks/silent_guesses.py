@@ -1,4 +1,4 @@
-"""What the mission of a `resetScenario` document has that the document does not say and no note tells.
+"""The content of a `resetScenario` document's mission that neither the document nor a note declares.
 
 `silent_guesses` reads the document again, by rules of its own: the place of each entity and hidden thing that was
 placed (east = X/100, north = -Y/100, elevation = Z/100 m, or all in metres where a note tells so, or degrees on the
@@ -29,7 +29,7 @@ EAST, NORTH = ("x",), ("y",)
 LONGITUDE, LATITUDE = ("lon", "lng", "long", "longitude", "经度"), ("lat", "latitude", "纬度")
 ALTITUDE = ("alt", "altitude", "海拔")
 UNSAID = (None, "", [], {})
-"""Values that say nothing: another spelling of the key counts, as `docs/reset-scenario.md` has it."""
+"""Values that count as absent: another spelling of the key is used instead (`docs/reset-scenario.md`)."""
 SAME_M = 0.001
 GuessedRow = Mapping[str, Any]
 
@@ -37,7 +37,7 @@ GuessedRow = Mapping[str, Any]
 def silent_guesses(
     text: str, mission: Mission, notes: Sequence[str], templates: Callable[[str], Mission]
 ) -> Iterator[str]:
-    """What the mission has that the document does not say and that no note tells."""
+    """Yield the content of the mission that neither the document nor a note declares."""
     whole = json.loads(text)
     groups = {group.name: group for group in mission.groups}
     origin = origin_of(mission)
@@ -53,10 +53,10 @@ def silent_guesses(
             continue
         yield from (f"{path} says two things of {name}" for name in _ambiguous(place))
         played = _value(groups, member, "position")
-        said = _said(place, origin, unit_m, planar=planar)
-        if said is None or played is None or max(abs(a - b) for a, b in zip(said, played, strict=False)) > SAME_M:
-            yield f"{path} says {said}, {member} lies at {played}"
-        heights = [one for one in (_first(place, ("z",)), _first(place, ALTITUDE)) if one is not None]
+        stated = _said(place, origin, unit_m, planar=planar)
+        if stated is None or played is None or max(abs(a - b) for a, b in zip(stated, played, strict=False)) > SAME_M:
+            yield f"{path} says {stated}, {member} lies at {played}"
+        heights = [height for height in (_first(place, ("z",)), _first(place, ALTITUDE)) if height is not None]
         if len(heights) == 1 and played is not None:
             metres = heights[0] * (1.0 if _first(place, ("z",)) is None else unit_m)
             raised.add(round(metres - (played[2] if len(played) > 2 else math.inf), 3))
@@ -71,7 +71,7 @@ def silent_guesses(
 
 
 def _changed(mission: Mission, templates: Callable[[str], Mission]) -> Iterator[str]:
-    """Whether the document written back reads as another mission."""
+    """Return whether the document written back reads as another mission."""
     try:
         again, _ = instantiate_document(emit(mission), "m.json", templates)
     except LingjingError as error:
@@ -82,9 +82,9 @@ def _changed(mission: Mission, templates: Callable[[str], Mission]) -> Iterator[
 
 
 def _uncounted(whole: Any, mission: Mission, notes: Sequence[str]) -> Iterator[str]:
-    """The lists of which others are played than are listed, and no note says so."""
+    """Yield the lists with another number of played entities than listed ones, without a note."""
     lists = _get(_get(whole, "data") or whole, "equipmentList") or _get(_get(whole, "scenario"), "equipmentList")
-    names = {folded(one.name) for one in LISTS}
+    names = {folded(each.name) for each in LISTS}
     for name, rows in lists.items() if isinstance(lists, dict) else ():
         listed = len(rows) if isinstance(rows, list) else 1
         if folded(name) not in names or not rows:
@@ -98,7 +98,7 @@ def _uncounted(whole: Any, mission: Mission, notes: Sequence[str]) -> Iterator[s
 
 
 def _at(value: Any, path: str) -> Any:
-    """What lies at a JSON path; one object may stand for a list."""
+    """Return the value at a JSON path; a single object may stand for a list."""
     for part in re.findall(r"[^.\[\]]+", path.removeprefix("$")):
         if isinstance(value, list):
             value = value[int(part)]
@@ -108,7 +108,7 @@ def _at(value: Any, path: str) -> Any:
 
 
 def _get(holder: Any, key: str) -> Any:
-    """The value of a key, whatever its case."""
+    """Return the value of a key in any letter case."""
     if not isinstance(holder, dict):
         return None
     return next((value for name, value in holder.items() if folded(name) == folded(key) and value not in UNSAID), None)
@@ -119,46 +119,48 @@ def _first(holder: GuessedRow, names: Sequence[str]) -> float | None:
 
 
 def _place(row: Any) -> GuessedRow | None:
-    """What holds the coordinates of an entity or a hidden thing."""
+    """Return the object with the coordinates of an entity or a hidden thing."""
     for holder in (_get(row, "data"), _get(row, "position"), row):
         if isinstance(holder, dict) and any(
-            all(_first(holder, one) is not None for one in pair) for pair in ((EAST, NORTH), (LONGITUDE, LATITUDE))
+            all(_first(holder, name) is not None for name in pair) for pair in ((EAST, NORTH), (LONGITUDE, LATITUDE))
         ):
             return holder
     return None
 
 
 def _ambiguous(place: GuessedRow) -> Iterator[str]:
-    """The coordinates that are spelt in several ways with several values."""
+    """Yield the coordinates with several spellings and different values."""
     for names in (EAST, NORTH, LONGITUDE, LATITUDE, ALTITUDE):
-        said = [value for key, value in place.items() if folded(key) in names and value not in UNSAID]
-        if any(value != said[0] for value in said):
+        values = [value for key, value in place.items() if folded(key) in names and value not in UNSAID]
+        if any(value != values[0] for value in values):
             yield names[0]
 
 
 def _in_metres(whole: Any, notes: Sequence[str]) -> bool:
-    """Whether X, Y and Z are metres: by the `lingjing` object, a coordinate system, or a note."""
+    """Return whether X, Y and Z are metres, by the `lingjing` object, a coordinate system or a note."""
     scenario = _get(_get(whole, "data") or whole, "scenario") or _get(whole, "scenario") or whole
-    said = _get(_get(scenario, "lingjing"), "unit")
-    if said is not None:
-        return bool(said == "m")
+    unit = _get(_get(scenario, "lingjing"), "unit")
+    if unit is not None:
+        return bool(unit == "m")
     return any("are taken for metres" in note for note in notes) or '_m"' in json.dumps(
         [_get(row, "coordinate_system") for row in _rows(scenario)]
     )
 
 
 def _rows(scenario: Any) -> list[Any]:
-    """The scenario, its tasks and their initial states."""
+    """Return the scenario, its tasks and their initial states."""
     tasks = _get(scenario, "taskMatrix")
     listed = tasks if isinstance(tasks, list) else [tasks]
     return [scenario, *listed, *(_get(task, "initial_state") for task in listed)]
 
 
 def _said(place: GuessedRow, origin: tuple[float, float], unit_m: float, *, planar: bool) -> tuple[float, float] | None:
-    """East and north in metres; None where one is no number."""
+    """Return east and north in metres; None if one is no number."""
     x, y, longitude, latitude = (_first(place, names) for names in (EAST, NORTH, LONGITUDE, LATITUDE))
     pair = (latitude, longitude) if x is None or y is None else (x, y)
-    if not all(isinstance(one, int | float) and not isinstance(one, bool) and abs(one) < math.inf for one in pair):
+    if not all(
+        isinstance(number, int | float) and not isinstance(number, bool) and abs(number) < math.inf for number in pair
+    ):
         return None
     if x is None or y is None:
         if planar:
@@ -168,18 +170,18 @@ def _said(place: GuessedRow, origin: tuple[float, float], unit_m: float, *, plan
 
 
 def _turn(row: GuessedRow, place: GuessedRow) -> float | None:
-    """The compass heading that is said, degrees."""
+    """Return the compass heading in degrees."""
     yaw = _first(row, ("yaw",))
     yaw = _first(place, ("yaw",)) if yaw is None else yaw
     raw, turned = _first(row, ("raw",)), None if yaw is None else yaw + 90.0
-    given = (_first(row, ("heading",)), *((turned, raw) if raw == 0 else (raw, turned)))
-    return next((one for one in given if one is not None), None)
+    angles = (_first(row, ("heading",)), *((turned, raw) if raw == 0 else (raw, turned)))
+    return next((angle for angle in angles if angle is not None), None)
 
 
 def _value(groups: Mapping[str, Group], member: str, name: str) -> Any:
-    """The fixed value of a member's property, places as numbers; None where it has none."""
+    """Return the fixed value of a member's property, places as numbers; None without one."""
     stem, _, index = member.rstrip("]").partition("[")
-    value = next((one.value for one in groups[stem].properties if one.name == name), None)
+    value = next((field.value for field in groups[stem].properties if field.name == name), None)
     if isinstance(value, ex.Call) and isinstance(value.arguments[1], ex.Sequence):
         value = value.arguments[1].items[int(index) - 1]
     if isinstance(value, ex.Point):

@@ -1,4 +1,4 @@
-"""What it costs to start an episode: CPU seconds of all processes together, user and system.
+"""The cost of an episode's start: CPU seconds of all processes together, user and system.
 
 For each column, with the oracle's kinds of engines and `stopping.py` as the policy, which ends the episode at once:
 
@@ -8,8 +8,8 @@ For each column, with the oracle's kinds of engines and `stopping.py` as the pol
   one with a picture between them; this one holds a tick of simulation and a picture, which are no part of starting;
 - *seen before*: each further episode on the same seed, up to the first decision.
 
-`--oracle` also plays oracles' episodes and tells which share of one starting is; `--many N` plays N episodes in one
-run and tells what they leave: memory of the process they are forked from, descriptors, processes.
+`--oracle` also plays oracles' episodes and prints the share of the start. `--many N` plays N episodes in one run and
+prints what they leave: memory of the process from which they are forked, descriptors, processes.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def main() -> None:
 
 
 def alone(column: str) -> float:
-    """CPU seconds of `lingjing run` that is stopped at its first decision."""
+    """Return the CPU seconds of `lingjing run` that is stopped at its first decision."""
     mission, _, mode = column.rpartition("-")
     with tempfile.TemporaryDirectory() as folder:
         call = [sys.executable, "-m", "lingjing.cli.main", "run", mission, "--mode", mode, "--policy", POLICY]
@@ -89,13 +89,15 @@ def alone(column: str) -> float:
 
 
 def further(column: str, until: str, *, same: bool = False) -> float:
-    """CPU seconds of each episode after the first in one run, on the `same` seed or on others; until nothing: of a
-    whole episode of the oracle."""
+    """Return the CPU seconds of each episode after the first in one run, on the `same` seed or on others.
+
+    Without `until` they are those of a whole episode of the oracle.
+    """
     return (forked(column, until, 1 + FURTHER, same=same) - forked(column, until, 1, same=same)) / FURTHER
 
 
 def forked(column: str, until: str, count: int, *, same: bool = False) -> float:
-    """CPU seconds of so many episodes in one run."""
+    """Return the CPU seconds of `count` episodes in one run."""
     before = spent()
     with tempfile.TemporaryDirectory() as folder:
         for _ in play_apart(tasks(column, until, count, Path(folder), same=same), jobs=1):
@@ -104,7 +106,7 @@ def forked(column: str, until: str, count: int, *, same: bool = False) -> float:
 
 
 def tasks(column: str, until: str, count: int, folder: Path, *, same: bool = False) -> Iterator[EpisodeTask]:
-    """The episodes: seed 1 again and again, or the seeds from 1 on, none of which comes again."""
+    """Return the episodes: seed 1 each time, or different seeds from 1 on."""
     mission, _, mode = column.rpartition("-")
     policy = {"policy": POLICY, "policy_args": {"until": until}} if until else {"policy": "oracle"}
     for seed in range(1, 1 + count):
@@ -114,7 +116,7 @@ def tasks(column: str, until: str, count: int, folder: Path, *, same: bool = Fal
 
 
 def many(column: str, count: int) -> None:
-    """What is left after more and more episodes of one run."""
+    """Print the memory, descriptors and processes that more and more episodes of one run leave."""
     servers: list[ForkServer] = []
 
     class TimedStart(ForkServer):
@@ -153,7 +155,7 @@ def spent() -> float:
 
 @contextmanager
 def caches() -> Iterator[None]:
-    """Caches of our own, empty at first."""
+    """Use separate caches that are empty at first."""
     with tempfile.TemporaryDirectory() as folder:
         os.environ["XDG_CACHE_HOME"] = folder
         yield

@@ -1,7 +1,7 @@
-"""A policy for `starting.py`: ends its episode when it has started, so that nothing but starting is paid for.
+"""A policy for `starting.py` that ends its episode when it has started, so that only the start is measured.
 
-With `until=decision` that is when it is first asked; with `until=picture` it asks for a picture then, where it can, and
-ends the episode at the next boundary. A policy lives in a process of its own, so it kills that which writes the trace.
+With `until=decision` it ends at the first call; with `until=picture` it requests a picture then, if possible, and ends
+at the next boundary. A policy runs in a process of its own, so it kills the process that writes the trace.
 """
 
 import os
@@ -14,17 +14,18 @@ from lingjing.plugins.policy import Action, Brief, Decision, Inbox, Observation
 
 
 class Stop:
-    """Stops when the episode has started."""
+    """A policy that stops when the episode has started."""
 
     def __init__(self, until: str = "decision") -> None:
         self.until = until
 
     async def reset(self, brief: Brief) -> None:
-        """Look for something that takes pictures."""
-        self.camera = next((one.id for one in brief.resources for verb in one.verbs if verb.name == "takePhoto"), "")
+        """Select a body that takes pictures."""
+        bodies = (body.id for body in brief.resources for verb in body.verbs if verb.name == "takePhoto")
+        self.camera = next(bodies, "")
 
     async def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """Stop, or ask for a picture."""
+        """Stop, or request a picture."""
         if self.until == "decision" or observation.tick > 0:
             for pid in _around():
                 if _writes_a_trace(pid):
@@ -33,7 +34,7 @@ class Stop:
 
 
 def _around() -> Iterator[int]:
-    """The processes beside this one, and the one above the process that all are forked from."""
+    """Return the processes beside this one, and the parent of the process from which all are forked."""
     server = os.getppid()
     yield from map(int, Path(f"/proc/{server}/task/{server}/children").read_text().split())
     yield int(Path(f"/proc/{server}/stat").read_text().rpartition(")")[2].split()[1])
@@ -41,5 +42,5 @@ def _around() -> Iterator[int]:
 
 def _writes_a_trace(pid: int) -> bool:
     with suppress(OSError):  # it has ended, or is another user's
-        return any("trace.mcap" in os.readlink(one) for one in Path(f"/proc/{pid}/fd").iterdir())  # noqa: PTH115
+        return any("trace.mcap" in os.readlink(link) for link in Path(f"/proc/{pid}/fd").iterdir())  # noqa: PTH115
     return False

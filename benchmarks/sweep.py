@@ -1,4 +1,6 @@
-"""A policy for `episode.py`: flies over its cells; with `pictures=yes` it photographs each, else it waits instead."""
+"""A policy for `episode.py` that flies over its cells; with `pictures=yes` it photographs each, else it waits
+instead.
+"""
 
 from lingjing.plugins.policy import Action, Brief, Decision, Inbox, Observation
 
@@ -12,7 +14,7 @@ class SweepPolicy:
         self.pictures = pictures == "yes"
 
     async def reset(self, brief: Brief) -> None:
-        """Take every third cell, starting from the agent's index, over and over."""
+        """Plan every third cell, from the agent's index on, repeatedly."""
         self.body = brief.resources[0].id if brief.resources else ""
         verbs = {verb.name for resource in brief.resources[:1] for verb in resource.verbs}
         self.flies = {"takeoff", "takePhoto"} <= verbs
@@ -20,7 +22,7 @@ class SweepPolicy:
         self.leg = -1
 
     async def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """Take off, then fly and look in turn."""
+        """Take off, then fly and photograph in turn."""
         busy = any(entity.busy for entity in observation.entities if entity.id == self.body)
         if not self.cells or busy:
             return Decision()

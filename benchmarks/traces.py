@@ -1,4 +1,4 @@
-"""What traces cost in CPU seconds: records a second beside the plain `mcap` writer, writing in an episode, metrics.
+"""The cost of traces in CPU seconds: records per second beside the plain `mcap` writer, writing, metrics.
 
 `python benchmarks/traces.py [--play MISSION] [TRACE...]`: the mission is played in this process by the oracle without
 overview, and its records are written once more; the traces are read and their metrics computed.
@@ -45,8 +45,8 @@ def main() -> None:
 
 
 def _compare_writers() -> None:
-    one = BodyState(id="uav[1]", position=(1.5, 2.25, 100.0), status="hovering", resources={"battery": 0.5})
-    record = Snapshot(time_s=12.5, states=(one,) * 6)
+    state = BodyState(id="uav[1]", position=(1.5, 2.25, 100.0), status="hovering", resources={"battery": 0.5})
+    record = Snapshot(time_s=12.5, states=(state,) * 6)
     data = msgspec.json.encode(record)
     own, signed = _own(record), _own(record, key=b"0123456789abcdef")
     bare = _plain(lambda: data)
@@ -85,9 +85,11 @@ def _plain(encoded: Callable[[], bytes]) -> float:
 def _share_of_writing(mission: str) -> None:
     with tempfile.TemporaryDirectory() as folder:
         began = time.process_time()
-        told = lingjing.run(mission, policy="oracle", seed=1, world="inline", overview=False, out=Path(folder) / "run")
+        report = lingjing.run(
+            mission, policy="oracle", seed=1, world="inline", overview=False, out=Path(folder) / "run"
+        )
         played = time.process_time() - began
-        trace = read_trace(told.trace)
+        trace = read_trace(report.trace)
         spent = _written(trace, Path(folder) / "t.mcap")
     pictures = f"{len(trace.frames)} pictures" if trace.frames else "no picture"
     print(f"{mission}: {len(trace.boundaries)} boundaries, {pictures}: played in {played:.2f} s,")

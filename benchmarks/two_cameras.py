@@ -34,7 +34,7 @@ PictureCost = tuple[float, float]
 
 
 def instance(scene: SceneSpec, weather: Weather, others: Sequence[Entity] = ()) -> Instance:
-    """A UAV with a camera down and one ahead, and what else is there."""
+    """Return an instance with a UAV, a camera down and one ahead, and further entities."""
     cameras = tuple(
         CameraSpec(name=view, view=view, width=SIZE[0], height=SIZE[1], hfov_deg=84.0,
                    channels=("rgb", "depth", "semantic"), capture="on_request")
@@ -53,12 +53,12 @@ def instance(scene: SceneSpec, weather: Weather, others: Sequence[Entity] = ()) 
 class OurCamera:
     """The camera engine with all channels."""
 
-    def __init__(self, given: Instance, city: City) -> None:
+    def __init__(self, placed: Instance, city: City) -> None:
         from lingjing.engines.camera.engine import CameraEngine
 
-        self.others = [BodyState(id=one.id, position=one.position) for one in given.entities[1:]]
+        self.others = [BodyState(id=entity.id, position=entity.position) for entity in placed.entities[1:]]
         self.engine = CameraEngine()
-        self.engine.reset(EngineSpec(engine="camera", instance=given, owns=()), city, 7)
+        self.engine.reset(EngineSpec(engine="camera", instance=placed, owns=()), city, 7)
 
     def look(self, camera: str, position: tuple[float, float, float], heading: float) -> None:
         uav = BodyState(id="uav", position=position, heading_deg=heading)
@@ -71,8 +71,10 @@ class OurCamera:
 
 
 class MujocoCamera:
-    """A sky, a sun and the meshes and cameras that are added before it is `compiled`. The planes between which it draws
-    are `near` and `far` kilometres away."""
+    """A sky, a sun and the meshes and cameras that are added before the model is `compiled`.
+
+    It draws between the planes `near` and `far`, in kilometres.
+    """
 
     def __init__(self, near: float, far: float) -> None:
         import mujoco
@@ -96,14 +98,14 @@ class MujocoCamera:
         self, key: str, mesh: np.ndarray, position: tuple[float, ...] = (0.0, 0.0, 0.0), heading_deg: float = 0.0,
         scale: float = 1.0,
     ) -> None:  # fmt: skip
-        """One geom of a mesh of our models: three rows of position, normal and colour for each triangle."""
+        """Add one geom of a mesh of our models: three rows of position, normal and colour for each triangle."""
         if key not in self.meshes:
             points, index = np.unique(mesh[:, :3], axis=0, return_inverse=True)
             self.add_mesh(key, scale * points, index.reshape(-1, 3))
         self.add_geom(key, mesh[:, 6:9].mean(axis=0), position, heading_deg)
 
     def add_mesh(self, key: str, points: np.ndarray, faces: np.ndarray) -> None:
-        """A mesh that geoms may have."""
+        """Add a mesh for geoms."""
         self.meshes[key] = len(faces)
         self.spec.add_mesh(name=key, uservert=points.astype(float).ravel(), userface=faces.ravel(),
                            inertia=self.mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)  # fmt: skip
@@ -111,7 +113,7 @@ class MujocoCamera:
     def add_geom(
         self, key: str, colour: np.ndarray, position: tuple[float, ...] = (0.0, 0.0, 0.0), heading_deg: float = 0.0
     ) -> None:
-        """One geom of the mesh; `colour` is linear."""
+        """Add one geom of the mesh; `colour` is linear."""
         self.triangles += self.meshes[key]
         half = -radians(heading_deg) / 2.0
         self.spec.worldbody.add_geom(
@@ -120,7 +122,7 @@ class MujocoCamera:
         )  # fmt: skip
 
     def add_view(self, name: str, mount: CameraSpec, position: tuple[float, float, float], heading: float) -> None:
-        """A camera as it is mounted on the UAV at a place."""
+        """Add a camera in the pose of a UAV's camera at a place."""
         from lingjing.plugins.geometry import camera_axes, mounted_camera_pose
 
         pose = mounted_camera_pose(BodyState(id="u", position=position, heading_deg=heading), mount, ())
@@ -132,7 +134,7 @@ class MujocoCamera:
         self.spec.worldbody.add_camera(name=name, pos=pose.position, quat=quat, fovy=fovy)
 
     def compiled(self) -> None:
-        """Make the model of what was added."""
+        """Compile the model from all added parts."""
         self.model = self.spec.compile()
         self.data = self.mujoco.MjData(self.model)
         self.mujoco.mj_forward(self.model, self.data)
@@ -155,14 +157,14 @@ class MujocoCamera:
 
 
 def timed(shoot: Callable[[], object]) -> PictureCost:
-    """What one call takes; CPU counts all threads, the software renderer's too."""
+    """Return wall and CPU milliseconds of one call; CPU counts all threads, the software renderer's too."""
     wall, cpu = time.perf_counter(), time.process_time()
     shoot()
     return 1e3 * (time.perf_counter() - wall), 1e3 * (time.process_time() - cpu)
 
 
 def medians(ours: OurCamera, at: tuple, theirs: MujocoCamera, view: str, rounds: int) -> dict[str, PictureCost]:
-    """What a picture takes of `ours` looking from `at`, and of theirs `shaded` and `plain`."""
+    """Return the median cost of a picture of `ours` looking from `at`, and of theirs `shaded` and `plain`."""
     sides: dict[str, tuple[Callable[[], None], Callable[[], object]]] = {
         "ours": (lambda: ours.look(*at), ours.shoot),
         "shaded": (lambda: theirs.look(view, True), theirs.shoot),
@@ -182,8 +184,10 @@ def medians(ours: OurCamera, at: tuple, theirs: MujocoCamera, view: str, rounds:
 
 
 def agreement(ours: OurCamera, at: tuple, theirs: MujocoCamera, view: str, within_m: float) -> float:
-    """The share of pixels that are equally far in both. Pictures of both sides are kept in the folder that
-    LINGJING_RENDER_PICTURES names."""
+    """Return the share of pixels with equal distance in both pictures.
+
+    Both pictures are stored in the folder LINGJING_RENDER_PICTURES, if it is set.
+    """
     ours.look(*at)
     theirs.look(view, True)
     (picture, mine, _), (other_picture, other, _) = ours.shoot(), theirs.shoot()

@@ -17,7 +17,7 @@ ROUNDS = 5
 
 
 def seconds(command: list[str]) -> float:
-    """Wall-clock seconds of one process that must end well."""
+    """Return the wall-clock seconds of one process, which must succeed."""
     started = time.perf_counter()
     subprocess.run(command, capture_output=True, check=True)
     return time.perf_counter() - started

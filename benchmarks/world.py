@@ -1,11 +1,12 @@
-"""The world with everybody in it: a hundred vehicles, three dogs, five UAVs, a boat, a plane, a satellite, by the sea.
+"""A world with all kinds of bodies: a hundred vehicles, three dogs, five UAVs, a boat, a plane, a satellite, by the
+sea.
 
-Tables, all in processor time of one process with every engine in it, so that a busy machine counts as little as can be:
-how much faster than real time it is without pictures and who takes the time; what a boundary costs as one fleet grows;
-what many resets leave in memory; what looking over a boundary with very many background movers costs. Everybody moves
-all the time. Growth is told twice: in time, which grows faster than the work where other processes share the caches,
-and in calls of functions, which no machine bends. `--only factor|growth|resets|movers` prints one of them, `--quick`
-takes fewer ticks and resets.
+The tables are in processor time of one process with every engine in it, so that a busy machine has little influence.
+They show the real-time factor without pictures with the share of each part, the cost of a boundary as one fleet grows,
+the memory that many resets leave, and the cost of checking a boundary with very many background movers. All bodies move
+all the time. Growth is measured in time, which other processes disturb through shared caches, and in function calls,
+which no machine disturbs. `--only factor|growth|resets|movers` prints one table, `--quick` takes fewer ticks and
+resets.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ SMALL = {"uavs": 1.0, "dogs": 1.0, "vans": 1.0, "cars": 10.0}
 
 
 class TimedWorld:
-    """A world in the caller that adds up the processor time of its steps."""
+    """A world in the caller that sums up the processor time of its steps."""
 
     def __init__(self) -> None:
         self.inner: World = InlineWorld(PluginHost())
@@ -63,19 +64,19 @@ class TimedWorld:
 
 
 def by_the_processors_clock() -> None:
-    """Have engines timed in processor time instead of on the wall."""
+    """Make the kernel measure engines in processor time instead of wall-clock time."""
     calling.time = types.SimpleNamespace(perf_counter=time.process_time)
 
 
 def decisions(instance: Instance, tick: int) -> tuple[DecisionRecord, ...]:
-    """Everybody is told to go on at every boundary; who is still under way is refused as busy and goes on."""
+    """Return a command for every body at every boundary; a busy body rejects it and continues."""
     bodies = {entity.id: entity for entity in instance.entities}
-    told = []
+    made = []
     for agent in instance.agents:
         action = _action(bodies[agent.controls[0]], tick) if agent.controls else None
         if action is not None:
-            told.append(DecisionRecord(agent=agent.id, decision=Decision(command=action)))
-    return tuple(told)
+            made.append(DecisionRecord(agent=agent.id, decision=Decision(command=action)))
+    return tuple(made)
 
 
 def _action(entity: Entity, tick: int) -> Action | None:
@@ -100,8 +101,10 @@ def _action(entity: Entity, tick: int) -> Action | None:
 
 
 def measured(ticks: int, settings: dict[str, float], count: bool = False) -> dict[str, object]:
-    """Processor seconds of so many ticks after a warm-up: in all, of the world, of each engine. With `count` also the
-    calls a tick in the ticks after them: of each engine's own functions and of all."""
+    """Return the processor seconds of `ticks` ticks after a warm-up: in all, of the world, of each engine.
+
+    With `count` also the calls per tick in the ticks after them: of each engine's own functions and of all.
+    """
     by_the_processors_clock()
     world = TimedWorld()
     instance, city = CityBuilder(PluginHost()).place(instantiate(load_mission(MISSION), seed=3, settings=settings))
@@ -130,12 +133,12 @@ def measured(ticks: int, settings: dict[str, float], count: bool = False) -> dic
 
 
 def counted(kernel: Kernel, instance: Instance, ticks: range) -> dict[str, float]:
-    """Calls a tick of all functions (``), and of those in the folder of each engine."""
+    """Return the calls per tick of all functions (``), and of those in the folder of each engine."""
     profile = cProfile.Profile()
     for tick in ticks:
-        told = decisions(instance, tick)
+        made = decisions(instance, tick)
         profile.enable()
-        kernel.step(told)
+        kernel.step(made)
         profile.disable()
     calls: dict[str, float] = {"": 0.0}
     for entry in profile.getstats():
@@ -147,7 +150,7 @@ def counted(kernel: Kernel, instance: Instance, ticks: range) -> dict[str, float
 
 
 def resets(count: int) -> dict[str, object]:
-    """Megabytes held after the first 20 resets, each with a tick, and after all of them."""
+    """Return the megabytes held after the first 20 resets, each with a tick, and after all of them."""
     instance, city = CityBuilder(PluginHost()).place(instantiate(load_mission(MISSION), seed=3))
     world = InlineWorld(PluginHost())
     held = {}
@@ -163,7 +166,7 @@ def resets(count: int) -> dict[str, object]:
 
 
 def memory_mb() -> float:
-    """Resident memory of this process."""
+    """Return the resident memory of this process in MB."""
     for line in Path("/proc/self/status").read_text().splitlines():
         if line.startswith("VmRSS"):
             return int(line.split()[1]) / 1024
@@ -171,13 +174,13 @@ def memory_mb() -> float:
 
 
 def in_a_process(job: str, **arguments: object) -> dict:
-    """A measurement in a process of its own."""
+    """Run a measurement in a process of its own."""
     command = [sys.executable, str(HERE / "world.py"), "--job", json.dumps([job, arguments])]
     return json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout.splitlines()[-1])
 
 
 def factor(ticks: int) -> None:
-    """Print how fast it is and who takes the time."""
+    """Print the real-time factor and the share of each part."""
     runs = [in_a_process("measured", ticks=ticks, settings={}) for _ in range(3)]
     best = min(runs, key=lambda run: run["whole_s"])
     engines = sum(best["engines"].values())
@@ -195,7 +198,7 @@ def factor(ticks: int) -> None:
 
 
 def growth(ticks: int) -> None:
-    """Print what a tick costs as one fleet grows and the others stay small, with the exponent of a power law."""
+    """Print the cost of a tick as one fleet grows and the others stay small, with the exponent of a power law."""
     for fleet, (name, engine, sizes) in GROWTH.items():
         print(f"| {fleet} | {engine}, CPU ms a tick | a head | its calls a tick | the world, CPU ms a tick | calls |")
         print("| --- | --- | --- | --- | --- | --- |")
@@ -214,18 +217,18 @@ def growth(ticks: int) -> None:
         print("| --- | --- | --- | --- | --- |")
         for part, since in (("all sizes", 0), ("upper half", -3)):
             slopes = (slope(sizes[since:], column[since:]) for column in columns)
-            print(f"| {part} | {' | '.join(f'{found:.2f}' for found in slopes)} |")
+            print(f"| {part} | {' | '.join(f'{slope:.2f}' for slope in slopes)} |")
         print()
 
 
 def slope(sizes: tuple[int, ...], times: list[float]) -> float:
-    """Least squares in logarithms."""
+    """Return the exponent of a power law: least squares in logarithms."""
     x, y = [math.log(size) for size in sizes], [math.log(took) for took in times]
     return statistics.linear_regression(x, y).slope
 
 
 def print_resets(count: int) -> None:
-    """Print what resets leave behind."""
+    """Print the memory that resets leave."""
     held = in_a_process("resets", count=count)["held"]
     print("| resets of everybody | MB held |")
     print("| --- | --- |")
@@ -235,7 +238,7 @@ def print_resets(count: int) -> None:
 
 
 def movers(count: int) -> dict[str, object]:
-    """Seconds that looking over a boundary with so many background movers takes, the least of ten."""
+    """Return the seconds for checking a boundary with this number of background movers, the least of ten runs."""
     crowd = tuple(
         BodyState(id=f"traffic/{n}", kind="car", position=(float(n), 0.0, 0.0), velocity=(1.0, 0.0, 0.0))
         for n in range(count)
@@ -250,7 +253,7 @@ def movers(count: int) -> dict[str, object]:
 
 
 def print_movers(counts: tuple[int, ...]) -> None:
-    """Print what background movers cost the world host, and which share of what SUMO takes to move them that is."""
+    """Print the cost of background movers for the world host, as a share of SUMO's time to move them."""
     print("| background movers | CPU ms to look over a boundary | of a car's 5 steps at 16 us |")
     print("| --- | --- | --- |")
     for count in counts:
@@ -266,20 +269,20 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--resets", type=int, default=500)
     parser.add_argument("--job", help=argparse.SUPPRESS)
-    asked = parser.parse_args()
-    if asked.job:
-        job, arguments = json.loads(asked.job)
-        print(json.dumps({"measured": measured, "resets": resets, "movers": movers}[job](**arguments)))
+    arguments = parser.parse_args()
+    if arguments.job:
+        job, values = json.loads(arguments.job)
+        print(json.dumps({"measured": measured, "resets": resets, "movers": movers}[job](**values)))
         return
-    ticks = 6 if asked.quick else 12
+    ticks = 6 if arguments.quick else 12
     tables = {
         "factor": lambda: factor(ticks),
         "growth": lambda: growth(ticks),
-        "resets": lambda: print_resets(60 if asked.quick else asked.resets),
+        "resets": lambda: print_resets(60 if arguments.quick else arguments.resets),
         "movers": lambda: print_movers((10, 100, 1000)),
     }
     for name, table in tables.items():
-        if asked.only in (None, name):
+        if arguments.only in (None, name):
             table()
 
 
