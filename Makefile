@@ -4,11 +4,13 @@ BIN := .venv/bin
 STUDY ?= reference -j 2
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -q --durations 30
 
-.PHONY: help setup demo test check lock sbom licences pythons bench study ray model detector browser readers pictures missions selfcheck faults clean
+.PHONY: help setup demo test episodes wheels check lock sbom licences pythons bench study ray model detector browser readers pictures missions selfcheck faults clean
 
 help:
 	@echo 'make demo    play the sea rescue, seed 5, broadcast, with the heuristic agents'
 	@echo 'make test    run the tests'
+	@echo 'make episodes  play whole episodes of the shipped missions with the reference policies: minutes'
+	@echo 'make wheels  install the wheels and their requirements from an index into a bare environment: minutes'
 	@echo 'make check   ruff, mypy, import contracts and the tests'
 	@echo 'make pythons  run the fast tests on Python 3.12 and 3.13, where they are found (TESTS=tests/dsl)'
 	@echo 'make lock    write and verify requirements-lock.txt, the pinned packages with their hashes'
@@ -33,6 +35,12 @@ demo: setup
 
 test: setup
 	@$(PYTEST)
+
+episodes: setup
+	@$(PYTEST) -m episodes tests/episodes
+
+wheels: setup
+	@$(BIN)/python -m pytest -q -p no:xdist -m wheels tests/packaging/test_wheels.py
 
 check: setup
 	@$(BIN)/ruff check .

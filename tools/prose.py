@@ -144,11 +144,11 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--list", metavar="PATH", help="print each place in this folder or file")
     parser.add_argument("--update", action="store_true", help="lower the limits to what is counted")
     options = parser.parse_args(arguments)
+    chosen = None if options.list is None else (ROOT / options.list).resolve()
+    if chosen is not None and not chosen.exists():
+        parser.error(f"there is no {options.list}")
     listed = all_findings(ROOT)
-    if options.list is not None:
-        chosen = (ROOT / options.list).resolve()
-        if not chosen.exists():
-            parser.error(f"there is no {options.list}")
+    if chosen is not None:
         print(*(finding for finding in listed if (ROOT / finding.path).is_relative_to(chosen)), sep="\n")
         return 0
     counts, limits = counted(listed), json.loads(LIMITS.read_text(encoding="utf-8"))

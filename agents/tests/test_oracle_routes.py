@@ -229,5 +229,5 @@ def test_each_vehicle_goes_to_the_destination_of_its_own_inspected_route(tmp_pat
 def test_a_vehicle_that_nothing_forbids_to_go_waits_for_a_route_without_a_jam(tmp_path: Path) -> None:
     file = tmp_path / "convoy.ljs"
     file.write_text(MISSION)
-    played = lingjing.run(file, policy="oracle", seed=1, out=tmp_path / "run", overview=False)
+    played = lingjing.run(file, policy="oracle", seed=1, out=tmp_path / "run", overview=False, world="inline")
     assert (played.reason, played.score) == ("success", 1.0)

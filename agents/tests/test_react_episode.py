@@ -75,6 +75,8 @@ def test_an_episode_survives_every_failure_and_tells_each(client: str, tmp_path:
                 "vision": "yes",
             },
             out=tmp_path / "run",
+            overview=False,
+            world="inline",
         )
     assert (result.reason, result.ticks) == ("budget", TICKS)
     trace = read_trace(result.trace)

@@ -36,14 +36,20 @@ def lost(tmp_path_factory: pytest.TempPathFactory) -> Trace:
     return played(tmp_path_factory.mktemp("lost") / "episode", f"{SKIPPERS}:Timid")
 
 
-def test_the_smallest_mission_fails_the_same_way(
+def test_the_smallest_mission_fails_the_same_way_also_after_a_budget_has_run_out(
     lost: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     small = tmp_path / "small.ljs"
     call = ["shrink", str(lost.path), "-o", str(small), "--mission", str(HARBOUR), "--policy-file", str(SKIPPERS)]
-    assert main([*call, "-j", "2", "--output-format", "json"]) == ExitCode.OK
+    assert main([*call, "--budget", "3", "--output-format", "json"]) == ExitCode.OK
+    first = json.loads(capsys.readouterr().out)
+    assert not first["minimal"]
+    assert small.is_file() and load_mission(small).name == "harbour"
+    assert len(small.with_name("small.ljs.tried.jsonl").read_bytes().splitlines()) >= 3
+    assert main([*call, "-j", "2", "--output-format", "json"]) == ExitCode.OK, "it goes on with the best so far"
     captured = capsys.readouterr()
     result = json.loads(captured.out)
+    assert result["ticks"] < first["ticks"] or len(result["kept"]) < len(first["kept"])
     assert "fail alike" in captured.err
     assert result["minimal"] and result["control"] == "oracle"
     assert len([part for part in result["kept"] if part.startswith("target")]) == 1
@@ -61,19 +67,6 @@ def test_the_smallest_mission_fails_the_same_way(
     assert not small.with_name("small.ljs.tried.jsonl").exists()
     assert main(call) == ExitCode.USAGE
     assert "nothing is overwritten" in capsys.readouterr().err
-
-
-def test_out_of_episodes_the_best_so_far_is_there_and_is_gone_on_with(lost: Trace, tmp_path: Path) -> None:
-    small = tmp_path / "small.ljs"
-    options = ShrinkOptions(mission=str(HARBOUR), policies=(str(SKIPPERS),), control="", episodes=3)
-    first = shrink(lost, small, options)
-    assert not first.minimal
-    assert small.is_file() and load_mission(small).name == "harbour"
-    tried = small.with_name("small.ljs.tried.jsonl").read_bytes().splitlines()
-    lines: list[str] = []
-    second = shrink(lost, small, options, lines.append)
-    assert len(tried) >= 3
-    assert second.ticks < first.ticks or len(second.kept) < len(first.kept)
 
 
 def test_a_place_that_cannot_be_written_is_told_before_anything_is_played(

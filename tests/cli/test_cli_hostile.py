@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.data import data_path
 from lingjing.trace.reader import read_trace
 
 RUN = (sys.executable, "-m", "lingjing.cli.main", "run")
@@ -33,7 +32,7 @@ def stay(): time.sleep(3600)
 
 class P:
     async def reset(self, brief):
-        self.first = brief.agent == "boat" or brief.role == "rescuer"
+        self.first = brief.agent == "skipper[1]"
 
     async def act(self, observation, inbox):
         plan = HERE / "plan"
@@ -48,12 +47,10 @@ class P:
 
 @pytest.fixture
 def short(tmp_path: Path) -> Path:
-    """The mission with a budget of three ticks, and a policy that executes the lines of `plan`."""
-    text = data_path("scenarios", "ssr.ljs").read_text(encoding="utf-8")
-    text = text.replace("ticks <= 60, policy <= 90 s", "ticks <= 3, policy <= 3600 s").replace(
-        "(12.4 m, -1351.8 m)", "(270 m, -920 m)"
-    )
-    (tmp_path / "short.ljs").write_text(text, encoding="utf-8")
+    """Two boats with a budget of three ticks, and a policy that executes the lines of `plan`."""
+    text = Path(__file__).with_name("boats.ljs").read_text(encoding="utf-8")
+    assert "policy <= 60 s" in text
+    (tmp_path / "short.ljs").write_text(text.replace("policy <= 60 s", "policy <= 3600 s"), encoding="utf-8")
     (tmp_path / "p.py").write_text(POLICY, encoding="utf-8")
     return tmp_path
 
@@ -109,7 +106,7 @@ def test_a_policy_that_meddles_with_the_output_ends_its_own_episode(short: Path,
     assert done.returncode == 3, done.stderr
     first, second = json.loads(done.stdout)["episodes"]
     assert (first["reason"], second["reason"]) == ("infrastructure-abort", "budget")
-    message = f"the trace {short}/out/ssr-broadcast-0-1/trace.mcap{message}"
+    message = f"the trace {short}/out/boats-broadcast-0-1/trace.mcap{message}"
     assert first["detail"].startswith(message)
     assert f"error: seed 0 was aborted: {message}" in done.stderr
     assert "hint: do not change the folder of a run before the run has ended" in done.stderr

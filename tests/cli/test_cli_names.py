@@ -85,8 +85,7 @@ def test_a_working_folder_that_was_removed_is_named(tmp_path: Path, verb: tuple[
 
 @pytest.mark.slow
 def test_variables_that_are_not_text_reach_episodes_of_their_own_process(tmp_path: Path) -> None:
-    text = data_path("scenarios", "queue.ljs").read_text(encoding="utf-8")
-    (tmp_path / "m.ljs").write_text(text, encoding="utf-8")
+    shutil.copy(Path(__file__).with_name("boats.ljs"), tmp_path / "m.ljs")
     (tmp_path / "p.py").write_text(
         "import os\nfrom lingjing.plugins.policy import Decision\n"
         "class P:\n"

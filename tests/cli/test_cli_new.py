@@ -7,8 +7,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import msgspec
 import pytest
 
+import lingjing as package
 from lingjing.cli.new import write_mission
 from lingjing.dsl import compile_file
 from lingjing.dsl.formatting.formatter import format_text
@@ -33,10 +35,9 @@ def test_a_new_mission_compiles_and_is_formatted(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_new_mission_runs_at_once(tmp_path: Path) -> None:
-    write_mission("first", tmp_path)
-    done = lingjing("run", "first.ljs", "--seed", "3", "--json", "-o", "out", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)
+    mission = write_mission("first", tmp_path)
+    report = package.run(mission, seed=3, world="inline", overview=False, out=tmp_path / "out")
+    assert report.reason in ("success", "budget")
     assert (tmp_path / "out" / "trace.mcap").is_file()
 
 
@@ -44,9 +45,12 @@ def test_a_new_mission_runs_at_once(tmp_path: Path) -> None:
 def test_a_new_agent_finds_somebody_and_sends_the_boat(tmp_path: Path) -> None:
     text = (Path(__file__).parents[2] / "scenarios" / "ssr.ljs").read_text(encoding="utf-8")
     (tmp_path / "ssr.ljs").write_text(text.replace("ticks <= 60", "ticks <= 20"), encoding="utf-8")
-    lingjing("new", "agent", "scout", cwd=tmp_path)
-    done = lingjing("run", "ssr.ljs", "--policy", "./scout.py:Scout", "--seed", "1", "--json", "-o", "o", cwd=tmp_path)
+    assert "scout.py" in lingjing("new", "agent", "scout", cwd=tmp_path).stdout
+    options = ("--policy", "./scout.py:Scout", "--seed", "1", "--json", "-o", "o", "--no-overview")
+    done = lingjing("run", "ssr.ljs", *options, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
+    answer = msgspec.json.decode(done.stdout, type=package.EpisodeReport)
+    assert (answer.policy, answer.reason) == ("./scout.py:Scout", "budget")
     metrics = json.loads(done.stdout)["metrics"]
     assert metrics["targets_found"] >= 1
     assert metrics["frames"] >= 10

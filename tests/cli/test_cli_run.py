@@ -1,4 +1,4 @@
-"""End-to-end tests of `lingjing run` on a shipped mission of a few ticks."""
+"""End-to-end tests of `lingjing run` on a shipped mission of a few ticks and on two boats without cameras."""
 
 from __future__ import annotations
 
@@ -8,18 +8,21 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from configparser import ConfigParser
+from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
 import pytest
 
+import lingjing
 from lingjing.analysis.metrics import Metrics
+from lingjing.cli.main import main
 from lingjing.cli.results import explain, print_episode
 from lingjing.cli.scorecard import plain
 from lingjing.data import data_path
 from lingjing.errors import LingjingError
-from lingjing.play.report import EpisodeReport
 from lingjing.trace.reader import read_trace
 from tests.kernel.test_world_process import is_running
 from tests.play.report_kit import made_report
@@ -28,6 +31,7 @@ pytestmark = pytest.mark.slow
 
 KEYS = {"mission", "seed", "mode", "success", "reason", "scr", "ticks", "digest", "trace", "metrics"}
 RUN = (sys.executable, "-m", "lingjing.cli.main", "run")
+BOATS = Path(__file__).with_name("boats.ljs")
 
 
 @pytest.fixture(scope="module")
@@ -53,10 +57,36 @@ def lingjing_run(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[s
     )
 
 
+@dataclass(frozen=True)
+class Ended:
+    """A command that ran in the process of the tests."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+@pytest.fixture
+def run_here(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., Ended]:
+    """Return a function that calls `lingjing run` in this process, in `tmp_path`."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments: object) -> Ended:
+        try:
+            code = main(["run", *map(str, arguments)])
+        except SystemExit as ended:  # argparse ends so
+            code = int(ended.code or 0)
+        return Ended(code, *capsys.readouterr())
+
+    return call
+
+
 def test_json_is_one_object_with_the_promised_keys(short: Path, tmp_path: Path) -> None:
-    done = lingjing_run(
-        short, "--seed", 3, "--mode", "star", "--policy", "random", "--policy-seed", 8, "--json", cwd=tmp_path
-    )
+    """Without an overview the trace is the same."""
+    options = (short, "--seed", 3, "--mode", "star", "--policy", "random", "--policy-seed", 8, "--json")
+    done = lingjing_run(*options, cwd=tmp_path)
     assert (done.returncode, without_warning(done.stderr)) == (0, "")
     answer = json.loads(done.stdout)
     assert answer.keys() >= KEYS
@@ -65,36 +95,34 @@ def test_json_is_one_object_with_the_promised_keys(short: Path, tmp_path: Path) 
     assert answer["trace"] == "runs/ssr-star-3-1/trace.mcap"
     assert (answer["policy_seed"], read_trace(tmp_path / answer["trace"]).header.policy_seed) == (8, 8)
     assert sorted(path.name for path in (tmp_path / "runs/ssr-star-3-1").iterdir()) == ["overview.png", "trace.mcap"]
+    bare = lingjing_run(*options, "--no-overview", "-o", "bare", "--world", "inline", cwd=tmp_path)
+    assert json.loads(bare.stdout)["digest"] == answer["digest"]
+    assert [path.name for path in (tmp_path / "bare").iterdir()] == ["trace.mcap"]
 
 
-def test_without_an_overview_the_trace_is_the_same(short: Path, tmp_path: Path) -> None:
-    with_it, without = (
-        json.loads(lingjing_run(short, "--policy", "random", "--json", "-o", name, *more, cwd=tmp_path).stdout)
-        for name, more in (("with", ()), ("without", ("--no-overview",)))
-    )
-    assert with_it["digest"] == without["digest"]
-    assert [path.name for path in (tmp_path / "without").iterdir()] == ["trace.mcap"]
-
-
-def test_the_policy_seed_alone_decides_what_a_policy_draws(short: Path, tmp_path: Path) -> None:
+def test_the_policy_seed_alone_decides_what_a_policy_draws(tmp_path: Path) -> None:
     """The instance's seed has no effect: `random` decides equally in two instances, and differently with another
     policy seed.
     """
+    instances = set()
 
     def decided(seed: int, policy_seed: int) -> list[object]:
-        done = lingjing_run(
-            short, "--seed", seed, "--policy-seed", policy_seed, "--policy", "random", "--json", "--no-overview",
-            "-o", f"{seed}-{policy_seed}", "--world", "inline", cwd=tmp_path,
+        report = lingjing.run(
+            BOATS, seed=seed, policy_seed=policy_seed, policy="random", world="inline", overview=False,
+            out=tmp_path / f"{seed}-{policy_seed}",
         )  # fmt: skip
-        first = read_trace(tmp_path / json.loads(done.stdout)["trace"]).boundaries[1]
-        return [made.decision for made in first.decisions]
+        trace = read_trace(report.trace)
+        instances.add(tuple(entity.position for entity in trace.header.instance.entities))
+        return [made.decision for made in trace.boundaries[1].decisions]
 
     assert decided(0, 4) == decided(1, 4) != decided(0, 5)
+    assert len(instances) == 2
 
 
-def test_several_seeds_on_a_warm_world_equal_single_ones_in_processes(short: Path, tmp_path: Path) -> None:
-    warm = lingjing_run(short, "--seeds", "0-1", "--policy", "random", "--json", "-o", "warm", cwd=tmp_path)
-    apart = lingjing_run(short, "--seeds", "0-1", "--policy", "random", "--json", "-o", "apart", "-j", 2, cwd=tmp_path)
+def test_several_seeds_on_a_warm_world_equal_single_ones_in_processes(tmp_path: Path) -> None:
+    options = (BOATS, "--seeds", "0-1", "--policy", "random", "--json", "--no-overview")
+    warm = lingjing_run(*options, "-o", "warm", cwd=tmp_path)
+    apart = lingjing_run(*options, "-o", "apart", "-j", 2, cwd=tmp_path)
     assert (warm.returncode, apart.returncode) == (0, 0), warm.stderr + apart.stderr
     first, second = json.loads(warm.stdout), json.loads(apart.stdout)
     assert first.keys() >= KEYS | {"tsr", "episodes"}
@@ -102,11 +130,11 @@ def test_several_seeds_on_a_warm_world_equal_single_ones_in_processes(short: Pat
     assert [e["digest"] for e in first["episodes"]] == [e["digest"] for e in second["episodes"]]
     assert first["episodes"][0]["digest"] != first["episodes"][1]["digest"]
     assert (first["tsr"], first["digest"]) == (0.0, second["digest"])
-    assert sorted(path.name for path in (tmp_path / "warm").iterdir()) == ["ssr-broadcast-0-1", "ssr-broadcast-1-1"]
+    assert sorted(path.name for path in (tmp_path / "warm").iterdir()) == ["boats-broadcast-0-1", "boats-broadcast-1-1"]
 
 
-def test_piped_output_is_grouped_has_units_and_ends_with_the_trace(short: Path, tmp_path: Path) -> None:
-    done = lingjing_run(short, "--policy", "random", "-o", "here", "--world", "inline", cwd=tmp_path)
+def test_piped_output_is_grouped_has_units_and_ends_with_the_trace(tmp_path: Path) -> None:
+    done = lingjing_run(BOATS, "--policy", "random", "-o", "here", "--world", "inline", cwd=tmp_path)
     assert (done.returncode, without_warning(done.stderr)) == (0, "")
     assert "\x1b" not in done.stdout
     lines = done.stdout.splitlines()
@@ -115,7 +143,7 @@ def test_piped_output_is_grouped_has_units_and_ends_with_the_trace(short: Path, 
     read = ConfigParser(interpolation=None, delimiters=(":",))
     read.read_string(done.stdout)
     assert read.sections() == ["episode", "outcome", "perception", "communication", "behaviour", "cost", "files"]
-    assert read["episode"]["mission"] == "ssr" and read["outcome"]["ticks"] == "3"
+    assert read["episode"]["mission"] == "boats" and read["outcome"]["ticks"] == "3"
     assert (read["outcome"]["sim_s"], read["cost"]["cost_usd"]) == ("30 s", "0 USD")
     assert read["perception"]["localisation_error_m"] == "N/A"
     assert read["communication"]["kilobytes"].endswith(" kB")
@@ -133,10 +161,10 @@ def test_the_piped_groups_hold_every_metric_once_and_the_map_is_credited(capsys:
     assert "map:" not in capsys.readouterr().out
 
 
-def test_a_run_is_never_overwritten(short: Path, tmp_path: Path) -> None:
+def test_a_run_is_never_overwritten(run_here: Callable[..., Ended], tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "trace.mcap").write_text("precious")
-    done = lingjing_run(short, "--policy", "random", "-o", "out", cwd=tmp_path)
+    done = run_here(BOATS, "--policy", "random", "-o", "out")
     assert done.returncode == 2
     assert "`out` is not empty" in done.stderr
     assert (tmp_path / "out" / "trace.mcap").read_text() == "precious"
@@ -163,9 +191,9 @@ def test_a_run_is_never_overwritten(short: Path, tmp_path: Path) -> None:
     ],
 )
 def test_wrong_arguments_name_themselves_and_leave_nothing(
-    arguments: tuple[str, ...], message: str, short: Path, tmp_path: Path
+    arguments: tuple[str, ...], message: str, short: Path, run_here: Callable[..., Ended], tmp_path: Path
 ) -> None:
-    done = lingjing_run(short, *arguments, cwd=tmp_path)
+    done = run_here(short, *arguments)
     assert done.returncode == 2, done.stderr
     assert message in done.stderr
     assert "Traceback" not in done.stderr
@@ -178,26 +206,16 @@ def test_wrong_arguments_name_themselves_and_leave_nothing(
     [(None, 2), (b"", 1), (b"\xff\xfe\x00", 2), (b"mission ssr {", 1), (b"x" * 10_000_000, 2)],
     ids=["missing", "empty", "not-utf8", "broken", "ten-megabytes-of-one-line"],
 )
-def test_wrong_missions_give_a_message_and_their_code(content: bytes | None, code: int, tmp_path: Path) -> None:
+def test_wrong_missions_give_a_message_and_their_code(
+    content: bytes | None, code: int, run_here: Callable[..., Ended], tmp_path: Path
+) -> None:
     if content is not None:
         (tmp_path / "m.ljs").write_bytes(content)
-    done = lingjing_run("m.ljs", cwd=tmp_path)
+    done = run_here("m.ljs")
     assert done.returncode == code, done.stderr[:2000]
     assert "m.ljs" in done.stderr
     assert len(done.stderr) < 20_000
     assert "Traceback" not in done.stderr
-
-
-def test_a_new_agent_plays_at_once(short: Path, tmp_path: Path) -> None:
-    new = subprocess.run(
-        [sys.executable, "-m", "lingjing.cli.main", "new", "agent", "mine"], cwd=tmp_path, check=True, timeout=900,
-        capture_output=True,
-    )  # fmt: skip
-    assert b"mine.py" in new.stdout
-    done = lingjing_run(short, "--policy", "./mine.py:Mine", "--json", "-o", "out", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    answer = msgspec.json.decode(done.stdout, type=EpisodeReport)
-    assert (answer.policy, answer.reason, answer.metrics.substitutions) == ("./mine.py:Mine", "budget", 0)
 
 
 def has_begun(part: Path) -> bool:
@@ -255,9 +273,9 @@ print(code, Path("pid").read_text() == str(os.getpid()))
 """
 
 
-def test_a_program_with_threads_plays_engines_in_itself_and_not_in_a_fork(short: Path, tmp_path: Path) -> None:
+def test_a_program_with_threads_plays_engines_in_itself_and_not_in_a_fork(tmp_path: Path) -> None:
     done = subprocess.run(
-        [sys.executable, "-c", THREADED, str(short)], cwd=tmp_path, capture_output=True, text=True, check=False
+        [sys.executable, "-c", THREADED, str(BOATS)], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     assert done.stdout.splitlines()[-1] == "0 True", done.stderr
 

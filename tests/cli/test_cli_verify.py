@@ -52,17 +52,8 @@ def test_a_key_that_is_none_is_refused(whole: Path, tmp_path: Path, capsys: pyte
 def test_a_run_is_signed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     key, out = tmp_path / "trace.key", tmp_path / "out"
     key.write_text("0123456789abcdef0123456789abcdef\n")
-    call = [
-        "run",
-        "ssr",
-        "--policy",
-        "random",
-        "--set",
-        "victims=1",
-        "--no-overview",
-        "-o",
-        str(out),
-    ]
+    mission = Path(__file__).with_name("boats.ljs")
+    call = ["run", str(mission), "--policy", "random", "--no-overview", "-o", str(out)]
     options = tmp_path / "options.json"
     options.write_text(json.dumps({"blank_pictures": True, "sign": str(key)}))
     assert main([*call, "--options", str(options)]) == ExitCode.OK

@@ -64,12 +64,11 @@ def test_a_null_fork_ends_with_its_parents_digest_and_a_change_does_not(episode,
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "hash_seed"), [("process", "1"), ("inline", "2")])
-def test_another_process_hash_seed_and_world_mode_give_equal_digests(first_digests, tmp_path, kind, hash_seed):
+def test_another_process_hash_seed_and_world_mode_give_equal_digests(first_digests, tmp_path):
     run = subprocess.run(
-        [sys.executable, SCRIPT, kind, str(TICKS)],
+        [sys.executable, SCRIPT, "inline", str(TICKS)],
         cwd=tmp_path,
-        env={**os.environ, "PYTHONHASHSEED": hash_seed},
+        env={**os.environ, "PYTHONHASHSEED": "2"},
         capture_output=True,
         text=True,
         check=True,

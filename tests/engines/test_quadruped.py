@@ -129,7 +129,7 @@ def slope(angle_deg: float) -> City:
 
 KERB = city_of(solids=(Solid(id="kerb", polygon=rectangle(3.0, -6.0, 30.0, 6.0), base_m=-0.2, top_m=0.12),))
 
-APPROACHES = [(heading, back) for heading in (80.0, 89.5, 90.0, 95.0) for back in (0.0, 0.37)]
+APPROACHES = [(80.0, 0.0), (89.5, 0.37), (90.0, 0.0), (95.0, 0.37)]
 """Compass headings, and the extra distance of the start: the feet meet the edge in other phases of the gait."""
 
 

@@ -14,7 +14,6 @@ import pytest
 
 from lingjing.cli import doctor
 from lingjing.cli.main import main
-from lingjing.data import data_path
 from lingjing.errors import PluginError, UsageError
 from lingjing.installed_plugins import discovery
 from lingjing.installed_plugins.entry_points import PLUGINS, find_entries
@@ -280,11 +279,10 @@ def test_without_the_core_there_is_one_error_and_without_the_agents_the_rest_wor
 def test_a_run_that_uses_no_broken_plugin_plays_and_names_it(site: Site, tmp_path: Path) -> None:
     for name in ("raises", "ends", "scribbles"):
         site.add(name, FAULTS[name][0])
-    text = data_path("scenarios", "ssr.ljs").read_text(encoding="utf-8")
-    (tmp_path / "short.ljs").write_text(text.replace("ticks <= 60", "ticks <= 10"), encoding="utf-8")
-    call = [sys.executable, "-m", "lingjing.cli.main", "run", "short.ljs", "--policy", "random", "--json"]
+    mission = Path(__file__).parents[1] / "cli" / "boats.ljs"
+    call = [sys.executable, "-m", "lingjing.cli.main", "run", str(mission), "--policy", "random", "--json"]
     done = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=900)
     assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["mission"] == "ssr"
+    assert json.loads(done.stdout)["mission"] == "boats"
     for name in ("raises", "ends", "scribbles"):
         assert done.stderr.count(f"warning: plug-in `{name}` (lingjing-{name} 1.0)") == 1

@@ -1,4 +1,4 @@
-"""Whole `resetScenario` documents in the styles that occur (`wild/`): read, written back, and played by the oracle.
+"""Whole `resetScenario` documents in the styles that occur (`wild/`): read and written back.
 
 `pytest tests/mission --update` rewrites the golden notes: what is inferred, passed over or read differently, and only
 that.
@@ -7,12 +7,11 @@ that.
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
+import lingjing
 from lingjing.dsl.loading.load import templates_beside
 from lingjing.errors import MissionError
 from lingjing.mission import jsontext
@@ -20,6 +19,7 @@ from lingjing.mission.document import read
 from lingjing.mission.instance import Instance
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.reset.emit import emit
+from lingjing.trace.reader import read_trace
 
 WILD = Path(__file__).parent / "wild"
 TEMPLATES = templates_beside(Path("nowhere"))
@@ -39,8 +39,6 @@ MISSIONS = {
     "uavdog": "upr",
     "uavdog_queue": "queue",
 }
-PLAYED = ("bridge", "delivery_degrees", "delivery_uavs", "fire_rescue_uav", "multicars_delivery", "singledog", "uavdog")
-"""One of each kind; `uavdog` is the longest."""
 
 
 def text_of(name: str) -> str:
@@ -184,42 +182,12 @@ def test_words_that_say_who_is_there_leave_the_task_to_the_hidden_places(
     assert read(json.dumps(whole), "w.json", TEMPLATES)[0].name == mission
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", PLAYED)
-def test_the_oracle_wins_it(name: str, tmp_path: Path) -> None:
-    command = (sys.executable, "-m", "lingjing.cli.main", "run", str(WILD / f"{name}.json"), "--policy", "oracle")
-    ended = subprocess.run((*command, "--json"), cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert ended.returncode == 0, ended.stderr
-    report = json.loads(ended.stdout)
-    assert (report["mission"], report["success"]) == (MISSIONS[name], True)
-
-
-FLEETS = {
-    "upr_fleet": {"uavs": 2, "dogs": 2, "leaks": 2},
-    "queue_fleet": {"uavs": 2, "dogs": 2},
-    "ssr_fleet": {"uavs": 0, "boats": 2},
-    "ld_fleet": {"uavs": 2, "vans": 2, "dogs": 2, "houses": 2},
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", FLEETS)
-def test_the_oracle_wins_with_fleets(name: str, tmp_path: Path) -> None:
-    settings = [f"--set={key}={value}" for key, value in FLEETS[name].items()]
-    command = (
-        sys.executable,
-        "-m",
-        "lingjing.cli.main",
-        "run",
-        f"reset/{name}",
-        "--seed=1",
-        "--policy=oracle",
-        "--json",
-    )
-    ended = subprocess.run((*command, *settings), cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert ended.returncode == 0, ended.stderr
-    report = json.loads(ended.stdout)
-    assert (report["mission"], report["success"]) == (name, True)
+def test_the_oracle_wins_a_document(tmp_path: Path) -> None:
+    """The other kinds and fleets are played in `tests/episodes`."""
+    document = WILD / "delivery_uavs.json"
+    report = lingjing.run(document, policy="oracle", world="inline", overview=False, out=tmp_path / "run")
+    assert (report.mission, report.success) == (MISSIONS["delivery_uavs"], True)
+    assert {binding.privileged for binding in read_trace(report.trace).header.bindings} == {True}
 
 
 def test_the_yaw_of_a_hidden_place_is_its_heading_and_an_empty_place_hides_none() -> None:

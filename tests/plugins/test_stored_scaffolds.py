@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from lingjing.data import data_path
 from lingjing.errors import PluginError
 from lingjing.plugins.contract import API_VERSION, version_fault
 from lingjing.plugins.hookspecs import hookimpl
@@ -64,9 +65,11 @@ def test_an_engine_of_version_1_0_passes_its_own_tests(package: Path, site: Path
 
 def test_a_policy_of_version_1_0_plays(tmp_path: Path) -> None:
     (tmp_path / "scout.py").write_bytes((DATA / "agent-1.0.py.txt").read_bytes())
-    run = (*LINGJING, "run", "ssr", "--policy", "./scout.py:Scout", "--world", "inline", "--no-overview", "--json")
+    text = data_path("scenarios", "ssr.ljs").read_text(encoding="utf-8")
+    (tmp_path / "ssr.ljs").write_text(text.replace("ticks <= 60", "ticks <= 12"), encoding="utf-8")
+    run = (*LINGJING, "run", "ssr.ljs", "--policy", "./scout.py:Scout", "--world", "inline", "--no-overview", "--json")
     out, _ = call(*run, "-o", "out", cwd=tmp_path)
-    assert json.loads(out)["ticks"] > 0
+    assert json.loads(out)["ticks"] == 12
     decisions = [one for record in read_trace(tmp_path / "out" / "trace.mcap").boundaries for one in record.decisions]
     assert decisions
     assert [one.detail for one in decisions if one.substituted] == []

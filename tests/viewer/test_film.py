@@ -111,14 +111,17 @@ def test_films_with_one_name_made_at_once_share_no_file(
     assert len(set(parts)) == 2 and [path.name for path in tmp_path.iterdir()] == ["episode.gif"]
 
 
-def test_an_mp4_is_h264_and_takes_twenty_seconds(trace: Trace, tmp_path: Path) -> None:
+def test_an_mp4_is_h264_with_24_pictures_a_second(
+    trace: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     av = pytest.importorskip("av", reason="PyAV is not installed: pip install av")
     short = Trace(trace.path, trace.header, trace.boundaries[:2], None, False, trace.places)
+    monkeypatch.setattr(film, "SECONDS", 6.0)
     make_film(short, tmp_path / "episode.mp4", truth=False)
     with av.open(str(tmp_path / "episode.mp4")) as made:
         (stream,) = made.streams.video
         assert (stream.codec_context.name, stream.codec_context.width) == ("h264", WIDTH)
-        assert sum(1 for _ in made.decode(video=0)) == round(SECONDS * 24)
+        assert sum(1 for _ in made.decode(video=0)) == 6 * 24
 
 
 def test_a_film_that_cannot_be_made_is_an_error(trace: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
