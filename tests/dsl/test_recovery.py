@@ -45,6 +45,21 @@ def test_an_unclosed_block_is_reported_where_it_should_end(small: str) -> None:
     assert diagnostics[0].related[0].span.line == 6
 
 
+@pytest.mark.parametrize(
+    ("head", "line"),
+    [
+        ("event gust at 3 tick", "weather { wind = 3 m/s from 10 deg }"),
+        ("constraint hard fence per u in uav", "always u in search"),
+        ("inspection check of boat by uav", "within = 25 m"),
+        ("stage last", "done when now > 3 s"),
+    ],
+)
+def test_a_missing_opening_brace_is_one_error_in_every_block(small: str, head: str, line: str) -> None:
+    text = small.replace("  success", f"  {head}\n    {line}\n  }}\n  success", 1)
+    messages = [item.message for item in compile_text(text).diagnostics]
+    assert messages == [f"`{{` is due after this `{head.split()[0]}`"]
+
+
 def test_without_indentation_an_unclosed_block_is_reported_at_its_brace(small: str) -> None:
     flat = "\n".join(line.strip() for line in small.rstrip()[:-1].split("\n"))
     diagnostics = compile_text(flat).diagnostics
