@@ -28,7 +28,7 @@ Modules in control-flow order:
 - `geometry2d`, `grid`, `spacing`: polygons, search cells cut from them, and points with a minimum distance.
 - `footprint`: the ground area of bodies at their start, and whether it is free.
 - `clock`: the relation of tick and macro-step.
-- `instance_entities`, `instance_agents`, `instance_rules`, `prompt_filling`, `instantiate`: the parts of an
+- `instance_entities`, `instance_agents`, `instance_rules`, `instantiate`: the parts of an
   `instance.Instance`: entities, agents and messages, events and limits, texts. `trial`: errors that playing would
   report, found without playing.
 - `settings`: parameter values as text. `schedule`: weather and presence of entities at a given time.

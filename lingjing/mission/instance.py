@@ -1,8 +1,8 @@
 """`Instance`: a mission with seed, mode and settings applied; the reset specification S of the paper.
 
-Everything is a plain value in SI units and degrees except the rules, which stay expressions over run-time state.
-Two instances of one (mission, seed, mode, settings) are equal; the trace records it whole, so a replay needs no
-mission file. World frame: east, north, elevation over the scene's datum, metres.
+Everything is a plain value in SI units and degrees except the rules, which stay expressions over run-time state. Two
+instances of one (mission, seed, mode, settings) are equal. The trace records the whole instance, so that a replay needs
+no mission file. World frame: east, north, elevation over the scene's datum, metres.
 """
 
 from __future__ import annotations
@@ -27,35 +27,38 @@ from lingjing.mission.vocabulary import EVERYONE, VerbMotion
 Vector = tuple[float, float, float]
 Scalar = bool | int | float | str
 Datum = bool | int | float | str | tuple[bool | int | float | str, ...] | None
-"""A value that may stand in an action's arguments, a message body or an entity's property."""
+"""A value of an action's argument, a message's field or an entity's property."""
 Option = bool | int | float | str | tuple[bool | int | float | str | tuple[float, float], ...] | None
 """A value of a scene's option; a line or an outline is its points, (east, north) in metres."""
 GivenOption = bool | int | float | str | list[Any] | dict[str, Any] | None
-"""What an option of a plug-in is given: any JSON."""
+"""The value of a plug-in's option: any JSON."""
 
 
 class Clock(Record, frozen=True, kw_only=True):
-    """Decision tick and macro-step in seconds; `tick` is a whole multiple of `sync`."""
+    """Decision tick and macro-step."""
 
     tick_s: float
+    """Seconds; a whole multiple of `sync_s`."""
     sync_s: float
+    """Seconds."""
 
 
 class Budget(Record, frozen=True, kw_only=True):
-    """Ticks, wall-clock seconds for the policy, engine and capture barriers, and what all policies may spend (None: no
-    limit)."""
+    """The limits of an episode."""
 
     ticks: int
     policy_s: float
+    """Here and in the next two fields: wall-clock limit of a barrier, seconds."""
     engine_s: float
     capture_s: float
     tokens: int | None = None
+    """Here and in the next two fields: the limit of all policies together; None for no limit."""
     money_usd: float | None = None
     messages: int | None = None
 
 
 class Allowance(Record, frozen=True, kw_only=True):
-    """What one agent may spend in an episode; None: no limit of its own."""
+    """The limits of one agent in an episode; None for no limit."""
 
     tokens: int | None = None
     money_usd: float | None = None
@@ -63,66 +66,75 @@ class Allowance(Record, frozen=True, kw_only=True):
 
 
 class Weather(Record, frozen=True, kw_only=True):
-    """Boundary conditions of the air and the sea. Directions are compass degrees, wind *from*, current *towards*.
-    `cloud` and `rain` run from 0 to 1: the covered share of the sky, and dry to a downpour."""
+    """Boundary conditions of the air and the sea. Directions are compass degrees."""
 
     wind_mps: float = 0.0
     wind_from_deg: float = 0.0
+    """The direction that the wind comes *from*."""
     turbulence: float = 0.0
     visibility_m: float = 10_000.0
     wave_height_m: float = 0.0
     wave_period_s: float = 5.0
     current_mps: float = 0.0
     current_to_deg: float = 0.0
+    """The direction that the current flows *towards*."""
     cloud: float = 0.2
+    """Covered share of the sky, 0..1."""
     rain: float = 0.0
+    """From 0 (dry) to 1 (downpour)."""
     sun_azimuth_deg: float = 150.0
     sun_elevation_deg: float = 45.0
 
 
 class Region(Record, frozen=True, kw_only=True):
-    """A polygon in metres, anticlockwise, without the closing repeat.
-
-    Only the city knows where a road lies: a region made of roads has `on_map`, its shape, and no polygon until the
-    scene is built. A `hidden` one lies around something hidden and must never reach a policy.
-    """
+    """A polygon of the mission."""
 
     name: str
     polygon: tuple[tuple[float, float], ...]
+    """Metres, anticlockwise, without the closing repeat; empty for a region made of roads until the scene is built."""
     on_map: Expr | None = None
+    """The shape of a region made of roads, which only the built city can evaluate; else None."""
     hidden: bool = False
+    """True for a region around a hidden place, which must never reach a policy."""
 
 
 class Cell(Record, frozen=True, kw_only=True):
-    """One search cell, named `<grid>-<row>-<column>` from 1 at the south-west; the polygon includes the overlap.
-    Those of a `hidden` region must never reach a policy."""
+    """One search cell."""
 
     name: str
+    """`<grid>-<row>-<column>`, counted from 1 at the south-west."""
     grid: str
     row: int
     column: int
     polygon: tuple[tuple[float, float], ...]
+    """Metres, with the overlap."""
     centre: tuple[float, float]
     hidden: bool = False
+    """True for a cell of a hidden region, which must never reach a policy."""
 
 
 class CameraSpec(Record, frozen=True, kw_only=True):
-    """A camera mount: pixels, horizontal field of view in degrees, channels among rgb, depth, semantic."""
+    """A camera of an asset."""
 
     name: str
     view: Literal["nadir", "front", "oblique"]
     width: int
+    """Pixels."""
     height: int
+    """Pixels."""
     hfov_deg: float
+    """Horizontal field of view, degrees."""
     channels: tuple[str, ...]
+    """Some of `rgb`, `depth`, `semantic`."""
     capture: Literal["on_request", "each_tick"]
 
 
 class ArgumentSpec(Record, frozen=True, kw_only=True):
-    """One argument of a verb. Values outside [minimum, maximum] are clipped by the kernel, which says so."""
+    """One argument of a verb. The kernel clips values to [minimum, maximum] and reports that in the receipt."""
 
     name: str
     unit: str = ""
+    """SI unit; "" for a bare number."""
     minimum: float | None = None
     maximum: float | None = None
     default: float | None = None
@@ -130,117 +142,125 @@ class ArgumentSpec(Record, frozen=True, kw_only=True):
 
 
 class VerbSpec(Record, frozen=True, kw_only=True):
-    """One admissible command of a resource; `motion` and, where its type says nothing, `doc` are its engine's words."""
+    """One admissible command of a resource."""
 
     name: str
     arguments: tuple[ArgumentSpec, ...] = ()
     doc: str = ""
+    """The type's description, or that of its engine."""
     motion: VerbMotion = ""
+    """The engine's declaration of how the verb moves the body."""
 
 
 class StateSpec(Record, frozen=True, kw_only=True):
-    """A number of an entity that changes while the mission runs: `state demand = 100 kg`.
-
-    `name` is the author's, by which engines report it and interactions move it; `unit` is its SI unit ("" for a bare
-    number). The property `field` holds what it starts with.
-    """
+    """A number of an entity that changes during the mission: `state demand = 100 kg`."""
 
     name: str
+    """The author's name, which engines report and interactions change."""
     unit: str = ""
+    """SI unit; "" for a bare number."""
 
     @property
     def field(self) -> str:
-        """What rules and properties call it: `demand_kg`."""
+        """Its name in rules and properties, `demand_kg`. The property of this name holds the start value."""
         return f"{self.name}_{self.unit}" if self.unit else self.name
 
 
 class InteractionSpec(Exchange, frozen=True, kw_only=True):
-    """What an actor may do to one target (`lingjing.mission.model.Interaction`), in metres and seconds.
-
-    `lasting_s` None means at once, or as long as the target's nature takes.
-    """
+    """An interaction with one target (`lingjing.mission.model.Interaction`), evaluated."""
 
     within_m: float
+    """Largest distance between actor and target, metres."""
     lasting_s: float | None = None
+    """Seconds that the actor must stay; None for an instantaneous interaction or one that depends on the target's
+    nature."""
     aboard: bool = False
+    """True if the actor takes the target along."""
 
 
 LEAST_BLOCKED_M = 15.0
-"""A queue of vehicles is not shorter: so far around its place at least a target that `blocks` blocks the lanes."""
+"""Smallest radius that a target with `blocks` closes around its place, metres (chosen: the length of a short queue)."""
 
 
 class Entity(Record, frozen=True, kw_only=True):
-    """An asset or a target with one owning engine.
-
-    `id` is `uav[1]` for the member of a group, else the bare name. `properties` holds what the declaration and its
-    type say beyond the named fields, in SI units (`drift_mps`, `speed_mps`, …: see `lingjing.mission.instantiate`).
-    `hidden` names the properties (and `position`) that must never reach a policy, `state` are those that
-    change while the mission runs. A `dormant` entity is not there until an event lets it appear. `bases` are the
-    types that its type extends, nearest first, `interactions` what may be done to it. `drawn_in` is the outline its
-    place is drawn from, metres: the scene does not move it out of there. `mounts` and `parts` are those of its type.
-    """
+    """An asset or a target with one owning engine."""
 
     id: str
+    """`uav[1]` for the member of a group, else the bare name."""
     group: str
     index: int
+    """Position in its group, counted from 1."""
     role: Literal["asset", "target"]
     type: str
     engine: str
     position: Vector
+    """East, north, elevation in metres."""
     heading_deg: float = 0.0
     label: str = ""
+    """The source's own name, such as an equipment code; "" if it has none."""
     properties: dict[str, Datum] = {}
+    """Declared properties beyond the other fields, in SI units (`drift_mps`, `speed_mps`, …: see
+    `lingjing.mission.instantiate`)."""
     hidden: tuple[str, ...] = ()
+    """Names of the properties (and `position`) that must never reach a policy."""
     cameras: tuple[CameraSpec, ...] = ()
     verbs: tuple[VerbSpec, ...] = ()
     state: tuple[StateSpec, ...] = ()
+    """The properties that change during the mission."""
     dormant: bool = False
+    """True if it does not exist until an event makes it appear."""
     bases: tuple[str, ...] = ()
+    """The types that its type extends, nearest first."""
     interactions: tuple[InteractionSpec, ...] = ()
+    """The interactions with it as target."""
     drawn_in: tuple[tuple[float, float], ...] = ()
+    """The outline from which its place was drawn, metres: the scene does not move it out of there. Empty if
+    not drawn."""
     mounts: tuple[CameraMount, ...] = ()
+    """The camera mounts of its type."""
     parts: tuple[BodyPart, ...] = ()
+    """The body parts of its type."""
 
     def is_aboard(self, status: str) -> bool:
-        """Whether somebody has taken it along, by its status word."""
-        return any(one.aboard and one.done_word == status for one in self.interactions)
+        """True if its status word means that an actor has taken it along."""
+        return any(interaction.aboard and interaction.done_word == status for interaction in self.interactions)
 
     def is_served(self, status: str) -> bool:
-        """Whether what it waited for was done to it, by its status word; what only gives is never served."""
-        return any(not one.gives and one.done_word == status for one in self.interactions)
+        """True if its status word means that an interaction with it is complete. Interactions that only give do not
+        count."""
+        return any(not interaction.gives and interaction.done_word == status for interaction in self.interactions)
 
     def state_of(self, field: str) -> StateSpec | None:
-        """The state that rules call `field`, if it is one."""
-        return next((one for one in self.state if one.field == field), None)
+        """The state with this name in rules; None if there is none."""
+        return next((spec for spec in self.state if spec.field == field), None)
 
     def number(self, name: str) -> float | None:
-        """A declared property that is a number, by its name with the unit; None if there is none."""
+        """A declared numeric property, by its name with the unit; None if there is none."""
         value = self.properties.get(name)
         return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
     def number_or(self, name: str, default: float) -> float:
-        """A declared property that is a number, by its name with the unit, else the default."""
+        """A declared numeric property, by its name with the unit, else the default."""
         value = self.number(name)
         return default if value is None else value
 
     @property
     def blocked_m(self) -> float | None:
-        """How far around its place a target that `blocks` lets nobody pass, in metres: its `radius`, `LEAST_BLOCKED_M`
-        at least; None for what does not block."""
+        """Radius that a target with `blocks` closes around its place, metres: its `radius`, but at least
+        `LEAST_BLOCKED_M`. None if it does not block."""
         if self.properties.get("blocks") is not True:
             return None
         return max(self.number_or("radius_m", 0.0), LEAST_BLOCKED_M)
 
 
 class ChannelSpec(Record, frozen=True, kw_only=True):
-    """An observation channel with everything resolved.
-
-    `source` is one of `entity`, `peers`, `grid`, `events`; `name` the entity id or the grid's name, else "".
-    """
+    """A resolved observation channel."""
 
     source: Literal["entity", "peers", "grid", "events"]
     name: str = ""
+    """The entity's id or the grid's name, else ""."""
     fields: tuple[str, ...] = ("*",)
+    """The observed fields; ("*",) for all that are not hidden."""
 
     def shows_camera(self, entity: str, camera: str) -> bool:
         """True if the pictures of that camera are part of the channel: it is named, or the entity is observed whole."""
@@ -248,17 +268,22 @@ class ChannelSpec(Record, frozen=True, kw_only=True):
 
 
 class AgentSpec(Record, frozen=True, kw_only=True):
-    """An active agent. `commands` lists every resource it may command in declaration order, embodied ones first."""
+    """An active agent."""
 
     id: str
+    """`scout[1]` for the member of a group, else the bare name."""
     name: str
     index: int
+    """Position in its group, counted from 1."""
     role: str
     controls: tuple[str, ...]
+    """Ids of the assets that it embodies."""
     commands: tuple[str, ...]
+    """Ids of every resource that it may command, in declaration order, embodied ones first."""
     observes: tuple[ChannelSpec, ...]
     prompt: str = ""
     budget: Allowance | None = None
+    """Its own limits; None if it has none."""
 
     def receives_pictures(self, entity: str, camera: str) -> bool:
         """True if one of the agent's channels shows the pictures of that camera."""
@@ -266,105 +291,121 @@ class AgentSpec(Record, frozen=True, kw_only=True):
 
 
 class MessageSpec(Record, frozen=True, kw_only=True):
-    """A message kind open in this mode: who may send it, which roles may receive it (("all",) for everyone)."""
+    """A message kind that can be sent in this mode."""
 
     kind: str
     type: str
+    """Name of its record type."""
     category: Literal["report", "assignment", "target_status", "other"]
+    """The category in which metrics count it."""
     fields: tuple[Field, ...]
     senders: tuple[str, ...]
+    """Roles that may send it; ("all",) for every role."""
     recipients: tuple[str, ...]
+    """Roles that may receive it; ("all",) for every role."""
 
     def is_sent_by(self, role: str) -> bool:
-        """Whether agents of the role may send it."""
+        """True if agents of the role may send it."""
         return EVERYONE in self.senders or role in self.senders
 
     def is_for(self, role: str) -> bool:
-        """Whether agents of the role may receive it."""
+        """True if agents of the role may receive it."""
         return EVERYONE in self.recipients or role in self.recipients
 
 
 class CommsSpec(Record, frozen=True, kw_only=True):
-    """Bus settings of this instance: `hub` is an agent id in star mode, None in broadcast and with a single agent.
-
-    `range_m` None means that everyone hears everyone.
-    """
+    """Settings of the message bus."""
 
     mode: Literal["star", "broadcast", "single"]
     hub: str | None
+    """An agent's id in star mode, else None."""
     delay_ticks: int = 1
     payload_bytes: int = 4000
     range_m: float | None = None
+    """Largest distance between sender and recipient, metres; None for no limit."""
     loss: float = 0.0
+    """Share of lost messages, 0..1."""
     receipts: Literal["own", "all", "none"] = "own"
+    """The receipts that an agent receives."""
 
 
 class SceneSpec(Record, frozen=True, kw_only=True):
-    """Which provider builds the city and with what: `origin` is (latitude, longitude) in degrees, `datum_m` the
-    elevation of the water surface, `options` the provider's own.
-
-    `layout` is the stream of what stays from episode to episode (streets, buildings): it depends on the mission's name
-    and its scene option `layout` alone. `seed` is the stream of what an episode's seed may change.
-    """
+    """The provider that builds the city, and its options."""
 
     kind: str
     datum_m: float = 0.0
+    """Elevation of the water surface, metres."""
     origin: tuple[float, float] = (31.0, 121.5)
+    """(latitude, longitude) in degrees."""
     options: dict[str, Option] = {}
+    """The provider's own options."""
     seed: int = 0
+    """Seed of everything that may change with the episode's seed."""
     layout: int = 0
+    """Seed of everything that stays the same in all episodes (streets, buildings). It depends only on the mission's
+    name and its scene option `layout`."""
 
 
 class CountedSpec(Record, frozen=True, kw_only=True):
-    """What a counted budget counts: commands to the entity `resource` (`name` the verb, "" any), or messages of the
-    kind `name`."""
+    """The commands or messages that a counted budget counts."""
 
     kind: Literal["command", "message"]
     resource: str = ""
+    """Id of the commanded entity; "" for messages."""
     name: str = ""
+    """The verb ("" for any), or the message kind."""
 
 
 class LimitSpec(Record, frozen=True, kw_only=True):
-    """A counted budget; `stage` names the stage within which it counts, "" the whole episode."""
+    """A counted budget."""
 
     name: str
     most: int
     counts: tuple[CountedSpec, ...]
     stage: str = ""
+    """The stage within which it counts; "" for the whole episode."""
 
 
 class PermitSpec(Record, frozen=True, kw_only=True):
-    """Commands that are rejected until the condition holds; `verb` "" means every verb of the resource."""
+    """A condition for commands: the kernel rejects them until it holds."""
 
     resource: str
     condition: Expr
     verb: str = ""
+    """The verb; "" for every verb of the resource."""
 
 
 class InspectionSpec(Record, frozen=True, kw_only=True):
-    """An inspection of the route of `asset`: see `lingjing.mission.model.Inspection`; `destination` is an entity."""
+    """An inspection of an asset's route (`lingjing.mission.model.Inspection`)."""
 
     name: str
     asset: str
+    """Id of the asset that drives the route."""
     by: tuple[str, ...]
+    """Ids of the inspectors."""
     within_m: float
     order: Literal["strict", "any"] = "strict"
     replan: str = ""
+    """Message kind that requests another route; "" for none."""
     destination: str = ""
+    """Id of the entity at the end of the route; "" if the asset's own command sets it."""
 
 
 class EventSpec(Record, frozen=True, kw_only=True):
-    """What happens at boundary `tick`: the weather from then on (None: as before), who appears, who vanishes."""
+    """A timed event at boundary `tick`."""
 
     name: str
     tick: int
     weather: Weather | None = None
+    """The weather from then on; None if it does not change."""
     appear: tuple[str, ...] = ()
+    """Ids of the entities that appear."""
     vanish: tuple[str, ...] = ()
+    """Ids of the entities that vanish."""
 
 
 class RevealSpec(Record, frozen=True, kw_only=True):
-    """The reference pictures a role is shown."""
+    """The reference pictures that a role receives."""
 
     what: Literal["image"]
     entities: tuple[str, ...]
@@ -372,7 +413,7 @@ class RevealSpec(Record, frozen=True, kw_only=True):
 
 
 class Instance(Record, frozen=True, kw_only=True):
-    """The whole reset specification. `engine_options` are what engines are told for the episode, by engine and name."""
+    """The complete reset specification."""
 
     format: Literal["lingjing-instance/2"] = "lingjing-instance/2"
     mission: str
@@ -403,6 +444,7 @@ class Instance(Record, frozen=True, kw_only=True):
     events: tuple[EventSpec, ...] = ()
     reveals: tuple[RevealSpec, ...] = ()
     engine_options: dict[str, dict[str, GivenOption]] = {}
+    """Options of the episode for engines, by engine and name."""
 
     @property
     def mode(self) -> str:
@@ -419,6 +461,6 @@ class Instance(Record, frozen=True, kw_only=True):
         )
 
     def __repr__(self) -> str:
-        """One line, where the whole would fill pages."""
+        """One line, because the complete value fills pages."""
         held = f"{len(self.entities)} entities, {len(self.agents)} agents"
         return f"<Instance {self.mission} seed {self.seed} {self.mode}: {held}>"

@@ -1,4 +1,4 @@
-"""Who acts and who may say what in one mode: agents, message kinds and the bus of an instance."""
+"""The agents, message kinds and the message bus of an instance."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lingjing.mission.vocabulary import EVERYONE
 
 
 def agents(mission: model.Mission, scope: Scope) -> tuple[AgentSpec, ...]:
-    """The active agents in declaration order, with every resource each may command."""
+    """The active agents in declaration order, each with every resource that it may command."""
     grants = tuple(grant for grant in mission.authorities if holds(grant.when, scope))
     return tuple(
         spec for agent in mission.agents if holds(agent.when, scope) for spec in _agents(mission, agent, grants, scope)
@@ -22,9 +22,9 @@ def agents(mission: model.Mission, scope: Scope) -> tuple[AgentSpec, ...]:
 
 
 def messages(mission: model.Mission, scope: Scope, active: tuple[AgentSpec, ...]) -> tuple[MessageSpec, ...]:
-    """The message kinds open in this mode; without the roles that nobody plays in it."""
+    """The message kinds that can be sent in this mode, without roles that no agent has in it."""
     roles = {spec.role for spec in active}
-    made = (
+    specs = (
         MessageSpec(
             kind=kind.name,
             type=kind.type,
@@ -36,19 +36,19 @@ def messages(mission: model.Mission, scope: Scope, active: tuple[AgentSpec, ...]
         for kind in mission.messages
         if holds(kind.when, scope)
     )
-    return tuple(spec for spec in made if spec.senders and spec.recipients)
+    return tuple(spec for spec in specs if spec.senders and spec.recipients)
 
 
 def comms(mission: model.Mission, scope: Scope, active: tuple[AgentSpec, ...]) -> CommsSpec:
-    """The bus: star mode routes through one agent, broadcast through none."""
+    """The settings of the bus: star mode routes through one agent, broadcast mode through none."""
     path = f"{mission.name}/comms"
     with at_path(path):
         delay = 1 if mission.comms.delay is None else _ticks(mission.comms.delay, scope)
         payload = 4000 if mission.comms.payload is None else round(number(mission.comms.payload, scope))
         if delay < 1:
-            raise MissionError(f"a delay of {delay} ticks", hint="a message is read a tick later at the earliest")
+            raise MissionError(f"a delay of {delay} ticks", hint="the shortest delay of a message is one tick")
         if payload < 1:
-            raise MissionError(f"a payload of {payload} bytes carries nothing")
+            raise MissionError(f"a payload of {payload} bytes is too small for any message")
         reach = None if mission.comms.range is None else number(mission.comms.range, scope)
         loss = 0.0 if mission.comms.loss is None else number(mission.comms.loss, scope)
         if not 0 <= loss <= 1:
@@ -78,7 +78,7 @@ def _hub(mission: model.Mission, active: tuple[AgentSpec, ...]) -> str:
 
 
 def _ticks(expr: ex.Expr, scope: Scope) -> int:
-    """A delay in ticks; one written in seconds is rounded up to whole ticks."""
+    """A delay in ticks; a delay in seconds is rounded up to whole ticks."""
     value = number(expr, scope)
     in_time = isinstance(expr, ex.Number) and expr.unit not in ("", "tick", "ticks")
     return math.ceil(value / scope.tick_s - 1e-9) if in_time else math.ceil(value)
@@ -87,13 +87,13 @@ def _ticks(expr: ex.Expr, scope: Scope) -> int:
 def _agents(
     mission: model.Mission, agent: model.Agent, grants: tuple[model.Authority, ...], scope: Scope
 ) -> tuple[AgentSpec, ...]:
-    made = []
+    specs = []
     for k, agent_id in enumerate(member_ids(agent.name, agent.count, scope), start=1):
         local = scope.binding(agent.index, float(k))
         with at_path(f"{mission.name}/{agent_id}"):
             controls = _resources(agent.controls, local)
             granted = _resources(tuple(grant.resource for grant in grants if grant.role == agent.role), local)
-            made.append(
+            specs.append(
                 AgentSpec(
                     id=agent_id,
                     name=agent.name,
@@ -106,7 +106,7 @@ def _agents(
                     budget=instance_rules.allowance(agent.budget, local),
                 )
             )
-    return tuple(made)
+    return tuple(specs)
 
 
 def _resources(expressions: tuple[ex.Expr, ...], scope: Scope) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Turn the groups of a mission into entities: count, place, properties, cameras and verbs of each member."""
+"""The entities of an instance: count, place, properties, cameras and verbs of each member of a group."""
 
 from __future__ import annotations
 
@@ -25,51 +25,59 @@ from lingjing.mission.kinds_format import EngineKind, VerbKind
 from lingjing.mission.units import without_unit
 
 MEMBERS_MOST = 100_000
+"""The largest number of members of a group (chosen)."""
 DRAWN_MOST = 4096
-"""So many entities at most where there are cameras."""
+"""The largest number of entities in a mission with cameras (chosen)."""
 
 _FIELDS = ("position", "heading_deg")
 
 FARTHEST_M = 1e6
-"""A position beyond this is a slip of units: the scene's flat frame holds for some kilometres."""
+"""A coordinate beyond this comes from a mistaken unit, metres (chosen): the scene's flat frame holds for kilometres."""
 
-LOWEST_M, HIGHEST_M = -500.0, 30_000.0
-"""Elevations outside of this are slips of a sign or a unit: the lowest shore lies at -430 m (the Dead Sea's), and what
-has wings or rotors flies below 30 km. What orbits is exempt."""
+LOWEST_M = -500.0
+"""A lower elevation comes from a mistaken sign or unit, metres (chosen): the lowest shore, that of the Dead Sea, is at
+-430 m."""
+HIGHEST_M = 30_000.0
+"""A higher elevation comes from a mistaken unit, metres (chosen): aircraft fly below 30 km. Satellites are exempt."""
 
 GROUND_REACH_M = 200.0
-"""How far the scene moves what is `on = ground`, or stands in something, to the nearest free ground."""
+"""The largest distance by which the scene moves an entity that is `on = ground` or inside an obstacle, to the nearest
+free ground, metres (chosen)."""
 
 ABOVE_ZERO = ("cruise_mps", "endurance_s", "swath_m")
+"""Abilities of bodies that must be greater than zero."""
 NOT_BELOW_ZERO = ("speed_mps", "drift_mps", "payload_kg", "load_kg", "people", "radius_m")
-"""Abilities of bodies: those that must be more than nothing, and those that may be nothing."""
+"""Abilities of bodies that must not be negative."""
 
 
 def place_fault(place: tuple[float, ...], engine: str) -> str:
-    """Why nothing that an engine owns can be at a place (east, north and, if given, elevation in metres), or ""."""
+    """The reason why no body of an engine can be at a place, or "". `place` is east, north and, if known, elevation in
+    metres."""
     shown = f"({', '.join(f'{metres:g} m' for metres in place)})"
     if not all(abs(metres) <= FARTHEST_M for metres in place):
         return f"{shown} is beyond every scene: coordinates are metres from its origin, {FARTHEST_M:,.0f} at most"
     if not engine_kind(engine).orbits and len(place) == 3 and not LOWEST_M <= place[2] <= HIGHEST_M:
-        return f"{shown} is no place: elevations lie within {LOWEST_M:g} m and {HIGHEST_M:,.0f} m"
+        return f"{shown} is no place: elevations lie between {LOWEST_M:g} m and {HIGHEST_M:,.0f} m"
     return ""
 
 
 class NodeError(MissionError):
-    """A fault at one node of a mission: `path` names it (`ssr/boat`), `said` is the message without it."""
+    """An error at one node of a mission."""
 
     path: str
-    said: str
+    """The node: `ssr/boat`."""
+    message: str
+    """The message without the path."""
 
     def __init__(self, path: str, error: MissionError) -> None:
         super().__init__(f"{path}: {error}", hint=error.hint)
         inner = error if isinstance(error, NodeError) else None
         self.path = inner.path if inner else path
-        self.said = inner.said if inner else str(error)
+        self.message = inner.message if inner else str(error)
 
 
 class at_path:  # noqa: N801 - used as a function; entered thousands of times, which a generator makes slow
-    """Put the node's path before the message of any `MissionError` raised inside."""
+    """Prefix the message of any `MissionError` raised inside with the node's path."""
 
     __slots__ = ("_path",)
 
@@ -85,7 +93,7 @@ class at_path:  # noqa: N801 - used as a function; entered thousands of times, w
 
 
 def holds(guard: model.Guard | None, scope: Scope) -> bool:
-    """Whether a declaration exists under this mode and these parameters."""
+    """True if a declaration exists in this mode and with these parameters."""
     if guard is None:
         return True
     value = evaluate(guard.condition, scope)
@@ -95,7 +103,7 @@ def holds(guard: model.Guard | None, scope: Scope) -> bool:
 
 
 def count_of(count: ex.Expr | None, scope: Scope) -> int:
-    """Members of an indexed declaration (`n` or `1..n`); 1 for a single one."""
+    """The number of members of an indexed declaration (`n` or `1..n`); 1 for a single entity."""
     if count is None:
         return 1
     if isinstance(count, ex.Range):
@@ -104,7 +112,7 @@ def count_of(count: ex.Expr | None, scope: Scope) -> int:
         count = count.high
     members = whole(count, scope)
     if not 0 <= members <= MEMBERS_MOST:
-        raise MissionError(f"{members} members are asked for, 0 to {MEMBERS_MOST} are possible")
+        raise MissionError(f"{members} members are declared, and 0 to {MEMBERS_MOST} are possible")
     return members
 
 
@@ -118,8 +126,11 @@ def member_ids(name: str, count: ex.Expr | None, scope: Scope) -> tuple[str, ...
 def entities(
     group: model.Group, scope: Scope, *, mission: str, seed: int, datum_m: float, template_draw: ex.Expr | None = None
 ) -> tuple[Entity, ...]:
-    """The members of one group. `scope.members` must already know every group; `mission` names the draws' streams.
-    `template_draw` is how a document's template places a group whose places the document gives."""
+    """The members of one group. `scope.members` must have every group; `mission` is part of the names of random
+    streams.
+
+    `template_draw` is the draw by which a document's template places a group whose places the document gives.
+    """
     ids = scope.members[group.name]
     columns = {
         prop.name: _values(group, prop, scope, seed=seed, path=f"{mission}/{group.name}/{prop.name}", count=len(ids))
@@ -136,16 +147,16 @@ def entities(
     _check_abilities(group, columns, mission)
     drifts = "drift_mps" in columns
     interactions = tuple(
-        _interaction(one, scope, f"{mission}/{group.name}/{one.name}", drifts) for one in group.interactions
+        _interaction(each, scope, f"{mission}/{group.name}/{each.name}", drifts) for each in group.interactions
     )
     with at_path(f"{mission}/{group.name}/position"):
         drawn_in = _drawn_in(group, template_draw, columns["position"], scope)
-    made = []
+    members = []
     for k, entity_id in enumerate(ids):
         path = f"{mission}/{entity_id}"
         with at_path(path):
             values = {name: column[k] for name, column in columns.items()}
-            made.append(
+            members.append(
                 Entity(
                     id=entity_id,
                     group=group.name,
@@ -168,26 +179,26 @@ def entities(
                     parts=group.parts,
                 )
             )
-    return tuple(made)
+    return tuple(members)
 
 
-def _interaction(one: model.Interaction, scope: Scope, path: str, drifts: bool) -> InteractionSpec:
-    said = {name: getattr(one, name) for name in model.Exchange.__struct_fields__}
+def _interaction(interaction: model.Interaction, scope: Scope, path: str, drifts: bool) -> InteractionSpec:
+    common_fields = {name: getattr(interaction, name) for name in model.Exchange.__struct_fields__}
     with at_path(path):
         return InteractionSpec(
-            within_m=number(one.within, scope),
-            lasting_s=None if one.lasting is None else number(one.lasting, scope),
-            aboard=drifts if one.aboard is None else flag_of(one.aboard, scope),
-            **said,
+            within_m=number(interaction.within, scope),
+            lasting_s=None if interaction.lasting is None else number(interaction.lasting, scope),
+            aboard=drifts if interaction.aboard is None else flag_of(interaction.aboard, scope),
+            **common_fields,
         )
 
 
 def _check_abilities(group: model.Group, columns: Mapping[str, Collection[Value]], mission: str) -> None:
-    """Raise `MissionError` for a speed, an endurance or a load that no body can have, and for
-    less than nothing of a state that interactions move."""
+    """Raise `MissionError` for an impossible speed, endurance or load, or for a negative state that interactions
+    change."""
     if not engine_kind(group.engine).standard_properties:
         return
-    moved = {one.own for one in group.interactions}
+    moved = {interaction.own for interaction in group.interactions}
     for name, column in columns.items():
         plain = without_unit(name)
         if name not in ABOVE_ZERO and name not in NOT_BELOW_ZERO and plain not in moved:
@@ -196,16 +207,19 @@ def _check_abilities(group: model.Group, columns: Mapping[str, Collection[Value]
         with at_path(f"{mission}/{group.name}/{name}"):
             for value in numbers:
                 if name in ABOVE_ZERO and value <= 0.0:
-                    raise MissionError(f"`{plain}` is {value:g}", hint="it must be more than nothing")
+                    raise MissionError(f"`{plain}` is {value:g}", hint="it must be greater than 0")
                 if name not in ABOVE_ZERO and value < 0.0:
-                    raise MissionError(f"`{plain}` is {value:g}", hint="it cannot be less than nothing")
+                    raise MissionError(f"`{plain}` is {value:g}", hint="it must be 0 or greater")
 
 
 def _drawn_in(
     group: model.Group, template_draw: ex.Expr | None, places: tuple[Value, ...], scope: Scope
 ) -> geometry2d.Polygon:
-    """The outline that the members' places are drawn from; of a document's places, that of its template's draw if all
-    of them lie in it: so a document that was written from a draw is played as that draw."""
+    """The outline from which the members' places are drawn, or () if they are not drawn.
+
+    For places from a document it is the outline of its template's draw, if all of them lie in it. A document that was
+    written from a draw is therefore played like that draw.
+    """
     value = next((prop.value for prop in group.properties if prop.name == "position"), None)
     if isinstance(value, ex.Draw) or template_draw is None:
         return () if value is None else outline(value, scope)
@@ -215,7 +229,7 @@ def _drawn_in(
 
 
 def single(prop: model.Property, scope: Scope, *, seed: int, path: str) -> Value:
-    """The value of a property that is not a group's (weather, scene)."""
+    """The value of a property of the weather or the scene."""
     with at_path(path):
         if isinstance(prop.value, ex.Draw):
             return draw(prop.value, scope, seed=seed, path=path, count=1)[0]

@@ -1,4 +1,6 @@
-"""The rules of an instance: its events, counted budgets, limits, permits, inspections and revealed pictures."""
+"""The rules of an instance: its events, counted budgets, permits, constraints, inspections, stages and revealed
+pictures.
+"""
 
 from __future__ import annotations
 
@@ -30,18 +32,19 @@ _TICK_UNITS = ("", "tick", "ticks")
 def events(
     mission: model.Mission, scope: Scope, seed: int, weather: Callable[[tuple[model.Property, ...]], Weather]
 ) -> tuple[EventSpec, ...]:
-    """The mission's events in order of time. `weather` evaluates properties over those of the event before."""
+    """The mission's events in order of time. `weather` evaluates properties; each event changes those of the event
+    before."""
     active = [event for event in mission.events if holds(event.when, scope)]
     timed = sorted(((_tick(mission, event, scope, seed), order) for order, event in enumerate(active)))
     now = mission.weather
-    made = []
+    specs = []
     for tick, order in timed:
         event = active[order]
         with at_path(f"{mission.name}/{event.name}"):
             changes = [change for change in event.changes if change.kind == "weather"]
             for change in changes:
                 now = _changed(now, change.weather)
-            made.append(
+            specs.append(
                 EventSpec(
                     name=event.name,
                     tick=tick,
@@ -50,19 +53,19 @@ def events(
                     vanish=_entities(event, "vanish", scope),
                 )
             )
-    return tuple(made)
+    return tuple(specs)
 
 
 def dormant(mission: model.Mission, scope: Scope) -> frozenset[str]:
-    """The entities that some event lets appear: they are not there before."""
+    """Ids of the entities that an event makes appear: they do not exist before."""
     active = (event for event in mission.events if holds(event.when, scope))
     return frozenset(entity for event in active for entity in _entities(event, "appear", scope))
 
 
 def check_members(mission: model.Mission, scope: Scope) -> None:
-    """Raise `MissionError` for a condition that needs a member which its group lacks here: it could never hold.
+    """Raise `MissionError` for a condition with a member that its group does not have here: it could never hold.
 
-    A side of an `or` may name one: the other side can say how many there are.
+    Sides of an `or` are not checked, because the other side can test the group's size.
     """
     for name, condition in _conditions(mission, scope):
         for part in _needed(condition):
@@ -73,14 +76,14 @@ def check_members(mission: model.Mission, scope: Scope) -> None:
 
 def limits(mission: model.Mission, scope: Scope) -> tuple[LimitSpec, ...]:
     """The counted budgets of the mission, then those of its stages."""
-    made = [_limit(mission, limit, scope, "") for limit in mission.limits if holds(limit.when, scope)]
+    specs = [_limit(mission, limit, scope, "") for limit in mission.limits if holds(limit.when, scope)]
     for stage in mission.stages:
-        made += [_limit(mission, limit, scope, stage.name) for limit in stage.limits if holds(limit.when, scope)]
-    return tuple(made)
+        specs += [_limit(mission, limit, scope, stage.name) for limit in stage.limits if holds(limit.when, scope)]
+    return tuple(specs)
 
 
 def permits(mission: model.Mission, scope: Scope) -> tuple[PermitSpec, ...]:
-    """What commands wait for, one for each resource."""
+    """The conditions of commands, one for each resource."""
     return tuple(
         PermitSpec(resource=resource, verb=permit.verb, condition=permit.condition)
         for permit in mission.permits
@@ -89,27 +92,27 @@ def permits(mission: model.Mission, scope: Scope) -> tuple[PermitSpec, ...]:
 
 
 def constraints(mission: model.Mission, scope: Scope) -> tuple[model.Constraint, ...]:
-    """The constraints of this mode, their penalties as numbers."""
-    made = []
+    """The constraints of this mode, with penalties as numbers."""
+    active = []
     for item in mission.constraints:
         if holds(item.when, scope):
             with at_path(f"{mission.name}/{item.name}"):
                 penalty = None if item.penalty is None else ex.Number(number(item.penalty, scope))
-            made.append(msgspec.structs.replace(item, penalty=penalty, when=None))
-    return tuple(made)
+            active.append(msgspec.structs.replace(item, penalty=penalty, when=None))
+    return tuple(active)
 
 
 def inspections(mission: model.Mission, scope: Scope) -> tuple[InspectionSpec, ...]:
     """The inspections of this mode."""
-    made = []
+    specs = []
     for item in mission.inspections:
         if holds(item.when, scope):
             with at_path(f"{mission.name}/{item.name}"):
                 (asset,) = members(item.asset, scope)
-                by = tuple(dict.fromkeys(one for expr in item.by for one in members(expr, scope)))
+                by = tuple(dict.fromkeys(inspector for expr in item.by for inspector in members(expr, scope)))
                 within = number(item.within, scope)
                 destination = "" if item.destination is None else members(item.destination, scope)[0]
-            made.append(
+            specs.append(
                 InspectionSpec(
                     name=item.name,
                     asset=asset,
@@ -120,11 +123,11 @@ def inspections(mission: model.Mission, scope: Scope) -> tuple[InspectionSpec, .
                     destination=destination,
                 )
             )
-    return tuple(made)
+    return tuple(specs)
 
 
 def reveals(mission: model.Mission, scope: Scope) -> tuple[RevealSpec, ...]:
-    """Which role is shown pictures of what."""
+    """The pictures that roles receive."""
     return tuple(
         RevealSpec(what=item.what, entities=_named(mission, item.entity, scope), role=item.role)
         for item in mission.reveals
@@ -132,32 +135,32 @@ def reveals(mission: model.Mission, scope: Scope) -> tuple[RevealSpec, ...]:
 
 
 def stages(mission: model.Mission, scope: Scope) -> tuple[model.Stage, ...]:
-    """The stages, their tick limits and weights as numbers; their counted budgets are among `limits`."""
-    made = []
+    """The stages with tick limits and weights as numbers. Their counted budgets are among `limits`."""
+    evaluated = []
     for stage in mission.stages:
         if stage.ticks is not None or stage.weight is not None or stage.limits:
             with at_path(f"{mission.name}/{stage.name}"):
                 ticks = None if stage.ticks is None else ex.Number(float(whole(stage.ticks, scope)))
                 weight = None if stage.weight is None else ex.Number(number(stage.weight, scope))
-            made.append(msgspec.structs.replace(stage, ticks=ticks, weight=weight, limits=()))
+            evaluated.append(msgspec.structs.replace(stage, ticks=ticks, weight=weight, limits=()))
         else:
-            made.append(stage)
-    return tuple(made)
+            evaluated.append(stage)
+    return tuple(evaluated)
 
 
-def allowance(given: model.AllowanceDeclaration | None, scope: Scope) -> Allowance | None:
-    """What one agent may spend."""
-    if given is None:
+def allowance(declaration: model.AllowanceDeclaration | None, scope: Scope) -> Allowance | None:
+    """The limits of one agent; None if it has none."""
+    if declaration is None:
         return None
     return Allowance(
-        tokens=None if given.tokens is None else whole(given.tokens, scope),
-        money_usd=None if given.money is None else number(given.money, scope),
-        messages=None if given.messages is None else whole(given.messages, scope),
+        tokens=None if declaration.tokens is None else whole(declaration.tokens, scope),
+        money_usd=None if declaration.money is None else number(declaration.money, scope),
+        messages=None if declaration.messages is None else whole(declaration.messages, scope),
     )
 
 
 def _conditions(mission: model.Mission, scope: Scope) -> Iterator[tuple[str, ex.Expr]]:
-    """Every condition that is judged while this instance runs, beside the name of what it belongs to."""
+    """Every condition that is evaluated in a run, with the name of its declaration."""
     yield from ((rule.name, rule.condition) for rule in mission.rules)
     yield from ((unlock.interaction, unlock.condition) for unlock in mission.unlocks)
     yield from ((stage.name, stage.condition) for stage in mission.stages)
@@ -169,24 +172,24 @@ def _conditions(mission: model.Mission, scope: Scope) -> Iterator[tuple[str, ex.
 
 
 def _needed(condition: ex.Expr) -> list[ex.Expr]:
-    """The parts of a condition that are not on a side of an `or`, in the order they are read."""
-    found, waiting = [], [condition]
-    while waiting:
-        part = waiting.pop()
-        found.append(part)
+    """The parts of a condition outside the sides of an `or`, in reading order."""
+    visited, stack = [], [condition]
+    while stack:
+        part = stack.pop()
+        visited.append(part)
         if not (isinstance(part, ex.Binary) and part.operator == "or"):
-            waiting.extend(reversed(ex.children(part)))
-    return found
+            stack.extend(reversed(ex.children(part)))
+    return visited
 
 
 def _check_member(name: str, group: str, index: ex.Expr, scope: Scope) -> None:
     if any(not isinstance(leaf, ex.Number) and getattr(leaf, "kind", "") != "param" for leaf in ex.leaves(index)):
-        return  # known while the mission runs
+        return  # known only in a run
     position, most = number(index, scope), len(scope.members[group])
     if position not in range(1, most + 1):
-        there = f"`{group}` has {most} {'member' if most == 1 else 'members'}"
+        size = f"`{group}` has {most} {'member' if most == 1 else 'members'}"
         raise MissionError(
-            f"`{name}` asks for `{group}[{position:g}]`, and {there}", hint="members are counted 1, 2, 3, …"
+            f"`{name}` refers to `{group}[{position:g}]`, and {size}", hint="members are counted 1, 2, 3, …"
         )
 
 
@@ -203,18 +206,18 @@ def _tick(mission: model.Mission, event: model.EventDeclaration, scope: Scope, s
 
 
 def _in_seconds(expr: ex.Expr) -> bool:
-    """Whether the time was written with a unit of time: the first number that has a unit says so."""
-    waiting: list[ex.Expr] = [expr]
-    while waiting:
-        part = waiting.pop(0)
+    """True if the time was written with a unit of time, according to the first number with a unit."""
+    queue: list[ex.Expr] = [expr]
+    while queue:
+        part = queue.pop(0)
         if isinstance(part, ex.Number) and part.unit:
             return part.unit not in _TICK_UNITS
         if isinstance(part, ex.Draw | ex.Call):
-            waiting.extend(part.arguments)
+            queue.extend(part.arguments)
         elif isinstance(part, ex.Binary):
-            waiting.extend((part.left, part.right))
+            queue.extend((part.left, part.right))
         elif isinstance(part, ex.Sequence):
-            waiting.extend(part.items)
+            queue.extend(part.items)
     return False
 
 
@@ -235,7 +238,7 @@ def _entities(event: model.EventDeclaration, kind: str, scope: Scope) -> tuple[s
 
 
 def _there(expr: ex.Expr, scope: Scope) -> tuple[str, ...]:
-    """The members an expression names; none if the group is smaller in this instance."""
+    """The members that an expression names; none if the group is too small in this instance."""
     if isinstance(expr, ex.Index):
         every = members(expr.base, scope)
         position = whole(expr.index, scope)
@@ -254,7 +257,7 @@ def _limit(mission: model.Mission, limit: model.Limit, scope: Scope, stage: str)
                 counts.append(CountedSpec(kind="message", name=item.name))
             else:
                 named = members(item.resource, scope)
-                counts += [CountedSpec(kind="command", resource=one, name=item.name) for one in named]
+                counts += [CountedSpec(kind="command", resource=resource, name=item.name) for resource in named]
     return LimitSpec(name=limit.name, most=most, counts=tuple(counts), stage=stage)
 
 

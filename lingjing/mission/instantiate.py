@@ -1,9 +1,9 @@
 """`instantiate`: a mission, a seed, a mode and settings become one `Instance`, the reset specification.
 
-Order of evaluation: settings, mode, clock and budget, the counts of all groups, regions, scene, the entities' places
-and properties, regions around entities, grids, agents, messages, bus, events and what binds, texts. A draw's stream is
-named `<mission>/<node>/<property>`, so what is drawn depends on the seed and that name alone. Rules, unlocks, stages
-and the success condition stay expressions.
+Order of evaluation: settings, mode, clock and budget, the sizes of all groups, regions, scene, the entities' places and
+properties, regions around entities, grids, agents, messages, bus, events and constraints, texts. A draw's stream is
+named `<mission>/<node>/<property>`, so that the drawn value depends on the seed and that name alone. Rules, unlocks,
+stages and the success condition stay expressions.
 """
 
 from __future__ import annotations
@@ -20,14 +20,15 @@ from lingjing.mission.clock import clock_fault
 from lingjing.mission.evaluate import Area, Interval, Place, Scope, Value, area, describe, evaluate, number, whole
 from lingjing.mission.instance import Budget, Cell, Clock, Entity, Instance, Option, Region, SceneSpec, Weather
 from lingjing.mission.instance_entities import at_path, datum, entities, holds, member_ids, single
-from lingjing.mission.interactions import allowed_from_the_start
+from lingjing.mission.interactions import unrestricted_unlocks
 from lingjing.mission.kinds import SEA_M, scene_kind
-from lingjing.mission.prompt_filling import PromptFiller
 from lingjing.mission.seeding import integer
 from lingjing.mission.values import is_finite
+from lingjing.mission.wording import PromptFiller
 from lingjing.suggest import nearest, nearest_or
 
 CELLS_MOST = 10_000
+"""The largest number of cells of a grid (chosen)."""
 
 
 def instantiate(
@@ -39,8 +40,8 @@ def instantiate(
 ) -> Instance:
     """Apply seed, mode and settings (SI values by parameter name) to a mission.
 
-    Equal arguments give equal instances in every process. Raises `UsageError` that tells every fault of mode and
-    settings, at `mode` and `settings.NAME`; `MissionError` for a mission that cannot be evaluated.
+    Equal arguments give equal instances in every process. Raises `UsageError` with all errors of mode and settings
+    (faults at `mode` and `settings.NAME`), `MissionError` if the mission cannot be evaluated.
     """
     chosen, values = choose_settings(mission, mode, settings or {})
     scope = Scope(parameters=values, mode=chosen)
@@ -54,11 +55,11 @@ def instantiate(
     members = _entities(mission, scope, seed, scene.datum_m)
     scope = msgspec.structs.replace(scope, areas=_areas(mission, scope, members))
     agents = instance_agents.agents(mission, scope)
-    say = PromptFiller(mission, scope, members)
+    fill = PromptFiller(mission, scope, members)
     return Instance(
         mission=mission.name,
         title=mission.title,
-        goal=say(mission.goal),
+        goal=fill(mission.goal),
         seed=seed,
         settings=values,
         scene=scene,
@@ -68,11 +69,11 @@ def instantiate(
         regions=tuple(_region(region, scope) for region in mission.regions),
         cells=_cells(mission, scope),
         entities=members,
-        agents=tuple(say.agent(spec) for spec in agents),
+        agents=tuple(fill.agent(spec) for spec in agents),
         messages=instance_agents.messages(mission, scope, agents),
         comms=instance_agents.comms(mission, scope, agents),
         rules=mission.rules,
-        unlocks=mission.unlocks + allowed_from_the_start(members, mission.unlocks),
+        unlocks=mission.unlocks + unrestricted_unlocks(members, mission.unlocks),
         stages=instance_rules.stages(mission, scope),
         relations=tuple(relation for relation in mission.relations if holds(relation.when, scope)),
         success=mission.success,
@@ -81,7 +82,9 @@ def instantiate(
         permits=instance_rules.permits(mission, scope),
         constraints=instance_rules.constraints(mission, scope),
         inspections=instance_rules.inspections(mission, scope),
-        events=instance_rules.events(mission, scope, seed, lambda given: _weather(mission, scope, seed, given)),
+        events=instance_rules.events(
+            mission, scope, seed, lambda properties: _weather(mission, scope, seed, properties)
+        ),
         reveals=instance_rules.reveals(mission, scope),
     )
 
@@ -89,7 +92,7 @@ def instantiate(
 def choose_settings(
     mission: model.Mission, mode: str | None, settings: Mapping[str, float]
 ) -> tuple[str, dict[str, float]]:
-    """The mode and every parameter's value; `UsageError` and `MissionError` as `instantiate`."""
+    """The mode and every parameter's value. Raises `UsageError` and `MissionError` like `instantiate`."""
     errors = ErrorCollector()
     chosen = errors.attempt(lambda: choose_mode(mission, mode), mission.modes.default)
     values = errors.attempt(lambda: parameters(mission, chosen, settings), {})
@@ -98,7 +101,7 @@ def choose_settings(
 
 
 def choose_mode(mission: model.Mission, mode: str | None) -> str:
-    """The mode to play in; `UsageError` if the mission does not have it."""
+    """The mode to play in. Raises `UsageError` if the mission does not have it."""
     chosen = mission.modes.default if mode is None else mode
     if chosen not in mission.modes.allowed:
         allowed = mission.modes.allowed
@@ -110,7 +113,7 @@ def choose_mode(mission: model.Mission, mode: str | None) -> str:
 def parameters(mission: model.Mission, mode: str, settings: Mapping[str, float]) -> dict[str, float]:
     """Every parameter's value: the setting if there is one, else the default, checked against its bounds.
 
-    Raises `UsageError` that tells every fault of the settings, `MissionError` for a default that cannot be had.
+    Raises `UsageError` with all errors of the settings, `MissionError` for a default that cannot be evaluated.
     """
     errors = ErrorCollector()
     names = tuple(parameter.name for parameter in mission.parameters)
@@ -126,33 +129,33 @@ def parameters(mission: model.Mission, mode: str, settings: Mapping[str, float])
         except UsageError as error:
             errors.add(error)
         except MissionError:
-            if not errors.errors:  # otherwise it may only follow from a setting that is refused
+            if not errors.errors:  # otherwise a rejected setting may be its only cause
                 raise
     errors.check()
     return values
 
 
 def scene_spec(mission: model.Mission, scope: Scope, seed: int) -> SceneSpec:
-    """The scene with its options evaluated: `datum_m` and `origin` (degrees) apart, the rest for the provider."""
+    """The scene with its options evaluated: `datum_m` and `origin` (degrees) as fields, the rest for the provider."""
     path = f"{mission.name}/scene"
     options = {o.name: single(o, scope, seed=seed, path=f"{path}/{o.name}") for o in mission.scene.options}
     with at_path(path):
         level = _number(options.pop("datum_m", _usual_datum(mission.scene.kind, options)), "datum_m")
-        made = SceneSpec(kind=mission.scene.kind, datum_m=level, seed=integer(seed, path))
-        origin = _origin(options.pop("origin")) if "origin" in options else made.origin
+        spec = SceneSpec(kind=mission.scene.kind, datum_m=level, seed=integer(seed, path))
+        origin = _origin(options.pop("origin")) if "origin" in options else spec.origin
         layout = integer(round(_number(options.pop("layout", 0.0), "layout")), f"{path}/layout")
         return SceneSpec(
-            kind=made.kind,
+            kind=spec.kind,
             datum_m=level,
             origin=origin,
             options={name: _option(value, level) for name, value in options.items()},
-            seed=made.seed,
+            seed=spec.seed,
             layout=layout,
         )
 
 
 def _usual_datum(kind: str, options: Mapping[str, Value]) -> float:
-    """Where the water lies if the mission does not say: under the ground, which is at 0, where a town has a shore."""
+    """The default elevation of the water, metres: below the ground, which is at 0, in a scene with a shore, else 0."""
     known = scene_kind(kind)
     shored = known is not None and (known.shore == "own" or (known.shore == "given" and "shore" in options))
     return SEA_M if shored else 0.0
@@ -167,20 +170,20 @@ def _option(value: Value, level: float) -> Option:
     return datum(value, level)
 
 
-def _parameter(mission: model.Mission, parameter: model.Parameter, given: float | None, scope: Scope) -> float:
+def _parameter(mission: model.Mission, parameter: model.Parameter, setting: float | None, scope: Scope) -> float:
     with at_path(f"{mission.name}/{parameter.name}"):
-        if given is None:
+        if setting is None:
             value = number(parameter.default, scope)
             fault = _bound_fault(parameter, value, scope)
             if fault:
                 raise MissionError(f"the default {value:g} {fault}")
             return value
-        if not is_finite(given):
-            raise _setting_error(parameter, f"= {given!r} is not a number", f"give '{parameter.name}' a number")
-        fault = _bound_fault(parameter, float(given), scope)
+        if not is_finite(setting):
+            raise _setting_error(parameter, f"= {setting!r} is not a number", f"give '{parameter.name}' a number")
+        fault = _bound_fault(parameter, float(setting), scope)
         if fault:
-            raise _setting_error(parameter, f"= {given:g} {fault}", parameter.doc)
-    return float(given)
+            raise _setting_error(parameter, f"= {setting:g} {fault}", parameter.doc)
+    return float(setting)
 
 
 def _setting_error(parameter: model.Parameter, message: str, hint: str) -> UsageError:
@@ -192,7 +195,7 @@ def _usage(where: str, message: str, hint: str) -> UsageError:
 
 
 def _bound_fault(parameter: model.Parameter, value: float, scope: Scope) -> str:
-    """`is outside of 1..10`, or "" if the value is allowed."""
+    """`is outside of its range 1..10`, or "" if the value is allowed."""
     if parameter.bounds is None:
         return ""
     unit = _unit(parameter.default)
@@ -233,7 +236,7 @@ def _clock(mission: model.Mission, scope: Scope) -> Clock:
 def _budget(mission: model.Mission, scope: Scope) -> Budget:
     with at_path(f"{mission.name}/budget"):
         limits = mission.budget
-        made = Budget(
+        budget = Budget(
             ticks=whole(limits.ticks, scope),
             policy_s=number(limits.policy, scope),
             engine_s=number(limits.engine, scope),
@@ -242,17 +245,17 @@ def _budget(mission: model.Mission, scope: Scope) -> Budget:
             money_usd=None if limits.money is None else number(limits.money, scope),
             messages=None if limits.messages is None else whole(limits.messages, scope),
         )
-        if made.ticks < 1 or min(made.policy_s, made.engine_s, made.capture_s) <= 0:
+        if budget.ticks < 1 or min(budget.policy_s, budget.engine_s, budget.capture_s) <= 0:
             raise MissionError("every limit must be above 0", hint="budget { ticks <= 60, policy <= 90 s, … }")
-        return made
+        return budget
 
 
 def _weather(
-    mission: model.Mission, scope: Scope, seed: int, given: tuple[model.Property, ...] | None = None
+    mission: model.Mission, scope: Scope, seed: int, properties: tuple[model.Property, ...] | None = None
 ) -> Weather:
     path = f"{mission.name}/weather"
     values: dict[str, float] = {}
-    for prop in mission.weather if given is None else given:
+    for prop in mission.weather if properties is None else properties:
         if prop.name not in Weather.__struct_fields__:
             with at_path(path):
                 raise MissionError(f"there is no '{prop.name}'", hint=_suggestion(prop.name, Weather.__struct_fields__))
@@ -263,8 +266,8 @@ def _weather(
 
 
 def _areas(mission: model.Mission, scope: Scope, placed: tuple[Entity, ...] = ()) -> dict[str, Area]:
-    """The regions in order. Those around entities are left out until the entities are `placed`, those made of roads
-    for good: only the city knows them. What the scope has already is what it is."""
+    """The regions in order. Regions around entities are left out until the entities are `placed`, and regions made of
+    roads always, because only the built city can evaluate them. Regions of the scope are kept."""
     areas: dict[str, Area] = {}
     later: set[str] = set()
     spots = {entity.id: Place(*entity.position) for entity in placed}
@@ -290,13 +293,13 @@ def _region(region: model.RegionDeclaration, scope: Scope) -> Region:
 
 
 def region_on_map(shape: ex.Expr) -> bool:
-    """Whether a region is made of the map's roads."""
+    """True if a region is made of the map's roads."""
     return any(isinstance(part, ex.Call) and part.function in ("road", "along") for part in ex.parts(shape))
 
 
 def _cells(mission: model.Mission, scope: Scope) -> tuple[Cell, ...]:
-    made: list[Cell] = []
-    veiled = {region.name for region in mission.regions if region.hidden}
+    cells: list[Cell] = []
+    hidden_regions = {region.name for region in mission.regions if region.hidden}
     for grid in mission.grids:
         with at_path(f"{mission.name}/{grid.name}"):
             region = area(ex.Ref(grid.region, "region"), scope)
@@ -305,9 +308,9 @@ def _cells(mission: model.Mission, scope: Scope) -> tuple[Cell, ...]:
                 raise MissionError(f"{rows} by {columns} cells", hint=f"1 by 1 up to {CELLS_MOST} cells are possible")
             if not 0 <= overlap <= 1:
                 raise MissionError(f"an overlap of {overlap:.0%}", hint="choose 0 % to 100 %")
-            hidden = grid.region in veiled
-            made.extend(grids.cells(grid.name, region.polygon, rows, columns, overlap, hidden=hidden))
-    return tuple(made)
+            hidden = grid.region in hidden_regions
+            cells.extend(grids.cells(grid.name, region.polygon, rows, columns, overlap, hidden=hidden))
+    return tuple(cells)
 
 
 def _members(mission: model.Mission, scope: Scope) -> dict[str, tuple[str, ...]]:
@@ -320,8 +323,8 @@ def _members(mission: model.Mission, scope: Scope) -> dict[str, tuple[str, ...]]
 
 
 def _entities(mission: model.Mission, scope: Scope, seed: int, datum_m: float) -> tuple[Entity, ...]:
-    asleep = instance_rules.dormant(mission, scope) if mission.events else frozenset()
-    made = (
+    dormant = instance_rules.dormant(mission, scope) if mission.events else frozenset()
+    members = (
         entity
         for group in mission.groups
         if group.name in scope.members
@@ -334,7 +337,7 @@ def _entities(mission: model.Mission, scope: Scope, seed: int, datum_m: float) -
             template_draw=mission.origin.draws.get(group.name),
         )
     )
-    return tuple(msgspec.structs.replace(e, dormant=True) if e.id in asleep else e for e in made)
+    return tuple(msgspec.structs.replace(e, dormant=True) if e.id in dormant else e for e in members)
 
 
 def _number(value: Value, name: str) -> float:

@@ -1,7 +1,7 @@
-"""What the operators and functions of expressions mean over bounds: what is certain before a mission runs.
+"""The operators and functions of expressions over bounds (interval arithmetic): results that hold in every run.
 
-A number is known to lie between `Bounds`; one of which nothing is known is `ANYTHING`. A comparison is true or false
-where every pair of numbers between the bounds has that in common, and None otherwise.
+A number lies within its `Bounds`; an unknown one is `ANYTHING`. A comparison is true or false if it is so for every
+pair of numbers within the bounds, and None otherwise.
 """
 
 from __future__ import annotations
@@ -20,23 +20,25 @@ class Bounds(NamedTuple):
 
     @property
     def exact(self) -> bool:
-        """Whether it is one number."""
+        """True if the number is known."""
         return self.low == self.high
 
 
 ANYTHING = Bounds(-math.inf, math.inf)
+"""The bounds of an unknown number."""
 
 
 class Estimate(NamedTuple):
-    """Where something is in the plane, metres, and how far off that may be."""
+    """A position in the plane, metres, with its largest error."""
 
     east: float
     north: float
     off_m: float
+    """Largest distance from the true position, metres."""
 
 
 def exactly(value: float) -> Bounds:
-    """One number."""
+    """The bounds of a known number."""
     return Bounds(float(value), float(value))
 
 
@@ -62,7 +64,7 @@ def times(left: Bounds, right: Bounds) -> Bounds:
 
 
 def over(left: Bounds, right: Bounds) -> Bounds:
-    """`a / b`; anything where b may be zero."""
+    """`a / b`; anything if b may be zero."""
     if right.low <= 0.0 <= right.high:
         return ANYTHING
     return times(left, Bounds(1.0 / right.high, 1.0 / right.low))
@@ -89,24 +91,24 @@ def magnitude(value: Bounds) -> Bounds:
     return Bounds(0.0 if value.low <= 0.0 <= value.high else min(ends), max(ends))
 
 
-def distance(one: Estimate | Bounds, other: Estimate | Bounds) -> Bounds:
+def distance(first: Estimate | Bounds, second: Estimate | Bounds) -> Bounds:
     """Horizontal metres between two places, as far as both are known."""
-    if not isinstance(one, Estimate) or not isinstance(other, Estimate):
+    if not isinstance(first, Estimate) or not isinstance(second, Estimate):
         return Bounds(0.0, math.inf)
-    apart, off = math.dist(one[:2], other[:2]), one.off_m + other.off_m
+    apart, off = math.dist(first[:2], second[:2]), first.off_m + second.off_m
     return Bounds(max(0.0, apart - off), apart + off)
 
 
 def monotone(function: Callable[[float], float]) -> Callable[[Bounds], Bounds]:
-    """A function that never falls, over bounds; anything where an end has no value."""
+    """A non-decreasing function over bounds; anything if it has no value at an end."""
 
-    def applied(value: Bounds) -> Bounds:
+    def bounds_of(value: Bounds) -> Bounds:
         try:
             return Bounds(float(function(value.low)), float(function(value.high)))
         except (ValueError, OverflowError):
             return ANYTHING
 
-    return applied
+    return bounds_of
 
 
 def less(left: Bounds, right: Bounds) -> bool | None:
@@ -142,15 +144,15 @@ def different(left: Bounds, right: Bounds) -> bool | None:
     return None if equal is None else not equal
 
 
-def both(one: bool | None, other: bool | None) -> bool | None:
+def both(left: bool | None, right: bool | None) -> bool | None:
     """`a and b`."""
-    if one is False or other is False:
+    if left is False or right is False:
         return False
-    return None if one is None or other is None else True
+    return None if left is None or right is None else True
 
 
-def either(one: bool | None, other: bool | None) -> bool | None:
+def either(left: bool | None, right: bool | None) -> bool | None:
     """`a or b`."""
-    if one is True or other is True:
+    if left is True or right is True:
         return True
-    return None if one is None or other is None else False
+    return None if left is None or right is None else False

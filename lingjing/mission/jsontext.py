@@ -1,4 +1,4 @@
-"""Read JSON text into plain values, with messages that name the line and column or the JSON path of what is wrong."""
+"""JSON text as plain values, with messages that name the line and column or the JSON path of an error."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ from lingjing.errors import Fault, MissionError, UsageError
 _PLAIN = "write finite numbers and valid Unicode"
 
 _COMMENT = re.compile(r'"(?:[^"\\]|\\.)*"|//[^\n]*|/\*.*?\*/', re.DOTALL)
+"""A string, or a comment."""
 _COMMA = re.compile(r'"(?:[^"\\]|\\.)*"|,(?=\s*[]}])')
+"""A string, or a comma before a closing bracket."""
 
 
 def without_comments(text: str) -> str:
@@ -25,27 +27,28 @@ def without_comments(text: str) -> str:
 
 
 def without_extras(text: str) -> str:
-    """The text with blanks in place of comments and of commas before a closing bracket, as people write both."""
+    """The text with blanks in place of comments and of commas before a closing bracket."""
     return _COMMA.sub(_blanked, without_comments(text))
 
 
-def _blanked(found: re.Match[str]) -> str:
-    return found[0] if found[0][0] == '"' else re.sub(r"[^\n]", " ", found[0])
+def _blanked(match: re.Match[str]) -> str:
+    return match[0] if match[0][0] == '"' else re.sub(r"[^\n]", " ", match[0])
 
 
 def load(text: str, path: str, notes: list[str] | None = None, faults: list[Fault] | None = None) -> object:
-    """The parsed document. `UsageError` if it is not JSON, `MissionError` for a number that is none.
+    """The parsed document.
 
-    Python's reader is lenient where JSON is not: NaN, Infinity and numbers beyond a double are refused here by path.
-    With `notes`, comments and commas before a bracket are read over, and noted. With `faults`, all of them go there,
-    and 0 or "" stands in.
+    Raises `UsageError` if it is not JSON, `MissionError` for a number that JSON does not have: NaN, Infinity and
+    numbers beyond a double, which Python's parser accepts, are reported with their path. With `notes`, comments and
+    commas before a bracket are accepted, and a note is added. With `faults`, errors of values are added there and
+    replaced by 0 or "".
     """
     plain = text.removeprefix("\ufeff")
     if notes is not None:
         for what, without in (("comments", without_comments), ("commas before a bracket", without_extras)):
-            if (bare := without(plain)) != plain:
+            if (cleaned := without(plain)) != plain:
                 notes.append(f"$: {what} are no JSON; they are read over and kept")
-                plain = bare
+                plain = cleaned
     try:
         value: object = json.loads(plain)
     except json.JSONDecodeError as error:
@@ -67,7 +70,7 @@ def load(text: str, path: str, notes: list[str] | None = None, faults: list[Faul
 
 
 def repeated(text: str) -> Iterator[str]:
-    """JSON paths of keys that stand more than once in their object, of a text that `load` accepts: the last counts."""
+    """JSON paths of keys that are repeated in their object, in a text that `load` accepts. The last one counts."""
     root = json.loads(without_extras(text.removeprefix("\ufeff")), object_pairs_hook=_Pairs)
     stack: list[tuple[str, object]] = [("$", root)]
     while stack:
@@ -93,7 +96,7 @@ def _way_out(text: str, message: str, *, strict: bool) -> str:
 
 
 def _faults(root: object) -> Iterator[tuple[str, Any, Any, str]]:
-    """Path, container, key and what is wrong of every value that JSON does not have."""
+    """(path, container, key, message) of every value that JSON does not have."""
     stack: list[tuple[str, Any, Any]] = [("$", [root], 0)]
     while stack:
         where, holder, key = stack.pop()

@@ -1,9 +1,8 @@
-"""Kinds of scenes and engines as data: what a check of a mission must know of them before any of them is imported.
+"""Kinds of scenes and engines as data: the facts that checks of a mission need before any plug-in is imported.
 
-Whoever provides a scene or an engine says it in a file `kinds.json` beside the module that its entry point (group
-`lingjing`) names; the built-in ones stand in `lingjing/engines/kinds.json`. The file is found without importing the
-plug-in, and the plug-ins' files are looked for only where a mission names a kind that is not built in. Of a kind that
-no file describes nothing is known, and nothing is refused.
+A plug-in with a scene or an engine describes it in a file `kinds.json` beside the module that its entry point (group
+`lingjing`) names; the built-in ones are in `lingjing/engines/kinds.json`. The file is found without importing the
+plug-in, and only if a mission names a kind that is not built in. A kind without a description is accepted unchecked.
 """
 
 from __future__ import annotations
@@ -23,44 +22,47 @@ from lingjing.mission.instance import Option, SceneSpec, VerbSpec
 from lingjing.mission.kinds_format import EngineKind, KindsFile, SceneKind, SceneOption, joined, names_of
 
 FILE = "kinds.json"
+"""Name of a file of kinds."""
 
 DRY_M = 1.0
-"""The sea lies at least this far under the ground of a town, which is at elevation 0."""
+"""Smallest depth of the sea below the ground of a town, which is at elevation 0, metres (chosen)."""
 
 SEA_M = -3.0
-"""The sea's elevation beside a town whose mission names no datum."""
+"""Elevation of the sea beside a town if the mission names no datum, metres (chosen)."""
 
 LINE_MOST_M = 25_000.0
-"""How far from the origin a line or an outline may lead: the widest scene's extent and as much again."""
+"""Largest distance of a line or an outline from the origin, metres (chosen): twice the widest scene's extent."""
 
 DISPLACEMENT = "displacement_m"
-"""The option of every scene that no provider reads: how far it may put a body from its declared place."""
+"""The option of every scene with the largest distance by which it may move a body from its declared place. Providers do
+not read it."""
 
 _BUILTIN = Path(__file__).parents[1] / "engines" / FILE
 
 
 class SceneFault(msgspec.Struct, frozen=True):
-    """What is wrong with a scene: the option at fault as an author spells it ("" for the scene as a whole)."""
+    """An error of a scene."""
 
     option: str
+    """The option at fault in the author's spelling; "" for the scene as a whole."""
     message: str
     hint: str = ""
 
 
 @cache
 def builtin_scenes() -> dict[str, SceneKind]:
-    """The scenes that come with the project, by name."""
+    """The scenes of the project, by name."""
     return _builtin().by_scene
 
 
 @cache
 def builtin_engines() -> dict[str, EngineKind]:
-    """The engines that come with the project, by name."""
+    """The engines of the project, by name."""
     return _builtin().by_engine
 
 
 def scene_kind(name: str) -> SceneKind | None:
-    """What is known of a scene; None for one that no file describes. `PluginError` for a file that cannot be read."""
+    """The description of a scene; None if no file has one. Raises `PluginError` for a file that cannot be read."""
     if name in builtin_scenes():
         return builtin_scenes()[name]
     file = _describing("scene", name)
@@ -68,7 +70,7 @@ def scene_kind(name: str) -> SceneKind | None:
 
 
 def engine_kind(name: str) -> EngineKind:
-    """What is known of an engine; where no file describes it, that its entities act."""
+    """The description of an engine; without one, only that its entities act."""
     if name in builtin_engines():
         return builtin_engines()[name]
     file = _describing("engine", name)
@@ -76,13 +78,13 @@ def engine_kind(name: str) -> EngineKind:
 
 
 def least_value(kind: EngineKind, verb: str, argument: str) -> float:
-    """The smallest value of an argument that an engine admits; minus infinity where its kind names none."""
-    told = kind.verbs.get(verb)
-    return -math.inf if told is None else told.least.get(argument, -math.inf)
+    """The smallest value of an argument that an engine admits; minus infinity if its description names none."""
+    verb_kind = kind.verbs.get(verb)
+    return -math.inf if verb_kind is None else verb_kind.least.get(argument, -math.inf)
 
 
 def admitted(verb: VerbSpec, kind: EngineKind) -> VerbSpec:
-    """The verb with the bounds that its engine admits: no argument begins below the engine's least value."""
+    """The verb with the bounds that its engine admits: no minimum is below the engine's least value."""
     arguments = []
     for spec in verb.arguments:
         least = least_value(kind, verb.name, spec.name)
@@ -93,14 +95,16 @@ def admitted(verb: VerbSpec, kind: EngineKind) -> VerbSpec:
 
 
 def is_described(kind: Literal["scene", "engine"], name: str) -> bool:
-    """Whether a file describes a scene or an engine of that name. `PluginError` for a file that cannot be read."""
+    """True if a file describes a scene or an engine of that name. Raises `PluginError` for a file that cannot
+    be read."""
     if kind == "scene":
         return scene_kind(name) is not None
     return name in builtin_engines() or _describing("engine", name) is not None
 
 
 def described_by(plugin: str) -> KindsFile:
-    """What the file of an installed entry point describes; nothing if it has none. `PluginError` if it has faults."""
+    """The kinds in the file of an installed entry point; none if it has no file. Raises `PluginError` if it
+    has errors."""
     file = next((file for name, file in _files() if name == plugin), None)
     if file is None:
         return KindsFile()
@@ -108,7 +112,7 @@ def described_by(plugin: str) -> KindsFile:
 
 
 def scene_faults(spec: SceneSpec) -> Iterator[SceneFault]:
-    """Everything for which a scene would be refused, whatever the machine; nothing for one that is not described."""
+    """All errors of a scene that do not depend on the machine; none for a scene without a description."""
     kind = scene_kind(spec.kind)
     if kind is None:
         return
@@ -125,32 +129,32 @@ def scene_faults(spec: SceneSpec) -> Iterator[SceneFault]:
 
 
 def missing_paths(kind: str, texts: Mapping[str, str]) -> Iterator[SceneFault]:
-    """The files and folders that the options of a scene name, of those given as texts, and that are not there: what
-    another machine or working folder may have."""
+    """Files and folders named by text options of a scene that do not exist. They may exist on another machine or in
+    another working folder."""
     known = scene_kind(kind)
     for name, option in known.options.items() if known else ():
         path = texts.get(name, "") if option.type == "path" else ""
-        if path and not os.path.exists(path):  # noqa: PTH110 - a path that cannot be one is not there either
+        if path and not os.path.exists(path):  # noqa: PTH110 - an invalid path does not exist either
             hint = f"a path begins in the working folder, `{os.getcwd()}`"  # noqa: PTH109
             yield SceneFault(name, f"scene `{kind}`: there is no `{path}`", "" if os.path.isabs(path) else hint)  # noqa: PTH117
 
 
 def check_scene(spec: SceneSpec) -> None:
-    """Raise `UsageError` that tells every fault of a scene's options."""
-    faults = tuple(Fault(one.option, one.message, one.hint) for one in scene_faults(spec))
+    """Raise `UsageError` with all errors of a scene's options."""
+    faults = tuple(Fault(each.option, each.message, each.hint) for each in scene_faults(spec))
     if faults:
         hints = dict.fromkeys(fault.hint for fault in faults if fault.hint)
         raise UsageError("\n".join(fault.message for fault in faults), hint="; ".join(hints), faults=faults)
 
 
 def has_shore(spec: SceneSpec) -> bool:
-    """Whether dry ground at elevation 0 meets the sea."""
+    """True if dry ground at elevation 0 meets the sea."""
     kind = scene_kind(spec.kind)
     return kind is not None and (kind.shore == "own" or (kind.shore == "given" and bool(spec.options.get("shore"))))
 
 
 def lacks(spec: SceneSpec, surface: str) -> bool:
-    """Whether nothing in a scene is such a surface (`on = bridge`); False where only the scene can tell."""
+    """True if a scene has no such surface (`on = bridge`); False if only the built scene can decide that."""
     kind = scene_kind(spec.kind)
     return kind is not None and surface in kind.lacks and kind.unless.get(surface) not in spec.options
 
@@ -161,7 +165,7 @@ def spoken(surface: str) -> str:
 
 
 def levels_m(spec: SceneSpec, surface: str) -> tuple[float, float] | None:
-    """The lowest and the highest elevation of a surface; None where only the scene can tell."""
+    """The lowest and the highest elevation of a surface, metres; None if only the built scene has them."""
     kind = scene_kind(spec.kind)
     if kind is None or surface not in kind.level:
         return None
@@ -172,7 +176,7 @@ def levels_m(spec: SceneSpec, surface: str) -> tuple[float, float] | None:
 
 
 def land(spec: SceneSpec) -> tuple[Polygon, ...]:
-    """Outlines of dry land that the text alone tells of, metres from the scene's origin."""
+    """Outlines of dry land as far as the text has them, metres from the scene's origin."""
     kind = scene_kind(spec.kind)
     shore = spec.options.get("shore") if has_shore(spec) else None
     own = tuple(_moved(outline, centre_m(spec)) for outline in kind.land) if kind else ()
@@ -182,20 +186,20 @@ def land(spec: SceneSpec) -> tuple[Polygon, ...]:
 
 
 def extent_m(spec: SceneSpec) -> float | None:
-    """How many metres a scene is wide, if that is known."""
+    """The width of a scene in metres, or None if unknown."""
     kind = scene_kind(spec.kind)
-    given = spec.options.get("extent_m", next(iter(kind.default("extent")), kind.extent_m) if kind else None)
-    return float(given) if isinstance(given, int | float) and given > 0 else None
+    extent = spec.options.get("extent_m", next(iter(kind.default("extent")), kind.extent_m) if kind else None)
+    return float(extent) if isinstance(extent, int | float) and extent > 0 else None
 
 
 def centre_m(spec: SceneSpec) -> Vector2:
-    """East and north of the middle of a scene, metres; the origin where the mission names no `centre`."""
+    """East and north of the middle of a scene, metres; the origin if the mission names no `centre`."""
     metres = _coordinates(spec.options.get("centre", ()), 1)
     return (metres[0], metres[1]) if metres else (0.0, 0.0)
 
 
 def reach_m(spec: SceneSpec) -> float | None:
-    """How far a scene's city spans from its centre to every side, if that is known."""
+    """Distance from the centre to the edge of a scene's city, metres; None if unknown."""
     kind, extent = scene_kind(spec.kind), extent_m(spec)
     if kind is None or extent is None or any(name in spec.options for name in kind.wider_by):
         return None
@@ -213,8 +217,8 @@ def _builtin() -> KindsFile:
 
 @cache
 def _describing(kind: Literal["scene", "engine"], name: str) -> KindsFile | None:
-    """The plug-in's file that describes a kind of that name. A file with faults is passed over, unless its text names
-    the kind and no other file describes it: then `PluginError`."""
+    """The plug-in's file that describes a kind of that name. A file with errors is skipped, unless its text contains
+    the name and no other file describes it: then `PluginError` is raised."""
     fault: PluginError | None = None
     for plugin, file in _files():
         if file.samefile(_BUILTIN):
@@ -245,7 +249,7 @@ def _read(file: Path, plugin: str) -> KindsFile:
 
 
 def _files() -> Iterator[tuple[str, Path]]:
-    """The plug-ins that have a file, each by the name of its entry point."""
+    """(name of the entry point, file) of the plug-ins with a file."""
     from lingjing.installed_plugins.entry_points import PLUGINS, find_entries, package_folders
 
     for point in find_entries(PLUGINS).points:
@@ -258,34 +262,34 @@ def _files() -> Iterator[tuple[str, Path]]:
 def _choice_faults(spec: SceneSpec, kind: SceneKind) -> Iterator[SceneFault]:
     named = [name for name in kind.one_of if name in spec.options]
     if kind.one_of and len(named) != 1:
-        said = f"its {kind.name} {len(named)} times ({', '.join(named)})" if named else f"no {kind.name}"
-        yield SceneFault("", f"scene `{kind.name}` names {said}", kind.one_of_hint)
+        choice = f"its {kind.name} {len(named)} times ({', '.join(named)})" if named else f"no {kind.name}"
+        yield SceneFault("", f"scene `{kind.name}` names {choice}", kind.one_of_hint)
 
 
 def _option_faults(spec: SceneSpec, kind: SceneKind, spelled: str, option: SceneOption) -> Iterator[SceneFault]:
     names = names_of(spelled, option)
-    given = {name: spec.options[name] for name in names if name in spec.options}
-    for value in given.values():
+    values = {name: spec.options[name] for name in names if name in spec.options}
+    for value in values.values():
         message, hint = _value_fault(spec, kind, option, value)
         if message:
             yield SceneFault(spelled, f"scene `{kind.name}`: `{spelled}` {message}", hint)
-    if option.type == "range" and given:
+    if option.type == "range" and values:
         low, high = (
-            given.get(name, usual) for name, usual in zip(names, kind.default(spelled) or (None, None), strict=True)
+            values.get(name, usual) for name, usual in zip(names, kind.default(spelled) or (None, None), strict=True)
         )
         if isinstance(low, int | float) and isinstance(high, int | float) and low > high:
             message = f"scene `{kind.name}`: `{spelled}` is {high!r}"
             yield SceneFault(spelled, message, _bounds(low, option.high))
-    if any(given.values()) and option.needs_shore and not has_shore(spec):
+    if any(values.values()) and option.needs_shore and not has_shore(spec):
         hint = f"a {spelled} needs a shore: scene coastal {{ … }}"
         yield SceneFault(spelled, f"scene `{kind.name}` has no `{spelled}`", hint)
-    if given and option.without in spec.options:
+    if values and option.without in spec.options:
         message = f"scene `{kind.name}`: with `{option.without}` there is no `{spelled}`"
         yield SceneFault(spelled, message, f"leave out `{option.without}` or `{spelled}`")
 
 
 def _value_fault(spec: SceneSpec, kind: SceneKind, option: SceneOption, value: Option) -> tuple[str, str]:
-    """What is wrong with one value of an option, and the way out; "" for a good one."""
+    """The error of one value of an option, and its hint; ("", "") for a correct value."""
     if option.type in ("text", "path"):
         return (
             ("", "") if isinstance(value, str) and value else (f"is {value!r}, not a text in quotes", kind.one_of_hint)
@@ -313,14 +317,14 @@ def _moved(outline: Polygon, by: Vector2) -> Polygon:
 
 
 def _bounds(low: float | None, high: float | None) -> str:
-    """What to give where a number lies outside of its bounds."""
+    """The hint for a number outside of its bounds."""
     if high is None:
         return "give a number" if low is None else f"give {low:g} or more"
     return f"give {high:g} at most" if low is None else f"give {low:g} to {high:g}"
 
 
 def _coordinates(value: Option, least: int) -> list[float] | None:
-    """The coordinates of a line of at least so many points, or of an empty one; None for what is no line."""
+    """The coordinates of a line of at least `least` points, or of an empty one; None if the value is no such line."""
     if not isinstance(value, tuple):
         return None
     points = [point for point in value if isinstance(point, tuple) and all(map(math.isfinite, point))]

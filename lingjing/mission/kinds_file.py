@@ -1,6 +1,6 @@
-"""A plug-in's `kinds.json` in, checked: every fault of the file at once, each with its JSON path.
+"""Reader of a plug-in's `kinds.json`, which reports all errors of the file at once, each with its JSON path.
 
-Loaded only where a mission names a kind that is not built in; the built-in file is held right by a test.
+It is loaded only if a mission names a kind that is not built in; a test checks the built-in file.
 """
 
 from __future__ import annotations
@@ -19,51 +19,53 @@ from lingjing.mission.kinds_format import KindsFile, SceneOption, joined, names_
 from lingjing.mission.vocabulary import PHOTO, STOP
 
 _NAME = re.compile(r"[^\W\d]\w*")
+"""A valid name of an option or a verb."""
 _EVERY_SCENE = ("datum", "displacement", "layout", "origin")
+"""Options of every scene, which no file may describe."""
 _NUMBERS = {"number": 1, "metres": 1, "size": 2, "range": 2}
-"""How many numbers the default of an option has, by its type; the other types have no default."""
+"""Count of numbers in the default of an option, by its type; other types have no default."""
 
 
 def read(file: Path, plugin: str, builtin: KindsFile) -> KindsFile:
-    """The kinds that a plug-in's file describes, none of which may be `builtin`.
+    """The kinds in a plug-in's file. None of them may be among `builtin`.
 
-    `PluginError` that names both and tells every fault of the file.
+    Raises `PluginError` that names plug-in and file, with all errors of the file.
     """
-    told = f"plug-in `{plugin}`: {file} does not describe kinds of scenes and engines"
+    prefix = f"plug-in `{plugin}`: {file} does not describe kinds of scenes and engines"
     hint = "docs/scenes.md says what the file holds"
     try:
-        given = msgspec.json.decode(file.read_bytes())
+        content = msgspec.json.decode(file.read_bytes())
     except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise PluginError(f"{told}: {error}", hint=hint) from error
-    document = joined(given)
-    faults = _where_said(document, dict.fromkeys((*_type_faults(document), *_meaning_faults(document, builtin))))
+        raise PluginError(f"{prefix}: {error}", hint=hint) from error
+    document = joined(content)
+    faults = _without_inherited(document, dict.fromkeys((*_type_faults(document), *_value_faults(document, builtin))))
     if faults:
         hints = dict.fromkeys(fault.hint for fault in faults if fault.hint)
-        raise PluginError(f"{told}:\n{lines_of(faults)}", hint="; ".join(hints) or hint, faults=faults)
+        raise PluginError(f"{prefix}:\n{lines_of(faults)}", hint="; ".join(hints) or hint, faults=faults)
     return msgspec.convert(document, KindsFile)
 
 
-def _where_said(document: object, faults: Iterable[Fault]) -> tuple[Fault, ...]:
-    """The faults without those that a scene has only because it is like another one, of which they are told."""
+def _without_inherited(document: object, faults: Iterable[Fault]) -> tuple[Fault, ...]:
+    """The faults without those that a scene inherits through `like` from a scene that has the same fault."""
     places = {scene.get("name"): place for place, scene in _likeable(document)}
     bases = {place: places.get(scene.get("like")) for place, scene in _likeable(document)}
-    told = {(fault.where, fault.message) for fault in faults}
+    known = {(fault.where, fault.message) for fault in faults}
 
     def inherited(fault: Fault) -> bool:
         place, bracket, rest = fault.where.partition("]")
         base = bases.get(place + bracket)
-        return base is not None and base != place + bracket and (base + rest, fault.message) in told
+        return base is not None and base != place + bracket and (base + rest, fault.message) in known
 
     return tuple(fault for fault in faults if not inherited(fault))
 
 
 def _likeable(document: object) -> list[tuple[str, dict[str, Any]]]:
-    """The scenes whose `name` and `like` are texts, each with its path."""
+    """The scenes with texts as `name` and `like`, each with its path."""
     scenes = _records(document, "scenes")
     return [
-        (place, one)
-        for place, one in scenes
-        if isinstance(one.get("name"), str) and isinstance(one.get("like", ""), str)
+        (place, scene)
+        for place, scene in scenes
+        if isinstance(scene.get("name"), str) and isinstance(scene.get("like", ""), str)
     ]
 
 
@@ -75,14 +77,14 @@ def _type_faults(document: object) -> tuple[Fault, ...]:
     return ()
 
 
-def _meaning_faults(document: object, builtin: KindsFile) -> Iterator[Fault]:
-    """What no type says: of the parts that are of their types, so that one run tells all."""
-    for part, taken in (("scenes", builtin.by_scene), ("engines", builtin.by_engine)):
+def _value_faults(document: object, builtin: KindsFile) -> Iterator[Fault]:
+    """Errors that no type expresses. Only parts of the right type are examined, so that one run reports all errors."""
+    for part, builtin_kinds in (("scenes", builtin.by_scene), ("engines", builtin.by_engine)):
         records = _records(document, part)
         counts = Counter(name for _, record in records if isinstance(name := record.get("name"), str))
         for place, record in records:
             name = record.get("name")
-            if isinstance(name, str) and name in taken:
+            if isinstance(name, str) and name in builtin_kinds:
                 yield Fault(f"{place}.name", f"`{name}` is built in", "give it a name of its own")
             if isinstance(name, str) and counts[name] > 1:
                 yield Fault(f"{place}.name", f"`{name}` is described {counts[name]} times", "describe it once")
@@ -97,9 +99,9 @@ def _meaning_faults(document: object, builtin: KindsFile) -> Iterator[Fault]:
 
 def _records(document: object, part: str) -> list[tuple[str, dict[str, Any]]]:
     """The objects of a list of the file, each with its path."""
-    found = document.get(part) if isinstance(document, dict) else None
-    listed = enumerate(found) if isinstance(found, list) else ()
-    return [(f"{part}[{index}]", record) for index, record in listed if isinstance(record, dict)]
+    items = document.get(part) if isinstance(document, dict) else None
+    numbered = enumerate(items) if isinstance(items, list) else ()
+    return [(f"{part}[{index}]", record) for index, record in numbered if isinstance(record, dict)]
 
 
 def _like_faults(place: str, scene: dict[str, Any], likes: dict[str, Any]) -> Iterator[Fault]:
@@ -118,8 +120,10 @@ def _like_faults(place: str, scene: dict[str, Any], likes: dict[str, Any]) -> It
 
 
 def _options_faults(place: str, scene: dict[str, Any]) -> Iterator[Fault]:
-    given = scene.get("options")
-    options = {name: _option(value) for name, value in given.items()} if isinstance(given, dict) else {}
+    declared_options = scene.get("options")
+    options = (
+        {name: _option(value) for name, value in declared_options.items()} if isinstance(declared_options, dict) else {}
+    )
     for spelled, option in options.items():
         where = f"{place}.options.{spelled}"
         if not _NAME.fullmatch(spelled):
@@ -137,8 +141,8 @@ def _options_faults(place: str, scene: dict[str, Any]) -> Iterator[Fault]:
 
 
 def _verbs_faults(place: str, engine: dict[str, Any]) -> Iterator[Fault]:
-    given = engine.get("verbs")
-    for name in given if isinstance(given, dict) else ():
+    verbs = engine.get("verbs")
+    for name in verbs if isinstance(verbs, dict) else ():
         where = f"{place}.verbs.{name}"
         if not _NAME.fullmatch(name):
             yield Fault(where, f"a verb cannot be called `{name}`", "letters, digits and _, no digit first")
@@ -161,9 +165,9 @@ def _bounds_faults(where: str, option: SceneOption) -> Iterator[Fault]:
     if option.default is None:
         return
     numbers = option.default if isinstance(option.default, tuple) else (option.default,)
-    due = _NUMBERS.get(option.type, 0)
-    if len(numbers) != due:
-        words = {0: "no default", 1: "one number", 2: "two numbers"}[due]
+    count = _NUMBERS.get(option.type, 0)
+    if len(numbers) != count:
+        words = {0: "no default", 1: "one number", 2: "two numbers"}[count]
         yield Fault(f"{where}.default", f"an option of type {option.type} has {words}", "mend or leave out `default`")
         return
     for number in numbers:
@@ -174,7 +178,7 @@ def _bounds_faults(where: str, option: SceneOption) -> Iterator[Fault]:
 
 
 def _references(place: str, scene: dict[str, Any]) -> Iterator[tuple[str, object]]:
-    """Where a scene names an option of its own, as an instance has it (`depth_m`)."""
+    """(path, name) of each reference of a scene to an option of its own, in the instance's spelling (`depth_m`)."""
     for field in ("one_of", "wider_by"):
         listed = scene.get(field)
         for index, name in enumerate(listed if isinstance(listed, list) else ()):

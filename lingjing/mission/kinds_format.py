@@ -1,6 +1,6 @@
-"""The format of a file `kinds.json`: what whoever provides a scene or an engine says of it.
+"""The format of a file `kinds.json`, in which a plug-in describes its scenes and engines.
 
-`lingjing.mission.kinds` looks it up, `lingjing.mission.kinds_file` checks a plug-in's.
+`lingjing.mission.kinds` finds the file, `lingjing.mission.kinds_file` checks a plug-in's.
 """
 
 from __future__ import annotations
@@ -13,9 +13,10 @@ from lingjing.mission.geometry2d import Polygon
 from lingjing.mission.vocabulary import VerbMotion
 
 Surface = Literal["ground", "road", "roof", "facade", "bridge", "pipe", "water"]
-"""What a thing can stand on in a scene."""
+"""Surfaces of a scene on which an entity can stand."""
 
 _SUFFIXES = {"metres": ("_m",), "size": ("_rows", "_columns"), "range": ("_low_m", "_high_m")}
+"""Suffixes of the values of an option in an instance, by its type."""
 
 
 class _Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -23,151 +24,158 @@ class _Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
 
 class SceneOption(_Record, frozen=True, kw_only=True):
-    """An option of a scene.
-
-    `low` and `high` bound a number and both numbers of a size or a range, `points` says how many points a line or an
-    outline has at least, `within` that it lies in the scene. `default` is what counts where a mission names none.
-    `needs_shore`: it makes no sense in a scene without a shore. `without` is an option that excludes this one.
-    `drawn`: an author may draw the value (`~`). A `path` is a text that names a file or folder which must be there.
-    """
+    """An option of a scene."""
 
     type: Literal["text", "path", "number", "metres", "size", "range", "positions", "region"]
+    """A `path` is a text with the name of an existing file or folder."""
     help: str = ""
     low: float | None = None
+    """Lower bound of a number, or of both numbers of a size or a range."""
     high: float | None = None
+    """Upper bound, likewise."""
     points: Annotated[int, msgspec.Meta(ge=0)] = 0
+    """Smallest number of points of a line or an outline."""
     default: float | tuple[float, float] | None = None
+    """The value if a mission names none."""
     within: bool = False
+    """True if a line or an outline must lie in the scene."""
     needs_shore: bool = False
+    """True if it has a meaning only in a scene with a shore."""
     without: str = ""
+    """An option that excludes this one; "" for none."""
     drawn: bool = False
+    """True if an author may draw the value (`~`)."""
 
 
 class SceneKind(_Record, frozen=True, kw_only=True):
-    """A kind of scene.
-
-    `like` names a kind of the same file that says what this one leaves out; options are joined one by one.
-    `extent_m` is the width of a scene without the option `extent`, `outskirts_m` how far its city reaches beyond its
-    extent on each side, `wider_by` the options with which it may reach farther. `shore` says whether the sea lies
-    beside dry ground at elevation 0: always (`own`), where the option `shore` gives it (`given`), or never (`none`).
-    `lacks` are the surfaces that it has not, `unless` the options that bring one nevertheless. `level` are those whose
-    elevation is known: water lies at the datum, a road on the ground at 0 or, where the option `bridge` names one, up
-    to its `deck`. `land` are outlines of dry land that every city of the kind has. `aside_m` is how far it
-    may move what stands on no declared surface. Exactly one of the options `one_of` must be given, as `one_of_hint`
-    says.
-    """
+    """A kind of scene."""
 
     name: str
     like: str = ""
+    """A kind of the same file that supplies the omitted fields; options are joined one by one."""
     summary: str = ""
     options: dict[str, SceneOption] = {}
     extent_m: Annotated[float, msgspec.Meta(gt=0)] | None = None
+    """Width of a scene without the option `extent`, metres."""
     outskirts_m: Annotated[float, msgspec.Meta(ge=0)] = 0.0
+    """Distance by which its city reaches beyond its extent on each side, metres."""
     wider_by: tuple[str, ...] = ()
+    """Options with which it may reach farther."""
     shore: Literal["own", "given", "none"] = "none"
+    """The sea lies beside dry ground at elevation 0 always (`own`), with the option `shore` (`given`), or never
+    (`none`)."""
     lacks: tuple[Surface, ...] = ()
+    """Surfaces that it does not have."""
     unless: dict[str, str] = {}
+    """Surface of `lacks` → the option that adds it."""
     level: tuple[Surface, ...] = ()
+    """Surfaces of known elevation: water is at the datum, a road on the ground at 0 or, with the option `bridge`, at
+    most at its `deck`."""
     land: tuple[Polygon, ...] = ()
+    """Outlines of dry land in every city of the kind, metres."""
     aside_m: Annotated[float, msgspec.Meta(ge=0)] = 250.0
+    """Largest distance by which it may move an entity without a declared surface, metres (chosen)."""
     one_of: tuple[str, ...] = ()
+    """Exactly one of these options must be set."""
     one_of_hint: str = ""
+    """The hint for an error of `one_of`."""
 
     def spelled(self) -> dict[str, str]:
-        """Each option as an instance has it → as an author spells it."""
+        """Each option in the instance's spelling → in the author's spelling."""
         return {name: spelled for spelled, option in self.options.items() for name in names_of(spelled, option)}
 
     def default(self, spelled: str) -> tuple[float, ...]:
-        """The numbers of an option that a mission leaves out; none where the scene works them out."""
-        given = self.options[spelled].default if spelled in self.options else None
-        return () if given is None else given if isinstance(given, tuple) else (given,)
+        """The default numbers of an option; empty if the scene computes them."""
+        numbers = self.options[spelled].default if spelled in self.options else None
+        return () if numbers is None else numbers if isinstance(numbers, tuple) else (numbers,)
 
 
 class VerbKind(_Record, frozen=True, kw_only=True):
-    """The effect of a verb.
-
-    `motion`: how it moves the body. `doc`: the same in words, for those that choose among verbs. `least`: by argument,
-    the smallest value that the engine admits. `above_start`: arguments that are heights over the body's place, and not
-    elevations. The kernel clips to both, and the engine checks the same values.
-    """
+    """The effect of a verb. The kernel clips to its bounds, and the engine checks the same values."""
 
     motion: VerbMotion = ""
+    """How it moves the body."""
     doc: str = ""
+    """The same in words, for policies that choose among verbs."""
     least: dict[str, float] = {}
+    """Argument → the smallest value that the engine admits."""
     above_start: tuple[str, ...] = ()
+    """Arguments that are heights above the body's place, in contrast to elevations."""
 
 
 class FlightFloorKind(_Record, frozen=True, kw_only=True):
-    """The lowest point to which a flying body may be sent.
-
-    `clearance_m`: metres over what lies below. `over`: `surface`, the ground or the water at a destination (what stands
-    there is flown around or refused), or `everything`, the highest thing there.
-    """
+    """The lowest destination of a flying body."""
 
     clearance_m: Annotated[float, msgspec.Meta(ge=0)]
+    """Height above the reference, metres."""
     over: Literal["surface", "everything"] = "surface"
+    """The reference: `surface`, the ground or the water at a destination (obstacles there are flown around or
+    rejected), or `everything`, the highest obstacle there."""
 
 
 class TopSpeed(_Record, frozen=True, kw_only=True):
-    """What no body of an engine exceeds over ground: the property of that name, m/s, times `factor`, and these shares
-    of the strongest wind and current of the mission. Proofs rest on it, so it is generous.
-
-    `least` and `most`: the slowest and the fastest cruise that the engine's bodies hold, m/s; a declared speed beyond
-    them is flown or walked as the nearer one. The engine reads them here too.
-    """
+    """Upper bound of the speed over ground: the property times `factor`, plus shares of the mission's strongest wind
+    and current. Proofs depend on it, so that it is generous."""
 
     property: str
+    """Name of the property with the declared speed, m/s."""
     least: Annotated[float, msgspec.Meta(ge=0)] = 0.0
+    """The slowest cruise of the engine's bodies, m/s; a slower declared speed is raised to it."""
     most: Annotated[float, msgspec.Meta(gt=0)] | None = None
+    """The fastest cruise of the engine's bodies, m/s; a faster declared speed is lowered to it. The engine reads both
+    here."""
     factor: Annotated[float, msgspec.Meta(ge=1)] = 1.0
     wind: Annotated[float, msgspec.Meta(ge=0)] = 0.0
+    """Share of the wind speed that is added."""
     current: Annotated[float, msgspec.Meta(ge=0)] = 0.0
+    """Share of the current speed that is added."""
 
     def held(self, declared_mps: float) -> float:
-        """The cruise speed of a body that declares this one, m/s."""
+        """The cruise speed of a body with this declared speed, m/s."""
         return max(declared_mps if self.most is None else min(declared_mps, self.most), self.least)
 
 
 class EngineKind(_Record, frozen=True, kw_only=True):
-    """A kind of engine.
-
-    `verbs` are those that it understands beside `stop` and `takePhoto`. `acts`: its entities can perform interactions.
-    `landbound`: its bodies are never under the ground or the sea. `stands_on` is the surface that they are always on.
-    `anywhere`: they may begin outside of the scene, which they cross at once. `orbits`: elements place them.
-    `floor`: the lowest point that the engine lets its bodies be sent to; the kernel clips commands to it.
-    `standard_properties`: speeds, endurances and loads mean what the language says.
-
-    The rest is for proofs, and where it is not said nothing is proved. `top_speed` bounds how fast a body is.
-    `stays`: one that nobody commands is moved by wind and current alone; `drift_factor`: one is moved by its declared
-    `drift` alone, at most so many times as fast. `in_band`: one that flies stays within its altitude `band`.
-    `overshoot`: a command to move by a length carries one at most so many times as far, and 2 m beyond. `least_power`:
-    the most economical way of moving takes at least this share of the power by which the property `endurance` counts.
-    """
+    """A kind of engine. Fields from `top_speed` on are for proofs; without them nothing is proved."""
 
     name: str
     verbs: dict[str, VerbKind] = {}
+    """Its verbs besides `stop` and `takePhoto`."""
     acts: bool = True
+    """True if its entities can perform interactions."""
     landbound: bool = False
+    """True if its bodies are never below the ground or the sea."""
     stands_on: Surface | Literal[""] = ""
+    """The surface that its bodies never leave; "" for none."""
     anywhere: bool = False
+    """True if its bodies may begin outside of the scene, which they cross at once."""
     orbits: bool = False
+    """True if its bodies are placed by orbital elements."""
     standard_properties: bool = False
+    """True if speeds, endurances and loads have the language's meaning."""
     floor: FlightFloorKind | None = None
+    """The lowest destination of its bodies, to which the kernel clips commands; None for no bound."""
     top_speed: TopSpeed | None = None
+    """Upper bound of a body's speed."""
     stays: bool = False
+    """True if only wind and current move a body without commands."""
     drift_factor: Annotated[float, msgspec.Meta(ge=1)] | None = None
+    """If set, a body is moved only by its declared `drift`, at most this many times as fast."""
     in_band: bool = False
+    """True if a flying body stays within its altitude `band`."""
     overshoot: Annotated[float, msgspec.Meta(ge=1)] | None = None
+    """A command to move by a length moves the body at most this many times as far, plus 2 m."""
     least_power: Annotated[float, msgspec.Meta(gt=0, le=1)] | None = None
+    """The most economical motion takes at least this share of the power on which the property `endurance` is based."""
 
     def is_above_start(self, verb: str, argument: str) -> bool:
-        """True if an argument is a height over the body's place."""
-        told = self.verbs.get(verb)
-        return told is not None and argument in told.above_start
+        """True if an argument is a height above the body's place."""
+        verb_kind = self.verbs.get(verb)
+        return verb_kind is not None and argument in verb_kind.above_start
 
 
 class KindsFile(_Record, frozen=True, kw_only=True):
-    """What one file says, with `like` resolved (`joined`)."""
+    """The content of one file, with `like` resolved (`joined`)."""
 
     scenes: tuple[SceneKind, ...] = ()
     engines: tuple[EngineKind, ...] = ()
@@ -184,9 +192,9 @@ class KindsFile(_Record, frozen=True, kw_only=True):
 
 
 def joined(document: object) -> Any:
-    """The decoded text of a file with `like` resolved: each scene with all that the ones it is like say.
+    """The decoded file with `like` resolved: each scene with the fields of the scenes it refers to.
 
-    What is of another type than it should be stays as it is.
+    Values of a wrong type stay as they are.
     """
     scenes = document.get("scenes") if isinstance(document, dict) else None
     if not isinstance(document, dict) or not isinstance(scenes, list):
@@ -196,7 +204,7 @@ def joined(document: object) -> Any:
 
 
 def names_of(spelled: str, option: SceneOption) -> tuple[str, ...]:
-    """What an instance calls the values of an option: `height` is `height_low_m` and `height_high_m`."""
+    """The names of an option's values in an instance: `height` gives `height_low_m` and `height_high_m`."""
     return tuple(spelled + suffix for suffix in _SUFFIXES.get(option.type, ("",)))
 
 
@@ -208,12 +216,12 @@ def _joined(scene: dict[str, Any], named: dict[str, Any], passed: tuple[str, ...
     if not isinstance(like, str) or like not in named or like in passed:
         return scene
     base = _joined(named[like], named, (*passed, like))
-    given, own = base.get("options", {}), scene.get("options", {})
+    base_options, own = base.get("options", {}), scene.get("options", {})
     inherited = {field: value for field, value in base.items() if field not in ("name", "like")}
-    if not isinstance(given, dict) or not isinstance(own, dict):
+    if not isinstance(base_options, dict) or not isinstance(own, dict):
         return inherited | scene
-    options = {name: _option_joined(given.get(name), option) for name, option in own.items()}
-    return inherited | scene | {"options": given | options}
+    options = {name: _option_joined(base_options.get(name), option) for name, option in own.items()}
+    return inherited | scene | {"options": base_options | options}
 
 
 def _option_joined(base: object, option: object) -> object:

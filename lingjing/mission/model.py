@@ -1,11 +1,11 @@
-"""`Mission`: the one intermediate representation; everything downstream of the compiler reads only this.
+"""`Mission`: the compiled mission, the only input of everything after the compiler.
 
 A mission is a *template*: it still holds parameters, modes, index variables and seeded draws as expressions.
 `lingjing.mission.instantiate` turns it, with a seed, a mode and settings, into a `lingjing.mission.instance.Instance`,
 in which everything but the rules is a plain value.
 
-All structs are frozen; `mission.json` is their direct image (`schemas/mission.schema.json` is generated from here).
-Types of the standard library are resolved and merged: an asset carries every property of its type, so a mission
+All structs are frozen. `mission.json` is their direct encoding (`schemas/mission.schema.json` is generated from here).
+Types of the standard library are resolved and merged: an asset has every property of its type, so that a mission
 document can be read without the library it was written against.
 """
 
@@ -29,19 +29,21 @@ class Guard(Record, frozen=True, kw_only=True):
 
 
 class Property(Record, frozen=True, kw_only=True):
-    """One `name = value`, `name ~ draw` or `name <= bound` of a block.
-
-    A quantity's `name` ends with its unit (`demand_kg`), which `unit` tells ("kg"; "" for a bare number or a property
-    of several parts). `state` marks a number that changes while the mission runs: the value is what it starts with.
-    """
+    """One `name = value`, `name ~ draw` or `name <= bound` of a block."""
 
     name: str
+    """A quantity's name ends with its unit: `demand_kg`."""
     value: Expr
     relation: Literal["=", "~", "<="] = "="
+    """`~` for a draw, `<=` for a bound."""
     hidden: bool = False
+    """True if its value must never reach a policy."""
     inherited: bool = False
+    """True if it comes from the type."""
     state: bool = False
+    """True for a number that changes during the mission; the value is its start value."""
     unit: str = ""
+    """The unit in `name` ("kg"); "" for a bare number or a property of several parts."""
 
     @property
     def plain(self) -> str:
@@ -50,36 +52,40 @@ class Property(Record, frozen=True, kw_only=True):
 
 
 class Scene(Record, frozen=True, kw_only=True):
-    """Which scene provider builds the city, with its options (`datum` is the elevation of the water surface)."""
+    """The provider that builds the city, with its options (`datum` is the elevation of the water surface)."""
 
     kind: str
     options: tuple[Property, ...] = ()
 
 
 class ClockDeclaration(Record, frozen=True, kw_only=True):
-    """`tick` is the decision interval, `sync` the macro-step at which engines exchange mirrors; both in seconds."""
+    """The two intervals of a run."""
 
     tick: Expr
+    """Decision interval, seconds."""
     sync: Expr
+    """Macro-step at which engines exchange mirrors, seconds."""
 
 
 class BudgetDeclaration(Record, frozen=True, kw_only=True):
-    """Limits K: committed ticks, and wall-clock deadlines in seconds for the policy, engine and capture barriers.
-
-    `tokens`, `money` (US dollars) and `messages` bound what all policies together may spend in an episode.
-    """
+    """The limits K of an episode."""
 
     ticks: Expr
+    """Committed ticks."""
     policy: Expr
+    """Here and in the next two fields: wall-clock deadline of a barrier, seconds."""
     engine: Expr
     capture: Expr
     tokens: Expr | None = None
+    """Model tokens of all policies together; None for no limit."""
     money: Expr | None = None
+    """US dollars of all policies together; None for no limit."""
     messages: Expr | None = None
+    """Messages of all policies together; None for no limit."""
 
 
 class AllowanceDeclaration(Record, frozen=True, kw_only=True):
-    """What one agent may spend in an episode: model tokens, US dollars, messages."""
+    """Limits of one agent in an episode: model tokens, US dollars, messages. None for no limit."""
 
     tokens: Expr | None = None
     money: Expr | None = None
@@ -87,57 +93,68 @@ class AllowanceDeclaration(Record, frozen=True, kw_only=True):
 
 
 class Parameter(Record, frozen=True, kw_only=True):
-    """`param uavs = 3 in 1..10`; `unit` is the author's, values are SI."""
+    """`param uavs = 3 in 1..10`. Values are in SI units, the unit in the text is the author's."""
 
     name: str
     default: Expr
     bounds: Expr | None = None
+    """A range or a list of allowed values; None for no bound."""
     doc: str = ""
 
 
 class Modes(Record, frozen=True, kw_only=True):
-    """The communication modes the mission can be played in and the default one: star, broadcast, or single alone."""
+    """The communication modes of the mission, among star, broadcast and single."""
 
     default: str
     allowed: tuple[str, ...]
 
 
 class RegionDeclaration(Record, frozen=True, kw_only=True):
-    """A named area; `shape` is a `polygon(…)`, `circle(…)`, `box(…)`, `buffer(…)`, `union(…)`, `road("…")` or
-    `along(…)` call, or the name of another region. One around a hidden place is itself `hidden`."""
+    """A named area."""
 
     name: str
     shape: Expr
+    """A `polygon(…)`, `circle(…)`, `box(…)`, `buffer(…)`, `union(…)`, `road("…")` or `along(…)` call, or the name of
+    another region."""
     hidden: bool = False
+    """True for a region around a hidden place."""
 
 
 class Grid(Record, frozen=True, kw_only=True):
-    """Cells over a region: `rows` by `columns` counted from south-west, neighbours overlap by `overlap` (0..1)."""
+    """Search cells over a region."""
 
     name: str
     region: str
     rows: Expr
+    """Counted from the south."""
     columns: Expr
+    """Counted from the west."""
     overlap: Expr
+    """Overlap of neighbours as a share of a cell, 0..1."""
 
 
 class Camera(Record, frozen=True, kw_only=True):
-    """A sensor mount. Size in pixels, field of view in degrees, channels among rgb, depth, semantic."""
+    """A camera of an asset."""
 
     name: str
     view: Literal["nadir", "front", "oblique"]
     width: Expr
+    """Pixels."""
     height: Expr
+    """Pixels."""
     hfov: Expr
+    """Horizontal field of view, degrees."""
     channels: tuple[str, ...]
+    """Some of `rgb`, `depth`, `semantic`."""
     capture: Literal["on_request", "each_tick"] = "on_request"
 
 
 class Argument(Record, frozen=True, kw_only=True):
-    """One argument of a verb; `dimension` is the SI unit it is given in ("m", "deg", "" for a bare number)."""
+    """One argument of a verb."""
 
     name: str
     dimension: str = ""
+    """Its SI unit ("m", "deg", "" for a bare number)."""
     minimum: Expr | None = None
     maximum: Expr | None = None
     default: Expr | None = None
@@ -153,42 +170,44 @@ class Verb(Record, frozen=True, kw_only=True):
 
 
 class Exchange(Record, frozen=True, kw_only=True):
-    """What an interaction moves and says, the same in a mission and in its instances.
+    """The part of an interaction that is the same in a mission and in its instances.
 
-    `by` names the engine of who acts, or the role of the agents that control them. `takes`, `source` (the author's
-    `from`), `gives` and `up_to` are names of states and limits without units, "" where there is none: `takes` and
-    `source` lower the target's state by what the actor's allows, `takes` alone works it off, `gives` raises the actor's
-    state as far as its `up_to` and out of the target's `source`. `status` is the target's word afterwards, "" for the
-    name with `d` or `ed`; `told` says which agents learn of it (`lingjing.kernel.event_visibility`), "" for the usual.
+    `takes` and `source` together move goods from the actor to the target's demand: they lower the target's state by the
+    actor's amount. `takes` alone lowers the target's state while the actor works. `gives` raises the actor's state up
+    to its `up_to`, out of the target's `source`. All four are names of states and limits without units, "" if absent.
     """
 
     name: str
     by: str
+    """The engine of the actor, or the role of the agents that control it."""
     status: str = ""
+    """The target's status word afterwards; "" for the name with `d` or `ed`."""
     takes: str = ""
     source: str = ""
+    """The author's `from`."""
     gives: str = ""
     up_to: str = ""
     told: Literal["", "all", "actor", "none"] = ""
+    """The agents that receive the event (`lingjing.kernel.event_visibility`); "" for the default."""
 
     @property
     def moves_goods(self) -> bool:
-        """Whether something changes hands; then it may happen again and again."""
+        """True if it transfers an amount between actor and target; then it may be repeated."""
         return bool(self.gives or (self.takes and self.source))
 
     @property
     def works_off(self) -> bool:
-        """Whether it lowers a state of the target while the actor is there, and nobody gets what is taken."""
+        """True if it lowers a state of the target during the actor's stay without a transfer."""
         return bool(self.takes) and not self.source
 
     @property
     def carried(self) -> str:
-        """The state of the actor that goods are taken from or put into; "" if nothing changes hands."""
+        """The state of the actor that goods are taken from or put into; "" if nothing is transferred."""
         return self.source if self.takes else self.gives
 
     @property
     def own(self) -> str:
-        """The state of the target that goods come from or go to; "" for a supply that is not counted."""
+        """The state of the target that goods come from or go to; "" for a supply without limit."""
         return self.takes or self.source
 
     @property
@@ -198,37 +217,37 @@ class Exchange(Record, frozen=True, kw_only=True):
 
 
 class Interaction(Exchange, frozen=True, kw_only=True):
-    """`interaction rescue { by = vessel, within = 50 m, lasting = 20 s }` of a target's type: what an actor does to it.
-
-    `within` is an inclusive radius in metres, `lasting` how long the actor stays there in seconds. `aboard` says
-    whether the actor takes the target along; None: if it drifts.
-    """
+    """`interaction rescue { by = vessel, within = 50 m, lasting = 20 s }` of a target's type: an action of an actor on
+    it."""
 
     within: Expr
+    """Inclusive radius, metres."""
     lasting: Expr | None = None
+    """Seconds that the actor must stay; None for an instantaneous interaction."""
     aboard: Expr | None = None
+    """True if the actor takes the target along; None: if the target drifts."""
 
 
 class CameraMount(Record, frozen=True, kw_only=True):
-    """`mount front { ahead = 0.3 m, above = -0.05 m, tilt = 10 deg }` of a type: where its cameras of a view sit.
-
-    Metres ahead of and above the body's position, degrees below the horizon. Without a `gimbal` the camera pitches and
-    rolls with the body.
-    """
+    """`mount front { ahead = 0.3 m, above = -0.05 m, tilt = 10 deg }` of a type: the position of its cameras of one
+    view."""
 
     view: Literal["nadir", "front", "oblique"]
     ahead_m: float
+    """Metres ahead of the body's position."""
     above_m: float
+    """Metres above the body's position."""
     tilt_deg: float
+    """Degrees below the horizon."""
     gimbal: bool = True
+    """Without a gimbal the camera pitches and rolls with the body."""
 
 
 class BodyPart(Record, frozen=True, kw_only=True):
     """`part basket : box { length = 1 m, width = 1 m, height = 1 m, above = -4 m, colour = brown }` of a type: a solid
     that is drawn as a part of its bodies.
 
-    It fills a box of `length` by `width` by `height` metres along, across and up, turned clockwise by `heading` degrees
-    from the body's heading. Its middle lies `ahead`, `right` and `above` metres from the body's position.
+    It fills a box of `length_m` by `width_m` by `height_m` along, across and up.
     """
 
     name: str
@@ -237,46 +256,45 @@ class BodyPart(Record, frozen=True, kw_only=True):
     width_m: float
     height_m: float
     ahead_m: float = 0.0
+    """Here and in the next two fields: position of its middle relative to the body's position, metres."""
     right_m: float = 0.0
     above_m: float = 0.0
     heading_deg: float = 0.0
+    """Clockwise from the body's heading, degrees."""
     colour: str = "grey"
 
 
 class Group(Record, frozen=True, kw_only=True):
-    """A declared entity or an indexed group of them: `asset uav[1..uavs] : quadrotor` or `target victim[…] : …`.
-
-    `count` is None for a single entity. `index` is the name the index has inside the block (`i`).
-    `labels`, if given, are the source's own names (equipment codes of a `resetScenario`). `bases` are the types that
-    `type` extends, nearest first: what draws or sizes a type it does not know falls back on them.
-    """
+    """A declared entity or an indexed group of them: `asset uav[1..uavs] : quadrotor` or `target victim[…] : …`."""
 
     name: str
     role: Literal["asset", "target"]
     type: str
     engine: str
     count: Expr | None = None
+    """None for a single entity."""
     index: str = "i"
+    """Name of the index inside the block."""
     properties: tuple[Property, ...] = ()
     cameras: tuple[Camera, ...] = ()
     verbs: tuple[Verb, ...] = ()
     labels: tuple[str, ...] = ()
+    """The source's own names of the members (equipment codes of a `resetScenario`); empty if it has none."""
     when: Guard | None = None
     bases: tuple[str, ...] = ()
+    """The types that `type` extends, nearest first, for code that does not know `type` itself."""
     interactions: tuple[Interaction, ...] = ()
     mounts: tuple[CameraMount, ...] = ()
     parts: tuple[BodyPart, ...] = ()
 
 
 class Channel(Record, frozen=True, kw_only=True):
-    """What an agent observes: `uav[i].*`, `cells`, `peers.position`, `events`.
-
-    `source` is an entity expression, or a Symbol for the built-in sources `events`, `peers` and grid names;
-    `fields` is the tuple of observed fields, ("*",) for all that are not hidden.
-    """
+    """A source of observations of an agent: `uav[i].*`, `cells`, `peers.position`, `events`."""
 
     source: Expr
+    """An entity expression, or a Symbol for the built-in sources `events`, `peers` and for grids."""
     fields: tuple[str, ...] = ("*",)
+    """The observed fields; ("*",) for all that are not hidden."""
 
 
 class Agent(Record, frozen=True, kw_only=True):
@@ -302,10 +320,7 @@ class Authority(Record, frozen=True, kw_only=True):
 
 
 class Field(Record, frozen=True, kw_only=True):
-    """One field of a message record. `type` is one of name, text, number, flag, position, box, frame, names.
-
-    A number may have a `unit`: the SI unit it is sent in (`kg` for a field of type `mass`).
-    """
+    """One field of a message record."""
 
     name: str
     type: Literal["name", "text", "number", "flag", "position", "box", "frame", "names"]
@@ -313,14 +328,16 @@ class Field(Record, frozen=True, kw_only=True):
     minimum: float | None = None
     maximum: float | None = None
     unit: str = ""
+    """The SI unit of a number (`kg` for a field of type `mass`); "" for none."""
 
 
 class MessageKind(Record, frozen=True, kw_only=True):
-    """`message detection : report from searcher to all`. `category` is what the metrics count it as."""
+    """`message detection : report from searcher to all`."""
 
     name: str
     type: str
     category: Literal["report", "assignment", "target_status", "other"]
+    """The category in which metrics count it."""
     fields: tuple[Field, ...]
     senders: tuple[str, ...]
     recipients: tuple[str, ...]
@@ -328,39 +345,45 @@ class MessageKind(Record, frozen=True, kw_only=True):
 
 
 class Comms(Record, frozen=True, kw_only=True):
-    """Bus settings; `hub` names the agent that star mode routes through. Delay in ticks, payload in bytes, `range` in
-    metres between sender and receiver, `loss` the share of messages that never arrive, `receipts` whose receipts an
-    agent sees: its `own`, `all` of them or `none`."""
+    """Settings of the message bus."""
 
     hub: str | None = None
+    """The agent through which star mode routes messages."""
     delay: Expr | None = None
+    """Ticks."""
     payload: Expr | None = None
+    """Largest size of a message, bytes."""
     range: Expr | None = None
+    """Largest distance between sender and recipient, metres."""
     loss: Expr | None = None
+    """Share of lost messages, 0..1."""
     receipts: Literal["own", "all", "none"] = "own"
+    """The receipts that an agent receives: its `own`, `all` of them or `none`."""
 
 
 class RuleParameter(Record, frozen=True, kw_only=True):
-    """A typed parameter of a rule: `domain` names a group (`victim`) or a message kind (`detection`)."""
+    """A typed parameter of a rule."""
 
     name: str
     domain: str
+    """A group (`victim`) or a message kind (`detection`)."""
 
 
 class Rule(Record, frozen=True, kw_only=True):
-    """`adjudicate matched(v: victim, r: detection) { when … }`: becomes an event, once per binding, when true.
-
-    `matching` is true if the body compares a report with `truth(…)`: such a rule is solved one to one per frame.
-    """
+    """`adjudicate matched(v: victim, r: detection) { when … }`: an event for each binding once its condition
+    is true."""
 
     name: str
     parameters: tuple[RuleParameter, ...]
     condition: Expr
     matching: bool = False
+    """True if the condition compares a report with `truth(…)`: then reports and entities of a frame are matched one to
+    one."""
 
 
 class Unlock(Record, frozen=True, kw_only=True):
-    """`unlock rescue(v: victim) when …`: the kernel allows an interaction; the owning engine performs and emits it."""
+    """`unlock rescue(v: victim) when …`: the kernel allows an interaction; the owning engine performs and
+    reports it."""
 
     interaction: str
     parameters: tuple[RuleParameter, ...]
@@ -368,15 +391,18 @@ class Unlock(Record, frozen=True, kw_only=True):
 
 
 class Counted(Record, frozen=True, kw_only=True):
-    """What a counted budget counts: commands to a resource (`verb` empty: all of them), or messages of a kind."""
+    """The commands or messages that a counted budget counts."""
 
     kind: Literal["command", "message"]
     resource: Expr | None = None
+    """The commanded entities; None for messages."""
     name: str = ""
+    """The verb ("" for all), or the message kind."""
 
 
 class Limit(Record, frozen=True, kw_only=True):
-    """`limit moves <= 50 counts dog.forward, dog.left`: beyond the bound such a command or message is rejected."""
+    """`limit moves <= 50 counts dog.forward, dog.left`: the kernel rejects further commands or messages of
+    these kinds."""
 
     name: str
     most: Expr
@@ -385,38 +411,36 @@ class Limit(Record, frozen=True, kw_only=True):
 
 
 class Stage(Record, frozen=True, kw_only=True):
-    """`stage detect per v in victim { done when …, ticks <= 40, weight = 2 }`.
-
-    `ticks` bounds the ticks from the stage's beginning (the end of the stages it depends on, else the start) to its
-    end; `weight` is its share in the subtask score (1 if not given); `limits` count within the stage.
-    """
+    """`stage detect per v in victim { done when …, ticks <= 40, weight = 2 }`."""
 
     name: str
     condition: Expr
     variable: str | None = None
     domain: str | None = None
     ticks: Expr | None = None
+    """Bound of the ticks from the stage's beginning to its end. It begins at the end of the stages that it depends on,
+    or at the start."""
     weight: Expr | None = None
+    """Share in the subtask score; None for 1."""
     limits: tuple[Limit, ...] = ()
+    """Budgets that count within the stage."""
 
 
 class Permit(Record, frozen=True, kw_only=True):
-    """`permit van.setDestination when …`: until then the kernel rejects the command; no verb means all of them."""
+    """`permit van.setDestination when …`: the kernel rejects the command until the condition holds."""
 
     resource: Expr
     condition: Expr
     verb: str = ""
+    """The verb; "" for every verb of the resource."""
 
 
 class Constraint(Record, frozen=True, kw_only=True):
-    """`constraint hard fence per u in uav { always u in area }`, checked at every macro-step.
-
-    An episode in which a hard one was broken is no success; a soft one takes `penalty` off the score for each binding
-    that broke it.
-    """
+    """`constraint hard fence per u in uav { always u in area }`, checked at every macro-step."""
 
     name: str
     kind: Literal["hard", "soft"]
+    """A violated hard constraint prevents success; a soft one costs `penalty` for each binding that violates it."""
     condition: Expr
     variable: str | None = None
     domain: str | None = None
@@ -427,20 +451,22 @@ class Constraint(Record, frozen=True, kw_only=True):
 class Inspection(Record, frozen=True, kw_only=True):
     """`inspection checked of van by uav { within = 25 m, replan = trafficJam }`.
 
-    The waypoints of the asset's route must each come within reach of one of the inspectors, in their order if `order`
-    is `strict`. A message of the kind `replan` asks the asset's engine for another route; the inspection then starts
-    again at its first waypoint. With a `destination` (a target) the engine is asked for the way there at the start;
-    without one the route is that of the asset's own command.
+    An inspector must come within reach of each waypoint of the asset's route.
     """
 
     name: str
     asset: Expr
     by: tuple[Expr, ...]
     within: Expr
+    """Reach, metres."""
     order: Literal["strict", "any"] = "strict"
+    """`strict` if the waypoints must be inspected in their order."""
     replan: str = ""
+    """Message kind that requests another route from the asset's engine. The inspection then starts again at the first
+    waypoint. "" for none."""
     when: Guard | None = None
     destination: Expr | None = None
+    """A target to which the engine plans the route at the start. None: the route is that of the asset's own command."""
 
 
 class Change(Record, frozen=True, kw_only=True):
@@ -452,14 +478,14 @@ class Change(Record, frozen=True, kw_only=True):
 
 
 class EventDeclaration(Record, frozen=True, kw_only=True):
-    """`event squall at 12 tick { weather { … }, appear jam[2] }`: what happens by itself at a time of the mission.
+    """`event squall at 12 tick { weather { … }, appear jam[2] }`: a timed event.
 
-    `at` counts ticks or, with a unit of time, seconds; it may be a draw. What some event lets appear is not there
-    before.
+    An entity that an event makes appear does not exist before.
     """
 
     name: str
     at: Expr
+    """Ticks or, with a unit of time, seconds; may be a draw."""
     changes: tuple[Change, ...]
     when: Guard | None = None
 
@@ -467,31 +493,37 @@ class EventDeclaration(Record, frozen=True, kw_only=True):
 class Sweep(Record, frozen=True, kw_only=True):
     """`sweep altitude over altitude in [60 m, 100 m, 140 m] when mode == star`: a matched study.
 
-    One run for every combination of the values of `parameters`, each with the same seeds; `when` picks the modes.
+    It has one run for every combination of the parameters' values, each with the same seeds.
     """
 
     name: str
     parameters: tuple[str, ...]
     values: tuple[tuple[Expr, ...], ...]
     when: Guard | None = None
+    """Selects the modes."""
 
 
 class Relation(Record, frozen=True, kw_only=True):
-    """One of the paper's five coordination relations, as the mission declares it."""
+    """One of the paper's five coordination relations, as declared."""
 
     kind: Literal["information_handoff", "cooperation", "competition", "guidance", "dependency"]
     source: str
     target: str
     mutual: bool = False
+    """True if it holds in both directions."""
     carries: str | None = None
+    """The message kind that it transfers."""
     over: str | None = None
+    """The element that it is about."""
     by: str | None = None
+    """The element by which it is exercised."""
     per: str | None = None
+    """The group for each of whose members it holds."""
     when: Guard | None = None
 
 
 class Reveal(Record, frozen=True, kw_only=True):
-    """`reveal image(target) to role`: the one audited way out of `hidden`."""
+    """`reveal image(target) to role`: the one audited exception of `hidden`."""
 
     what: Literal["image"]
     entity: Expr
@@ -499,21 +531,22 @@ class Reveal(Record, frozen=True, kw_only=True):
 
 
 class Origin(Record, frozen=True, kw_only=True):
-    """Where the mission came from: the file, its digest, and the untouched document it was read from, if JSON.
-
-    `draws` is how the document's template places each group that it draws; the document may give the places itself.
-    `places` are the JSON paths at which the document places entities, by their ids.
-    """
+    """The source of the mission."""
 
     file: str = ""
+    """Path of the source; "" if unknown."""
     sha256: str = ""
+    """Digest of the source, hexadecimal."""
     document: str = ""
+    """The unchanged source document, if it was JSON."""
     draws: dict[str, Expr] = {}
+    """Group → the draw by which the document's template places it. The document may give the places itself."""
     places: dict[str, str] = {}
+    """Entity id → the JSON path at which the document places it."""
 
 
 class Mission(Record, frozen=True, kw_only=True):
-    """The typed mission: what a text says of it, checked; `docs/language.md` says what each part means."""
+    """The checked content of a mission's text; `docs/language.md` defines each part."""
 
     format: Literal["lingjing-mission/2"] = "lingjing-mission/2"
     name: str
@@ -549,7 +582,7 @@ class Mission(Record, frozen=True, kw_only=True):
     sweeps: tuple[Sweep, ...] = ()
 
     def __repr__(self) -> str:
-        """One line; `lingjing.mission.document.encode` writes the whole."""
+        """One line; `lingjing.mission.document.encode` writes the complete mission."""
         counts = {"parameters": self.parameters, "groups": self.groups, "agents": self.agents, "rules": self.rules}
         held = ", ".join(f"{len(parts)} {name}" for name, parts in counts.items())
         return f"<Mission {self.name} {self.title[:60]!r}: {held}, {'/'.join(self.modes.allowed)}>"

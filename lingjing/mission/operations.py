@@ -1,8 +1,8 @@
-"""What the operators and functions of expressions mean over values.
+"""The operators and functions of expressions over values.
 
-Each takes the world and its evaluated operands, and raises `MissionError` where it has no value: a wrong kind of
-operand, a division by zero. The table that names them is `lingjing.mission.functions`. `and`, `or`, quantifiers and
-aggregates are the readings' own, because they decide what is evaluated at all.
+Each takes the evaluation context and its evaluated operands. It raises `MissionError` if it has no value: for an
+operand of a wrong kind, or for a division by zero. `lingjing.mission.functions` has the table of their names. `and`,
+`or`, quantifiers and aggregates are defined by each semantics, because they decide which operands are evaluated.
 """
 
 from __future__ import annotations
@@ -50,20 +50,20 @@ def inverse(context: EvaluationContext, value: Value) -> Value:
 def _arithmetic(
     symbol: str, apply: Callable[[float, float], float]
 ) -> Callable[[EvaluationContext, Value, Value], Value]:
-    def applied(context: EvaluationContext, left: Value, right: Value) -> Value:
+    def value_of(context: EvaluationContext, left: Value, right: Value) -> Value:
         if is_number(left) and is_number(right):
             if symbol == "/" and right == 0:
                 raise MissionError("division by zero")
             value = apply(left, right)
             if not abs(value) <= LARGEST:
-                told = f"{left:g} {symbol} {right:g} is too large"
-                raise MissionError(told, hint=f"numbers go up to {LARGEST:g} in SI units")
+                message = f"{left:g} {symbol} {right:g} is too large"
+                raise MissionError(message, hint=f"numbers go up to {LARGEST:g} in SI units")
             return value
         if symbol in "+-" and isinstance(left, Place) and isinstance(right, Place):
             return _shifted(left, right, 1.0 if symbol == "+" else -1.0)
         raise MissionError(f"'{symbol}' does not apply to {describe(left)} and {describe(right)}")
 
-    return applied
+    return value_of
 
 
 def _shifted(left: Place, right: Place, sign: float) -> Place:
@@ -77,10 +77,10 @@ times, over = _arithmetic("*", operator.mul), _arithmetic("/", operator.truediv)
 
 
 def _ordering(apply: Callable[[float, float], bool]) -> Callable[[EvaluationContext, Value, Value], Value]:
-    def applied(context: EvaluationContext, left: Value, right: Value) -> Value:
+    def value_of(context: EvaluationContext, left: Value, right: Value) -> Value:
         return apply(as_number(left), as_number(right))
 
-    return applied
+    return value_of
 
 
 less, at_most = _ordering(operator.lt), _ordering(operator.le)
@@ -138,25 +138,25 @@ def member(context: EvaluationContext, items: Value, index: Value) -> Value:
         case Members(ids=ids) if 1 <= position <= len(ids):
             return Members((ids[position - 1],))
         case Members(ids=ids):
-            raise MissionError(f"member {position} is asked for, there are {len(ids)}: {describe(items)}")
+            raise MissionError(f"there is no member {position}, the group has {len(ids)}: {describe(items)}")
         case tuple() if 1 <= position <= len(items):
             return items[position - 1]
         case tuple():
-            raise MissionError(f"item {position} is asked for, the list has {len(items)}")
+            raise MissionError(f"there is no item {position}, the list has {len(items)}")
     raise MissionError(f"{describe(items)} has no members to count")
 
 
 AXES = {"east": 0, "x": 0, "north": 1, "y": 1, "elevation": 2, "z": 2}
-"""The components of a position by the names of its fields."""
+"""Index of a position's component by the names of its fields."""
 
 
 def field(value: Value, name: str) -> Value:
-    """A field of a point, a region or a range. `MissionError` if it has none of that name."""
+    """A field of a point, a region or a range. Raises `MissionError` if it has no field of that name."""
     match value:
         case Place(east=east, north=north, elevation=elevation) if name in AXES:
-            found = (east, north, elevation)[AXES[name]]
-            if found is not None:
-                return found
+            component = (east, north, elevation)[AXES[name]]
+            if component is not None:
+                return component
         case Area(polygon=polygon) if name == "centre":
             return Place(*geometry2d.centroid(polygon))
         case Area(polygon=polygon) if name == "area":
@@ -189,16 +189,16 @@ def circle(context: EvaluationContext, centre: Value, reach: Value) -> Value:
     return _checked(geometry2d.circle((place.east, place.north), reach))
 
 
-def box(context: EvaluationContext, one: Value, other: Value) -> Value:
+def box(context: EvaluationContext, corner: Value, opposite: Value) -> Value:
     """`box(corner, corner)`: an upright rectangle."""
-    first, second = context.place(one), context.place(other)
+    first, second = context.place(corner), context.place(opposite)
     if first is None or second is None:
         raise MissionError("box(corner, corner) takes two points")
     return _checked(geometry2d.rectangle((first.east, first.north), (second.east, second.north)))
 
 
 def buffer(context: EvaluationContext, shape: Value, reach: Value) -> Value:
-    """`buffer(shape, distance)`: what lies within the distance of a region or of a line."""
+    """`buffer(shape, distance)`: the area within the distance of a region or of a line."""
     if not is_number(reach):
         raise MissionError("buffer(shape, distance) takes a length")
     if isinstance(shape, Area):
@@ -210,11 +210,11 @@ def buffer(context: EvaluationContext, shape: Value, reach: Value) -> Value:
 
 
 def union(context: EvaluationContext, *regions: Value) -> Value:
-    """`union(region, …)` of regions that meet."""
+    """`union(region, …)` of adjacent regions."""
     return _checked(geometry2d.united(tuple(as_area(region).polygon for region in regions)))
 
 
-@lru_cache(maxsize=64)  # a check of a mission makes its regions anew for each mode and setting
+@lru_cache(maxsize=64)  # a check of a mission evaluates its regions again for each mode and setting
 def _checked(outline: geometry2d.Polygon) -> Area:
     fault = geometry2d.fault(outline)
     if fault:
@@ -223,28 +223,29 @@ def _checked(outline: geometry2d.Polygon) -> Area:
 
 
 def of_the_map(name: str) -> Callable[..., Value]:
-    """`road(…)` and `along(…)`: regions that only the built city knows."""
+    """`road(…)` and `along(…)`: regions that only the built city can evaluate."""
 
-    def refused(context: EvaluationContext, *arguments: Value) -> Value:
+    def raise_error(context: EvaluationContext, *arguments: Value) -> Value:
         raise MissionError(
             f"where '{name}(…)' lies is known only once the city is built",
-            hint="draw from a polygon; what stands `on = road` is moved to the nearest one",
+            hint="draw from a polygon; an entity with `on = road` is moved to the nearest road",
         )
 
-    return refused
+    return raise_error
 
 
 # -- lists ----------------------------------------------------------------------------------------------------------
 
 
 INDEX_MOST = 100_000
-"""The highest index of `at(…)`: no group has more members."""
+"""The largest index of `at(…)`: the largest number of members of a group."""
 
 
 def item_at(
     context: EvaluationContext, index: Value, values: Value, *, spread: Value = None, rest: Value = None
 ) -> Value:
-    """`at(i, [values], spread d)`: the i-th value; beyond the list they are `rest`, points spread, others repeat."""
+    """`at(i, [values], spread d)`: the i-th value. Beyond the list, the value is `rest`, a point around the listed
+    ones, or a repetition of the list."""
     position = as_whole(index)
     if not 1 <= position <= INDEX_MOST:
         raise MissionError(f"at(…) counts from 1 to {INDEX_MOST:,}, this is {position:,}")
@@ -260,17 +261,17 @@ def item_at(
     if spread is None:
         raise MissionError(
             f"member {position} has no place: the list has {len(values)}",
-            hint="add points to the list, or say how far apart further members stand: at(i, […], spread 8 m)",
+            hint="add points to the list, or give the distance of further members: at(i, […], spread 8 m)",
         )
     return further_place(places, as_number(spread), position)
 
 
 def further_place(places: tuple[Place, ...], spread: float, position: int) -> Place:
-    """Member `position` (from 1) of a group that outgrew its list of places.
+    """The place of member `position` (from 1) of a group that is larger than its list of places.
 
-    Further members stand on rings of radius spread, 2 spread, … about the listed places in turn, six on the first
-    ring, twelve on the second, each at least `spread` from every earlier one; millimetre steps. The members of a
-    smaller group are the first of a larger one.
+    Further members stand on rings of radius spread, 2 spread, … about the listed places in turn: six on the first ring,
+    twelve on the second, each at least `spread` metres from every earlier one. Coordinates are rounded to millimetres.
+    The members of a smaller group are the first of a larger one.
     """
     if not spread > 0:
         raise MissionError(f"spread = {spread:g} m leaves no room between members", hint="give a length above 0")
@@ -279,12 +280,12 @@ def further_place(places: tuple[Place, ...], spread: float, position: int) -> Pl
 
 @lru_cache(maxsize=64)
 def _ringed(places: tuple[Place, ...], spread: float, count: int) -> tuple[Place, ...]:
-    taken = list(places)
+    placed = list(places)
     spacing = Spacing(spread - 1e-3, max(max(abs(p.east), abs(p.north)) for p in places))
     for place in places:
         spacing.add(place.east, place.north)
     ring = 0
-    while len(taken) < count:
+    while len(placed) < count:
         ring += 1
         for step in range(6 * ring):
             angle = 2.0 * math.pi * step / (6 * ring)
@@ -293,43 +294,43 @@ def _ringed(places: tuple[Place, ...], spread: float, count: int) -> tuple[Place
                 north = round(base.north + ring * spread * math.sin(angle), 3)
                 if spacing.is_free(east, north):
                     spacing.add(east, north)
-                    taken.append(Place(east, north, base.elevation))
-    return tuple(taken)
+                    placed.append(Place(east, north, base.elevation))
+    return tuple(placed)
 
 
 # -- numbers --------------------------------------------------------------------------------------------------------
 
 
 def numeric(name: str, function: Callable[..., float]) -> Callable[..., Value]:
-    """A function of numbers, as an operation."""
+    """An operation of a function of numbers."""
 
-    def applied(context: EvaluationContext, *arguments: Value) -> Value:
+    def value_of(context: EvaluationContext, *arguments: Value) -> Value:
         numbers = [as_number(argument) for argument in arguments]
         try:
             return float(function(*numbers))
         except (ValueError, OverflowError) as error:
             raise MissionError(f"{name}({', '.join(f'{v:g}' for v in numbers)}) has no value") from error
 
-    return applied
+    return value_of
 
 
-def distance(context: EvaluationContext, one: Value, other: Value) -> Value:
-    """Metres between two places; the same height where one of them has none."""
-    first, second = _ends(context, "distance", one, other)
+def distance(context: EvaluationContext, a: Value, b: Value) -> Value:
+    """Metres between two places. A place without elevation is at elevation 0."""
+    first, second = _ends(context, "distance", a, b)
     up = (first.elevation or 0.0) - (second.elevation or 0.0)
     return math.hypot(first.east - second.east, first.north - second.north, up)
 
 
-def distance_xy(context: EvaluationContext, one: Value, other: Value) -> Value:
+def distance_xy(context: EvaluationContext, a: Value, b: Value) -> Value:
     """Horizontal metres between two places."""
-    first, second = _ends(context, "distance_xy", one, other)
+    first, second = _ends(context, "distance_xy", a, b)
     apart = math.hypot(first.east - second.east, first.north - second.north)
     context.note("distance_m", apart)
     return apart
 
 
-def _ends(context: EvaluationContext, name: str, one: Value, other: Value) -> tuple[Place, Place]:
-    first, second = context.place(one), context.place(other)
+def _ends(context: EvaluationContext, name: str, a: Value, b: Value) -> tuple[Place, Place]:
+    first, second = context.place(a), context.place(b)
     if first is None or second is None:
         raise MissionError(f"{name}(…) of points only, before the mission runs")
     return first, second
@@ -338,11 +339,11 @@ def _ends(context: EvaluationContext, name: str, one: Value, other: Value) -> tu
 # -- boxes ----------------------------------------------------------------------------------------------------------
 
 
-def iou(context: EvaluationContext, one: Value, other: Value) -> Value:
+def iou(context: EvaluationContext, a: Value, b: Value) -> Value:
     """Intersection over union of two boxes."""
-    if not (_is_box(one) and _is_box(other)):
-        raise MissionError(f"iou(…) takes two boxes, these are {describe(one)} and {describe(other)}")
-    value = overlap(one, other)
+    if not (_is_box(a) and _is_box(b)):
+        raise MissionError(f"iou(…) takes two boxes, these are {describe(a)} and {describe(b)}")
+    value = overlap(a, b)
     context.note("iou", value)
     return value
 
@@ -367,9 +368,9 @@ def _is_box(value: Value) -> bool:
 
 
 def fact(name: str) -> Callable[..., Value]:
-    """A function that only a running mission answers."""
+    """The operation of a function that only a running mission can evaluate."""
 
-    def asked(context: EvaluationContext, *arguments: Value) -> Value:
+    def value_of(context: EvaluationContext, *arguments: Value) -> Value:
         return context.fact(name, arguments)
 
-    return asked
+    return value_of

@@ -1,7 +1,7 @@
-"""What a mission announces for later, as every engine reads it: the weather at a time, who is there at a time.
+"""`Schedule`: the declared weather and presence of entities at a given time, for every engine.
 
-A declared event happens at a decision boundary, so its time is known from the start; each engine asks this schedule
-instead of being told, and all of them change at the same instant.
+A declared event occurs at a decision boundary, so that its time is known from the start. Engines read the schedule and
+receive no message, and all of them change at the same instant.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 from lingjing.mission.instance import Instance, Weather
 
 _TOLERANCE_S = 1e-6
+"""Tolerance of comparisons of simulated time, seconds (chosen: far below a macro-step)."""
 
 
 class Schedule:
@@ -21,7 +22,7 @@ class Schedule:
         self._dormant = frozenset(entity.id for entity in instance.entities if entity.dormant)
 
     def weather(self, time_s: float) -> Weather:
-        """The weather in force at `time_s`."""
+        """The weather at `time_s`."""
         current = self._weather
         for event in self._events:
             if event.weather is not None and self._due(event.tick, time_s):
@@ -29,12 +30,12 @@ class Schedule:
         return current
 
     def present(self, entity: str, time_s: float) -> bool:
-        """Whether an entity has appeared by `time_s` and has not vanished."""
-        here = entity not in self._dormant
+        """True if an entity exists at `time_s`: it has appeared and has not vanished."""
+        is_present = entity not in self._dormant
         for event in self._events:
             if self._due(event.tick, time_s):
-                here = (here or entity in event.appear) and entity not in event.vanish
-        return here
+                is_present = (is_present or entity in event.appear) and entity not in event.vanish
+        return is_present
 
     def _due(self, tick: int, time_s: float) -> bool:
         return tick * self._tick_s <= time_s + _TOLERANCE_S

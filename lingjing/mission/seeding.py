@@ -1,9 +1,9 @@
-"""Named random streams: one seed, one stream for each path, and nothing shared between them.
+"""Named random streams: one seed gives an independent stream for each path.
 
-A stream is a function of (seed, path) alone, so that adding or editing one declaration reshuffles nothing else.
-Block *n* of a stream is SHA-256 of its key and *n*; every 64-bit word of a block gives one number. That is slow
-beside a generator of random bits (a microsecond a number) and the same on every machine, Python and library version,
-which is what the draws of a mission need. Engines that draw by the million take `generator`.
+A stream is a function of (seed, path) alone, so that adding or editing one declaration changes no other draw. Block *n*
+of a stream is SHA-256 of its key and *n*; every 64-bit word of a block gives one number. A number takes about a
+microsecond, which is slow for a random generator, but it is the same on every machine and with every version of Python
+and its libraries. Engines that draw millions of numbers use `generator`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     import numpy as np
 
 _WORDS = 4
+"""64-bit words of a SHA-256 digest."""
 _MANTISSA = 2.0**-53
+"""Spacing of 53-bit numbers in [0, 1)."""
 
 
 def digest(seed: int, path: str) -> bytes:
@@ -25,21 +27,22 @@ def digest(seed: int, path: str) -> bytes:
 
 
 def integer(seed: int, path: str, bits: int = 53) -> int:
-    """A non-negative whole number below 2**bits (at most 256), for simulators that take a seed of their own."""
+    """A non-negative whole number below 2**bits, for simulators with a seed of their own. `bits` in 1..256, else
+    `ValueError`."""
     if not 1 <= bits <= 256:
         raise ValueError(f"bits = {bits} is not in 1..256")
     return int.from_bytes(digest(seed, path), "big") >> (256 - bits)
 
 
 def generator(seed: int, path: str) -> np.random.Generator:
-    """A numpy generator for the stream `path` (PCG64); numpy is imported here and not before."""
+    """A numpy generator for the stream `path` (PCG64). numpy is imported here, because few callers need it."""
     import numpy as np
 
     return np.random.Generator(np.random.PCG64(integer(seed, path, bits=128)))
 
 
 class Stream:
-    """Numbers of one named stream, in order. Cheap to make, not meant to be shared between draws."""
+    """Numbers of one named stream, in order. Each draw makes its own stream."""
 
     __slots__ = ("_block", "_key", "_words")
 
@@ -57,7 +60,7 @@ class Stream:
         return self._words.pop()
 
     def unit(self) -> float:
-        """The next number in [0, 1), 53 bits of it random."""
+        """The next number in [0, 1), with 53 random bits."""
         return (self.word() >> 11) * _MANTISSA
 
     def uniform(self, low: float, high: float) -> float:
@@ -65,12 +68,14 @@ class Stream:
         return min(high, low + (high - low) * self.unit())
 
     def normal(self, mean: float, deviation: float) -> float:
-        """The next normal number (Box and Muller, cosine branch: two words a number, so a prefix stays a prefix)."""
+        """The next normal number (Box and Muller, cosine branch). It uses two words a number, so that a longer sequence
+        begins with the shorter one."""
         radius = math.sqrt(-2.0 * math.log(1.0 - self.unit()))
         return mean + deviation * radius * math.cos(2.0 * math.pi * self.unit())
 
     def below(self, count: int) -> int:
-        """The next whole number in 0..count-1, without bias (rejection)."""
+        """The next whole number in 0..count-1, without bias (rejection sampling). Raises `ValueError` if `count` is
+        below 1."""
         if count < 1:
             raise ValueError(f"nothing to draw from: count = {count}")
         limit = (1 << 64) - (1 << 64) % count

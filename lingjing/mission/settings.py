@@ -1,4 +1,4 @@
-"""Values of a mission's parameters as people write them: `80`, `80 m` or `0.08 km`, in SI units where there is none."""
+"""Values of a mission's parameters as text: `80`, `80 m` or `0.08 km`; without a unit they are in SI units."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ from lingjing.mission.model import Mission
 from lingjing.mission.units import NONE, Dimension, dimension_name, unit_of
 
 _QUANTITY = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)", re.ASCII)
+"""A number, then its unit."""
 
 
 def read_setting(mission: Mission | None, name: str, text: str) -> float:
-    """The SI value of a text for the parameter of that name, whose unit it must have if it has any; without a
-    mission any unit will do.
+    """The SI value of a text for the parameter of that name. A unit must have the parameter's dimension; without a
+    mission any unit is accepted.
 
-    Raises `UsageError`. Whether the mission has such a parameter, and what it may be, is said when it is instantiated.
+    Raises `UsageError`. Existence and bounds of the parameter are checked when the mission is instantiated.
     """
     match = _QUANTITY.fullmatch(text)
     value = float(match[1]) if match else math.nan
@@ -29,14 +30,14 @@ def read_setting(mission: Mission | None, name: str, text: str) -> float:
     if unit is None:
         raise UsageError(f"there is no unit `{match[2]}`", hint="without a unit it is in SI units")
     parameters = mission.parameters if mission is not None else ()
-    expected = next((_dimension_of(one.default) for one in parameters if one.name == name), None)
+    expected = next((_dimension_of(parameter.default) for parameter in parameters if parameter.name == name), None)
     if expected is not None and unit.dimension != expected:
         raise UsageError(f"{dimension_name(unit.dimension)} where {dimension_name(expected)} is due")
     return value * unit.factor
 
 
 def _dimension_of(default: Expr) -> Dimension | None:
-    """The dimension of a parameter whose default is a plain quantity; None where it is computed."""
+    """The dimension of a parameter with a plain quantity as default; None for a computed default."""
     if not isinstance(default, Number):
         return None
     unit = unit_of(default.unit) if default.unit else None

@@ -1,20 +1,20 @@
-"""`Spacing`: places that keep a distance from each other, looked up by cells so that a thousand cost a thousand."""
+"""`Spacing`: places with a minimum distance, in a spatial index of cells, so that each query takes constant time."""
 
 from __future__ import annotations
 
 import math
 
 MARGIN = 1.0 + 1e-6
-"""Cells are wider than the distance by this, so that rounding never puts two near places two cells apart."""
+"""Ratio of cell size and distance (chosen): two near places are never two cells apart because of rounding."""
 
 MOST_CELLS = 1e6
-"""Cells along the longer side; numbers of cells beyond that would no longer be exact."""
+"""Cells along the longer side (chosen): larger cell numbers would not be exact."""
 
 
 class Spacing:
-    """Places pairwise at least `apart` metres from each other; `extent` is how wide they lie, metres.
+    """Places pairwise at least `apart` metres from each other; `extent` is the largest coordinate, metres.
 
-    The answers are those of comparing with every place one by one.
+    The results equal those of a comparison with every place.
     """
 
     __slots__ = ("_apart", "_cell", "_cells")
@@ -25,12 +25,12 @@ class Spacing:
         self._cells: dict[tuple[int, int], list[tuple[float, float]]] = {}
 
     def add(self, east: float, north: float) -> None:
-        """Take a place."""
+        """Add a place."""
         if self._apart > 0:
             self._cells.setdefault(self._at(east, north), []).append((east, north))
 
     def is_free(self, east: float, north: float) -> bool:
-        """Whether a place keeps its distance from all that are taken."""
+        """True if a point has the minimum distance from all places."""
         if self._apart <= 0:
             return True
         column, row = self._at(east, north)

@@ -1,4 +1,4 @@
-"""The JSON Schemas of what action and message specs allow, and the bounds that the kernel clips arguments to."""
+"""JSON Schemas of action and message specs, and the bounds to which the kernel clips arguments."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from lingjing.mission.instance import ArgumentSpec, Datum
 from lingjing.mission.model import Field
 
 REACH_M = 1.0e7
-"""No coordinate, distance or other argument of a command is larger (the Earth's radius is 6.4e6 m): arithmetic on
-what passes stays finite, so a policy cannot bring an engine down with a number."""
+"""Bound of every coordinate, distance and other argument of a command (chosen; the Earth's radius is 6.4e6 m).
+Arithmetic with admitted numbers stays finite, so that no argument can make an engine fail."""
 
 ELEVATION = "z"
-"""The argument that is an elevation, which the altitude band bounds."""
+"""The argument with an elevation, which the altitude band limits."""
 
 JsonSchema = dict[str, object]
 
 
 def altitude_band(properties: Mapping[str, Datum]) -> tuple[float, float] | None:
-    """The lowest and the highest elevation of what has such a band, metres."""
+    """The lowest and the highest elevation of an entity with an altitude band, metres; None without one."""
     low, high = properties.get("band_low_m"), properties.get("band_high_m")
     if not isinstance(low, int | float) or not isinstance(high, int | float):
         return None
@@ -27,9 +27,9 @@ def altitude_band(properties: Mapping[str, Datum]) -> tuple[float, float] | None
 
 
 def argument_bounds(spec: ArgumentSpec, properties: Mapping[str, Datum]) -> tuple[float, float]:
-    """Within what the kernel clips an argument: its declared bounds, an elevation also to the altitude band.
+    """The bounds to which the kernel clips an argument: its declared ones, and for an elevation also the altitude band.
 
-    How far a verb of the motion `up` or `down` may still go to the band depends on where the resource is.
+    A verb of the motion `up` or `down` is limited by the resource's present altitude, which is not included here.
     """
     low = -math.inf if spec.minimum is None else spec.minimum
     high = math.inf if spec.maximum is None else spec.maximum
@@ -38,7 +38,7 @@ def argument_bounds(spec: ArgumentSpec, properties: Mapping[str, Datum]) -> tupl
 
 
 def field_schema(field: Field) -> JsonSchema:
-    """What a field of a message may hold."""
+    """The schema of a message's field."""
     if field.type == "number":
         bounds = {"minimum": field.minimum, "maximum": field.maximum, "description": field.unit or None}
         return {"type": "number", **{key: value for key, value in bounds.items() if value is not None}}
@@ -46,7 +46,7 @@ def field_schema(field: Field) -> JsonSchema:
 
 
 def object_schema(properties: Mapping[str, object], required: tuple[str, ...]) -> JsonSchema:
-    """An object of these properties and no others."""
+    """The schema of an object with these properties and no others."""
     return {
         "type": "object",
         "properties": dict(properties),

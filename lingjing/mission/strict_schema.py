@@ -1,4 +1,4 @@
-"""`strict_schema`: a JSON Schema as strict validators take it, which refuse words and names that they do not know."""
+"""`strict_schema`: JSON Schemas for strict validators, which reject unknown keywords and undeclared names."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from typing import Any
 
 
 def strict_schema(schema: Any) -> Any:
-    """The same schema without OpenAPI's `discriminator` (each alternative's tag is an enum of one already), and with
-    whatever an alternative requires declared in that alternative."""
+    """The same schema without OpenAPI's `discriminator`, and with every required name declared in its alternative. The
+    tag of each alternative is an enum of one value already."""
     if isinstance(schema, list):
-        return [strict_schema(one) for one in schema]
+        return [strict_schema(item) for item in schema]
     if not isinstance(schema, dict):
         return schema
-    told = {key: strict_schema(value) for key, value in schema.items() if key != "discriminator"}
-    if list(told) == ["required"] and isinstance(told["required"], list):
-        told |= {"type": "object", "properties": {name: {} for name in told["required"]}}
-    return told
+    kept = {key: strict_schema(value) for key, value in schema.items() if key != "discriminator"}
+    if list(kept) == ["required"] and isinstance(kept["required"], list):
+        kept |= {"type": "object", "properties": {name: {} for name in kept["required"]}}
+    return kept
 
 
 __all__ = ["strict_schema"]

@@ -1,7 +1,7 @@
-"""What a mission asks for, read from its rules: the interactions that success needs and the reports that are matched.
+"""The tasks of a mission, from its rules: the interactions that success requires, and the reports that rules match.
 
-A policy that may see the rules (a privileged one, an analysis) finds here what is left to do without knowing any
-mission: `required_tasks` are the interactions that success mentions, directly or through the rules it calls.
+A policy that may read the rules (a privileged one) or an analysis finds here the open tasks without knowledge of the
+mission. `required_tasks` are the interactions in the success condition and in the rules that it calls.
 """
 
 from __future__ import annotations
@@ -21,61 +21,66 @@ from lingjing.mission.values import Value
 
 
 class Task(InteractionSpec, frozen=True, kw_only=True):
-    """An interaction with one target: its id, and which assets may do it."""
+    """An interaction with one target."""
 
     target: str
+    """The target's id."""
     actors: tuple[str, ...]
+    """Ids of the assets that may perform it."""
 
 
 def possible(entity: Entity, instance: Instance) -> tuple[Task, ...]:
-    """Every interaction that an entity's type declares."""
+    """Every interaction with an entity."""
     return tuple(
-        Task(**asdict(one), target=entity.id, actors=tuple(actor.id for actor in instance.actors(one)))
-        for one in entity.interactions
+        Task(**asdict(spec), target=entity.id, actors=tuple(actor.id for actor in instance.actors(spec)))
+        for spec in entity.interactions
     )
 
 
 def required_tasks(instance: Instance) -> tuple[Task, ...]:
-    """The interactions whose task events success needs, in the order of declaration of their targets.
+    """The interactions that success requires, in the order of declaration of their targets.
 
-    Where a rule chooses among the members of a group by what is declared of them, only those it means are there.
+    If a rule selects members of a group by declared values, the others are left out.
     """
     outline = of_instance(instance)
     wanted = {(leaf.interaction, leaf.target.id) for leaf in _interactions(instance.success, outline) if leaf.target}
-    passed = _passed_over(outline)
+    excluded = _excluded(outline)
     return tuple(
         task
         for entity in instance.entities
         if entity.role == "target"
         for task in possible(entity, instance)
         if (task.name, entity.group) in wanted or (task.name, entity.id) in wanted
-        if (task.name, entity.id) not in passed
+        if (task.name, entity.id) not in excluded
     )
 
 
 def matching_members(
     condition: Expr, variable: str, members: Sequence[Entity], instance: Instance
 ) -> tuple[Entity, ...]:
-    """Those of `members` that the condition can be true of with `variable` bound to them.
+    """The members for which the condition can be true, with `variable` bound to them.
 
-    All of them, if it can be true of none as things are declared: then something must make it true first.
+    If it can be true for none of them with the declared values, the result is all members: an event must change them
+    first.
     """
     declarations = _Declarations(instance)
-    left = tuple(one for one in members if truth(condition, {variable: one}, declarations) is not False)
-    return left or tuple(members)
+    candidates = tuple(member for member in members if truth(condition, {variable: member}, declarations) is not False)
+    return candidates or tuple(members)
 
 
 def declared(entity: Entity, field: str) -> float | None:
     """A declared number of an entity; None for a state that interactions change."""
     spec = entity.state_of(field)
-    if spec is not None and any(spec.name in (one.takes, one.gives, one.source) for one in entity.interactions):
+    if spec is not None and any(
+        spec.name in (interaction.takes, interaction.gives, interaction.source) for interaction in entity.interactions
+    ):
         return None
     return entity.number(field)
 
 
 class _Declarations(Knowledge):
-    """What can be said beforehand: declared numbers. Whatever depends on the run (places, task events, reports, what
-    interactions take and give) is not known."""
+    """The declared numbers. Values that depend on the run (places, events, reports, states that interactions change)
+    are unknown."""
 
     def __init__(self, instance: Instance) -> None:
         self._settings = instance.settings
@@ -84,7 +89,7 @@ class _Declarations(Knowledge):
             self._groups.setdefault(entity.group, []).append(entity)
 
     def name(self, ref: Ref) -> Value:
-        """A setting, or the one entity of a group."""
+        """A setting, or the single entity of a group."""
         if ref.kind == "param":
             return known(self._settings.get(ref.name))
         members = self._groups.get(ref.name, [])
@@ -101,29 +106,29 @@ class _Declarations(Knowledge):
 
 
 def _interactions(condition: Expr, outline: Outline, domains: dict[str, str] | None = None) -> tuple[Performed, ...]:
-    """The interactions that a condition mentions, itself and through the rules it calls."""
+    """The interactions in a condition and in the rules that it calls."""
     return tuple(leaf for leaf in mentions(condition, outline, domains) if isinstance(leaf, Performed))
 
 
-def _passed_over(outline: Outline) -> frozenset[tuple[str, str]]:
-    """(Interaction, target) pairs that the rule about their task event can never be true of."""
+def _excluded(outline: Outline) -> frozenset[tuple[str, str]]:
+    """(interaction, target) pairs for which the rule about their event can never be true."""
     instance = outline.instance
-    found: set[tuple[str, str]] = set()
+    pairs: set[tuple[str, str]] = set()
     for rule in instance.rules:
         domains = {parameter.name: parameter.domain for parameter in rule.parameters}
         own = [leaf for leaf in _interactions(rule.condition, outline, domains) if leaf.target and not leaf.at]
         for parameter in rule.parameters:
             members = [body.entity for body in outline.groups.get(parameter.domain, ())]
-            done = {leaf.interaction for leaf in own if leaf.target and leaf.target.id == parameter.domain}
-            kept = matching_members(rule.condition, parameter.name, members, instance) if done else members
-            found.update((kind, entity.id) for kind in done for entity in members if entity not in kept)
-    return frozenset(found)
+            names = {leaf.interaction for leaf in own if leaf.target and leaf.target.id == parameter.domain}
+            kept = matching_members(rule.condition, parameter.name, members, instance) if names else members
+            pairs.update((kind, entity.id) for kind in names for entity in members if entity not in kept)
+    return frozenset(pairs)
 
 
 def entry_regions(task: Task, instance: Instance) -> tuple[Region, ...]:
-    """The regions that a body must be in before a task can be done: what unlocks it says so."""
+    """The regions in which an actor must be before a task can be performed, according to its unlock conditions."""
     conditions = [unlock.condition for unlock in instance.unlocks if unlock.interaction == task.name]
-    bodies = [one.body if isinstance(one, Quantified) else one for one in conditions]
+    bodies = [condition.body if isinstance(condition, Quantified) else condition for condition in conditions]
     names = {
         part.right.name
         for body in bodies
@@ -135,15 +140,15 @@ def entry_regions(task: Task, instance: Instance) -> tuple[Region, ...]:
 
 
 def reported(instance: Instance) -> dict[str, str]:
-    """The message kind with which members of a group are reported, by group: what rules match with true boxes."""
+    """The message kind that reports members of a group, by group, from rules that match reports with true boxes."""
     kinds = {message.kind for message in instance.messages}
-    found: dict[str, str] = {}
+    kind_of_group: dict[str, str] = {}
     for rule in instance.rules:
         if rule.matching:
             domains = [parameter.domain for parameter in rule.parameters]
             kind = next((domain for domain in domains if domain in kinds), "")
-            found.update({domain: kind for domain in domains if kind and domain != kind})
-    return found
+            kind_of_group.update({domain: kind for domain in domains if kind and domain != kind})
+    return kind_of_group
 
 
 __all__ = ["Task", "declared", "matching_members", "possible", "reported", "required_tasks"]

@@ -1,7 +1,7 @@
-"""`trial`: what would be refused when a mission is played, found by making its instances without playing them.
+"""`trial`: errors that playing a mission would raise, found by making its instances without playing them.
 
-Every mode is tried at the default settings, then every setting that a sweep asks for. What only a machine, a map or a
-plug-in can tell is not looked at; nor is a mission with very many members, whose check must stay fast.
+Every mode is tried at the default settings, then with every setting of its sweeps. Errors that depend on the machine, a
+map or a plug-in are not examined. Nor is a mission with very many members, because the check must stay fast.
 """
 
 from __future__ import annotations
@@ -23,37 +23,40 @@ from lingjing.mission.instantiate import instantiate, parameters
 from lingjing.mission.kinds import engine_kind, lacks, reach_m, scene_faults, spoken
 
 MEMBERS_MOST = 2_000
-"""A mission with more entities or agents is not tried: compiling it must stay fast."""
+"""A mission with more entities or agents is not tried (chosen)."""
 
 COMBINATIONS_MOST = 64
-"""So many combinations of a sweep's values are tried; beyond, each value once."""
+"""The largest number of combinations of a sweep's values that are tried (chosen); of a larger sweep, each value is
+tried once."""
 
 
 FAULTS_MOST = 20
-"""So many declarations that cannot be evaluated are told of a mission at once."""
+"""The largest number of declarations with errors that are reported at once (chosen)."""
 
 
 class TrialFault(msgspec.Struct, frozen=True):
-    """What is refused: a code, the node's path as in `<mission>/boat/speed_mps`, what is said and the way out."""
+    """An error of an instance."""
 
     code: str
+    """The diagnostic code."""
     path: str
+    """The node: `<mission>/boat/speed_mps`."""
     message: str
     hint: str = ""
 
 
 def trial(mission: model.Mission) -> tuple[TrialFault, ...]:
-    """Everything that is refused of a mission, each once; with the mode where not all modes of a mission refuse it."""
-    found: dict[TrialFault, list[str]] = {}
+    """All errors of a mission's instances, each once, with the modes if not all modes have it."""
+    modes_of_fault: dict[TrialFault, list[str]] = {}
     modes = mission.modes.allowed
     for mode in modes:
-        for refusal in dict.fromkeys(_in_mode(mission, mode)):
-            found.setdefault(refusal, []).append(mode)
+        for fault in dict.fromkeys(_in_mode(mission, mode)):
+            modes_of_fault.setdefault(fault, []).append(mode)
     return tuple(
-        refusal
+        fault
         if len(where) == len(modes)
-        else msgspec.structs.replace(refusal, message=f"in {' and '.join(where)} mode, {refusal.message}")
-        for refusal, where in found.items()
+        else msgspec.structs.replace(fault, message=f"in {' and '.join(where)} mode, {fault.message}")
+        for fault, where in modes_of_fault.items()
     )
 
 
@@ -61,27 +64,27 @@ def trial(mission: model.Mission) -> tuple[TrialFault, ...]:
 
 
 def _in_mode(mission: model.Mission, mode: str) -> Iterator[TrialFault]:
-    refused = tuple(_with_settings(mission, mode, {}, FAULTS_MOST))
-    yield from refused
-    told: set[tuple[str, str]] = set()
+    default_faults = tuple(_with_settings(mission, mode, {}, FAULTS_MOST))
+    yield from default_faults
+    reported: set[tuple[str, str]] = set()
     tried = [_values(mission, mode, {})]
-    for settings in () if refused else _swept(mission, mode):
+    for settings in () if default_faults else _swept(mission, mode):
         values = _values(mission, mode, settings)
         if values is not None and values in tried:
             continue
         tried.append(values)
         chosen = ", ".join(f"{name} = {value:g}" for name, value in settings.items())
-        for refusal in _with_settings(mission, mode, settings):
+        for fault in _with_settings(mission, mode, settings):
             if (
-                refusal.code,
-                refusal.path,
-            ) not in told:  # the first value at fault stands for all
-                told.add((refusal.code, refusal.path))
-                yield msgspec.structs.replace(refusal, message=f"with {chosen}, {refusal.message}")
+                fault.code,
+                fault.path,
+            ) not in reported:  # the first value at fault stands for all
+                reported.add((fault.code, fault.path))
+                yield msgspec.structs.replace(fault, message=f"with {chosen}, {fault.message}")
 
 
 def _values(mission: model.Mission, mode: str, settings: Mapping[str, float]) -> dict[str, float] | None:
-    """What a mission's parameters are with these settings; None where they cannot be had."""
+    """The parameters' values with these settings; None if they cannot be evaluated."""
     try:
         return parameters(mission, mode, settings)
     except LingjingError:
@@ -91,8 +94,8 @@ def _values(mission: model.Mission, mode: str, settings: Mapping[str, float]) ->
 def _with_settings(
     mission: model.Mission, mode: str, settings: Mapping[str, float], most: int = 1
 ) -> Iterator[TrialFault]:
-    """What is refused with these settings. What cannot be evaluated is left out and the rest tried again, until `most`
-    faults are found."""
+    """Errors with these settings. A declaration with an error is left out and the rest tried again, until `most` errors
+    are reported."""
     try:
         entities, agents = _sizes(mission, mode, settings)
         if entities > DRAWN_MOST and any(group.cameras for group in mission.groups):
@@ -102,7 +105,7 @@ def _with_settings(
             return
         instance = instantiate(mission, mode=mode, settings=settings)
     except NodeError as error:
-        yield TrialFault("LJ0507", error.path, error.said, error.hint)
+        yield TrialFault("LJ0507", error.path, error.message, error.hint)
         rest = _without(mission, error.path) if most > 1 else None
         if rest is not None:
             yield from _with_settings(rest, mode, settings, most - 1)
@@ -114,29 +117,29 @@ def _with_settings(
 
 
 def _without(mission: model.Mission, path: str) -> model.Mission | None:
-    """The mission without the property, camera or option of a path, or with a small grid; None where nothing can stand
-    for what is there, because others may rest on it."""
+    """The mission without the property, camera or option of a path, or with a grid of one cell. None if other
+    declarations may depend on it."""
     owner, _, name = path.partition("/")[2].partition("/")
     owner = owner.partition("[")[0]
     if owner == "scene" and name:
-        options = tuple(one for one in mission.scene.options if one.name != name)
+        options = tuple(option for option in mission.scene.options if option.name != name)
         return msgspec.structs.replace(mission, scene=msgspec.structs.replace(mission.scene, options=options))
     if any(grid.name == owner for grid in mission.grids):
         grids = tuple(_small(grid) if grid.name == owner else grid for grid in mission.grids)
         return msgspec.structs.replace(mission, grids=grids)
     if not name or not any(group.name == owner for group in mission.groups):
         return None
-    groups = tuple(_lessened(group, name) if group.name == owner else group for group in mission.groups)
+    groups = tuple(_without_part(group, name) if group.name == owner else group for group in mission.groups)
     return msgspec.structs.replace(mission, groups=groups) if groups != mission.groups else None
 
 
-def _lessened(group: model.Group, name: str) -> model.Group:
-    """The group without the property or the camera; at the origin, where its position is at fault."""
+def _without_part(group: model.Group, name: str) -> model.Group:
+    """The group without the property or the camera; a position is replaced by the origin."""
     if name == "position":
-        moved = (msgspec.structs.replace(one, value=_ORIGIN) if one.name == name else one for one in group.properties)
+        moved = (msgspec.structs.replace(p, value=_ORIGIN) if p.name == name else p for p in group.properties)
         return msgspec.structs.replace(group, properties=tuple(moved))
-    properties = tuple(one for one in group.properties if one.name != name)
-    cameras = tuple(one for one in group.cameras if one.name != name)
+    properties = tuple(prop for prop in group.properties if prop.name != name)
+    cameras = tuple(camera for camera in group.cameras if camera.name != name)
     return msgspec.structs.replace(group, properties=properties, cameras=cameras)
 
 
@@ -148,7 +151,7 @@ _ORIGIN = ex.Point((ex.Number(0.0, "m"), ex.Number(0.0, "m")))
 
 
 def _sizes(mission: model.Mission, mode: str, settings: Mapping[str, float]) -> tuple[int, int]:
-    """How many entities and how many agents there are."""
+    """The numbers of entities and of agents."""
     scope = Scope(parameters=parameters(mission, mode, settings), mode=mode)
     entities = [(group.count, group.when) for group in mission.groups]
     agents = [(agent.count, agent.when) for agent in mission.agents]
@@ -157,12 +160,12 @@ def _sizes(mission: model.Mission, mode: str, settings: Mapping[str, float]) -> 
             sum(count_of(count, scope) for count, guard in part if holds(guard, scope)) for part in (entities, agents)
         ]
     except MissionError:
-        return 0, 0  # the instance says where it is wrong
+        return 0, 0  # `instantiate` reports the error with its place
     return numbers[0], numbers[1]
 
 
 def _swept(mission: model.Mission, mode: str) -> Iterator[dict[str, float]]:
-    """The settings of every sweep that is played in this mode."""
+    """The settings of every sweep of this mode."""
     scope = Scope(parameters=parameters(mission, mode, {}), mode=mode)
     for sweep in mission.sweeps:
         try:
@@ -181,12 +184,12 @@ def _swept(mission: model.Mission, mode: str) -> Iterator[dict[str, float]]:
 
 
 def _of_draws(mission: model.Mission, instance: Instance) -> Iterator[TrialFault]:
-    """Places that another seed would draw, and that lie beyond the scene."""
+    """Errors of places beyond the scene that another seed could draw."""
     areas = {region.name: Area(region.polygon) for region in instance.regions if region.polygon}
     scope = Scope(parameters=instance.settings, mode=instance.mode, areas=areas, tick_s=instance.clock.tick_s)
-    there = {entity.group for entity in instance.entities}
+    groups = {entity.group for entity in instance.entities}
     for group in mission.groups:
-        for prop in group.properties if group.name in there else ():
+        for prop in group.properties if group.name in groups else ():
             if prop.name != "position" or not isinstance(prop.value, ex.Draw):
                 continue
             try:

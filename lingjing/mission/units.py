@@ -1,9 +1,8 @@
-"""Dimensions as exponent vectors, and the units an author may write.
+"""Dimensions as exponent vectors, and the units that an author may write.
 
-A dimension is a tuple of eight exponents over metre, second, kilogram, degree, byte, tick, money and token. Angles
-are a dimension of their own and are held in degrees; everything else is held in SI base units, data in bytes, per
-cent as a fraction. `unit_of("km/h")` gives factor and dimension; an unknown unit gives None and is the checker's to
-report.
+A dimension is a tuple of eight exponents over metre, second, kilogram, degree, byte, tick, money and token. Angles are
+a dimension of their own, in degrees. Other values are in SI base units, data in bytes, per cent as a fraction.
+`unit_of("km/h")` gives factor and dimension. It returns None for an unknown unit, which the checker reports.
 """
 
 from __future__ import annotations
@@ -38,12 +37,15 @@ RATE: Dimension = (0, -1, 0, 0, 0, 0, 0, 0)
 
 
 class Named(msgspec.Struct, frozen=True):
-    """What a dimension is called in messages, in type names, in property suffixes, and by which unit it is shown."""
+    """A dimension with a name."""
 
     name: str
+    """Its name in messages and as a type."""
     dimension: Dimension
     suffix: str
+    """The suffix of its properties, such as `_kg`."""
     unit: str
+    """The unit in which it is shown."""
 
 
 NAMED = (
@@ -67,23 +69,27 @@ NAMED = (
     Named("data_rate", DATA_RATE, "_bps", "B/s"),
     Named("rate", RATE, "_hz", "Hz"),
 )
-"""Every dimension with a name of its own; `turn_rate` and the rest may stand as a type in a record or a verb."""
+"""The dimensions with names. Each name may be the type of a record's field or of a verb's argument."""
 
 BY_DIMENSION = {entry.dimension: entry for entry in NAMED}
+"""The entry of each named dimension."""
 BY_NAME = {entry.name: entry for entry in NAMED}
+"""The same entries by name."""
 _SUFFIXES = tuple(sorted((entry.suffix for entry in NAMED if entry.suffix), key=len, reverse=True))
 
 LARGEST = 1e15
-"""Numbers beyond this, in SI units and degrees, are refused: no mission means them, and doubles no longer tell whole
-numbers or millimetres apart there."""
+"""Larger numbers, in SI units and degrees, are rejected (chosen): no mission needs them, and a double has no exact
+millimetres at that size."""
 
 _SYMBOLS = ("m", "s", "kg", "deg", "B", "tick", "USD", "token")
+"""The base units in the order of a dimension's exponents."""
 
 
 class Unit(msgspec.Struct, frozen=True):
-    """`value_in_si = number * factor`; factors are exact where the definition is."""
+    """`value_in_si = number * factor`."""
 
     factor: float
+    """Exact if the definition is."""
     dimension: Dimension
 
 
@@ -132,6 +138,7 @@ UNITS: dict[str, Unit] = {
 """The simple units. Compounds are written without spaces: `m/s`, `km/h`, `m/s^2`, `deg/s`, `kB/s`."""
 
 _FACTOR = re.compile(r"([^\W\d]+|[%°])(?:\^?(-?\d))?")
+"""A unit with its exponent."""
 
 
 def multiply(left: Dimension, right: Dimension, sign: int = 1) -> Dimension:
@@ -170,7 +177,7 @@ def unit_of(text: str) -> Unit | None:
 
 
 def dimension_name(dimension: Dimension) -> str:
-    """A dimension in words for messages: `length`, `speed`, or `m^2/s` where it has no name."""
+    """A dimension in words for messages: `length`, `speed`, or `m^2/s` if it has no name."""
     known = BY_DIMENSION.get(dimension)
     return known.name if known else dimension_unit(dimension)
 
@@ -190,27 +197,28 @@ def _power(symbol: str, exponent: int) -> str:
 
 
 def si_value(number: float, unit: str) -> float:
-    """`number unit` in SI; the unit must be known. Decimal fractions stay clean: 2.3 km is 2300.0, 4 kB is 4000.0."""
-    found = unit_of(unit) if unit else None
-    if found is None or found.factor == 1.0:
+    """`number unit` in SI; the unit must be known. Decimal fractions stay exact: 2.3 km is 2300.0, 4 kB is 4000.0."""
+    known = unit_of(unit) if unit else None
+    if known is None or known.factor == 1.0:
         return number
-    inverse = 1.0 / found.factor
-    if found.factor < 1.0 and inverse == round(inverse):
+    inverse = 1.0 / known.factor
+    if known.factor < 1.0 and inverse == round(inverse):
         return number / round(inverse)
-    return number * found.factor
+    return number * known.factor
 
 
 def field_named(name: str, fields: Collection[str]) -> str | None:
-    """The one of `fields` that is `name`, or `name` with a unit behind it: `payload_kg` for `payload`."""
+    """The element of `fields` that is `name`, or `name` with a unit suffix: `payload_kg` for `payload`. None if there
+    is none."""
     return next((name + end for end in ("", *_SUFFIXES) if name + end in fields), None)
 
 
 def unit_behind(name: str, field: str) -> str:
-    """The unit that `field` says behind `name`: `kg` for `payload` and `payload_kg`, empty for `payload` itself."""
+    """The unit in the suffix of `field` after `name`: `kg` for `payload` and `payload_kg`, "" for `payload` itself."""
     return next(entry.unit for entry in NAMED if name + entry.suffix == field)
 
 
 @lru_cache(maxsize=1024)
 def without_unit(name: str) -> str:
-    """A property's name without the unit that ends it: `demand` for `demand_kg`."""
+    """A property's name without the unit suffix: `demand` for `demand_kg`."""
     return next((name.removesuffix(end) for end in _SUFFIXES if name.endswith(end) and len(name) > len(end)), name)

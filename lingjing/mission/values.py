@@ -1,7 +1,7 @@
-"""Values of expressions, and how they are told apart: what every reading of values computes with.
+"""Values of expressions and their kinds, as used by all evaluations with exact values.
 
-Numbers are in SI units, angles in degrees. A position is a `Place`, or a tuple of two or three numbers where it comes
-from engine state or from a message.
+Numbers are in SI units, angles in degrees. A position is a `Place`, or a tuple of two or three numbers if it comes from
+an engine's state or from a message.
 """
 
 from __future__ import annotations
@@ -16,16 +16,17 @@ from lingjing.errors import MissionError
 from lingjing.mission import geometry2d
 
 Value = Any
-"""A flag, a number, a word, a `Place`, an `Interval`, an `Area`, `Members`, a tuple of values; in a running mission
+"""A flag, a number, a word, a `Place`, an `Interval`, an `Area`, `Members` or a tuple of values; in a running mission
 also an entity, a message or a true box."""
 
 
 class Place(msgspec.Struct, frozen=True):
-    """A point in metres; `elevation` is None where the author gave two components."""
+    """A point in metres."""
 
     east: float
     north: float
     elevation: float | None = None
+    """None if the author gave two components."""
 
 
 class Interval(msgspec.Struct, frozen=True):
@@ -36,46 +37,46 @@ class Interval(msgspec.Struct, frozen=True):
 
 
 class Area(msgspec.Struct, frozen=True):
-    """A region's outline, as given."""
+    """A region's outline."""
 
     polygon: geometry2d.Polygon
 
 
 class Members(msgspec.Struct, frozen=True):
-    """Ids of the entities an expression names, in order of their index."""
+    """Ids of the entities that an expression names, in order of their index."""
 
     ids: tuple[str, ...]
 
 
 class EvaluationContext(Protocol):
-    """What operations ask beyond their operands."""
+    """The inputs of operations besides their operands."""
 
     def place(self, value: Value) -> Place | None:
-        """Where a position, or an entity, is; None for anything else, or where that is not known."""
+        """The position of a place or an entity; None for other values and for unknown positions."""
         ...
 
     def note(self, name: str, number: float) -> None:
-        """Keep a number that decided: evidence of an event."""
+        """Record a number that decided a condition, as evidence of an event."""
         ...
 
     def fact(self, name: str, arguments: Sequence[Value]) -> Value:
-        """What a function of a running mission answers. `MissionError` where no mission runs."""
+        """The value of a function of a running mission. Raises `MissionError` before the run."""
         ...
 
 
 def is_number(value: Value) -> TypeGuard[float]:
-    """Whether a value is a number and no flag."""
+    """True if a value is a number and no flag."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def is_finite(value: object) -> TypeGuard[float]:
-    """Whether a value is a finite number and no flag."""
+    """True if a value is a finite number and no flag."""
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < math.inf
 
 
 def as_number(value: Value) -> float:
-    """The value as a finite number."""
-    if type(value) is float and abs(value) < math.inf:  # nearly always
+    """The value as a finite number. Raises `MissionError` if it is none."""
+    if type(value) is float and abs(value) < math.inf:  # the common case, checked first for speed
         return value
     if not is_number(value):
         raise MissionError(f"a number is due here, this is {describe(value)}")
@@ -85,7 +86,7 @@ def as_number(value: Value) -> float:
 
 
 def as_whole(value: Value) -> int:
-    """The value as a whole number."""
+    """The value as a whole number. Raises `MissionError` if it is none."""
     amount = as_number(value)
     if amount != round(amount):
         raise MissionError(f"a whole number is due here, this is {amount:g}")
@@ -93,14 +94,14 @@ def as_whole(value: Value) -> int:
 
 
 def as_flag(value: Value) -> bool:
-    """The value as true or false."""
+    """The value as true or false. Raises `MissionError` if it is no flag."""
     if not isinstance(value, bool):
         raise MissionError(f"true or false is due here, this is {describe(value)}")
     return value
 
 
 def as_area(value: Value) -> Area:
-    """The value as a region."""
+    """The value as a region. Raises `MissionError` if it is none."""
     if not isinstance(value, Area):
         raise MissionError(f"a region is due here, this is {describe(value)}")
     return value

@@ -1,8 +1,8 @@
-"""The one word that a `resetScenario` says about the weather, and what a mission says in numbers.
+"""Weather words of a `resetScenario`, and the numbers that they stand for.
 
-A word stands for a range of visibility and cloud; it changes a mission only where the mission's own numbers do not
-already fit it. Bounds of visibility are those of aviation reports (fog below 1 km, haze and mist below 5 km: WMO-No.
-306, code table 4678); cloud is the covered fraction of the sky.
+A word stands for a range of visibility and cloud. It changes a mission only if the mission's own numbers are outside
+that range. The bounds of visibility are those of aviation reports (fog below 1 km, haze and mist below 5 km: WMO-No.
+306, code table 4678). Cloud is the covered fraction of the sky.
 """
 
 from __future__ import annotations
@@ -14,17 +14,22 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Sky:
-    """A word's ranges, upper ends excluded, and the values it sets in a mission that does not fit."""
+    """A weather word with its ranges, upper ends excluded."""
 
     word: str
     visibility_m: tuple[float, float]
+    """Range of visibility, metres."""
     cloud: tuple[float, float]
+    """Range of the covered fraction of the sky."""
     typical_visibility_m: float
+    """Visibility that it sets in a mission outside of the ranges, metres (chosen)."""
     typical_cloud: float
+    """Cloud that it sets in a mission outside of the ranges (chosen)."""
     synonyms: tuple[str, ...]
+    """Words for it in documents, in lower case."""
 
     def fits(self, visibility_m: float, cloud: float) -> bool:
-        """Whether the numbers are what the word means."""
+        """True if the numbers are within the ranges."""
         return self.visibility_m[0] <= visibility_m < self.visibility_m[1] and self.cloud[0] <= cloud < self.cloud[1]
 
 
@@ -32,7 +37,7 @@ RAINY = "Rain"
 
 RAIN = ("rain", "rainy", "raining", "drizzle", "shower", "light rain", "heavy rain", "storm", "thunderstorm",
         "雨", "雨天", "下雨", "小雨", "中雨", "大雨", "暴雨", "阵雨", "雷雨")  # fmt: skip
-"""Rain dims and covers the sky; no drops fall."""
+"""Synonyms of rain. Rain reduces visibility and covers the sky; no drops are drawn."""
 
 SKIES = (
     Sky("Clear", (5_000, math.inf), (0.0, 0.4), 10_000, 0.1, ("clear", "sunny", "fine", "晴", "晴天")),
@@ -41,10 +46,11 @@ SKIES = (
     Sky(RAINY, (1_000, 10_000), (0.7, math.inf), 4_000, 0.9, RAIN),
     Sky("Fog", (0, 1_000), (0.0, math.inf), 500, 0.9, ("fog", "foggy", "雾", "大雾")),
 )
+"""The weather words in order of preference."""
 
 
 def sky_of(word: str) -> Sky | None:
-    """The sky a word names, or None if the word is not understood."""
+    """The sky that a word names, or None if the word is unknown."""
     folded = unicodedata.normalize("NFKC", word).strip().casefold().replace("_", " ").replace("-", " ")
     return next((sky for sky in SKIES if folded in sky.synonyms), None)
 

@@ -1,6 +1,6 @@
-"""Fill the holes of goals and prompts: `Fly at {altitude}.` becomes `Fly at 100 m`; and say values in words.
+"""Placeholders of goals and prompts (`Fly at {altitude}.` becomes `Fly at 100 m`), and values in words.
 
-What a hole may name is checked by `lingjing.dsl.checking.wording`. Numbers are shown in the author's unit, positions as
+`lingjing.dsl.checking.wording` checks the names in placeholders. Numbers are shown in the author's unit, positions as
 `(east, north)` in metres, a group as the ids of its members, a region as its corners, a grid as its cells' names.
 """
 
@@ -10,37 +10,44 @@ import math
 import re
 from collections.abc import Callable, Sequence
 
-from lingjing.mission.instance import Datum, Entity
-from lingjing.mission.units import field_named, unit_behind
+import msgspec
+
+from lingjing.mission import model
+from lingjing.mission.evaluate import Scope
+from lingjing.mission.expression import Number
+from lingjing.mission.instance import AgentSpec, Datum, Entity
+from lingjing.mission.units import field_named, si_value, unit_behind
 
 HOLE = re.compile(r"\{\{|\}\}|\{([^{}\n]*)\}")
-"""A doubled brace, or a hole with its inside as group 1."""
+"""A doubled brace, or a placeholder with its content as group 1."""
 PATH = re.compile(r"\s*(?P<name>[^\W\d]\w*)(?:\[\s*(?P<index>\w+)\s*\])?(?:\.(?P<field>[^\W\d]\w*))?\s*")
+"""The content of a placeholder: name, index and field."""
 
 
 def fill(text: str, look_up: Callable[[str, str | None, str | None], str | None]) -> str:
-    """The text with its holes filled. `look_up(name, index, field)` gives what stands there; None leaves the hole."""
+    """The text with its placeholders replaced. `look_up(name, index, field)` gives the replacement; None keeps the
+    placeholder."""
     if "{" not in text and "}" not in text:
         return text
 
-    def put(hole: re.Match[str]) -> str:
+    def replacement(hole: re.Match[str]) -> str:
         if hole[1] is None:
             return hole[0][0]
         path = PATH.fullmatch(hole[1])
-        found = look_up(path["name"], path["index"], path["field"]) if path else None
-        return hole[0] if found is None else found
+        words = look_up(path["name"], path["index"], path["field"]) if path else None
+        return hole[0] if words is None else words
 
-    return HOLE.sub(put, text)
+    return HOLE.sub(replacement, text)
 
 
 def some(words: Sequence[str], most: int = 6) -> str:
-    """`a, b, c and 12 more`: the first of many."""
+    """The first words of a long list: `a, b, c and 12 more`."""
     rest = len(words) - most
     return ", ".join(words) if rest <= 0 else f"{', '.join(words[:most])} and {rest} more"
 
 
 def shown_number(value: float, unit: str = "", factor: float = 1.0) -> str:
-    """`100 m`: a number in SI in the unit it is shown in, of which one is `factor` SI units."""
+    """`100 m`: a number in SI, shown in a unit of `factor` SI units."""
     amount = value / factor
     text = f"{round(amount, 6):g}" if math.isfinite(amount) else str(amount)
     return f"{text} {unit}" if unit else text
@@ -52,7 +59,7 @@ def shown_point(place: tuple[float, ...]) -> str:
 
 
 def shown_field(entity: Entity, field: str) -> str | None:
-    """What a public field of an entity says; None if it has none of that name."""
+    """A public field of an entity in words; None if it has no field of that name."""
     if field == "position":
         return shown_point(entity.position)
     if field == "heading":
@@ -76,3 +83,57 @@ def shown_datum(value: Datum, unit: str = "") -> str:
         case tuple():
             return ", ".join(shown_datum(item, unit) for item in value)
     return str(value)
+
+
+class PromptFiller:
+    """Fills the placeholders in one instance's goal and prompts. A placeholder of a hidden value stays as it is."""
+
+    def __init__(self, mission: model.Mission, scope: Scope, entities: tuple[Entity, ...]) -> None:
+        self._mission = mission
+        self._scope = scope
+        self._entities = {entity.id: entity for entity in entities}
+        self._units = {param.name: _unit(param) for param in mission.parameters}
+
+    def __call__(self, text: str, index: tuple[str, int] | None = None) -> str:
+        """The text with its placeholders replaced; `index` binds an index variable."""
+        return fill(text, lambda name, at, field: self._word(name, at, field, index))
+
+    def agent(self, spec: AgentSpec) -> AgentSpec:
+        """The agent with the placeholders of its prompt replaced."""
+        if "{" not in spec.prompt and "}" not in spec.prompt:
+            return spec
+        name = next((agent.index for agent in self._mission.agents if agent.name == spec.name), "i")
+        return msgspec.structs.replace(spec, prompt=self(spec.prompt, (name, spec.index)))
+
+    def _word(self, name: str, at: str | None, field: str | None, index: tuple[str, int] | None) -> str | None:
+        if name == "mode":
+            return self._scope.mode
+        if index is not None and name == index[0]:
+            return str(index[1])
+        if name in self._scope.parameters:
+            return shown_number(self._scope.parameters[name], *self._units[name])
+        if name in self._scope.areas:
+            return ", ".join(map(shown_point, self._scope.areas[name].polygon))
+        ids = self._scope.members.get(name)
+        if ids is None:
+            grids = [grid.name for grid in self._mission.grids if grid.name == name]
+            return grids[0] if grids else None
+        if at is not None:
+            position = index[1] if index is not None and at == index[0] else int(at) if at.isdigit() else 0
+            ids = ids[position - 1 : position] if position >= 1 else ()
+        if field is None:
+            return ", ".join(ids)
+        words = [self._field(entity_id, field) for entity_id in ids]
+        return None if None in words else ", ".join(word for word in words if word is not None)
+
+    def _field(self, entity_id: str, field: str) -> str | None:
+        entity = self._entities[entity_id]
+        if any(name == field or name.startswith(f"{field}_") for name in entity.hidden):
+            return None
+        return shown_field(entity, field)
+
+
+def _unit(param: model.Parameter) -> tuple[str, float]:
+    """The author's unit of a parameter's default, and its factor to SI."""
+    unit = param.default.unit if isinstance(param.default, Number) else ""
+    return (unit, si_value(1.0, unit)) if unit else ("", 1.0)

@@ -49,7 +49,7 @@ BOARD = "interaction board { by = road, within = 20 m, gives = riders, up_to = s
 
 # what stands for the interaction; code, line, column, a part of the message
 OF_A_TYPE = [
-    ("{ by = rocket, within = 1 m }", "LJ0125", 12, 28, "no asset that is known here has the engine `rocket`"),
+    ("{ by = rocket, within = 1 m }", "LJ0125", 12, 28, "no known asset has the engine `rocket`"),
     ("{ by = coach, within = 1 m }", "LJ0125", 12, 28, "the engine `coach`"),
     ("{ by = city, within = 1 m }", "LJ0125", 12, 28, "the engine `city`"),
     ("{ by = road }", "LJ0106", 12, 15, "lacks `within`"),
@@ -57,15 +57,15 @@ OF_A_TYPE = [
     ("{ by = road, within = 1 m, gives = riders, from = nothing }", "LJ0126", 12, 71, "`nothing`, which is no state"),
     ("{ by = road, within = 1 m, gives = riders, from = weight }", "LJ0126", 12, 71, "`weight`, which is no state"),
     ("{ by = road, within = 1 m, takes = peple }", "LJ0126", 12, 56, "`peple`, which is no state"),
-    ("{ by = road, within = 1 m, gives = riders }", "LJ0106", 12, 15, "gives `riders` without end"),
+    ("{ by = road, within = 1 m, gives = riders }", "LJ0106", 12, 15, "gives `riders` without a limit"),
     ("{ by = road, within = 1 m, gives = riders, takes = people }", "LJ0110", 12, 48, "both takes and gives"),
-    ("{ by = road, within = 1 m, from = people }", "LJ0110", 12, 48, "takes and gives nothing `from` there"),
-    ("{ by = road, within = 1 m, takes = people, up_to = seats }", "LJ0110", 12, 64, "gives nothing `up_to` there"),
+    ("{ by = road, within = 1 m, from = people }", "LJ0110", 12, 48, "has `from`, but neither takes nor gives"),
+    ("{ by = road, within = 1 m, takes = people, up_to = seats }", "LJ0110", 12, 64, "has `up_to`, but gives nothing"),
 ]  # fmt: skip
 IN_A_MISSION = [
     ("gives = cargo_hold, from = people", "LJ0126", "`cargo_hold` of a `road` asset, which is no state"),
     ("takes = people, from = hold", "LJ0126", "takes from the `hold` of a `road` asset"),
-    ("gives = riders, from = people, up_to = wings", "LJ0126", "up to its `wings`, which it has not"),
+    ("gives = riders, from = people, up_to = wings", "LJ0126", "up to its `wings`, which it does not have"),
     ("gives = load, from = people", "LJ0210", "`bus.load` is a mass, `corner.people` a bare number"),
     ("gives = riders, from = parcels", "LJ0210", "`bus.riders` is a bare number, `corner.parcels` a mass"),
     ("gives = riders, up_to = payload", "LJ0210", "`bus.riders` is a bare number, `bus.payload` a mass"),
@@ -118,7 +118,7 @@ def test_by_names_a_role_of_the_files_mission() -> None:
     (board,) = next(entity for entity in instance.entities if entity.id == "corner").interactions
     assert [actor.id for actor in instance.actors(board)] == ["bus"]
     (alone,) = compile_text(types).diagnostics
-    assert (alone.code, alone.message) == ("LJ0125", "no asset that is known here has the engine `driver`")
+    assert (alone.code, alone.message) == ("LJ0125", "no known asset has the engine `driver`")
     (typo,) = compile_text(types.replace("by = driver", "by = drivr") + MISSION).diagnostics
     assert typo.message.endswith("and no agent the role `drivr`") and "`driver`" in typo.hint
     (stateless,) = compile_text(types + MISSION.replace("bus : coach", "bus : car")).diagnostics

@@ -45,7 +45,7 @@ CASES = [
     ("bay {", "commercial { deck = 2 m,", "LJ0508", 8, 22, "`deck` is 2.0"),
     ("~ sites(search, apart >= 10 m)", f"~ {FAR.format('uavs * 1e6 m')}", "LJ0211", 19, 23, "is beyond every scene"),
     ("  param alt", "  sweep all over uavs in [1, 2]\n  stage spare { done when uav[2].heading > 0 deg }\n  param alt",
-        "LJ0507", 15, 9, "with uavs = 1, `spare` asks for `uav[2]`, and `uav` has 1 member"),
+        "LJ0507", 15, 9, "with uavs = 1, `spare` refers to `uav[2]`, and `uav` has 1 member"),
     ("at(i, [", "at(1e15, [", "LJ0507", 22, 5, "counts from 1 to 100,000"),
     ("policy <= 90 s", "policy <= 1e15 s", "LJ0206", 10, 35, "at most 86400 s"),
     ("bay {", "campus { traffic = 1e12,", "LJ0508", 8, 18, "`traffic` is 1000000000000.0"),

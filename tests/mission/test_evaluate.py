@@ -75,7 +75,7 @@ def test_values(expr: ex.Expr, value: object) -> None:
         (ex.Binary("+", n(1), ex.Flag(True)), "does not apply"),
         (ex.Binary("and", ex.Flag(True), n(1)), "true or false is due here, this is the number 1"),
         (ex.Ref("victims", "param"), "there is no param 'victims'"),
-        (ex.Index(UAV, n(3)), "member 3 is asked for, there are 2"),
+        (ex.Index(UAV, n(3)), "there is no member 3, the group has 2"),
         (ex.Index(UAV, n(0)), "member 0 is asked for"),
         (ex.Index(UAV, n(1.5)), "a whole number is due here, this is 1.5"),
         (ex.Attr(ex.Ref("boat", "group"), "speed"), "boat has no 'speed' before the mission runs"),

@@ -220,7 +220,7 @@ FAULTS: dict[str, tuple[Callable[[m.Mission], m.Mission], str]] = {
     "no hub": (lambda s: replace(s, comms=m.Comms()), "ssr/comms: star mode has no hub"),
     "too few": (
         lambda s: replace(s, agents=tuple(replace(a, count=ex.Number(4.0)) if a.count else a for a in s.agents)),
-        "ssr/scout[4]: member 4 is asked for, there are 3",
+        "ssr/scout[4]: there is no member 4, the group has 3",
     ),
     "channel": (
         lambda s: replace(s, agents=(replace(s.agents[1], observes=(m.Channel(source=ex.Symbol("sonar")),)),)),
