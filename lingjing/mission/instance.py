@@ -452,7 +452,8 @@ class Instance(Record, frozen=True, kw_only=True):
         return self.comms.mode
 
     def actors(self, interaction: InteractionSpec) -> tuple[Entity, ...]:
-        """The assets that may perform an interaction: `by` names their engine, or a role whose agents control them."""
+        """The assets that may perform an interaction: `by` names their engine, or a role with agents that
+        control them."""
         played = {name for agent in self.agents if agent.role == interaction.by for name in agent.controls}
         return tuple(
             entity

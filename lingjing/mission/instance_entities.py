@@ -129,7 +129,7 @@ def entities(
     """The members of one group. `scope.members` must have every group; `mission` is part of the names of random
     streams.
 
-    `template_draw` is the draw by which a document's template places a group whose places the document gives.
+    `template_draw` is the draw by which a document's template places a group. The document then gives the places.
     """
     ids = scope.members[group.name]
     columns = {

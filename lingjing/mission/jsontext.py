@@ -47,7 +47,7 @@ def load(text: str, path: str, notes: list[str] | None = None, faults: list[Faul
     if notes is not None:
         for what, without in (("comments", without_comments), ("commas before a bracket", without_extras)):
             if (cleaned := without(plain)) != plain:
-                notes.append(f"$: {what} are no JSON; they are read over and kept")
+                notes.append(f"$: {what} are not valid JSON; they are ignored and kept")
                 plain = cleaned
     try:
         value: object = json.loads(plain)

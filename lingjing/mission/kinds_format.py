@@ -94,7 +94,7 @@ class VerbKind(_Record, frozen=True, kw_only=True):
     """The effect of a verb. The kernel clips to its bounds, and the engine checks the same values."""
 
     motion: VerbMotion = ""
-    """How it moves the body."""
+    """The kind of motion of the body."""
     doc: str = ""
     """The same in words, for policies that choose among verbs."""
     least: dict[str, float] = {}

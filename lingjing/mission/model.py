@@ -518,7 +518,7 @@ class Relation(Record, frozen=True, kw_only=True):
     by: str | None = None
     """The element by which it is exercised."""
     per: str | None = None
-    """The group for each of whose members it holds."""
+    """A group: the relation holds for each of its members."""
     when: Guard | None = None
 
 

@@ -20,7 +20,7 @@ STOP = "stop"
 """The verb that ends a body's present action; the only one that is admitted while the body is busy."""
 
 VerbMotion = Literal["", "straight", "route", "step", "up", "down", "turn"]
-"""How a verb moves its body, as the body's engine declares (`lingjing.mission.kinds_format.VerbKind`).
+"""Motions of a verb's body, as the body's engine declares them (`lingjing.mission.kinds_format.VerbKind`).
 
 `straight`, or along a `route` that the engine plans: to the place in the arguments `x`, `y` (and `z`). A `step` along
 or across its heading, `up` or `down`: by the first argument. A `turn` changes its heading. "": none of these.

@@ -145,7 +145,7 @@ def test_a_place_without_height_stands_on_the_datum(ssr: m.Mission) -> None:
         (lambda s: s["taskMatrix"][0].update(task_type="SSR"), "named by task_type 'SSR'"),
         (lambda s: s.update(taskType="Tea"), "recognised by rescuePersonPosition, shipEntityList and droneEntityList"),
         (lambda s: s.update(taskType="Tea"), "(taskType 'Tea' is not known)"),
-        (lambda s: state(s).update(uav_count=4), "uav_count says 4, the list has 3: the list counts"),
+        (lambda s: state(s).update(uav_count=4), "uav_count says 4, the list has 3: the list is used"),
         (lambda s: state(s).update(weather="Meatballs"), "'Meatballs' is not understood and kept"),
         (lambda s: state(s).update(weather="大雾"), "sets visibility 500 m, cloud 0.9"),
         (lambda s: state(s).pop("rescueRange"), "rescueRange: is missing or empty; the template's region 'search'"),
@@ -167,7 +167,7 @@ def test_a_place_without_height_stands_on_the_datum(ssr: m.Mission) -> None:
         ),
         (
             lambda s: s["equipmentList"]["droneEntityList"][1].update(equipmentCode="UAV-MA-001"),
-            "an equipmentCode stands more than once",
+            "an equipmentCode is repeated",
         ),
         (lambda s: s["taskMatrix"].append(copy.deepcopy(s["taskMatrix"][0])), "the first of 2 rows is played"),
     ],
@@ -190,7 +190,7 @@ def test_targets_that_the_template_places_are_noted(ssr: m.Mission) -> None:
     for template in (ssr, public):
         for edit, note in (
             (lambda s: state(s).update(rescuePersonPosition=[]), "rescuePersonPosition: is empty; the template places"),
-            (lambda s: state(s).pop("rescuePersonPosition"), "initial_state: says nothing of 'victim'; the template"),
+            (lambda s: state(s).pop("rescuePersonPosition"), "initial_state: does not place 'victim'; the template"),
         ):
             text = edited(lambda s, edit=edit: (s.update(taskType="ssr"), edit(s)))
             assert sum(note in line for line in read(template, text)[1]) == 1

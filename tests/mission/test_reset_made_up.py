@@ -242,14 +242,14 @@ def test_a_row_names_its_uav() -> None:
 
     instance, notes = loaded("16", drop)
     assert [entity.label for entity in instance.entities if entity.group == "uav"] == ["U-02", "U-03", "U-01"]
-    assert len(at(instance, "goal")) == 2 and "no goal is that of 'drone1'" in notes
+    assert len(at(instance, "goal")) == 2 and "no goal belongs to 'drone1'" in notes
 
 
 def test_goals_that_nothing_gives_to_a_uav_are_an_error() -> None:
     def more(scenario: Json) -> None:
         listed(scenario, "droneEntityList").pop()
 
-    with pytest.raises(MissionError, match="holds 3 goals for 2 UAVs, and nothing says whose each is"):
+    with pytest.raises(MissionError, match="holds 3 goals for 2 UAVs, and nothing assigns them"):
         loaded("16", more)
 
 
@@ -316,9 +316,9 @@ def test_bodies_side_by_side_are_no_sign_of_metres() -> None:
 def test_a_yaw_beats_a_placeholder() -> None:
     instance, notes = loaded("01")
     (uav,) = (entity for entity in instance.entities if entity.group == "uav")
-    assert uav.heading_deg == 180.0 and "yaw, raw disagree; yaw counts" in notes
+    assert uav.heading_deg == 180.0 and "yaw, raw disagree; yaw is used" in notes
     instance, notes = loaded("01", lambda scenario: listed(scenario, "droneEntityList")[0].update(raw=10.0))
-    assert instance.entities[-1].heading_deg == 10.0 and "raw, yaw disagree; raw counts" in notes
+    assert instance.entities[-1].heading_deg == 10.0 and "raw, yaw disagree; raw is used" in notes
 
 
 def test_run_prints_the_notes_that_compile_prints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -423,7 +423,7 @@ def test_rows_say_less_or_more_than_one_goal() -> None:
 
     assert at(loaded("16", listed_in_one)[0], "goal") == at(loaded("16")[0], "goal")
     instance, notes = loaded("16", second({"status": "pending"}))
-    assert len(at(instance, "goal")) == 2 and "no goal is that of 'drone2'" in notes
+    assert len(at(instance, "goal")) == 2 and "no goal belongs to 'drone2'" in notes
     with pytest.raises(MissionError, match=r"taskMatrix\[1\].initial_state.goalPosition: a place"):
         loaded("16", second("over there"))
 

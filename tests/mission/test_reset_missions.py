@@ -305,7 +305,7 @@ def test_geodetic_targets_and_two_spellings_that_disagree(nine: Nine) -> None:
     both = {"X": 15_000.0, "Y": -2_500.0, **goal}
     mission, notes = read(nine, foreign(nine, "vdn", lambda s: state(s).update(goalPosition=both)))
     assert targets(instantiate(mission), "home") == [(150.0, 25.0, 2.0)]
-    assert notes[1].endswith("goalPosition: lon and lat lie 5 m off X and Y: X and Y count")
+    assert notes[1].endswith("goalPosition: lon and lat lie 5 m off X and Y: X and Y are used")
 
 
 @pytest.mark.parametrize(
@@ -318,14 +318,14 @@ def test_geodetic_targets_and_two_spellings_that_disagree(nine: Nine) -> None:
         ("ufr", lambda s: (s.update(lingjing={"mission": "ufr"}), state(s).update(leak={"X": 0.0, "Y": 0.0})),
          "mission 'ufr' has no pipeline_leak; 1 kept, not played"),
         ("ufr", lambda s: (s.update(taskType="ufr"), _moved("goalFirePosition", "goalPosition")(s)),
-         "goalPosition: taken for 'fire', the only hidden target of mission 'ufr'"),
+         "goalPosition: assigned to 'fire', the only hidden target of mission 'ufr'"),
         ("vdn", lambda s: [s.update(taskType="vdn"), *map(state(s).pop, ["goalPosition"])],
-         "says nothing of 'home'; the template"),
+         "does not place 'home'; the template"),
         ("vdn", lambda s: s["equipmentList"]["unmannedDogEntityList"][0].update(yaw=10.0), "heading, yaw disagree"),
         ("vdn", lambda s: s.update(collaborationType="broadcast"), "mission 'vdn' has no mode 'broadcast'; kept"),
         ("cd", lambda s: s.update(collaborationType="广播"), "'广播' is the mode that is played"),
         ("ufr", lambda s: s["equipmentList"]["autoVehicleEntityList"][0].update(equipmentCode="uav[1]"),
-         "an equipmentCode stands more than once: 'uav[1]'"),
+         "an equipmentCode is repeated: 'uav[1]'"),
         ("ufr", lambda s: state(s)["goalFirePosition"].pop(), "places 2; what sweep 'workload' has beyond is left"),
         ("bi", lambda s: state(s).update(weather={"类型": "晴"}), "weather: an object is not understood and kept"),
         ("bi", lambda s: state(s).update(uav_count=2.0), "uav_count says 2, the list has 1"),
@@ -344,8 +344,8 @@ def test_repeated_keys_are_noted_with_their_path(nine: Nine) -> None:
     text = text.replace('"uav_count"', '"weather": "Fog", "uav_count"', 1)
     mission, notes = read(nine, text)
     where = "$.scenario.taskMatrix[0].initial_state"
-    assert f"{where}.weather: stands more than once in its object; the last one counts" in notes
-    assert f"{where}.goalPosition: stands more than once in its object; the last one counts" in notes
+    assert f"{where}.weather: is repeated in its object; the last one is used" in notes
+    assert f"{where}.goalPosition: is repeated in its object; the last one is used" in notes
     assert instantiate(mission).weather.visibility_m == 500 and mission.origin.document == text
 
 
@@ -470,7 +470,7 @@ def test_a_field_with_places_wins_over_an_empty_one_and_two_are_noted(nine: Nine
     text = foreign(nine, "ufr", lambda s: state(s).update(fire_spots=state(s)["goalFirePosition"][:1]))
     assert f"{where}.fire_spots: 'fire' is given by {where}.goalFirePosition; 1 kept, not played" in read(nine, text)[1]
     spots = [{"X": 0.0, "Y": 0.0}]
-    with pytest.raises(MissionError, match=r"'fire' is given by .*goalFirePosition; its 1 would be dropped"):
+    with pytest.raises(MissionError, match=r"'fire' is given by .*goalFirePosition; its entries .1. would be ignored"):
         read(nine, foreign(nine, "ufr", lambda s: state(s).update(fire_spots=spots)))
 
 

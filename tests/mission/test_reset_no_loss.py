@@ -96,7 +96,7 @@ def test_a_task_type_of_a_later_row_counts() -> None:
 def test_a_place_that_the_named_task_has_nothing_for_is_an_error() -> None:
     whole = document({"goalFirePosition": [xyz(9000.0, 5000.0)]}, uav=UAVS[:1], top={"taskType": "bridge"})
     said = refused(whole)
-    assert "mission 'bi' has no building_fire or fire_source; its 1 would be dropped" in said
+    assert "mission 'bi' has no building_fire or fire_source; its entries (1) would be ignored" in said
     assert '"lingjing": {"mission": "bi"}' in said
 
 
@@ -107,7 +107,7 @@ def test_cars_with_goals_in_rows_keep_every_destination_and_the_note_says_what_i
     ]
     mission, instance, notes = loaded(document(*rows, car=[xyz(0.0, 0.0), xyz(0.0, 4000.0)]))
     assert mission.name == "cr_fleet" and len(at(instance, "goal_place")) == 2
-    assert "the rows are of 'car2', 'car1'; mission 'cr_fleet' lets any of them deal with each place" in notes
+    assert "the rows name 'car2', 'car1'; in mission 'cr_fleet' any of them may serve each place" in notes
 
 
 def test_goals_that_name_their_uavs_stay_theirs_beside_other_bodies() -> None:
@@ -132,7 +132,7 @@ def test_goals_in_rows_that_may_be_uavs_or_a_dogs_are_an_error() -> None:
 def test_a_place_of_zeros_that_is_pending_is_absent(value: Json) -> None:
     mission, instance, notes = loaded(document({"goalPosition": value}, uav=UAVS))
     assert mission.name == "free" and not [one for one in instance.entities if one.role == "target"]
-    assert "goalPosition: has no place yet" in notes and "taken as absent" in notes
+    assert "goalPosition: has no place yet" in notes and "treated as absent" in notes
 
 
 @pytest.mark.parametrize("value", [xyz(0.0, 0.0, status="ready"), xyz(12000.0, 0.0, status="pending"), xyz(0.0, 0.0)])
@@ -142,7 +142,7 @@ def test_a_place_that_is_given_counts(value: Json) -> None:
 
 def test_a_body_that_flies_and_has_no_height_is_noted() -> None:
     whole = document({"goalPosition": {"X": 12000.0, "Y": 0.0}}, uav=[{"X": 0.0, "Y": 0.0}], dog=[])
-    assert "droneEntityList[0].data: gives no height (Z or alt); it begins on what is there" in loaded(whole)[2]
+    assert "droneEntityList[0].data: gives no height (Z or alt); it begins on the surface below" in loaded(whole)[2]
     assert "gives no height" not in loaded(document({}, uav=UAVS, dog=[{"X": 0.0, "Y": 0.0}]))[2]
 
 
@@ -156,7 +156,7 @@ def test_a_body_may_lie_under_position() -> None:
 def test_a_start_that_the_initial_state_gives_elsewhere_is_noted() -> None:
     starts = {"uav_start_positions": {"uav1": UAVS[0], "uav2": UAVS[0]}, "dog_start_position": xyz(1.0, 1.0)}
     notes = loaded(document(starts, uav=UAVS, dog=[xyz(1.0, 1.0)]))[2]
-    assert "uav_start_positions.uav2: is not where a listed body begins; the lists of entities count" in notes
+    assert "uav_start_positions.uav2: is not the place of a listed body; the lists of entities are used" in notes
     assert notes.count("is not where") == 1 and "start_position" not in notes.replace("uav_start_positions.uav2", "")
     assert "uav_start_position: is not" in loaded(document({"uav_start_position": xyz(5e4, 0.0)}, uav=UAVS))[2]
 

@@ -28,7 +28,7 @@ def edited(edit: Edit, name: str = "ssr") -> str:
 
 AT = "$.scenario.equipmentList.droneEntityList"
 STATE = "$.scenario.taskMatrix[0].initial_state"
-TIED = "X = Y = 0 is taken to lie at the template's 31, 121.5"
+TIED = "X = Y = 0 is assumed to be at the template's 31, 121.5"
 READ: list[tuple[Edit, tuple[str, ...]]] = [
     (lambda w, s, d: (d[0].update(name="无人机一号", equipmentCode="无人机-①"), s.update(weather="晴")), ()),
     (lambda w, s, d: w["scenario"].update(collaborationType="星型"), ("'星型' is the mode that is played",)),
@@ -47,7 +47,7 @@ READ: list[tuple[Edit, tuple[str, ...]]] = [
     ),
     (
         lambda w, s, d: d[0].update(raw=10, heading=20, yaw=30),
-        ("heading, raw, yaw disagree; heading counts",),
+        ("heading, raw, yaw disagree; heading is used",),
     ),
     (
         lambda w, s, d: d[0].update(data={"x": 30660.0, "y": 62020.0, "z": 112.0}),

@@ -125,12 +125,15 @@ def test_yaw_stands_in_the_place_and_is_unreals() -> None:
 @pytest.mark.parametrize(
     ("edit", "note"),
     [
-        (lambda w: {"type": "COMMAND", "data": w}, "the wire's envelope is taken off"),
-        (lambda w: {"type": "COMMAND", "data": w["scenario"]}, "the wire's envelope is taken off"),
-        (lambda w: {"Data": {"type": "COMMAND", "data": w}}, "the wire's envelope is taken off; $.Data.data is read"),
+        (lambda w: {"type": "COMMAND", "data": w}, "the transport envelope is removed"),
+        (lambda w: {"type": "COMMAND", "data": w["scenario"]}, "the transport envelope is removed"),
+        (lambda w: {"Data": {"type": "COMMAND", "data": w}}, "the transport envelope is removed; $.Data.data is read"),
         (lambda w: _rows(w, w["scenario"]["taskMatrix"][0]), "taskMatrix: is one object"),
-        (lambda w: json.dumps(w).replace('"taskId"', '// 说明\n"taskId" /* id */', 1), "comments are no JSON"),
-        (lambda w: json.dumps(w).replace("}]", "} , ]").replace("]}", "],\n}"), "commas before a bracket are no JSON"),
+        (lambda w: json.dumps(w).replace('"taskId"', '// 说明\n"taskId" /* id */', 1), "comments are not valid JSON"),
+        (
+            lambda w: json.dumps(w).replace("}]", "} , ]").replace("]}", "],\n}"),
+            "commas before a bracket are not valid JSON",
+        ),
         (lambda w: _drones(w, w["scenario"]["equipmentList"]["droneEntityList"][0]), "droneEntityList: is one object"),
         (lambda w: json.dumps(w, separators=(",", ":")), ""),
         (lambda w: json.dumps(w).replace("droneEntityList", "drone_entity_list"), ""),
@@ -163,7 +166,7 @@ def test_a_search_range_and_a_height_to_fly_at() -> None:
     assert instance.settings["altitude"] == 90.0
     assert any("takeoff_height_m: is the parameter 'altitude'" in note for note in notes)
     _, notes = play(document({**state, "takeoff_height_m": 900}, drones=2, cars=1))
-    assert any("flies no aircraft at 900 m; kept" in note for note in notes)
+    assert any("has no flight altitude of 900 m; kept" in note for note in notes)
 
 
 ORDOS = (39.83, 109.9455)
@@ -196,7 +199,7 @@ def test_deep_heights_of_older_documents() -> None:
     lists["droneEntityList"][0]["data"]["z"] = lists["autoVehicleEntityList"][0]["data"]["z"] = -242_900.0
     instance, notes = play(whole)
     assert [e.position[2] for e in instance.entities if e.group in ("uav", "truck")] == [1.0, 1.0]
-    assert any("heights begin at -2430 m, which is taken for the ground" in note for note in notes)
+    assert any("heights begin at -2430 m, which is used as ground level" in note for note in notes)
 
 
 def test_both_spellings_of_a_place_tie_the_origin() -> None:
@@ -347,7 +350,7 @@ def test_two_words_of_one_task_agree_and_two_tasks_do_not() -> None:
 def test_rain_dims_and_covers_the_sky_with_a_note(word: str) -> None:
     instance, notes = play(document({"fracturePosition": [PLACE], "weather": word}, drones=1))
     assert instance.weather.visibility_m <= 10_000.0 and instance.weather.cloud >= 0.7
-    assert any(f"weather: '{word}' is read as what it does to visibility and cloud; no rain falls" in n for n in notes)
+    assert any(f"weather: '{word}' sets visibility and cloud alone; no rain falls" in n for n in notes)
 
 
 def test_heights_that_cannot_be_over_the_scene_are_noted() -> None:
@@ -356,7 +359,7 @@ def test_heights_that_cannot_be_over_the_scene_are_noted() -> None:
     lists["droneEntityList"][0]["data"]["z"] = 136_000.0
     lists["autoVehicleEntityList"][0]["data"]["z"] = 134_000.0
     instance, notes = play(whole)
-    assert any("heights begin at 1340 m, which is taken for the ground" in note for note in notes)
+    assert any("heights begin at 1340 m, which is used as ground level" in note for note in notes)
     heights = {entity.group: entity.position[2] for entity in instance.entities}
     assert (heights["truck"], heights["uav"], heights["fire"]) == (0.0, 20.0, 5.0)
     lists["autoVehicleEntityList"][0]["data"]["z"] = 0.0  # one thing on the ground is over the scene, so they all are
@@ -376,15 +379,15 @@ def test_heights_that_cannot_be_over_the_scene_are_noted() -> None:
     [
         (
             lambda lists, state, scenario: lists["droneEntityList"][0]["data"].update(alt=400.0),
-            "droneEntityList[0].data: alt says 400 m and Z 1 m: Z counts",
+            "droneEntityList[0].data: alt says 400 m and Z 1 m: Z is used",
         ),
         (
             lambda lists, state, scenario: state["goalFirePosition"][0].update(heading=90.0, yaw=10.0),
-            "goalFirePosition[0]: heading, yaw disagree; heading counts",
+            "goalFirePosition[0]: heading, yaw disagree; heading is used",
         ),
         (
             lambda lists, state, scenario: scenario.update(collaborationType="星型", lingjing={"mode": "broadcast"}),
-            "collaborationType: says 'star', 'lingjing' broadcast: the latter counts",
+            "collaborationType: says 'star', 'lingjing' broadcast: the latter is used",
         ),
     ],
 )
@@ -530,9 +533,9 @@ def test_what_is_beside_a_scenario_stays_beside_it() -> None:
 
 
 def test_what_no_template_binds_is_an_error() -> None:
-    with pytest.raises(MissionError, match="no template has anything for 'pollutionPosition'"):
+    with pytest.raises(MissionError, match="no template has a target for 'pollutionPosition'"):
         play(document({"pollutionPosition": [PLACE]}, drones=1))
-    with pytest.raises(MissionError, match="no template has anything for 'pollution_source'"):
+    with pytest.raises(MissionError, match="no template has a target for 'pollution_source'"):
         play(document({"pollution_source": PLACE, "goalFirePosition": [PLACE]}, drones=1))
     assert play(document({"pollutionPosition": [], "goalFirePosition": [PLACE]}, drones=1))[0].mission == "fire_search"
 

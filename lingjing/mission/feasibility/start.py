@@ -141,7 +141,7 @@ class StartKnowledge(Knowledge):
         return Estimate(*points[0], off)
 
     def answer(self, call: ex.Call, arguments: Sequence[Value]) -> Value:
-        """What a function answers at the start; a rule about a message is false, another is looked through."""
+        """The value of a function at the start. A rule about a message is false; another rule is evaluated."""
         if not call.rule:
             operation_entry = operation(call)
             return None if operation_entry is None else operation_entry.at_start

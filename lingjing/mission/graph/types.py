@@ -76,7 +76,7 @@ class GraphNode(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     within: str | None = None
     """Id of the node that contains it."""
     per: str | None = None
-    """Id of the group for each of whose members it exists once."""
+    """Id of a group: the node exists once for each of its members."""
     when: str = ""
     """Its guard as written; "" if it has none."""
     modes: tuple[str, ...] = ()

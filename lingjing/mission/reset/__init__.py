@@ -1,11 +1,14 @@
-"""`resetScenario` documents in and out: another spelling of a mission, which instantiates a template.
+"""`resetScenario` documents in and out: another text form of a mission, which fills a template.
 
-In the order of the work: `shapes` (what is read, as pydantic models), `spelling` (keys under one name), `elements` (a
-satellite's), `faults` (in words), `repair` (so that one run tells all of them), `document` (a document that was read),
-`fields` (hidden places), `row_goals` (goals of one UAV each), `template` (which mission it is for), `unit` and `frame`
-(its lengths, where it lies), `groups` and `targets` (what is placed where), `scene_fit` (the scene comes to it),
-`starts` (places that the initial state repeats), `notes` (what is left over), `reading` (a document → a mission),
-`emit` (the way back), `schema` (the JSON Schema).
+Concepts. A document places entities and hides targets. A *template* is a compiled mission that supplies everything
+else. A *hidden field* holds hidden places. A *frame* converts the document's coordinates to metres.
 
-This package is the one door to pydantic in `lingjing.mission`; it is loaded for `resetScenario` documents alone.
+Modules in control-flow order: `shapes` (the parts of a document as pydantic models), `spelling` (alternative keys),
+`elements` (orbital elements of satellites), `faults` (errors in words), `repair` (repairs a document with errors, so
+that one run reports all of them), `document` (a parsed document), `fields` (hidden fields), `row_goals` (goals of
+single UAVs), `template` (selects the template), `unit` and `frame` (unit and position of its coordinates), `groups` and
+`targets` (fill groups of the template), `scene_fit` (moves and widens the scene), `starts` (repeated start positions),
+`notes` (unread parts), `reading` (a document → a mission), `emit` (a mission → a document), `schema` (the JSON Schema).
+
+Within `lingjing.mission` only this package uses pydantic. It is loaded for `resetScenario` documents alone.
 """

@@ -1,4 +1,4 @@
-"""Two-line elements of satellites: the keys they stand under in a `resetScenario`, and what is wrong with a pair."""
+"""Two-line elements of satellites in a `resetScenario`: their keys, and checks of a pair of lines."""
 
 from __future__ import annotations
 
@@ -7,32 +7,32 @@ from datetime import datetime, timedelta
 from typing import Any
 
 from lingjing.mission.elements import checksum, line_fault
-from lingjing.mission.reset.shapes import OrbitalElements, Satellite, folded, keys_of
+from lingjing.mission.reset.shapes import OrbitalElements, Satellite, fold_key, keys_of
 
 LINES = ("tle1", "tle2", "tle")
 """The keys of element lines."""
 
 
-def lifted(row: dict[str, Any]) -> None:
-    """Put the element lines of one satellite under `tle1`, `tle2` or `tle` (in place).
+def lift_elements(row: dict[str, Any]) -> None:
+    """Move the element lines of one satellite to `tle1`, `tle2` or `tle` (in place).
 
-    They may also stand inside of its `data`, or in an object under `tle`, and as numbers: inclination, right ascension,
-    eccentricity, argument of perigee, mean anomaly (degrees), mean motion (revolutions a day) and an epoch.
+    They may also be inside of its `data`, in an object under `tle`, or given as numbers: inclination, right ascension,
+    argument of perigee, mean anomaly (degrees), eccentricity, mean motion (revolutions a day) and an epoch.
     """
     holders = [*(value for value in row.values() if isinstance(value, dict)), row]
-    made = next((lines for holder in holders if (lines := _from_numbers(holder))), None)
+    computed = next((lines for holder in holders if (lines := _from_numbers(holder))), None)
     for holder in holders:
         _lift(holder, row)
-    if made and not any(isinstance(row.get(name), str) for name in LINES):
-        row["tle1"], row["tle2"] = made
+    if computed and not any(isinstance(row.get(name), str) for name in LINES):
+        row["tle1"], row["tle2"] = computed
         row.pop("tle", None)
 
 
 def _from_numbers(holder: Mapping[str, Any]) -> tuple[str, str] | None:
-    """The two lines of elements that are given as numbers; None if one is missing or none of its kind."""
+    """The two lines of elements given as numbers; None if a number is missing or invalid."""
     known = keys_of(OrbitalElements).spellings
     try:
-        n = OrbitalElements.model_validate({known.get(folded(key), key): value for key, value in holder.items()})
+        n = OrbitalElements.model_validate({known.get(fold_key(key), key): value for key, value in holder.items()})
         epoch = datetime.fromisoformat(str(n.epoch))
     except ValueError:
         return None
@@ -46,7 +46,7 @@ def _from_numbers(holder: Mapping[str, Any]) -> tuple[str, str] | None:
 
 def _lift(holder: dict[str, Any], row: dict[str, Any]) -> None:
     for key in list(holder):
-        name = keys_of(Satellite).spellings.get(folded(key))
+        name = keys_of(Satellite).spellings.get(fold_key(key))
         if name not in LINES:
             continue
         if name == "tle" and isinstance(holder[key], dict):
@@ -57,7 +57,7 @@ def _lift(holder: dict[str, Any], row: dict[str, Any]) -> None:
 
 
 def elements_fault(lines: Sequence[str]) -> str:
-    """What is wrong with a pair of element lines, or ""."""
+    """The error of a pair of element lines, or ""."""
     if len(lines) != 2:
         return f"has {len(lines)} line of elements, not two"
     for number, line in enumerate(lines, start=1):

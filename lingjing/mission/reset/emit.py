@@ -1,9 +1,9 @@
-"""`resetScenario` out: `emit(mission)`.
+"""`emit(mission)`: a mission as a `resetScenario` document.
 
-A mission that came from a document gives that document back to the letter, with the `lingjing` object added to its
-scenario if it had none. A mission written in the language gives a complete document with the paper's keys; since such
-a document holds places and not draws, they are drawn first (seed, mode and settings are recorded in `lingjing`), and
-reading it again gives the same instance for that seed.
+A mission from a document gives that document unchanged, with the `lingjing` object added to its scenario if it had
+none. A mission in the language gives a complete document with the paper's keys. Such a document has places and no
+draws, so that they are drawn first; seed, mode and settings are recorded in `lingjing`. Reading the document again
+gives the same instance for that seed.
 """
 
 from __future__ import annotations
@@ -21,14 +21,16 @@ from lingjing.mission.reset.document import scenario_keys
 from lingjing.mission.reset.fields import FIELDS
 from lingjing.mission.reset.groups import MEASURES
 from lingjing.mission.reset.reading import search_region
-from lingjing.mission.reset.shapes import LISTS, folded
+from lingjing.mission.reset.shapes import LISTS, fold_key
 from lingjing.mission.reset.targets import PERSONS
 from lingjing.mission.weather_words import word_for
 
-PERSON_FIELD, FIRE_FIELD = "rescuePersonPosition", "goalFirePosition"
+PERSON_FIELD = "rescuePersonPosition"
+FIRE_FIELD = "goalFirePosition"
+"""The paper's field of hidden fires."""
 
 OWN_FIELDS = {"fire_source": FIRE_FIELD, "delivery_door": "goalPosition", "air_goal": "goalPosition"}
-"""The fields of target types that are not the first of any field."""
+"""Fields of target types that are not the first type of any field."""
 
 Json = bool | int | float | str | list["Json"] | dict[str, "Json"] | None
 
@@ -41,10 +43,10 @@ def emit(
     settings: Mapping[str, float] | None = None,
     plain: bool = False,
 ) -> str:
-    """The mission as a `resetScenario` document; seed, mode and settings matter to a template only.
+    """The mission as a `resetScenario` document. Seed, mode and settings affect a template only.
 
-    `plain` adds no `lingjing` object: a document comes back to the letter, and `MissionError` says which places of a
-    template only that object can hold.
+    `plain` adds no `lingjing` object: a document comes back unchanged. Raises `MissionError` with the places of a
+    template that only that object can hold.
     """
     if mission.origin.document:
         return mission.origin.document if plain else with_template(mission.origin.document, mission.name)
@@ -57,7 +59,7 @@ def emit(
 
 
 def _without_template(mission: model.Mission, scenario: dict[str, Json]) -> None:
-    """Take the `lingjing` object out of a scenario that was made here."""
+    """Remove the `lingjing` object from a generated scenario."""
     added = scenario.pop("lingjing")
     targets = added.get("targets") if isinstance(added, dict) else None
     if isinstance(targets, dict):
@@ -71,7 +73,7 @@ def _without_template(mission: model.Mission, scenario: dict[str, Json]) -> None
 def with_template(text: str, name: str) -> str:
     """The document with `"lingjing": {"mission": name}` as its scenario's first field; unchanged if it has one."""
     start, keys = _scenario_span(text)
-    if any(folded(key) == "lingjing" for key in keys):
+    if any(fold_key(key) == "lingjing" for key in keys):
         return text
     inner = text[start + 1 :]
     margin = inner[: len(inner) - len(inner.lstrip())]
@@ -81,7 +83,7 @@ def with_template(text: str, name: str) -> str:
 
 
 def _scenario_span(text: str) -> tuple[int, set[str]]:
-    """Where the scenario's opening brace stands, and the scenario's keys."""
+    """The offset of the scenario's opening brace, and the scenario's keys."""
     plain = jsontext.without_extras(text)
     start = len(plain) - len(plain.removeprefix("\ufeff").lstrip())
     members = _members(plain, start)
@@ -92,19 +94,20 @@ def _scenario_span(text: str) -> tuple[int, set[str]]:
 
 
 def _members(text: str, start: int) -> dict[str, int]:
-    """Keys of the JSON object that begins at `start`, and where each value begins; the last of equal keys counts."""
+    """Keys of the JSON object that begins at `start`, with the offset of each value. Of equal keys the last one is
+    used."""
     decoder = json.JSONDecoder()
-    found: dict[str, int] = {}
+    offsets: dict[str, int] = {}
     position = _blank(text, start + 1)
     while text[position] != "}":
         key, position = decoder.raw_decode(text, position)
         position = _blank(text, _blank(text, position) + 1)
-        found[key] = position
+        offsets[key] = position
         _, position = decoder.raw_decode(text, position)
         position = _blank(text, position)
         if text[position] == ",":
             position = _blank(text, position + 1)
-    return found
+    return offsets
 
 
 def _blank(text: str, position: int) -> int:
@@ -124,8 +127,10 @@ def _scenario(mission: model.Mission, instance: Instance, settings: dict[str, fl
     if others:
         added["targets"] = others
     lists: dict[str, Json] = {
-        one.name: [_equipment(e) for e in instance.entities if e.role == "asset" and e.engine == one.engine]
-        for one in LISTS
+        entity_list.name: [
+            _equipment(e) for e in instance.entities if e.role == "asset" and e.engine == entity_list.engine
+        ]
+        for entity_list in LISTS
     }
     return {
         "commandType": "resetScenario",
@@ -156,14 +161,14 @@ def _initial_state(
     persons = any(group.type == PERSONS for group in mission.groups)
     name = search_region(mission) if persons else ""
     outline = _corners([region for region in instance.regions if region.name == name], instance)
-    # The paper's own keys are always there, with the hidden places of other missions after them.
+    # The paper's own keys are always present; the hidden places of other missions follow.
     return {**state, PERSON_FIELD: [], "rescueRange": outline, FIRE_FIELD: [], **fields}
 
 
 def _targets(mission: model.Mission, instance: Instance) -> tuple[dict[str, Json], dict[str, Json]]:
-    """The places of the target groups: under the document's own fields, and by group where there is none for them.
+    """The places of the target groups: under the document's own fields, and by group without such a field.
 
-    A field stands for the first group of its types; the reader gives it to the same one.
+    A field belongs to the first group of its types; the reader assigns it to the same group.
     """
     fields: dict[str, Json] = {}
     others: dict[str, Json] = {}
@@ -185,8 +190,10 @@ def _targets(mission: model.Mission, instance: Instance) -> tuple[dict[str, Json
 
 
 def _target(entity: Entity, person: bool) -> Json:
-    given = ((one, entity.properties.get(one.property)) for one in MEASURES)
-    added: dict[str, Json] = {one.field: value * one.per_unit for one, value in given if isinstance(value, int | float)}
+    values = ((measure, entity.properties.get(measure.property)) for measure in MEASURES)
+    added: dict[str, Json] = {
+        measure.field: value * measure.per_unit for measure, value in values if isinstance(value, int | float)
+    }
     return {"personId" if person else "targetId": entity.label or entity.id, **_coordinates(entity.position), **added}
 
 

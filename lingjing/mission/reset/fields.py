@@ -1,9 +1,9 @@
-"""The places a `resetScenario` hides: under which fields they stand, what may lie there, and what each entry says.
+"""Hidden fields of a `resetScenario`: their names, the target types that they may hold, and their entries.
 
 Documents spell these fields in many ways (`goalFirePosition`, `fire_spots`, `leak`, `task_points`, …) and put them into
 the initial state, the task or the scenario, as a list or as a single object. Spellings are compared by their letters
-and digits alone. What is neither a list nor an object is a fault, except under a word that may as well be a remark
-(`congestion: "heavy"`): there it is kept and noted.
+and digits alone. A value that is neither a list nor an object is a fault. Under a word that may also be a remark
+(`congestion: "heavy"`), it is kept and noted.
 """
 
 from __future__ import annotations
@@ -14,24 +14,27 @@ from typing import Any
 
 from lingjing.mission.faults import kind_of
 from lingjing.mission.reset.document import Parsed
-from lingjing.mission.reset.shapes import HiddenPlace, folded
+from lingjing.mission.reset.shapes import HiddenPlace, fold_key
 
 
 @dataclass(frozen=True, slots=True)
 class HiddenField:
-    """One kind of hidden field: the name it is written under, the target types it may hold (the likeliest first; what
-    extends one is one), and its other spellings, folded. A `general` one says nothing of what lies there. It may stand
-    for a target of the types in `also`, but does not tell a mission by them."""
+    """One kind of hidden field."""
 
     name: str
+    """The name under which it is written."""
     types: tuple[str, ...]
+    """Target types that it may hold, the likeliest first. Subtypes are included."""
     spellings: frozenset[str]
+    """Its other spellings, folded."""
     general: bool = False
+    """True if its name does not imply the type of the target."""
     also: tuple[str, ...] = ()
+    """Further types that it may hold, which do not select a template."""
 
 
 def _field(name: str, types: str, spellings: str, *, general: bool = False, also: str = "") -> HiddenField:
-    stems = (folded(name), *spellings.split())
+    stems = (fold_key(name), *spellings.split())
     plural = (stem + "s" for stem in stems if not stem.endswith("s"))
     return HiddenField(name, tuple(types.split()), frozenset((*stems, *plural)), general, tuple(also.split()))
 
@@ -84,18 +87,18 @@ FIELDS: tuple[HiddenField, ...] = (
         general=True,
     ),
 )
-"""In the order in which they claim target groups: what says most comes first."""
+"""The kinds in the order in which they claim target groups: the most specific one first."""
 
 
 REMARKS = frozenset({
     "congestion", "delivery", "depot", "destination", "fracture", "bridgefracture", "house", "leak", "pipelineleak",
     "pollution", "trafficjam", "warehouse", "仓库", "排队", "队列", "污染源", "目的地", "终点",
 })  # fmt: skip
-"""Spellings that name the thing and not its place: a text or a number under them may be a remark on it."""
+"""Folded spellings that name the target and not its place: a text or a number under them may be a remark."""
 
 
 PENDING = ("pending", "tbd", "tobe", "unknown", "later", "notset", "notready", "unset", "undefined", "none", "待", "未")
-"""Words, folded, by which a value without coordinates says that its place is not known yet."""
+"""Folded words by which a value without coordinates states that its place is not known yet."""
 
 _STATUS_KEYS = frozenset({"status", "state", "状态"})
 _REMARK_KEYS = _STATUS_KEYS | {"note", "remark", "comment", "description", "备注", "说明"}
@@ -106,63 +109,64 @@ _COORDINATES = frozenset({
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
-    """A hidden field of a document: what it is, the key and JSON path it stands at, its entries and their paths.
-
-    `pending`: it has entries, and all of them say that their place comes later.
-    """
+class HiddenEntries:
+    """A hidden field of a document with its entries."""
 
     field: HiddenField
     key: str
+    """The key in the document."""
     path: str
+    """JSON path of the field."""
     targets: tuple[HiddenPlace, ...]
     paths: tuple[str, ...]
+    """JSON paths of the entries."""
     pending: bool = False
+    """True if it has entries, and all of their places are given later."""
 
     def at(self, index: int) -> str:
         """JSON path of one entry."""
         return self.paths[index]
 
-    def extended(self, other: Found) -> Found:
-        """The field with the entries of another one, without those that repeat one of its own."""
-        new = [k for k, entry in enumerate(other.targets) if not any(_is_same(entry, one) for one in self.targets)]
+    def extended(self, other: HiddenEntries) -> HiddenEntries:
+        """The field with the entries of another one, except those that repeat one of its own."""
+        new = [k for k, entry in enumerate(other.targets) if not any(_is_same(entry, own) for own in self.targets)]
         targets = (*self.targets, *(other.targets[k] for k in new))
         return replace(self, targets=targets, paths=(*self.paths, *(other.paths[k] for k in new)))
 
-    def repeats(self, other: Found) -> bool:
+    def repeats(self, other: HiddenEntries) -> bool:
         """True if every entry of this field is one of the other field's."""
-        return all(any(_is_same(entry, one) for one in other.targets) for entry in self.targets)
+        return all(any(_is_same(entry, other_entry) for other_entry in other.targets) for entry in self.targets)
 
 
-def _is_same(one: HiddenPlace, other: HiddenPlace) -> bool:
-    """True if two entries lie at one place and no id tells them apart."""
-    return one.place.spot == other.place.spot and (not one.key or not other.key or one.key == other.key)
+def _is_same(first: HiddenPlace, second: HiddenPlace) -> bool:
+    """True if two entries have the same place and no different ids."""
+    return first.place.spot == second.place.spot and (not first.key or not second.key or first.key == second.key)
 
 
 def field_of(key: str) -> HiddenField | None:
-    """The kind of hidden field a key spells, or None."""
-    word = folded(key)
+    """The kind of hidden field that a key spells, or None."""
+    word = fold_key(key)
     return next((field for field in FIELDS if word in field.spellings), None)
 
 
-def hidden_fields(parsed: Parsed) -> tuple[Found, ...]:
-    """Every hidden field of the document, empty ones too, in the order of `FIELDS`. Those of the rows after the first
-    are added to the same kind of field of the first; what repeats a place counts once.
+def hidden_fields(parsed: Parsed) -> tuple[HiddenEntries, ...]:
+    """Every hidden field of the document, also empty ones, in the order of `FIELDS`. Fields of later rows are merged
+    into the same kind of field of the first row; repeated places count once.
 
-    `MissionError` for an entry that is no place by its types.
+    Reports a fault for an entry that is no place.
     """
-    found = [one for holder, path in parsed.holders() for one in _found(holder, path, parsed)]
+    fields = [field for holder, path in parsed.holders() for field in _read_fields(holder, path, parsed)]
     for holder, path in parsed.later_holders():
-        for later in _found(holder, path, parsed):
-            same = next((k for k, one in enumerate(found) if one.field is later.field and one.targets), None)
+        for later in _read_fields(holder, path, parsed):
+            same = next((k for k, field in enumerate(fields) if field.field is later.field and field.targets), None)
             if same is None:
-                found.append(later)
+                fields.append(later)
             else:
-                found[same] = found[same].extended(later)
-    return tuple(sorted(found, key=lambda one: FIELDS.index(one.field)))
+                fields[same] = fields[same].extended(later)
+    return tuple(sorted(fields, key=lambda field: FIELDS.index(field.field)))
 
 
-def _found(holder: Mapping[str, Any], path: str, parsed: Parsed) -> Iterator[Found]:
+def _read_fields(holder: Mapping[str, Any], path: str, parsed: Parsed) -> Iterator[HiddenEntries]:
     for key, value in holder.items():
         field = field_of(key)
         if field is None:
@@ -170,28 +174,28 @@ def _found(holder: Mapping[str, Any], path: str, parsed: Parsed) -> Iterator[Fou
         where = f"{path}.{key}"
         items = [value] if isinstance(value, dict) else value
         if not isinstance(items, list):
-            if folded(key) in REMARKS:
+            if fold_key(key) in REMARKS:
                 parsed.notes.append(f"{where}: is no list of places; not understood and kept")
             else:
                 hint = "give X and Y in centimetres, or lon and lat in degrees"
                 parsed.report(where, f"a place or a list of places is due, this is {kind_of(value)}", hint)
             continue
         paths = [where] if isinstance(value, dict) else [f"{where}[{k}]" for k in range(len(items))]
-        given = len(items)
+        count = len(items)
         paths, items = _present(paths, items, parsed)
-        spelt_before = len(parsed.spelt.faults)
-        unified = [parsed.spelt.unify(item, HiddenPlace, at) for item, at in zip(items, paths, strict=True)]
-        parsed.faults.extend(parsed.spelt.faults[spelt_before:])
-        read = [parsed.converted(item, HiddenPlace, at) for item, at in zip(unified, paths, strict=True)]
-        parsed.notes.extend(note for note in parsed.spelt.notes if note not in parsed.notes)
-        yield Found(field, key, where, tuple(read), tuple(paths), pending=bool(given) and not items)
+        spelling_before = len(parsed.spelling.faults)
+        unified = [parsed.spelling.unify(item, HiddenPlace, at) for item, at in zip(items, paths, strict=True)]
+        parsed.faults.extend(parsed.spelling.faults[spelling_before:])
+        read = [parsed.convert(item, HiddenPlace, at) for item, at in zip(unified, paths, strict=True)]
+        parsed.notes.extend(note for note in parsed.spelling.notes if note not in parsed.notes)
+        yield HiddenEntries(field, key, where, tuple(read), tuple(paths), pending=bool(count) and not items)
 
 
 def _present(paths: Sequence[str], items: Sequence[Any], parsed: Parsed) -> tuple[list[str], list[Any]]:
-    """The entries without those that hold nothing or say that their place comes later, which are noted."""
+    """The entries except those that are empty or state that their place is given later, which are noted."""
     absent = [item == {} or (isinstance(item, dict) and is_pending(item)) for item in items]
     parsed.notes.extend(
-        f"{path}: has no place yet ({_words(item) or 'it holds nothing'}); taken as absent"
+        f"{path}: has no place yet ({_words(item) or 'it is empty'}); treated as absent"
         for path, item, is_absent in zip(paths, items, absent, strict=True)
         if is_absent
     )
@@ -200,10 +204,10 @@ def _present(paths: Sequence[str], items: Sequence[Any], parsed: Parsed) -> tupl
 
 
 def is_pending(item: Mapping[str, Any]) -> bool:
-    """True if an entry has no coordinates and says that it will have some, or has a `status` of that kind beside
-    coordinates that are all 0, which stand in for none."""
-    inner = [one for one in item.values() if isinstance(one, Mapping)]
-    pairs = [(folded(key), value) for holder in (item, *inner) for key, value in holder.items()]
+    """True if an entry has no coordinates and states that they come later, or if its `status` states that and all its
+    coordinates are 0."""
+    inner = [part for part in item.values() if isinstance(part, Mapping)]
+    pairs = [(fold_key(key), value) for holder in (item, *inner) for key, value in holder.items()]
     coordinates = [value for key, value in pairs if key in _COORDINATES]
     if not coordinates:
         return _comes_later(_texts(item))
@@ -212,16 +216,16 @@ def is_pending(item: Mapping[str, Any]) -> bool:
 
 
 def _comes_later(texts: Iterable[str]) -> bool:
-    return any(word in folded(text) for text in texts for word in PENDING)
+    return any(word in fold_key(text) for text in texts for word in PENDING)
 
 
 def _texts(item: Mapping[str, Any]) -> Iterator[str]:
     for key, value in item.items():
         if isinstance(value, Mapping):
             yield from _texts(value)
-        elif isinstance(value, str) and folded(key) in _REMARK_KEYS:
+        elif isinstance(value, str) and fold_key(key) in _REMARK_KEYS:
             yield value
 
 
 def _words(item: Mapping[str, Any]) -> str:
-    return ", ".join(f"'{said[:40]}'" for said in _texts(item))
+    return ", ".join(f"'{text[:40]}'" for text in _texts(item))

@@ -1,4 +1,4 @@
-"""Put what a `resetScenario` places into a group of its template: count, places, headings, labels and weights."""
+"""Fill a group of the template from a `resetScenario`: count, places, headings, labels and measures."""
 
 from __future__ import annotations
 
@@ -30,23 +30,29 @@ from lingjing.mission.reset.shapes import Coordinates, Equipment, HiddenPlace, S
 from lingjing.mission.reset.template import fleet_of
 
 _MOST = 1e9
-"""No number of a hidden place is as large."""
+"""Upper bound of every measure of a hidden place (chosen)."""
 
 
 class Measure(NamedTuple):
-    """A number that a hidden place may have: its field in the document, the property of a target that it sets and what
-    that says, the property's unit, how many of the document's make one of it, what the document's are, the least."""
+    """A number of a hidden place that sets a property of the target."""
 
     field: str
+    """Its field in the document."""
     property: str
+    """The property that it sets."""
     says: str
+    """The quantity in words."""
     unit: str = ""
+    """The property's unit."""
     per_unit: float = 1.0
+    """Number of the document's units in one of the property's."""
     said_in: str = ""
+    """The document's unit in words."""
     least: float = 0.0
+    """Its smallest value."""
 
     def fits(self, value: object) -> TypeGuard[float]:
-        """Whether a value of the document is such a number."""
+        """True if a value of the document is such a number."""
         return isinstance(value, int | float) and not isinstance(value, bool) and self.least <= value < _MOST
 
 
@@ -57,24 +63,25 @@ MEASURES = (
     Measure("range", "range_m", "range", "m", 100.0, "centimetres"),
     Measure("scale", "scale", "scale"),
 )
+"""The measures of hidden places."""
 
 AGREE_M = 1.0
-"""Two spellings of one place may differ by this without a note: documents round degrees."""
+"""Two spellings of one place may differ by this distance without a note, metres (chosen): documents round degrees."""
 
 
 AGREE_DEG = 1.0
-"""Two spellings of one direction may differ by this without a note."""
+"""Two spellings of one direction may differ by this angle without a note, degrees (chosen)."""
 
 
 class Spot(NamedTuple):
-    """One thing that the document places, and the JSON path of its place."""
+    """A part of the document that places an entity, and the JSON path of its place."""
 
     part: Equipment | HiddenPlace
     path: str
 
 
-def world(data: Coordinates, path: str, frame: DocumentFrame, parsed: Parsed) -> tuple[float, ...]:
-    """East, north and, if given, elevation in metres; what lies beyond every scene is reported."""
+def to_world(data: Coordinates, path: str, frame: DocumentFrame, parsed: Parsed) -> tuple[float, ...]:
+    """East, north and, if given, elevation in metres. A place beyond every scene is reported."""
     place = frame.place(data)
     if place is None:
         parsed.report(path, "has no place", "give X and Y in centimetres, or lon and lat in degrees")
@@ -88,56 +95,56 @@ def world(data: Coordinates, path: str, frame: DocumentFrame, parsed: Parsed) ->
 
 
 def _place_notes(spot: Spot, group: model.Group, frame: DocumentFrame, parsed: Parsed) -> Iterator[str]:
-    """What to note of a place: two spellings of it, or of its height, that differ; that it lies farther from the
-    scene's origin than a scene is wide; a height that cannot be one over the scene for such an entity."""
+    """Notes on a place: two different spellings of it or of its height, a distance from the origin larger than a scene,
+    or an implausible height for such an entity."""
     data = spot.part.place
-    east, north, *above = world(data, spot.path, frame, parsed)
+    east, north, *above = to_world(data, spot.path, frame, parsed)
     if None not in (data.x, data.y, data.lon, data.lat):
         other = frames.from_geodetic(data.lat or 0.0, data.lon or 0.0, frame.origin)
         apart = max(abs(east - other[0]), abs(north - other[1]))
         if apart > AGREE_M:
-            yield f"{spot.path}: lon and lat lie {apart:.0f} m off X and Y: X and Y count"
+            yield f"{spot.path}: lon and lat lie {apart:.0f} m off X and Y: X and Y are used"
     if data.z is not None and data.alt is not None:
         z_m = frames.from_unreal(0.0, 0.0, data.z)[2]
         if abs(z_m - data.alt) > AGREE_M:
-            counts = "alt" if None in (data.x, data.y) else "Z"
-            yield f"{spot.path}: alt says {data.alt:g} m and Z {z_m:g} m: {counts} counts"
+            source = "alt" if None in (data.x, data.y) else "Z"
+            yield f"{spot.path}: alt says {data.alt:g} m and Z {z_m:g} m: {source} is used"
     distance = math.hypot(east, north)
     if distance > FAR_M:
         latitude, longitude = frame.origin
         yield f"{spot.path}: lies {distance / 1000:.0f} km from the scene's origin at {latitude:g}, {longitude:g}"
     if not above and group.engine in FLYING:
-        yield f"{spot.path}: gives no height (Z or alt); it begins on what is there"
+        yield f"{spot.path}: gives no height (Z or alt); it begins on the surface below"
     high_m = GROUND_HIGH_M if group.engine in ON_THE_GROUND else HIDDEN_HIGH_M
     if above and not LOW_M <= above[0] <= high_m and not engine_kind(group.engine).anywhere:
         yield (
-            f"{spot.path}: its height is {above[0]:g} m over the scene, which is played so; if heights are measured "
+            f"{spot.path}: its height is {above[0]:g} m over the scene, which is used as it is; if heights have "
             'from elsewhere, "lingjing": {"datum_m": metres} would say from where'
         )
 
 
 def _headings(group: model.Group, spots: Sequence[Spot], parsed: Parsed) -> tuple[float, ...]:
-    """The compass headings of all; none where nobody has one. Spellings that disagree are noted."""
-    given = [spot.part.headings for spot in spots]
-    for spot, named in zip(spots, given, strict=True):
-        if not named and any(given):
+    """The compass headings of all entities; none if no entity has one. Different spellings are noted."""
+    spellings = [spot.part.headings for spot in spots]
+    for spot, named in zip(spots, spellings, strict=True):
+        if not named and any(spellings):
             parsed.report(spot.path, "has no heading while others have one", "give all a heading, or none")
-        if any(abs((one - other + 180.0) % 360.0 - 180.0) > AGREE_DEG for one, other in pairwise(named.values())):
+        if any(abs((a - b + 180.0) % 360.0 - 180.0) > AGREE_DEG for a, b in pairwise(named.values())):
             where = spot.path.removesuffix(".data")
-            parsed.notes.append(f"{where}: {', '.join(named)} disagree; {next(iter(named))} counts")
-    return tuple(next(iter(named.values())) for named in given if named)
+            parsed.notes.append(f"{where}: {', '.join(named)} disagree; {next(iter(named))} is used")
+    return tuple(next(iter(named.values())) for named in spellings if named)
 
 
 def origin_of(mission: model.Mission) -> tuple[float, float]:
     """Latitude and longitude of the scene's origin in degrees."""
-    # The other options may need regions, which may need entities: none of them is known yet.
+    # The other options may need regions and entities, which are not known yet.
     options = tuple(option for option in mission.scene.options if option.name == "origin")
     bare = msgspec.structs.replace(mission, scene=msgspec.structs.replace(mission.scene, options=options))
     return scene_spec(bare, _scope(mission), 0).origin
 
 
-def plays(mission: model.Mission, group: model.Group) -> bool:
-    """Whether the group exists in the mission's default mode."""
+def exists_by_default(mission: model.Mission, group: model.Group) -> bool:
+    """True if the group exists in the mission's default mode."""
     return holds(group.when, _scope(mission))
 
 
@@ -146,7 +153,7 @@ def _scope(mission: model.Mission) -> Scope:
     return Scope(parameters=parameters(mission, mode, {}), mode=mode)
 
 
-def filled(
+def fill_group(
     mission: model.Mission,
     group: model.Group,
     spots: Sequence[Spot],
@@ -154,30 +161,30 @@ def filled(
     parsed: Parsed,
     where: str,
 ) -> model.Mission:
-    """The mission with one group's count, places, headings, labels and weights taken from the document."""
+    """The mission with one group's count, places, headings, labels and measures from the document."""
     if group.count is None:
         if not spots:
             _too_few(parsed, where, group, mission)
             return mission
         if len(spots) > 1:
-            said = f"holds {len(spots)}, mission '{mission.name}' has one {group.name}"
+            message = f"holds {len(spots)}, mission '{mission.name}' has one {group.name}"
             fleet = fleet_of(mission.name)
             named = f'one that has several: "lingjing": {{"mission": "{fleet}"}}' if fleet else "one of your own"
             hint = f"leave one, or name a template, {named}"
-            parsed.report(where, said, hint)
+            parsed.report(where, message, hint)
             return mission
     else:
-        mission = _counted(mission, group, len(spots), parsed, where)
+        mission = _with_count(mission, group, len(spots), parsed, where)
         group = next(g for g in mission.groups if g.name == group.name)
     if not spots:
         return mission
     parsed.placed.update((member_id(group, k), spot.path) for k, spot in enumerate(spots, start=1))
-    properties = _positioned(group, spots, frame, parsed, where)
+    properties = _with_positions(group, spots, frame, parsed, where)
     headings = _headings(group, spots, parsed)
     if len(headings) == len(spots):
-        values = tuple(ex.Number(one, "deg") for one in headings)
+        values = tuple(ex.Number(heading, "deg") for heading in headings)
         properties = _set(properties, "heading_deg", _indexed(group, values, "heading_deg"), unit="deg")
-    properties = _measured(group, _orbiting(group, properties, spots, where, parsed), spots, parsed, where)
+    properties = _with_measures(group, _with_elements(group, properties, spots, where, parsed), spots, parsed, where)
     codes = (spot.part.code for spot in spots)
     labels = tuple("" if code == member_id(group, k) else code for k, code in enumerate(codes, start=1))
     changed = msgspec.structs.replace(group, properties=properties, labels=labels if any(labels) else ())
@@ -189,38 +196,39 @@ def _too_few(parsed: Parsed, where: str, group: model.Group, mission: model.Miss
 
 
 def allows_none(mission: model.Mission, group: model.Group) -> bool:
-    """Whether the group may have no members."""
+    """True if the group may have no members."""
     parameter = _count_parameter(mission, group)
     low = parameter.bounds.low if parameter and isinstance(parameter.bounds, ex.Range) else None
     return isinstance(low, ex.Number) and low.value <= 0
 
 
-def _positioned(
+def _with_positions(
     group: model.Group, spots: Sequence[Spot], frame: DocumentFrame, parsed: Parsed, where: str
 ) -> tuple[model.Property, ...]:
-    # What orbits may have elements and no coordinates; everything else has a pair of them.
-    if not any(any(one is not None for one in spot.part.place.pairs) for spot in spots):
-        said = f"gives elements and no coordinates; the places of '{group.name}' are the template's"
-        parsed.notes.append(f"{where}: {said}")
+    # Only satellites may lack coordinates, because elements place them.
+    if not any(any(coordinate is not None for coordinate in spot.part.place.pairs) for spot in spots):
+        parsed.notes.append(
+            f"{where}: gives elements and no coordinates; the places of '{group.name}' are the template's"
+        )
         return group.properties
     parsed.notes.extend(note for spot in spots for note in _place_notes(spot, group, frame, parsed))
-    given = tuple(world(spot.part.place, spot.path, frame, parsed) for spot in spots)
-    for spot, place in zip(spots, given, strict=True):
+    places = tuple(to_world(spot.part.place, spot.path, frame, parsed) for spot in spots)
+    for spot, place in zip(spots, places, strict=True):
         fault = place_fault(place, group.engine)
         if fault:
             parsed.report(spot.path, fault, "X, Y and Z are centimetres, alt is metres")
-    points = tuple(point(place) for place in given)
+    points = tuple(point(place) for place in places)
     return _set(group.properties, "position", _indexed(group, points, "position"))
 
 
-def _orbiting(
+def _with_elements(
     group: model.Group,
     properties: tuple[model.Property, ...],
     spots: Sequence[Spot],
     where: str,
     parsed: Parsed,
 ) -> tuple[model.Property, ...]:
-    """The properties with the two-line elements; lines that are no elements are kept and noted."""
+    """The properties with the two-line elements. Invalid lines are kept in the document and noted."""
     lines = [spot.part.lines if isinstance(spot.part, Satellite) else () for spot in spots]
     if not any(lines):
         return properties
@@ -232,52 +240,55 @@ def _orbiting(
     if not wrong and (not all(lines) or _property(properties, "tle1") is None):
         wrong = [f"{where}: not all have two-line elements, or '{group.name}' takes none"]
     if wrong:
-        parsed.notes.extend(f"{fault}; kept, and the template's elements stand" for fault in wrong)
+        parsed.notes.extend(f"{fault}; kept, and the template's elements are used" for fault in wrong)
         return properties
     for k, name in enumerate(("tle1", "tle2")):
         properties = _set(properties, name, _indexed(group, tuple(ex.Text(pair[k]) for pair in lines), name))
     return properties
 
 
-def _measured(
+def _with_measures(
     group: model.Group,
     properties: tuple[model.Property, ...],
     entries: Sequence[Spot],
     parsed: Parsed,
     where: str,
 ) -> tuple[model.Property, ...]:
-    """The properties with the document's measures of those that the group has; the others are kept and noted."""
-    for one in MEASURES:
-        given = tuple(
-            entry.part.measures.get(one.field) if isinstance(entry.part, HiddenPlace) else None for entry in entries
+    """The properties with the document's measures, as far as the group has them. Others are kept in the document and
+    noted."""
+    for measure in MEASURES:
+        amounts = tuple(
+            entry.part.measures.get(measure.field) if isinstance(entry.part, HiddenPlace) else None for entry in entries
         )
-        if all(value is None for value in given):
+        if all(value is None for value in amounts):
             continue
-        if _property(properties, one.property) is None:
-            parsed.notes.append(f"{where}: '{group.name}' has no {one.says}; '{one.field}' is kept, not played")
+        if _property(properties, measure.property) is None:
+            parsed.notes.append(f"{where}: '{group.name}' has no {measure.says}; '{measure.field}' is kept, not played")
             continue
-        odd = next((value for value in given if value is not None and not one.fits(value)), None)
+        odd = next((value for value in amounts if value is not None and not measure.fits(value)), None)
         if odd is not None:
             parsed.notes.append(
-                f"{where}: {odd!r} is no {one.says} in {one.said_in}; '{one.field}' is kept, not played"
+                f"{where}: {odd!r} is no {measure.says} in {measure.said_in}; '{measure.field}' is kept, not played"
             )
             continue
-        if one.per_unit != 1.0:
-            parsed.notes.append(f"{where}: '{one.field}' is the {one.says} in {one.said_in}")
-        for entry, value in zip(entries, given, strict=True):
+        if measure.per_unit != 1.0:
+            parsed.notes.append(f"{where}: '{measure.field}' is the {measure.says} in {measure.said_in}")
+        for entry, value in zip(entries, amounts, strict=True):
             if value is None:
-                hint = f"give all a {one.field}, or none"
-                parsed.report(entry.path, f"has no {one.field} while others have one", hint)
-        values = tuple(ex.Number(value / one.per_unit if one.fits(value) else 0.0, one.unit) for value in given)
-        properties = _set(properties, one.property, _indexed(group, values, one.property))
+                hint = f"give all a {measure.field}, or none"
+                parsed.report(entry.path, f"has no {measure.field} while others have one", hint)
+        values = tuple(
+            ex.Number(value / measure.per_unit if measure.fits(value) else 0.0, measure.unit) for value in amounts
+        )
+        properties = _set(properties, measure.property, _indexed(group, values, measure.property))
     return properties
 
 
-def _counted(mission: model.Mission, group: model.Group, count: int, parsed: Parsed, where: str) -> model.Mission:
-    """The mission with the group's count: the default of its parameter, or the count itself.
+def _with_count(mission: model.Mission, group: model.Group, count: int, parsed: Parsed, where: str) -> model.Mission:
+    """The mission with the group's count: as the default of its parameter, or the count itself.
 
-    A parameter that is bounded lower takes what the document has, with a note, for it places all of them. Where the
-    template cannot place further members (no `spread`), the parameter may not exceed what the document has.
+    If the document exceeds the parameter's upper bound, the bound is raised, with a note. If the template cannot place
+    further members (no `spread`), the parameter is bounded by the document's count.
     """
     parameter = _count_parameter(mission, group)
     if parameter is None:
@@ -285,26 +296,26 @@ def _counted(mission: model.Mission, group: model.Group, count: int, parsed: Par
     name, bounds = parameter.name, parameter.bounds
     if isinstance(bounds, ex.Range) and isinstance(bounds.low, ex.Number) and isinstance(bounds.high, ex.Number):
         if count < bounds.low.value:
-            said = f"holds {count}, mission '{mission.name}' takes {bounds.low.value:g} and more"
+            message = f"holds {count}, mission '{mission.name}' takes {bounds.low.value:g} and more"
             hint = f"list as many or widen the parameter '{name}' of the template"
             if count:
-                parsed.report(where, said, hint)
+                parsed.report(where, message, hint)
             else:
                 _too_few(parsed, where, group, mission)
             return mission
         more, alone = count > bounds.high.value, bool(count) and not _spread(group)
         if more:
-            said = f"holds {count}, more than the {bounds.high.value:g} of mission '{mission.name}'"
-            parsed.notes.append(f"{where}: {said}")
+            message = f"holds {count}, more than the {bounds.high.value:g} of mission '{mission.name}'"
+            parsed.notes.append(f"{where}: {message}")
         if alone:
-            mission = _narrowed(mission, name, count, where, parsed)
+            mission = _limit_sweeps(mission, name, count, where, parsed)
         if more or alone:
             bounds = msgspec.structs.replace(bounds, high=_number_like(bounds.high, float(count)))
     return with_default(mission, name, float(count), bounds)
 
 
-def _narrowed(mission: model.Mission, name: str, most: int, where: str, parsed: Parsed) -> model.Mission:
-    """The mission with the sweeps over a parameter kept to what the document places."""
+def _limit_sweeps(mission: model.Mission, name: str, most: int, where: str, parsed: Parsed) -> model.Mission:
+    """The mission with the values of its sweeps limited to the number that the document places."""
     sweeps: list[model.Sweep] = []
     for sweep in mission.sweeps:
         values = tuple(
@@ -322,7 +333,7 @@ def _narrowed(mission: model.Mission, name: str, most: int, where: str, parsed: 
 
 
 def with_default(mission: model.Mission, name: str, value: float, bounds: ex.Expr | None = None) -> model.Mission:
-    """The mission with another default of a parameter, in the unit of the old one, and perhaps other bounds."""
+    """The mission with another default of a parameter, in the unit of the old one, and optionally other bounds."""
     parameters = tuple(
         msgspec.structs.replace(p, default=_number_like(p.default, value), bounds=bounds or p.bounds)
         if p.name == name
@@ -351,7 +362,7 @@ def _spread(group: model.Group) -> tuple[tuple[str, ex.Expr], ...]:
 
 
 def _indexed(group: model.Group, values: Sequence[ex.Expr], name: str) -> ex.Expr:
-    """One value for a single entity or if all are equal, else the member's own out of a list."""
+    """One value for a single entity or if all are equal, else a list from which each member takes its own."""
     if group.count is None or (name != "position" and len(set(values)) == 1):
         return values[0]
     named = _spread(group) if name == "position" else ()
@@ -359,7 +370,7 @@ def _indexed(group: model.Group, values: Sequence[ex.Expr], name: str) -> ex.Exp
 
 
 def _set(properties: Iterable[model.Property], name: str, value: ex.Expr, unit: str = "") -> tuple[model.Property, ...]:
-    """The properties with one fixed to a value; it stays hidden, or a state, if it was."""
+    """The properties with one of them set to a value. It stays hidden, or a state."""
     kept = tuple(properties)
     old = _property(kept, name)
     if old is None:
@@ -373,13 +384,13 @@ def _property(properties: Iterable[model.Property], name: str) -> model.Property
 
 
 def draw_of(group: model.Group) -> ex.Draw | None:
-    """The draw that places the group's members, if one does."""
+    """The draw that places the group's members, or None."""
     position = _property(group.properties, "position")
     return position.value if position and isinstance(position.value, ex.Draw) else None
 
 
 def is_hidden(group: model.Group) -> bool:
-    """Whether the group's places are hidden."""
+    """True if the group's places are hidden."""
     return any(p.name == "position" and p.hidden for p in group.properties)
 
 

@@ -1,6 +1,6 @@
-"""What a `resetScenario` holds beyond what is read: repeated keys, repeated codes, fields that nothing understands.
+"""Notes on the unread parts of a `resetScenario`: repeated keys, repeated codes, unknown fields.
 
-All of it stays in the document, which the mission keeps to the letter; a note says so.
+All of them stay in the document, which the mission keeps unchanged.
 """
 
 from __future__ import annotations
@@ -10,15 +10,13 @@ from collections.abc import Iterable, Iterator
 
 from lingjing.mission import jsontext
 from lingjing.mission.reset.document import Parsed
-from lingjing.mission.reset.fields import Found, field_of
-from lingjing.mission.reset.shapes import LISTS, DocumentPart, InitialState, Scenario, TaskRow, folded
+from lingjing.mission.reset.fields import HiddenEntries, field_of
+from lingjing.mission.reset.shapes import LISTS, DocumentPart, InitialState, Scenario, TaskRow, fold_key
 
 
-def leftovers(text: str, parsed: Parsed, found: Iterable[Found]) -> Iterator[str]:
-    """The notes, for repeated keys, codes and unread fields in this order."""
-    yield from (
-        f"{where}: stands more than once in its object; the last one counts" for where in jsontext.repeated(text)
-    )
+def unread_notes(text: str, parsed: Parsed, hidden_entries: Iterable[HiddenEntries]) -> Iterator[str]:
+    """Notes on repeated keys, repeated codes and unread fields, in this order."""
+    yield from (f"{where}: is repeated in its object; the last one is used" for where in jsontext.repeated(text))
     yield from _codes(parsed)
     known = frozenset({"tasktype", *parsed.understood})
     equipment, state = parsed.scenario.equipment_list, parsed.task.initial_state
@@ -26,36 +24,36 @@ def leftovers(text: str, parsed: Parsed, found: Iterable[Found]) -> Iterator[str
         yield from _unread([parsed.envelope], "$", known)
     yield from _unread([parsed.scenario], parsed.path, known)
     yield from _unread([equipment], parsed.lists_path, known)
-    for one in LISTS:
-        rows = getattr(equipment, one.attribute)
-        yield from _unread(rows, f"{parsed.list_path(one.name)}[]", known)
-        yield from _unread([row.data for row in rows], f"{parsed.list_path(one.name)}[].data", known)
+    for entity_list in LISTS:
+        rows = getattr(equipment, entity_list.attribute)
+        yield from _unread(rows, f"{parsed.list_path(entity_list.name)}[]", known)
+        yield from _unread([row.data for row in rows], f"{parsed.list_path(entity_list.name)}[].data", known)
     yield from _unread([parsed.task], parsed.task_path, known)
     yield from _unread([state], parsed.state_path, known)
     yield from _unread(state.rescue_range, f"{parsed.in_state('rescueRange')}[]", known)
-    for field in found:
+    for field in hidden_entries:
         yield from _unread(field.targets, f"{field.path}[]", known)
         inner = [part for target in field.targets for part in (target.data, target.position) if part is not None]
         yield from _unread(inner, f"{field.path}[].data", known)
 
 
 def _codes(parsed: Parsed) -> Iterator[str]:
-    """One note for the codes that several entities share, over all lists: a command names its entity by them."""
-    lists = (getattr(parsed.scenario.equipment_list, one.attribute) for one in LISTS)
+    """One note for the codes that several entities of all lists share: commands name entities by their codes."""
+    lists = (getattr(parsed.scenario.equipment_list, entity_list.attribute) for entity_list in LISTS)
     times = Counter(item.equipment_code for items in lists for item in items if item.equipment_code)
     shared = [f"'{code}'" for code, count in times.items() if count > 1]
     if shared:
-        yield f"{parsed.lists_path}: an equipmentCode stands more than once: {', '.join(shared)}"
+        yield f"{parsed.lists_path}: an equipmentCode is repeated: {', '.join(shared)}"
 
 
 def _unread(parts: Iterable[DocumentPart], where: str, known: frozenset[str]) -> Iterator[str]:
-    """One note for all keys of these parts that nothing reads: not those that are known, folded, nor hidden places
-    where these may stand."""
+    """One note for all unread keys of these parts, except the `known` ones (folded), and hidden fields in
+    their places."""
     unknown = dict.fromkeys(
         key
         for part in parts
         for key in part.model_extra or ()
-        if folded(key) not in known and not (isinstance(part, Scenario | TaskRow | InitialState) and field_of(key))
+        if fold_key(key) not in known and not (isinstance(part, Scenario | TaskRow | InitialState) and field_of(key))
     )
     if unknown:
         yield f"{where}: {', '.join(repr(key) for key in unknown)} not understood and kept"

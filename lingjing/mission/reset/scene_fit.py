@@ -1,10 +1,10 @@
-"""The scene comes to the document: the template's scene is moved and widened where it does not reach what is placed.
+"""Fit of the scene to the document: the template's scene is moved and widened if it does not reach all places.
 
-A document whose places all lie in its template's scene keeps that scene. Else the template is carried to the document
-as a whole (`carried`): its own places, regions and lines keep their positions relative to each other. A scene with a
-structure (a shore, a bridge, a compound, a pipeline) is put so that the structure lies at what the document places as
-the template has it: its targets, else its assets. Any other scene gets the document's middle as its centre. Then the
-built-up square is widened, in whole blocks, until it holds everything.
+A document with all places in its template's scene keeps that scene. Otherwise `translate` moves the template as a
+whole, so that its own places, regions and lines keep their relative positions. A scene with a structure (a shore, a
+bridge, a compound, a pipeline) is moved so that the structure has the same position relative to the document's targets,
+or else its assets. Any other scene is centred on the document's places. Then the built-up square is widened in whole
+blocks until it holds all places.
 """
 
 from __future__ import annotations
@@ -27,17 +27,21 @@ from lingjing.mission.reset.row_goals import GOALS
 from lingjing.mission.reset.template import FREE
 
 MARGIN_M = 60.0
-"""The built-up square reaches this far beyond what is placed, so that a street and a roof are near it."""
+"""Distance between the placed entities and the edge of the built-up square, metres (chosen): a street and a roof are
+near."""
 
 BLOCKS_MOST = 24
-"""A square has at most so many blocks to a side: beyond, they are larger."""
+"""The largest number of blocks on a side of the square (chosen); in a larger square the blocks are larger."""
 
-SITE_M, BRIDGE_M = 40.0, 200.0
-"""A city reaches so far beyond its site and its bridge (`lingjing.scene.districts.district.frame`)."""
+SITE_M = 40.0
+"""Distance by which a city reaches beyond its site, metres (`lingjing.scene.districts.district.frame`)."""
+BRIDGE_M = 200.0
+"""Distance by which a city reaches beyond its bridge, metres (the same source)."""
 
 _STRUCTURES = ("inside", "homes", "pipeline", "shore", "bridge")
+"""Scene options that define a structure."""
 _BY_ITSELF = ("bay", "coastal")
-"""Kinds of scenes that have a shore without naming one."""
+"""Kinds of scenes that have a shore without an option."""
 
 
 class GroundBox(NamedTuple):
@@ -64,81 +68,86 @@ class GroundBox(NamedTuple):
 
 
 class _Square(NamedTuple):
-    """The built-up square of a scene: its middle, its side, and how far its streets lie apart, metres."""
+    """The built-up square of a scene, metres."""
 
     centre: Vector2
+    """East and north of its middle."""
     extent_m: float
+    """Its side."""
     spacing: Vector2
+    """Distance of its streets, east and north."""
 
 
-def fitted_template(template: model.Mission, mission: model.Mission, parsed: Parsed) -> model.Mission | None:
-    """The template with a scene that reaches all that the document places; None where its own does, or where no scene
-    would. `mission` is the template with the document's places in it. What is changed is noted."""
+def fit_template(template: model.Mission, mission: model.Mission, parsed: Parsed) -> model.Mission | None:
+    """The template with a scene that reaches all places of the document; None if its own does, or if no scene would.
+
+    `mission` is the template with the document's places. Changes are noted.
+    """
     kind = builtin_scenes().get(template.scene.kind)
     if kind is None or "centre" not in kind.options or any(o.name == "centre" for o in template.scene.options):
         return None
     try:
         placed, plain = instantiate(mission, seed=0), instantiate(template, seed=0)
-    except LingjingError:  # what is wrong with the mission is told by whoever plays it
+    except LingjingError:  # the error is reported when the mission is played
         return None
-    bodies = [one for one in placed.entities if one.id in parsed.placed and not engine_kind(one.engine).anywhere]
+    bodies = [body for body in placed.entities if body.id in parsed.placed and not engine_kind(body.engine).anywhere]
     if not bodies:
         return None
-    box, reach = _around([*(one.position[:2] for one in bodies), *_outlines(placed, plain)]), _reach(plain.scene)
+    box, reach = _around([*(body.position[:2] for body in bodies), *_outlines(placed, plain)]), _reach(plain.scene)
     if reach is None or reach.holds(box):
         return None
-    by = _way(bodies, plain, box)
+    by = _translation(bodies, plain, box)
     if "extent" not in kind.options:
         if not GroundBox(*(edge + by[k % 2] for k, edge in enumerate(reach))).holds(box):
             return None
-        parsed.notes.append(f"{_said(parsed, box, template)} is put around ({by[0]:g} m, {by[1]:g} m)")
-        return _with_options(carried(template, by), (_centre(by),))
+        parsed.notes.append(f"{_beyond_scene(parsed, box, template)} is moved to ({by[0]:g} m, {by[1]:g} m)")
+        return _with_options(translate(template, by), (_centre(by),))
     square = _square(plain.scene, box, by, structured=_is_structured(plain.scene))
     most = kind.options["extent"].high
     farthest = max(map(abs, square.centre)) + square.extent_m / 2.0
     if (most is not None and square.extent_m > most) or farthest > LINE_MOST_M:
         widest = f"at most {most:g} m wide and within {LINE_MOST_M:g} m of X = Y = 0"
-        parsed.notes.append(f"{_said(parsed, box, template)} cannot reach them: it is {widest}")
+        parsed.notes.append(f"{_beyond_scene(parsed, box, template)} cannot reach them: it is {widest}")
         return None
-    longer = _lengthened(template, square.extent_m / (extent_m(plain.scene) or square.extent_m))
+    longer = _scale_budgets(template, square.extent_m / (extent_m(plain.scene) or square.extent_m))
     parsed.notes.append(
-        f"{_said(parsed, box, template)} is {square.extent_m:g} m wide and put around "
-        f"({square.centre[0]:g} m, {square.centre[1]:g} m){_longer_in_words(template, longer)}"
+        f"{_beyond_scene(parsed, box, template)} is {square.extent_m:g} m wide and moved to "
+        f"({square.centre[0]:g} m, {square.centre[1]:g} m){_budget_note(template, longer)}"
     )
-    return _widened(carried(longer, by), plain.scene, square)
+    return _widen_scene(translate(longer, by), plain.scene, square)
 
 
-def carried(template: model.Mission, by: Vector2) -> model.Mission:
-    """The mission with every place that it names itself `by` metres farther east and north."""
-    changed: model.Mission = _carried(template, by)
+def translate(template: model.Mission, by: Vector2) -> model.Mission:
+    """The mission with all its own places moved by `by` metres east and north."""
+    changed: model.Mission = _translate(template, by)
     return changed
 
 
 # -- where to ---------------------------------------------------------------------------------------------------------
 
 
-def _way(bodies: Sequence[Entity], plain: Instance, box: GroundBox) -> Vector2:
-    """How far the template is carried, whole metres."""
+def _translation(bodies: Sequence[Entity], plain: Instance, box: GroundBox) -> Vector2:
+    """The translation of the template, whole metres."""
     if not _is_structured(plain.scene):
         return float(round(box.middle[0])), float(round(box.middle[1]))
-    targets = [one for one in bodies if one.role == "target"]
+    targets = [body for body in bodies if body.role == "target"]
     chosen = targets or bodies
-    groups = {one.group for one in chosen}
-    own = [one.position[:2] for one in plain.entities if one.group in groups]
-    here = _around(one.position[:2] for one in chosen).middle
+    groups = {body.group for body in chosen}
+    own = [body.position[:2] for body in plain.entities if body.group in groups]
+    here = _around(body.position[:2] for body in chosen).middle
     there = _around(own).middle if own else (0.0, 0.0)
     return float(round(here[0] - there[0])), float(round(here[1] - there[1]))
 
 
 def _square(scene: SceneSpec, box: GroundBox, by: Vector2, *, structured: bool) -> _Square:
-    """The built-up square that holds a box, and the template's own square where it has a structure."""
+    """The built-up square that holds a box, and the template's own square if it has a structure."""
     extent, spacing = extent_m(scene) or 0.0, _spacing(scene)
     held = GroundBox(box.west - MARGIN_M, box.south - MARGIN_M, box.east + MARGIN_M, box.north + MARGIN_M)
     if structured:
         half = extent / 2.0
         own = (by[0] - half, by[1] - half), (by[0] + half, by[1] + half)
         held = _around([*_corners(held), *own])
-    centre = _aligned(held.middle[0], by[0], spacing[0]), _aligned(held.middle[1], by[1], spacing[1])
+    centre = _nearest_crossing(held.middle[0], by[0], spacing[0]), _nearest_crossing(held.middle[1], by[1], spacing[1])
     wanted = max(extent, 2.0 * max(abs(edge - centre[k % 2]) for k, edge in enumerate(held)))
     if wanted == extent:
         return _Square(centre, extent, spacing)
@@ -148,13 +157,13 @@ def _square(scene: SceneSpec, box: GroundBox, by: Vector2, *, structured: bool) 
     return _Square(centre, step * math.ceil(wanted / step - 1e-9), spacing)
 
 
-def _aligned(middle: float, origin: float, spacing: float) -> float:
-    """The crossing of main streets nearest to a middle: those are every second one from the origin on."""
+def _nearest_crossing(middle: float, origin: float, spacing: float) -> float:
+    """The crossing of main streets nearest to a middle. Main streets are every second one, counted from the origin."""
     return origin + 2.0 * spacing * round((middle - origin) / (2.0 * spacing))
 
 
 def _spacing(scene: SceneSpec) -> Vector2:
-    """How far the streets of a scene lie apart, east and north."""
+    """The distance of a scene's streets, east and north, metres."""
     extent = extent_m(scene) or 0.0
     usual = max(2.0, round(extent / 200.0))
     columns, rows = (scene.options.get(name, usual) for name in ("blocks_columns", "blocks_rows"))
@@ -162,7 +171,7 @@ def _spacing(scene: SceneSpec) -> Vector2:
 
 
 def _reach(scene: SceneSpec) -> GroundBox | None:
-    """How far a scene's city reaches, by its text; None where only the city tells."""
+    """The area of a scene's city according to its text; None if only the built city has it."""
     kind, extent = builtin_scenes()[scene.kind], extent_m(scene)
     if extent is None:
         return None
@@ -182,7 +191,7 @@ def _is_structured(scene: SceneSpec) -> bool:
 
 
 def _outlines(placed: Instance, plain: Instance) -> list[Vector2]:
-    """The corners of the regions that the document gives."""
+    """The corners of the regions that the document defines."""
     own = {region.name: region.polygon for region in plain.regions}
     return [corner for region in placed.regions if own.get(region.name) != region.polygon for corner in region.polygon]
 
@@ -196,7 +205,7 @@ def _corners(box: GroundBox) -> tuple[Vector2, Vector2]:
     return (box.west, box.south), (box.east, box.north)
 
 
-def _said(parsed: Parsed, box: GroundBox, template: model.Mission) -> str:
+def _beyond_scene(parsed: Parsed, box: GroundBox, template: model.Mission) -> str:
     reach = f"({box.west:.0f} m, {box.south:.0f} m) to ({box.east:.0f} m, {box.north:.0f} m)"
     return (
         f"{parsed.path}: places reach from {reach}, beyond the scene of template '{template.name}': "
@@ -207,15 +216,15 @@ def _said(parsed: Parsed, box: GroundBox, template: model.Mission) -> str:
 # -- the template there ------------------------------------------------------------------------------------------------
 
 
-def _carried(value: Any, by: Vector2) -> Any:
-    """Any part of the graph with its points moved."""
+def _translate(value: Any, by: Vector2) -> Any:
+    """Any part of a mission with its points moved."""
     if isinstance(value, ex.Point):
         return value if _is_degrees(value) else ex.Point(_moved_items(value.items, by))
     if isinstance(value, tuple):
-        return tuple(_carried(item, by) for item in value)
+        return tuple(_translate(item, by) for item in value)
     if isinstance(value, msgspec.Struct):
         parts = {name: getattr(value, name) for name in value.__struct_fields__}
-        changed = {name: new for name, old in parts.items() if (new := _carried(old, by)) is not old and new != old}
+        changed = {name: new for name, old in parts.items() if (new := _translate(old, by)) is not old and new != old}
         return msgspec.structs.replace(value, **changed) if changed else value
     return value
 
@@ -234,8 +243,8 @@ def _moved_items(items: tuple[ex.Expr, ...], by: Vector2) -> tuple[ex.Expr, ...]
     return (*moved, *items[2:])
 
 
-def _widened(template: model.Mission, scene: SceneSpec, square: _Square) -> model.Mission:
-    """The template with another built-up square; where its streets are all there is, its boxes grow as its square."""
+def _widen_scene(template: model.Mission, scene: SceneSpec, square: _Square) -> model.Mission:
+    """The template with another built-up square. Without a structure, its boxes grow with the square."""
     columns, rows = (round(square.extent_m / gap) for gap in square.spacing)
     options = (
         model.Property(name="extent_m", value=ex.Number(square.extent_m, "m"), unit="m"),
@@ -247,16 +256,18 @@ def _widened(template: model.Mission, scene: SceneSpec, square: _Square) -> mode
     if _is_structured(scene):
         return widened
     grown = (square.extent_m - (extent_m(scene) or 0.0)) / 2.0
-    regions = tuple(msgspec.structs.replace(region, shape=_grown(region.shape, grown)) for region in widened.regions)
+    regions = tuple(
+        msgspec.structs.replace(region, shape=_enlarge_box(region.shape, grown)) for region in widened.regions
+    )
     return msgspec.structs.replace(widened, regions=regions)
 
 
-def _lengthened(template: model.Mission, factor: float) -> model.Mission:
-    """The template with as many times the ticks, in whole and in each stage, as its square is wider: ways are longer.
-    Missions that are for documents of any width have a budget of their own."""
+def _scale_budgets(template: model.Mission, factor: float) -> model.Mission:
+    """The template with the ticks of its budget and its stages multiplied by the factor, because ways are longer.
+    Missions for documents of any width have a budget of their own."""
     if template.name in (GOALS, *dict(FREE)):
         return template
-    stages = tuple(msgspec.structs.replace(one, ticks=_multiplied(one.ticks, factor)) for one in template.stages)
+    stages = tuple(msgspec.structs.replace(stage, ticks=_multiplied(stage.ticks, factor)) for stage in template.stages)
     budget = msgspec.structs.replace(template.budget, ticks=_multiplied(template.budget.ticks, factor))
     return msgspec.structs.replace(template, stages=stages, budget=budget)
 
@@ -268,15 +279,15 @@ def _multiplied(ticks: E, factor: float) -> E | ex.Number:
     return ex.Number(float(math.ceil(ticks.value * factor - 1e-9))) if isinstance(ticks, ex.Number) else ticks
 
 
-def _longer_in_words(template: model.Mission, longer: model.Mission) -> str:
+def _budget_note(template: model.Mission, longer: model.Mission) -> str:
     before, after = template.budget.ticks, longer.budget.ticks
     if before == after or not isinstance(before, ex.Number) or not isinstance(after, ex.Number):
         return ""
-    return f"; for its longer ways the budget of {before.value:g} ticks is {after.value:g}"
+    return f"; for longer ways the budget of {before.value:g} ticks is {after.value:g}"
 
 
-def _grown(shape: ex.Expr, by_m: float) -> ex.Expr:
-    """A box that reaches farther to every side; any other shape as it is."""
+def _enlarge_box(shape: ex.Expr, by_m: float) -> ex.Expr:
+    """A box enlarged on every side; any other shape unchanged."""
     corners = shape.arguments if isinstance(shape, ex.Call) and shape.function == "box" else ()
     values = [
         tuple(item.value for item in corner.items if isinstance(item, ex.Number))

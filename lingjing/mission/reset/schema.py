@@ -1,4 +1,4 @@
-"""The JSON Schema of `resetScenario` documents, made from their shapes."""
+"""The JSON Schema of `resetScenario` documents, generated from their shapes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from lingjing.mission.reset.shapes import CommandEnvelope, HiddenPlace, InitialS
 
 
 def reset_scenario() -> dict[str, Any]:
-    """The alternatives and definitions; hidden places may stand as a list or as one object."""
+    """The alternatives and definitions. Hidden places may be a list or one object."""
     shapes = ((CommandEnvelope, "validation"), (Scenario, "validation"), (HiddenPlace, "validation"))
     places, schema = models_json_schema(shapes, ref_template="#/$defs/{model}")  # type: ignore[arg-type]
     definitions: dict[str, Any] = schema["$defs"]
@@ -19,11 +19,11 @@ def reset_scenario() -> dict[str, Any]:
     hidden = {"anyOf": [{"type": "array", "items": target}, target]}
     definitions[InitialState.__name__]["properties"] |= {field.name: hidden for field in FIELDS}
     for definition in definitions.values():
-        for name, one in definition.get("properties", {}).items():
-            definition["properties"][name] = _nullable(one)
+        for name, field_schema in definition.get("properties", {}).items():
+            definition["properties"][name] = _nullable(field_schema)
     return {"anyOf": [places[CommandEnvelope, "validation"], places[Scenario, "validation"]], "$defs": definitions}
 
 
 def _nullable(schema: dict[str, Any]) -> dict[str, Any]:
-    """A field's schema without what only pydantic's titles say; spellings are no part of the schema."""
+    """A field's schema without pydantic's titles and without our list of spellings."""
     return {key: value for key, value in schema.items() if key not in ("title", "spellings")}

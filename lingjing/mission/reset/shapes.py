@@ -1,6 +1,6 @@
-"""The shapes of a `resetScenario` document's parts: what is read of it. Whatever else it holds is allowed and kept.
+"""The parts of a `resetScenario` document as pydantic models. Other fields are allowed and kept.
 
-Two spellings occur: an envelope (`commandType`, `taskId`, `scenario`) and the scenario alone. Coordinates are Unreal
+Two forms exist: an envelope (`commandType`, `taskId`, `scenario`) and the scenario alone. Coordinates are Unreal
 centimetres (`X`, `Y`, `Z`) or WGS84 (`lon`, `lat`, `alt`); see `lingjing.mission.frames`.
 """
 
@@ -18,24 +18,27 @@ from lingjing.mission.frames import compass_from_yaw
 from lingjing.mission.vocabulary import CommunicationMode
 
 Free = Annotated[Any, Field(description="kept as it is, nothing reads it")]
-"""The type of a field that documents have and a mission does not need: whatever stands there is no fault."""
+"""The type of a field that documents have and a mission does not need: every value is accepted."""
 
 Code = Annotated[str | int, Field(union_mode="left_to_right")]
-"""What names a thing: a text, or a number."""
+"""An identifier: a text, or a number."""
 
 Degrees = Annotated[float, Field(ge=-360, le=360)]
-"""An angle as people write one: once around to either side."""
+"""An angle within one turn to either side."""
 
 PLACES = (("X", "Y"), ("lon", "lat"))
-"""The pairs of coordinates that place something."""
+"""The pairs of coordinates that define a place."""
 
 
 class EntityList(NamedTuple):
-    """One of the six lists: its key, the attribute of `EquipmentList`, and the engine that drives what is in it."""
+    """One of the six lists of entities."""
 
     name: str
+    """Its key in the document."""
     attribute: str
+    """Its attribute of `EquipmentList`."""
     engine: str
+    """The engine of its entities."""
 
 
 LISTS: tuple[EntityList, ...] = (
@@ -46,16 +49,17 @@ LISTS: tuple[EntityList, ...] = (
     EntityList("shipEntityList", "ship_entity_list", "vessel"),
     EntityList("planeEntityList", "plane_entity_list", "plane"),
 )
+"""The six lists."""
 
 
 @lru_cache(maxsize=4096)  # the keys of a document are few, and each is compared many times
-def folded(word: str) -> str:
-    """Letters and digits of a spelling, lower case, each in its plain form: `Ｆｉｒｅ－１` is `fire1`."""
+def fold_key(word: str) -> str:
+    """The letters and digits of a spelling, case-folded, in compatibility form (NFKC): `Ｆｉｒｅ－１` gives `fire1`."""
     return "".join(letter for letter in unicodedata.normalize("NFKC", word) if letter.isalnum()).casefold()
 
 
-def spelt(*others: str, alias: str | None = None, default: Any = None) -> Any:
-    """A field with other spellings of its key; case and separators do not count."""
+def with_spellings(*others: str, alias: str | None = None, default: Any = None) -> Any:
+    """A field with alternative spellings of its key. Case and separators are ignored."""
     return Field(default=default, alias=alias, json_schema_extra={"spellings": list(others)})
 
 
@@ -68,24 +72,26 @@ class DocumentPart(BaseModel):
 
 
 class ShapeKeys(NamedTuple):
-    """The keys of a shape; every spelling of one, folded; the keys that nothing reads; those that hold parts of their
-    own, of which shape, and whether as a list."""
+    """The keys of a shape."""
 
     own: frozenset[str]
     spellings: Mapping[str, str]
+    """Every spelling of a key, folded → the key."""
     free: frozenset[str]
+    """The keys with values that are not read."""
     parts: Mapping[str, tuple[type[DocumentPart], bool]]
+    """Key → (shape of its parts, True if they form a list)."""
 
 
 @cache
 def keys_of(shape: type[DocumentPart]) -> ShapeKeys:
-    """How documents may spell a shape, and what is in it."""
+    """The keys of a shape with their spellings and parts."""
     fields = {info.alias or name: info for name, info in shape.model_fields.items()}
     spellings: dict[str, str] = {}
     parts = {}
     for key, info in fields.items():
         extra: Any = info.json_schema_extra
-        spellings |= dict.fromkeys(map(folded, (key, *(extra or {}).get("spellings", ()))), key)
+        spellings |= dict.fromkeys(map(fold_key, (key, *(extra or {}).get("spellings", ()))), key)
         inner = _shape(info.annotation)
         if inner is not None and get_origin(info.annotation) is not dict:
             parts[key] = inner, "tuple[" in str(info.annotation)
@@ -96,48 +102,48 @@ def keys_of(shape: type[DocumentPart]) -> ShapeKeys:
 def _shape(annotation: Any) -> type[DocumentPart] | None:
     if isinstance(annotation, type) and issubclass(annotation, DocumentPart):
         return annotation
-    return next((found for one in get_args(annotation) if (found := _shape(one)) is not None), None)
+    return next((inner for argument in get_args(annotation) if (inner := _shape(argument)) is not None), None)
 
 
 class Coordinates(DocumentPart):
     """A place: centimetres in Unreal's left-handed frame, or degrees and metres."""
 
-    x: float | None = spelt(alias="X")
-    y: float | None = spelt(alias="Y")
-    z: float | None = spelt(alias="Z")
-    lon: Annotated[float, Field(ge=-180, le=180)] | None = spelt("lng", "long", "longitude", "经度")
-    lat: Annotated[float, Field(ge=-90, le=90)] | None = spelt("latitude", "纬度")
-    alt: float | None = spelt("altitude", "海拔")
+    x: float | None = with_spellings(alias="X")
+    y: float | None = with_spellings(alias="Y")
+    z: float | None = with_spellings(alias="Z")
+    lon: Annotated[float, Field(ge=-180, le=180)] | None = with_spellings("lng", "long", "longitude", "经度")
+    lat: Annotated[float, Field(ge=-90, le=90)] | None = with_spellings("latitude", "纬度")
+    alt: float | None = with_spellings("altitude", "海拔")
     yaw: Degrees | None = None
 
     @property
     def spot(self) -> tuple[float | None, ...]:
-        """The coordinates as they are given."""
+        """All coordinates, None for absent ones."""
         return *self.pairs, self.z, self.alt
 
     @property
     def pairs(self) -> tuple[float | None, ...]:
-        """The coordinates without heights."""
+        """The coordinates without heights, None for absent ones."""
         return self.x, self.y, self.lon, self.lat
 
     @property
     def is_place(self) -> bool:
-        """Whether a pair of coordinates is there."""
+        """True if a pair of coordinates is present."""
         return None not in self.pairs[:2] or None not in self.pairs[2:]
 
 
 class Data(Coordinates):
-    """The place of an entity, which it must have."""
+    """The place of an entity, which is required."""
 
     model_config = ConfigDict(json_schema_extra={"anyOf": [{"required": list(pair)} for pair in PLACES]})
 
     @model_validator(mode="after")
-    def _is_placed(self) -> Data:
-        return _placed(self, self)
+    def _check_place(self) -> Data:
+        return _require_place(self, self)
 
 
 class Corner(Data):
-    """One corner of the search area; the corners go around it in order."""
+    """One corner of the search area; the corners are in order around it."""
 
     range_id: Code = ""
 
@@ -162,7 +168,7 @@ class HiddenPlace(Coordinates):
     name: str = ""
     weight: Annotated[float, Field(ge=0)] | None = None
     demand: Annotated[float, Field(ge=0)] | None = None
-    person_count: Annotated[float, Field(ge=1, multiple_of=1)] | None = spelt("people", "人数")
+    person_count: Annotated[float, Field(ge=1, multiple_of=1)] | None = with_spellings("people", "人数")
     spacing: Free = None
     heading: Degrees | None = None
     status: Free = None
@@ -173,56 +179,57 @@ class HiddenPlace(Coordinates):
 
     @property
     def place(self) -> Coordinates:
-        """Where it lies: `data`, `position` or its own coordinates, the first that are any."""
-        given = [one for one in (self.data, self.position) if one is not None]
-        return next((one for one in (*given, self) if one.is_place), self)
+        """Its position: the first of `data`, `position` and its own coordinates that is a place."""
+        nested = [place for place in (self.data, self.position) if place is not None]
+        return next((place for place in (*nested, self) if place.is_place), self)
 
     @property
     def headings(self) -> Mapping[str, float]:
-        """Its `heading`, and what its `yaw` or that of its place is, in compass degrees by key; the first counts."""
+        """Compass degrees by key, from its `heading` and from its `yaw` or that of its place. The first one is used."""
         return _headings({"heading": self.heading}, self.yaw, self.place)
 
     @property
     def measures(self) -> Mapping[str, object]:
-        """What is measured of it, by field."""
+        """Its measures by field."""
         weight = self.demand if self.weight is None else self.weight
-        given = {"weight": weight, "personCount": self.person_count, "spacing": self.spacing}
-        return given | {"range": self.range, "scale": self.scale}
+        counted = {"weight": weight, "personCount": self.person_count, "spacing": self.spacing}
+        return counted | {"range": self.range, "scale": self.scale}
 
     @property
     def key(self) -> str:
-        """The id that tells it from the others of its list; "" if it has none."""
+        """Its id within its list; "" if it has none."""
         ids = (self.person_id, self.target_id, self.fire_id, self.point_id, self.del_id, self.con_id, self.pipe_id)
         return next((str(code) for code in (*ids, self.warehouse_id, self.id) if code != ""), "")
 
     @property
     def code(self) -> str:
-        """The document's own name for it."""
+        """The document's name for it."""
         return self.key or self.name
 
     @model_validator(mode="after")
-    def _is_placed(self) -> HiddenPlace:
-        given = [one for one in (self.data, self.position, self) if one is not None and one.is_place]
-        if len({one.spot for one in given}) > 1:
-            raise ValueError(f"{len(given)} places that differ")
+    def _check_place(self) -> HiddenPlace:
+        places = [place for place in (self.data, self.position, self) if place is not None and place.is_place]
+        if len({place.spot for place in places}) > 1:
+            raise ValueError(f"{len(places)} places that differ")
         if self.weight is not None and self.demand is not None and self.weight != self.demand:
             raise ValueError(f"'weight' {self.weight:g} and 'demand' {self.demand:g}, which say the same and differ")
-        return _placed(self, self.place)
+        return _require_place(self, self.place)
 
 
 P = TypeVar("P", bound=DocumentPart)
 PLACELESS = "no place"
+"""The error of a part without coordinates."""
 
 
-def _placed(part: P, place: Coordinates) -> P:
+def _require_place(part: P, place: Coordinates) -> P:
     if not place.is_place:
         raise ValueError(PLACELESS)
     return part
 
 
-def _headings(given: Mapping[str, float | None], yaw: float | None, place: Coordinates) -> Mapping[str, float]:
+def _headings(compass: Mapping[str, float | None], yaw: float | None, place: Coordinates) -> Mapping[str, float]:
     turned = place.yaw if yaw is None else yaw
-    every = {**given, "yaw": None if turned is None else compass_from_yaw(turned)}
+    every = {**compass, "yaw": None if turned is None else compass_from_yaw(turned)}
     return {name: value for name, value in every.items() if value is not None}
 
 
@@ -232,7 +239,7 @@ class Equipment(DocumentPart):
     equipment_code: Code = ""
     name: str = ""
     side: Free = ""
-    data: Data = spelt("position", "location", "pose", default=...)
+    data: Data = with_spellings("position", "location", "pose", default=...)
     heading: Degrees | None = None
     raw: Degrees | None = None
     yaw: Degrees | None = None
@@ -250,25 +257,28 @@ class Equipment(DocumentPart):
 
     @property
     def headings(self) -> Mapping[str, float]:
-        """As of a hidden place, with `raw` after `heading`; a `raw` of 0 is a placeholder and comes after `yaw`."""
-        given = _headings({"heading": self.heading, "raw": self.raw}, self.yaw, self.data)
-        return given if given.get("raw") else {**{k: one for k, one in given.items() if k != "raw"}, **given}
+        """Compass degrees by key, like those of a hidden place, with `raw` after `heading`. A `raw` of 0 is a
+        placeholder and follows `yaw`."""
+        headings = _headings({"heading": self.heading, "raw": self.raw}, self.yaw, self.data)
+        if headings.get("raw"):
+            return headings
+        return {**{key: value for key, value in headings.items() if key != "raw"}, **headings}
 
 
 class Satellite(Equipment):
-    """An entity in orbit: its two-line elements place it, coordinates may be missing. The lines stand under `tle1` and
+    """An entity in orbit: its two-line elements place it, and coordinates may be absent. The lines are under `tle1` and
     `tle2`, or both in `tle`, as a list or as one text."""
 
     data: Coordinates = Coordinates()  # type: ignore[assignment]
-    tle1: Free = spelt("tleLine1", "line1", default="")
-    tle2: Free = spelt("tleLine2", "line2", default="")
-    tle: Free = spelt("tleLines", default="")
+    tle1: Free = with_spellings("tleLine1", "line1", default="")
+    tle2: Free = with_spellings("tleLine2", "line2", default="")
+    tle: Free = with_spellings("tleLines", default="")
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """The element lines; a name line before them is left out. Empty if there are none."""
-        given = self.tle.splitlines() if isinstance(self.tle, str) else self.tle if isinstance(self.tle, list) else []
-        both = [self.tle1, self.tle2] if self.tle1 or self.tle2 else given
+        """The element lines, without a preceding name line; empty if there are none."""
+        lines = self.tle.splitlines() if isinstance(self.tle, str) else self.tle if isinstance(self.tle, list) else []
+        both = [self.tle1, self.tle2] if self.tle1 or self.tle2 else lines
         return tuple(line.strip() for line in both if isinstance(line, str) and line.strip())[-2:]
 
 
@@ -278,17 +288,17 @@ Angle = Annotated[float, Field(ge=0, lt=360)]
 class OrbitalElements(DocumentPart):
     """The elements of a satellite as numbers: degrees, revolutions a day, an ISO 8601 epoch; names of the OMM too."""
 
-    inclination: Annotated[float, Field(ge=0, lt=180)] = spelt("inclinationDeg", "incl", default=...)
-    raan: Angle = spelt("raanDeg", "rightAscension", "rightAscensionOfAscendingNode", default=...)
-    eccentricity: Annotated[float, Field(ge=0, lt=1)] = spelt("ecc", default=...)
-    arg_perigee: Angle = spelt("argumentOfPerigee", "argumentOfPericenter", "argp", default=...)
-    mean_anomaly: Angle = spelt("meanAnomalyDeg", default=...)
-    mean_motion: Annotated[float, Field(ge=0, lt=20)] = spelt("meanMotionRevPerDay", default=...)
+    inclination: Annotated[float, Field(ge=0, lt=180)] = with_spellings("inclinationDeg", "incl", default=...)
+    raan: Angle = with_spellings("raanDeg", "rightAscension", "rightAscensionOfAscendingNode", default=...)
+    eccentricity: Annotated[float, Field(ge=0, lt=1)] = with_spellings("ecc", default=...)
+    arg_perigee: Angle = with_spellings("argumentOfPerigee", "argumentOfPericenter", "argp", default=...)
+    mean_anomaly: Angle = with_spellings("meanAnomalyDeg", default=...)
+    mean_motion: Annotated[float, Field(ge=0, lt=20)] = with_spellings("meanMotionRevPerDay", default=...)
     epoch: Code
 
 
 class EquipmentList(DocumentPart):
-    """The six lists; one that is not there is empty."""
+    """The six lists; an absent one is empty."""
 
     drone_entity_list: Annotated[tuple[Equipment, ...], Field(strict=False)] = ()
     unmanned_dog_entity_list: Annotated[tuple[Equipment, ...], Field(strict=False)] = ()
@@ -299,8 +309,8 @@ class EquipmentList(DocumentPart):
 
 
 class InitialState(DocumentPart):
-    """What the task begins with; the hidden places are here. They are read by `lingjing.mission.reset.fields`, which
-    knows their spellings."""
+    """The initial state of the task, with the hidden places. `lingjing.mission.reset.fields` reads these, because their
+    keys have many spellings."""
 
     weather: Annotated[str | dict[str, Any], Field(union_mode="left_to_right")] = ""
     uav_count: float | None = Field(default=None, alias="uav_count")
@@ -321,9 +331,11 @@ class TaskRow(DocumentPart):
 
 
 class Lingjing(DocumentPart):
-    """What this project adds to a document so that the way back is exact: the template, how it was set, the scene's
-    origin (latitude and longitude), the height that counts as 0 (metres), the unit of X, Y and Z, and the places of
-    target groups that no field of the document stands for. It is this project's own, so an unknown key is an error."""
+    """The addition of this project to a document, which makes the export reversible. Unknown keys are errors.
+
+    It holds the template, its mode, settings and seed, the scene's origin (latitude and longitude), the height that
+    counts as 0 (metres), the unit of X, Y and Z, and the places of target groups without a field of their own.
+    """
 
     model_config = ConfigDict(extra="forbid")
 
@@ -338,7 +350,7 @@ class Lingjing(DocumentPart):
 
 
 class Scenario(DocumentPart):
-    """The scenario itself."""
+    """The scenario."""
 
     command_type: Literal["resetScenario"] = "resetScenario"
     scene_name: str = ""

@@ -1,7 +1,7 @@
-"""Which template mission a `resetScenario` document is for.
+"""Selection of the template mission for a `resetScenario` document.
 
-Named by `lingjing.mission`, else by `taskType` or `task_type`, else recognised by its entities and hidden fields. A
-document that fits several templates equally well is an error that lists them: nothing is guessed.
+`lingjing.mission` names it, else `taskType` or `task_type`, else it is recognised by its entities and hidden fields. A
+document that fits several templates equally well is an error that lists them.
 """
 
 from __future__ import annotations
@@ -13,140 +13,147 @@ import msgspec
 
 from lingjing.data import data_path
 from lingjing.mission.reset.document import Parsed
-from lingjing.mission.reset.fields import Found
+from lingjing.mission.reset.fields import HiddenEntries
 from lingjing.mission.reset.row_goals import GOALS, has_row_goals, only_goals, rows_with_goals
-from lingjing.mission.reset.shapes import LISTS, folded
+from lingjing.mission.reset.shapes import LISTS, fold_key
 
 _FILLERS = ("task", "mission", "scenario", "任务", "场景")
-"""What a task type may begin or end with, folded, and mean the same."""
+"""Folded words at the beginning or end of a task type that do not change its meaning."""
 
 
 FREE: tuple[tuple[str, frozenset[str]], ...] = (
     ("free", frozenset({"multirotor", "quadruped", "road", "plane", "satellite"})),
     ("free_sea", frozenset({"multirotor", "vessel", "plane", "satellite"})),
 )
-"""The missions of documents that hide nothing, and the engines whose bodies they take."""
+"""The missions of documents without hidden places, with the engines of their bodies."""
 
 SPECIAL = {
     "bridge_fracture": ("bridge", "fracture", "crack", "span", "桥", "断裂", "裂缝"),
     "pipeline_leak": ("pipe", "leak", "管道", "泄漏"),
 }
-"""Target types that `goalPosition`, which says nothing of them, means only where a word of the document does."""
+"""Target types that the general field `goalPosition` means only if the document has one of these words."""
 
 BY_AIR = "air_delivery"
-"""The mission of UAVs that share what is delivered."""
+"""The mission of UAVs that share the deliveries."""
 
 
 class TemplateSignature(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What tells a mission apart: the engines of its assets, the types of its targets, and spellings of its task.
-
-    The words in `also` mean it only where the document has hidden places of its types: they say who is there.
-    It is not for documents with entities of the engines in `without`, who could do more than it asks for; where these
-    are told apart, a `general` field says too little. It takes entities of the engines in `optional` where there are
-    some. `fleet` is the mission for documents that list several where this one has one; `of` names the mission whose
-    words mean this one as well.
-    """
+    """The features by which a mission is recognised."""
 
     mission: str
     engines: frozenset[str]
+    """Engines of its assets."""
     types: frozenset[str]
+    """Types of its targets."""
     spellings: frozenset[str] = frozenset()
+    """Names of its task."""
     also: frozenset[str] = frozenset()
+    """Further names, which count only if the document has hidden places of its types: they describe the entities."""
     without: frozenset[str] = frozenset()
+    """Engines that its documents do not have, because their entities could do more than the mission requires. A mission
+    with such engines is not recognised by a `general` field."""
     optional: frozenset[str] = frozenset()
+    """Engines of entities that it accepts but does not need."""
     fleet: str = ""
+    """The mission for documents with several entities of a kind of which this one has one; "" for none."""
     of: str = ""
+    """The mission that has the same names; "" for none."""
 
-    def named(self, word: str, found: Iterable[Found]) -> bool:
-        """Whether a task type, folded, means the mission in a document with these hidden places."""
+    def named(self, word: str, hidden_entries: Iterable[HiddenEntries]) -> bool:
+        """True if a task type, folded, names the mission in a document with these hidden fields."""
         words = {word, *(word.removeprefix(filler).removesuffix(filler) for filler in _FILLERS)}
-        return bool(words & self.spellings) or (bool(words & self.also) and any(self.holds(one) for one in found))
+        return bool(words & self.spellings) or (
+            bool(words & self.also) and any(self.holds(field) for field in hidden_entries)
+        )
 
     def equipped(self, engines: frozenset[str]) -> bool:
-        """Whether a document that lists entities of these engines may be for the mission."""
+        """True if a document with entities of these engines may be for the mission."""
         return self.engines <= engines and not self.without & engines
 
-    def holds(self, found: Found) -> bool:
-        """Whether the mission has targets of a type that the field may hold."""
-        vague = found.field.general and self.without
-        return not vague and any(type_ in self.types for type_ in found.field.types)
+    def holds(self, hidden: HiddenEntries) -> bool:
+        """True if the mission has targets of a type that the field may hold."""
+        vague = hidden.field.general and self.without
+        return not vague and any(type_ in self.types for type_ in hidden.field.types)
 
 
 @cache
 def signatures() -> tuple[TemplateSignature, ...]:
-    """The missions that documents may be for, as the shipped `scenarios/reset-templates.json` lists them; a test
-    compares it with the compiled missions."""
+    """The signatures of the shipped missions, from `scenarios/reset-templates.json`. A test compares them with the
+    compiled missions."""
     entries = msgspec.json.decode(
         data_path("scenarios", "reset-templates.json").read_bytes(), type=list[TemplateSignature]
     )
-    said = {one.mission: one for one in entries}
+    by_mission = {signature.mission: signature for signature in entries}
     return tuple(
         msgspec.structs.replace(
-            one,
-            spellings=frozenset(map(folded, (one.mission, *said[one.of or one.mission].spellings))),
-            also=frozenset(map(folded, said[one.of or one.mission].also)),
+            signature,
+            spellings=frozenset(
+                map(fold_key, (signature.mission, *by_mission[signature.of or signature.mission].spellings))
+            ),
+            also=frozenset(map(fold_key, by_mission[signature.of or signature.mission].also)),
         )
-        for one in entries
+        for signature in entries
     )
 
 
-def template_name(parsed: Parsed, found: Sequence[Found]) -> tuple[str, str, str]:
-    """Template, the JSON path that decided, and the reason in words; `MissionError` if nothing or too much fits."""
-    given = parsed.scenario.lingjing
-    if given is not None and given.mission is not None:
-        return given.mission, f"{parsed.path}.lingjing.mission", "named by 'lingjing'"
-    full = [one for one in found if one.targets]
-    said, unknown = _named(parsed, full)
-    if not said:
+def template_name(parsed: Parsed, hidden_entries: Sequence[HiddenEntries]) -> tuple[str, str, str]:
+    """(template, JSON path that decided, reason in words). Raises `MissionError` if no template fits, or several do."""
+    extra = parsed.scenario.lingjing
+    if extra is not None and extra.mission is not None:
+        return extra.mission, f"{parsed.path}.lingjing.mission", "named by 'lingjing'"
+    full = [field for field in hidden_entries if field.targets]
+    named, unknown = _named_by_type(parsed, full)
+    if not named:
         own = _of_bodies_alone(parsed, full)
-        return (own[0], parsed.lists_path, own[1] + unknown) if own else _recognised(parsed, full, unknown)
-    common = [one for one in said[0][0] if all(one in fitting for fitting, _, _ in said)]
+        return (own[0], parsed.lists_path, own[1] + unknown) if own else _recognise(parsed, full, unknown)
+    common = [signature for signature in named[0][0] if all(signature in fitting for fitting, _, _ in named)]
     if not common:
-        each = "; ".join(f"{where.rpartition('.')[2]} names {_either(fitting)}" for fitting, where, _ in said)
+        each = "; ".join(f"{where.rpartition('.')[2]} names {_either(fitting)}" for fitting, where, _ in named)
         message = f"contradicts the other task type: {each}"
-        raise parsed.fault(said[-1][1], message, _name_it(said[0][0][0].mission))
-    agreed = common if len(common) == 1 else _narrowed(parsed, common, full)
+        raise parsed.fault(named[-1][1], message, _name_it(named[0][0][0].mission))
+    agreed = common if len(common) == 1 else _narrow(parsed, common, full)
     if not agreed:
-        agreed = [one for one in common if one.of not in {other.mission for other in common}]
+        agreed = [signature for signature in common if signature.of not in {other.mission for other in common}]
         if len(agreed) > 1:
-            lacks = "; ".join(f"'{one.mission}' {_lacks(one, _engines(parsed))}" for one in agreed)
+            lacks = "; ".join(f"'{signature.mission}' {_lacks(signature, _engines(parsed))}" for signature in agreed)
             message = f"may be any of {_either(agreed)}, and the lists of entities fit none: {lacks}"
-            raise parsed.fault(said[0][1], message, "list what one of them needs, or name another task type")
+            raise parsed.fault(named[0][1], message, "list what one of them needs, or name another task type")
     if len(agreed) > 1 and not full and (own := _of_bodies_alone(parsed, full)):
-        return own[0], said[0][1], f"{said[0][2]}, which may be {_either(agreed)}: {own[1]}"
+        return own[0], named[0][1], f"{named[0][2]}, which may be {_either(agreed)}: {own[1]}"
     if len(agreed) > 1:
         hint = _name_it(agreed[0].mission)
-        raise parsed.fault(said[0][1], f"may be any of {_either(agreed)}; nothing in the document tells which", hint)
-    if agreed[0].mission == BY_AIR and has_row_goals(parsed, found) and rows_with_goals(parsed) > 1:
-        return GOALS, said[0][1], f"{said[0][2]}, with a goal in each row"
-    return agreed[0].mission, said[0][1], " and ".join(dict.fromkeys(why for _, _, why in said)) + unknown
+        raise parsed.fault(named[0][1], f"may be any of {_either(agreed)}; nothing in the document decides it", hint)
+    if agreed[0].mission == BY_AIR and has_row_goals(parsed, hidden_entries) and rows_with_goals(parsed) > 1:
+        return GOALS, named[0][1], f"{named[0][2]}, with a goal in each row"
+    return agreed[0].mission, named[0][1], " and ".join(dict.fromkeys(why for _, _, why in named)) + unknown
 
 
-def _of_bodies_alone(parsed: Parsed, full: Sequence[Found]) -> tuple[str, str] | None:
-    """The mission of a document whose UAVs have goals of their own, or that hides nothing, and why it is that one."""
+def _of_bodies_alone(parsed: Parsed, full: Sequence[HiddenEntries]) -> tuple[str, str] | None:
+    """The mission and the reason for a document with goals of single UAVs, or without hidden places; None for other
+    documents."""
     engines = _engines(parsed)
     if full:
-        titled = any(_in_words(parsed, one) for one in _fitting(engines, full))
+        titled = any(_in_words(parsed, signature) for signature in _fitting(engines, full))
         return (GOALS, "recognised by UAVs and their goals") if has_row_goals(parsed, full) and not titled else None
-    for name, taken in FREE:
-        if engines and engines <= taken:
+    for name, accepted in FREE:
+        if engines and engines <= accepted:
             return name, "no target is given, so bodies are placed and take pictures"
     return None
 
 
 def _in_words(parsed: Parsed, signature: TemplateSignature) -> bool:
-    """True if the scene's name or the goal has a word for what the mission looks for."""
-    text = folded(f"{parsed.scenario.scene_name} {parsed.task.goal}")
+    """True if the scene's name or the goal has a word for the mission's targets."""
+    text = fold_key(f"{parsed.scenario.scene_name} {parsed.task.goal}")
     return any(word in text for type_ in signature.types for word in SPECIAL.get(type_, ()))
 
 
 def fleet_of(mission: str) -> str:
-    """The mission that takes several entities where this one has one, or ""."""
-    return next((one.fleet for one in signatures() if one.mission == mission), "")
+    """The mission that accepts several entities of a kind of which this one has one, or ""."""
+    return next((signature.fleet for signature in signatures() if signature.mission == mission), "")
 
 
-def _either(those: Iterable[TemplateSignature]) -> str:
-    return ", ".join(one.mission for one in those)
+def _either(candidates: Iterable[TemplateSignature]) -> str:
+    return ", ".join(signature.mission for signature in candidates)
 
 
 def _name_it(mission: str) -> str:
@@ -154,73 +161,81 @@ def _name_it(mission: str) -> str:
 
 
 def _engines(parsed: Parsed) -> frozenset[str]:
-    """The engines that drive what the document lists."""
-    return frozenset(one.engine for one in LISTS if getattr(parsed.scenario.equipment_list, one.attribute))
+    """The engines of the document's entities."""
+    return frozenset(
+        entity_list.engine for entity_list in LISTS if getattr(parsed.scenario.equipment_list, entity_list.attribute)
+    )
 
 
 def _lacks(signature: TemplateSignature, engines: frozenset[str]) -> str:
-    """Why a document that lists entities of these engines is not for a mission."""
-    wanting = [one.name for one in LISTS if one.engine in signature.engines - engines]
-    barred = [one.name for one in LISTS if one.engine in signature.without & engines]
+    """The reason why a document with entities of these engines is not for a mission."""
+    wanting = [entity_list.name for entity_list in LISTS if entity_list.engine in signature.engines - engines]
+    barred = [entity_list.name for entity_list in LISTS if entity_list.engine in signature.without & engines]
     return f"needs {_listing(wanting)}" if wanting else f"is for documents without {_listing(barred)}"
 
 
-def _narrowed(parsed: Parsed, fitting: Sequence[TemplateSignature], found: Sequence[Found]) -> list[TemplateSignature]:
-    """Of the missions that one word names, those that the hidden fields and the entities leave."""
+def _narrow(
+    parsed: Parsed, fitting: Sequence[TemplateSignature], hidden_entries: Sequence[HiddenEntries]
+) -> list[TemplateSignature]:
+    """The candidates of one word that agree with the hidden fields and the entities."""
     engines = _engines(parsed)
-    left = _fitting(engines, found, fitting) or [one for one in fitting if one.equipped(engines)]
-    most = max((len(one.engines) for one in left), default=0)
-    return [one for one in left if len(one.engines) == most]
+    candidates = _fitting(engines, hidden_entries, fitting) or [
+        signature for signature in fitting if signature.equipped(engines)
+    ]
+    most = max((len(signature.engines) for signature in candidates), default=0)
+    return [signature for signature in candidates if len(signature.engines) == most]
 
 
-def _named(parsed: Parsed, found: Sequence[Found]) -> tuple[list[tuple[list[TemplateSignature], str, str]], str]:
-    """The missions that every task type may mean, in order, and what is to be said of the first unknown one."""
+def _named_by_type(
+    parsed: Parsed, hidden_entries: Sequence[HiddenEntries]
+) -> tuple[list[tuple[list[TemplateSignature], str, str]], str]:
+    """The candidates of each task type, in order, and a remark on the first unknown one."""
     named: list[tuple[list[TemplateSignature], str, str]] = []
     unknown = ""
     for holder, path in parsed.typed_holders():
         for key, word in holder.items():
-            if folded(key) == "tasktype" and isinstance(word, str) and word:
-                spelt = parsed.spelt.key(holder, key)
-                fitting = [one for one in signatures() if one.named(folded(word), found)]
+            if fold_key(key) == "tasktype" and isinstance(word, str) and word:
+                spelling = parsed.spelling.key(holder, key)
+                fitting = [signature for signature in signatures() if signature.named(fold_key(word), hidden_entries)]
                 if fitting:
-                    named.append((fitting, f"{path}.{spelt}", f"named by {spelt} '{word}'"))
+                    named.append((fitting, f"{path}.{spelling}", f"named by {spelling} '{word}'"))
                 elif not unknown:
-                    unknown = f" ({spelt} '{word}' is not known)"
+                    unknown = f" ({spelling} '{word}' is not known)"
     return named, unknown
 
 
-def _recognised(parsed: Parsed, found: Sequence[Found], unknown: str) -> tuple[str, str, str]:
+def _recognise(parsed: Parsed, hidden_entries: Sequence[HiddenEntries], unknown: str) -> tuple[str, str, str]:
     equipment = parsed.scenario.equipment_list
-    # The lists that say most (ships rather than drones) are named first.
-    lists = {one.engine: one.name for one in reversed(LISTS) if getattr(equipment, one.attribute)}
-    fitting = _fitting(frozenset(lists), found, _told_in_words(parsed, found))
-    seen = _listing([*dict.fromkeys(one.key for one in found), *lists.values()])
-    own = _own_goals_left_out(parsed, found, fitting)
+    # The most specific lists (ships rather than drones) are named first.
+    lists = {each.engine: each.name for each in reversed(LISTS) if getattr(equipment, each.attribute)}
+    fitting = _fitting(frozenset(lists), hidden_entries, _with_words(parsed, hidden_entries))
+    seen = _listing([*dict.fromkeys(field.key for field in hidden_entries), *lists.values()])
+    own = _own_goals_left_out(parsed, hidden_entries, fitting)
     if len(fitting) == 1 and not own:
-        one = fitting[0]
-        used = [f.key for f in found if one.holds(f)] + [
-            name for engine, name in lists.items() if engine in one.engines
+        signature = fitting[0]
+        used = [f.key for f in hidden_entries if signature.holds(f)] + [
+            name for engine, name in lists.items() if engine in signature.engines
         ]
-        return one.mission, parsed.lists_path, f"recognised by {_listing(dict.fromkeys(used))}{unknown}"
+        return signature.mission, parsed.lists_path, f"recognised by {_listing(dict.fromkeys(used))}{unknown}"
     if fitting:
-        names = ", ".join([*(one.mission for one in fitting), *([GOALS] if own else [])])
+        names = ", ".join([*(signature.mission for signature in fitting), *([GOALS] if own else [])])
         raise parsed.fault(
             parsed.path,
             f"several templates fit {seen}: {names}{unknown}",
             f'name one of {names}: "lingjing": {{"mission": "{fitting[0].mission}"}} in the scenario, or a taskType',
         )
-    if found and not any(one.holds(field) for one in signatures() for field in found):
-        unheard = _listing(dict.fromkeys(f"'{one.key}'" for one in found))
-        hint = f"take it out, or name a template of your own that has a target of type {found[0].field.types[0]}"
-        raise parsed.fault(found[0].path, f"no template has anything for {unheard}", hint)
-    known = [one for one in signatures() if not one.of]
-    possible = [one for one in known if one.equipped(frozenset(lists))] or known
-    names = ", ".join(one.mission for one in possible)
+    if hidden_entries and not any(signature.holds(field) for signature in signatures() for field in hidden_entries):
+        keys = _listing(dict.fromkeys(f"'{field.key}'" for field in hidden_entries))
+        hint = f"remove it, or name a template of your own that has a target of type {hidden_entries[0].field.types[0]}"
+        raise parsed.fault(hidden_entries[0].path, f"no template has a target for {keys}", hint)
+    known = [signature for signature in signatures() if not signature.of]
+    possible = [signature for signature in known if signature.equipped(frozenset(lists))] or known
+    names = ", ".join(signature.mission for signature in possible)
     what = f"of {seen}" if seen else "of empty lists"
-    lacking = "" if found else " without any hidden place"
-    plain = [field for field in found if not field.field.general] or found
-    near = next((one for one in signatures() if any(one.holds(f) for f in plain)), possible[0])
-    wanting = [one.name for one in LISTS if one.engine in near.engines - lists.keys()]
+    lacking = "" if hidden_entries else " without any hidden place"
+    plain = [field for field in hidden_entries if not field.field.general] or hidden_entries
+    near = next((signature for signature in signatures() if any(signature.holds(f) for f in plain)), possible[0])
+    wanting = [each.name for each in LISTS if each.engine in near.engines - lists.keys()]
     needs = f"; '{near.mission}' would, with {_listing(wanting)}" if wanting else ""
     raise parsed.fault(
         parsed.path,
@@ -229,29 +244,46 @@ def _recognised(parsed: Parsed, found: Sequence[Found], unknown: str) -> tuple[s
     )
 
 
-def _own_goals_left_out(parsed: Parsed, found: Sequence[Found], fitting: Sequence[TemplateSignature]) -> bool:
-    """True if rows with a goal each may be those of UAVs that every fitting mission leaves out."""
+def _own_goals_left_out(
+    parsed: Parsed, hidden_entries: Sequence[HiddenEntries], fitting: Sequence[TemplateSignature]
+) -> bool:
+    """True if the document has rows with goals of UAVs that no candidate includes."""
     drones = len(parsed.scenario.equipment_list.drone_entity_list)
-    fleetless = bool(fitting) and not any("multirotor" in one.engines | one.optional for one in fitting)
-    return fleetless and drones > 0 and only_goals(parsed, found) and rows_with_goals(parsed) > 1
+    fleetless = bool(fitting) and not any(
+        "multirotor" in signature.engines | signature.optional for signature in fitting
+    )
+    return fleetless and drones > 0 and only_goals(parsed, hidden_entries) and rows_with_goals(parsed) > 1
 
 
-def _told_in_words(parsed: Parsed, found: Sequence[Found]) -> list[TemplateSignature]:
-    """The missions without those of special targets that neither a field nor a word of the document names."""
-    vague = all(one.field.general for one in found)
-    return [one for one in signatures() if not vague or not one.types & SPECIAL.keys() or _in_words(parsed, one)]
+def _with_words(parsed: Parsed, hidden_entries: Sequence[HiddenEntries]) -> list[TemplateSignature]:
+    """The missions without those of special targets for which the document has neither a field nor a word."""
+    vague = all(hidden.field.general for hidden in hidden_entries)
+    return [
+        signature
+        for signature in signatures()
+        if not vague or not signature.types & SPECIAL.keys() or _in_words(parsed, signature)
+    ]
 
 
 def _fitting(
-    engines: frozenset[str], found: Sequence[Found], among: Sequence[TemplateSignature] | None = None
+    engines: frozenset[str], hidden_entries: Sequence[HiddenEntries], among: Sequence[TemplateSignature] | None = None
 ) -> list[TemplateSignature]:
-    """The templates that fit best: their engines and every field; at least their engines; at least one field."""
+    """The best candidates: with exactly these engines and every field; else with every field; else with at least one
+    field."""
     known = signatures() if among is None else among
-    enough = [one for one in known if one.equipped(engines) and any(one.holds(f) for f in found)]
-    whole = [one for one in enough if all(one.holds(f) for f in found)]
-    exact = [one for one in whole if one.engines == engines]
+    enough = [
+        signature
+        for signature in known
+        if signature.equipped(engines) and any(signature.holds(f) for f in hidden_entries)
+    ]
+    whole = [signature for signature in enough if all(signature.holds(f) for f in hidden_entries)]
+    exact = [signature for signature in whole if signature.engines == engines]
     best = exact or whole or enough
-    return [one for one in best if not any(one.engines < other.engines and one.types == other.types for other in best)]
+    return [
+        signature
+        for signature in best
+        if not any(signature.engines < other.engines and signature.types == other.types for other in best)
+    ]
 
 
 def _listing(words: Iterable[str]) -> str:
