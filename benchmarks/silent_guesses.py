@@ -42,7 +42,7 @@ def silent_guesses(
     groups = {group.name: group for group in mission.groups}
     origin = origin_of(mission)
     unit_m = 1.0 if _in_metres(whole, notes) else 0.01
-    planar = any("lon and lat are taken for X and Y in metres" in note for note in notes)
+    planar = any("lon and lat are read as X and Y in metres" in note for note in notes)
     raised: set[float] = set()
     for member, path in mission.origin.places.items():
         row = _at(whole, path.removesuffix(".data"))
@@ -142,7 +142,7 @@ def _in_metres(whole: Any, notes: Sequence[str]) -> bool:
     unit = _get(_get(scenario, "lingjing"), "unit")
     if unit is not None:
         return bool(unit == "m")
-    return any("are taken for metres" in note for note in notes) or '_m"' in json.dumps(
+    return any("are read as metres" in note for note in notes) or '_m"' in json.dumps(
         [_get(row, "coordinate_system") for row in _rows(scenario)]
     )
 

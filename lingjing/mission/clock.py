@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-MOST_STEPS = 100_000
+_MAX_STEPS = 100_000
 """The largest number of macro-steps of one tick (chosen): an hour in steps of 36 ms. A larger number comes from a
 mistaken unit, and such a tick would not end in practice."""
 
-TOLERANCE = 1e-9
+_TOLERANCE = 1e-9
 """Relative deviation of tick / sync from a whole number that is accepted, because neither is exact in binary (chosen).
 """
 
@@ -16,8 +16,8 @@ def clock_fault(tick_s: float, sync_s: float) -> str:
     if not (tick_s > 0 and sync_s > 0):
         return f"tick = {tick_s:g} s and sync = {sync_s:g} s must be above 0"
     steps = tick_s / sync_s
-    if not steps <= MOST_STEPS:
-        return f"tick = {tick_s:g} s has {steps:.3g} steps of sync = {sync_s:g} s, at most {MOST_STEPS:,} are possible"
-    if abs(steps - round(steps)) > TOLERANCE * steps or round(steps) < 1:
+    if not steps <= _MAX_STEPS:
+        return f"tick = {tick_s:g} s has {steps:.3g} steps of sync = {sync_s:g} s, at most {_MAX_STEPS:,} are possible"
+    if abs(steps - round(steps)) > _TOLERANCE * steps or round(steps) < 1:
         return f"tick = {tick_s:g} s is no whole multiple of sync = {sync_s:g} s"
     return ""

@@ -18,7 +18,7 @@ from lingjing.mission.faults import lines_of, schema_faults
 from lingjing.mission.model import Mission
 from lingjing.mission.strict_schema import strict_schema
 
-DIALECT = "https://json-schema.org/draft/2020-12/schema"
+_DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def encode(mission: Mission) -> str:
@@ -38,7 +38,7 @@ def decode(text: str, path: str) -> Mission:
         faults = _faults(jsontext.load(text, path))
         raise MissionError(
             lines_of(faults, path) or f"{path}: not a mission: {error}",
-            hint="write mission.json with `lingjing compile`, or edit it by schemas/mission.schema.json",
+            hint="write mission.json with `lingjing compile`, or edit it according to schemas/mission.schema.json",
             faults=faults,
         ) from None
 
@@ -69,7 +69,7 @@ def read(text: str, path: str, templates: Callable[[str], Mission]) -> tuple[Mis
 def schemas() -> dict[str, bytes]:
     """Each schema of this package by file name, formatted as it is committed."""
     return {
-        "mission.schema.json": _formatted({"$schema": DIALECT, **msgspec.json.schema(Mission)}),
+        "mission.schema.json": _formatted({"$schema": _DIALECT, **msgspec.json.schema(Mission)}),
         "diagnostics.schema.json": _formatted(_diagnostics()),
         "reset-scenario.schema.json": _formatted(_reset_scenario()),
     }
@@ -85,14 +85,14 @@ def main(arguments: Sequence[str] = ()) -> None:
 
 def _diagnostics() -> dict[str, object]:
     """The schema of the output of `lingjing validate --output-format json`."""
-    return {"$schema": DIALECT, "title": "diagnostics", **msgspec.json.schema(tuple[Diagnostic, ...])}
+    return {"$schema": _DIALECT, "title": "diagnostics", **msgspec.json.schema(tuple[Diagnostic, ...])}
 
 
 def _reset_scenario() -> dict[str, object]:
     """The schema of an envelope or a bare scenario. Unknown fields are allowed and kept."""
     from lingjing.mission.reset.schema import reset_scenario
 
-    return {"$schema": DIALECT, "title": "resetScenario", **reset_scenario()}
+    return {"$schema": _DIALECT, "title": "resetScenario", **reset_scenario()}
 
 
 def _formatted(schema: dict[str, object]) -> bytes:

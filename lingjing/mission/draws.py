@@ -17,11 +17,11 @@ from lingjing.mission.evaluate import Area, Interval, Place, Scope, Value, area,
 from lingjing.mission.seeding import Stream
 from lingjing.mission.spacing import Spacing
 
-SITE_TRIES = 2_000
+_SITE_TRIES = 2_000
 """Random points tried for one site before the attempt is given up (chosen)."""
-SITE_ATTEMPTS = 8
+_SITE_ATTEMPTS = 8
 """Independent attempts at a whole group; the first complete one is used (chosen)."""
-NORMAL_TRIES = 1_000
+_NORMAL_TRIES = 1_000
 """Draws from a bounded normal distribution before an error is reported (chosen)."""
 
 
@@ -53,7 +53,7 @@ def sites(
     larger group may differ from those of a smaller one. Raises `MissionError` if all attempts fail.
     """
     best = 0
-    for attempt in range(SITE_ATTEMPTS):
+    for attempt in range(_SITE_ATTEMPTS):
         stream = Stream(seed, path if attempt == 0 else f"{path}#{attempt}")
         placed = _throw(polygon, apart, clear, stream, count)
         if len(placed) == count:
@@ -62,8 +62,8 @@ def sites(
     extent = abs(geometry2d.signed_area(polygon)) / 10_000.0
     raise MissionError(
         f"{count} places at least {apart:g} m apart do not fit into {extent:.3g} ha: "
-        f"{best} fitted at best in {SITE_ATTEMPTS} attempts of {SITE_TRIES} tries a place",
-        hint="lower 'apart', ask for fewer members or widen the region",
+        f"{best} fitted at best in {_SITE_ATTEMPTS} attempts of {_SITE_TRIES} tries a place",
+        hint="lower 'apart', declare fewer members or widen the region",
     )
 
 
@@ -74,7 +74,7 @@ def _throw(
     placed: list[geometry2d.Vector2] = []
     spacing = Spacing(apart, max(abs(west), abs(south), abs(east), abs(north)))
     for _ in range(count):
-        for _ in range(SITE_TRIES):
+        for _ in range(_SITE_TRIES):
             dart = round(stream.uniform(west, east), 3), round(stream.uniform(south, north), 3)
             if _lies_in(dart, polygon, clear) and spacing.is_free(*dart):
                 placed.append(dart)
@@ -119,12 +119,12 @@ def _normal(expr: ex.Draw, scope: Scope, seed: int, path: str, count: int) -> tu
 
 
 def _bounded(stream: Stream, mean: float, deviation: float, low: float, high: float) -> float:
-    for _ in range(NORMAL_TRIES):
+    for _ in range(_NORMAL_TRIES):
         value = stream.normal(mean, deviation)
         if low <= value <= high:
             return value
     raise MissionError(
-        f"normal({mean:g}, {deviation:g}) did not fall into {low:g}..{high:g} in {NORMAL_TRIES} tries",
+        f"normal({mean:g}, {deviation:g}) did not fall into {low:g}..{high:g} in {_NORMAL_TRIES} tries",
         hint="move the mean into the bounds or widen them",
     )
 
@@ -141,20 +141,20 @@ def _subset(expr: ex.Draw, scope: Scope, seed: int, path: str, count: int) -> tu
     values = list(_list(expr, scope))
     if count > len(values):
         raise MissionError(
-            f"{count} different items are drawn from a list of {len(values)}",
-            hint="lengthen the list, ask for fewer members, or draw with choice(…), which may repeat",
+            f"{count} different items cannot be drawn from a list of {len(values)}",
+            hint="lengthen the list, declare fewer members, or draw with choice(…), which may repeat",
         )
     if apart <= 0:
         stream = Stream(seed, path)
         return tuple(values.pop(stream.below(len(values))) for _ in range(count))
-    for attempt in range(SITE_ATTEMPTS):
+    for attempt in range(_SITE_ATTEMPTS):
         stream = Stream(seed, path if attempt == 0 else f"{path}#{attempt}")
         picked = _picked(values, apart, stream, count)
         if len(picked) == count:
             return picked
     raise MissionError(
-        f"{count} of the {len(values)} places cannot be at least {apart:g} m apart ({SITE_ATTEMPTS} attempts)",
-        hint="lower 'apart', ask for fewer members or lengthen the list",
+        f"{count} of the {len(values)} places cannot be at least {apart:g} m apart ({_SITE_ATTEMPTS} attempts)",
+        hint="lower 'apart', declare fewer members or lengthen the list",
     )
 
 
@@ -165,7 +165,7 @@ def _picked(values: Sequence[Value], apart: float, stream: Stream, count: int) -
     while remaining and len(picked) < count:
         item = remaining.pop(stream.below(len(remaining)))
         if not isinstance(item, Place):
-            raise MissionError(f"'apart' is for places, this is {describe(item)}")
+            raise MissionError(f"'apart' applies to places, not to {describe(item)}")
         if all(math.hypot(item.east - p.east, item.north - p.north) >= apart for p in picked):
             picked.append(item)
     return tuple(picked)
@@ -173,7 +173,7 @@ def _picked(values: Sequence[Value], apart: float, stream: Stream, count: int) -
 
 def _one(expr: ex.Draw) -> ex.Expr:
     if len(expr.arguments) != 1:
-        raise MissionError(f"{expr.distribution}(…) takes one argument, {len(expr.arguments)} are given")
+        raise MissionError(f"{expr.distribution}(…) takes one argument, not {len(expr.arguments)}")
     return expr.arguments[0]
 
 
@@ -191,9 +191,9 @@ def _pair(expr: ex.Draw, scope: Scope) -> tuple[float, float]:
         value = evaluate(expr.arguments[0], scope)
         if isinstance(value, Interval):
             return value.low, value.high
-        raise MissionError(f"{expr.distribution}(…) takes two numbers, this is {describe(value)}")
+        raise MissionError(f"{expr.distribution}(…) takes two numbers, not {describe(value)}")
     if len(expr.arguments) != 2:
-        raise MissionError(f"{expr.distribution}(…) takes two numbers, {len(expr.arguments)} are given")
+        raise MissionError(f"{expr.distribution}(…) takes two numbers, not {len(expr.arguments)}")
     return number(expr.arguments[0], scope), number(expr.arguments[1], scope)
 
 
@@ -201,7 +201,7 @@ def _named(expr: ex.Draw, scope: Scope, allowed: tuple[str, ...]) -> dict[str, f
     for name, _ in expr.named:
         if name not in allowed:
             raise MissionError(
-                f"{expr.distribution}(…) has no option '{name}'", hint=f"it knows {', '.join(allowed) or 'none'}"
+                f"{expr.distribution}(…) has no option '{name}'", hint=f"its options: {', '.join(allowed) or 'none'}"
             )
     return {name: number(value, scope) for name, value in expr.named}
 

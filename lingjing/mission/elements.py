@@ -11,15 +11,15 @@ from datetime import datetime
 
 from lingjing.mission.instance import Datum
 
-LENGTH = 69
+_LENGTH = 69
 """Characters of a line (Spacetrack Report No. 3)."""
 
 
 def line_fault(number: int, line: str) -> tuple[str, str]:
     """The error of line 1 or 2 of a satellite's elements, and its hint; ("", "") if the line is correct."""
-    if len(line) != LENGTH or not line.isascii() or not line.startswith(f"{number} ") or not line[-1].isdigit():
+    if len(line) != _LENGTH or not line.isascii() or not line.startswith(f"{number} ") or not line[-1].isdigit():
         return (
-            f"is not {LENGTH} characters that begin with `{number} ` and end in a digit",
+            f"is not {_LENGTH} characters that begin with `{number} ` and end in a digit",
             f"copy the whole line into `tle{number}`, or leave `tle1` and `tle2` empty",
         )
     total = checksum(line[:-1])

@@ -87,8 +87,8 @@ class Scope(msgspec.Struct, frozen=True):
             case "role" | "grid":
                 return ref.name
         if ref.kind == "region":
-            hint = "what lies along a road or around an entity is a region once these are there: draw from another one"
-            raise MissionError(f"where region '{ref.name}' lies is not known yet", hint=hint)
+            hint = "regions along a road or around an entity are known only after placement: draw from another region"
+            raise MissionError(f"the area of region '{ref.name}' is not known yet", hint=hint)
         raise MissionError(f"there is no {ref.kind} '{ref.name}' here", hint=f"declare '{ref.name}' or check its guard")
 
     def place(self, value: Value) -> Place | None:
@@ -131,7 +131,7 @@ class _Static:
         value = known.value
         if not isinstance(node, ex.Call):
             return lambda names, scope: value(scope, *[operand(names, scope) for operand in operands])
-        fault = miscounted(node)
+        fault = _argument_count_fault(node)
         if fault:
             return _refused(fault)
         arguments, named = operands[: len(node.arguments)], [name for name, _ in node.named]
@@ -177,7 +177,7 @@ def _items(node: ex.Expr, operand: Meaning) -> Meaning:
     return items
 
 
-def miscounted(node: ex.Call) -> str:
+def _argument_count_fault(node: ex.Call) -> str:
     """The error in the number of a call's arguments, or ""."""
     signature = FUNCTIONS.get(node.function)
     if signature is None:
@@ -187,10 +187,10 @@ def miscounted(node: ex.Call) -> str:
     if signature.variadic:
         # a polygon also takes one list of its corners
         short = count < least and not (node.function == "polygon" and count == 1)
-        return f"{node.function}(…) takes {least} and more arguments, {count} are given" if short else ""
+        return f"{node.function}(…) takes at least {least} arguments, not {count}" if short else ""
     if least <= count <= len(signature.parameters):
         return ""
-    return f"{node.function}(…) takes {len(signature.parameters)} arguments, {count} are given"
+    return f"{node.function}(…) takes {len(signature.parameters)} arguments, not {count}"
 
 
 _MEANINGS = Meanings(_Static())
@@ -225,5 +225,5 @@ def members(expr: ex.Expr, scope: Scope) -> tuple[str, ...]:
     """The ids of the entities that the expression names."""
     value = evaluate(expr, scope)
     if not isinstance(value, Members):
-        raise MissionError(f"an asset or a target is due here, this is {describe(value)}")
+        raise MissionError(f"expected an asset or a target, got {describe(value)}")
     return value.ids

@@ -15,11 +15,11 @@ from typing import Literal
 import msgspec
 
 
-class Node(msgspec.Struct, frozen=True, tag=True, tag_field="node"):
+class _Node(msgspec.Struct, frozen=True, tag=True, tag_field="node"):
     """Base of every expression node; its tag in JSON is the class name."""
 
 
-class Number(Node, frozen=True):
+class Number(_Node, frozen=True):
     """A quantity."""
 
     value: float
@@ -28,25 +28,25 @@ class Number(Node, frozen=True):
     """The unit as the author wrote it; "" for a number without unit."""
 
 
-class Text(Node, frozen=True):
+class Text(_Node, frozen=True):
     """A quoted string."""
 
     value: str
 
 
-class Flag(Node, frozen=True):
+class Flag(_Node, frozen=True):
     """`true` or `false`."""
 
     value: bool
 
 
-class Symbol(Node, frozen=True):
+class Symbol(_Node, frozen=True):
     """A name that stands for itself: a class, a mode, a channel, a verb."""
 
     name: str
 
 
-class Ref(Node, frozen=True):
+class Ref(_Node, frozen=True):
     """A reference to a declaration or to a bound variable."""
 
     name: str
@@ -54,40 +54,40 @@ class Ref(Node, frozen=True):
     """The table in which the checker resolved the name."""
 
 
-class Index(Node, frozen=True):
+class Index(_Node, frozen=True):
     """One member of a group, counted from 1: `uav[i]`."""
 
     base: Expr
     index: Expr
 
 
-class Attr(Node, frozen=True):
+class Attr(_Node, frozen=True):
     """A field of a record, an entity or a region: `r.position`."""
 
     base: Expr
     name: str
 
 
-class Point(Node, frozen=True):
+class Point(_Node, frozen=True):
     """Two or three lengths in the mission's frame: east, north and (optionally) elevation in metres."""
 
     items: tuple[Expr, ...]
 
 
-class Sequence(Node, frozen=True):
+class Sequence(_Node, frozen=True):
     """A bracketed list."""
 
     items: tuple[Expr, ...]
 
 
-class Range(Node, frozen=True):
+class Range(_Node, frozen=True):
     """An inclusive interval `low..high`."""
 
     low: Expr
     high: Expr
 
 
-class Call(Node, frozen=True):
+class Call(_Node, frozen=True):
     """A call of a built-in function, or of a rule of this mission."""
 
     function: str
@@ -98,14 +98,14 @@ class Call(Node, frozen=True):
     """True for a rule of this mission."""
 
 
-class Unary(Node, frozen=True):
+class Unary(_Node, frozen=True):
     """`-x` or `not x`."""
 
     operator: Literal["-", "not"]
     operand: Expr
 
 
-class Binary(Node, frozen=True):
+class Binary(_Node, frozen=True):
     """Arithmetic, comparison, membership or logic on two operands."""
 
     operator: Literal["+", "-", "*", "/", "==", "!=", "<", "<=", ">", ">=", "in", "and", "or"]
@@ -113,7 +113,7 @@ class Binary(Node, frozen=True):
     right: Expr
 
 
-class Quantified(Node, frozen=True):
+class Quantified(_Node, frozen=True):
     """`exists r: body` or `forall v in domain: body`."""
 
     quantifier: Literal["exists", "forall"]
@@ -123,7 +123,7 @@ class Quantified(Node, frozen=True):
     body: Expr
 
 
-class Aggregate(Node, frozen=True):
+class Aggregate(_Node, frozen=True):
     """`sum(o.demand for o in order)`: one number over a group or a message kind.
 
     `count` counts the bindings for which the body, a condition, is true. Over an empty domain `sum` and `count` are 0,
@@ -136,7 +136,7 @@ class Aggregate(Node, frozen=True):
     body: Expr
 
 
-class Draw(Node, frozen=True):
+class Draw(_Node, frozen=True):
     """A seeded draw: `~ uniform(a, b)`, `~ sites(region, apart >= 80 m)`."""
 
     distribution: str

@@ -17,7 +17,7 @@ Polygon = tuple[Vector2, ...]
 Extent = tuple[float, float, float, float]
 """(west, south, east, north) in metres."""
 
-CIRCLE_VERTICES = 64
+_CIRCLE_VERTICES = 64
 """Vertices of a circle (chosen)."""
 
 
@@ -56,11 +56,11 @@ def centroid(polygon: Sequence[Vector2]) -> Vector2:
 MOST_CORNERS = 512
 """The largest number of corners of a result of `buffer` and `union` (chosen): nested round corners would multiply."""
 
-FINEST_M = 0.01
+_FIRST_TOLERANCE_M = 0.01
 """First tolerance of the simplification of an outline with more corners, metres (chosen); each further pass
 doubles it."""
 
-FEW_SIDES = 64
+_FEW_SIDES = 64
 """In an outline of up to this many edges, the first crossing in edge order is reported (chosen); in a larger one, the
 first that the sweep from the west meets."""
 
@@ -159,7 +159,7 @@ def clipped(polygon: Sequence[Vector2], box: Extent) -> Polygon:
     return kept if len(kept) >= 3 and signed_area(kept) > 0 else ()
 
 
-def circle(centre: Vector2, radius: float, vertices: int = CIRCLE_VERTICES) -> Polygon:
+def circle(centre: Vector2, radius: float, vertices: int = _CIRCLE_VERTICES) -> Polygon:
     """A regular polygon with the circle's area, anticlockwise from east."""
     step = 2.0 * math.pi / vertices
     reach = radius * math.sqrt(step / math.sin(step))
@@ -199,7 +199,7 @@ def _outline(shape: Any, what: str) -> Polygon:
         raise MissionError(f"the {what} is not one area", hint="a region is one outline: join parts that meet")
     if shape.interiors:
         raise MissionError(f"the {what} has a hole", hint="a region has one outline and no holes")
-    tolerance = FINEST_M
+    tolerance = _FIRST_TOLERANCE_M
     while len(shape.exterior.coords) > MOST_CORNERS:
         shape, tolerance = shape.simplify(tolerance), 2 * tolerance
     return normalised([(round(x, 3), round(y, 3)) for x, y in shape.exterior.coords])
@@ -236,7 +236,7 @@ def _beyond(before: Vector2, at: Vector2, reach: float) -> Vector2:
 
 def _crossing(outline: Polygon) -> tuple[int, int] | None:
     crossings = _crossings(tuple(edges(outline)))
-    return min(crossings, default=None) if len(outline) <= FEW_SIDES else next(crossings, None)
+    return min(crossings, default=None) if len(outline) <= _FEW_SIDES else next(crossings, None)
 
 
 def _crossings(sides: tuple[tuple[Vector2, Vector2], ...]) -> Iterator[tuple[int, int]]:

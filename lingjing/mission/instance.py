@@ -178,7 +178,7 @@ class InteractionSpec(Exchange, frozen=True, kw_only=True):
     """True if the actor takes the target along."""
 
 
-LEAST_BLOCKED_M = 15.0
+_MIN_BLOCKED_M = 15.0
 """Smallest radius that a target with `blocks` closes around its place, metres (chosen: the length of a short queue)."""
 
 
@@ -247,10 +247,10 @@ class Entity(Record, frozen=True, kw_only=True):
     @property
     def blocked_m(self) -> float | None:
         """Radius that a target with `blocks` closes around its place, metres: its `radius`, but at least
-        `LEAST_BLOCKED_M`. None if it does not block."""
+        `_MIN_BLOCKED_M`. None if it does not block."""
         if self.properties.get("blocks") is not True:
             return None
-        return max(self.number_or("radius_m", 0.0), LEAST_BLOCKED_M)
+        return max(self.number_or("radius_m", 0.0), _MIN_BLOCKED_M)
 
 
 class ChannelSpec(Record, frozen=True, kw_only=True):

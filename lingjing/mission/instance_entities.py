@@ -24,7 +24,7 @@ from lingjing.mission.kinds import engine_kind
 from lingjing.mission.kinds_format import EngineKind, VerbKind
 from lingjing.mission.units import without_unit
 
-MEMBERS_MOST = 100_000
+_MAX_MEMBERS = 100_000
 """The largest number of members of a group (chosen)."""
 DRAWN_MOST = 4096
 """The largest number of entities in a mission with cameras (chosen)."""
@@ -34,19 +34,19 @@ _FIELDS = ("position", "heading_deg")
 FARTHEST_M = 1e6
 """A coordinate beyond this comes from a mistaken unit, metres (chosen): the scene's flat frame holds for kilometres."""
 
-LOWEST_M = -500.0
+_LOWEST_M = -500.0
 """A lower elevation comes from a mistaken sign or unit, metres (chosen): the lowest shore, that of the Dead Sea, is at
 -430 m."""
-HIGHEST_M = 30_000.0
+_HIGHEST_M = 30_000.0
 """A higher elevation comes from a mistaken unit, metres (chosen): aircraft fly below 30 km. Satellites are exempt."""
 
 GROUND_REACH_M = 200.0
 """The largest distance by which the scene moves an entity that is `on = ground` or inside an obstacle, to the nearest
 free ground, metres (chosen)."""
 
-ABOVE_ZERO = ("cruise_mps", "endurance_s", "swath_m")
+_POSITIVE = ("cruise_mps", "endurance_s", "swath_m")
 """Abilities of bodies that must be greater than zero."""
-NOT_BELOW_ZERO = ("speed_mps", "drift_mps", "payload_kg", "load_kg", "people", "radius_m")
+_NON_NEGATIVE = ("speed_mps", "drift_mps", "payload_kg", "load_kg", "people", "radius_m")
 """Abilities of bodies that must not be negative."""
 
 
@@ -56,8 +56,8 @@ def place_fault(place: tuple[float, ...], engine: str) -> str:
     shown = f"({', '.join(f'{metres:g} m' for metres in place)})"
     if not all(abs(metres) <= FARTHEST_M for metres in place):
         return f"{shown} is beyond every scene: coordinates are metres from its origin, {FARTHEST_M:,.0f} at most"
-    if not engine_kind(engine).orbits and len(place) == 3 and not LOWEST_M <= place[2] <= HIGHEST_M:
-        return f"{shown} is no place: elevations lie between {LOWEST_M:g} m and {HIGHEST_M:,.0f} m"
+    if not engine_kind(engine).orbits and len(place) == 3 and not _LOWEST_M <= place[2] <= _HIGHEST_M:
+        return f"{shown} is no place: elevations lie between {_LOWEST_M:g} m and {_HIGHEST_M:,.0f} m"
     return ""
 
 
@@ -98,7 +98,7 @@ def holds(guard: model.Guard | None, scope: Scope) -> bool:
         return True
     value = evaluate(guard.condition, scope)
     if not isinstance(value, bool):
-        raise MissionError(f"'when' takes true or false, this is {describe(value)}")
+        raise MissionError(f"'when' takes true or false, not {describe(value)}")
     return value
 
 
@@ -111,8 +111,8 @@ def count_of(count: ex.Expr | None, scope: Scope) -> int:
             raise MissionError("members are counted from 1", hint="write the index as 1..n")
         count = count.high
     members = whole(count, scope)
-    if not 0 <= members <= MEMBERS_MOST:
-        raise MissionError(f"{members} members are declared, and 0 to {MEMBERS_MOST} are possible")
+    if not 0 <= members <= _MAX_MEMBERS:
+        raise MissionError(f"{members} members are declared, and 0 to {_MAX_MEMBERS} are possible")
     return members
 
 
@@ -201,14 +201,14 @@ def _check_abilities(group: model.Group, columns: Mapping[str, Collection[Value]
     moved = {interaction.own for interaction in group.interactions}
     for name, column in columns.items():
         plain = without_unit(name)
-        if name not in ABOVE_ZERO and name not in NOT_BELOW_ZERO and plain not in moved:
+        if name not in _POSITIVE and name not in _NON_NEGATIVE and plain not in moved:
             continue
         numbers = [value for value in column if isinstance(value, float)]
         with at_path(f"{mission}/{group.name}/{name}"):
             for value in numbers:
-                if name in ABOVE_ZERO and value <= 0.0:
+                if name in _POSITIVE and value <= 0.0:
                     raise MissionError(f"`{plain}` is {value:g}", hint="it must be greater than 0")
-                if name not in ABOVE_ZERO and value < 0.0:
+                if name not in _POSITIVE and value < 0.0:
                     raise MissionError(f"`{plain}` is {value:g}", hint="it must be 0 or greater")
 
 
@@ -275,7 +275,7 @@ def _values(
 
 def _vector(value: Value, datum_m: float) -> Vector:
     if not isinstance(value, Place):
-        raise MissionError(f"a position is a point, this is {describe(value)}")
+        raise MissionError(f"a position is a point, not {describe(value)}")
     place = value.east, value.north, datum_m if value.elevation is None else value.elevation
     if not all(abs(metres) <= FARTHEST_M for metres in place):
         raise MissionError(
@@ -289,13 +289,13 @@ def _position(value: Value, datum_m: float, engine: str) -> Vector:
     place = _vector(value, datum_m)
     fault = place_fault(place, engine)
     if fault:
-        raise MissionError(fault, hint="look at the sign and the unit of the elevation")
+        raise MissionError(fault, hint="check the sign and the unit of the elevation")
     return place
 
 
 def _heading(value: Value) -> float:
     if isinstance(value, bool) or not isinstance(value, float):
-        raise MissionError(f"a heading is an angle, this is {describe(value)}")
+        raise MissionError(f"a heading is an angle, not {describe(value)}")
     return value % 360.0
 
 

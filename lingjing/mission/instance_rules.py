@@ -201,7 +201,7 @@ def _tick(mission: model.Mission, event: model.EventDeclaration, scope: Scope, s
         else:
             value = evaluate(event.at, scope)
         if isinstance(value, bool) or not isinstance(value, float) or value < 0:
-            raise MissionError(f"an event happens at a time, this is {describe(value)}")
+            raise MissionError(f"an event occurs at a time, not at {describe(value)}")
         return math.ceil(value / scope.tick_s - 1e-9) if _in_seconds(event.at) else math.ceil(value - 1e-9)
 
 

@@ -27,7 +27,7 @@ from lingjing.mission.values import is_finite
 from lingjing.mission.wording import PromptFiller
 from lingjing.suggest import nearest, nearest_or
 
-CELLS_MOST = 10_000
+_MAX_CELLS = 10_000
 """The largest number of cells of a grid (chosen)."""
 
 
@@ -94,13 +94,13 @@ def choose_settings(
 ) -> tuple[str, dict[str, float]]:
     """The mode and every parameter's value. Raises `UsageError` and `MissionError` like `instantiate`."""
     errors = ErrorCollector()
-    chosen = errors.attempt(lambda: choose_mode(mission, mode), mission.modes.default)
+    chosen = errors.attempt(lambda: _choose_mode(mission, mode), mission.modes.default)
     values = errors.attempt(lambda: parameters(mission, chosen, settings), {})
     errors.check()
     return chosen, values
 
 
-def choose_mode(mission: model.Mission, mode: str | None) -> str:
+def _choose_mode(mission: model.Mission, mode: str | None) -> str:
     """The mode to play in. Raises `UsageError` if the mission does not have it."""
     chosen = mission.modes.default if mode is None else mode
     if chosen not in mission.modes.allowed:
@@ -209,7 +209,7 @@ def _bound_fault(parameter: model.Parameter, value: float, scope: Scope) -> str:
                 allowed = ", ".join(f"{item:g}{unit}" for item in bounds if isinstance(item, float))
                 return f"is none of the allowed {allowed}"
         case _:
-            raise MissionError(f"bounds are a range or a list, this is {describe(bounds)}")
+            raise MissionError(f"bounds are a range or a list, not {describe(bounds)}")
     return ""
 
 
@@ -277,7 +277,7 @@ def _areas(mission: model.Mission, scope: Scope, placed: tuple[Entity, ...] = ()
             continue
         leaves = ex.leaves(region.shape)
         waits = any(isinstance(leaf, ex.Ref) and leaf.kind in ("group", "entity") for leaf in leaves) and not placed
-        if waits or region_on_map(region.shape) or any(isinstance(x, ex.Ref) and x.name in later for x in leaves):
+        if waits or _is_on_map(region.shape) or any(isinstance(x, ex.Ref) and x.name in later for x in leaves):
             later.add(region.name)
             continue
         with at_path(f"{mission.name}/{region.name}"):
@@ -292,7 +292,7 @@ def _region(region: model.RegionDeclaration, scope: Scope) -> Region:
     return Region(name=region.name, polygon=(), on_map=region.shape, hidden=region.hidden)
 
 
-def region_on_map(shape: ex.Expr) -> bool:
+def _is_on_map(shape: ex.Expr) -> bool:
     """True if a region is made of the map's roads."""
     return any(isinstance(part, ex.Call) and part.function in ("road", "along") for part in ex.parts(shape))
 
@@ -304,8 +304,8 @@ def _cells(mission: model.Mission, scope: Scope) -> tuple[Cell, ...]:
         with at_path(f"{mission.name}/{grid.name}"):
             region = area(ex.Ref(grid.region, "region"), scope)
             rows, columns, overlap = whole(grid.rows, scope), whole(grid.columns, scope), number(grid.overlap, scope)
-            if rows < 1 or columns < 1 or rows * columns > CELLS_MOST:
-                raise MissionError(f"{rows} by {columns} cells", hint=f"1 by 1 up to {CELLS_MOST} cells are possible")
+            if rows < 1 or columns < 1 or rows * columns > _MAX_CELLS:
+                raise MissionError(f"{rows} by {columns} cells", hint=f"1 by 1 up to {_MAX_CELLS} cells are possible")
             if not 0 <= overlap <= 1:
                 raise MissionError(f"an overlap of {overlap:.0%}", hint="choose 0 % to 100 %")
             hidden = grid.region in hidden_regions
@@ -342,7 +342,7 @@ def _entities(mission: model.Mission, scope: Scope, seed: int, datum_m: float) -
 
 def _number(value: Value, name: str) -> float:
     if isinstance(value, bool) or not isinstance(value, float):
-        raise MissionError(f"'{name}' is a number, this is {describe(value)}")
+        raise MissionError(f"'{name}' is a number, not {describe(value)}")
     return value
 
 
@@ -353,7 +353,7 @@ def _origin(value: Value) -> tuple[float, float]:
         case (float() as latitude, float() as longitude):
             pass
         case _:
-            raise MissionError(f"'origin' is (latitude, longitude), this is {describe(value)}")
+            raise MissionError(f"'origin' is (latitude, longitude), not {describe(value)}")
     if not (-85 <= latitude <= 85 and -180 <= longitude <= 180):
         raise MissionError(
             f"'origin' = ({latitude:g}, {longitude:g}) lies outside of the map",

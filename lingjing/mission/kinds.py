@@ -24,7 +24,7 @@ from lingjing.mission.kinds_format import EngineKind, KindsFile, SceneKind, Scen
 FILE = "kinds.json"
 """Name of a file of kinds."""
 
-DRY_M = 1.0
+_DRY_M = 1.0
 """Smallest depth of the sea below the ground of a town, which is at elevation 0, metres (chosen)."""
 
 SEA_M = -3.0
@@ -123,7 +123,7 @@ def scene_faults(spec: SceneSpec) -> Iterator[SceneFault]:
     yield from _choice_faults(spec, kind)
     for spelled, option in kind.options.items():
         yield from _option_faults(spec, kind, spelled, option)
-    if has_shore(spec) and spec.datum_m > -DRY_M:
+    if _has_shore(spec) and spec.datum_m > -_DRY_M:
         message = f"scene `{kind.name}`: the sea at {spec.datum_m:g} m would flood the ground, which is at 0 m"
         yield SceneFault("datum", message, "write: datum = sea level at -3 m")
 
@@ -147,7 +147,7 @@ def check_scene(spec: SceneSpec) -> None:
         raise UsageError("\n".join(fault.message for fault in faults), hint="; ".join(hints), faults=faults)
 
 
-def has_shore(spec: SceneSpec) -> bool:
+def _has_shore(spec: SceneSpec) -> bool:
     """True if dry ground at elevation 0 meets the sea."""
     kind = scene_kind(spec.kind)
     return kind is not None and (kind.shore == "own" or (kind.shore == "given" and bool(spec.options.get("shore"))))
@@ -178,7 +178,7 @@ def levels_m(spec: SceneSpec, surface: str) -> tuple[float, float] | None:
 def land(spec: SceneSpec) -> tuple[Polygon, ...]:
     """Outlines of dry land as far as the text has them, metres from the scene's origin."""
     kind = scene_kind(spec.kind)
-    shore = spec.options.get("shore") if has_shore(spec) else None
+    shore = spec.options.get("shore") if _has_shore(spec) else None
     own = tuple(_moved(outline, centre_m(spec)) for outline in kind.land) if kind else ()
     if kind is None or not shore or _coordinates(shore, 2) is None:
         return own
@@ -280,7 +280,7 @@ def _option_faults(spec: SceneSpec, kind: SceneKind, spelled: str, option: Scene
         if isinstance(low, int | float) and isinstance(high, int | float) and low > high:
             message = f"scene `{kind.name}`: `{spelled}` is {high!r}"
             yield SceneFault(spelled, message, _bounds(low, option.high))
-    if any(values.values()) and option.needs_shore and not has_shore(spec):
+    if any(values.values()) and option.needs_shore and not _has_shore(spec):
         hint = f"a {spelled} needs a shore: scene coastal {{ … }}"
         yield SceneFault(spelled, f"scene `{kind.name}` has no `{spelled}`", hint)
     if values and option.without in spec.options:

@@ -168,11 +168,11 @@ def _bounds_faults(where: str, option: SceneOption) -> Iterator[Fault]:
     count = _NUMBERS.get(option.type, 0)
     if len(numbers) != count:
         words = {0: "no default", 1: "one number", 2: "two numbers"}[count]
-        yield Fault(f"{where}.default", f"an option of type {option.type} has {words}", "mend or leave out `default`")
+        yield Fault(f"{where}.default", f"an option of type {option.type} has {words}", "correct or remove `default`")
         return
     for number in numbers:
         if (low is not None and number < low) or (high is not None and number > high):
-            yield Fault(f"{where}.default", f"{number:g} is outside of the option's bounds", "mend it or the bounds")
+            yield Fault(f"{where}.default", f"{number:g} is outside of the option's bounds", "correct it or the bounds")
     if option.type == "range" and numbers[0] > numbers[-1]:
         yield Fault(f"{where}.default", f"{numbers[0]:g} is more than {numbers[-1]:g}", "exchange them")
 

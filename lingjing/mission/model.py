@@ -298,17 +298,22 @@ class Channel(Record, frozen=True, kw_only=True):
 
 
 class Agent(Record, frozen=True, kw_only=True):
-    """`agent scout[i in 1..uavs] as searcher controls uav[i] { observes … }`."""
+    """An agent or an indexed group of them: `agent scout[i in 1..uavs] as searcher controls uav[i] { observes … }`."""
 
     name: str
     role: str
+    """The role that it plays."""
     count: Expr | None = None
+    """None for a single agent."""
     index: str = "i"
     controls: tuple[Expr, ...] = ()
+    """The assets that it embodies."""
     observes: tuple[Channel, ...] = ()
     prompt: str = ""
+    """Its prompt, with placeholders."""
     when: Guard | None = None
     budget: AllowanceDeclaration | None = None
+    """Its own limits; None if it has none."""
 
 
 class Authority(Record, frozen=True, kw_only=True):

@@ -114,7 +114,7 @@ def within(context: EvaluationContext, item: Value, whole: Value) -> Value:
 def point(context: EvaluationContext, *items: Value) -> Value:
     """`(east, north)` or `(east, north, elevation)`."""
     if len(items) not in (2, 3):
-        raise MissionError(f"a point has 2 or 3 components, this has {len(items)}")
+        raise MissionError(f"a point has 2 or 3 components, not {len(items)}")
     return Place(*(as_number(item) for item in items))
 
 
@@ -176,7 +176,7 @@ def polygon(context: EvaluationContext, *corners: Value) -> Value:
     outline: list[geometry2d.Vector2] = []
     for corner in corners:
         if not isinstance(corner, Place):
-            raise MissionError(f"a polygon's corner is a point, this is {describe(corner)}")
+            raise MissionError(f"a polygon's corner is a point, not {describe(corner)}")
         outline.append((corner.east, corner.north))
     return _checked(tuple(outline))
 
@@ -227,7 +227,7 @@ def of_the_map(name: str) -> Callable[..., Value]:
 
     def raise_error(context: EvaluationContext, *arguments: Value) -> Value:
         raise MissionError(
-            f"where '{name}(…)' lies is known only once the city is built",
+            f"the area of '{name}(…)' is known only after the city is built",
             hint="draw from a polygon; an entity with `on = road` is moved to the nearest road",
         )
 
@@ -237,7 +237,7 @@ def of_the_map(name: str) -> Callable[..., Value]:
 # -- lists ----------------------------------------------------------------------------------------------------------
 
 
-INDEX_MOST = 100_000
+_MAX_INDEX = 100_000
 """The largest index of `at(…)`: the largest number of members of a group."""
 
 
@@ -247,8 +247,8 @@ def item_at(
     """`at(i, [values], spread d)`: the i-th value. Beyond the list, the value is `rest`, a point around the listed
     ones, or a repetition of the list."""
     position = as_whole(index)
-    if not 1 <= position <= INDEX_MOST:
-        raise MissionError(f"at(…) counts from 1 to {INDEX_MOST:,}, this is {position:,}")
+    if not 1 <= position <= _MAX_INDEX:
+        raise MissionError(f"at(…) counts from 1 to {_MAX_INDEX:,}, not {position:,}")
     if not isinstance(values, tuple) or not values:
         raise MissionError("at(index, [values]) needs a list with something in it")
     if position <= len(values):
@@ -342,7 +342,7 @@ def _ends(context: EvaluationContext, name: str, a: Value, b: Value) -> tuple[Pl
 def iou(context: EvaluationContext, a: Value, b: Value) -> Value:
     """Intersection over union of two boxes."""
     if not (_is_box(a) and _is_box(b)):
-        raise MissionError(f"iou(…) takes two boxes, these are {describe(a)} and {describe(b)}")
+        raise MissionError(f"iou(…) takes two boxes, not {describe(a)} and {describe(b)}")
     value = overlap(a, b)
     context.note("iou", value)
     return value

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-MARGIN = 1.0 + 1e-6
+_MARGIN = 1.0 + 1e-6
 """Ratio of cell size and distance (chosen): two near places are never two cells apart because of rounding."""
 
-MOST_CELLS = 1e6
+_MAX_CELLS = 1e6
 """Cells along the longer side (chosen): larger cell numbers would not be exact."""
 
 
@@ -21,7 +21,7 @@ class Spacing:
 
     def __init__(self, apart: float, extent: float) -> None:
         self._apart = apart
-        self._cell = max(apart * MARGIN, extent / MOST_CELLS)
+        self._cell = max(apart * _MARGIN, extent / _MAX_CELLS)
         self._cells: dict[tuple[int, int], list[tuple[float, float]]] = {}
 
     def add(self, east: float, north: float) -> None:

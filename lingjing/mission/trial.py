@@ -22,15 +22,15 @@ from lingjing.mission.instance_entities import DRAWN_MOST, FARTHEST_M, NodeError
 from lingjing.mission.instantiate import instantiate, parameters
 from lingjing.mission.kinds import engine_kind, lacks, reach_m, scene_faults, spoken
 
-MEMBERS_MOST = 2_000
+_MAX_MEMBERS = 2_000
 """A mission with more entities or agents is not tried (chosen)."""
 
-COMBINATIONS_MOST = 64
+_MAX_COMBINATIONS = 64
 """The largest number of combinations of a sweep's values that are tried (chosen); of a larger sweep, each value is
 tried once."""
 
 
-FAULTS_MOST = 20
+_MAX_FAULTS = 20
 """The largest number of declarations with errors that are reported at once (chosen)."""
 
 
@@ -64,7 +64,7 @@ def trial(mission: model.Mission) -> tuple[TrialFault, ...]:
 
 
 def _in_mode(mission: model.Mission, mode: str) -> Iterator[TrialFault]:
-    default_faults = tuple(_with_settings(mission, mode, {}, FAULTS_MOST))
+    default_faults = tuple(_with_settings(mission, mode, {}, _MAX_FAULTS))
     yield from default_faults
     reported: set[tuple[str, str]] = set()
     tried = [_values(mission, mode, {})]
@@ -99,9 +99,9 @@ def _with_settings(
     try:
         entities, agents = _sizes(mission, mode, settings)
         if entities > DRAWN_MOST and any(group.cameras for group in mission.groups):
-            hint = f"with a camera among them there may be {DRAWN_MOST}"
+            hint = f"a mission with cameras has at most {DRAWN_MOST}"
             yield TrialFault("LJ0507", mission.name, f"there are {entities} entities for cameras to draw", hint)
-        if entities + agents > MEMBERS_MOST:
+        if entities + agents > _MAX_MEMBERS:
             return
         instance = instantiate(mission, mode=mode, settings=settings)
     except NodeError as error:
@@ -176,8 +176,8 @@ def _swept(mission: model.Mission, mode: str) -> Iterator[dict[str, float]]:
             continue
         most = max((len(column) for column in columns), default=0)
         rows: Iterator[tuple[float, ...]] = itertools.product(*columns)
-        if math.prod(len(column) for column in columns) > COMBINATIONS_MOST:
-            turns = range(min(most, COMBINATIONS_MOST))
+        if math.prod(len(column) for column in columns) > _MAX_COMBINATIONS:
+            turns = range(min(most, _MAX_COMBINATIONS))
             rows = iter([tuple(column[turn % len(column)] for column in columns) for turn in turns])
         for row in rows:
             yield dict(zip(sweep.parameters, row, strict=True))

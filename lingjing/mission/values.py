@@ -79,9 +79,9 @@ def as_number(value: Value) -> float:
     if type(value) is float and abs(value) < math.inf:  # the common case, checked first for speed
         return value
     if not is_number(value):
-        raise MissionError(f"a number is due here, this is {describe(value)}")
+        raise MissionError(f"expected a number, got {describe(value)}")
     if not math.isfinite(value):
-        raise MissionError(f"a finite number is due here, this is {value}")
+        raise MissionError(f"expected a finite number, got {value}")
     return float(value)
 
 
@@ -89,21 +89,21 @@ def as_whole(value: Value) -> int:
     """The value as a whole number. Raises `MissionError` if it is none."""
     amount = as_number(value)
     if amount != round(amount):
-        raise MissionError(f"a whole number is due here, this is {amount:g}")
+        raise MissionError(f"expected a whole number, got {amount:g}")
     return round(amount)
 
 
 def as_flag(value: Value) -> bool:
     """The value as true or false. Raises `MissionError` if it is no flag."""
     if not isinstance(value, bool):
-        raise MissionError(f"true or false is due here, this is {describe(value)}")
+        raise MissionError(f"expected true or false, got {describe(value)}")
     return value
 
 
 def as_area(value: Value) -> Area:
     """The value as a region. Raises `MissionError` if it is none."""
     if not isinstance(value, Area):
-        raise MissionError(f"a region is due here, this is {describe(value)}")
+        raise MissionError(f"expected a region, got {describe(value)}")
     return value
 
 

@@ -340,4 +340,4 @@ def test_nothing_is_drawn_from_a_region_that_only_the_city_knows() -> None:
     text = TOWN.format("position ~ sites(quay)").replace("  asset", '  region quay = along(road("A"), 5 m)\n  asset')
     (diagnostic,) = compile_text(text).diagnostics
     assert (diagnostic.code, diagnostic.span.line) == ("LJ0507", 10), diagnostic
-    assert "where region 'quay' lies is not known yet" in diagnostic.message and "along a road" in diagnostic.hint
+    assert "the area of region 'quay' is not known yet" in diagnostic.message and "along a road" in diagnostic.hint

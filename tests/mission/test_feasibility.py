@@ -287,7 +287,7 @@ def test_counted_messages() -> None:
   success when forall b in buoy: exists r: matched(b, r)""".replace("CAMERA", CAMERA)
     assert codes("  limit talk <= 3 counts detection\n" + SEEN + body) == []
     (few,) = found("  limit talk <= 2 counts detection\n" + SEEN + body)
-    assert few.code == "LJ0610" and "at least 3 messages (3 `detection`), `talk` allows 2" in few.message
+    assert few.code == "LJ0610" and "at least 3 messages (3 `detection`), and `talk` allows 2" in few.message
     loose = SEEN.replace("iou(r.box, truth(b, r.frame).box) >= 0.5", "r.confidence > 0")
     assert codes("  limit talk <= 1 counts detection\n" + loose + body) == []
 
@@ -299,7 +299,7 @@ def test_counted_commands() -> None:
     assert codes(moves.replace("N", "10") + body) == []
     (few,) = found(moves.replace("N", "9") + body)
     assert few.code == "LJ0610"
-    assert "145 m, which at 14.5 m a command at most are 10 commands, `moves` allows 9" in few.message
+    assert "145 m, which at 14.5 m a command at most takes 10 commands, and `moves` allows 9" in few.message
     assert codes(moves.replace("N", "1").replace("boat.forward, ", "") + body) == []
 
 

@@ -214,7 +214,7 @@ FAULTS: dict[str, tuple[Callable[[m.Mission], m.Mission], str]] = {
     ),
     "half": (
         lambda s: with_group(s, "uav", count=ex.Number(2.5)),
-        "ssr/uav: a whole number is due here, this is 2.5",
+        "ssr/uav: expected a whole number, got 2.5",
     ),
     "hub": (lambda s: replace(s, comms=m.Comms(hub="admiral")), "ssr/comms: the hub 'admiral' is no agent"),
     "no hub": (lambda s: replace(s, comms=m.Comms()), "ssr/comms: star mode has no hub"),

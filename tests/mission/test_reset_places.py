@@ -94,7 +94,7 @@ REFUSED: list[tuple[Edit, str]] = [
     ),
     (
         lambda w, s, d: s.update(searchRange=s["rescueRange"][:3]),
-        f"{STATE}: 'rescueRange' and 'searchRange' spell one field and differ",
+        f"{STATE}: 'rescueRange' and 'searchRange' are spellings of one field and differ",
     ),
 ]
 

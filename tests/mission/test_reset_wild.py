@@ -577,7 +577,7 @@ def test_a_length_in_another_unit_is_a_fault_and_places_in_a_few_metres_are_note
 )
 def test_two_spellings_of_a_hidden_place_that_differ_are_a_fault(twice: Json, keys: str) -> None:
     place = {"Y": 5, **twice}
-    with pytest.raises(MissionError, match=f"{keys} spell one field and differ") as raised:
+    with pytest.raises(MissionError, match=f"{keys} are spellings of one field and differ") as raised:
         play(document({"goalFirePosition": [place, {"position": place}]}, drones=1))
     where = [fault.where.partition("goalFirePosition")[2] for fault in raised.value.faults]
     assert where == ["[0]", "[1].position"]

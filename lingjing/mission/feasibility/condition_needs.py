@@ -42,18 +42,18 @@ from lingjing.mission.intervals import ANYTHING, Bounds, exactly
 from lingjing.mission.model import Rule, Unlock
 from lingjing.mission.values import Area, Interval, Place, Value, is_number
 
-NODES_MOST = 20_000
+_MAX_NODES = 20_000
 """A condition is unfolded to at most this many nodes (chosen); a larger part has no needs."""
 
 
 def needs(expr: ex.Expr, outline: Outline, at: str) -> Need:
     """The needs of a condition. `at` is the path of its declaration."""
-    return ConditionNeeds(outline).need(expr, {}, at)
+    return _ConditionNeeds(outline).need(expr, {}, at)
 
 
 def some_member(condition: ex.Expr, variable: str | None, domain: str | None, outline: Outline, at: str) -> Need:
     """The needs of a condition that is stated per member of a group: those of at least one member."""
-    builder = ConditionNeeds(outline)
+    builder = _ConditionNeeds(outline)
     if variable is None or domain is None:
         return builder.need(condition, {}, at)
     members = outline.groups.get(domain, ())
@@ -65,7 +65,7 @@ def some_member(condition: ex.Expr, variable: str | None, domain: str | None, ou
 def of_groups(expr: ex.Expr, outline: Outline, domains: Mapping[str, str] | None = None) -> Need:
     """The needs of a condition in terms of groups. One body with the group's id stands for each member. Unlocks of
     interactions are left out. `domains` maps bound names to their groups."""
-    builder = ConditionNeeds(outline, whole_groups=True)
+    builder = _ConditionNeeds(outline, whole_groups=True)
     names = {name: builder.member(group) for name, group in (domains or {}).items()}
     return builder.need(expr, names, "")
 
@@ -91,7 +91,7 @@ class _Declared(Knowledge):
             return None
 
 
-class ConditionNeeds:
+class _ConditionNeeds:
     """Builds the needs of one condition of an outline. Rules are expanded, and unlocks too, unless `whole_groups` is
     set."""
 
@@ -106,14 +106,14 @@ class ConditionNeeds:
         self.declared = _Declared(outline)
         self.meanings = Meanings(_SEMANTICS)  # not shared: every trace has its own expressions, which are kept alive
         self.at = ""
-        self._left = NODES_MOST
+        self._left = _MAX_NODES
         self._open: list[str] = []
 
     def need(self, expr: ex.Expr, names: Mapping[str, Value], at: str) -> Need:
         """The need of one condition."""
         before, self.at = self.at, at
         try:
-            return as_need(self.meanings.of(expr)(names, self))
+            return _as_need(self.meanings.of(expr)(names, self))
         finally:
             self.at = before
 
@@ -191,7 +191,7 @@ class _PictureValue(msgspec.Struct, frozen=True):
     body: Body
 
 
-def as_need(value: Value) -> Need:
+def _as_need(value: Value) -> Need:
     """The value of a condition as a need."""
     return value if isinstance(value, Need) else NOTHING
 
@@ -250,13 +250,13 @@ class _Needs:
     def apply(self, node: Composite, operands: tuple[Meaning, ...]) -> Meaning:
         need_of = _applied(node, operands)
 
-        def need_within_limit(names: Mapping[str, Value], on: ConditionNeeds) -> Value:
+        def need_within_limit(names: Mapping[str, Value], on: _ConditionNeeds) -> Value:
             return NOTHING if on.exhausted() else need_of(names, on)
 
         return need_within_limit
 
     def over(self, node: ex.Quantified | ex.Aggregate, body: Meaning) -> Meaning:
-        def need_of_domain(names: Mapping[str, Value], on: ConditionNeeds) -> Value:
+        def need_of_domain(names: Mapping[str, Value], on: _ConditionNeeds) -> Value:
             if on.exhausted():
                 return NOTHING
             if isinstance(node, ex.Quantified):
@@ -272,11 +272,11 @@ _SEMANTICS = _Needs()
 def _applied(node: Composite, operands: tuple[Meaning, ...]) -> Meaning:
     match node:
         case ex.Binary(operator="and"):
-            return lambda names, on: _all(tuple(as_need(operand(names, on)) for operand in operands))
+            return lambda names, on: _all(tuple(_as_need(operand(names, on)) for operand in operands))
         case ex.Binary(operator="or"):
-            return lambda names, on: _any(tuple(as_need(operand(names, on)) for operand in operands))
+            return lambda names, on: _any(tuple(_as_need(operand(names, on)) for operand in operands))
         case ex.Unary(operator="not"):
-            return lambda names, on: _never(node, on) or _mentioned((as_need(operands[0](names, on)),))
+            return lambda names, on: _never(node, on) or _mentioned((_as_need(operands[0](names, on)),))
         case ex.Binary(operator="in" | "==" | "!=" | "<" | "<=" | ">" | ">=" as symbol):
             left, right = operands
             return lambda names, on: _never(node, on) or _compared(symbol, left(names, on), right(names, on), on)
@@ -294,7 +294,7 @@ def _sole(bodies: tuple[Body, ...], name: str) -> Value:
     return bodies[0] if len(bodies) == 1 else None if bodies else name
 
 
-def _picked(group: str, index: Value, on: ConditionNeeds) -> Body | None:
+def _picked(group: str, index: Value, on: _ConditionNeeds) -> Body | None:
     members, place = on.outline.groups.get(group, ()), _bounds(index)
     inside = place.exact and 1 <= place.low <= len(members) and place.low == int(place.low)
     return members[int(place.low) - 1] if inside else None
@@ -316,7 +316,7 @@ def _field(base: Value, name: str) -> Value:
     return None
 
 
-def _computed(node: Composite, values: list[Value], on: ConditionNeeds) -> Value:
+def _computed(node: Composite, values: list[Value], on: _ConditionNeeds) -> Value:
     picture_value = next((value for value in values if isinstance(value, _PictureValue)), None)
     if picture_value is not None:
         return picture_value
@@ -330,29 +330,29 @@ def _computed(node: Composite, values: list[Value], on: ConditionNeeds) -> Value
     return exact(operation_entry.value, on.outline.scope, values)
 
 
-def _quantified(node: ex.Quantified, body: Meaning, names: Mapping[str, Value], on: ConditionNeeds) -> Need:
+def _quantified(node: ex.Quantified, body: Meaning, names: Mapping[str, Value], on: _ConditionNeeds) -> Need:
     if on.is_kind(node.domain):
         if node.quantifier == "forall":
-            return _mentioned((as_need(body({**names, node.variable: None}, on)),))
+            return _mentioned((_as_need(body({**names, node.variable: None}, on)),))
         about, matching = _about(node, names, on)
-        inner = as_need(body({**names, node.variable: None}, on))
+        inner = _as_need(body({**names, node.variable: None}, on))
         return _all((ReportNeed(node.domain, on.at, about, matching), inner))
-    parts = tuple(as_need(body({**names, node.variable: member}, on)) for member in on.members(node.domain))
+    parts = tuple(_as_need(body({**names, node.variable: member}, on)) for member in on.members(node.domain))
     if node.quantifier == "forall":
         return _all(parts)
     return _any(parts) if parts else Impossible(f"there is no `{node.domain}` in this mission", on.at)
 
 
-def _aggregated(node: ex.Aggregate, body: Meaning, names: Mapping[str, Value], on: ConditionNeeds) -> Value:
+def _aggregated(node: ex.Aggregate, body: Meaning, names: Mapping[str, Value], on: _ConditionNeeds) -> Value:
     if on.is_kind(node.domain):
         return None
     parts = tuple(body({**names, node.variable: member}, on) for member in on.members(node.domain))
     if node.function == "count":
-        return _Count(tuple(as_need(part) for part in parts), node.domain)
+        return _Count(tuple(_as_need(part) for part in parts), node.domain)
     return _Minimum(parts) if node.function == "min" and parts else None
 
 
-def _about(node: ex.Quantified, names: Mapping[str, Value], on: ConditionNeeds) -> tuple[str, bool]:
+def _about(node: ex.Quantified, names: Mapping[str, Value], on: _ConditionNeeds) -> tuple[str, bool]:
     """The entity that a report of a matching rule is about, and True; ("", False) if it is not exactly one entity."""
     call = node.body
     if not isinstance(call, ex.Call) or not call.rule or not _matching(call.function, on):
@@ -362,7 +362,7 @@ def _about(node: ex.Quantified, names: Mapping[str, Value], on: ConditionNeeds) 
     return (ids[0], True) if len(ids) == 1 else ("", False)
 
 
-def _matching(name: str, on: ConditionNeeds) -> bool:
+def _matching(name: str, on: _ConditionNeeds) -> bool:
     """True if the rule is matched one to one, or requires a rule that is, on the same two parameters."""
     rule = on.rules.get(name)
     if rule is None or len(rule.parameters) != 2:
@@ -375,7 +375,7 @@ def _matching(name: str, on: ConditionNeeds) -> bool:
     return any(on.rules[call.function].matching for call in inner if call.function in on.rules)
 
 
-def _ruled(call: ex.Call, values: list[Value], on: ConditionNeeds) -> Need:
+def _ruled(call: ex.Call, values: list[Value], on: _ConditionNeeds) -> Need:
     rule = on.rules.get(call.function)
     if rule is None or len(rule.parameters) != len(values):
         return NOTHING
@@ -383,17 +383,17 @@ def _ruled(call: ex.Call, values: list[Value], on: ConditionNeeds) -> Need:
     return on.inside(f"rule/{rule.name}", rule.condition, names)
 
 
-def _truth(on: ConditionNeeds, entity: Value, frame: Value = None) -> Value:
+def _truth(on: _ConditionNeeds, entity: Value, frame: Value = None) -> Value:
     body = _body(entity)
     return None if body is None else _PictureValue(body)
 
 
-def _assigned(on: ConditionNeeds, asset: Value, target: Value) -> Value:
+def _assigned(on: _ConditionNeeds, asset: Value, target: Value) -> Value:
     asset_body, target_body = _body(asset), _body(target)
     return Handover(asset_body, target_body, on.at) if asset_body and target_body else NOTHING
 
 
-def _emitted(on: ConditionNeeds, name: Value, target: Value = None) -> Need:
+def _emitted(on: _ConditionNeeds, name: Value, target: Value = None) -> Need:
     """An interaction was performed: an actor came near enough, and the interaction was unlocked."""
     body = _body(target)
     performed = Performed(str(name), body, on.at)
@@ -403,7 +403,7 @@ def _emitted(on: ConditionNeeds, name: Value, target: Value = None) -> Need:
     return _all((performed, *visits, *(() if on.whole_groups else (_unlocked(str(name), body, on),))))
 
 
-def _visit(spec: InteractionSpec, target: Body, on: ConditionNeeds) -> Need:
+def _visit(spec: InteractionSpec, target: Body, on: _ConditionNeeds) -> Need:
     movers = on.outline.actors(spec)
     if not movers:
         action = f"`{spec.name}` of `{target.id}` takes an asset of the engine or role `{spec.by}`"
@@ -411,7 +411,7 @@ def _visit(spec: InteractionSpec, target: Body, on: ConditionNeeds) -> Need:
     return VisitNeed(movers, target, spec.within_m, on.at)
 
 
-def _unlocked(name: str, target: Body, on: ConditionNeeds) -> Need:
+def _unlocked(name: str, target: Body, on: _ConditionNeeds) -> Need:
     unlocks = on.unlocks.get(name, ())
     matching = [
         unlock
@@ -423,7 +423,7 @@ def _unlocked(name: str, target: Body, on: ConditionNeeds) -> Need:
     return on.inside(f"unlock/{name}", matching[0].condition, {matching[0].parameters[0].name: target})
 
 
-def _distance(on: ConditionNeeds, first: Value, second: Value) -> Value:
+def _distance(on: _ConditionNeeds, first: Value, second: Value) -> Value:
     return _Distance(first, second)
 
 
@@ -440,7 +440,7 @@ _REVERSED = (">", ">=")
 """Comparisons that are evaluated with exchanged operands."""
 
 
-def _compared(symbol: str, left: Value, right: Value, on: ConditionNeeds) -> Need:
+def _compared(symbol: str, left: Value, right: Value, on: _ConditionNeeds) -> Need:
     pictures = tuple(PictureNeed(value.body, on.at) for value in (left, right) if isinstance(value, _PictureValue))
     if pictures:
         return _all(pictures)
@@ -455,7 +455,7 @@ def _compared(symbol: str, left: Value, right: Value, on: ConditionNeeds) -> Nee
     return _at_most(left, right, on)
 
 
-def _never(node: Composite, on: ConditionNeeds) -> Need | None:
+def _never(node: Composite, on: _ConditionNeeds) -> Need | None:
     """An impossible need if the condition is false for all declared values, else None."""
     if on.whole_groups or truth(node, {}, on.declared) is not False:
         return None
@@ -464,13 +464,13 @@ def _never(node: Composite, on: ConditionNeeds) -> Need | None:
     return Impossible(f"`{spell(node)}` never holds", on.at)
 
 
-def _inside(item: Value, whole: Value, on: ConditionNeeds) -> Need:
+def _inside(item: Value, whole: Value, on: _ConditionNeeds) -> Need:
     body = _body(item)
     outlines = outlines_of(whole) if isinstance(whole, Area) else ()
     return VisitNeed((body,), PossiblePlaces(outlines), 0.0, on.at) if body is not None and outlines else NOTHING
 
 
-def _at_most(left: Value, right: Value, on: ConditionNeeds) -> Need:
+def _at_most(left: Value, right: Value, on: _ConditionNeeds) -> Need:
     """The need of `left <= right`: a distance that must become small, an amount that must be supplied, a count of
     needs."""
     match left, right:
@@ -487,7 +487,7 @@ def _at_most(left: Value, right: Value, on: ConditionNeeds) -> Need:
     return NOTHING
 
 
-def _near(first: Value, second: Value, radius: float, on: ConditionNeeds) -> Need:
+def _near(first: Value, second: Value, radius: float, on: _ConditionNeeds) -> Need:
     first_body, second_body = _body(first), _body(second)
     if radius == math.inf:
         return NOTHING
@@ -501,14 +501,14 @@ def _near(first: Value, second: Value, radius: float, on: ConditionNeeds) -> Nee
     return VisitNeed((body,), point(place.east, place.north), radius, on.at)
 
 
-def _filled(amount: _Amount, most: float, on: ConditionNeeds) -> Need:
+def _filled(amount: _Amount, most: float, on: _ConditionNeeds) -> Need:
     lacking = amount.body.bounds(amount.name)[0] - most
     if on.whole_groups or 0 < lacking < math.inf:
         return Supply(amount.body, amount.name, lacking, on.at, most)
     return NOTHING
 
 
-def _counted(count: _Count, least: float, on: ConditionNeeds) -> Need:
+def _counted(count: _Count, least: float, on: _ConditionNeeds) -> Need:
     if not math.isfinite(least) or on.whole_groups:
         return _mentioned(count.parts)
     number = max(0, math.ceil(least - 1e-9))

@@ -15,7 +15,7 @@ from lingjing.mission.feasibility.tour import length
 from lingjing.mission.instance import LimitSpec, VerbSpec
 from lingjing.mission.kinds import engine_kind
 
-SWING_M = 2.0
+_SWING_M = 2.0
 """Metres added to the displacement of a command for the vehicle's turn (chosen). The engine's overshoot comes
 on top."""
 
@@ -46,7 +46,7 @@ def refute_counts(leaves: Sequence[NeedLeaf], limit: TimeLimit, outline: Outline
             Proof(
                 "LJ0610",
                 "budget/messages",
-                f"success takes at least {needed} messages ({_spelled(reports)}), the budget is {most}",
+                f"success takes at least {needed} messages ({_spelled(reports)}), and the budget is {most}",
                 "raise the budget",
             )
         )
@@ -81,7 +81,7 @@ def _messages(counted: LimitSpec, reports: dict[str, int]) -> Proof | None:
     return Proof(
         "LJ0610",
         f"limit/{counted.name}",
-        f"success takes at least {sum(needed.values())} messages ({_spelled(needed)}), `{counted.name}` allows "
+        f"success takes at least {sum(needed.values())} messages ({_spelled(needed)}), and `{counted.name}` allows "
         f"{counted.most}",
         "raise the limit",
     )
@@ -100,13 +100,13 @@ def _commands(counted: LimitSpec, leaves: Sequence[NeedLeaf], limit: TimeLimit, 
         if math.isinf(step) or not visits or body.aboard:
             continue
         metres = length((body,), visits, limit, outline)
-        needed = math.ceil(metres / step - 1e-9) if step > 0 else 1 if metres > SWING_M else 0
+        needed = math.ceil(metres / step - 1e-9) if step > 0 else 1 if metres > _SWING_M else 0
         if needed > counted.most:
             return Proof(
                 "LJ0610",
                 f"limit/{counted.name}",
                 f"`{body.id}` must cover at least {spelled(round(metres, 3))} m, which at {spelled(round(step, 3))} m "
-                f"a command at most are {needed} commands, `{counted.name}` allows {counted.most}",
+                f"a command at most takes {needed} commands, and `{counted.name}` allows {counted.most}",
                 "raise the limit, allow longer steps, or start nearer",
                 ((body.path, "the vehicle"),),
             )
@@ -129,8 +129,8 @@ def _longest_step(body: Body, counted: LimitSpec) -> float:
 def _step(verb: VerbSpec, overshoot: float) -> float:
     """The longest displacement of a verb, from its one bounded length; the swing alone if it only turns."""
     if verb.motion == "turn":
-        return SWING_M
+        return _SWING_M
     length = verb.arguments[0] if len(verb.arguments) == 1 and verb.arguments[0].unit == "m" else None
     if verb.motion in ("straight", "route") or length is None or length.maximum is None:
         return math.inf
-    return length.maximum * overshoot + SWING_M
+    return length.maximum * overshoot + _SWING_M

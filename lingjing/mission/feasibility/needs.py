@@ -17,7 +17,7 @@ class VisitNeed(msgspec.Struct, frozen=True):
     goal: Body | PossiblePlaces
     radius_m: float
     at: str
-    """Here and in the other needs: the path of the declaration that has the need."""
+    """Path of the declaration that has the need. The other needs have the same field."""
 
 
 class ReportNeed(msgspec.Struct, frozen=True):

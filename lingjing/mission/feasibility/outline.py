@@ -21,7 +21,9 @@ from lingjing.mission.intervals import Bounds
 ENTITIES_MOST = 150
 """A mission with more entities or agents is not checked, because compilation must stay fast (chosen)."""
 
-MOVED_M = {"ground": GROUND_REACH_M} | dict.fromkeys(("road", "water", "roof", "facade", "bridge", "pipe"), 1000.0)
+_MAX_DISPLACEMENT_M = {"ground": GROUND_REACH_M} | dict.fromkeys(
+    ("road", "water", "roof", "facade", "bridge", "pipe"), 1000.0
+)
 """The largest distance, metres, by which the scene moves an entity declared `on` a surface: only the built city has the
 surface's position."""
 
@@ -136,7 +138,7 @@ def _body(entity: Entity, air: Air, opened: dict[str, _Opened], driven: set[str]
     carrying = [interaction for interaction in entity.interactions if interaction.aboard]
     return Body(
         entity=entity,
-        where=msgspec.structs.replace(place, loose_m=MOVED_M.get(str(entity.properties.get("on")), 0.0)),
+        where=msgspec.structs.replace(place, loose_m=_MAX_DISPLACEMENT_M.get(str(entity.properties.get("on")), 0.0)),
         drawn=drawn,
         speed_mps=ceiling(entity, drawn, air, driven=moves),
         flight_s=flight_s(entity, drawn),

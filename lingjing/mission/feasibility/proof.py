@@ -6,10 +6,10 @@ from collections.abc import Iterable
 
 import msgspec
 
-OTHERS_SHOWN = 3
+_OTHERS_SHOWN = 3
 """Further members of a group that a message names (chosen)."""
 
-SLACK = 1e-9
+_SLACK = 1e-9
 """Relative and absolute slack of every comparison (chosen): an exactly sufficient amount is feasible."""
 
 
@@ -45,14 +45,14 @@ def _for_all(alike: list[Proof]) -> Proof:
     others = [name for name in dict.fromkeys(proof.subject for proof in alike) if name != first.subject]
     if not others:
         return first
-    shown = ", ".join(f"`{name}`" for name in others[:OTHERS_SHOWN])
-    more = f" and {len(others) - OTHERS_SHOWN} more" if len(others) > OTHERS_SHOWN else ""
+    shown = ", ".join(f"`{name}`" for name in others[:_OTHERS_SHOWN])
+    more = f" and {len(others) - _OTHERS_SHOWN} more" if len(others) > _OTHERS_SHOWN else ""
     return msgspec.structs.replace(first, message=f"{first.message}; the same holds for {shown}{more}")
 
 
 def exceeds(needed: float, available: float) -> bool:
     """True if the needed amount exceeds the available one by more than the slack."""
-    return needed > available * (1.0 + SLACK) + SLACK
+    return needed > available * (1.0 + _SLACK) + _SLACK
 
 
 def both(needed: float, available: float) -> tuple[str, str]:

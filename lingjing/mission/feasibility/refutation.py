@@ -27,7 +27,7 @@ from lingjing.mission.instance import MessageSpec
 
 def refute(need: Need, limit: TimeLimit, outline: Outline, at: str) -> list[Proof]:
     """Every proof that the need cannot be met within the limit; empty if there is none."""
-    alone = refute_each(need, limit, outline)
+    alone = _refute_each(need, limit, outline)
     if alone:
         return alone
     leaves = mandatory(need)
@@ -40,13 +40,13 @@ def refute(need: Need, limit: TimeLimit, outline: Outline, at: str) -> list[Proo
     ]
 
 
-def refute_each(need: Need, limit: TimeLimit, outline: Outline) -> list[Proof]:
+def _refute_each(need: Need, limit: TimeLimit, outline: Outline) -> list[Proof]:
     """Proofs about single leaves. Of parts of which only some are required, so many must fail that too few remain; then
     the first failed part stands for all."""
     if not isinstance(need, AtLeast):
         leaf_proof = _leaf(need, limit, outline)
         return [leaf_proof] if leaf_proof else []
-    failed = [proofs for part in need.parts if (proofs := refute_each(part, limit, outline))]
+    failed = [proofs for part in need.parts if (proofs := _refute_each(part, limit, outline))]
     if len(need.parts) - len(failed) >= need.least:
         return []
     if need.least == len(need.parts):

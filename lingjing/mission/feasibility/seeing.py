@@ -12,14 +12,14 @@ from lingjing.mission.instance import CameraSpec
 from lingjing.mission.kinds import engine_kind
 from lingjing.mission.vocabulary import PHOTO
 
-RESOLVED_PX = 2.0
+_RESOLVED_PX = 2.0
 """Pixels of the smallest target that a picture resolves (chosen). The target's longest extent is measured at the lowest
 allowed altitude and at the place of the picture where it appears largest; a smaller target looks like noise."""
 
-EXTENTS = ("length_m", "width_m", "height_m")
+_EXTENTS = ("length_m", "width_m", "height_m")
 """Properties with the size of a target."""
 
-LARGEST_M = {"person_in_water": 2.5}
+_MAX_EXTENTS_M = {"person_in_water": 2.5}
 """Upper bounds of the extents of models, metres. Other models may show flames, spray or people at any distance."""
 
 _RAISED_M = {"ground": 100.0, "road": 100.0, "water": 0.0, "None": 0.0}
@@ -31,13 +31,13 @@ def refute_picture(picture: PictureNeed, outline: Outline) -> Proof | None:
     mounts = [(body, camera) for body in outline.bodies.values() for camera in body.entity.cameras]
     if not mounts:
         return _no_camera(picture, "no asset of this mission has a camera", "give an asset a `camera … { }`", ())
-    usable = [(body, camera) for body, camera in mounts if takes_pictures(body, camera, outline)]
+    usable = [(body, camera) for body, camera in mounts if _takes_pictures(body, camera, outline)]
     if not usable:
         return _no_request(picture, mounts[0][0])
     return _too_small(picture, usable)
 
 
-def takes_pictures(body: Body, camera: CameraSpec, outline: Outline) -> bool:
+def _takes_pictures(body: Body, camera: CameraSpec, outline: Outline) -> bool:
     """True if the camera takes pictures by itself, or if some agent may request one."""
     if camera.capture == "each_tick":
         return True
@@ -50,18 +50,18 @@ def takes_pictures_by_itself(outline: Outline) -> bool:
     return any(c.capture == "each_tick" for body in outline.bodies.values() for c in body.entity.cameras)
 
 
-def extent_m(target: Body) -> float:
+def _extent_m(target: Body) -> float:
     """The longest visible extent of a target from corner to corner, metres; infinity if unknown."""
     entity = target.entity
     look = entity.properties.get("look")
     if entity.parts or look is not None:
-        return math.inf if entity.parts else LARGEST_M.get(str(look), math.inf)
-    if not any(name in entity.properties for name in EXTENTS):
+        return math.inf if entity.parts else _MAX_EXTENTS_M.get(str(look), math.inf)
+    if not any(name in entity.properties for name in _EXTENTS):
         return math.inf
-    return math.hypot(*(target.bounds(name)[1] if name in entity.properties else UNSAID_M for name in EXTENTS))
+    return math.hypot(*(target.bounds(name)[1] if name in entity.properties else UNSAID_M for name in _EXTENTS))
 
 
-def most_pixels(size_m: float, height_m: float, camera: CameraSpec) -> float:
+def _max_pixels(size_m: float, height_m: float, camera: CameraSpec) -> float:
     """Upper bound of the pixels of a body of this size from this height, for every place in the picture and every
     rotation of the camera.
 
@@ -75,14 +75,14 @@ def most_pixels(size_m: float, height_m: float, camera: CameraSpec) -> float:
 
 
 def _too_small(picture: PictureNeed, usable: list[tuple[Body, CameraSpec]]) -> Proof | None:
-    size = extent_m(picture.target)
+    size = _extent_m(picture.target)
     if math.isinf(size):
         return None
-    views = [(most_pixels(size, _lowest_m(body, picture.target), camera), body, camera) for body, camera in usable]
+    views = [(_max_pixels(size, _lowest_m(body, picture.target), camera), body, camera) for body, camera in usable]
     pixels, body, camera = max(views, key=lambda view: view[0])
-    if not exceeds(RESOLVED_PX, pixels):
+    if not exceeds(_RESOLVED_PX, pixels):
         return None
-    needed, covered = both(RESOLVED_PX, pixels)
+    needed, covered = both(_RESOLVED_PX, pixels)
     return Proof(
         "LJ0608",
         picture.at,
@@ -102,7 +102,7 @@ def _lowest_m(body: Body, target: Body) -> float:
     raised = _RAISED_M.get(str(target.entity.properties.get("on")), math.inf)
     if not engine_kind(body.entity.engine).in_band or not math.isfinite(lowest):
         return 0.0
-    top = target.entity.position[2] + extent_m(target) + raised
+    top = target.entity.position[2] + _extent_m(target) + raised
     return max(0.0, lowest - top)
 
 

@@ -29,7 +29,7 @@ class PossiblePlaces(msgspec.Struct, frozen=True):
     """The largest distance by which the scene may move an entity from here, metres."""
 
 
-ANYWHERE = PossiblePlaces()
+_ANYWHERE = PossiblePlaces()
 
 
 def point(east: float, north: float) -> PossiblePlaces:
@@ -58,7 +58,7 @@ def places(draw: ex.Draw, scope: Scope, group: str) -> PossiblePlaces:
     if draw.distribution in ("choice", "subset"):
         points = tuple(((p.east, p.north),) for p in _listed(draw, scope) if isinstance(p, Place))
         return PossiblePlaces(points, drawn=group)
-    return ANYWHERE
+    return _ANYWHERE
 
 
 def outlines_of(value: Value) -> tuple[geometry2d.Polygon, ...]:

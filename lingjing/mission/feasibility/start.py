@@ -24,15 +24,15 @@ from lingjing.mission.values import Value
 _NOW = "now"
 
 
-class Hint(NamedTuple):
+class _Hint(NamedTuple):
     """A diagnostic code and the way out."""
 
     code: str
     hint: str
 
 
-_WON = Hint("LJ0510", "require a state that agents must bring about")
-_LOST = Hint("LJ0511", "use a condition that does not hold yet: `now > …`, or the result of an action")
+_WON = _Hint("LJ0510", "require a state that agents must bring about")
+_LOST = _Hint("LJ0511", "use a condition that does not hold yet: `now > …`, or the result of an action")
 
 
 def won_at_start(mission: model.Mission) -> tuple[Proof, ...]:
@@ -48,13 +48,13 @@ def lost_at_start(mission: model.Mission) -> tuple[Proof, ...]:
 
 
 def _hints(
-    mission: model.Mission, messages_of: Callable[[StartKnowledge], Iterable[tuple[str, str]]], of: Hint
+    mission: model.Mission, messages_of: Callable[[_StartKnowledge], Iterable[tuple[str, str]]], of: _Hint
 ) -> tuple[Proof, ...]:
     modes_of_message: dict[tuple[str, str], list[str]] = {}
     for mode in mission.modes.allowed:
         try:
             if not too_large(mission, mode):
-                for at_message in messages_of(StartKnowledge(of_mission(mission, mode))):
+                for at_message in messages_of(_StartKnowledge(of_mission(mission, mode))):
                     modes_of_message.setdefault(at_message, []).append(mode)
         except LingjingError:
             continue
@@ -65,7 +65,7 @@ def _hints(
     )
 
 
-class StartKnowledge(Knowledge):
+class _StartKnowledge(Knowledge):
     """The facts at boundary 0 of an outline."""
 
     def __init__(self, outline: Outline) -> None:

@@ -23,7 +23,7 @@ from lingjing.mission.kinds import centre_m, engine_kind, is_described, land, le
 
 # -- drawn places
 
-MILLIMETRE = 0.001
+_RESOLUTION_M = 0.001
 """Resolution of drawn places, metres (`lingjing.mission.draws`); a smaller minimum distance has no effect."""
 
 
@@ -31,7 +31,7 @@ def refute_places(outline: Outline) -> list[Proof]:
     """Proofs that the drawn places of a group cannot all lie in their region."""
     proofs = []
     for group, count, where in outline.drawn_sites:
-        most = most_places(where)
+        most = _max_places(where)
         if count > most:
             hectares = sum(abs(signed_area(outline_)) for outline_ in where.outlines) / 10_000.0
             proofs.append(
@@ -40,19 +40,19 @@ def refute_places(outline: Outline) -> list[Proof]:
                     f"target/{group}",
                     f"{count} places at least {spelled(where.apart)} m apart cannot fit into {hectares:.4g} ha: "
                     f"at most {most} can",
-                    "lower `apart`, ask for fewer members, or widen the region",
+                    "lower `apart`, declare fewer members, or widen the region",
                 )
             )
     return proofs
 
 
-def most_places(where: PossiblePlaces) -> float:
+def _max_places(where: PossiblePlaces) -> float:
     """Upper bound of the number of points in the region with a distance of at least `apart`.
 
     Groemer (1960): a convex area A of perimeter P holds at most 2/√3 · A/d² + P/(2d) + 1 points with distances of d or
     more. The convex hull of the region holds at least as many as the region.
     """
-    if where.apart < MILLIMETRE or not where.drawn:
+    if where.apart < _RESOLUTION_M or not where.drawn:
         return math.inf
     hull = convex_hull(tuple(corner for outline in where.outlines for corner in outline))
     if len(hull) < 3:
@@ -131,7 +131,7 @@ def _shown(body: Body) -> str:
     return f"`{body.id}` begins at ({spelled(east)} m, {spelled(north)} m, {spelled(up)} m)"
 
 
-_ELEVATION = "give it the elevation it begins at, or leave that out"
+_ELEVATION = "give it its elevation at the start, or leave the elevation out"
 
 
 # -- overlaps

@@ -14,11 +14,11 @@ from lingjing.mission.feasibility.proof import Proof, both, exceeds, spelled
 from lingjing.mission.feasibility.spread import gap
 from lingjing.mission.feasibility.travel import meeting, movers_of
 
-EXACT_MOST = 8
+_MAX_EXACT_STOPS = 8
 """Up to this many stops of one vehicle, the shortest order is computed exactly; beyond, a spanning tree is the lower
 bound (chosen for run time, which doubles with each stop)."""
 
-STOPS_MOST = 100
+_MAX_STOPS = 100
 """Tours of more stops are not checked (chosen): run time grows with the square of the number."""
 
 
@@ -38,7 +38,7 @@ def tours(leaves: Sequence[NeedLeaf], limit: TimeLimit, outline: Outline) -> lis
     result = []
     for ids, movers in sets.items():
         served = _nearest_of_each_goal([v for v in visits if ids >= {mover.id for mover in v.movers}])
-        if 2 <= len(served) <= STOPS_MOST and not any(math.isinf(mover.speed_mps) or mover.aboard for mover in movers):
+        if 2 <= len(served) <= _MAX_STOPS and not any(math.isinf(mover.speed_mps) or mover.aboard for mover in movers):
             result.append(Tour(movers, served, length(movers, served, limit, outline)))
     return result
 
@@ -70,7 +70,7 @@ def length(movers: tuple[Body, ...], visits: tuple[VisitNeed, ...], limit: TimeL
     def leg(i: int, j: int) -> float:
         return _less(gap(goals[i].where, goals[j].where), reach[i] + reach[j])
 
-    if len(movers) == 1 and len(goals) <= EXACT_MOST:
+    if len(movers) == 1 and len(goals) <= _MAX_EXACT_STOPS:
         return _shortest_path(first, leg)
     return _spanning_tree(first, leg)
 

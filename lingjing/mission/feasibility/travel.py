@@ -39,7 +39,7 @@ def meeting(visit: VisitNeed, outline: Outline) -> VisitGeometry:
     return VisitGeometry(goal.where, max(goal.speed_mps, _carried(goal, outline)), radius)
 
 
-def pace(mover: Body, outline: Outline) -> float:
+def _pace(mover: Body, outline: Outline) -> float:
     """The speed of a mover, m/s: its own, or that of its carrier if that is faster."""
     return max(mover.speed_mps, _carried(mover, outline))
 
@@ -50,16 +50,16 @@ def refute_visit(visit: VisitNeed, limit: TimeLimit, outline: Outline) -> Proof 
         return None
     goal = meeting(visit, outline)
     away = {mover.id: _away(mover, goal, outline) for mover in visit.movers}
-    best = min(visit.movers, key=lambda mover: _seconds(away[mover.id], pace(mover, outline) + goal.speed_mps))
-    needed = _seconds(away[best.id], pace(best, outline) + goal.speed_mps)
+    best = min(visit.movers, key=lambda mover: _seconds(away[mover.id], _pace(mover, outline) + goal.speed_mps))
+    needed = _seconds(away[best.id], _pace(best, outline) + goal.speed_mps)
     if math.isinf(needed):
         return _immobile(visit, away[best.id], best)
     if exceeds(needed, limit.seconds):
-        return _too_late(visit, goal, limit, best, away[best.id], pace(best, outline) + goal.speed_mps)
+        return _too_late(visit, goal, limit, best, away[best.id], _pace(best, outline) + goal.speed_mps)
     return _too_far(visit, goal, limit, away, outline)
 
 
-def name_of(goal: Body | PossiblePlaces) -> str:
+def _name_of(goal: Body | PossiblePlaces) -> str:
     """The goal in words."""
     if isinstance(goal, Body):
         return f"`{goal.id}`"
@@ -96,7 +96,7 @@ def _immobile(visit: VisitNeed, metres: float, mover: Body) -> Proof:
     return Proof(
         "LJ0607",
         visit.at,
-        f"no agent can bring {movers} within {spelled(visit.radius_m)} m of {name_of(visit.goal)}: "
+        f"no agent can bring {movers} within {spelled(visit.radius_m)} m of {_name_of(visit.goal)}: "
         f"`{mover.id}` is at least {spelled(round(metres, 3))} m too far away, and {why}",
         f"let an agent control `{mover.entity.group}`, give it a verb that moves it, or place it nearer",
         ((mover.path, "the vehicle"), *_goal(visit)),
@@ -112,7 +112,7 @@ def _too_late(
     return Proof(
         "LJ0601",
         visit.at,
-        f"{movers_of(visit.movers)} cannot come within {spelled(visit.radius_m)} m of {name_of(visit.goal)} in time: "
+        f"{movers_of(visit.movers)} cannot come within {spelled(visit.radius_m)} m of {_name_of(visit.goal)} in time: "
         f"{spelled(round(metres, 3))} m at {spelled(round(speed, 3))} m/s at most{closing}, margins included, "
         f"take at least {needed} s, {limit.words}",
         "raise the budget, start nearer, or choose a faster vehicle",
@@ -127,7 +127,7 @@ def _too_far(
     """A proof that no battery lasts for the visit, or None."""
     worst: Proof | None = None
     for mover in visit.movers:
-        speed = pace(mover, outline)
+        speed = _pace(mover, outline)
         metres = max(0.0, away[mover.id] - goal.speed_mps * limit.seconds)
         flight = _seconds(metres, speed)
         if not exceeds(flight, mover.flight_s):
@@ -136,7 +136,7 @@ def _too_far(
         worst = worst or Proof(
             "LJ0603",
             visit.at,
-            f"no battery takes {movers_of(visit.movers)} within {spelled(visit.radius_m)} m of {name_of(visit.goal)}: "
+            f"no battery takes {movers_of(visit.movers)} within {spelled(visit.radius_m)} m of {_name_of(visit.goal)}: "
             f"{spelled(round(metres, 3))} m at {spelled(round(speed, 3))} m/s at most are at least {needed} s of "
             f"flight, `{mover.id}` can fly for {lasts} s at most",
             "raise `endurance`, start nearer, or choose another vehicle",

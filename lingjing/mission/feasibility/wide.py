@@ -14,12 +14,12 @@ from lingjing.mission.feasibility.proof import Proof, gathered, spelled
 from lingjing.mission.instance import CameraSpec, Entity
 from lingjing.mission.kinds import engine_kind, extent_m
 
-WIDE = 50.0
+_WIDE_FACTOR = 50.0
 """A picture wider than the scene by this factor is reported (chosen): the scene covers a fiftieth of its width."""
 
-MADE_M = 550e3
+_DEFAULT_ORBIT_M = 550e3
 """Height of the orbit of a satellite without elements, metres (`lingjing.engines.satellite.passes.HEIGHT_KM`)."""
-LEAST_M = 160e3
+_LOWEST_ORBIT_M = 160e3
 """Lower bound of the height of an orbit from elements, metres (chosen: lower ones decay within days)."""
 
 
@@ -30,12 +30,12 @@ def too_wide(mission: model.Mission) -> tuple[Proof, ...]:
         if not any(engine_kind(group.engine).orbits for group in mission.groups):
             return ()
         mode = mission.modes.allowed[0]
-        return () if too_large(mission, mode) else too_wide_of(of_mission(mission, mode))
+        return () if too_large(mission, mode) else _too_wide_of(of_mission(mission, mode))
     except LingjingError:
         return ()
 
 
-def too_wide_of(outline: Outline) -> tuple[Proof, ...]:
+def _too_wide_of(outline: Outline) -> tuple[Proof, ...]:
     """The same hints for an outline."""
     extent = extent_m(outline.instance.scene)
     if extent is None:
@@ -46,9 +46,9 @@ def too_wide_of(outline: Outline) -> tuple[Proof, ...]:
 
 
 def _hint(entity: Entity, camera: CameraSpec, extent: float) -> Proof | None:
-    height = LEAST_M if entity.properties.get("tle1") else MADE_M
+    height = _LOWEST_ORBIT_M if entity.properties.get("tle1") else _DEFAULT_ORBIT_M
     across = 2.0 * height * math.tan(math.radians(camera.hfov_deg) / 2.0)
-    if across < WIDE * extent:
+    if across < _WIDE_FACTOR * extent:
         return None
     pixels = camera.width * extent / across
     return Proof(

@@ -12,7 +12,7 @@ from lingjing.mission.graph.guards import Presence, either
 from lingjing.mission.graph.types import NodeKind
 from lingjing.mission.vocabulary import EVERYONE
 
-BUS = "comms"
+_BUS = "comms"
 """Name of the bus: that of the block that declares it."""
 
 _BUILT_IN = {"events": "adjudicated and engine events", "peers": "the other agents"}
@@ -97,7 +97,7 @@ def add_messages(mission: model.Mission, draft: GraphBuilder) -> None:
     limits += [f"payload ≤ {spell(mission.comms.payload)}"] if mission.comms.payload else []
     limits += [f"range {spell(mission.comms.range)}"] if mission.comms.range else []
     limits += [f"loss {spell(mission.comms.loss)}"] if mission.comms.loss else []
-    bus = draft.node("channel", BUS, title="bus", detail=", ".join(limits))
+    bus = draft.node("channel", _BUS, title="bus", detail=", ".join(limits))
     hub = mission.comms.hub and draft.find(mission.comms.hub, "agent")
     if hub and "star" in draft.modes:
         alone = draft.modes == ("star",)

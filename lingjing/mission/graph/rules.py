@@ -13,7 +13,7 @@ from lingjing.mission.graph.needs import DECIDED, needs
 from lingjing.mission.graph.types import NodeKind
 
 SUCCESS = "success"
-FAILURE = "failure"
+_FAILURE = "failure"
 """Name of the node of the failure condition."""
 
 _ENDS: tuple[NodeKind, ...] = ("role", "stage", "agent", "asset", "target", "event", "rule")
@@ -143,7 +143,7 @@ def add_relations(mission: model.Mission, draft: GraphBuilder) -> None:
 
 
 def _outcomes(mission: model.Mission) -> tuple[tuple[str, ex.Expr], ...]:
-    failure = ((FAILURE, mission.failure),) if mission.failure else ()
+    failure = ((_FAILURE, mission.failure),) if mission.failure else ()
     return ((SUCCESS, mission.success), *failure)
 
 

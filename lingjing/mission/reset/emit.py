@@ -25,11 +25,11 @@ from lingjing.mission.reset.shapes import LISTS, fold_key
 from lingjing.mission.reset.targets import PERSONS
 from lingjing.mission.weather_words import word_for
 
-PERSON_FIELD = "rescuePersonPosition"
-FIRE_FIELD = "goalFirePosition"
+_PERSON_FIELD = "rescuePersonPosition"
+_FIRE_FIELD = "goalFirePosition"
 """The paper's field of hidden fires."""
 
-OWN_FIELDS = {"fire_source": FIRE_FIELD, "delivery_door": "goalPosition", "air_goal": "goalPosition"}
+_OWN_FIELDS = {"fire_source": _FIRE_FIELD, "delivery_door": "goalPosition", "air_goal": "goalPosition"}
 """Fields of target types that are not the first type of any field."""
 
 Json = bool | int | float | str | list["Json"] | dict[str, "Json"] | None
@@ -162,7 +162,7 @@ def _initial_state(
     name = search_region(mission) if persons else ""
     outline = _corners([region for region in instance.regions if region.name == name], instance)
     # The paper's own keys are always present; the hidden places of other missions follow.
-    return {**state, PERSON_FIELD: [], "rescueRange": outline, FIRE_FIELD: [], **fields}
+    return {**state, _PERSON_FIELD: [], "rescueRange": outline, _FIRE_FIELD: [], **fields}
 
 
 def _targets(mission: model.Mission, instance: Instance) -> tuple[dict[str, Json], dict[str, Json]]:
@@ -177,10 +177,10 @@ def _targets(mission: model.Mission, instance: Instance) -> tuple[dict[str, Json
         members = [entity for entity in instance.entities if entity.group == group.name]
         if not members and group.when is not None:
             continue  # a group of another mode
-        field = OWN_FIELDS.get(group.type) or next(
+        field = _OWN_FIELDS.get(group.type) or next(
             (f.name for f in FIELDS if f.types[0] in (group.type, *group.bases)), None
         )
-        places: Json = [_target(entity, field == PERSON_FIELD) for entity in members]
+        places: Json = [_target(entity, field == _PERSON_FIELD) for entity in members]
         if field is None or field in fields or group.type in types:
             others[group.name] = places
         else:

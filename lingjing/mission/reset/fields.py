@@ -90,14 +90,27 @@ FIELDS: tuple[HiddenField, ...] = (
 """The kinds in the order in which they claim target groups: the most specific one first."""
 
 
-REMARKS = frozenset({
+_REMARKS = frozenset({
     "congestion", "delivery", "depot", "destination", "fracture", "bridgefracture", "house", "leak", "pipelineleak",
     "pollution", "trafficjam", "warehouse", "仓库", "排队", "队列", "污染源", "目的地", "终点",
 })  # fmt: skip
 """Folded spellings that name the target and not its place: a text or a number under them may be a remark."""
 
 
-PENDING = ("pending", "tbd", "tobe", "unknown", "later", "notset", "notready", "unset", "undefined", "none", "待", "未")
+_PENDING = (
+    "pending",
+    "tbd",
+    "tobe",
+    "unknown",
+    "later",
+    "notset",
+    "notready",
+    "unset",
+    "undefined",
+    "none",
+    "待",
+    "未",
+)
 """Folded words by which a value without coordinates states that its place is not known yet."""
 
 _STATUS_KEYS = frozenset({"status", "state", "状态"})
@@ -174,7 +187,7 @@ def _read_fields(holder: Mapping[str, Any], path: str, parsed: Parsed) -> Iterat
         where = f"{path}.{key}"
         items = [value] if isinstance(value, dict) else value
         if not isinstance(items, list):
-            if fold_key(key) in REMARKS:
+            if fold_key(key) in _REMARKS:
                 parsed.notes.append(f"{where}: is no list of places; not understood and kept")
             else:
                 hint = "give X and Y in centimetres, or lon and lat in degrees"
@@ -192,7 +205,7 @@ def _read_fields(holder: Mapping[str, Any], path: str, parsed: Parsed) -> Iterat
 
 
 def _present(paths: Sequence[str], items: Sequence[Any], parsed: Parsed) -> tuple[list[str], list[Any]]:
-    """The entries except those that are empty or state that their place is given later, which are noted."""
+    """The entries that have a place. Empty ones, and those that state that their place is given later, are noted."""
     absent = [item == {} or (isinstance(item, dict) and is_pending(item)) for item in items]
     parsed.notes.extend(
         f"{path}: has no place yet ({_words(item) or 'it is empty'}); treated as absent"
@@ -216,7 +229,7 @@ def is_pending(item: Mapping[str, Any]) -> bool:
 
 
 def _comes_later(texts: Iterable[str]) -> bool:
-    return any(word in fold_key(text) for text in texts for word in PENDING)
+    return any(word in fold_key(text) for text in texts for word in _PENDING)
 
 
 def _texts(item: Mapping[str, Any]) -> Iterator[str]:

@@ -33,7 +33,7 @@ FAR_M = 20_000.0
 a scene is a few kilometres wide."""
 
 
-NULL_ISLAND_DEG = 0.1
+_NULL_ISLAND_DEG = 0.1
 """Degrees nearer to 0, 0 than this are relative to X = Y = 0 (chosen): no mission lies in the Gulf of Guinea."""
 
 LOW_M = -100.0
@@ -43,9 +43,9 @@ GROUND_HIGH_M = 80.0
 """Largest plausible height of entities on the ground or water, metres (chosen: a bridge's deck is at 80 m at most)."""
 HIDDEN_HIGH_M = 450.0
 """Largest plausible height of hidden places, metres (chosen: a building is at most 400 m high)."""
-ROTOR_HIGH_M = 1_000.0
+_ROTOR_HIGH_M = 1_000.0
 """Largest plausible height if only multirotors fly, metres (chosen)."""
-FLYING_HIGH_M = 3_000.0
+_FLYING_HIGH_M = 3_000.0
 """Largest plausible height of other aircraft, metres (chosen)."""
 
 ON_THE_GROUND = ("quadruped", "road", "vessel")
@@ -222,7 +222,7 @@ def _origin(places: Sequence[Coordinates], frame: DocumentFrame) -> tuple[float,
     if len(pairs) == len(places):
         return _middle(pairs)
     # The others are lengths from X = Y = 0. Its degrees are unknown, unless all degrees are relative to it.
-    return (0.0, 0.0) if all(max(map(abs, pair)) < NULL_ISLAND_DEG for pair in pairs) else None
+    return (0.0, 0.0) if all(max(map(abs, pair)) < _NULL_ISLAND_DEG for pair in pairs) else None
 
 
 def _untied(parsed: Parsed, places: Sequence[Coordinates], origin: tuple[float, float]) -> Fault | None:
@@ -264,7 +264,7 @@ def _with_datum(
         )
         return msgspec.structs.replace(frame, datum_m=lows[0], alt_datum_m=lows[1])
     heights = _heights(frame, [*on_ground, *hidden]) or _heights(frame, flying)
-    highest_m = FLYING_HIGH_M if parsed.scenario.equipment_list.plane_entity_list else ROTOR_HIGH_M
+    highest_m = _FLYING_HIGH_M if parsed.scenario.equipment_list.plane_entity_list else _ROTOR_HIGH_M
     high_m = GROUND_HIGH_M if _heights(frame, on_ground) else HIDDEN_HIGH_M if _heights(frame, hidden) else highest_m
     if not heights or LOW_M <= min(heights) <= high_m or abs(min(heights)) > FARTHEST_M:
         return frame

@@ -65,11 +65,11 @@ MEASURES = (
 )
 """The measures of hidden places."""
 
-AGREE_M = 1.0
+_AGREE_M = 1.0
 """Two spellings of one place may differ by this distance without a note, metres (chosen): documents round degrees."""
 
 
-AGREE_DEG = 1.0
+_AGREE_DEG = 1.0
 """Two spellings of one direction may differ by this angle without a note, degrees (chosen)."""
 
 
@@ -102,11 +102,11 @@ def _place_notes(spot: Spot, group: model.Group, frame: DocumentFrame, parsed: P
     if None not in (data.x, data.y, data.lon, data.lat):
         other = frames.from_geodetic(data.lat or 0.0, data.lon or 0.0, frame.origin)
         apart = max(abs(east - other[0]), abs(north - other[1]))
-        if apart > AGREE_M:
+        if apart > _AGREE_M:
             yield f"{spot.path}: lon and lat lie {apart:.0f} m off X and Y: X and Y are used"
     if data.z is not None and data.alt is not None:
         z_m = frames.from_unreal(0.0, 0.0, data.z)[2]
-        if abs(z_m - data.alt) > AGREE_M:
+        if abs(z_m - data.alt) > _AGREE_M:
             source = "alt" if None in (data.x, data.y) else "Z"
             yield f"{spot.path}: alt says {data.alt:g} m and Z {z_m:g} m: {source} is used"
     distance = math.hypot(east, north)
@@ -128,8 +128,8 @@ def _headings(group: model.Group, spots: Sequence[Spot], parsed: Parsed) -> tupl
     spellings = [spot.part.headings for spot in spots]
     for spot, named in zip(spots, spellings, strict=True):
         if not named and any(spellings):
-            parsed.report(spot.path, "has no heading while others have one", "give all a heading, or none")
-        if any(abs((a - b + 180.0) % 360.0 - 180.0) > AGREE_DEG for a, b in pairwise(named.values())):
+            parsed.report(spot.path, "has no heading while others have one", "give every entity a heading, or none")
+        if any(abs((a - b + 180.0) % 360.0 - 180.0) > _AGREE_DEG for a, b in pairwise(named.values())):
             where = spot.path.removesuffix(".data")
             parsed.notes.append(f"{where}: {', '.join(named)} disagree; {next(iter(named))} is used")
     return tuple(next(iter(named.values())) for named in spellings if named)
@@ -178,7 +178,7 @@ def fill_group(
         group = next(g for g in mission.groups if g.name == group.name)
     if not spots:
         return mission
-    parsed.placed.update((member_id(group, k), spot.path) for k, spot in enumerate(spots, start=1))
+    parsed.placed.update((_member_id(group, k), spot.path) for k, spot in enumerate(spots, start=1))
     properties = _with_positions(group, spots, frame, parsed, where)
     headings = _headings(group, spots, parsed)
     if len(headings) == len(spots):
@@ -186,7 +186,7 @@ def fill_group(
         properties = _set(properties, "heading_deg", _indexed(group, values, "heading_deg"), unit="deg")
     properties = _with_measures(group, _with_elements(group, properties, spots, where, parsed), spots, parsed, where)
     codes = (spot.part.code for spot in spots)
-    labels = tuple("" if code == member_id(group, k) else code for k, code in enumerate(codes, start=1))
+    labels = tuple("" if code == _member_id(group, k) else code for k, code in enumerate(codes, start=1))
     changed = msgspec.structs.replace(group, properties=properties, labels=labels if any(labels) else ())
     return _with_group(mission, changed)
 
@@ -275,7 +275,7 @@ def _with_measures(
             parsed.notes.append(f"{where}: '{measure.field}' is the {measure.says} in {measure.said_in}")
         for entry, value in zip(entries, amounts, strict=True):
             if value is None:
-                hint = f"give all a {measure.field}, or none"
+                hint = f"give every entry a {measure.field}, or none"
                 parsed.report(entry.path, f"has no {measure.field} while others have one", hint)
         values = tuple(
             ex.Number(value / measure.per_unit if measure.fits(value) else 0.0, measure.unit) for value in amounts
@@ -404,6 +404,6 @@ def _number_like(expr: ex.Expr, value: float) -> ex.Number:
     return ex.Number(value, expr.unit if isinstance(expr, ex.Number) else "")
 
 
-def member_id(group: model.Group, index: int) -> str:
+def _member_id(group: model.Group, index: int) -> str:
     """`uav[1]`, or the bare name of a single entity."""
     return group.name if group.count is None else f"{group.name}[{index}]"

@@ -33,19 +33,18 @@ from lingjing.mission.reset.groups import (
     to_world,
     with_default,
 )
-from lingjing.mission.reset.notes import unread_notes
+from lingjing.mission.reset.notes import note_starts, unread_notes
 from lingjing.mission.reset.repair import without_consequences
 from lingjing.mission.reset.row_goals import GOALS, goal_text, has_later_places, owners_of, row_goals
 from lingjing.mission.reset.scene_fit import fit_template
 from lingjing.mission.reset.shapes import LISTS, EntityList, Equipment, fold_key
-from lingjing.mission.reset.starts import note_starts
 from lingjing.mission.reset.targets import PERSONS, place_targets
 from lingjing.mission.reset.template import FREE, fleet_of, template_name
 from lingjing.mission.reset.unit import METRE_M
 from lingjing.mission.vocabulary import MODES
 from lingjing.mission.weather_words import RAINY, sky_of
 
-MODE_WORDS: dict[str, str] = {**{mode: mode for mode in MODES}, "星型": "star", "广播": "broadcast"}
+_MODE_WORDS: dict[str, str] = {**{mode: mode for mode in MODES}, "星型": "star", "广播": "broadcast"}
 """Spellings of a communication mode in `collaborationType`. Other values are free text."""
 
 
@@ -188,7 +187,7 @@ def _with_origin(mission: model.Mission, frame: DocumentFrame) -> model.Mission:
 def _configure(template: model.Mission, parsed: Parsed) -> model.Mission:
     """The template with the mode and settings of the document's `lingjing` object as its defaults."""
     extra = parsed.scenario.lingjing
-    mode_word = MODE_WORDS.get(fold_key(parsed.scenario.collaboration_type))
+    mode_word = _MODE_WORDS.get(fold_key(parsed.scenario.collaboration_type))
     if extra is None or extra.mode is None:
         template = _set_mode(template, parsed)
     elif mode_word not in (None, extra.mode):
@@ -211,7 +210,7 @@ def _configure(template: model.Mission, parsed: Parsed) -> model.Mission:
 def _set_mode(template: model.Mission, parsed: Parsed) -> model.Mission:
     """The template in the mode that `collaborationType` names, if any."""
     word = parsed.scenario.collaboration_type
-    mode, where = MODE_WORDS.get(fold_key(word)), parsed.at("collaborationType")
+    mode, where = _MODE_WORDS.get(fold_key(word)), parsed.at("collaborationType")
     if mode is None or mode == template.modes.default:
         return template
     if mode not in template.modes.allowed:

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from lingjing.errors import Fault
 from lingjing.mission.reset.shapes import LISTS, PLACES, Data, P, fold_key
 
-ROUNDS = 8
+_ROUNDS = 8
 """A repaired value may have another fault; after this many rounds the document is given up (chosen)."""
 
 _MOST = 1e7
@@ -46,7 +46,7 @@ def repair(value: dict[str, Any], shape: type[P], place: Mapping[str, float]) ->
     """The value in its shape with its faults replaced in place, or None if that fails; and True if no repair changed a
     part that selects the template."""
     decided = True
-    for _ in range(ROUNDS):
+    for _ in range(_ROUNDS):
         try:
             return shape.model_validate(value), decided
         except ValidationError as error:

@@ -19,9 +19,9 @@ from lingjing.mission.reset.shapes import LISTS, Equipment, HiddenPlace, fold_ke
 GOALS = "goals"
 """The template of such documents."""
 
-FIELD = next(field for field in FIELDS if field.name == "goalPosition")
+_FIELD = next(field for field in FIELDS if field.name == "goalPosition")
 """The general field of goals."""
-PLACES = (FIELD, *(field for field in FIELDS if field.name in ("deliveryPoints", "destinationPosition")))
+_PLACES = (_FIELD, *(field for field in FIELDS if field.name in ("deliveryPoints", "destinationPosition")))
 """The fields that may hold a goal."""
 
 _OWNER_KEYS = frozenset({
@@ -64,8 +64,8 @@ def has_row_goals(parsed: Parsed, hidden_entries: Sequence[HiddenEntries]) -> bo
 def only_goals(parsed: Parsed, hidden_entries: Sequence[HiddenEntries]) -> bool:
     """True if goals are the only hidden places. Delivery points and destinations are goals if several rows have one."""
     full = [field.field for field in hidden_entries if field.targets]
-    return all(field is FIELD for field in full) or (
-        all(field in PLACES for field in full) and rows_with_goals(parsed) > 1
+    return all(field is _FIELD for field in full) or (
+        all(field in _PLACES for field in full) and rows_with_goals(parsed) > 1
     )
 
 
@@ -95,7 +95,7 @@ def row_goals(parsed: Parsed, hidden_entries: Sequence[HiddenEntries]) -> RowGoa
         names = ", ".join(f"'{drones[k].name or drones[k].code}'" for k in idle)
         parsed.notes.append(f"{parsed.at('taskMatrix')}: no goal belongs to {names}, which no agent commands")
     entries = tuple(row.place for _, row in ranked), tuple(row.path for _, row in ranked)
-    goals = HiddenEntries(FIELD, FIELD.name, parsed.at("taskMatrix"), *entries)
+    goals = HiddenEntries(_FIELD, _FIELD.name, parsed.at("taskMatrix"), *entries)
     return RowGoals(goals, (*(owner for owner, _ in ranked), *idle))
 
 
@@ -137,7 +137,7 @@ def _entries(parsed: Parsed) -> Iterator[tuple[Any, str, str, str]]:
         owner = next((str(v) for holder in (inner, row) for key, v in holder.items() if _names_owner(key)), "")
         for holder, path in ((inner, f"{where}.{parsed.spelling.key(row, 'initial_state')}"), (row, where)):
             for key, value in holder.items():
-                if field_of(key) not in PLACES:
+                if field_of(key) not in _PLACES:
                     continue
                 if not isinstance(value, dict | list):
                     continue  # a remark, or a fault that `hidden_fields` reports

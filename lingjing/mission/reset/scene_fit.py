@@ -1,10 +1,10 @@
 """Fit of the scene to the document: the template's scene is moved and widened if it does not reach all places.
 
-A document with all places in its template's scene keeps that scene. Otherwise `translate` moves the template as a
-whole, so that its own places, regions and lines keep their relative positions. A scene with a structure (a shore, a
-bridge, a compound, a pipeline) is moved so that the structure has the same position relative to the document's targets,
-or else its assets. Any other scene is centred on the document's places. Then the built-up square is widened in whole
-blocks until it holds all places.
+A document with all places in its template's scene keeps that scene. Otherwise `_translate_mission` moves the template
+as a whole, so that its own places, regions and lines keep their relative positions. A scene with a structure (a shore,
+a bridge, a compound, a pipeline) is moved so that the structure has the same position relative to the document's
+targets, or else its assets. Any other scene is centred on the document's places. Then the built-up square is widened in
+whole blocks until it holds all places.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from lingjing.mission.reset.document import Parsed
 from lingjing.mission.reset.row_goals import GOALS
 from lingjing.mission.reset.template import FREE
 
-MARGIN_M = 60.0
+_MARGIN_M = 60.0
 """Distance between the placed entities and the edge of the built-up square, metres (chosen): a street and a roof are
 near."""
 
-BLOCKS_MOST = 24
+_MAX_BLOCKS = 24
 """The largest number of blocks on a side of the square (chosen); in a larger square the blocks are larger."""
 
-SITE_M = 40.0
+_SITE_M = 40.0
 """Distance by which a city reaches beyond its site, metres (`lingjing.scene.districts.district.frame`)."""
-BRIDGE_M = 200.0
+_BRIDGE_M = 200.0
 """Distance by which a city reaches beyond its bridge, metres (the same source)."""
 
 _STRUCTURES = ("inside", "homes", "pipeline", "shore", "bridge")
@@ -44,7 +44,7 @@ _BY_ITSELF = ("bay", "coastal")
 """Kinds of scenes that have a shore without an option."""
 
 
-class GroundBox(NamedTuple):
+class _GroundBox(NamedTuple):
     """West, south, east and north, metres."""
 
     west: float
@@ -57,7 +57,7 @@ class GroundBox(NamedTuple):
         """The middle of the box."""
         return (self.west + self.east) / 2.0, (self.south + self.north) / 2.0
 
-    def holds(self, other: GroundBox) -> bool:
+    def holds(self, other: _GroundBox) -> bool:
         """True if another box lies within this one."""
         return (
             self.west <= other.west
@@ -98,10 +98,10 @@ def fit_template(template: model.Mission, mission: model.Mission, parsed: Parsed
         return None
     by = _translation(bodies, plain, box)
     if "extent" not in kind.options:
-        if not GroundBox(*(edge + by[k % 2] for k, edge in enumerate(reach))).holds(box):
+        if not _GroundBox(*(edge + by[k % 2] for k, edge in enumerate(reach))).holds(box):
             return None
         parsed.notes.append(f"{_beyond_scene(parsed, box, template)} is moved to ({by[0]:g} m, {by[1]:g} m)")
-        return _with_options(translate(template, by), (_centre(by),))
+        return _with_options(_translate_mission(template, by), (_centre(by),))
     square = _square(plain.scene, box, by, structured=_is_structured(plain.scene))
     most = kind.options["extent"].high
     farthest = max(map(abs, square.centre)) + square.extent_m / 2.0
@@ -114,19 +114,19 @@ def fit_template(template: model.Mission, mission: model.Mission, parsed: Parsed
         f"{_beyond_scene(parsed, box, template)} is {square.extent_m:g} m wide and moved to "
         f"({square.centre[0]:g} m, {square.centre[1]:g} m){_budget_note(template, longer)}"
     )
-    return _widen_scene(translate(longer, by), plain.scene, square)
+    return _widen_scene(_translate_mission(longer, by), plain.scene, square)
 
 
-def translate(template: model.Mission, by: Vector2) -> model.Mission:
+def _translate_mission(template: model.Mission, by: Vector2) -> model.Mission:
     """The mission with all its own places moved by `by` metres east and north."""
-    changed: model.Mission = _translate(template, by)
+    changed: model.Mission = _translate_part(template, by)
     return changed
 
 
 # -- where to ---------------------------------------------------------------------------------------------------------
 
 
-def _translation(bodies: Sequence[Entity], plain: Instance, box: GroundBox) -> Vector2:
+def _translation(bodies: Sequence[Entity], plain: Instance, box: _GroundBox) -> Vector2:
     """The translation of the template, whole metres."""
     if not _is_structured(plain.scene):
         return float(round(box.middle[0])), float(round(box.middle[1]))
@@ -139,10 +139,10 @@ def _translation(bodies: Sequence[Entity], plain: Instance, box: GroundBox) -> V
     return float(round(here[0] - there[0])), float(round(here[1] - there[1]))
 
 
-def _square(scene: SceneSpec, box: GroundBox, by: Vector2, *, structured: bool) -> _Square:
+def _square(scene: SceneSpec, box: _GroundBox, by: Vector2, *, structured: bool) -> _Square:
     """The built-up square that holds a box, and the template's own square if it has a structure."""
     extent, spacing = extent_m(scene) or 0.0, _spacing(scene)
-    held = GroundBox(box.west - MARGIN_M, box.south - MARGIN_M, box.east + MARGIN_M, box.north + MARGIN_M)
+    held = _GroundBox(box.west - _MARGIN_M, box.south - _MARGIN_M, box.east + _MARGIN_M, box.north + _MARGIN_M)
     if structured:
         half = extent / 2.0
         own = (by[0] - half, by[1] - half), (by[0] + half, by[1] + half)
@@ -151,7 +151,7 @@ def _square(scene: SceneSpec, box: GroundBox, by: Vector2, *, structured: bool) 
     wanted = max(extent, 2.0 * max(abs(edge - centre[k % 2]) for k, edge in enumerate(held)))
     if wanted == extent:
         return _Square(centre, extent, spacing)
-    coarser = max(1, math.ceil(wanted / (BLOCKS_MOST * max(spacing))))
+    coarser = max(1, math.ceil(wanted / (_MAX_BLOCKS * max(spacing))))
     spacing = spacing[0] * coarser, spacing[1] * coarser
     step = 2.0 * max(spacing)
     return _Square(centre, step * math.ceil(wanted / step - 1e-9), spacing)
@@ -170,19 +170,19 @@ def _spacing(scene: SceneSpec) -> Vector2:
     return extent / float(columns or usual), extent / float(rows or usual)  # type: ignore[arg-type]
 
 
-def _reach(scene: SceneSpec) -> GroundBox | None:
+def _reach(scene: SceneSpec) -> _GroundBox | None:
     """The area of a scene's city according to its text; None if only the built city has it."""
     kind, extent = builtin_scenes()[scene.kind], extent_m(scene)
     if extent is None:
         return None
     half = extent / 2.0 + kind.outskirts_m
-    boxes = [GroundBox(-half, -half, half, half)]
-    for name, beyond in (("inside", SITE_M), ("pipeline", SITE_M + 15.0), ("bridge", BRIDGE_M)):
+    boxes = [_GroundBox(-half, -half, half, half)]
+    for name, beyond in (("inside", _SITE_M), ("pipeline", _SITE_M + 15.0), ("bridge", _BRIDGE_M)):
         line = scene.options.get(name)
         points = [point for point in line if isinstance(point, tuple)] if isinstance(line, tuple) else []
         if points and not (name == "pipeline" and scene.options.get("inside")):
             west, south, east, north = _around(points)
-            boxes.append(GroundBox(west - beyond, south - beyond, east + beyond, north + beyond))
+            boxes.append(_GroundBox(west - beyond, south - beyond, east + beyond, north + beyond))
     return _around(corner for box in boxes for corner in _corners(box))
 
 
@@ -196,16 +196,16 @@ def _outlines(placed: Instance, plain: Instance) -> list[Vector2]:
     return [corner for region in placed.regions if own.get(region.name) != region.polygon for corner in region.polygon]
 
 
-def _around(points: Iterable[Sequence[float]]) -> GroundBox:
+def _around(points: Iterable[Sequence[float]]) -> _GroundBox:
     eastings, northings = zip(*((point[0], point[1]) for point in points), strict=True)
-    return GroundBox(min(eastings), min(northings), max(eastings), max(northings))
+    return _GroundBox(min(eastings), min(northings), max(eastings), max(northings))
 
 
-def _corners(box: GroundBox) -> tuple[Vector2, Vector2]:
+def _corners(box: _GroundBox) -> tuple[Vector2, Vector2]:
     return (box.west, box.south), (box.east, box.north)
 
 
-def _beyond_scene(parsed: Parsed, box: GroundBox, template: model.Mission) -> str:
+def _beyond_scene(parsed: Parsed, box: _GroundBox, template: model.Mission) -> str:
     reach = f"({box.west:.0f} m, {box.south:.0f} m) to ({box.east:.0f} m, {box.north:.0f} m)"
     return (
         f"{parsed.path}: places reach from {reach}, beyond the scene of template '{template.name}': "
@@ -216,15 +216,17 @@ def _beyond_scene(parsed: Parsed, box: GroundBox, template: model.Mission) -> st
 # -- the template there ------------------------------------------------------------------------------------------------
 
 
-def _translate(value: Any, by: Vector2) -> Any:
+def _translate_part(value: Any, by: Vector2) -> Any:
     """Any part of a mission with its points moved."""
     if isinstance(value, ex.Point):
         return value if _is_degrees(value) else ex.Point(_moved_items(value.items, by))
     if isinstance(value, tuple):
-        return tuple(_translate(item, by) for item in value)
+        return tuple(_translate_part(item, by) for item in value)
     if isinstance(value, msgspec.Struct):
         parts = {name: getattr(value, name) for name in value.__struct_fields__}
-        changed = {name: new for name, old in parts.items() if (new := _translate(old, by)) is not old and new != old}
+        changed = {
+            name: new for name, old in parts.items() if (new := _translate_part(old, by)) is not old and new != old
+        }
         return msgspec.structs.replace(value, **changed) if changed else value
     return value
 

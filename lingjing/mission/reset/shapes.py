@@ -286,7 +286,8 @@ Angle = Annotated[float, Field(ge=0, lt=360)]
 
 
 class OrbitalElements(DocumentPart):
-    """The elements of a satellite as numbers: degrees, revolutions a day, an ISO 8601 epoch; names of the OMM too."""
+    """The elements of a satellite as numbers: degrees, revolutions a day, an ISO 8601 epoch. Names of CCSDS Orbit
+    Mean-Elements Messages (OMM) are accepted too."""
 
     inclination: Annotated[float, Field(ge=0, lt=180)] = with_spellings("inclinationDeg", "incl", default=...)
     raan: Angle = with_spellings("raanDeg", "rightAscension", "rightAscensionOfAscendingNode", default=...)

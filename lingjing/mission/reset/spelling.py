@@ -59,7 +59,7 @@ class KeySpelling:
                 self._original[id(value), name] = key
                 renamed[key] = name
             elif value[key] not in _EMPTY and value[key] != value[name] and name not in known.free:
-                message = f"'{self.key(value, name)}' and '{key}' spell one field and differ"
+                message = f"'{self.key(value, name)}' and '{key}' are spellings of one field and differ"
                 self.faults.append(Fault(where, message, "leave one of them"))
         self._kept.append(value)  # keeps the object alive, because its id() is a key
         self._note(renamed, where)

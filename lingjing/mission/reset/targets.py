@@ -31,7 +31,9 @@ def place_targets(
         where = f"{parsed.path}.lingjing.targets.{name}"
         group = next((g for g in mission.groups if g.role == "target" and g.name == name), None)
         if group is None:
-            parsed.report(where, f"mission '{mission.name}' has no target group '{name}'", "name one it has")
+            parsed.report(
+                where, f"mission '{mission.name}' has no target group '{name}'", "name one of its target groups"
+            )
             continue
         paths = [f"{where}[{k}]" for k in range(len(targets))]
         _report_repeated_ids(parsed, targets, paths)
@@ -90,7 +92,7 @@ def _fill_from_field(
             if not geometry2d.contains(outline, *to_world(spot.part.place, spot.path, frame, parsed)[:2])
         )
         parsed.notes.extend(
-            f"{spot.path}: lies outside of rescueRange, where no report of it counts" for spot in outside
+            f"{spot.path}: lies outside of rescueRange, and no report of it is accepted" for spot in outside
         )
     return fill_group(mission, group, spots, frame, parsed, field.path)
 
@@ -109,7 +111,7 @@ def _report_unused(
     """
     extra = parsed.scenario.lingjing
     if not groups and not any(signature.holds(field) for signature in signatures()):
-        hint = f"take it out, or name a template of your own that has a target of type {field.field.types[0]}"
+        hint = f"remove it, or name a template of your own that has a target of type {field.field.types[0]}"
         parsed.report(field.path, f"no template has a target for '{field.key}'", hint)
         return
     why = f"'{groups[0].name}' is given by {claimed[groups[0].name]}" if groups else _nothing(mission, field)
@@ -117,7 +119,7 @@ def _report_unused(
     if repeated or (extra is not None and extra.mission is not None):
         parsed.notes.append(f"{field.path}: {why}; {len(field.targets)} kept, not played")
         return
-    hint = f'take it out, or say that it is not played: "lingjing": {{"mission": "{mission.name}"}} in the scenario'
+    hint = f'remove it, or say that it is not played: "lingjing": {{"mission": "{mission.name}"}} in the scenario'
     parsed.report(field.path, f"{why}; its entries ({len(field.targets)}) would be ignored", hint)
 
 
@@ -126,7 +128,7 @@ def _report_repeated_ids(parsed: Parsed, targets: Sequence[HiddenPlace], paths: 
     first: dict[str, str] = {}
     for target, path in zip(targets, paths, strict=True):
         if target.key and first.setdefault(target.key, path) != path:
-            parsed.report(path, f"has the id '{target.key}' of {first[target.key]}", "give it one of its own")
+            parsed.report(path, f"has the id '{target.key}' of {first[target.key]}", "give it an id of its own")
 
 
 def _nothing(mission: model.Mission, field: HiddenEntries) -> str:

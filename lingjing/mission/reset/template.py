@@ -27,13 +27,13 @@ FREE: tuple[tuple[str, frozenset[str]], ...] = (
 )
 """The missions of documents without hidden places, with the engines of their bodies."""
 
-SPECIAL = {
+_SPECIAL = {
     "bridge_fracture": ("bridge", "fracture", "crack", "span", "桥", "断裂", "裂缝"),
     "pipeline_leak": ("pipe", "leak", "管道", "泄漏"),
 }
 """Target types that the general field `goalPosition` means only if the document has one of these words."""
 
-BY_AIR = "air_delivery"
+_BY_AIR = "air_delivery"
 """The mission of UAVs that share the deliveries."""
 
 
@@ -48,7 +48,8 @@ class TemplateSignature(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
     spellings: frozenset[str] = frozenset()
     """Names of its task."""
     also: frozenset[str] = frozenset()
-    """Further names, which count only if the document has hidden places of its types: they describe the entities."""
+    """Further names, which count only if the document has hidden places of its types. Such a name describes the
+    entities and not the task."""
     without: frozenset[str] = frozenset()
     """Engines that its documents do not have, because their entities could do more than the mission requires. A mission
     with such engines is not recognised by a `general` field."""
@@ -123,7 +124,7 @@ def template_name(parsed: Parsed, hidden_entries: Sequence[HiddenEntries]) -> tu
     if len(agreed) > 1:
         hint = _name_it(agreed[0].mission)
         raise parsed.fault(named[0][1], f"may be any of {_either(agreed)}; nothing in the document decides it", hint)
-    if agreed[0].mission == BY_AIR and has_row_goals(parsed, hidden_entries) and rows_with_goals(parsed) > 1:
+    if agreed[0].mission == _BY_AIR and has_row_goals(parsed, hidden_entries) and rows_with_goals(parsed) > 1:
         return GOALS, named[0][1], f"{named[0][2]}, with a goal in each row"
     return agreed[0].mission, named[0][1], " and ".join(dict.fromkeys(why for _, _, why in named)) + unknown
 
@@ -144,7 +145,7 @@ def _of_bodies_alone(parsed: Parsed, full: Sequence[HiddenEntries]) -> tuple[str
 def _in_words(parsed: Parsed, signature: TemplateSignature) -> bool:
     """True if the scene's name or the goal has a word for the mission's targets."""
     text = fold_key(f"{parsed.scenario.scene_name} {parsed.task.goal}")
-    return any(word in text for type_ in signature.types for word in SPECIAL.get(type_, ()))
+    return any(word in text for type_ in signature.types for word in _SPECIAL.get(type_, ()))
 
 
 def fleet_of(mission: str) -> str:
@@ -261,7 +262,7 @@ def _with_words(parsed: Parsed, hidden_entries: Sequence[HiddenEntries]) -> list
     return [
         signature
         for signature in signatures()
-        if not vague or not signature.types & SPECIAL.keys() or _in_words(parsed, signature)
+        if not vague or not signature.types & _SPECIAL.keys() or _in_words(parsed, signature)
     ]
 
 

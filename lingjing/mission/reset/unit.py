@@ -25,18 +25,18 @@ METRE_M = 1.0
 WIDEST_M = 12_000.0
 """Width of the widest scene, metres: places farther apart are not in one scene."""
 
-FARTHEST_SCENE_M = 25_000.0
+_FARTHEST_SCENE_M = 25_000.0
 """Largest distance of a scene's middle from the origin, metres (`lingjing.mission.kinds.LINE_MOST_M`)."""
 
-LOWEST_M = -500.0
+_LOWEST_M = -500.0
 """Smallest plausible height, metres (chosen: the lowest shore is at -430 m)."""
-HIGHEST_M = 6_000.0
+_HIGHEST_M = 6_000.0
 """Largest plausible height of entities, metres (chosen)."""
 
 CROWDED_M = 10.0
 """If all places lie this near to X = Y = 0 as centimetres, they may be metres (chosen)."""
 
-WIDTH_M = {"multirotor": 0.9, "quadruped": 0.32, "road": 1.8, "vessel": 2.7, "plane": 8.2}
+_WIDTH_M = {"multirotor": 0.9, "quadruped": 0.32, "road": 1.8, "vessel": 2.7, "plane": 8.2}
 """The narrowest side of a body, by its engine, metres (`scenarios/std`): two nearer bodies overlap."""
 
 _HEIGHT_M = 1.0
@@ -51,7 +51,7 @@ _GEODETIC = frozenset({"wgs84", "wgs", "epsg4326", "4326", "gcj02", "gcj", "bd09
 """Words of systems of degrees, in which X and Y cannot be."""
 _UNREAL = frozenset({"ue", "ue4", "ue5", "unreal", "unrealengine", "虚幻"})
 """Words of Unreal's own system."""
-SYSTEM = "coordinatesystem"
+_SYSTEM = "coordinatesystem"
 """The folded key of the coordinate system."""
 
 
@@ -138,7 +138,7 @@ def note_system(parsed: Parsed) -> None:
     system = _system(parsed)
     if system is None:
         return
-    parsed.understood.add(SYSTEM)
+    parsed.understood.add(_SYSTEM)
     if not system.unit_m and not system.words & _GEODETIC:
         parsed.notes.append(
             f"{system.path}: '{system.text}' is not understood and kept; X counts to the east and Y to the south"
@@ -166,7 +166,7 @@ def _word(unit_m: float) -> str:
 def _system(parsed: Parsed) -> _StatedSystem | None:
     for holder, path in (*parsed.holders(), *parsed.later_holders()):
         for key, value in holder.items():
-            if fold_key(key) == SYSTEM and isinstance(value, str):
+            if fold_key(key) == _SYSTEM and isinstance(value, str):
                 words = frozenset(re.findall(r"[a-z0-9]+|[\u4e00-\u9fff]+", value.lower()))
                 return _StatedSystem(f"{path}.{key}", value, words, _unit_named(words))
     return None
@@ -199,8 +199,8 @@ def _fits_as_metres(places: Sequence[Coordinates]) -> bool:
     heights = [data.z for data in places if data.z is not None]
     return (
         _extent(places) <= WIDEST_M
-        and _farthest(places) <= FARTHEST_SCENE_M
-        and all(LOWEST_M <= height <= HIGHEST_M for height in heights)
+        and _farthest(places) <= _FARTHEST_SCENE_M
+        and all(_LOWEST_M <= height <= _HIGHEST_M for height in heights)
     )
 
 
@@ -208,7 +208,7 @@ def _overlap(parsed: Parsed) -> str:
     """Two bodies of one engine that would overlap as centimetres and not as metres, in words; "" if there are none."""
     placed = [body for body in bodies_of(parsed) if body.data.x is not None and body.data.y is not None]
     for first, second in combinations(placed, 2):
-        width = WIDTH_M.get(first.engine, 0.0)
+        width = _WIDTH_M.get(first.engine, 0.0)
         apart = math.dist(_numbers(first.data), _numbers(second.data))
         if first.engine == second.engine and apart * CENTIMETRE_M < width <= apart:
             name = second.path.rpartition(".equipmentList.")[2].removesuffix(".data")
