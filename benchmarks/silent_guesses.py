@@ -23,7 +23,7 @@ from lingjing.mission.model import Group, Mission
 from lingjing.mission.reset.emit import emit
 from lingjing.mission.reset.groups import origin_of
 from lingjing.mission.reset.reading import instantiate_document
-from lingjing.mission.reset.shapes import LISTS, folded
+from lingjing.mission.reset.shapes import LISTS, fold_key
 
 EAST, NORTH = ("x",), ("y",)
 LONGITUDE, LATITUDE = ("lon", "lng", "long", "longitude", "经度"), ("lat", "latitude", "纬度")
@@ -84,10 +84,10 @@ def _changed(mission: Mission, templates: Callable[[str], Mission]) -> Iterator[
 def _uncounted(whole: Any, mission: Mission, notes: Sequence[str]) -> Iterator[str]:
     """Yield the lists with another number of played entities than listed ones, without a note."""
     lists = _get(_get(whole, "data") or whole, "equipmentList") or _get(_get(whole, "scenario"), "equipmentList")
-    names = {folded(each.name) for each in LISTS}
+    names = {fold_key(each.name) for each in LISTS}
     for name, rows in lists.items() if isinstance(lists, dict) else ():
         listed = len(rows) if isinstance(rows, list) else 1
-        if folded(name) not in names or not rows:
+        if fold_key(name) not in names or not rows:
             continue
         played = sum(f".{name}[" in path for path in mission.origin.places.values())
         if listed != played and not any(f".{name}: " in note and "not played" in note for note in notes):
@@ -111,7 +111,9 @@ def _get(holder: Any, key: str) -> Any:
     """Return the value of a key in any letter case."""
     if not isinstance(holder, dict):
         return None
-    return next((value for name, value in holder.items() if folded(name) == folded(key) and value not in UNSAID), None)
+    return next(
+        (value for name, value in holder.items() if fold_key(name) == fold_key(key) and value not in UNSAID), None
+    )
 
 
 def _first(holder: GuessedRow, names: Sequence[str]) -> float | None:
@@ -131,7 +133,7 @@ def _place(row: Any) -> GuessedRow | None:
 def _ambiguous(place: GuessedRow) -> Iterator[str]:
     """Yield the coordinates with several spellings and different values."""
     for names in (EAST, NORTH, LONGITUDE, LATITUDE, ALTITUDE):
-        values = [value for key, value in place.items() if folded(key) in names and value not in UNSAID]
+        values = [value for key, value in place.items() if fold_key(key) in names and value not in UNSAID]
         if any(value != values[0] for value in values):
             yield names[0]
 

@@ -16,7 +16,7 @@ from lingjing.mission.appearance import BARE, UNSAID_M
 from lingjing.mission.instance import Entity
 from lingjing.mission.kinds import engine_kind
 
-_STANDING_M = 1.0
+STANDS_M = 1.0
 """A body stands on a surface if its underside is at most this far above it; a higher one begins in the air. Elevations
 in missions have errors of about this size (chosen)."""
 
@@ -75,7 +75,7 @@ def sunk_below_m(entity: Entity) -> float:
 
 def stands(entity: Entity, surface_m: float) -> bool:
     """True if a body begins on a surface at this elevation, and not in the air above it."""
-    return entity.position[2] - sunk_below_m(entity) <= surface_m + _STANDING_M
+    return entity.position[2] - sunk_below_m(entity) <= surface_m + STANDS_M
 
 
 class StartingBodies:

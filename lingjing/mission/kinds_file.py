@@ -116,7 +116,9 @@ def _like_faults(place: str, scene: dict[str, Any], likes: dict[str, Any]) -> It
         passed.append(like)
         like = likes[like]
     if scene.get("name") in passed:
-        yield Fault(f"{place}.like", f"`{scene['name']}` is like itself", "name another scene of the file")
+        yield Fault(
+            f"{place}.like", f"`{scene['name']}` refers to itself through `like`", "name another scene of the file"
+        )
 
 
 def _options_faults(place: str, scene: dict[str, Any]) -> Iterator[Fault]:

@@ -93,7 +93,8 @@ class AllowanceDeclaration(Record, frozen=True, kw_only=True):
 
 
 class Parameter(Record, frozen=True, kw_only=True):
-    """`param uavs = 3 in 1..10`. Values are in SI units, the unit in the text is the author's."""
+    """A parameter of the mission: `param uavs = 3 in 1..10`. Values are in SI units, the unit in the text is the
+    author's."""
 
     name: str
     default: Expr
@@ -441,7 +442,7 @@ class Permit(Record, frozen=True, kw_only=True):
 
 
 class Constraint(Record, frozen=True, kw_only=True):
-    """`constraint hard fence per u in uav { always u in area }`, checked at every macro-step."""
+    """A condition that is checked at every macro-step: `constraint hard fence per u in uav { always u in area }`."""
 
     name: str
     kind: Literal["hard", "soft"]

@@ -180,7 +180,7 @@ def test_a_run_is_never_overwritten(run_here: Callable[..., Ended], tmp_path: Pa
         (("--policy-arg", "hight=3", "--policy", "random"), "hight"),
         (("--set", "victims=99"), "victims"),
         (("--set", "height=3"), "height"),
-        (("--set", "victims=2.5"), "--set victims=2.5: ssr/victim: a whole number is due here"),
+        (("--set", "victims=2.5"), "--set victims=2.5: ssr/victim: expected a whole number"),
         (("--set", "altitude=80 s"), "duration where length is due"),
         (("--mode", "mesh"), "mesh"),
         (("--seed", "-1"), "`-1` is not a seed"),

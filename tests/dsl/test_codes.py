@@ -36,7 +36,7 @@ CASES = [
     ("LJ0104", "  success", f"  {HARD}\n  {HARD.replace('hard', 'soft')}\n  success", 39, 19, "the constraint `dry`"),
     ("LJ0104", "  success", f"  {HARD.replace('dry', 'rescued')}\n  success", 38, 19, "`rescued` is declared twice"),
     ("LJ0104", "mission small", f"{RAFT}\nmission small", 6, 82, "the interaction `rescue` is declared twice"),
-    ("LJ0104", "mission small", f"{HIT}\nmission small", 6, 42, "`collided` is what engines tell of a body"),
+    ("LJ0104", "mission small", f"{HIT}\nmission small", 6, 42, "`collided` is an event that engines report"),
     ("LJ0104", "mission small", f"{GO}\nmission small", 6, 43, "the argument `a`"),
     ("LJ0105", "exists r: matched(v, r) }", "exists q: rescued(v) }", 35, 51, "the domain of `q`"),
     ("LJ0106", "ticks <= 60, ", "", 10, 3, "lacks `ticks`"),

@@ -120,7 +120,7 @@ def test_by_names_a_role_of_the_files_mission() -> None:
     (alone,) = compile_text(types).diagnostics
     assert (alone.code, alone.message) == ("LJ0125", "no known asset has the engine `driver`")
     (typo,) = compile_text(types.replace("by = driver", "by = drivr") + MISSION).diagnostics
-    assert typo.message.endswith("and no agent the role `drivr`") and "`driver`" in typo.hint
+    assert typo.message.endswith("and no agent has the role `drivr`") and "`driver`" in typo.hint
     (stateless,) = compile_text(types + MISSION.replace("bus : coach", "bus : car")).diagnostics
     assert (stateless.code, "of a `driver` asset, which is no state of `bus`" in stateless.message) == ("LJ0126", True)
 

@@ -36,17 +36,17 @@ def nested(value: object) -> Iterator[dict[str, object]]:
     """Every object in a JSON value."""
     if isinstance(value, dict):
         yield value
-    for one in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
-        yield from nested(one)
+    for item in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
+        yield from nested(item)
 
 
 @pytest.mark.parametrize("name", document.schemas())
 def test_strict_validators_take_them(name: str) -> None:
     """They refuse words of OpenAPI, and alternatives that require what they do not declare."""
-    for one in nested(msgspec.json.decode(document.schemas()[name])):
-        assert "discriminator" not in one
-        if isinstance(required := one.get("required"), list):
-            assert set(required) <= set(one["properties"])
+    for part in nested(msgspec.json.decode(document.schemas()[name])):
+        assert "discriminator" not in part
+        if isinstance(required := part.get("required"), list):
+            assert set(required) <= set(part["properties"])
 
 
 def test_mission_json_is_valid_and_the_schema_refuses_what_the_reader_refuses(ssr: m.Mission) -> None:

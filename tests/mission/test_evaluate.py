@@ -76,7 +76,7 @@ def test_values(expr: ex.Expr, value: object) -> None:
         (ex.Binary("and", ex.Flag(True), n(1)), "expected true or false, got the number 1"),
         (ex.Ref("victims", "param"), "there is no param 'victims'"),
         (ex.Index(UAV, n(3)), "there is no member 3, the group has 2"),
-        (ex.Index(UAV, n(0)), "member 0 is asked for"),
+        (ex.Index(UAV, n(0)), "there is no member 0"),
         (ex.Index(UAV, n(1.5)), "expected a whole number, got 1.5"),
         (ex.Attr(ex.Ref("boat", "group"), "speed"), "boat has no 'speed' before the mission runs"),
         (ex.Range(n(3), n(1)), "3..1 is empty"),

@@ -1,4 +1,4 @@
-"""What is wrong with a `mission.json`, all of it in one run."""
+"""Errors of a `mission.json`, all reported in one run."""
 
 from __future__ import annotations
 
@@ -25,10 +25,12 @@ def test_every_fault_is_told_with_its_path() -> None:
     value["stages"][0]["domian"] = "victim"
     value["agnts"] = []
     del value["goal"]
-    with pytest.raises(MissionError) as told:
+    with pytest.raises(MissionError) as caught:
         document.decode(json.dumps(value), "m.json")
     assert [
-        (one.where, one.message, one.hint) for one in told.value.faults if one.where != "rules[0].condition.node"
+        (fault.where, fault.message, fault.hint)
+        for fault in caught.value.faults
+        if fault.where != "rules[0].condition.node"
     ] == [
         ("name", "a text is due, this is the number 3", ""),
         ("groups[0].count", "an object is due, this is the text 'three'", ""),
@@ -37,9 +39,9 @@ def test_every_fault_is_told_with_its_path() -> None:
         ("", "'goal' is missing", "add the field"),
         ("", "there is no field 'agnts'", "did you mean 'agents'?"),
     ]
-    (tag,) = [one for one in told.value.faults if one.where == "rules[0].condition.node"]
+    (tag,) = [fault for fault in caught.value.faults if fault.where == "rules[0].condition.node"]
     assert tag.message.endswith("this is the text 'Binry'") and tag.hint == "did you mean 'Binary'?"
-    assert str(told.value).splitlines()[0] == "m.json: name: a text is due, this is the number 3"
+    assert str(caught.value).splitlines()[0] == "m.json: name: a text is due, this is the number 3"
 
 
 def test_what_decodes_has_no_fault_and_needs_no_jsonschema() -> None:

@@ -36,7 +36,7 @@ mission m "M" {
   clock { tick = 10 s, sync = 500 ms }
 """
 ANYWHERE = 'map { folder = "m", '
-"""A scene of whose extent nothing is known."""
+"""A scene of unknown extent."""
 
 SEEN = """
   message detection : report from pilot to all
@@ -147,9 +147,12 @@ def test_too_few_ticks_for_a_picture_and_its_report() -> None:
   asset boat : quadrotor { position = (0 m, 0 m, 0 m), CAMERA }
   agent pilot as pilot controls boat { observes boat.* }
   success when exists r: matched(buoy, r)"""
-    asked, by_itself = body.replace("CAMERA", CAMERA), body.replace("CAMERA", CAMERA.replace("on_request", "each_tick"))
-    assert codes(SEEN + asked, ticks=1) == ["LJ0602"]
-    assert codes(SEEN + asked, ticks=2) == []
+    on_request, by_itself = (
+        body.replace("CAMERA", CAMERA),
+        body.replace("CAMERA", CAMERA.replace("on_request", "each_tick")),
+    )
+    assert codes(SEEN + on_request, ticks=1) == ["LJ0602"]
+    assert codes(SEEN + on_request, ticks=2) == []
     assert codes(SEEN + by_itself, ticks=1) == []
 
 
@@ -402,8 +405,8 @@ def test_a_success_that_holds_at_the_start_is_said(condition: str) -> None:
   unlock rescue(v: v) when now >= 0 s
   success when {condition}"""
     text = f"{TYPES.replace(ANYWHERE, 'bay { ')}  budget {{ ticks <= 60 }}\n{body}\n}}\n"
-    said = [(one.code, one.severity) for one in compile_text(text).diagnostics]
-    assert said == ([("LJ0510", "warning")] if condition in WINS_ITSELF else [])
+    diagnostics = [(diagnostic.code, diagnostic.severity) for diagnostic in compile_text(text).diagnostics]
+    assert diagnostics == ([("LJ0510", "warning")] if condition in WINS_ITSELF else [])
 
 
 def test_an_interaction_that_another_group_may_have_from_the_start_may_be_waited_for() -> None:

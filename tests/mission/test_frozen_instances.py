@@ -49,8 +49,12 @@ def plain(value: object) -> object:
 def _fields(kind: type[msgspec.Struct]) -> tuple[tuple[str, str, object], ...]:
     """Encoded name, attribute and default of each field."""
     return tuple(
-        (one.encode_name, one.name, one.default if one.default_factory is msgspec.NODEFAULT else one.default_factory())
-        for one in msgspec.structs.fields(kind)
+        (
+            field.encode_name,
+            field.name,
+            field.default if field.default_factory is msgspec.NODEFAULT else field.default_factory(),
+        )
+        for field in msgspec.structs.fields(kind)
     )
 
 

@@ -175,12 +175,12 @@ def test_groups_are_one_node_with_a_count(whole: m.Mission) -> None:
 
 
 def test_relations_name_what_they_carry_and_are_over(whole: m.Mission) -> None:
-    found = {edge.kind: edge for edge in graph(whole).edges}
-    assert (found["information_handoff"].label, found["information_handoff"].via) == ("carries", "channel:detection")
-    assert (found["cooperation"].via, found["cooperation"].mutual) == ("grid:cells", True)
-    assert found["competition"].via == "asset:boat"
-    assert found["guidance"].via == "channel:assignment"
-    assert found["dependency"].label == "per v"
+    edges = {edge.kind: edge for edge in graph(whole).edges}
+    assert (edges["information_handoff"].label, edges["information_handoff"].via) == ("carries", "channel:detection")
+    assert (edges["cooperation"].via, edges["cooperation"].mutual) == ("grid:cells", True)
+    assert edges["competition"].via == "asset:boat"
+    assert edges["guidance"].via == "channel:assignment"
+    assert edges["dependency"].label == "per v"
 
 
 def test_walking_from_success_reaches_the_hidden_target(whole: m.Mission) -> None:
@@ -284,7 +284,7 @@ def test_every_kind_of_node_and_edge_is_produced_by_something(everything: m.Miss
     ],
 )
 def test_each_declaration_adds_its_edge(everything: m.Mission, edge: str) -> None:
-    assert edge in {one.id for one in graph(everything).edges}
+    assert edge in {each.id for each in graph(everything).edges}
 
 
 def test_what_the_drawing_says_about_terms(everything: m.Mission) -> None:
@@ -313,9 +313,9 @@ def test_a_mission_without_anything_to_say_still_has_a_graph(whole: m.Mission) -
 def test_a_guard_over_parameters_stays_open_and_readable() -> None:
     many = ex.Binary(">", ex.Ref("uavs", "param"), ex.Number(1.0))
     modes = ("star", "broadcast")
-    found = presence(m.Guard(condition=many), modes)
-    assert found is not None
-    assert (found.when, found.modes) == ("uavs > 1", modes)
+    present = presence(m.Guard(condition=many), modes)
+    assert present is not None
+    assert (present.when, present.modes) == ("uavs > 1", modes)
     both = presence(m.Guard(condition=ex.Binary("and", STAR.condition, many)), modes)
     assert both is not None
     assert (both.when, both.modes) == ("mode == star and uavs > 1", ("star",))

@@ -85,7 +85,7 @@ GRAPHS = [*MISSIONS, *(pytest.param(seed, id=f"random-{seed}") for seed in range
 
 
 def within_card(edge: GraphEdge, shown: MissionGraph) -> bool:
-    """Whether an edge joins two nodes of one card, which says it without a line."""
+    """True if an edge joins two nodes of one card, which shows it without a line."""
     card = {node.id: node.within or node.id for node in shown.nodes}
     return card[edge.source] == card[edge.target] and edge.source != edge.target
 
@@ -133,7 +133,7 @@ def test_dot_draws_backwards_edges_from_their_target(ssr_graph: MissionGraph) ->
 
 
 def nasty() -> MissionGraph:
-    """A graph whose every text is hostile."""
+    """A graph with hostile texts in all its fields."""
     base = random_graph(3)
     nodes = tuple(msgspec.structs.replace(n, title=NASTY, detail=NASTY, text=NASTY, when=NASTY) for n in base.nodes)
     edges = tuple(msgspec.structs.replace(e, label=NASTY, when=NASTY) for e in base.edges)
@@ -156,9 +156,9 @@ def test_mermaid_names_never_clash_nor_leave_ascii() -> None:
     names = ("a_b", "a b", "甲", "乙", "a.b", "end")
     nodes = tuple(msgspec.structs.replace(base, id=f"rule:{name}", kind="rule", within=None) for name in names)
     text = mermaid(MissionGraph(mission="x", title="", goal="", modes=(), default="", nodes=nodes, edges=()))
-    found = re.findall(r"^    (\w+)\[/", text, re.MULTILINE)
-    assert len(set(found)) == len(names)
-    assert "".join(found).isascii()
+    written = re.findall(r"^    (\w+)\[/", text, re.MULTILINE)
+    assert len(set(written)) == len(names)
+    assert "".join(written).isascii()
 
 
 def test_dot_strings_close_where_they_should() -> None:
@@ -179,8 +179,8 @@ def test_svg_is_well_formed_and_says_everything(make) -> None:
     drawn = [edge for edge in shown.edges if not within_card(edge, shown)]
     assert groups.count("node") == sum(node.within is None for node in shown.nodes)
     assert sorted(name for name in groups if name.startswith("edge ")) == sorted(f"edge {edge.kind}" for edge in drawn)
-    said = " ".join(text for text in root.itertext())
-    assert all(" ".join(printable(node.title).split()) in " ".join(said.split()) for node in shown.nodes)
+    content = " ".join(text for text in root.itertext())
+    assert all(" ".join(printable(node.title).split()) in " ".join(content.split()) for node in shown.nodes)
 
 
 def test_svg_needs_nothing_from_outside(ssr_graph: MissionGraph) -> None:

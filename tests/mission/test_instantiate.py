@@ -128,10 +128,10 @@ def test_instances_round_trip_as_json(ssr: m.Mission, seed: int, mode: str) -> N
 
 
 def test_seeds_differ_and_modes_share_their_draws(ssr: m.Mission) -> None:
-    one, other = instantiate(ssr, seed=1), instantiate(ssr, seed=2)
-    assert group_of(one, "victim") != group_of(other, "victim")
-    assert one.scene.seed != other.scene.seed
-    assert instantiate(ssr, seed=1, mode="star").entities == one.entities
+    first, second = instantiate(ssr, seed=1), instantiate(ssr, seed=2)
+    assert group_of(first, "victim") != group_of(second, "victim")
+    assert first.scene.seed != second.scene.seed
+    assert instantiate(ssr, seed=1, mode="star").entities == first.entities
 
 
 def test_two_processes_with_different_hash_seeds_agree(ssr: m.Mission, tmp_path: Path) -> None:

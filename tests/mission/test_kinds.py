@@ -33,7 +33,7 @@ CANYON = {
 
 @pytest.fixture
 def acme(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """An installed plug-in whose module cannot be imported; its file of kinds is to be written by the test."""
+    """An installed plug-in with a module that cannot be imported. The test writes its file of kinds."""
     package, info = tmp_path / "acme", tmp_path / "acme-1.0.dist-info"
     (package / "inner").mkdir(parents=True)
     for folder in (package, package / "inner"):
@@ -56,18 +56,18 @@ def test_a_strangers_scene_is_checked_by_its_file(acme: Path) -> None:
     assert reach_m(deep) == 3000.0
     shipped = (Path(__file__).parents[2] / "scenarios" / "ssr.ljs").read_text("utf-8")
     text = re.sub(r"scene +bay \{", "scene canyon { depth = 5 m,", shipped)
-    (found,) = [item for item in compile_text(text).diagnostics if item.severity == "error"]
-    assert (found.code, found.hint) == ("LJ0508", "give 10 to 300")
-    assert "`depth` is 5.0" in found.message
+    (diagnostic,) = [item for item in compile_text(text).diagnostics if item.severity == "error"]
+    assert (diagnostic.code, diagnostic.hint) == ("LJ0508", "give 10 to 300")
+    assert "`depth` is 5.0" in diagnostic.message
     text = re.sub(r"scene +bay \{", "scene canyon { wide = 5 m,", shipped)
-    (found,) = [item for item in compile_text(text).diagnostics if item.severity == "error"]
-    assert (found.code, found.hint) == ("LJ0108", "known: datum, depth, displacement, layout, origin")
+    (diagnostic,) = [item for item in compile_text(text).diagnostics if item.severity == "error"]
+    assert (diagnostic.code, diagnostic.hint) == ("LJ0108", "known: datum, depth, displacement, layout, origin")
 
 
 def test_validate_imports_no_plug_in_whose_kinds_are_described(
     acme: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The plug-in's module raises when it is imported: the fixture's last line says that nobody tried."""
+    """The plug-in's module raises when it is imported, so that a successful validation did not import it."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     acme.write_text(json.dumps({"scenes": [{"name": "canyon", "extent_m": 6000}], "engines": [{"name": "balloon"}]}))
     shipped = (Path(__file__).parents[2] / "scenarios" / "ssr.ljs").read_text("utf-8")
@@ -78,8 +78,8 @@ def test_validate_imports_no_plug_in_whose_kinds_are_described(
     compiled = str(tmp_path / "m.json")
     for command in (["validate", str(file)], ["compile", str(file), "-o", compiled], ["validate", compiled]):
         assert main(command) == ExitCode.OK and "acme" not in sys.modules
-        said = capsys.readouterr()
-        assert "installed" not in said.out + said.err
+        output = capsys.readouterr()
+        assert "installed" not in output.out + output.err
     acme.unlink()  # the mission is not known to be good once the plug-in has changed
     kinds._describing.cache_clear()
     installed._offers.cache_clear()
@@ -110,7 +110,7 @@ def test_a_strangers_engine_says_what_its_verbs_do_and_how_fast_its_bodies_are(a
     assert mission is not None
     instance = instantiate(mission, seed=1)
     blimp = next(entity for entity in instance.entities if entity.id == "float")
-    assert [(one.name, one.motion, one.doc) for one in blimp.verbs] == [
+    assert [(verb.name, verb.motion, verb.doc) for verb in blimp.verbs] == [
         ("glide", "straight", "glides there"), ("ascend", "up", ""), ("sing", "", ""),
     ]  # fmt: skip
     agent = next(agent for agent in instance.agents if agent.id == "rider")
@@ -128,10 +128,10 @@ def test_of_a_scene_without_a_file_nothing_is_known(acme: Path) -> None:
 def test_a_kind_may_be_like_another(acme: Path) -> None:
     rift = {"name": "rift", "like": "canyon", "options": {"depth": {"high": 900}, "width": {"type": "metres"}}}
     acme.write_text(json.dumps({"scenes": [CANYON, rift]}))
-    found = kinds.scene_kind("rift")
-    assert isinstance(found, SceneKind) and found.extent_m == 6000
-    assert (found.options["depth"].low, found.options["depth"].high) == (10, 900)
-    assert found.spelled() == {"depth_m": "depth", "width_m": "width"}
+    kind = kinds.scene_kind("rift")
+    assert isinstance(kind, SceneKind) and kind.extent_m == 6000
+    assert (kind.options["depth"].low, kind.options["depth"].high) == (10, 900)
+    assert kind.spelled() == {"depth_m": "depth", "width_m": "width"}
 
 
 @pytest.mark.parametrize(
@@ -197,11 +197,11 @@ def test_every_fault_of_a_file_is_told_with_its_path(acme: Path) -> None:
     scenes = [{"name": "canyon", "options": {"depth": depth, "width": {"type": "range", "default": 3}}}, {"nam": 1}, 7]
     listed = faults_of(acme, json.dumps({"scenes": scenes, "engines": {}}))
     assert ("scenes[1]", "'name' is missing") in listed and ("scenes[1]", "there is no field 'nam'") in listed
-    found = dict(listed)
-    assert found["scenes[0].options.depth.low"] == "a number or null is due, this is the text 'deep'"
-    assert found["scenes[0].options.width.default"] == "an option of type range has two numbers"
-    assert found["scenes[2]"] == "an object is due, this is the number 7"
-    assert found["engines"] == "a list is due, this is an object"
+    messages = dict(listed)
+    assert messages["scenes[0].options.depth.low"] == "a number or null is due, this is the text 'deep'"
+    assert messages["scenes[0].options.width.default"] == "an option of type range has two numbers"
+    assert messages["scenes[2]"] == "an object is due, this is the number 7"
+    assert messages["engines"] == "a list is due, this is an object"
 
 
 METRES = {"type": "metres", "low": 1, "high": 9}
@@ -232,32 +232,32 @@ def test_a_file_is_held_to_its_meaning(acme: Path, scene: dict[str, object], whe
 
 def test_the_verbs_of_an_engine_are_its_own(acme: Path) -> None:
     verbs = {"stop": {"motion": "up"}, "takePhoto": {}, "go there": {}, "rise": {"motion": "fly"}, "sink": {}}
-    told = dict(faults_of(acme, json.dumps({"engines": [{"name": "lift", "verbs": verbs}]})))
+    messages = dict(faults_of(acme, json.dumps({"engines": [{"name": "lift", "verbs": verbs}]})))
     at = "engines[0].verbs"
-    assert set(told) == {f"{at}.stop", f"{at}.takePhoto", f"{at}.go there", f"{at}.rise.motion"}
-    assert told[f"{at}.stop"] == "`stop` means the same for all engines"
-    assert told[f"{at}.rise.motion"].startswith("an empty text, down, route")
+    assert set(messages) == {f"{at}.stop", f"{at}.takePhoto", f"{at}.go there", f"{at}.rise.motion"}
+    assert messages[f"{at}.stop"] == "`stop` means the same for all engines"
+    assert messages[f"{at}.rise.motion"].startswith("an empty text, down, route")
 
 
 def test_a_fault_is_told_of_the_kind_that_says_it(acme: Path) -> None:
     scenes = [{"name": "canyon", "extent_m": -1, "options": {"depth": METRES | {"default": 10}}}]
     scenes += [{"name": "rift", "like": "canyon"}, {"name": "gorge", "like": "rift", "lacks": ["rails"]}]
-    found = [path for path, _ in faults_of(acme, json.dumps({"scenes": scenes}))]
-    assert found == ["scenes[0].extent_m", "scenes[2].lacks[0]", "scenes[0].options.depth.default"]
+    paths = [path for path, _ in faults_of(acme, json.dumps({"scenes": scenes}))]
+    assert paths == ["scenes[0].extent_m", "scenes[2].lacks[0]", "scenes[0].options.depth.default"]
 
 
 def test_the_built_in_file_is_held_to_the_same_meaning() -> None:
     document = kinds.joined(json.loads(kinds._BUILTIN.read_text("utf-8")))
-    assert list(kinds_file._meaning_faults(document, KindsFile())) == []
+    assert list(kinds_file._value_faults(document, KindsFile())) == []
 
 
 def test_a_name_means_one_kind(acme: Path) -> None:
     scenes = [{"name": "bay"}, {"name": "rift", "like": "gorge"}, {"name": "rift"}, {"name": "gorge", "like": "rift"}]
-    found = faults_of(acme, json.dumps({"scenes": scenes, "engines": [{"name": "road"}]}))
-    assert ("scenes[0].name", "`bay` is built in") in found
-    assert ("scenes[1].name", "`rift` is described 2 times") in found
-    assert ("scenes[2].name", "`rift` is described 2 times") in found
-    assert ("engines[0].name", "`road` is built in") in found
+    faults = faults_of(acme, json.dumps({"scenes": scenes, "engines": [{"name": "road"}]}))
+    assert ("scenes[0].name", "`bay` is built in") in faults
+    assert ("scenes[1].name", "`rift` is described 2 times") in faults
+    assert ("scenes[2].name", "`rift` is described 2 times") in faults
+    assert ("engines[0].name", "`road` is built in") in faults
 
 
 def test_kinds_that_are_like_each_other_in_a_circle_are_refused(acme: Path) -> None:

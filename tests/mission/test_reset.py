@@ -39,8 +39,8 @@ def edited(edit: Edit) -> str:
 
 
 def state(scenario: dict[str, Any]) -> dict[str, Any]:
-    found: dict[str, Any] = scenario["taskMatrix"][0]["initial_state"]
-    return found
+    initial: dict[str, Any] = scenario["taskMatrix"][0]["initial_state"]
+    return initial
 
 
 def read(ssr: m.Mission, text: str) -> tuple[m.Mission, tuple[str, ...]]:
@@ -179,7 +179,7 @@ def test_what_was_decided_or_kept_is_noted(ssr: m.Mission, edit: Edit, note: str
 
 
 def test_targets_that_the_template_places_are_noted(ssr: m.Mission) -> None:
-    """Whether they are hidden or not, and whether their field is empty, missing or spelt in a way nobody knows."""
+    """Hidden and public targets, with a field that is empty, missing or unknown."""
     public = replace(
         ssr,
         groups=tuple(
@@ -200,7 +200,9 @@ def test_places_that_the_mission_has_nothing_for_are_no_silent_loss(ssr: m.Missi
     def swap(scenario: dict[str, Any]) -> None:
         state(scenario)["goalDelPosition"] = state(scenario).pop("rescuePersonPosition")
 
-    with pytest.raises(MissionError, match="mission 'ssr' has no delivery_point or delivery_door; its 1 would be drop"):
+    with pytest.raises(
+        MissionError, match=r"mission 'ssr' has no delivery_point or delivery_door; its entries .1. would be ign"
+    ):
         read(ssr, edited(lambda s: (s.update(taskType="ssr"), swap(s))))
     _, notes = read(ssr, edited(lambda s: (s.update(lingjing={"mission": "ssr"}), swap(s))))
     assert any("has no delivery_point or delivery_door; 1 kept, not played" in note for note in notes)

@@ -54,9 +54,9 @@ def scenario_of(text: str) -> dict[str, object]:
     value = jsontext.load(text, "w.json", [])
     assert isinstance(value, dict)
     whole = value.get("data", value)
-    found = whole["scenario"]
-    assert isinstance(found, dict)
-    return found
+    scenario = whole["scenario"]
+    assert isinstance(scenario, dict)
+    return scenario
 
 
 def test_every_document_is_listed() -> None:
@@ -81,10 +81,10 @@ def test_a_document_is_read_and_comes_back_with_the_same_values(name: str) -> No
 @pytest.mark.parametrize("name", MISSIONS)
 def test_what_is_inferred_is_noted_and_nothing_else(name: str, request: pytest.FixtureRequest) -> None:
     golden = Path(__file__).parent / "golden" / "wild" / f"{name}.txt"
-    told = "\n".join(instance_of(name)[1]) + "\n"
+    notes = "\n".join(instance_of(name)[1]) + "\n"
     if request.config.getoption("--update"):
-        golden.write_text(told, encoding="utf-8")
-    assert told == golden.read_text(encoding="utf-8")
+        golden.write_text(notes, encoding="utf-8")
+    assert notes == golden.read_text(encoding="utf-8")
 
 
 def test_weights_spacings_and_headings_arrive() -> None:
@@ -133,24 +133,24 @@ def test_a_template_of_ones_own_plays_the_range_and_the_scale_of_a_fire(tmp_path
 
 
 @pytest.mark.parametrize(
-    ("name", "path", "said"),
+    ("name", "path", "message"),
     [
         ("singledog", "equipmentList.unmannedDogEntityList", "holds 3, mission 'vdn' has one dog"),
         ("uavdog", "equipmentList.droneEntityList", "holds 3, mission 'upr' has one uav"),
     ],
 )
-def test_several_where_the_named_template_has_one_are_an_error(name: str, path: str, said: str) -> None:
+def test_several_where_the_named_template_has_one_are_an_error(name: str, path: str, message: str) -> None:
     whole = json.loads(text_of(name))
     holder = whole["scenario"]
     holder["lingjing"] = {"mission": MISSIONS[name]}
     *way, last = path.replace("[0]", ".0").split(".")
     for key in way:
         holder = holder[int(key) if key == "0" else key]
-    (one,) = holder[last]
-    holder[last] = [{**one, "equipmentCode": f"E{k}", "targetId": f"T{k}"} for k in range(3)]
+    (entry,) = holder[last]
+    holder[last] = [{**entry, "equipmentCode": f"E{k}", "targetId": f"T{k}"} for k in range(3)]
     with pytest.raises(MissionError) as caught:
         read(json.dumps(whole), "w.json", TEMPLATES)
-    assert [(fault.where, fault.message) for fault in caught.value.faults] == [(f"$.scenario.{path}", said)]
+    assert [(fault.where, fault.message) for fault in caught.value.faults] == [(f"$.scenario.{path}", message)]
 
 
 @pytest.mark.parametrize(

@@ -31,8 +31,17 @@ def frozen(file: Path, seed: int) -> str:
     mission, _ = read(file.read_text(encoding="utf-8"), file.name, templates_beside(ROOT / "nowhere"))
     instance = instantiate(mission, seed=seed)
     bodies = [
-        (one.id, one.type, one.engine, one.position, one.heading_deg, one.label, one.properties, one.hidden)
-        for one in instance.entities
+        (
+            entity.id,
+            entity.type,
+            entity.engine,
+            entity.position,
+            entity.heading_deg,
+            entity.label,
+            entity.properties,
+            entity.hidden,
+        )
+        for entity in instance.entities
     ]
     parts = (
         instance.scene,
@@ -49,8 +58,8 @@ def frozen(file: Path, seed: int) -> str:
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
 def test_a_document_that_fits_keeps_its_scene_and_its_instance(file: Path, request: pytest.FixtureRequest) -> None:
     known = json.loads(GOLDEN.read_text(encoding="utf-8")) if GOLDEN.is_file() else {}
-    found = [frozen(file, seed) for seed in SEEDS]
+    instances = [frozen(file, seed) for seed in SEEDS]
     if request.config.getoption("--update"):
-        GOLDEN.write_text(json.dumps(known | {file.stem: found}, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+        GOLDEN.write_text(json.dumps(known | {file.stem: instances}, indent=1, sort_keys=True) + "\n", encoding="utf-8")
     else:
-        assert found == known[file.stem]
+        assert instances == known[file.stem]

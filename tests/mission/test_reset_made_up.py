@@ -42,7 +42,7 @@ MISSIONS = {
     "16": "goals",
 }
 REFUSED = {
-    "09": "nothing ties the two together",
+    "09": "nothing relates the two",
     "12": "several templates fit",
 }
 Json = dict[str, Any]
@@ -60,13 +60,13 @@ def loaded(number: str, edit: Edit = lambda scenario: None) -> tuple[Instance, s
 
 
 def state(scenario: Json) -> Json:
-    found: Json = scenario["taskMatrix"][0]["initial_state"]
-    return found
+    initial: Json = scenario["taskMatrix"][0]["initial_state"]
+    return initial
 
 
 def listed(scenario: Json, name: str) -> list[Json]:
-    found: list[Json] = scenario["equipmentList"][name]
-    return found
+    rows: list[Json] = scenario["equipmentList"][name]
+    return rows
 
 
 def at(instance: Instance, group: str) -> list[tuple[float, ...]]:
@@ -96,7 +96,7 @@ def test_the_others_name_what_is_missing(number: str) -> None:
     with pytest.raises(MissionError, match=REFUSED[number]) as raised:
         loaded(number)
     assert raised.value.hint and "lingjing" in raised.value.hint
-    assert any("nothing ties the two together" in fault.message for fault in raised.value.faults)
+    assert any("nothing relates the two" in fault.message for fault in raised.value.faults)
 
 
 # -- the scene comes to the document -----------------------------------------------------------------------------------
@@ -171,7 +171,7 @@ def test_degrees_may_lie_anywhere_on_earth(centre: tuple[float, float]) -> None:
     places = [place for group in ("van", "point") for place in at(instance, group)]
     for axis in (0, 1):
         assert min(place[axis] for place in places) == pytest.approx(-max(place[axis] for place in places), abs=2.0)
-    assert f"origin is taken to be at {instance.scene.origin[0]:g}" in notes
+    assert f"origin is assumed to be at {instance.scene.origin[0]:g}" in notes
 
 
 def test_mixed_frames_are_placed_where_one_origin_ties_them() -> None:
@@ -273,13 +273,13 @@ def test_no_task_becomes_another_kind(task: str, mission: str) -> None:
 
 def test_bodies_that_would_overlap_as_centimetres_are_in_metres() -> None:
     instance, notes = loaded("13")
-    assert at(instance, "truck") == [(-25.0, 0.0, 0.0), (-25.0, -12.0, 0.0)] and "are taken for metres" in notes
+    assert at(instance, "truck") == [(-25.0, 0.0, 0.0), (-25.0, -12.0, 0.0)] and "are read as metres" in notes
     for edit in (
         lambda scenario: scenario.update(lingjing={"unit": "cm"}),
         lambda scenario: state(scenario).update(coordinate_system="UE_XYZ_cm"),
     ):
         instance, notes = loaded("13", edit)
-        assert at(instance, "truck")[1] == (-0.25, -0.12, 0.0) and "are taken for metres" not in notes
+        assert at(instance, "truck")[1] == (-0.25, -0.12, 0.0) and "are read as metres" not in notes
     with pytest.raises(MissionError, match="says centimetres, 'lingjing' metres"):
         loaded("13", lambda s: (s.update(lingjing={"unit": "m"}), state(s).update(coordinate_system="UE_XYZ_cm")))
 
@@ -301,7 +301,7 @@ def test_where_both_units_are_plausible_the_document_must_say(unit: str) -> None
     assert raised.value.hint and '{"unit": "m"}' in raised.value.hint
     instance, notes = loaded("13", lambda scenario: (alone(scenario), scenario.update(lingjing={"unit": unit})))
     assert at(instance, "truck")[0][:2] == ((-25.0, 0.0) if unit == "m" else (-0.25, 0.0))
-    assert "taken for metres" not in notes
+    assert "read as metres" not in notes
     instance, _ = loaded("13", lambda scenario: (alone(scenario), state(scenario).update(coordinate_system="local_m")))
     assert at(instance, "truck")[0][:2] == (-25.0, 0.0)
 
@@ -310,7 +310,7 @@ def test_bodies_side_by_side_are_no_sign_of_metres() -> None:
     """Dogs 40 cm apart, and heights of 2.4 km below everything: no scene is as large in metres."""
     instance, notes = loaded("06")
     assert at(instance, "dog")[1][0] - at(instance, "dog")[0][0] == pytest.approx(0.4)
-    assert "taken for metres" not in notes
+    assert "read as metres" not in notes
 
 
 def test_a_yaw_beats_a_placeholder() -> None:
@@ -325,7 +325,7 @@ def test_run_prints_the_notes_that_compile_prints(tmp_path: Path, capsys: pytest
     path = str(FILES["13"])
     assert main(["compile", path]) == ExitCode.OK
     notes = [line for line in capsys.readouterr().err.splitlines() if line.startswith("note: ")]
-    assert any("are taken for metres" in note for note in notes)
+    assert any("are read as metres" in note for note in notes)
     assert main(["run", path, "--policy", "nobody", "-o", str(tmp_path / "out")]) == ExitCode.USAGE
     assert [line for line in capsys.readouterr().err.splitlines() if line.startswith("note: ")] == notes
 
@@ -389,8 +389,8 @@ def test_it_is_played(number: str, tmp_path: Path, capsys: pytest.CaptureFixture
     """The heuristic wins; the notes are told again."""
     arguments = ["run", str(FILES[number]), "--seed", "1", "--no-overview", "-o", str(tmp_path / "out")]
     assert main(arguments) == ExitCode.OK
-    told = capsys.readouterr()
-    assert "success: yes" in told.out and f"note: template '{MISSIONS[number]}'" in told.err
+    output = capsys.readouterr()
+    assert "success: yes" in output.out and f"note: template '{MISSIONS[number]}'" in output.err
 
 
 @pytest.mark.study  # minutes each
@@ -405,7 +405,7 @@ def test_a_dog_on_the_road_of_a_vehicle_that_it_waits_for_begins_beside_it() -> 
     """Document 04 places its dog on the street that its van comes along, 38 m before the stop."""
     instance, _ = loaded("04")
     placed, city = CityBuilder(PluginHost()).place(instance, imported=True)
-    dog, van = (next(one for one in placed.entities if one.id == name) for name in ("dog", "van"))
+    dog, van = (next(entity for entity in placed.entities if entity.id == name) for name in ("dog", "van"))
     lanes = [lane for road in city.roads for lane in road.lanes if lane.kind == "car"]
     off_m = min(project(lane.shape, *dog.position[:2]).off_m - lane.width_m / 2.0 for lane in lanes)
     assert 0.4 < off_m < 10.0 and math.dist(dog.position[:2], (-71.0, 203.0)) < 10.0

@@ -52,8 +52,8 @@ def foreign(nine: Nine, name: str, edit: Edit = lambda scenario: None) -> str:
 
 
 def state(scenario: Scenario) -> Scenario:
-    found: Scenario = scenario["taskMatrix"][0]["initial_state"]
-    return found
+    initial: Scenario = scenario["taskMatrix"][0]["initial_state"]
+    return initial
 
 
 def targets(instance: Instance, group: str) -> list[tuple[float, ...]]:
@@ -134,7 +134,7 @@ def test_unknown_fields_come_back_to_the_letter(nine: Nine) -> None:
 
 
 def test_signatures_are_those_of_the_compiled_missions(nine: Nine) -> None:
-    driven = {one.engine for one in LISTS}
+    driven = {entity_list.engine for entity_list in LISTS}
     for signature in signatures():
         groups = nine[signature.mission].groups
         engines = {g.engine for g in groups if g.role == "asset"} & driven
@@ -152,7 +152,7 @@ def test_signatures_are_those_of_the_compiled_missions(nine: Nine) -> None:
 @pytest.mark.parametrize("name", FLEETS)
 def test_a_fleet_has_what_its_mission_has_and_takes_several_of_it(nine: Nine, name: str) -> None:
     mission, fleet = nine[name], nine[fleet_of(name)]
-    held = [{(g.name, (g.type, *g.bases)[-1], g.role) for g in one.groups} for one in (mission, fleet)]
+    held = [{(g.name, (g.type, *g.bases)[-1], g.role) for g in each.groups} for each in (mission, fleet)]
     assert held[0] == held[1]
     assert all(group.count is not None for group in fleet.groups if group.name != "stop_node")
     for mode in fleet.modes.allowed:
@@ -163,7 +163,7 @@ def test_a_fleet_has_what_its_mission_has_and_takes_several_of_it(nine: Nine, na
 
 
 def test_no_field_means_two_things() -> None:
-    table = [one.spellings for one in FIELDS]
+    table = [field.spellings for field in FIELDS]
     assert sum(map(len, table)) == len(frozenset().union(*table))
 
 
@@ -197,7 +197,7 @@ def test_contradicting_task_types_are_an_error_unless_the_template_is_named(nine
     text = foreign(nine, "ufr", lambda s: (s.update(taskType="ufr"), s["taskMatrix"][0].update(task_type="cr")))
     with pytest.raises(MissionError, match="taskType names ufr; task_type names cr") as caught:
         read(nine, text)
-    assert [one.where for one in caught.value.faults] == ["$.scenario.taskMatrix[0].task_type"]
+    assert [fault.where for fault in caught.value.faults] == ["$.scenario.taskMatrix[0].task_type"]
     assert 'name the template: "lingjing": {"mission": "ufr"}' in caught.value.hint
     named = json.loads(text)
     named["scenario"]["lingjing"] = {"mission": "ufr"}
@@ -301,7 +301,7 @@ def test_geodetic_targets_and_two_spellings_that_disagree(nine: Nine) -> None:
     goal = {"lon": longitude, "lat": latitude, "alt": 2.0}
     mission, notes = read(nine, foreign(nine, "vdn", lambda s: state(s).update(goalPosition=goal)))
     assert targets(instantiate(mission), "home") == [pytest.approx((150.0, 20.0, 2.0), abs=1e-3)]
-    assert len(notes) == 2 and "taken to lie at the template's 31, 121.5" in notes[1]
+    assert len(notes) == 2 and "assumed to be at the template's 31, 121.5" in notes[1]
     both = {"X": 15_000.0, "Y": -2_500.0, **goal}
     mission, notes = read(nine, foreign(nine, "vdn", lambda s: state(s).update(goalPosition=both)))
     assert targets(instantiate(mission), "home") == [(150.0, 25.0, 2.0)]
@@ -359,12 +359,12 @@ ISS = (
 
 def watched(mission: m.Mission) -> m.Mission:
     """The mission with a satellite over it."""
-    given = (
+    properties = (
         m.Property(name="position", value=ex.Point(tuple(ex.Number(v, "m") for v in (0.0, 0.0, 550e3)))),
         m.Property(name="tle1", value=ex.Text("")),
         m.Property(name="tle2", value=ex.Text("")),
     )
-    eye = m.Group(name="eye", role="asset", type="satellite", engine="satellite", properties=given)
+    eye = m.Group(name="eye", role="asset", type="satellite", engine="satellite", properties=properties)
     return msgspec.structs.replace(mission, groups=(*mission.groups, eye))
 
 

@@ -41,7 +41,7 @@ def document(*states: Json, top: Json | None = None, **bodies: list[Json]) -> Js
         LISTS[kind]: [{"equipmentCode": f"{kind}{k}", "data": data} for k, data in enumerate(places, start=1)]
         for kind, places in bodies.items()
     }
-    return {"equipmentList": lists, "taskMatrix": [{"initial_state": one} for one in states], **(top or {})}
+    return {"equipmentList": lists, "taskMatrix": [{"initial_state": state} for state in states], **(top or {})}
 
 
 def loaded(whole: Json) -> tuple[Mission, Instance, str]:
@@ -95,9 +95,9 @@ def test_a_task_type_of_a_later_row_counts() -> None:
 
 def test_a_place_that_the_named_task_has_nothing_for_is_an_error() -> None:
     whole = document({"goalFirePosition": [xyz(9000.0, 5000.0)]}, uav=UAVS[:1], top={"taskType": "bridge"})
-    said = refused(whole)
-    assert "mission 'bi' has no building_fire or fire_source; its entries (1) would be ignored" in said
-    assert '"lingjing": {"mission": "bi"}' in said
+    message = refused(whole)
+    assert "mission 'bi' has no building_fire or fire_source; its entries (1) would be ignored" in message
+    assert '"lingjing": {"mission": "bi"}' in message
 
 
 def test_cars_with_goals_in_rows_keep_every_destination_and_the_note_says_what_is_not_kept() -> None:
@@ -131,7 +131,7 @@ def test_goals_in_rows_that_may_be_uavs_or_a_dogs_are_an_error() -> None:
 @pytest.mark.parametrize("value", [{}, xyz(0, 0.0, status="pending"), {"state": "待定", "data": {"lon": 0, "lat": 0}}])
 def test_a_place_of_zeros_that_is_pending_is_absent(value: Json) -> None:
     mission, instance, notes = loaded(document({"goalPosition": value}, uav=UAVS))
-    assert mission.name == "free" and not [one for one in instance.entities if one.role == "target"]
+    assert mission.name == "free" and not [entity for entity in instance.entities if entity.role == "target"]
     assert "goalPosition: has no place yet" in notes and "treated as absent" in notes
 
 
@@ -157,7 +157,9 @@ def test_a_start_that_the_initial_state_gives_elsewhere_is_noted() -> None:
     starts = {"uav_start_positions": {"uav1": UAVS[0], "uav2": UAVS[0]}, "dog_start_position": xyz(1.0, 1.0)}
     notes = loaded(document(starts, uav=UAVS, dog=[xyz(1.0, 1.0)]))[2]
     assert "uav_start_positions.uav2: is not the place of a listed body; the lists of entities are used" in notes
-    assert notes.count("is not where") == 1 and "start_position" not in notes.replace("uav_start_positions.uav2", "")
+    assert notes.count("is not the place of") == 1 and "start_position" not in notes.replace(
+        "uav_start_positions.uav2", ""
+    )
     assert "uav_start_position: is not" in loaded(document({"uav_start_position": xyz(5e4, 0.0)}, uav=UAVS))[2]
 
 
@@ -165,14 +167,14 @@ def test_a_start_that_the_initial_state_gives_elsewhere_is_noted() -> None:
 
 
 @pytest.mark.parametrize(
-    ("system", "said"),
+    ("system", "message"),
     [("local_ENU", "whose axes are not Unreal's"), ("NED", "whose axes are not"), ("WGS84", "places have X and Y")],
 )
-def test_axes_that_are_not_unreals_are_an_error_that_the_unit_settles(system: str, said: str) -> None:
+def test_axes_that_are_not_unreals_are_an_error_that_the_unit_settles(system: str, message: str) -> None:
     state = {"coordinate_system": system, "goalPosition": xyz(12000.0, 0.0, 3000.0)}
-    assert said in refused(document(state, uav=UAVS[:1]))
-    settled = document(state, uav=UAVS[:1], top={"lingjing": {"unit": "cm"}})
-    assert at(loaded(settled)[1], "goal") == [(120.0, 0.0)]
+    assert message in refused(document(state, uav=UAVS[:1]))
+    with_unit = document(state, uav=UAVS[:1], top={"lingjing": {"unit": "cm"}})
+    assert at(loaded(with_unit)[1], "goal") == [(120.0, 0.0)]
 
 
 def test_a_coordinate_system_that_is_not_understood_is_noted_and_degrees_may_be_wgs84() -> None:
@@ -185,11 +187,11 @@ def test_a_coordinate_system_that_is_not_understood_is_noted_and_degrees_may_be_
 
 def test_degrees_tens_of_kilometres_from_x_and_y_name_the_two_that_disagree() -> None:
     body = {"lon": 121.48, "lat": 31.23, "alt": 30.0}
-    said = refused(document({"goalPosition": xyz(12000.0, 0.0)}, uav=[body]))
-    assert "droneEntityList[0].data: is in degrees and" in said and "nothing ties the two together" in said
+    message = refused(document({"goalPosition": xyz(12000.0, 0.0)}, uav=[body]))
+    assert "droneEntityList[0].data: is in degrees and" in message and "nothing relates the two" in message
     near = {"lon": 121.5, "lat": 31.0, "alt": 30.0}
     assert (
-        "taken to lie at the template's 31, 121.5" in loaded(document({"goalPosition": xyz(1e4, 0.0)}, uav=[near]))[2]
+        "assumed to be at the template's 31, 121.5" in loaded(document({"goalPosition": xyz(1e4, 0.0)}, uav=[near]))[2]
     )
 
 
@@ -200,7 +202,7 @@ def test_a_wider_scene_gives_more_ticks() -> None:
     text = (MADE_UP / "04-delivery-house-pending.json").read_text(encoding="utf-8")
     mission, notes = read(text, "w.json", TEMPLATES)
     assert mission.budget.ticks == Number(140.0)  # 50 ticks for 900 m, and the scene is 2,520 m wide
-    assert any("for its longer ways the budget of 50 ticks is 140" in note for note in notes)
+    assert any("for longer ways the budget of 50 ticks is 140" in note for note in notes)
     assert any("max_steps: 50 is kept; the budget of mission 'ld' counts" in note for note in notes)
     text = (MADE_UP / "07-three-cars-no-target.json").read_text(encoding="utf-8")
     assert read(text, "w.json", TEMPLATES)[0].budget.ticks == Number(5.0)  # the document's own

@@ -53,7 +53,7 @@ READ: list[tuple[Edit, tuple[str, ...]]] = [
         lambda w, s, d: d[0].update(data={"x": 30660.0, "y": 62020.0, "z": 112.0}),
         (f"{AT}[].data: 'x', 'y', 'z' read as X, Y, Z, Unreal's centimetres",),
     ),
-    (lambda w, s, d: d[1].update(equipmentCode="UAV-MA-001"), ("stands more than once: 'UAV-MA-001'",)),
+    (lambda w, s, d: d[1].update(equipmentCode="UAV-MA-001"), ("is repeated: 'UAV-MA-001'",)),
     (
         lambda w, s, d: (w.update(foo=[1]), s["rescuePersonPosition"][0].update(血型="A")),
         ("$: 'foo' not understood and kept", "'血型' not understood and kept"),
@@ -70,9 +70,9 @@ READ: list[tuple[Edit, tuple[str, ...]]] = [
 def test_what_is_read_is_noted_and_comes_back_the_same(edit: Edit, notes: tuple[str, ...]) -> None:
     text = edited(edit)
     mission, noted = read(text, "d.json", TEMPLATES)
-    said = "\n".join(noted[1:])
+    inferred = "\n".join(noted[1:])
     assert noted[0].startswith("template 'ssr': recognised by ")
-    assert len(noted) == 1 + len(notes) and all(note in said for note in notes), said
+    assert len(noted) == 1 + len(notes) and all(note in inferred for note in notes), inferred
     assert decode(encode(mission), "m.json") == mission
     first = instantiate(mission, seed=5)
     again, _ = read(emit(mission), "e.json", TEMPLATES)
@@ -111,7 +111,7 @@ def test_an_entry_that_is_no_object_is_a_fault_beside_those_of_the_others() -> N
     with pytest.raises(MissionError) as caught:
         read(edited(lambda w, s, d: s.update(rescuePersonPosition=odd)), "d.json", TEMPLATES)
     at = f"{STATE}.rescuePersonPosition"
-    assert [(one.where, one.message) for one in caught.value.faults] == [
+    assert [(fault.where, fault.message) for fault in caught.value.faults] == [
         (f"{at}[1]", "an object is due, this is null"),
         (f"{at}[2]", "an object is due, this is a list"),
         (f"{at}[3]", "an object is due, this is the text 'here'"),
@@ -122,21 +122,21 @@ def test_an_entry_that_is_no_object_is_a_fault_beside_those_of_the_others() -> N
 def test_a_coordinate_that_is_null_is_told_beside_one_that_is_wrong() -> None:
     wrong = f"{AT}[0].data.Y", "a number is due, this is the text 'here'"
     lacking = f"{AT}[0].data", "has no place"
-    for given, faults in (
+    for coordinates, faults in (
         ({"X": None, "Y": "here"}, [wrong, lacking]),
         ({"Y": "here"}, [wrong, lacking]),
         ({"X": 1.0, "Y": "here"}, [wrong]),
         ({"X": None, "Y": "here", "lon": 120.0, "lat": 30.0}, [wrong]),
     ):
         with pytest.raises(MissionError) as caught:
-            read(edited(lambda w, s, d, given=given: d[0].update(data=given)), "d.json", TEMPLATES)
-        assert [(one.where, one.message) for one in caught.value.faults] == faults
+            read(edited(lambda w, s, d, coordinates=coordinates: d[0].update(data=coordinates)), "d.json", TEMPLATES)
+        assert [(fault.where, fault.message) for fault in caught.value.faults] == faults
 
 
 def test_a_fault_in_a_row_leaves_the_matrix_not_empty() -> None:
     with pytest.raises(MissionError) as caught:
         read(edited(lambda w, s, d: s.update(takeoff_height_m="60")), "d.json", TEMPLATES)
-    assert [(one.where, one.message) for one in caught.value.faults] == [
+    assert [(fault.where, fault.message) for fault in caught.value.faults] == [
         (f"{STATE}.takeoff_height_m", "a number is due, this is the text '60'")
     ]
     with pytest.raises(MissionError, match="taskMatrix: is empty"):
@@ -148,11 +148,11 @@ def test_of_two_spellings_the_one_that_is_not_empty_counts() -> None:
         state.update(search_range=state["rescueRange"], rescueRange=[])
         whole["scenario"]["equipmentList"].update(drone_entity_list=list(drones), droneEntityList=[])
 
-    given, plain = (
+    doubled, plain = (
         instantiate(read(edited(edit), "d.json", TEMPLATES)[0], seed=5) for edit in (twice, lambda w, s, d: None)
     )
-    assert given.entities == plain.entities
-    assert given.regions == plain.regions
+    assert doubled.entities == plain.entities
+    assert doubled.regions == plain.regions
 
 
 @pytest.mark.parametrize("data", [{"X": 100.0, "Y": 0.0, "alt": 45.0}, {"lon": 121.5, "lat": 31.0, "Z": 4500.0}])

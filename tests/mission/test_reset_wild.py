@@ -31,9 +31,13 @@ CAR = {"equipmentCode": "CAR-001", "name": "车", "data": {"x": 0.0, "y": 0.0, "
 def document(state: Json, *, drones: int = 0, dogs: int = 0, cars: int = 0, ships: int = 0, **task: Any) -> Json:
     """A document with so many entities 20 m apart, and this initial state."""
 
-    def fleet(one: Json, count: int) -> list[Json]:
+    def fleet(template: Json, count: int) -> list[Json]:
         return [
-            {**one, "equipmentCode": f"{one['equipmentCode'][:-1]}{k}", "data": {**one["data"], "y": 2000.0 * k}}
+            {
+                **template,
+                "equipmentCode": f"{template['equipmentCode'][:-1]}{k}",
+                "data": {**template["data"], "y": 2000.0 * k},
+            }
             for k in range(count)
         ]
 
@@ -186,7 +190,7 @@ def test_the_origin_is_where_the_degrees_lie_and_the_ground_is_the_lowest_height
     assert at(instance, "truck") == [pytest.approx((50.0, -75.0), abs=1.0)]  # the middle of the range lies 25 m north
     heights = {e.group: e.position[2] for e in instance.entities}
     assert heights["uav"] - heights["truck"] == pytest.approx(10.0)
-    assert any("origin is taken to be at 39.8302, 109.9" in note for note in notes), notes
+    assert any("origin is assumed to be at 39.8302, 109.9" in note for note in notes), notes
     whole["scenario"]["lingjing"] = {"origin": [*ORDOS], "datum_m": 1340.0}
     instance, notes = play(whole)
     assert instance.scene.origin == ORDOS and not [note for note in notes if "is taken" in note]
@@ -230,7 +234,7 @@ def test_every_fault_is_told_in_one_run_with_its_path() -> None:
     with pytest.raises(MissionError) as caught:
         read(json.dumps(whole), "w.json", TEMPLATES)
     at = "$.scenario.equipmentList"
-    assert {(one.where, one.message) for one in caught.value.faults} == {
+    assert {(fault.where, fault.message) for fault in caught.value.faults} == {
         (f"{at}.droneEntityList[0].data.x", "a number is due, this is the text '1000'"),
         (f"{at}.droneEntityList[1]", "'data' is missing"),
         (f"{at}.droneEntityList[2].heading", "a number is due, this is an object"),
@@ -239,7 +243,7 @@ def test_every_fault_is_told_in_one_run_with_its_path() -> None:
         ("$.scenario.taskMatrix[0].initial_state.goalFirePosition[0].x", "a number is due, this is the text '1'"),
         ("$.scenario.taskMatrix[0].initial_state.goalFirePosition[1]", "has no place"),
     }
-    assert all(one.hint for one in caught.value.faults)
+    assert all(fault.hint for fault in caught.value.faults)
 
 
 def test_faults_of_all_phases_are_told_in_one_run() -> None:
@@ -256,7 +260,7 @@ def test_faults_of_all_phases_are_told_in_one_run() -> None:
     with pytest.raises(MissionError) as caught:
         read(json.dumps(whole), "w.json", TEMPLATES)
     at, state = "$.scenario.equipmentList", "$.scenario.taskMatrix[0].initial_state"
-    assert [(one.where, one.message) for one in caught.value.faults] == [
+    assert [(fault.where, fault.message) for fault in caught.value.faults] == [
         (f"{at}.droneEntityList[0].data.x", "is NaN, not a finite number"),
         (f"{state}.takeoff_height_m", "is infinite, not a finite number"),
         ("$.scenario.lingjing", "unknown field 'bogus'"),
@@ -278,28 +282,28 @@ def test_hidden_places_that_are_a_text_or_a_number_are_an_error(key: str, value:
     with pytest.raises(MissionError) as caught:
         read(json.dumps(whole), "w.json", TEMPLATES)
     state = "$.scenario.taskMatrix[0].initial_state"
-    assert {(one.where, one.message) for one in caught.value.faults} == {
+    assert {(fault.where, fault.message) for fault in caught.value.faults} == {
         (f"{state}.{key}", f"a place or a list of places is due, this is the {kind}"),
         (f"{state}.takeoff_height_m", "a number is due, this is the text 'high'"),
     }
 
 
 @pytest.mark.parametrize(
-    ("entry", "path", "said"),
+    ("entry", "path", "message"),
     [
         ({"personCount": 2.5}, ".personCount", "is 2.5, a whole number is due"),
         ({"personCount": 0}, ".personCount", "is 0, at least 1 is due"),
-        ({"weight": 3, "demand": 5}, "", "has 'weight' 3 and 'demand' 5, which say the same and differ"),
+        ({"weight": 3, "demand": 5}, "", "has 'weight' 3 and 'demand' 5, which are the same measure and differ"),
         ({"data": {"x": 1.0, "y": 2.0}}, "", "has 2 places that differ"),
         ({"position": {"lon": 121.5, "lat": 31.0}, "data": {"x": 1.0, "y": 2.0}}, "", "has 3 places that differ"),
         ({"heading": 1e9}, ".heading", "is 1e+09, at most 360 is due"),
     ],
 )
-def test_an_entry_that_cannot_be_or_contradicts_itself_is_an_error(entry: Json, path: str, said: str) -> None:
+def test_an_entry_that_cannot_be_or_contradicts_itself_is_an_error(entry: Json, path: str, message: str) -> None:
     with pytest.raises(MissionError) as caught:
         play(document({"queuingList": [PLACE, {**PLACE, **entry}]}, drones=1, dogs=1))
     where = f"$.scenario.taskMatrix[0].initial_state.queuingList[1]{path}"
-    assert [(one.where, one.message) for one in caught.value.faults] == [(where, said)]
+    assert [(fault.where, fault.message) for fault in caught.value.faults] == [(where, message)]
     assert caught.value.hint
     same = {"weight": 3, "demand": 3, "data": dict(PLACE)}
     assert play(document({"goalDelPosition": [{**PLACE, **same}], "warehousePosition": [STORE]}, cars=1))[0]
@@ -316,7 +320,7 @@ def test_paths_name_keys_as_the_document_spells_them() -> None:
     scenario["task_matrix"][0]["initialState"] = scenario["task_matrix"][0].pop("initial_state")
     with pytest.raises(MissionError) as caught:
         read(json.dumps(whole), "w.json", TEMPLATES)
-    assert [one.where for one in caught.value.faults] == [
+    assert [fault.where for fault in caught.value.faults] == [
         "$.scenario.equipment_list.auto_vehicle_entity_list",
         "$.scenario.task_matrix[0].initialState.search_range",
     ]
@@ -364,7 +368,7 @@ def test_heights_that_cannot_be_over_the_scene_are_noted() -> None:
     assert (heights["truck"], heights["uav"], heights["fire"]) == (0.0, 20.0, 5.0)
     lists["autoVehicleEntityList"][0]["data"]["z"] = 0.0  # one thing on the ground is over the scene, so they all are
     _, notes = play(whole)
-    far = [note for note in notes if "over the scene, which is played so" in note]
+    far = [note for note in notes if "over the scene, which is used as it is" in note]
     assert [note.partition(": its")[0].rpartition(".")[0] for note in far] == [
         "$.scenario.equipmentList.droneEntityList[0]",
         "$.scenario.taskMatrix[0].initial_state",
@@ -396,19 +400,19 @@ def test_of_two_that_differ_it_is_noted_which_counts(edit: Callable[[Json, Json,
     scenario = whole["scenario"]
     edit(scenario["equipmentList"], scenario["taskMatrix"][0]["initial_state"], scenario)
     _, notes = play(whole)
-    assert any(one.endswith(note) for one in notes), notes
+    assert any(line.endswith(note) for line in notes), notes
 
 
 @pytest.mark.parametrize(
-    ("seed", "said"),
+    ("seed", "message"),
     [(-1, "is -1, at least 0 is due"), (10**400, "is a number out of range, at most 9223372036854775807 is due")],
 )
-def test_a_seed_has_bounds(seed: int, said: str) -> None:
+def test_a_seed_has_bounds(seed: int, message: str) -> None:
     whole = document({"goalFirePosition": [PLACE]}, drones=1, cars=1)
     whole["scenario"]["lingjing"] = {"seed": seed}
     with pytest.raises(MissionError) as caught:
         play(whole)
-    assert [(one.where, one.message) for one in caught.value.faults] == [("$.scenario.lingjing.seed", said)]
+    assert [(fault.where, fault.message) for fault in caught.value.faults] == [("$.scenario.lingjing.seed", message)]
 
 
 def test_faults_beside_places_that_are_none_are_told_as_well() -> None:
@@ -420,7 +424,7 @@ def test_faults_beside_places_that_are_none_are_told_as_well() -> None:
     with pytest.raises(MissionError) as caught:
         play(whole)
     listed, state = "$.scenario.equipmentList.droneEntityList", "$.scenario.taskMatrix[0].initial_state"
-    assert [(one.where, one.message) for one in caught.value.faults] == [
+    assert [(fault.where, fault.message) for fault in caught.value.faults] == [
         ("$.scenario.lingjing.origin", "'[1]' is missing"),
         (f"{listed}[0].equipmentCode", "a text is due, this is an object"),
         (f"{listed}[0].data.lon", "is 500, at most 180 is due"),
@@ -475,8 +479,8 @@ def test_several_where_a_template_has_one_are_its_fleet(
     instance, notes = play(document(state, **fleet, **task))
     assert instance.mission == f"{mission}_fleet"
     assert sum(entity.role == "asset" for entity in instance.entities) == sum(fleet.values())
-    (said,) = [note for note in notes if "is played, which takes several" in note]
-    assert said.endswith(f"'{mission}' has {one}: '{mission}_fleet' is played, which takes several")
+    (fleet_note,) = [note for note in notes if "is played, which takes several" in note]
+    assert fleet_note.endswith(f"'{mission}' has {one}: '{mission}_fleet' is played, which takes several")
     assert not [note for note in notes if "not understood" in note or "kept, not played" in note], notes
 
 
@@ -509,16 +513,16 @@ def test_what_cannot_be_played_is_told_at_its_path_and_what_is_moved_with_the_di
     file = tmp_path / "w.json"
     file.write_text(json.dumps(whole))
     assert main(["validate", str(file)]) == ExitCode.OK
-    said = capsys.readouterr().out
+    output = capsys.readouterr().out
     at = "note: $.scenario.equipmentList.autoVehicleEntityList[0].data: `truck` is put "
-    assert re.search(re.escape(at) + r"\d+ m away, on the nearest road that suits\n", said)
-    assert re.search(r"goalFirePosition\[0\]: `fire\[1\]` is put .*\d+ m higher, on the nearest roof", said)
-    assert "`uav" not in said
+    assert re.search(re.escape(at) + r"\d+ m away, on the nearest road that suits\n", output)
+    assert re.search(r"goalFirePosition\[0\]: `fire\[1\]` is put .*\d+ m higher, on the nearest roof", output)
+    assert "`uav" not in output
     whole["scenario"]["equipmentList"]["droneEntityList"][1]["data"]["x"] = 1_900_000.0
     file.write_text(json.dumps(whole))
     assert main(["validate", str(file)]) == ExitCode.MISSION  # 19 km: no scene is as wide
-    told = capsys.readouterr().out
-    assert "$.scenario.equipmentList.droneEntityList[1].data: `uav[2]` begins at (19,000 m" in told
+    output = capsys.readouterr().out
+    assert "$.scenario.equipmentList.droneEntityList[1].data: `uav[2]` begins at (19,000 m" in output
 
 
 def test_what_is_beside_a_scenario_stays_beside_it() -> None:
@@ -614,7 +618,7 @@ def test_mutated_documents_end_in_a_mission_or_a_message(seed: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("said", "other", "guess"),
+    ("original", "other", "guess"),
     [
         ('"x": 5000.0', '"x": 5000.5', "says (50.005, 30.0), fire[1] lies at (50.0, 30.0, 0.0)"),
         ('"y": -3000.0', '"y": 3000.0', "says (50.0, -30.0), fire[1] lies at (50.0, 30.0, 0.0)"),
@@ -623,9 +627,9 @@ def test_mutated_documents_end_in_a_mission_or_a_message(seed: int) -> None:
         ('"droneEntityList": [', '"droneEntityList": [1, ', "droneEntityList lists 2, 1 are played"),
     ],
 )
-def test_the_search_for_silent_guesses_finds_them(said: str, other: str, guess: str) -> None:
+def test_the_search_for_silent_guesses_finds_them(original: str, other: str, guess: str) -> None:
     text = json.dumps(document({"goalFirePosition": [PLACE]}, drones=1))
     mission, notes = read(text, "w.json", TEMPLATES)
     assert not list(silent_guesses(text, mission, notes, TEMPLATES))
-    assert text.count(said) == 1
-    assert guess in "; ".join(silent_guesses(text.replace(said, other), mission, notes, TEMPLATES))
+    assert text.count(original) == 1
+    assert guess in "; ".join(silent_guesses(text.replace(original, other), mission, notes, TEMPLATES))

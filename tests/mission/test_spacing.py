@@ -25,14 +25,14 @@ def test_the_answers_are_those_of_comparing_with_all(
     offset: float, points: list[tuple[float, float]], apart: float
 ) -> None:
     kept = Spacing(apart, abs(offset) + 3.0)
-    taken: list[tuple[float, float]] = []
+    places: list[tuple[float, float]] = []
     for x, y in points:
         place = offset + x, y - offset
-        free = all(math.hypot(place[0] - a, place[1] - b) >= apart for a, b in taken)
+        free = all(math.hypot(place[0] - a, place[1] - b) >= apart for a, b in places)
         assert kept.is_free(*place) == free
         if free:
             kept.add(*place)
-            taken.append(place)
+            places.append(place)
 
 
 @pytest.fixture

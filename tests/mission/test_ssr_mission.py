@@ -42,11 +42,11 @@ def test_mission_json_is_stable_and_valid(compiled: m.Mission) -> None:
 def test_instances_of_the_file_and_of_the_graph_built_by_hand_share_their_draws(
     compiled: m.Mission, ssr: m.Mission, mode: str
 ) -> None:
-    one, other = instantiate(compiled, seed=7, mode=mode), instantiate(ssr, seed=7, mode=mode)
-    assert places(one) == places(other) and one.cells == other.cells
-    assert one.weather.wave_height_m == other.weather.wave_height_m
-    assert [(a.id, a.commands) for a in one.agents] == [(a.id, a.commands) for a in other.agents]
-    assert msgspec.json.decode(msgspec.json.encode(one), type=Instance) == one
+    from_file, by_hand = instantiate(compiled, seed=7, mode=mode), instantiate(ssr, seed=7, mode=mode)
+    assert places(from_file) == places(by_hand) and from_file.cells == by_hand.cells
+    assert from_file.weather.wave_height_m == by_hand.weather.wave_height_m
+    assert [(a.id, a.commands) for a in from_file.agents] == [(a.id, a.commands) for a in by_hand.agents]
+    assert msgspec.json.decode(msgspec.json.encode(from_file), type=Instance) == from_file
 
 
 def test_what_the_engines_need_is_there(compiled: m.Mission) -> None:

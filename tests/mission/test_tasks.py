@@ -1,4 +1,4 @@
-"""What a mission asks for, read from its rules."""
+"""The tasks of a mission, from its rules."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ def engines(instance, task):
     ],
 )
 def test_success_says_which_interactions_are_left_to_do(name, tasks, groups):
-    found = instance(name)
-    assert {(task.name, task.target, *engines(found, task), task.within_m) for task in required_tasks(found)} == tasks
-    assert reported(found) == groups
+    played = instance(name)
+    assert {(task.name, task.target, *engines(played, task), task.within_m) for task in required_tasks(played)} == tasks
+    assert reported(played) == groups
 
 
 def test_goods_are_named_at_both_ends():
-    found = instance("cd")
-    delivery = required_tasks(found)[0]
+    played = instance("cd")
+    delivery = required_tasks(played)[0]
     assert (delivery.takes, delivery.source, delivery.moves_goods) == ("demand", "load", True)
-    depot = next(entity for entity in found.entities if entity.id == "depot")
-    assert [(task.gives, task.up_to) for task in possible(depot, found)] == [("load", "payload")]
+    depot = next(entity for entity in played.entities if entity.id == "depot")
+    assert [(task.gives, task.up_to) for task in possible(depot, played)] == [("load", "payload")]

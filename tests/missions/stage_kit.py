@@ -107,18 +107,20 @@ def still(instance: Instance) -> Instance:
 
 @dataclass
 class Strings:
-    """What a test pulls: where actors stand (a place, or a function of the time in seconds), which routes a vehicle is
-    given, what a picture shows."""
+    """The inputs that a test controls."""
 
     places: dict[str, Place | Callable[[float], Place]] = field(default_factory=dict)
+    """Entity → its position, or a function of the time in seconds."""
     routes: list[tuple[tuple[float, float, float], ...]] = field(default_factory=list)
+    """The routes that a vehicle gets, in order."""
     boxes: dict[str, tuple[float, float, float, float]] = field(default_factory=dict)
+    """Entity → its box in each picture."""
     sight_m: float = 0.0
-    """How far from the camera, in the plane, a target is in the picture by itself."""
+    """Largest planar distance from the camera at which a target is in the picture without a declared box, metres."""
 
 
 class Puppets:
-    """A motion engine whose bodies stand where the strings say; every command is accepted and done at once."""
+    """A motion engine that puts bodies where the strings define; every command is accepted and done at once."""
 
     def __init__(self, name: str, strings: Strings) -> None:
         self.name, self.strings = name, strings
@@ -185,7 +187,7 @@ class Puppets:
 
 
 class Eye:
-    """A camera whose every picture is a small grey one that shows exactly the boxes of the strings."""
+    """A camera with small grey pictures that contain exactly the boxes of the strings."""
 
     def __init__(self, strings: Strings) -> None:
         self.strings = strings
@@ -297,20 +299,20 @@ class Play:
         return next(entity for entity in self.instance.entities if entity.id == name)
 
     def kinds(self) -> list[tuple[str, ...]]:
-        """What was adjudicated: (rule, bound entities) in order, without report ids."""
+        """The adjudicated events: (rule, bound entities) in order, without report ids."""
         names = {entity.id for entity in self.instance.entities}
-        return [(event.kind, *(one for one in event.bindings if one in names)) for event in self.events]
+        return [(event.kind, *(name for name in event.bindings if name in names)) for event in self.events]
 
     def emitted(self) -> list[str]:
         """The engines' task events so far: kind and target."""
-        return [f"{event.kind} {event.entities[0]}" for one in self.all for event in one.record.task_events]
+        return [f"{event.kind} {event.entities[0]}" for boundary in self.all for event in boundary.record.task_events]
 
     def reasons(self, request_sender: str) -> list[tuple[str, str]]:
         """(status, reason) of the receipts to one agent."""
-        return [(one.status, one.reason) for one in self.receipts if one.sender == request_sender]
+        return [(receipt.status, receipt.reason) for receipt in self.receipts if receipt.sender == request_sender]
 
     def stages(self) -> list[str]:
-        return [f"{one.stage} {one.subject}".strip() for p in self.all for one in p.record.stages]
+        return [f"{stage.stage} {stage.subject}".strip() for boundary in self.all for stage in boundary.record.stages]
 
     @property
     def done(self) -> bool:

@@ -1,5 +1,6 @@
-"""One short play for each of the twelve columns: every relation the mission declares for the mode is an edge of its
-graph and becomes typed records, each of which says who, whom, by what and when, and none says the same twice."""
+"""One short play for each of the twelve columns. Every relation that the mission declares for the mode is an edge of
+its graph and gives typed records. Each record has source, target, means and tick, and no record is repeated.
+"""
 
 from __future__ import annotations
 
@@ -91,7 +92,7 @@ def reroute(play):
 
 
 def search(play):
-    """UFR and SSR: one sighting, one order, everybody wants the vehicle, and it gets there."""
+    """UFR and SSR: one sighting, one order, several requests for the vehicle, and its arrival."""
     target, cls, vehicle, verb = {
         "ufr": ("fire[1]", "building_fire", "truck", "setDestination"),
         "ssr": ("victim[1]", "person_in_water", "boat", "moveTo"),
@@ -122,7 +123,7 @@ def haul(play):
     play.do()
     hub = play.instance.comms.hub
     if hub:
-        orders = [{"assignee": f"driver[{one}]", "stops": ("point[1]",), "load": 200.0} for one in (1, 2)]
+        orders = [{"assignee": f"driver[{k}]", "stops": ("point[1]",), "load": 200.0} for k in (1, 2)]
         play.do({hub: kit.says("plan", to=("driver[1]",), **orders[0])})
         play.do({hub: kit.says("plan", to=("driver[2]",), **orders[1])})
     x, y, _ = play.target("point[1]").position
@@ -154,7 +155,7 @@ PLAYS = {
 
 
 def occurs(relation, record, roles):
-    """Whether a record is an occurrence of a declared relation."""
+    """True if a record is an occurrence of a declared relation."""
     if record.kind != relation.kind:
         return False
     if relation.kind == "dependency":
@@ -167,18 +168,19 @@ def occurs(relation, record, roles):
 
 
 def means(play):
-    """What a record may name in `by`, for each kind: messages with sender and recipient, places, requests, subjects."""
-    records = [one.record for one in play.all]
+    """The values that a record may have in `by`, for each kind: messages with sender and recipient, places, requests,
+    subjects."""
+    records = [boundary.record for boundary in play.all]
     edges = {edge.id for record in records for edge in record.messages}
     places = {cell.name for cell in play.instance.cells} | {region.name for region in play.instance.regions}
     requests = {receipt.request for receipt in play.receipts if receipt.reason in ("conflict", "busy")}
     subjects = {change.subject for record in records for change in record.stages}
     agents = {agent.id for agent in play.instance.agents}
-    said = dict.fromkeys(SAID, edges)
-    return {**said, "cooperation": places, "competition": requests | agents, "dependency": subjects}
+    edges_of = dict.fromkeys(SAID, edges)
+    return {**edges_of, "cooperation": places, "competition": requests | agents, "dependency": subjects}
 
 
-@pytest.mark.parametrize(("name", "mode"), [pytest.param(*one, id="-".join(one)) for one in kit.COLUMNS])
+@pytest.mark.parametrize(("name", "mode"), [pytest.param(*column, id="-".join(column)) for column in kit.COLUMNS])
 def test_all_relations_of_a_column_happen_and_are_recorded(name, mode):
     script, settings = PLAYS[name]
     instance = kit.still(kit.staged(name, mode, settings=tuple(settings.items()))[0])
@@ -193,12 +195,12 @@ def test_all_relations_of_a_column_happen_and_are_recorded(name, mode):
         for relation in play.instance.relations:
             ends = "stage" if relation.kind == "dependency" else "role"
             assert (relation.kind, f"{ends}:{relation.source}", f"{ends}:{relation.target}") in edges
-            assert any(occurs(relation, one, roles) for one in records), relation
+            assert any(occurs(relation, record, roles) for record in records), relation
         named = means(play)
         ticks = {published.record.tick for published in play.all}
-        for one in records:
-            assert one.tick in ticks
-            assert one.by in named[one.kind], one
-            assert any(occurs(relation, one, roles) for relation in play.instance.relations), one
-        facts = [(one.kind, one.source, one.target, one.by) for one in records]
+        for record in records:
+            assert record.tick in ticks
+            assert record.by in named[record.kind], record
+            assert any(occurs(relation, record, roles) for relation in play.instance.relations), record
+        facts = [(record.kind, record.source, record.target, record.by) for record in records]
         assert len(facts) == len(set(facts))

@@ -1,9 +1,8 @@
-"""What is hidden stays hidden: two instances that differ in nothing else look the same to every agent.
+"""Hidden values stay hidden: two instances that differ only in them give every agent the same inputs.
 
-The engines are the real ones, all of them, with everything they make of a hidden place: queues and the traffic that
-waits behind them, fires that burn, persons adrift. Only the camera is a grey one, since a sensor may make a
-difference. Agents fly, walk, drive, take pictures, report what is not there and talk; what they are told is compared
-byte by byte.
+All engines are the real ones, with their effects of a hidden place: queues and the waiting traffic, fires that burn,
+persons adrift. Only the camera draws grey pictures, because a sensor may show a difference. Agents fly, walk, drive,
+take pictures, send false reports and messages. Their inputs are compared byte by byte.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ HIDING = tuple(column for column in kit.COLUMNS if column[0] != "cd")
 TICKS = {"vdn": 2, "idf": 2, "ufr": 2, "cr": 3, "ld": 3}
 ENGINES = ("city", "multirotor", "quadruped", "vessel", "road")
 
-columns = pytest.mark.parametrize(("name", "mode"), [pytest.param(*one, id="-".join(one)) for one in HIDING])
+columns = pytest.mark.parametrize(("name", "mode"), [pytest.param(*column, id="-".join(column)) for column in HIDING])
 host = functools.cache(PluginHost)
 
 
@@ -86,9 +85,9 @@ MOTION = {"takeoff": {}, "forward": {"distance": 5.0}, "moveTo": {"x": 0.0, "y":
 
 
 def busy(play: kit.Play) -> dict[str, Decision]:
-    """What everybody does at this boundary: go on by turns, take a picture, say all that may be said.
+    """The decisions of all agents at this boundary: commands in turn, a picture, every allowed message.
 
-    Nobody asks for another route, because that message may well make the difference.
+    No agent requests another route, because the answer may depend on hidden values.
     """
     tick = play.published.record.tick
     replans = {inspection.replan for inspection in play.instance.inspections}
@@ -142,10 +141,11 @@ def inputs(name: str, mode: str, instance: Instance, privileged: frozenset[str] 
             play.do(busy(play))
         briefs = {agent: msgspec.msgpack.encode(brief) for agent, brief in play.kernel.briefs().items()}
         rows = [
-            {agent: told(one.observations[agent], one.inboxes[agent]) for agent in one.observations} for one in play.all
+            {agent: told(boundary.observations[agent], boundary.inboxes[agent]) for agent in boundary.observations}
+            for boundary in play.all
         ]
-        digests = [{seen.agent: seen.sha256 for seen in one.record.observations} for one in play.all]
-        truth = [{state.id: state.position for state in one.record.snapshots[-1].states} for one in play.all]
+        digests = [{seen.agent: seen.sha256 for seen in boundary.record.observations} for boundary in play.all]
+        truth = [{state.id: state.position for state in boundary.record.snapshots[-1].states} for boundary in play.all]
         moved = {r.status for r in play.receipts if not r.request.startswith("k")}
     return briefs, rows, digests, truth, moved
 
@@ -158,7 +158,7 @@ def both_inputs(name: str, mode: str):
 
 @columns
 def test_anchoring_puts_what_is_public_in_the_same_place(name, mode):
-    """What stands about is moved out of the way of other things, but not of hidden ones."""
+    """Public entities are moved away from other public ones, but not from hidden ones."""
     first, second = pair(name, mode)
     for one, other in zip(first.entities, second.entities, strict=True):
         assert one == other or one.hidden, one.id
@@ -255,8 +255,8 @@ def test_a_true_report_looks_like_a_false_one():
             play.do()
             seen.append(
                 [
-                    {name: told(one.observations[name], one.inboxes[name]) for name in one.observations}
-                    for one in play.all
+                    {name: told(boundary.observations[name], boundary.inboxes[name]) for name in boundary.observations}
+                    for boundary in play.all
                 ]
             )
             kinds = [event.kind for event in play.events]
@@ -268,9 +268,10 @@ def test_a_true_report_looks_like_a_false_one():
 @settings(max_examples=6, deadline=None, derandomize=True, database=None)
 @given(seed=st.integers(1, 10_000), east=st.floats(-300.0, 300.0), north=st.floats(-300.0, 300.0))
 def test_wherever_hidden_things_are_inputs_are_the_same(name, mode, seed, east, north):
-    """Any other draw, and all that is hidden anywhere else in the scene: nobody can tell without a sensor.
+    """Any other draw, with all hidden entities anywhere else in the scene: without a sensor, no agent can detect it.
 
-    The actors stand still here, away from the dogs' fires and whatever else is touched before it is seen."""
+    The actors stand still here, away from the dogs' fires and other targets that are touched before they are seen.
+    """
     first = pair(name, mode)[0]
     other = otherwise(first, drawn(name, mode, seed))
     shifted = tuple(
@@ -291,8 +292,11 @@ def test_wherever_hidden_things_are_inputs_are_the_same(name, mode, seed, east, 
             for _ in range(3):
                 play.do(busy(play))
             briefs = {agent: msgspec.msgpack.encode(brief) for agent, brief in play.kernel.briefs().items()}
-            rows = [{agent: told(one.observations[agent], one.inboxes[agent]) for agent in briefs} for one in play.all]
-            digests = [[seen.sha256 for seen in one.record.observations] for one in play.all]
+            rows = [
+                {agent: told(boundary.observations[agent], boundary.inboxes[agent]) for agent in briefs}
+                for boundary in play.all
+            ]
+            digests = [[seen.sha256 for seen in boundary.record.observations] for boundary in play.all]
         seen.append((briefs, rows, digests))
     assert seen[0] == seen[1]
 
@@ -320,8 +324,8 @@ def test_who_flies_over_a_jam_is_not_told_so_by_an_event(name, mode):
             emitted.append({event for event in play.emitted() if event.startswith("record ")})
             seen.append(
                 [
-                    {name: told(one.observations[name], one.inboxes[name]) for name in one.observations}
-                    for one in play.all
+                    {name: told(boundary.observations[name], boundary.inboxes[name]) for name in boundary.observations}
+                    for boundary in play.all
                 ]
             )
     assert emitted == [{f"record {jams[0]}"}, set()]

@@ -1,5 +1,6 @@
-"""Seeded instances: a seed draws who burns, leaks, drifts and waits and leaves the layout alone; the same one comes
-back for every agent and mode; the paper's sweeps are declared and can be set by hand."""
+"""Seeded instances: a seed draws targets and weather and does not affect the layout. The same instance results for
+every agent and mode. The paper's sweeps are declared and can be set by hand.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +30,7 @@ def drawn(name, seed=0, mode=None, **settings):
 
 
 def content(city: City) -> str:
-    """What the city is, but for boats, buoys and flotsam, and whatever its paths are called."""
+    """A digest of the city without boats, buoys and flotsam, and without the names of its files."""
     fixed = tuple(prop for prop in city.props if not prop.floating)
     bare = msgspec.structs.replace(city, id="", sha256="", network="", props=fixed)
     return hashlib.sha256(msgspec.json.encode(bare)).hexdigest()
@@ -49,7 +50,7 @@ def targets(instance):
 
 
 def varied(instance):
-    """What a seed may draw: targets and the weather."""
+    """The values that a seed may draw: targets and the weather."""
     return targets(instance), instance.weather
 
 
@@ -61,16 +62,16 @@ def test_a_seed_leaves_the_layout_alone(name):
     """Streets, buildings, regions, cells, agents, assets, rules: the same for all seeds; the city's bytes too."""
     first = drawn(name)
     for seed in SEEDS[1:]:
-        other = drawn(name, seed)
-        assert other.scene.layout == first.scene.layout and other.scene.options == first.scene.options
-        assert wordless(other.agents) == wordless(first.agents)
+        b = drawn(name, seed)
+        assert b.scene.layout == first.scene.layout and b.scene.options == first.scene.options
+        assert wordless(b.agents) == wordless(first.agents)
         kept = ("regions", "cells", "messages", "rules", "unlocks", "stages", "success", "budget", "clock")
         for field in kept:
-            assert getattr(other, field) == getattr(first, field), field
-        assert [e for e in other.entities if e.role == "asset"] == [e for e in first.entities if e.role == "asset"]
-    one, other = (kit.staged(name, None, seed)[1] for seed in (0, 1))
-    assert content(one) == content(other)
-    assert network(one) == network(other)
+            assert getattr(b, field) == getattr(first, field), field
+        assert [e for e in b.entities if e.role == "asset"] == [e for e in first.entities if e.role == "asset"]
+    a, b = (kit.staged(name, None, seed)[1] for seed in (0, 1))
+    assert content(a) == content(b)
+    assert network(a) == network(b)
 
 
 @nine
@@ -101,7 +102,7 @@ def test_the_same_seed_gives_the_same_instance(name):
 @pytest.mark.parametrize("name", TWO_MODES)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_star_and_broadcast_are_played_on_the_same_instance(name, seed):
-    """Same targets, weather, assets and city; what differs is who is there to coordinate and who may speak to whom."""
+    """Targets, weather, assets and city are the same; the coordinator and the allowed messages differ."""
     star, broadcast = drawn(name, seed, "star"), drawn(name, seed, "broadcast")
     assert star.entities == broadcast.entities
     assert (star.weather, star.scene, star.budget, star.regions) == (
@@ -122,7 +123,7 @@ def test_star_and_broadcast_are_played_in_the_same_places(name):
 
 @nine
 def test_an_instance_knows_no_policy(name):
-    """Who plays is nowhere in it, so it is the same for all of them."""
+    """An instance contains no policy, so that it is the same for all of them."""
     text = msgspec.json.encode(drawn(name)).decode()
     assert not any(f'"{word}"' in text for word in ("oracle", "heuristic", "random", "react", "scripted"))
 
@@ -166,16 +167,16 @@ SWEEPS = {
 @pytest.mark.parametrize(("name", "sweep"), SWEEPS)
 def test_the_papers_sweeps_are_declared(name, sweep):
     parameters, values, _ = SWEEPS[name, sweep]
-    (found,) = (one for one in kit.mission(name).sweeps if one.name == sweep)
-    assert found.parameters == parameters
-    assert tuple(number(value, Scope()) for value in found.values[0]) == pytest.approx(values)
+    (declared,) = (each for each in kit.mission(name).sweeps if each.name == sweep)
+    assert declared.parameters == parameters
+    assert tuple(number(value, Scope()) for value in declared.values[0]) == pytest.approx(values)
 
 
 @pytest.mark.parametrize(("name", "sweep"), SWEEPS)
 def test_every_value_of_a_sweep_makes_an_instance(name, sweep):
     (parameter,), values, mode = SWEEPS[name, sweep]
     made = [drawn(name, 1, mode, **{parameter: float(value)}) for value in values]
-    assert [one.settings[parameter] for one in made] == pytest.approx(values)
+    assert [each.settings[parameter] for each in made] == pytest.approx(values)
 
 
 def test_no_sweep_is_forgotten():
@@ -194,8 +195,8 @@ def test_the_grid_has_as_many_cells_as_are_asked_for(side):
 
 def test_overlap_makes_cells_wider_and_nothing_else():
     narrow, wide = (drawn("ssr", 0, None, overlap=share).cells for share in (0.1, 0.4))
-    for one, other in zip(narrow, wide, strict=True):
-        assert one.centre == pytest.approx(other.centre)
+    for before, after in zip(narrow, wide, strict=True):
+        assert before.centre == pytest.approx(after.centre)
 
     def width(cell):
         xs = [x for x, _ in cell.polygon]
@@ -259,7 +260,7 @@ OTHERS_PICTURES = {
     ("ufr", "dispatcher"): {"truck.front"},
     ("cd", "planner"): {f"van[{number}].front" for number in range(1, 6)},
 }
-"""The cameras of bodies that an agent does not control and whose pictures it receives all the same."""
+"""The cameras of bodies that an agent does not control, but with pictures that it receives."""
 
 
 @pytest.mark.parametrize(("name", "mode"), [*kit.COLUMNS, ("queue", "star")])

@@ -114,8 +114,8 @@ def test_instances_that_differ_in_their_queues_look_the_same():
         ),
     )
     seen = []
-    for one in (instance, other):
-        with kit.playing("queue", instance=one) as play:
+    for each in (instance, other):
+        with kit.playing("queue", instance=each) as play:
             play.do({"counter": kit.does("takePhoto")})
             play.do({"counter": kit.says("order", assignee="dog", task="wait")})
             records = [seen.sha256 for step in play.all for seen in step.record.observations]
@@ -127,7 +127,7 @@ def test_the_word_of_the_counter_goes_to_the_walker():
     with kit.playing("queue") as play:
         count(play, SHOPS[1])
         play.do({"counter": kit.says("order", assignee="dog", task="join", position=(1.0, 2.0))})
-        kinds = [(one.kind, one.source, one.target) for one in play.relations]
+        kinds = [(relation.kind, relation.source, relation.target) for relation in play.relations]
         assert ("information_handoff", "counter", "walker") in kinds
         assert ("guidance", "counter", "walker") in kinds
         assert ("dependency", "detect", "tell") in kinds
@@ -154,14 +154,14 @@ def test_a_comparison_chooses_only_where_declarations_tell():
     shops = tuple(entity for entity in instance.entities if entity.group == "shop")
     least = Aggregate(function="min", variable="p", domain="shop", body=attr("p", "people"))
     shortest = Binary(operator="<=", left=attr("q", "people"), right=least)
-    (one,) = matching_members(shortest, "q", shops, instance)
-    assert one.properties["people"] == min(shop.properties["people"] for shop in shops)
+    (chosen,) = matching_members(shortest, "q", shops, instance)
+    assert chosen.properties["people"] == min(shop.properties["people"] for shop in shops)
     event = Call(function="emitted", arguments=(Symbol(name="join"), Ref(name="q", kind="local")))
     assert matching_members(event, "q", shops, instance) == shops
     nobody = Binary(operator=">", left=attr("q", "people"), right=Number(value=1000.0))
     assert matching_members(nobody, "q", shops, instance) == shops
     unknown = Binary(operator=">", left=attr("q", "colour"), right=Number(value=1.0))
-    assert matching_members(Binary(operator="and", left=unknown, right=shortest), "q", shops, instance) == (one,)
+    assert matching_members(Binary(operator="and", left=unknown, right=shortest), "q", shops, instance) == (chosen,)
 
 
 def test_stocks_that_interactions_change_tell_nothing_beforehand():
@@ -204,7 +204,7 @@ def played(policy, seed, ticks):
 def test_the_oracle_plays_it_without_knowing_it():
     play = played("oracle", 5, 60)
     assert play.success
-    (event,) = (event for one in play.all for event in one.record.task_events if event.kind == "join")
+    (event,) = (event for boundary in play.all for event in boundary.record.task_events if event.kind == "join")
     people = {entity.id: entity.properties.get("people", 0.0) for entity in play.instance.entities}
     assert event.entities == (max(people, key=people.__getitem__), "dog")
 

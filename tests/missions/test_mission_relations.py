@@ -1,5 +1,6 @@
-"""Coordination is real: every declared relation is in the graph and becomes a record when it happens, star sends work
-through its hub in two ticks, broadcast reaches everybody, and one truck or boat is one agent's at a time."""
+"""Every declared relation is in the graph and becomes a record when it happens. Star mode delivers through its hub in
+two ticks, broadcast reaches every agent, and one truck or boat serves one agent at a time.
+"""
 
 from __future__ import annotations
 
@@ -24,10 +25,12 @@ DECLARED = {
     ("cd", "star"): set(FIVE),
     ("cd", "broadcast"): {"information_handoff", "cooperation", "competition", "dependency"},
 }
-"""One agent has stages that wait for each other and nobody to work with; who competes needs something to compete for;
-who guides needs the authority: a hub, or a message kind that orders."""
+"""A mission with one agent has dependent stages and no cooperation. Competition requires a shared resource, and
+guidance requires authority: a hub, or a message kind that orders."""
 
-columns = pytest.mark.parametrize(("name", "mode"), [pytest.param(*one, id="-".join(one)) for one in kit.COLUMNS])
+columns = pytest.mark.parametrize(
+    ("name", "mode"), [pytest.param(*column, id="-".join(column)) for column in kit.COLUMNS]
+)
 
 
 @columns
@@ -39,13 +42,19 @@ def test_the_declared_relations_are_edges_of_the_graph(name, mode):
 
 
 def found(play, kind):
-    """(who, whom, by what, when) of a kind's records."""
-    return [(one.source, one.target, one.by, one.tick) for one in play.relations if one.kind == kind]
+    """(source, target, by, tick) of the records of one kind."""
+    return [
+        (relation.source, relation.target, relation.by, relation.tick)
+        for relation in play.relations
+        if relation.kind == kind
+    ]
 
 
 def said(play, kind, tick):
     """The ids of the messages of a kind that were sent for a boundary."""
-    sent = [edge for one in play.all for edge in one.record.messages if (edge.kind, edge.tick) == (kind, tick)]
+    sent = [
+        edge for boundary in play.all for edge in boundary.record.messages if (edge.kind, edge.tick) == (kind, tick)
+    ]
     return list(dict.fromkeys(edge.id for edge in sent))
 
 
@@ -86,7 +95,7 @@ def test_broadcast_reaches_all_peers_in_one_tick(name):
 
 @teams
 def test_star_goes_through_the_hub_in_two_ticks(name):
-    """A scout's word is read by the hub alone; what the hub makes of it is read a tick later by whom it names."""
+    """Only the hub receives a scout's report; the addressee receives the hub's message a tick later."""
     responder, hub = TEAMS[name][4:6]
     with team(name, "star") as play:
         _, place, report = sighted(play, name)
@@ -227,7 +236,7 @@ def test_dogs_work_together_in_the_factory_and_compete_for_a_fire():
         play.wait(3)
         assert ("searcher[2]", "searcher[1]", "factory", 2) in found(play, "cooperation")
         assert play.success
-        winner = next(event for one in play.all for event in one.record.task_events).entities[1]
+        winner = next(event for boundary in play.all for event in boundary.record.task_events).entities[1]
         ((rival, target, by, _),) = found(play, "competition")
         assert (winner, target, by, rival) == ("dog[1]", "fire[1]", "searcher[1]", "searcher[2]")
 
@@ -274,7 +283,7 @@ def test_guidance_is_counted():
 def test_route_evidence_reaches_the_driver_through_the_coordinator(name):
     goal = {"ld": "stop_node", "cr": "goal_place"}[name]
     instance = kit.still(kit.staged(name)[0])
-    jam, end = (next(e.position for e in instance.entities if e.id == one) for one in ("jam[1]", goal))
+    jam, end = (next(e.position for e in instance.entities if e.id == each) for each in ("jam[1]", goal))
     with kit.playing(name, instance=instance, strings=kit.Strings(routes=[(end,)])) as play:
         play.strings.boxes = {"jam[1]": kit.BOX}
         play.do({"inspector": kit.does("takePhoto")})
@@ -295,8 +304,8 @@ def test_the_coordinator_guides_the_inspector_along_the_route():
 
 def test_inspector_and_driver_share_their_district_from_the_beginning():
     with kit.playing("cr") as play:
-        together = [one for one in play.relations if one.kind == "cooperation"]
-        pairs = {(one.source, one.target, one.by, one.tick) for one in together}
+        together = [relation for relation in play.relations if relation.kind == "cooperation"]
+        pairs = {(relation.source, relation.target, relation.by, relation.tick) for relation in together}
         assert pairs == {("inspector", "driver", "district", 0), ("driver", "inspector", "district", 0)}
 
 
@@ -343,8 +352,8 @@ def test_the_planner_guides_drivers_and_is_told_what_was_delivered():
         (plan,) = said(play, "plan", 1)
         assert found(play, "guidance") == [("planner", "driver[2]", plan, 1)]
         play.do({"driver[2]": kit.says("handover", stop="point[1]", delivered=200.0, left=50.0)})
-        (told,) = said(play, "handover", 2)
-        assert found(play, "information_handoff") == [("driver[2]", "planner", told, 2)]
+        (message,) = said(play, "handover", 2)
+        assert found(play, "information_handoff") == [("driver[2]", "planner", message, 2)]
 
 
 @pytest.mark.parametrize("mode", ["star", "broadcast"])
@@ -356,9 +365,9 @@ def test_vans_share_the_quarters_and_the_warehouse(mode):
         play.put("van[2]", "point[3]")
         play.do()
         cells = {cell.name for cell in play.instance.cells}
-        together = [one for one in found(play, "cooperation") if one[3] == 2]
-        assert {one[:2] for one in together} == {("driver[1]", "driver[2]"), ("driver[2]", "driver[1]")}
-        assert {one[2] for one in together} <= cells
+        together = [relation for relation in found(play, "cooperation") if relation[3] == 2]
+        assert {relation[:2] for relation in together} == {("driver[1]", "driver[2]"), ("driver[2]", "driver[1]")}
+        assert {relation[2] for relation in together} <= cells
         play.put("van[1]", "depot", east=20.0)
         play.put("van[2]", "depot", east=-30.0)
         play.wait(2)
@@ -374,7 +383,7 @@ def test_a_delivery_depends_on_its_assignment(mode):
         play.do({"driver[3]": kit.does("setDestination", x=x, y=y)})
         play.put("van[3]", "point[4]")
         play.wait(2)
-        assert [one[:3] for one in found(play, "dependency")] == [("assign", "execute", "point[4]")]
+        assert [relation[:3] for relation in found(play, "dependency")] == [("assign", "execute", "point[4]")]
 
 
 def test_the_large_order_is_split_by_two_plans():
@@ -386,7 +395,7 @@ def test_the_large_order_is_split_by_two_plans():
         play.put("van[1]", "point[1]")
         play.put("van[2]", "point[1]")
         play.wait(2)
-        parts = [event for one in play.all for event in one.record.task_events if event.kind == "deliver"]
+        parts = [event for boundary in play.all for event in boundary.record.task_events if event.kind == "deliver"]
         assert sorted(event.values["amount_kg"] for event in parts) == [50.0, 200.0]
         assert play.kinds() == [("served", "point[1]")]
         assert len(found(play, "guidance")) == 2
@@ -402,7 +411,10 @@ def test_the_stages_of_a_walk_depend_on_each_other():
         play.put("dog", "home", east=-20.0)
         play.wait(3)
         assert play.success
-        assert [one[:2] for one in found(play, "dependency")] == [("enter", "approach"), ("approach", "arrive")]
+        assert [relation[:2] for relation in found(play, "dependency")] == [
+            ("enter", "approach"),
+            ("approach", "arrive"),
+        ]
 
 
 def test_the_stages_of_an_inspection_depend_on_each_other():
@@ -414,5 +426,5 @@ def test_the_stages_of_an_inspection_depend_on_each_other():
         play.do({"inspector": kit.report("finding", "f1-uav-nadir", "bridge_fracture", place)})
         play.wait(2)
         assert play.success
-        pairs = [one[:2] for one in found(play, "dependency")]
+        pairs = [relation[:2] for relation in found(play, "dependency")]
         assert pairs == [("detect", "locate"), ("locate", "execute")]

@@ -73,12 +73,12 @@ def planned(name: str, seed: int) -> Iterator[Planned]:
 @pytest.fixture(scope="module")
 def drawn() -> dict[str, list[tuple[list, int, tuple[float, float, float]]]]:
     """For each mission and seed: the routes one after the other, how many jams were met, where the UAV starts."""
-    found: dict[str, list[tuple[list, int, tuple[float, float, float]]]] = {}
+    pictures: dict[str, list[tuple[list, int, tuple[float, float, float]]]] = {}
     for name in GOALS:
         for seed in SEEDS:
             with planned(name, seed) as plan:
-                found.setdefault(name, []).append((plan.routes, len(plan.stood), plan.uav))
-    return found
+                pictures.setdefault(name, []).append((plan.routes, len(plan.stood), plan.uav))
+    return pictures
 
 
 @missions
@@ -92,7 +92,7 @@ def test_the_uav_reaches_each_waypoint_within_a_tick(name, drawn):
     reach = SPEED_MPS * (kit.staged(name)[0].clock.tick_s - 5.0) + 25.0
     for routes, _, start in drawn[name]:
         places = [start, *routes[0].waypoints]
-        assert max(math.dist(one[:2], two[:2]) for one, two in pairwise(places)) <= reach
+        assert max(math.dist(a[:2], b[:2]) for a, b in pairwise(places)) <= reach
 
 
 @missions
@@ -106,7 +106,7 @@ def test_around_every_jam_leads_a_route_without_one(name, drawn):
     for routes, jams, _ in drawn[name]:
         assert len(routes) == jams + 1
         assert [route.number for route in routes] == list(range(1, jams + 2))
-        assert all(one.waypoints != two.waypoints for one, two in pairwise(routes))
+        assert all(a.waypoints != b.waypoints for a, b in pairwise(routes))
 
 
 def test_replanning_more_than_once_is_asked_of_some_draws_of_cr(drawn):

@@ -83,7 +83,7 @@ def test_being_there_is_not_enough_the_fire_must_be_out():
 
 def test_every_fire_must_be_out():
     with kit.playing("idf") as play:
-        fires = [one.id for one in play.instance.entities if one.group == "fire"]
+        fires = [entity.id for entity in play.instance.entities if entity.group == "fire"]
         for name in fires:
             assert not play.done
             play.put("dog[3]", name)
@@ -119,18 +119,18 @@ def test_a_sighting_is_matched_with_its_box_and_is_no_extinguishing():
 
 
 def demand(play, name):
-    state = {one.id: one for one in play.published.record.snapshots[-1].states}[name]
+    state = {each.id: each for each in play.published.record.snapshots[-1].states}[name]
     return state.resources["demand"]
 
 
 def load(play, name):
-    state = {one.id: one for one in play.published.record.snapshots[-1].states}[name]
+    state = {each.id: each for each in play.published.record.snapshots[-1].states}[name]
     return state.resources["load_kg"]
 
 
 def moved(play, kind):
     """(target, van, kilograms) of the engine's events of a kind."""
-    events = [event for one in play.all for event in one.record.task_events if event.kind == kind]
+    events = [event for boundary in play.all for event in boundary.record.task_events if event.kind == kind]
     return [(*event.entities, event.values["amount_kg"]) for event in events]
 
 

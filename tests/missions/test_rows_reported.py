@@ -15,7 +15,7 @@ import tests.missions.stage_kit as kit
 
 @dataclass(frozen=True)
 class Row:
-    """One row: who reports what with which picture, who acts on it, and the names of the adjudicated events.
+    """One row: the reporter with its report and picture, the actor, and the names of the adjudicated events.
 
     `near_m` is the report's radius (None: a region alone decides), `reach_m` the actor's.
     """
@@ -61,7 +61,7 @@ by_row = pytest.mark.parametrize("row", ROWS, ids=str)
 
 
 def opened(row):
-    """An episode with one target, whose box is in the picture of boundary 1."""
+    """An episode with one target, and its box in the picture of boundary 1."""
     single = {"ufr": {"fires": 1.0}, "ssr": {"victims": 1.0}}.get(row.mission, {})
     inside = {"uav": (0.0, 0.0, 30.0)} if row.mission == "upr" else {}  # its geofence is a hard constraint
     return kit.playing(row.mission, row.mode, strings=kit.Strings(places=inside), **single)
@@ -76,7 +76,7 @@ def judged(row, *reports, act=None):
     """The adjudicated kinds after a picture and then these reports, each a function of the play."""
     with opened(row) as play:
         photograph(row, play)
-        play.do({row.reporter: kit.both(*(one(play) for one in reports))})
+        play.do({row.reporter: kit.both(*(report(play) for report in reports))})
         return [kind for kind, *_ in play.kinds()]
 
 

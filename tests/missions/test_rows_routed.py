@@ -19,7 +19,7 @@ both_missions = pytest.mark.parametrize("name", ["ld", "cr"])
 
 
 def opened(name, **settings):
-    """An episode whose van is given the route FIRST, SECOND, goal, and after a replan OTHER, goal."""
+    """An episode with a van on the route FIRST, SECOND, goal, and after a replan on OTHER, goal."""
     instance = kit.still(kit.staged(name, None, 0, tuple(sorted(settings.items())))[0])
     goal = next(entity.position for entity in instance.entities if entity.id == GOALS[name])
     strings = kit.Strings(routes=[(FIRST, SECOND, goal), (OTHER, goal)])
@@ -74,7 +74,7 @@ def test_the_van_may_not_drive_before_its_route_is_inspected(name):
 
 @both_missions
 def test_a_van_that_stands_at_the_goal_uninspected_has_not_arrived(name):
-    """However it came there and whoever says that all is clear."""
+    """Its way there and reports of a clear route make no difference."""
     with opened(name) as play:
         play.put("van", GOALS[name])
         hub = {"driver": kit.says("progress", task="arrive", state="done")}
@@ -153,8 +153,8 @@ def test_congestion_that_is_only_claimed_is_not_recorded():
 
 @pytest.mark.parametrize("name", ["ld", "cr"])
 def test_a_route_with_a_jam_on_it_is_not_verified_by_flying_over_it(name):
-    """The UAV has been at every waypoint and nobody has said that one is blocked: the arrival does not count, and
-    after the replan that should have followed it does."""
+    """The UAV has visited every waypoint, and no report of a jam was sent. The arrival does not count; after the replan
+    that should have followed, it does."""
     with opened(name) as play:
         jam, goal = play.target("jam[1]").position, play.target(GOALS[name]).position
         play.strings.routes[0] = (FIRST, jam, goal)
@@ -180,7 +180,7 @@ def test_a_jam_without_a_radius_blocks_what_its_queue_does(radius, beside, verif
     others = {key: value for key, value in jam.properties.items() if key != "radius_m"}
     narrow = msgspec.structs.replace(jam, properties=others | ({} if radius is None else {"radius_m": radius}))
     instance = kit.still(kit.staged("cr", None, 0, ())[0])
-    entities = tuple(narrow if one.id == jam.id else one for one in instance.entities)
+    entities = tuple(narrow if entity.id == jam.id else entity for entity in instance.entities)
     place = (jam.position[0] + beside, jam.position[1], 0.0)
     strings = kit.Strings(routes=[(FIRST, place, goal)])
     with kit.playing("cr", strings=strings, instance=msgspec.structs.replace(instance, entities=entities)) as play:
@@ -199,7 +199,7 @@ def test_replans_are_counted(most):
             play.do({"inspector": kit.says("jammed", waypoint=1, position=FIRST[:2])})
         outcomes = [status for status, _ in play.reasons("inspector")]
         assert outcomes == ["accepted"] * int(most) + ["rejected"]
-        routes = [route.number for one in play.all for route in one.record.routes]
+        routes = [route.number for boundary in play.all for route in boundary.record.routes]
         assert routes == list(range(1, int(most) + 2))
 
 

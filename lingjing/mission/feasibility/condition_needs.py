@@ -394,7 +394,7 @@ def _assigned(on: _ConditionNeeds, asset: Value, target: Value) -> Value:
 
 
 def _emitted(on: _ConditionNeeds, name: Value, target: Value = None) -> Need:
-    """An interaction was performed: an actor came near enough, and the interaction was unlocked."""
+    """The needs of a performed interaction: an actor came near enough, and the interaction was unlocked."""
     body = _body(target)
     performed = Performed(str(name), body, on.at)
     if body is None or body.entity.engine != "city":

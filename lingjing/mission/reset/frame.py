@@ -260,7 +260,7 @@ def _with_datum(
     if len(lows) == 2 and abs(lows[0] - lows[1]) > HIDDEN_HIGH_M:
         parsed.notes.append(
             f"{parsed.path}: heights of Z begin at {lows[0]:g} m and those of alt at {lows[1]:g} m, which are both "
-            'taken for the ground; "lingjing": {"datum_m": metres} would state it'
+            'used as ground level; "lingjing": {"datum_m": metres} would state it'
         )
         return msgspec.structs.replace(frame, datum_m=lows[0], alt_datum_m=lows[1])
     heights = _heights(frame, [*on_ground, *hidden]) or _heights(frame, flying)

@@ -119,7 +119,7 @@ def _place_notes(spot: Spot, group: model.Group, frame: DocumentFrame, parsed: P
     if above and not LOW_M <= above[0] <= high_m and not engine_kind(group.engine).anywhere:
         yield (
             f"{spot.path}: its height is {above[0]:g} m over the scene, which is used as it is; if heights have "
-            'from elsewhere, "lingjing": {"datum_m": metres} would say from where'
+            'another reference, "lingjing": {"datum_m": metres} would state it'
         )
 
 
@@ -296,7 +296,7 @@ def _with_count(mission: model.Mission, group: model.Group, count: int, parsed: 
     name, bounds = parameter.name, parameter.bounds
     if isinstance(bounds, ex.Range) and isinstance(bounds.low, ex.Number) and isinstance(bounds.high, ex.Number):
         if count < bounds.low.value:
-            message = f"holds {count}, mission '{mission.name}' takes {bounds.low.value:g} and more"
+            message = f"holds {count}, mission '{mission.name}' needs at least {bounds.low.value:g}"
             hint = f"list as many or widen the parameter '{name}' of the template"
             if count:
                 parsed.report(where, message, hint)

@@ -212,7 +212,9 @@ class HiddenPlace(Coordinates):
         if len({place.spot for place in places}) > 1:
             raise ValueError(f"{len(places)} places that differ")
         if self.weight is not None and self.demand is not None and self.weight != self.demand:
-            raise ValueError(f"'weight' {self.weight:g} and 'demand' {self.demand:g}, which say the same and differ")
+            raise ValueError(
+                f"'weight' {self.weight:g} and 'demand' {self.demand:g}, which are the same measure and differ"
+            )
         return _require_place(self, self.place)
 
 
