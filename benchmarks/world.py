@@ -170,7 +170,7 @@ def memory_mb() -> float:
     for line in Path("/proc/self/status").read_text().splitlines():
         if line.startswith("VmRSS"):
             return int(line.split()[1]) / 1024
-    raise RuntimeError("this system does not tell the memory of a process")
+    raise RuntimeError("the memory of a process cannot be read on this system")
 
 
 def in_a_process(job: str, **arguments: object) -> dict:

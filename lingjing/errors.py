@@ -61,7 +61,7 @@ class LingjingError(Exception):
 
     @property
     def hint(self) -> str:
-        """The way out in one line, its own or that of an error behind it; "" if there is none."""
+        """The hint in one line, of this error or else of its cause; "" if neither has one."""
         if self._hint or self.__context__ is None:
             return self._hint
         from lingjing.refusals import hint_of  # at the top it would be a circular import

@@ -67,7 +67,7 @@ def limit(context: Mapping[str, Any]) -> str:
 
 
 def shown(value: object) -> str:
-    """Return a value in the form in which a message repeats it: a short text in quotes, of others the type."""
+    """Return a value as a message quotes it: short texts in quotes, other values by their type."""
     match value:
         case None:
             return "nothing"

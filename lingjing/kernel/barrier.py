@@ -71,7 +71,7 @@ class AgentThread:
             return asyncio.run_coroutine_threadsafe(timed(call), loop)
 
     def abandon(self) -> None:
-        """Stop waiting for this thread. Its loop ends when the present call returns control."""
+        """Stop waiting for this thread. Its loop ends when the current call returns control."""
         if self._loop is not None:
             self._loop.call_soon_threadsafe(self._loop.stop)
             self._loop = None

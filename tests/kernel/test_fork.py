@@ -30,7 +30,7 @@ def kernel(host):
 
 
 def deciding(tick):
-    """All agents are busy at first, with a photograph later and nothing in between."""
+    """Return the decisions of a tick: at first moves for all agents, at tick 6 one photograph, otherwise nothing."""
     moves = {
         "scout[1]": Action(verb="setDestination", arguments={"x": 250.0, "y": -800.0, "z": 100.0}),
         "scout[2]": Action(verb="setDestination", arguments={"x": 450.0, "y": -780.0, "z": 90.0}),

@@ -127,7 +127,7 @@ def test_two_engines_may_not_have_movers_of_one_id(world):
 
 def test_silence_about_nobody_is_an_abort(world):
     instance = toys.instance(toys.entity("dog", "toy_crowd"), crowd=1.0, silence=1.0)
-    with pytest.raises(InfrastructureError, match="it reports `cat` as out of radio range, which is no entity"):
+    with pytest.raises(InfrastructureError, match="it reports `cat` as out of radio range, but no entity has this id"):
         world.reset(instance, toys.CITY)
 
 

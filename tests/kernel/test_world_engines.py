@@ -1,4 +1,4 @@
-"""The built-in engines in both worlds: a flight over the bay, its pictures, and a fork in mid-flight."""
+"""The built-in engines in the inline world and in world processes: a flight over the bay, pictures, a fork."""
 
 from pathlib import Path
 

@@ -18,8 +18,8 @@ a tool with the schema as parameters, or none.
 """
 
 FailureCause = Literal["service", "model", "time"]
-"""The cause of a failed call: the service (rejects, unreachable), the model (will not answer this) or a passed
-deadline.
+"""The cause of a failed call: the service rejected it or is unreachable, the model refused the request, or the
+deadline passed.
 """
 
 TOOL = "step"

@@ -29,7 +29,7 @@ _LONG = 1000
 _FACTOR = 1_000_003
 """Base of the polynomial sums of substrings: a prime above all character frequencies in practice. Chosen."""
 _ROUNDS = 3
-"""Number of nested escapes that are undone."""
+"""Number of nested escapes that are undone. Chosen."""
 
 _USERINFO = re.compile(r"(?<=://)[^/\s@\"'<>]+@")
 _JSON_ESCAPE = re.compile(r"(?<!\\)\\++(?:u([0-9a-fA-F]{4})|x([0-9a-fA-F]{2}))")

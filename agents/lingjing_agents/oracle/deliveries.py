@@ -21,7 +21,7 @@ from lingjing_agents.oracle.vehicles import mover
 from lingjing_agents.paths.delivery_tours import DeliveryTour, shared_out, tours
 
 MEANT_M = 50.0
-"""Largest distance in metres between a destination and a place that it refers to in `assigned`."""
+"""Largest distance in metres between a destination and a place that it refers to in `assigned`. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ from lingjing_agents.ground_plane import GroundPoint, GroundRectangle
 from lingjing_agents.perception.images import ByteImage, FloatArray, MaskArray, opencv
 
 CELL_M = 0.5
-"""Side of a grid cell in metres."""
+"""Side of a grid cell in metres. Chosen."""
 STEP_OVER_M, UNDER_M, STOREY_M = 0.35, 2.2, 4.2
 """Height limits in metres. A walker steps over lower objects than the first. Small objects above the second can be
 walked under, except at their trunk. Large objects above the third are buildings. Chosen.

@@ -14,9 +14,9 @@ from lingjing_agents.ground_plane import GroundPoint, GroundRectangle, between
 from lingjing_agents.paths.grid_search import NEIGHBOURS, GridCell, cheapest_path, straightened
 
 CELL_M = 1.5
-"""Side of a grid cell in metres."""
+"""Side of a grid cell in metres. Chosen."""
 SIDES = 5
-"""Samples on each side of a collision's wall."""
+"""Samples on each side of a collision's wall. Chosen."""
 MOST_CELLS = 60_000
 """Expanded cells after which a search ends without a path. Chosen."""
 NEAR_COST = 2.0

@@ -20,15 +20,15 @@ from lingjing_agents.perception.people_at_sea import FoundBox
 SCALE = 4
 """Factor by which the picture is reduced."""
 WATER_HUES = (82, 118)
-"""Hues of water under any sky, in OpenCV's range of 180: blues and greens."""
+"""Hues of water under any sky, in OpenCV's range of 180: blues and greens. Chosen."""
 LEAST_SATURATION = 70
-"""Least saturation of water, 0 to 255."""
+"""Least saturation of water, 0 to 255. Chosen."""
 DECK_M = (6.0, 45.0)
-"""Narrowest and widest plausible deck in metres."""
+"""Narrowest and widest plausible deck in metres. Chosen."""
 OPEN = 0.12
 """Share of water across the deck from which on a row belongs to a gap."""
 GAP_M = (3.0, 45.0)
-"""Shortest and longest plausible gap in metres."""
+"""Shortest and longest plausible gap in metres. Chosen."""
 WHOLE_SHARE = 0.25
 """Least share of the picture's rows with a whole deck, so that its edges are reliable."""
 

@@ -23,16 +23,17 @@ WallEnds = tuple[GroundPoint, GroundPoint]
 """The two ends of a wall."""
 
 STRIDE_PX = 2
-"""Sampling interval of pixels."""
+"""Sampling interval of pixels. Chosen."""
 CELL_M = 0.5
-"""Side of a grid cell in metres."""
+"""Side of a grid cell in metres. Chosen."""
 HIGH_M = 4.2
-"""Height in metres above which large objects are buildings. Cars are lower, and crowns of trees are smaller."""
+"""Height in metres above which large objects are buildings. Cars are lower, and crowns of trees are smaller. Chosen."""
 
 CROWN_CELLS = 11
 """Size in cells of the opening that removes crowns of trees."""
 LEAST_M, LEAST_FILL = 7.0, 0.8
-"""Least length in metres of a building's shorter side, and least share of its rectangle that its outline fills."""
+"""Least length in metres of a building's shorter side, and least share of its rectangle that its outline fills. Chosen.
+"""
 
 SKIRT_M, CORNICE_M, WALL_M = 1.0, 0.8, (-2.0, 0.6)
 """Height range of a wall's colours, in metres above the ground and below the top, and their range of distances from the
@@ -43,13 +44,13 @@ CANOPY_M, REACH_M, FLAT_M = (2.2, 4.0), (0.4, 2.4), 0.15
 """Height range of a canopy, its range of distances from the wall, and its thickness, in metres."""
 
 LEAST_SAMPLES, MOSTLY = 30, 0.6
-"""Least number of points of a canopy, and their least share of all points at its place."""
+"""Least number of points of a canopy, and their least share of all points at its place. Chosen."""
 
 AMONG = 8.0
-"""Least number of points per metre of a wall for reliable colours."""
+"""Least number of points per metre of a wall for reliable colours. Chosen."""
 
 SHADES, BIN, SPAN = 4, 3.0, 81.0
-"""Bins of a colour signature: lightness bins, bin width and range of both colour axes (CIELAB a and b)."""
+"""Bins of a colour signature: lightness bins, bin width and range of both colour axes (CIELAB a and b). Chosen."""
 
 BLUR = 1.0
 """Standard deviation in bins of the smoothing of a colour signature, for differences with distance."""

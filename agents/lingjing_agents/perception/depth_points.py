@@ -13,12 +13,12 @@ from lingjing_agents.perception.images import FloatArray, GreyPlane
 HIGH_M = 0.35
 """Height in metres from which on a point is an obstacle: a dog steps over lower ones."""
 STRIDE_PX = 6
-"""Sampling interval of pixels."""
+"""Sampling interval of pixels. Chosen."""
 OWN_M = 1.2
 """Radius in metres around the guided body within which points belong to it."""
 
 SHARE = 0.12
-"""Least share of high samples for a closed cell."""
+"""Least share of high samples for a closed cell. Chosen."""
 
 
 def heights(depth: GreyPlane, pose: CameraPose, ground_m: float, stride: int = STRIDE_PX) -> FloatArray:

@@ -17,9 +17,9 @@ from lingjing.plugins.policy import CameraPose
 from lingjing_agents.perception.images import ByteImage, GreyPlane, MaskArray
 
 COLUMNS = 64
-"""Number of vertical strips of a picture."""
+"""Number of vertical strips of a picture. Chosen."""
 LOWEST_DEG = 1.2
-"""Least elevation in degrees of a facade's top; lower ones are too far away or garden walls."""
+"""Least elevation in degrees of a facade's top; lower ones are too far away or garden walls. Chosen."""
 
 HEIGHT_M = 20.0
 """Assumed height of a building in metres. Chosen."""
@@ -33,10 +33,10 @@ BRIGHTEST = 246.0
 """Highest channel value of a wall. A reference that would exceed it in the sun is already in the sun."""
 
 DOUBT = 0.3
-"""Weight of walls in shade: many grey objects resemble them."""
+"""Weight of walls in shade: many grey objects resemble them. Chosen."""
 
 WINDOWS = 2
-"""Least number of window rows."""
+"""Least number of window rows. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,10 +28,10 @@ reduce a distance by a third.
 """
 
 HALF = 0.5
-"""Least confidence of another detector's box."""
+"""Least confidence of another detector's box. Chosen."""
 
 SMALLEST_PX = 9
-"""Least number of flame pixels."""
+"""Least number of flame pixels. Chosen."""
 FAINT_PX = 3.5
 """Rows at the tips of flames that haze makes invisible."""
 

@@ -18,7 +18,7 @@ SCALE = 2
 HUES = (6, 26)
 """Hues from red-orange to yellow, in OpenCV's range of 180."""
 LEAST_SATURATION, LEAST_VALUE = 130, 140
-"""Least saturation and value of flames, 0 to 255."""
+"""Least saturation and value of flames, 0 to 255. Chosen."""
 WINDOW_PX = 7
 """Side of the window in which the hue's variation is measured."""
 VARIED = 1.1
@@ -26,9 +26,9 @@ VARIED = 1.1
 SIZE_M = (2.0, 24.0)
 """Shortest and longest side of a fire in metres at ground level; a fire on a high roof appears twice as large."""
 LEAST_FILL = 0.35
-"""Least share of its box that a fire fills."""
+"""Least share of its box that a fire fills. Chosen."""
 SOOT_VALUE = 95
-"""Highest value (0 to 255) of soot."""
+"""Highest value (0 to 255) of soot. Chosen."""
 RING_PX = 6
 """Width of the ring around a patch in which soot is measured."""
 

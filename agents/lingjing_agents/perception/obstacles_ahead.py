@@ -17,11 +17,11 @@ from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.perception.images import ByteImage
 
 NEAREST_M, FARTHEST_M = 1.5, 22.0
-"""Nearest and farthest distance in metres at which obstacles are detected."""
+"""Nearest and farthest distance in metres at which obstacles are detected. Chosen."""
 ABOVE_DEG = 1.0
 """Elevation in degrees above the horizon at which the search starts."""
 COLUMNS = 24
-"""Number of columns that are searched."""
+"""Number of columns that are searched. Chosen."""
 JUMP = 9.0
 """Mean change of colour (grey levels) between rows that counts as an edge."""
 

@@ -31,7 +31,7 @@ WARM, WARM_COLOUR = 26.0, 24.0
 grey levels.
 """
 WARM_LEAST = 2
-"""Least number of warm pixels of a person."""
+"""Least number of warm pixels of a person. Chosen."""
 PALE, PALE_COLOUR = 0.45, 45.0
 """Least whiteness and largest `colour` of skin in the sun."""
 GAPS_M = (0.0, 0.15)

@@ -19,13 +19,13 @@ from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.perception.images import ByteImage, ImageBox, opencv
 
 REACH_M = 22.0
-"""Longest line in metres."""
+"""Longest line in metres. Chosen."""
 AROUND_M = 1.9
 """Side in metres of the square with the median colour of the ground around a spot."""
 COLOURED, BRIGHT = 9.0, 26.0
 """Least difference of a spot from the ground in chroma or in lightness (of 255); shadows differ in neither."""
 SPOT_M2 = (0.02, 0.6)
-"""Smallest and largest area of a spot in square metres."""
+"""Smallest and largest area of a spot in square metres. Chosen."""
 BEGINS_M, ASIDE_M = 2.2, 0.45
 """Largest distance in metres from the start of the line to its first spot, and of a spot from the ray."""
 HEAD_M = 0.45
@@ -35,7 +35,7 @@ STEP_M, OFF, MOST_STEPS = 0.82, 0.25, 5
 spots.
 """
 BEARINGS = 240
-"""Number of bearings that are compared."""
+"""Number of bearings that are compared. Chosen."""
 HALF_WIDTH_M = 0.55
 """Half the width of the line's box in metres."""
 

@@ -19,20 +19,20 @@ Metres = npt.NDArray[np.floating]
 """Distances in metres, (n,)."""
 
 CLAMP_M = (0.25, 2.2)
-"""Smallest and largest clamp in metres."""
+"""Smallest and largest clamp in metres. Chosen."""
 SPRAY_M = (1.2, 9.0)
-"""Shortest and longest spray in metres."""
+"""Shortest and longest spray in metres. Chosen."""
 RUN_M, BIN_M = 10.0, 0.2
 """Distance in metres to both sides of a clamp along which its pipe is followed, and width of the strips beside the
 axis.
 """
 
 LEAST_M2 = 0.15
-"""Least area of a spray in square metres."""
+"""Least area of a spray in square metres. Chosen."""
 GAP_M = 0.4
-"""Gap in metres across which specks are joined."""
+"""Gap in metres across which specks are joined. Chosen."""
 TOUCH_M = 2.0
-"""Largest distance in metres between a clamp and its spray."""
+"""Largest distance in metres between a clamp and its spray. Chosen."""
 PART = 0.3
 """Share of the largest patch below which a patch is noise."""
 
@@ -45,7 +45,7 @@ channels.
 """
 
 SPECKS = 1.0
-"""Square metres of specks for full confidence."""
+"""Square metres of specks for full confidence. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)

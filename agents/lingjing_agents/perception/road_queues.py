@@ -19,7 +19,7 @@ from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.perception.images import ByteImage, ImageBox, MaskArray, opencv, runs
 
 STEP_M = 0.2
-"""Distance between two stations of a strip in metres."""
+"""Distance between two stations of a strip in metres. Chosen."""
 HALF_LANE_M = 0.8
 """Half the width of a strip in metres."""
 OFFSETS_M = (-3.3, -2.2, -1.1, 0.0, 1.1)
@@ -31,15 +31,15 @@ CONTRAST = 7.0
 WINDOW_M = 2.0
 """Length in metres over which the deviation is computed."""
 VEHICLE_M = (3.0, 14.0)
-"""Shortest and longest vehicle in metres."""
+"""Shortest and longest vehicle in metres. Chosen."""
 GAP_M = 26.0
 """Largest distance in metres between the fronts of two vehicles of a queue."""
 QUEUE_OF = 4
-"""Least number of vehicles of a queue."""
+"""Least number of vehicles of a queue. Chosen."""
 STRAIGHT = 0.995
 """Cosine of the largest turn that counts as none."""
 SPLIT_M = 1.6
-"""Largest gap in metres within one vehicle."""
+"""Largest gap in metres within one vehicle. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)

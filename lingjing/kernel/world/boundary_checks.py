@@ -27,7 +27,7 @@ steps.
 def _plain_hook(value: object) -> object:
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
-    raise NotImplementedError(f"a value of type {type(value).__name__} cannot leave an engine")
+    raise NotImplementedError(f"an engine cannot return a value of type {type(value).__name__}")
 
 
 _ENCODER = msgspec.msgpack.Encoder(enc_hook=_plain_hook)
@@ -205,7 +205,7 @@ def _checked_pairs(
     pairs: tuple[tuple[str, str], ...] = _plain(engine, call, _PAIRS, tuple(reported))
     for name in chain.from_iterable(pairs):
         if name not in entities:
-            raise engine_error(engine, call, f"it reports `{name}` as out of radio range, which is no entity")
+            raise engine_error(engine, call, f"it reports `{name}` as out of radio range, but no entity has this id")
     return pairs
 
 

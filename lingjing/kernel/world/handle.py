@@ -306,7 +306,7 @@ class Worker:
 
 
 def _late(call: CurrentCall, now_s: float, name: str, allowed_s: float) -> str:
-    """Return the error text for a missed deadline. It blames the present engine unless another one took more of the
+    """Return the error text for a missed deadline. It names the current engine unless another one took more of the
     time.
     """
     if not call.engine:

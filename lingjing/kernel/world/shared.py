@@ -1,4 +1,4 @@
-"""Memory that crosses the process border by descriptor: pictures, and the monitor of a worker's present engine call.
+"""Memory that crosses the process border by descriptor: pictures, and the monitor of a worker's current engine call.
 
 `memfd_create` needs no name, no tracker and no space in `/dev/shm`; the memory is freed with its last descriptor. The
 sender writes a picture into its memory and passes the descriptor. The receiver copies it into arrays of its own and
@@ -23,7 +23,7 @@ from lingjing.trace.records import FrameInfo
 _PROGRESS_BYTES = 1024
 """Size of a call monitor. Chosen: above the largest `CurrentCall` as JSON."""
 _NAME = 48
-"""Characters of an engine's name that are stored, so that a `CurrentCall` fits."""
+"""Characters of an engine's name that are stored, so that a `CurrentCall` fits. Chosen."""
 
 
 class Layout(msgspec.Struct, frozen=True):
@@ -66,7 +66,7 @@ def load_frame(info: FrameInfo, layout: Layout, descriptor: int) -> StoredFrame:
 
 
 class CurrentCall(msgspec.Struct, frozen=True):
-    """The present engine call of a worker."""
+    """The current engine call of a worker."""
 
     engine: str = ""
     """The engine; "" between calls."""

@@ -13,7 +13,7 @@ class EngineTimes:
         self._spent_s: dict[str, float] = {}
         self._engine = ""
         self.since_s = 0.0
-        """Start of the present engine's call, less its earlier time in this barrier, on the process's own clock."""
+        """Start of the current engine's calls on the process's clock, in seconds, without other engines' calls."""
 
     def enter(self, engine: str, call: str) -> None:
         """Record the start of a call."""
@@ -21,7 +21,7 @@ class EngineTimes:
         self._engine, self.since_s = engine, now - self._spent_s.get(engine, 0.0)
 
     def pause(self) -> None:
-        """Record the end of the present call without a new one."""
+        """Record the end of the current call without a new one."""
         self._book_time()
         self._engine = ""
 
@@ -31,7 +31,7 @@ class EngineTimes:
         self._engine = ""
 
     def slowest(self) -> tuple[str, float]:
-        """Return the engine that has taken most time, and its seconds; the present engine counts until its call
+        """Return the engine that has taken most time, and its seconds; the current engine counts until its call
         began.
         """
         return max(self._spent_s.items(), key=lambda item: item[1], default=("", 0.0))

@@ -62,7 +62,7 @@ class _WorkerContext:
     channel: Channel
     """The channel to the caller."""
     progress: CallMonitor
-    """The monitor of the present engine call."""
+    """The monitor of the current engine call."""
     parent: int
     """The process id of the parent."""
     forks: set[int] = field(default_factory=set)

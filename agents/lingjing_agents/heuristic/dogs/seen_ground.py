@@ -13,7 +13,7 @@ from lingjing.plugins.geometry import bearing_deg, turn_deg
 from lingjing_agents.ground_plane import GroundPoint, lattice
 
 SAMPLE_M = 8.0
-"""Distance between sample points in metres."""
+"""Distance between sample points in metres. Chosen."""
 PASSES_M = (36.0, 24.0, 18.0)
 """Assumed length of a view in metres, in each pass; the last one repeats. Chosen."""
 
