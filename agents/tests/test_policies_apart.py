@@ -50,7 +50,7 @@ COLUMNS = [
     pytest.param("cd", "star", "oracle", marks=pytest.mark.slow),
     pytest.param("ld", "star", "heuristic", marks=pytest.mark.slow),
 ]
-"""Each reference policy, and both that follow rules with every kind of body that they drive."""
+"""Each reference policy that draws or follows rules, and bodies in the air, on the water and on the ground."""
 
 
 @pytest.mark.parametrize(("mission", "mode", "policy"), COLUMNS)

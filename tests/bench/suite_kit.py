@@ -28,6 +28,25 @@ policy = "random"
 """
 
 
+TRIP = """\
+ljs 1
+use std.sea { lifeboat, person_in_water }
+mission trip "A short trip" {
+  goal "Bring the boat to the swimmer."
+  scene bay { datum = sea level at -3.5 m }
+  clock { tick = 1 s, sync = 500 ms }
+  budget { ticks <= 3, policy <= 8 s, engine <= 600 s }
+  asset boat : lifeboat { position = (12.4 m, -1351.8 m), heading = 30 deg, actions { moveTo } }
+  target swimmer : person_in_water { position = (12.4 m, -1299.8 m) }
+  agent skipper as rescuer controls boat { observes boat.*, swimmer.position, events }
+  adjudicate reached(s: swimmer) { when distance_xy(boat, s) <= 51.5 m }
+  stage reach per s in swimmer { done when reached(s) }
+  success when forall s in swimmer: reached(s)
+}
+"""
+"""One boat without a camera; it wins in three ticks if it sails to the swimmer."""
+
+
 def made_row(*, success: bool = True, scr: float | None = None, **changes: object) -> SuiteRow:
     """Return a counted row of `ssr` in star mode with these changes; `metrics` and `perceived` belong to its report."""
     metrics, perceived = changes.pop("metrics", {}), changes.pop("perceived", None)

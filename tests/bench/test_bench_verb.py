@@ -11,14 +11,17 @@ from lingjing.bench.folder import read_results
 from lingjing.cli.bench import _report_lost
 from lingjing.cli.main import main
 from lingjing.errors import ExitCode
-from tests.bench.suite_kit import SMALL, made_row
+from tests.bench.suite_kit import SMALL, TRIP, made_row
 from tests.play.report_kit import made_report
 
 
 @pytest.mark.slow
 def test_a_small_suite_is_played_for_real(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     suite = tmp_path / "small.toml"
-    suite.write_text(SMALL.replace('"bi", "cd"', '"bi", "upr"').replace("seeds = 2", "seeds = [3]"))
+    suite.write_text(SMALL.replace('"bi", "cd"', '"trip.ljs", "tour.ljs"').replace("seeds = 2", "seeds = [3]"))
+    won = TRIP.replace("51.5 m", "60 m")  # by every policy: the boat begins there
+    (tmp_path / "trip.ljs").write_text(won)
+    (tmp_path / "tour.ljs").write_text(won.replace("mission trip", "mission tour"))
     command = ["bench", str(suite), "--entrants", "oracle", "-j", "2", "-o", str(tmp_path / "out")]
     assert main(command) == ExitCode.OK
     captured = capsys.readouterr()
@@ -28,13 +31,13 @@ def test_a_small_suite_is_played_for_real(tmp_path: Path, capsys: pytest.Capture
     )
     rows = read_results(tmp_path / "out")
     assert {(row.mission, row.mode, row.seed, row.privileged, row.standing) for row in rows} == {
-        ("bi", "single", 3, True, "counted"), ("upr", "star", 3, True, "counted"),
+        ("trip", "broadcast", 3, True, "counted"), ("tour", "broadcast", 3, True, "counted"),
     }  # fmt: skip
     assert all(row.report.digest and row.report.metrics and row.wall_s > 0 for row in rows)
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert {"results.parquet", "salt", "suite.toml", "tables.csv", "tables.html", "tables.md", "tables.tex"} <= names
     assert main(command) == ExitCode.OK
-    assert "small: 2 episodes are there, 0 to play" in capsys.readouterr().err
+    assert "small: 2 episodes done, 0 to play" in capsys.readouterr().err
 
 
 QUITS = """
@@ -54,12 +57,13 @@ class Quits:
 def test_a_policy_that_ends_its_process_loses_its_turns(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "quits.py").write_text(QUITS)
     suite = tmp_path / "small.toml"
-    suite.write_text(SMALL.replace('"bi", "cd"', '"bi"').replace("seeds = 2", "seeds = [3]"))
+    suite.write_text(SMALL.replace('"bi", "cd"', '"trip.ljs"').replace("seeds = 2", "seeds = [3]"))
+    (tmp_path / "trip.ljs").write_text(TRIP.replace("ticks <= 3", "ticks <= 4"))
     out = tmp_path / "out"
     assert main(["bench", str(suite), "--policy", str(tmp_path / "quits.py"), "-o", str(out)]) == ExitCode.OK
     (row,) = read_results(out)
     assert (row.standing, row.tries, row.report.reason, row.report.success) == ("counted", 1, "budget", False)
-    assert row.report.ticks == 60 and row.report.metrics is not None and row.report.metrics.success is False
+    assert row.report.ticks == 4 and row.report.metrics is not None and row.report.metrics.success is False
     assert "| quits.py:Quits | 0 | 0 |" in capsys.readouterr().out
 
 

@@ -20,23 +20,7 @@ from lingjing.errors import ExitCode
 from lingjing.play.policy_processes.barrier import LOAD_VARIABLE
 from lingjing.play.report import POLICY_FAILED
 from lingjing.processes.descendants import children
-
-MISSION = """\
-ljs 1
-use std.sea { lifeboat, person_in_water }
-mission trip "A short trip" {
-  goal "Bring the boat to the swimmer."
-  scene bay { datum = sea level at -3.5 m }
-  clock { tick = 1 s, sync = 500 ms }
-  budget { ticks <= 3, policy <= 8 s, engine <= 600 s }
-  asset boat : lifeboat { position = (12.4 m, -1351.8 m), heading = 30 deg, actions { moveTo } }
-  target swimmer : person_in_water { position = (12.4 m, -1299.8 m) }
-  agent skipper as rescuer controls boat { observes boat.*, swimmer.position, events }
-  adjudicate reached(s: swimmer) { when distance_xy(boat, s) <= 51.5 m }
-  stage reach per s in swimmer { done when reached(s) }
-  success when forall s in swimmer: reached(s)
-}
-"""
+from tests.bench.suite_kit import TRIP
 
 ENTRANTS = """\
 import os
@@ -144,7 +128,7 @@ DETAILS = {
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    (tmp_path / "trip.ljs").write_text(MISSION)
+    (tmp_path / "trip.ljs").write_text(TRIP)
     (tmp_path / "entrants.py").write_text(ENTRANTS)
     (tmp_path / "second.py").write_text(SECOND_IMPORT)
     monkeypatch.chdir(tmp_path)
@@ -182,7 +166,7 @@ def test_entrants_that_fail_lose_their_own_episodes(folder: Path, capsys: pytest
     capsys.readouterr()
     (folder / "read").unlink()
     assert main(["bench", "suite.toml", "-o", "out"]) == ExitCode.OK
-    assert f"trips: {len(names)} episodes are there, 0 to play" in capsys.readouterr().err
+    assert f"trips: {len(names)} episodes done, 0 to play" in capsys.readouterr().err
 
 
 STRIKING = """\

@@ -9,8 +9,8 @@ import pytest
 from agents.tests.chat_server import NOOP, Reply, serve
 from lingjing.bench.folder import read_results
 from lingjing.cli.main import main
-from lingjing.data import data_path
 from lingjing.errors import ExitCode
+from tests.bench.suite_kit import TRIP
 
 SUITE = """
 suite = 1
@@ -30,8 +30,7 @@ args = { model = "test-model", base_url = "URL", price_in = 10, price_out = 20, 
 def test_money_is_counted_its_limit_holds_and_the_record_replays(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    text = data_path("scenarios", "bi.ljs").read_text()
-    (tmp_path / "short.ljs").write_text(text.replace("ticks <= 60", "ticks <= 3"))
+    (tmp_path / "short.ljs").write_text(TRIP)
     suite, out = tmp_path / "paid.toml", tmp_path / "out"
     with serve(lambda request: Reply(NOOP)) as server:
         suite.write_text(SUITE.replace("URL", server.url))

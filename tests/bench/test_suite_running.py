@@ -279,7 +279,7 @@ def test_killed_again_and_again_it_plays_everything_once(tmp_path: Path) -> None
     assert not any((folder / "runs").iterdir()) and not any((folder / "parts").iterdir())
     assert len({row.code for row in rows}) == 1 and len(rows[0].code) == 64
     again = subprocess.run(command, capture_output=True, text=True, check=False, cwd=root)
-    assert "small: 36 episodes are there, 0 to play" in again.stderr
+    assert "small: 36 episodes done, 0 to play" in again.stderr
     assert again.stdout == done.stdout and again.stdout.count("| random | 100 | 100 | 100 | 100 |") == 1
 
 

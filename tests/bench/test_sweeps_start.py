@@ -1,4 +1,4 @@
-"""The last value of every sweep of every mission, started with its real engines."""
+"""Every shipped mission starts with its real engines, at the last value of its sweeps where it declares any."""
 
 from __future__ import annotations
 
@@ -13,8 +13,12 @@ from lingjing.trace.records import Decision
 
 pytestmark = pytest.mark.slow
 
-LAST = {column.mission: column for column in columns(shipped(), sweeps=True)}
+LAST = {column.mission: column for sweeps in (False, True) for column in columns(shipped(), sweeps=sweeps)}
 GROUPS = {"cd": {"point": 20, "van": 5}, "ufr": {"fire": 6, "uav": 5}, "ssr": {"victim": 3, "uav": 3}}
+
+
+def test_every_shipped_mission_is_among_them() -> None:
+    assert LAST.keys() == {path.stem for path in shipped()}
 
 
 @pytest.mark.parametrize("column", LAST.values(), ids=lambda column: column.name)

@@ -103,10 +103,23 @@ def test_distributions_of_an_earlier_name_are_removed_first(environment, pips, m
     assert setup.MAIN_ENVIRONMENT.replaced == ("lingjing", "lingjing-agents")
 
 
-def test_removing_what_is_not_there_is_no_fault(environment, capfd) -> None:
+def test_a_real_environment_is_made_again_without_its_interpreter_and_a_failure_leaves_no_stamp(
+    environment, capfd
+) -> None:
+    """Virtual environments with pip; each takes five seconds to make."""
     setup.create(environment)
     setup.remove(replace(environment, replaced=("lingjing-no-such-package",)))
     assert capfd.readouterr() == ("", "setup: creating env\n")
+    broken = replace(environment, steps=(("--no-index", "lingjing-no-such-package"),))
+    with pytest.raises(setup.SetupError, match="pip could not install"):
+        setup.ensure(broken)
+    assert not broken.ready()
+    setup.ensure(environment)
+    assert environment.ready()
+    environment.python.unlink()
+    assert not environment.ready()
+    setup.ensure(environment)
+    assert setup.runs(environment.python, "-m", "pip", "--version")
 
 
 def test_a_changed_input_is_installed_again(environment, created, pips) -> None:
@@ -116,21 +129,6 @@ def test_a_changed_input_is_installed_again(environment, created, pips) -> None:
     setup.ensure(environment)
     assert len(pips) == 2
     assert environment.ready()
-
-
-def test_an_environment_without_its_interpreter_is_made_again(environment, pips) -> None:
-    setup.ensure(environment)
-    environment.python.unlink()
-    assert not environment.ready()
-    setup.ensure(environment)
-    assert setup.runs(environment.python, "-m", "pip", "--version")
-
-
-def test_an_installation_that_fails_leaves_no_stamp(environment) -> None:
-    broken = replace(environment, steps=(("--no-index", "lingjing-no-such-package"),))
-    with pytest.raises(setup.SetupError, match="pip could not install"):
-        setup.ensure(broken)
-    assert not broken.ready()
 
 
 def test_an_interrupt_leaves_no_stamp(environment, created, monkeypatch) -> None:

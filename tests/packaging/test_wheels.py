@@ -1,8 +1,12 @@
-"""The wheels, installed with pip into a bare environment, outside the repository, compile and play the mission."""
+"""The wheels hold what a mission needs: installed outside the repository they compile and play it.
+
+Tests that are marked `wheels` resolve and download requirements; `make wheels` runs them.
+"""
 
 from __future__ import annotations
 
 import json
+import os
 import re
 import shlex
 import subprocess
@@ -20,8 +24,9 @@ PIP = ("-m", "pip", "--disable-pip-version-check", "install", "-q", "-c", ROOT /
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
 
 
-def call(*command: object, cwd: Path, code: int = 0) -> subprocess.CompletedProcess[str]:
-    done = subprocess.run([*map(str, command)], cwd=cwd, capture_output=True, text=True, check=False)
+def call(*command: object, cwd: Path, code: int = 0, **variables: str) -> subprocess.CompletedProcess[str]:
+    env = {**os.environ, **variables}
+    done = subprocess.run([*map(str, command)], cwd=cwd, env=env, capture_output=True, text=True, check=False)
     assert done.returncode == code, f"{command}\n{done.stdout}\n{done.stderr}"
     return done
 
@@ -67,27 +72,54 @@ def test_every_wheel_carries_the_licence(wheels: tuple[Path, Path]) -> None:
         assert held.read(name) == (ROOT / "LICENSE").read_bytes()
 
 
-def test_the_mission_validates_and_plays_without_the_repository(bare: Path, tmp_path: Path) -> None:
-    lingjing = bare / "lingjing"
-    source = ROOT / "scenarios" / "ssr.ljs"
-    mission = tmp_path / "ssr.ljs"
-    mission.write_text(source.read_text(encoding="utf-8").replace("ticks <= 60", "ticks <= 10"), encoding="utf-8")
-    call(lingjing, "validate", mission, cwd=tmp_path)
-    done = call(lingjing, "run", mission, "--seed", 7, "--json", "-o", tmp_path / "out", cwd=tmp_path)
-    answer = json.loads(done.stdout)
-    assert (answer["mission"], answer["seed"], answer["mode"], answer["ticks"]) == ("ssr", 7, "broadcast", 10)
+def short(folder: Path) -> Path:
+    """Write the sea rescue with six ticks; the boat starts nearer, so that they are not proved too few."""
+    text = (ROOT / "scenarios" / "ssr.ljs").read_text(encoding="utf-8").replace("ticks <= 60", "ticks <= 6")
+    mission = folder / "ssr.ljs"
+    mission.write_text(text.replace("(12.4 m, -1351.8 m)", "(270 m, -920 m)"), encoding="utf-8")
+    return mission
+
+
+def check_that_it_plays(*lingjing: object, folder: Path, **variables: str) -> None:
+    """Validate and play a mission with a command, and check the files that a run leaves."""
+    mission = short(folder)
+    call(*lingjing, "validate", mission, cwd=folder, **variables)
+    run = (*lingjing, "run", mission, "--seed", 7, "--json", "-o", folder / "out")
+    answer = json.loads(call(*run, cwd=folder, **variables).stdout)
+    assert (answer["mission"], answer["seed"], answer["mode"], answer["ticks"]) == ("ssr", 7, "broadcast", 6)
+    assert answer["metrics"]["frames"] > 0
     assert Path(answer["trace"]).is_file()
-    assert (tmp_path / "out" / "overview.png").is_file()
+    assert (folder / "out" / "overview.png").is_file()
+
+
+def test_the_mission_plays_from_the_files_of_the_wheels(wheels: tuple[Path, Path], tmp_path: Path) -> None:
+    """With the requirements of this environment: nothing is read from the repository."""
+    site = tmp_path / "site"
+    call(sys.executable, *PIP, "--no-index", "--no-deps", "--target", site, *wheels, cwd=tmp_path)
+    code = "import lingjing, lingjing_agents; print(lingjing.__file__, lingjing_agents.__file__)"
+    where = call(sys.executable, "-c", code, cwd=tmp_path, PYTHONPATH=str(site)).stdout
+    assert where.count(str(site)) == 2
+    lingjing = (sys.executable, "-m", "lingjing.cli.main")
+    check_that_it_plays(*lingjing, folder=tmp_path, PYTHONPATH=str(site))
+    refused = call(*lingjing, "run", "ssr", "--set", "victims=99", cwd=tmp_path, code=2, PYTHONPATH=str(site)).stderr
+    assert "victims" in refused
+
+
+@pytest.mark.wheels
+def test_the_mission_plays_in_a_bare_environment(bare: Path, tmp_path: Path) -> None:
+    check_that_it_plays(bare / "lingjing", folder=tmp_path)
     where = call(bare / "python", "-c", "import lingjing; print(lingjing.__file__)", cwd=tmp_path).stdout
     assert str(ROOT) not in where
 
 
+@pytest.mark.wheels
 def test_a_shipped_mission_is_found_by_its_name(bare: Path, tmp_path: Path) -> None:
     done = call(bare / "lingjing", "run", "ssr", "--set", "victims=99", "--json", cwd=tmp_path, code=2)
     assert "victims" in done.stderr
     assert not (tmp_path / "runs").exists()
 
 
+@pytest.mark.wheels
 @pytest.mark.parametrize("extra", sorted(EXTRAS.keys() - {"dev"}))
 def test_every_extra_can_be_installed_from_the_two_wheels(
     extra: str, wheels: tuple[Path, Path], bare: Path, tmp_path: Path
@@ -112,6 +144,7 @@ def test_every_extra_can_be_installed_from_the_two_wheels(
     assert requirements <= added | present
 
 
+@pytest.mark.wheels
 def test_the_line_of_a_hint_installs_what_is_missing(bare: Path, tmp_path: Path) -> None:
     refused = call(bare / "lingjing", "lsp", cwd=tmp_path, code=2).stderr
     assert "the language server needs pygls" in refused

@@ -145,7 +145,7 @@ def attacked(tmp_path_factory: pytest.TempPathFactory) -> Played:
 
 @pytest.fixture(scope="module")
 def delayed(tmp_path_factory: pytest.TempPathFactory) -> Played:
-    return play(tmp_path_factory.mktemp("delayed"), tuple(LATE), ticks=2, policy_s=8.0)
+    return play(tmp_path_factory.mktemp("delayed"), tuple(LATE), ticks=2, policy_s=4.0)
 
 
 @pytest.mark.parametrize("attack", WORDS)
