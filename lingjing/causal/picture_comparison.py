@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from lingjing.errors import LingjingError, UsageError
 from lingjing.kernel.world.contract import StoredFrame
-from lingjing.trace.images import Depth, RgbPixels, Semantic, decode_jpeg, quantise_depth
+from lingjing.trace.images import Depth, RgbPixels, Semantic, decode_jpeg
 from lingjing.trace.reader import StoredPicture, Trace
 from lingjing.trace.records import FrameInfo
 
@@ -93,8 +93,7 @@ def picture_difference(trace: Trace, drawn: StoredFrame) -> str:
 
 
 def _same_channels(held: StoredPicture, drawn: StoredFrame) -> bool:
-    depth = None if drawn.depth is None else quantise_depth(drawn.depth)
-    return _same(held.depth, depth) and _same(held.semantic, drawn.semantic)
+    return _same(held.depth, drawn.depth) and _same(held.semantic, drawn.semantic)
 
 
 def _same(first: npt.NDArray[np.generic] | None, second: npt.NDArray[np.generic] | None) -> bool:

@@ -22,7 +22,7 @@ from lingjing.mission.instance import AgentSpec, Entity, Instance
 from lingjing.mission.vocabulary import PHOTO
 from lingjing.plugins.engine import CaptureRequest
 from lingjing.plugins.policy import REFERENCE, Picture
-from lingjing.trace.images import decode_jpeg, quantise_depth
+from lingjing.trace.images import decode_jpeg
 from lingjing.trace.records import Absent, CameraPose, Command, Receipt
 
 
@@ -72,8 +72,8 @@ def policy_picture(frame: StoredFrame, *, blank: bool = False) -> Picture:
     rgb = decode_jpeg(frame.jpeg)
     if blank:
         rgb = np.zeros_like(rgb)
-    depth = None if frame.depth is None or blank else quantise_depth(frame.depth)
-    semantic = None if frame.semantic is None or blank else frame.semantic
+    depth = None if blank else frame.depth
+    semantic = None if blank else frame.semantic
     for array in (rgb, depth, semantic):
         if array is not None:
             array.flags.writeable = False

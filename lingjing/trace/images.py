@@ -6,8 +6,8 @@ for one set of library versions.
 
 Depth is in metres, because the tools that open a trace expect metres. It is rounded to whole centimetres: the bytes
 then repeat, and a chunk compresses to between a quarter and a ninth of its unrounded size. Beyond 83 km the resolution
-of float32 is coarser than that. Depth is infinite where a ray hits nothing. Policies receive the stored depth
-(`quantise_depth`), not the original.
+of float32 is coarser than that. Depth is infinite where a ray hits nothing. The camera's process rounds it
+(`quantise_depth`), so policies receive the stored depth, not the original.
 """
 
 from __future__ import annotations
@@ -50,15 +50,16 @@ def encode_jpeg(rgb: RgbPixels, quality: int = JPEG_QUALITY) -> bytes:
 
 def decode_jpeg(data: bytes) -> RgbPixels:
     """Return the pixels, writable and contiguous. Raises `LingjingError` for a broken image."""
-    return np.array(_open(data, "JPEG").convert("RGB"))
+    image = _open(data, "JPEG")
+    return np.array(image if image.mode == "RGB" else image.convert("RGB"))  # `convert` would copy it
 
 
 def encode_depth(depth: Depth) -> bytes:
-    """Return the rounded depth as little-endian float32, row by row.
+    """Return a depth of `quantise_depth` as little-endian float32, row by row.
 
     It is not compressed here, because the chunks of the trace are (0.1 to 0.5 MB for 1080p over a city).
     """
-    return quantise_depth(depth).astype("<f4", copy=False).tobytes()
+    return depth.astype("<f4", copy=False).tobytes()
 
 
 def decode_depth(data: bytes, width: int, height: int) -> Depth:
@@ -71,7 +72,7 @@ def decode_depth(data: bytes, width: int, height: int) -> Depth:
 def quantise_depth(depth: Depth) -> Depth:
     """Return the depth in whole centimetres, negative values as 0 and NaN as infinity.
 
-    The result equals `decode_depth(encode_depth(depth), …)`.
+    `decode_depth` returns it as `encode_depth` was given it.
     """
     metres: Depth = np.rint(depth * np.float32(1.0 / DEPTH_STEP_M))
     np.maximum(metres, np.float32(0.0), out=metres)

@@ -9,7 +9,12 @@ from __future__ import annotations
 
 def field(number: int, data: bytes) -> bytes:
     """Return a length-delimited field: tag, length, bytes."""
-    return _varint(number << 3 | 2) + _varint(len(data)) + data
+    return field_head(number, len(data)) + data
+
+
+def field_head(number: int, length: int) -> bytes:
+    """Return what precedes the bytes of a length-delimited field: tag and length."""
+    return _varint(number << 3 | 2) + _varint(length)
 
 
 def _varint(value: int) -> bytes:

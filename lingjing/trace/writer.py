@@ -26,8 +26,8 @@ from lingjing.trace.topics import RECORDS
 from lingjing.trace.viewer_messages import TimedMessage, ViewerMessages
 
 PictureParts = tuple[FrameInfo, bytes, npt.NDArray[np.float32] | None, npt.NDArray[np.uint8] | None]
-"""A picture to store: its record, its JPEG, and depth and class ids. These are None if the camera does not declare
-them."""
+"""A picture to store: its record, its JPEG, and depth (`images.quantise_depth`) and class ids. These are None if the
+camera does not declare them."""
 
 PART = ".part"
 """Suffix of the file's name until the episode has ended by itself."""

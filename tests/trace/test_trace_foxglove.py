@@ -76,6 +76,14 @@ def test_other_readers_find_metres_and_a_tree_of_frames(trace: Trace, episode_pa
     assert all(parents[parent] == foxglove.WORLD for parent in cameras.values())
 
 
+def test_a_depth_image_is_the_bytes_that_protobuf_writes(trace: Trace) -> None:
+    frame, data = next(iter(trace.frames.values())), bytes(range(256)) * 700
+    messages = {topic: message for topic, _, message in foxglove.frame_messages(frame, b"", data)}
+    message = messages[camera_topic(frame, "depth")]
+    read = RawImage.FromString(message)
+    assert read.data == data and read.SerializeToString(deterministic=True) == message
+
+
 def test_the_parent_frame_of_a_camera_without_a_body_is_the_world() -> None:
     pose = CameraPose(position=(5.0, 6.0, 7.0), heading_deg=0.0, tilt_deg=10.0)
     _, _, data = foxglove.cameras([(None, "house/reference", pose)], 0.0)

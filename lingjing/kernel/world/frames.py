@@ -1,4 +1,4 @@
-"""The conversion of a drawn picture to its stored form: validated, encoded as JPEG, hashed.
+"""The conversion of a drawn picture to its stored form: validated, encoded as JPEG, its depth rounded, hashed.
 
 It runs in the camera's process, so that an uncompressed picture never crosses a process border.
 """
@@ -14,7 +14,7 @@ import numpy as np
 from lingjing.kernel.world.contract import StoredFrame
 from lingjing.kernel.world.guarded_calls import engine_error
 from lingjing.plugins.engine import CaptureRequest, Frame
-from lingjing.trace.images import encode_jpeg
+from lingjing.trace.images import encode_jpeg, quantise_depth
 from lingjing.trace.records import FrameInfo
 
 
@@ -27,7 +27,8 @@ def stored(engine: str, frame: Frame, request: CaptureRequest) -> StoredFrame:
     info = msgspec.structs.replace(
         frame.info, sha256=hashlib.sha256(jpeg).hexdigest(), channels_sha256=_channels_sha256(frame)
     )
-    return StoredFrame(info, jpeg, frame.depth, frame.semantic)
+    depth = None if frame.depth is None else quantise_depth(frame.depth)
+    return StoredFrame(info, jpeg, depth, frame.semantic)
 
 
 def described(engine: str, frame: Frame, request: CaptureRequest) -> StoredFrame:
