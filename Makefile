@@ -4,6 +4,9 @@ BIN := .venv/bin
 STUDY ?= reference -j 2
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -q --durations 30
 
+# Tests start hundreds of processes: without stored bytecode each one compiles all it imports, half a second of CPU.
+export PYTHONDONTWRITEBYTECODE :=
+
 .PHONY: help setup demo test episodes wheels check lock sbom licences pythons bench study ray model detector browser readers pictures missions selfcheck faults clean
 
 help:
