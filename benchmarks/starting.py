@@ -54,11 +54,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--columns", nargs="+", default=COLUMNS, metavar="COLUMN")
     parser.add_argument("--oracle", action="store_true", help="play oracles' episodes as well")
+    parser.add_argument("--seen", action="store_true", help="measure nothing but `seen before`")
     parser.add_argument("--many", type=int, metavar="N", help="play N episodes in one run, and nothing else")
     args = parser.parse_args()
     with caches():
         if args.many:
             many(args.columns[0], args.many)
+            return
+        if args.seen:
+            print_row("column", "seen before")
+            print_row("---", "---")
+            for column in args.columns:
+                print_row(column, f"{further(column, 'decision', same=True):.2f}")
             return
         head = [
             "column",

@@ -254,6 +254,7 @@ def _libm() -> str:
     return _VARIANTS.get(known, known)
 
 
+@cache
 def _numpy_version() -> tuple[int, ...]:
     return tuple(int(part) for part in re.findall(r"\d+", _version("numpy"))[:2])
 

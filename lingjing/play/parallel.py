@@ -18,6 +18,7 @@ from typing import IO, TYPE_CHECKING, NamedTuple
 import msgspec
 
 from lingjing.errors import ExitCode, ForeignCodeError, InfrastructureError, LingjingError, error_of
+from lingjing.kernel.world.launch import ENGINES
 from lingjing.mission.model import Mission
 from lingjing.play.folders import release_if_empty
 from lingjing.play.options import PlayOptions, compiled
@@ -121,19 +122,25 @@ _CLI = "lingjing.cli.main"
 _PYTHON = [sys.executable, "-m", _CLI]
 
 PLAYED_WITH = (
-    "lingjing.cli.parser", "lingjing.cli.run", "lingjing.cli.progress", "lingjing.kernel.world.process",
-    "lingjing.play.episode", "lingjing.dsl.compilation",
-    "lingjing.scene.bay", "lingjing.scene.districts", "lingjing.engines.builtin", "lingjing.engines.camera.engine",
-    "lingjing.engines.city.engine", "lingjing.engines.fixed_wing.aeroplane", "lingjing.engines.multirotor.drone",
-    "lingjing.engines.satellite.engine", "lingjing.engines.vessel.engine", "lingjing.kernel.evaluation",
+    "lingjing.cli.parser", "lingjing.cli.run", "lingjing.cli.progress", "lingjing.cli.files", "lingjing.signals",
+    "lingjing.kernel.world.process", "lingjing.kernel.evaluation", "lingjing.play.episode", "lingjing.play.sharing",
+    "lingjing.play.policy_processes.loading", "lingjing.play.policy_processes.examination",
+    "lingjing.dsl.compilation", "lingjing.scene.bay", "lingjing.scene.districts", "lingjing.engines.builtin",
 )  # fmt: skip
-"""What an episode imports, and nothing of policies."""
+"""What the process of an episode imports, and nothing of policies or engines."""
+
+ENGINE_MODULES = (
+    "lingjing.kernel.world.worker", "lingjing.engines.camera.engine",
+    "lingjing.engines.city.engine", "lingjing.engines.fixed_wing.aeroplane", "lingjing.engines.multirotor.drone",
+    "lingjing.engines.satellite.engine", "lingjing.engines.vessel.engine",
+)  # fmt: skip
+"""What the processes of engines import."""
 
 SHARE = "lingjing.play.sharing:share"
 """What the process that episodes are forked from is asked to do first for each kind of them."""
 
 WITH_EXTRAS = (("libsumo", "lingjing.engines.road.engine"), ("mujoco", "lingjing.engines.quadruped.engine"))
-"""What it imports where a package is installed."""
+"""Further engines, each with the package that has to be installed for it."""
 
 
 class EpisodeTask(NamedTuple):
@@ -200,9 +207,8 @@ class _Starter:
                 self._server.close()
                 self._shared.clear()
                 self._preloaded.clear()
-        self._server = ForkServer(
-            [*PLAYED_WITH, *SERVES, *(module for package, module in WITH_EXTRAS if find_spec(package))]
-        )
+        engines = [*ENGINE_MODULES, *(module for package, module in WITH_EXTRAS if find_spec(package))]
+        self._server = ForkServer([*PLAYED_WITH, *SERVES], {ENGINES: engines})
         return self._asked(self._server, task, arguments, streams)
 
     def _asked(
@@ -211,7 +217,7 @@ class _Starter:
         start = msgspec.json.encode({"options": _played_on(task.options), "repeated": task.repeated})
         if start not in self._shared:
             self._shared.add(start)
-            server.call(SHARE, start.decode())
+            server.call(SHARE, start.decode(), in_layers=True)
         if (names := _policy_names(task.options)) not in self._preloaded:
             self._preloaded.add(names)
             server.call(PRELOAD, names)

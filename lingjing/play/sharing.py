@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
+import PIL.Image
 
 from lingjing.engines import builtin
 from lingjing.errors import LingjingError
@@ -46,6 +47,7 @@ def share(text: str) -> None:
         hold_entries()
     for name in RECORDS:
         container_schema(name)
+    PIL.Image.preinit()
     start = msgspec.json.decode(text, type=SharedStart)
     options = start.options
     host = PluginHost(entry_points=False, extra=(builtin,))

@@ -18,7 +18,7 @@ In the order of a call:
 - `fork_requests`    the requests that it takes
 - `fork_server`      `python -m lingjing.processes.fork_server` ← `forks` (the processes that it has forked), `becoming`
   (the first steps of a fork), `idle_processes` (processes that are reused), `templates` (forks that have made something
-  ready)
+  ready), `layers` (forks that have imported more)
 - `channel`, `deadlines`, `output`   packets, limits of time, and the output of a process
 - `descendants`      the processes below this one ← `linux`, the system calls
 

@@ -109,10 +109,13 @@ def become_module(request: RunModule, streams: Sequence[int], server: int, paren
 def _take(surroundings: Surroundings) -> None:
     """The working folder and the variables of the process that asked, with what is fixed in every process here."""
     os.chdir(surroundings.folder)
-    os.environ.clear()
-    os.environb.update(surroundings.environment)
-    os.environ.update({name: value for name, value in pins().items() if value})
-    os.environ["PYTHONHASHSEED"] = HASH_SEED
+    fixed = {**{name: value for name, value in pins().items() if value}, "PYTHONHASHSEED": HASH_SEED}
+    wanted = {**surroundings.environment, **{os.fsencode(name): os.fsencode(value) for name, value in fixed.items()}}
+    present = dict(os.environb)
+    for name in present.keys() - wanted.keys():
+        del os.environb[name]
+    # Most variables are those of the server. Setting one writes to a page that the fork then needs for itself.
+    os.environb.update({name: value for name, value in wanted.items() if present.get(name) != value})
 
 
 def _run(module: str) -> int:

@@ -72,6 +72,10 @@ class OwnDeadline:
                 return min(self.allowed_s - self._already_s, _UNWATCHED_S)
             # The caller may have waited for a processor for long. The process's time until now is not known any more.
             self._first, self._started = _threads(self._pid), time.monotonic() - _UNWATCHED_S
+        # Own time is no more than wall-clock time: until that has passed, the counters need not be read.
+        least = self.allowed_s - self._already_s - (time.monotonic() - self._started)
+        if least > 0.0:
+            return least
         left = self.allowed_s - self.spent_s()
         if left > 0.0:
             return left

@@ -14,7 +14,7 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
 from pathlib import Path
 from typing import Self
@@ -126,16 +126,17 @@ class ForkServerClient:
         here: bool = True,
         reuse: bool = False,
         template: Template | None = None,
+        layer: str = "",
     ) -> ForkedProcess:
         """A process that calls a function (`module:name`) with the argument and copies of the descriptors `ends`.
 
         What it prints goes to `output`. It is killed, with all that it started, when this process ends. With `here` it
-        has the working folder and the environment of this process, else those of the server. `reuse` and `template`:
-        see `StartFunction`.
+        has the working folder and the environment of this process, else those of the server. `reuse`, `template` and
+        `layer`: see `StartFunction`.
         """
         own = os.pidfd_open(os.getpid())
         surroundings = _own_surroundings() if here else None
-        request = StartFunction(function, argument, surroundings, reuse, template)
+        request = StartFunction(function, argument, surroundings, reuse, template, layer)
         try:
             return _start(self._channel, request, (*ends, output, own))
         finally:
@@ -149,14 +150,16 @@ class ForkServerClient:
 class ForkServer:
     """A fork server and the caller's end of it; a context manager. It and all that it has started end with the caller.
 
-    `imports` are modules that it imports before it forks. Raises `InfrastructureError` where it cannot be started.
+    `imports` are modules that it imports before it forks; `layers` are those that each of its layers imports on top,
+    by the layer's name. Raises `InfrastructureError` where it cannot be started.
     """
 
-    def __init__(self, imports: Sequence[str]) -> None:
+    def __init__(self, imports: Sequence[str], layers: Mapping[str, Sequence[str]] | None = None) -> None:
         ours, theirs = socket.socketpair()
         command = [sys.executable, "-P", "-m", _MODULE, "--fd", str(theirs.fileno()), "--parent", str(os.getpid())]
         try:
-            self._process = start_to_last([*command, *imports], environment(()), (theirs.fileno(),), None)
+            further = [f"--layer={name}={','.join(modules)}" for name, modules in (layers or {}).items()]
+            self._process = start_to_last([*command, *further, *imports], environment(()), (theirs.fileno(),), None)
         except OSError as error:
             ours.close()
             raise InfrastructureError(f"the process that starts episodes cannot be started: {error}") from error
@@ -178,12 +181,12 @@ class ForkServer:
         """Another end of this server, for processes that this process works with; closed by its user."""
         return ForkServerClient(os.dup(self._channel.fileno()))
 
-    def call(self, function: str, argument: str) -> None:
-        """Have it call a function (`module:name`) before it forks again.
+    def call(self, function: str, argument: str, *, in_layers: bool = False) -> None:
+        """Have it call a function (`module:name`) before it forks again, and its layers as well if `in_layers`.
 
         An error of the function is not reported: a fork that misses its work does it itself, and reports the error.
         """
-        send_request(self._channel, CallFunction(function, argument), ())
+        send_request(self._channel, CallFunction(function, argument, in_layers), ())
 
     def close(self) -> None:
         """End it, with everything that still runs."""

@@ -35,6 +35,8 @@ class CallFunction(msgspec.Struct, frozen=True, tag=True):
     function: str
     """As `module:name`."""
     argument: str
+    in_layers: bool = False
+    """Call it in the server's layers as well (`layers`)."""
 
 
 class Template(msgspec.Struct, frozen=True):
@@ -65,6 +67,8 @@ class StartFunction(msgspec.Struct, frozen=True, tag=True):
     """Take a process that has served such a request before and is idle, if there is one (`idle_processes`)."""
     template: Template | None = None
     """Fork it of this template, if there is one or it can be made."""
+    layer: str = ""
+    """Fork it of the server's layer of that name, if the server has one (`layers`)."""
 
 
 ForkRequest = RunModule | StartFunction | CallFunction

@@ -20,34 +20,40 @@ import signal
 import socket
 import sys
 import traceback
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from typing import NoReturn
 
+from lingjing.numerics import pins
 from lingjing.processes.becoming import become_function, become_module, keep_only, named_function
 from lingjing.processes.channel import Channel
 from lingjing.processes.fork_requests import CallFunction, ForkRequest, RunModule, StartFunction
 from lingjing.processes.forks import Forks, close_all, receive_request
 from lingjing.processes.idle_processes import ProcessPool
-from lingjing.processes.linux import adopt_orphans, end_with_parent
+from lingjing.processes.layers import Layers
+from lingjing.processes.linux import adopt_orphans, end_with_parent, keep_freed_memory
 from lingjing.processes.templates import Templates
 
 
 @dataclass(slots=True)
 class _Server:
-    """The server. `caller`: the channel of its requests. `parent` and `pid`: process ids of the caller and of this
-    process."""
+    """The server, or one of its layers. `caller`: the channel of its requests. `parent`: the process id of its caller,
+    with which it ends. `further`: the modules of its layers."""
 
     caller: Channel
     parent: int
-    pid: int
-    forks: Forks
+    further: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    pid: int = field(default_factory=os.getpid)
+    forks: Forks = field(default_factory=Forks)
     pool: ProcessPool = field(init=False)
     templates: Templates = field(init=False)
+    layers: Layers = field(init=False)
 
     def __post_init__(self) -> None:
         self.pool = ProcessPool(self.forks)
         self.templates = Templates(self.forks)
+        self.layers = Layers(self.forks, self.further, _serve_as_layer)
 
     def run(self) -> None:
         """Serve until the caller's end is closed."""
@@ -65,6 +71,7 @@ class _Server:
             self.run_module(request, descriptors)
         elif isinstance(request, CallFunction):
             _call(request)
+            self.layers.call(request)
         else:
             self.start(request, descriptors)
         close_all(descriptors)
@@ -92,10 +99,13 @@ class _Server:
             if pid is not None:
                 self.forks.processes[pid].is_module = True
         self.forks.listen(Channel(ours), self.answer_module)
+        self.layers.begin_all()  # they import while the module begins
 
     def start(self, request: ForkRequest | None, descriptors: tuple[int, ...]) -> None:
         """Start a process for a function: of a template, one that is reused, or a new fork."""
         if not isinstance(request, StartFunction) or len(descriptors) < 3:
+            return
+        if self.layers.start(request, descriptors):
             return
         template = request.template
         if template is not None and self.templates.start(request, template, descriptors, self.pid):
@@ -131,12 +141,14 @@ def main() -> NoReturn:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     os.set_inheritable(options.fd, False)
+    keep_freed_memory()
     for module in options.imports:
         import_module(module)
+    pins()  # what it looks up is kept for the forks
     gc.collect()
     gc.freeze()
-    forks = Forks()
-    server = _Server(Channel(socket.socket(fileno=options.fd)), options.parent, os.getpid(), forks)
+    further = {name: modules.split(",") for name, _, modules in (text.partition("=") for text in options.layer)}
+    server = _Server(Channel(socket.socket(fileno=options.fd)), options.parent, further)
     try:
         # Not SIGKILL: processes that the forks have started in other sessions are to end as well.
         signal.signal(signal.SIGTERM, _end)
@@ -149,7 +161,7 @@ def main() -> NoReturn:
         print(f"the process that starts others cannot go on: {error}", file=sys.stderr)  # noqa: T201
     except BaseException:  # noqa: BLE001 - as the interpreter does, which would wait for threads that should not be
         traceback.print_exc()
-    forks.end_all()
+    server.forks.end_all()
     os._exit(0)
 
 
@@ -157,8 +169,21 @@ def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="lingjing.processes.fork_server")
     parser.add_argument("--fd", type=int, required=True)
     parser.add_argument("--parent", type=int, required=True)
+    parser.add_argument("--layer", action="append", default=[], metavar="NAME=MODULE,MODULE")
     parser.add_argument("imports", nargs="*")
     return parser.parse_args()
+
+
+def _serve_as_layer(control: socket.socket, parent: int, modules: Sequence[str]) -> None:
+    """In a fork of the server: import the modules of a layer, and start the processes that need them."""
+    adopt_orphans()
+    for module in modules:
+        import_module(module)
+    gc.collect()
+    gc.freeze()
+    server = _Server(Channel(control), parent)
+    server.run()
+    server.forks.end_all()
 
 
 def _listener(descriptors: tuple[int, ...]) -> Channel:

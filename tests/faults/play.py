@@ -152,11 +152,11 @@ class FaultPlayer:
 
     def __init__(self, spared: tuple[int, ...] = ()) -> None:
         self._spared = spared
-        from lingjing.play.parallel import PLAYED_WITH
+        from lingjing.play.parallel import ENGINE_MODULES, PLAYED_WITH
         from lingjing.play.policy_processes.preloading import SERVES
         from lingjing.play.sharing import share
 
-        for module in (*PLAYED_WITH, *SERVES, *IMPORTED):
+        for module in (*PLAYED_WITH, *SERVES, *ENGINE_MODULES, *IMPORTED):
             import_module(module)
         share(json.dumps({"options": {"mission": str(HERE / "trip.ljs")}, "repeated": False}))
         gc.collect()

@@ -33,7 +33,8 @@ def children(pid):
     return [int(one) for one in Path(f"/proc/{{pid}}/task/{{pid}}/children").read_text().split()]
 
 def holders():
-    return [one for one in children(os.getppid()) if children(one)]
+    layers = [one for one in children(os.getppid()) if children(one)]
+    return [one for layer in layers for one in children(layer) if children(one)]
 
 class Player:
     def __init__(self, fatal="no"):

@@ -37,6 +37,9 @@ _FUNCTIONS = {
     "world": "lingjing.kernel.world.worker:serve_as_world",
     "camera": "lingjing.kernel.world.worker:serve_as_camera",
 }
+ENGINES = "engines"
+"""The layer of a fork server that has imported engines."""
+
 _PLACED = "lingjing.kernel.world.worker:placed_template"
 
 
@@ -107,6 +110,7 @@ def _launch(
                 here=False,
                 reuse=place == "camera",
                 template=Template(_PLACED, start) if start else None,
+                layer=ENGINES,
             )
             return _Launched(forked, os.dup(forked.pidfd), ours, progress, OutputTail(reading), place == "camera")
         process = _started(place, settings, (theirs.fileno(), progress), writing)

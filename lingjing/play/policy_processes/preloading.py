@@ -14,7 +14,7 @@ from lingjing.installed_plugins.entry_points import PLUGINS, find_entries
 from lingjing.plugins.host import PluginHost
 
 PRELOAD = "lingjing.play.policy_processes.preloading:preload"
-SERVES = ("lingjing.play.policy_processes.host", "lingjing.plugins.options")
+SERVES = ("lingjing.play.policy_processes.host", "lingjing.plugins.options", "numpy.random")
 """What the process imports that policies are forked from."""
 
 _SHIPPED = ("lingjing_agents",)
