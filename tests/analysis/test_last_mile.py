@@ -1,5 +1,6 @@
 """The stages S1 to S5 of last-mile delivery, from reports of the route's ends and waypoints."""
 
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -99,15 +100,17 @@ def test_both_ends_must_be_near():
 
 
 @pytest.mark.parametrize(
-    "messages",
+    "messages",  # called in the test: a way takes a city
     [
-        way((40.0, 40.0)),  # not on a road
-        list(reversed([(kind, {**body, "number": -body["number"] + 100}) for kind, body in way()])),  # backwards
-        [("passing", {"number": 1.0, "position": (-120.0, -182.0)})],  # nothing between the ends
+        lambda: way((40.0, 40.0)),  # not on a road
+        lambda: list(
+            reversed([(kind, {**body, "number": -body["number"] + 100}) for kind, body in way()])
+        ),  # backwards
+        lambda: [("passing", {"number": 1.0, "position": (-120.0, -182.0)})],  # nothing between the ends
     ],
 )
-def test_waypoints_that_form_no_way_are_not_the_third_stage(messages: list[tuple[str, dict]]):
-    assert "S3" not in stages(*messages).done
+def test_waypoints_that_form_no_way_are_not_the_third_stage(messages: Callable[[], list[tuple[str, dict]]]):
+    assert "S3" not in stages(*messages()).done
 
 
 def test_a_later_report_of_a_waypoint_replaces_the_earlier_one():

@@ -5,7 +5,6 @@ import random
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from lingjing.analysis.shares import wilson
 from lingjing.bench.statistics import bootstrap, holm, macro_average, macro_bounds, mcnemar
@@ -91,6 +90,8 @@ def test_mcnemars_test_is_the_exact_binomial_over_pairs_that_differ() -> None:
 def test_the_bootstrap_is_scipys_percentile_bootstrap_of_the_mean(kind: str) -> None:
     drawn = np.random.default_rng(3)
     values = drawn.random(100) if kind == "shares" else (drawn.random(100) < 0.3).astype(float)
+    from scipy import stats  # not above: it takes half a second to import, and every run of tests collects this file
+
     scipys = stats.bootstrap((values,), np.mean, method="percentile", n_resamples=9999, rng=drawn, batch=1000)
     low, high = scipys.confidence_interval
     assert bootstrap(list(values)) == pytest.approx((low, high), abs=0.12 * (high - low))
