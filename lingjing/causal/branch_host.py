@@ -26,6 +26,7 @@ from lingjing.causal.branching import BranchResult
 from lingjing.causal.interventions import BranchPlan, check, check_trace
 from lingjing.causal.redriven import BranchOptions
 from lingjing.errors import InfrastructureError, UsageError, error_of
+from lingjing.kernel.world.launch import ENGINE_VARIABLES
 from lingjing.processes.channel import Channel, ChannelClosedError
 from lingjing.processes.fork_client import environment, start_to_last
 from lingjing.trace.reader import Trace
@@ -62,7 +63,7 @@ class BranchHost:
         try:
             self._process = start_to_last(
                 [*command, "--fd", str(theirs.fileno()), "--parent", str(os.getpid())],
-                environment(()),
+                environment((), ENGINE_VARIABLES),
                 (theirs.fileno(),),
                 2,
             )

@@ -12,7 +12,15 @@ from importlib import import_module
 from types import TracebackType
 from typing import NamedTuple
 
-from lingjing.cli.process import deaf, endable, leave, open_streams, say, say_error, silence_stdout
+from lingjing.cli.process import (
+    end_despite_threads,
+    ignore_interrupts,
+    interrupted_by_termination,
+    open_streams,
+    say,
+    say_error,
+    silence_stdout,
+)
 from lingjing.errors import ExitCode, LingjingError, UsageError
 from lingjing.file_names import check_name
 from lingjing.refusals import refusal_of
@@ -79,14 +87,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     # pydantic searches all installed distributions for plug-ins of its own, and raises if one has broken metadata.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     code = _guarded(sys.argv[1:])
-    deaf()
-    return leave(code)
+    ignore_interrupts()
+    return end_despite_threads(code)
 
 
 def _guarded(arguments: list[str]) -> int:
     """Return the exit code of a command line. A failure prints one message."""
     try:
-        with endable():
+        with interrupted_by_termination():
             try:
                 _check_names(arguments)
                 code = _dispatch(arguments)

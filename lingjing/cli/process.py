@@ -35,7 +35,7 @@ def open_streams() -> None:
 
 
 @contextmanager
-def endable() -> Iterator[None]:
+def interrupted_by_termination() -> Iterator[None]:
     """Meet SIGTERM and SIGHUP as Ctrl-C is met: with a closed partial trace and no worker left.
 
     A signal that whoever started us had ignored (`nohup`) stays ignored. Only the main thread can set handlers.
@@ -102,14 +102,14 @@ def end_everything() -> NoReturn:
     os._exit(ExitCode.INTERRUPTED)
 
 
-def deaf() -> None:
+def ignore_interrupts() -> None:
     """Ignore what would interrupt the last few milliseconds, when the answer is known and printed."""
     for name in ("SIGINT", *_ENDING):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
 
 
-def leave(code: int) -> int:
+def end_despite_threads(code: int) -> int:
     """Return `code`; where threads are left that could keep the interpreter from ending, end the process with it."""
     threads = sys.modules.get("threading")
     if threads is None or threads.active_count() == 1:

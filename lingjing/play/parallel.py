@@ -18,7 +18,7 @@ from typing import IO, TYPE_CHECKING, NamedTuple
 import msgspec
 
 from lingjing.errors import ExitCode, ForeignCodeError, InfrastructureError, LingjingError, error_of
-from lingjing.kernel.world.launch import ENGINES
+from lingjing.kernel.world.launch import ENGINE_VARIABLES, ENGINES
 from lingjing.mission.model import Mission
 from lingjing.play.folders import release_if_empty
 from lingjing.play.options import PlayOptions, compiled
@@ -208,7 +208,7 @@ class _Starter:
                 self._shared.clear()
                 self._preloaded.clear()
         engines = [*ENGINE_MODULES, *(module for package, module in WITH_EXTRAS if find_spec(package))]
-        self._server = ForkServer([*PLAYED_WITH, *SERVES], {ENGINES: engines})
+        self._server = ForkServer([*PLAYED_WITH, *SERVES], {ENGINES: engines}, ENGINE_VARIABLES)
         return self._asked(self._server, task, arguments, streams)
 
     def _asked(

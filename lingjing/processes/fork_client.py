@@ -33,9 +33,6 @@ from lingjing.processes.fork_requests import (
     Template,
 )
 
-_QUIET = {"MUJOCO_GL": "disable", "JSBSIM_DEBUG": "0"}
-"""MuJoCo would load a windowing library, which a process that is to be forked must not hold; JSBSim prints a banner."""
-
 HASH_SEED = "0"
 """`PYTHONHASHSEED` of every process that is started here: the order of a set of texts is the same in each of them."""
 
@@ -151,15 +148,22 @@ class ForkServer:
     """A fork server and the caller's end of it; a context manager. It and all that it has started end with the caller.
 
     `imports` are modules that it imports before it forks; `layers` are those that each of its layers imports on top,
-    by the layer's name. Raises `InfrastructureError` where it cannot be started.
+    by the layer's name. `variables` are set in its environment before it imports. Raises `InfrastructureError` where it
+    cannot be started.
     """
 
-    def __init__(self, imports: Sequence[str], layers: Mapping[str, Sequence[str]] | None = None) -> None:
+    def __init__(
+        self,
+        imports: Sequence[str],
+        layers: Mapping[str, Sequence[str]] | None = None,
+        variables: Mapping[str, str] | None = None,
+    ) -> None:
         ours, theirs = socket.socketpair()
         command = [sys.executable, "-P", "-m", _MODULE, "--fd", str(theirs.fileno()), "--parent", str(os.getpid())]
         try:
             further = [f"--layer={name}={','.join(modules)}" for name, modules in (layers or {}).items()]
-            self._process = start_to_last([*command, *further, *imports], environment(()), (theirs.fileno(),), None)
+            environ = environment((), variables or {})
+            self._process = start_to_last([*command, *further, *imports], environ, (theirs.fileno(),), None)
         except OSError as error:
             ours.close()
             raise InfrastructureError(f"the process that starts episodes cannot be started: {error}") from error
@@ -200,15 +204,15 @@ class ForkServer:
         self.close()
 
 
-def environment(paths: Sequence[str]) -> dict[str, str]:
-    """The environment of a process that is started here.
+def environment(paths: Sequence[str], variables: Mapping[str, str]) -> dict[str, str]:
+    """The environment of a process that is started here: this process's, with `variables`.
 
     Modules are found in `paths` and where the caller finds them. What chooses code by processor is fixed, and every
     library has one thread.
     """
     search = [*paths, *(path or os.getcwd() for path in sys.path)]  # noqa: PTH109 - an entry of PYTHONPATH
     fixed = {"PYTHONPATH": os.pathsep.join(dict.fromkeys(search)), "PYTHONUNBUFFERED": "1"}
-    return worker_environment({**os.environ, **_QUIET, **fixed, "PYTHONHASHSEED": HASH_SEED})
+    return worker_environment({**os.environ, **variables, **fixed, "PYTHONHASHSEED": HASH_SEED})
 
 
 def start_to_last(

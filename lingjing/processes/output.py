@@ -6,17 +6,24 @@ import os
 import select
 from collections import deque
 
+_PIECE_BYTES = 1 << 16
+"""The most that is read at a time: the default capacity of a pipe (pipe(7))."""
+
 _TAIL_BYTES = 16_384
 """The end of the output that is kept. Chosen: a traceback of a hundred lines."""
 
 
-class OutputTail:
-    """The end of the standard output and error of a process and its forks. `descriptor`: the pipe, which it owns."""
+class OutputPipe:
+    """The reading end of a pipe that processes write their output to. `descriptor`: the pipe, which it owns.
 
-    def __init__(self, descriptor: int) -> None:
+    A subclass defines `_take`. `most_pieces` limits one `drain`, so that a process which never stops printing does not
+    hold up its reader; 0 is no limit.
+    """
+
+    def __init__(self, descriptor: int, most_pieces: int = 0) -> None:
         os.set_blocking(descriptor, False)
         self._descriptor = descriptor
-        self._chunks: deque[bytes] = deque()
+        self._most_pieces = most_pieces
 
     def fileno(self) -> int:
         """The pipe's descriptor, -1 when all writers have closed it."""
@@ -24,14 +31,34 @@ class OutputTail:
 
     def drain(self) -> None:
         """Read what has come, without waiting."""
-        while self._descriptor >= 0:
+        pieces = 0
+        while self._descriptor >= 0 and (pieces < self._most_pieces or not self._most_pieces):
             try:
-                chunk = os.read(self._descriptor, 65_536)
+                data = os.read(self._descriptor, _PIECE_BYTES)
             except BlockingIOError:
                 return
-            if not chunk:
+            self._take(data)
+            pieces += 1
+            if not data:
                 self.close()
-            self._keep(chunk)
+
+    def close(self) -> None:
+        """Close the pipe."""
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
+            self._descriptor = -1
+
+    def _take(self, data: bytes) -> None:
+        """Use a piece of the output; it is empty at the end."""
+        raise NotImplementedError
+
+
+class OutputTail(OutputPipe):
+    """The end of the standard output and error of a process and its forks. The text stays when the pipe is closed."""
+
+    def __init__(self, descriptor: int) -> None:
+        super().__init__(descriptor)
+        self._chunks: deque[bytes] = deque()
 
     def wait(self, timeout_s: float) -> bool:
         """Wait at most so long for output, and read it; True if there was some."""
@@ -47,13 +74,10 @@ class OutputTail:
         """The end of the output, with undecodable bytes replaced."""
         return b"".join(self._chunks).decode(errors="replace")
 
-    def close(self) -> None:
-        """Close the pipe; the text stays."""
-        if self._descriptor >= 0:
-            os.close(self._descriptor)
-            self._descriptor = -1
-
-    def _keep(self, chunk: bytes) -> None:
-        self._chunks.append(chunk[-_TAIL_BYTES:])
+    def _take(self, data: bytes) -> None:
+        self._chunks.append(data[-_TAIL_BYTES:])
         while sum(map(len, self._chunks)) - len(self._chunks[0]) >= _TAIL_BYTES:
             self._chunks.popleft()
+
+
+__all__ = ["OutputPipe", "OutputTail"]

@@ -40,6 +40,10 @@ _FUNCTIONS = {
 ENGINES = "engines"
 """The layer of a fork server that has imported engines."""
 
+ENGINE_VARIABLES = {"MUJOCO_GL": "disable", "JSBSIM_DEBUG": "0"}
+"""Variables that libraries of engines read as they are imported. MuJoCo would load a windowing library otherwise, which
+a process that is to be forked must not hold; JSBSim would print a banner."""
+
 _PLACED = "lingjing.kernel.world.worker:placed_template"
 
 
@@ -133,4 +137,5 @@ def _started(
     ends = ["--fd", str(descriptors[0]), "--progress", str(descriptors[1]), "--parent", str(os.getpid())]
     options = [] if settings.installed else ["--bare"]
     options += [part for plugin in settings.plugins for part in ("--plugin", plugin)]
-    return start_to_last([*python, *ends, *options, "--place", place], environment(settings.paths), descriptors, output)
+    variables = environment(settings.paths, ENGINE_VARIABLES)
+    return start_to_last([*python, *ends, *options, "--place", place], variables, descriptors, output)
