@@ -71,8 +71,8 @@ def test_a_policy_that_ends_its_process_loses_its_turns(tmp_path: Path, capsys: 
     ("arguments", "message"),
     [
         (("refrence",), "there is no suite `refrence`"),
-        (("reference", "-j", "0"), "-j 0: at least one"),
-        (("reference", "--limit", "0"), "--limit 0: at least one"),
+        (("reference", "-j", "0"), "-j 0: must be at least 1"),
+        (("reference", "--limit", "0"), "--limit 0: must be at least 1"),
         (("reference", "--seeds", "5-2"), "the range runs backwards"),
         (("reference", "--shard", "17/16"), "--shard 17/16: not a part of a suite"),
         (("reference", "--missions", "bii"), "--missions bii: the suite has no such name"),

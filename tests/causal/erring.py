@@ -17,7 +17,7 @@ _WAIT = threading.Event()
 
 
 class Astray(OraclePolicy):
-    """An oracle whose skipper has wrong destinations from a boundary on."""
+    """An oracle with wrong destinations of the skipper from a boundary on."""
 
     privileged = True
 

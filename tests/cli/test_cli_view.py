@@ -40,7 +40,7 @@ def test_one_file_is_written_whole(path: Path, tmp_path: Path) -> None:
 
 def test_wrong_use_is_told(path: Path, tmp_path: Path) -> None:
     for arguments, message in (
-        ((path, "--port", "70000"), "--port 70000: a whole number from 0 to 65535"),
+        ((path, "--port", "70000"), "--port 70000 is not a whole number from 0 to 65535"),
         ((path, "--pictures", "-1"), "--pictures"),
         ((tmp_path / "none.mcap",), "cannot read the trace"),
         ((path, "-o", tmp_path), "is a folder"),

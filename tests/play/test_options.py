@@ -155,7 +155,12 @@ def test_the_command_line_tells_the_faults_of_every_layer(
     common = ["--options", str(file), "-j", "none", "--world", "moon", "-o", str(tmp_path / "full")]
     assert main(["run", str(EXAMPLE), *common, *words]) == ExitCode.USAGE
     said = capsys.readouterr().err
-    others = ("there is no field 'sede'; did you mean 'seed'?", "-j none: a whole number", "world: ", "is not empty")
+    others = (
+        "there is no field 'sede'; did you mean 'seed'?",
+        "-j none: must be a whole number",
+        "world: ",
+        "is not empty",
+    )
     for fault in (*FIVE_LAYERS, *others):
         assert fault in said
     assert len(said.splitlines()) == len(FIVE_LAYERS) + len(others) + 1  # the last is the one hint for all options

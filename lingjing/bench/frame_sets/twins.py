@@ -2,8 +2,8 @@
 
 A twin inherits the labels of its frame, so an edit that moved, removed or added a target must be rejected. Measured
 are the size, that the picture has changed, and that the outlines of the whole view and of each target are at their
-places. Other errors, such as an added target, are in a list of names with reasons, which a person who inspected the
-pictures has written. Rejected edits are stored with their reasons.
+places. Other errors, such as an added target, are found by a
+person, in a list of names with reasons. Rejected edits are stored with their reasons.
 """
 
 from __future__ import annotations
