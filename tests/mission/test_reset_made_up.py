@@ -203,7 +203,7 @@ def test_ships_are_placed_at_sea() -> None:
 
     instance, notes = loaded("06", launch)
     assert instance.mission == "free_sea" and at(instance, "ship")[0][:2] == (20_000.0, -10_000.0)
-    assert instance.scene.kind == "bay" and "put around" in notes
+    assert instance.scene.kind == "bay" and "moved to" in notes
 
 
 @pytest.mark.parametrize(

@@ -203,7 +203,7 @@ def test_a_wider_scene_gives_more_ticks() -> None:
     mission, notes = read(text, "w.json", TEMPLATES)
     assert mission.budget.ticks == Number(140.0)  # 50 ticks for 900 m, and the scene is 2,520 m wide
     assert any("for longer ways the budget of 50 ticks is 140" in note for note in notes)
-    assert any("max_steps: 50 is kept; the budget of mission 'ld' counts" in note for note in notes)
+    assert any("max_steps: 50 is kept; the budget of mission 'ld' is used" in note for note in notes)
     text = (MADE_UP / "07-three-cars-no-target.json").read_text(encoding="utf-8")
     assert read(text, "w.json", TEMPLATES)[0].budget.ticks == Number(5.0)  # the document's own
 
