@@ -14,12 +14,12 @@ from typing import Protocol
 
 import msgspec
 
+from lingjing.plugins.backbone import ChatMessage, ModelError
 from lingjing.plugins.calls import UnrecordedCalls
 from lingjing.plugins.frame_detector import FrameAnswer, FrameQuestion, UnitBox
 from lingjing.plugins.options import Field, PluginOptions, read_options
 from lingjing.plugins.policy import CameraPose
 from lingjing_agents.llm.asking import open_model
-from lingjing_agents.llm.chat import ChatMessage, ModelError
 from lingjing_agents.llm.options import ModelOptions
 from lingjing_agents.llm.retry import CallDeadline
 from lingjing_agents.perception.bridge_gaps import find_gaps

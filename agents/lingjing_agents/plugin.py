@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
+from lingjing.plugins.backbone import BackbonePlugin
 from lingjing.plugins.chat_model import ModelPlugin
 from lingjing.plugins.frame_detector import DetectorPlugin
 from lingjing.plugins.hookspecs import hookimpl
 from lingjing.plugins.policy import PolicyPlugin
 from lingjing.plugins.prompts import PromptPlugin
+from lingjing.plugins.scaffold import ScaffoldPlugin
 
 _RULES = ("lingjing_agents.heuristic.policy", "cv2")
 _TRUTH = ("lingjing_agents.oracle",)
@@ -88,6 +90,42 @@ def lingjing_models() -> Iterable[ModelPlugin]:
     from lingjing_agents.llm.models import known_models
 
     return known_models()
+
+
+@hookimpl
+def lingjing_backbones() -> Iterable[BackbonePlugin]:
+    """Return the two backbones of `llm`."""
+    return (
+        BackbonePlugin(
+            name="direct",
+            factory=Deferred("llm.asking", "direct_backbone"),
+            summary="the OpenAI chat protocol over HTTP",
+        ),
+        BackbonePlugin(
+            name="litellm",
+            factory=Deferred("llm.asking", "litellm_backbone"),
+            summary="every service that litellm speaks to",
+        ),
+    )
+
+
+@hookimpl
+def lingjing_scaffolds() -> Iterable[ScaffoldPlugin]:
+    """Return the scaffolds beside that of `react` itself."""
+    return (
+        ScaffoldPlugin(
+            name="plan-manage-act",
+            build=Deferred("scaffolds.plan_manage_act", "plan_manage_act"),
+            options="lingjing_agents.scaffolds.plan_manage_act:PlanOptions",
+            summary="a planner and a manager before the decision",
+        ),
+        ScaffoldPlugin(
+            name="reflective-memory",
+            build=Deferred("scaffolds.reflective_memory", "reflective_memory"),
+            options="lingjing_agents.scaffolds.reflective_memory:LessonOptions",
+            summary="a lesson from each failed request",
+        ),
+    )
 
 
 @hookimpl

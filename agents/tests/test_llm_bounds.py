@@ -10,13 +10,13 @@ from importlib.util import find_spec
 
 import pytest
 import zstandard
-from lingjing_agents.llm.chat import ChatMessage, ChatRequest, ModelClient, ModelError
 from lingjing_agents.llm.direct import DirectClient
 from lingjing_agents.llm.retry import Attempts, CallDeadline, complete_with_retries
 from lingjing_agents.llm.through_litellm import LitellmClient
 from lingjing_agents.llm.wire import ANSWER_BYTES, pause_s
 
 from agents.tests.hostile_server import BLOCK, answered, completion, gzip_bomb, serve_raw
+from lingjing.plugins.backbone import Backbone, ChatMessage, ChatRequest, ModelError
 
 ROOM = 400_000
 """Kilobytes by which a client's process may grow; the bombs contain gigabytes."""
@@ -111,11 +111,11 @@ LATE = {
 }
 
 
-def direct(url: str) -> ModelClient:
+def direct(url: str) -> Backbone:
     return DirectClient(url, "a-key")
 
 
-def through_litellm(url: str) -> ModelClient:
+def through_litellm(url: str) -> Backbone:
     if find_spec("litellm") is None:
         pytest.skip("litellm is an optional extra")
     return LitellmClient(url, "a-key")
@@ -137,7 +137,7 @@ def cases(names: Iterable[str]) -> list[object]:
     ]
 
 
-async def ask(client: ModelClient, seconds: float, tries: int = 1):
+async def ask(client: Backbone, seconds: float, tries: int = 1):
     model = "openai/m" if isinstance(client, LitellmClient) else "m"
     request = ChatRequest(model, (ChatMessage("user", "hello"),))
     return await complete_with_retries(client, request, CallDeadline(seconds), Attempts(), tries=tries)

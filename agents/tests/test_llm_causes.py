@@ -10,13 +10,13 @@ from typing import ClassVar
 
 import msgspec
 import pytest
-from lingjing_agents.llm.chat import ChatMessage, ChatRequest, ModelError
 from lingjing_agents.llm.direct import DirectClient
 from lingjing_agents.llm.retry import Attempts, CallDeadline, complete_with_retries
 from lingjing_agents.react.policy import ReactError
 
 from agents.tests.agent_kit import Inbox, brief, observe, react
 from agents.tests.hostile_server import answered
+from lingjing.plugins.backbone import ChatMessage, ChatRequest, ModelError
 from lingjing.plugins.calls import CallResult
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import build_policy

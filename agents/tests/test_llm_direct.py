@@ -3,11 +3,11 @@
 import socket
 
 import pytest
-from lingjing_agents.llm.chat import ChatMessage, ChatRequest, ModelError
 from lingjing_agents.llm.direct import DirectClient
 from lingjing_agents.llm.retry import Attempts, CallDeadline, complete_with_retries
 
 from agents.tests.chat_server import Reply, serve, stopwatch
+from lingjing.plugins.backbone import ChatMessage, ChatRequest, ModelError
 
 HELLO = ChatRequest("test-model", (ChatMessage("user", "hello", (b"\xff\xd8jpeg",)),), schema=b'{"type":"object"}')
 

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 from lingjing_agents.llm.asking import open_model
-from lingjing_agents.llm.chat import ChatMessage, ChatRequest, ModelCompletion, ModelError
 from lingjing_agents.llm.limits import LimitedClient, limited
 from lingjing_agents.llm.models import ServiceEntry
 from lingjing_agents.llm.options import ModelOptions
 from lingjing_agents.llm.retry import CallDeadline
 
 from agents.tests.chat_server import Reply, serve
+from lingjing.plugins.backbone import ChatMessage, ChatRequest, ModelCompletion, ModelError
 from lingjing.plugins.calls import UnrecordedCalls
 from lingjing.plugins.options import read_options
 from lingjing.plugins.policy import UsageError

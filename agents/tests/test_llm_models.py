@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 from lingjing_agents.llm.asking import open_model
-from lingjing_agents.llm.chat import ChatMessage, ChatRequest
 from lingjing_agents.llm.direct import DirectClient
 from lingjing_agents.llm.models import read_models
 from lingjing_agents.llm.options import ModelOptions
@@ -14,6 +13,7 @@ from lingjing_agents.llm.retry import CallDeadline
 from agents.tests.chat_server import Reply, completion, serve
 from lingjing.cli.main import main
 from lingjing.errors import ExitCode
+from lingjing.plugins.backbone import ChatMessage, ChatRequest
 from lingjing.plugins.calls import UnrecordedCalls
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.options import read_options

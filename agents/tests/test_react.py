@@ -380,7 +380,7 @@ def test_all_faults_of_a_step_are_told_at_once():
         ({"model": "m", "base_url": "localhost"}, "service's address"),
         (
             {"model": "m", "base_url": "http://x", "client": "carrier-pigeon"},
-            "`client` is 'carrier-pigeon', 'direct' or 'litellm' is due",
+            "`client` is neither direct nor litellm, and no backbone is called `carrier-pigeon`",
         ),
         ({"model": "m", "base_url": "http://x", "temperature": "hot"}, "`temperature` is 'hot', a number is due"),
         ({"model": "m", "base_url": "http://x", "repairs": "1.5"}, "`repairs` is '1.5', a whole number is due"),

@@ -165,8 +165,8 @@ class RedrivenEpisode:
 
     def _build(self, agent: str, plugin: PolicyPlugin, binding: AgentBinding) -> Policy:
         if self.calls is not None and plugin.calls:
-            return build_policy(plugin, binding.arguments, _AgentBranchCalls(self.calls, agent))
-        return build_policy(plugin, binding.arguments)
+            return build_policy(plugin, binding.arguments, _AgentBranchCalls(self.calls, agent), self.host)
+        return build_policy(plugin, binding.arguments, host=self.host)
 
     def _refuse_remote(self) -> None:
         remote = select_engines(self.trace.header.instance, self.host).remote

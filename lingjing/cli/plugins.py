@@ -19,10 +19,13 @@ from lingjing.mission.kinds import described_by, scene_kind
 from lingjing.mission.kinds_format import SceneOption
 from lingjing.option_listing import OptionSpec, option_specs
 from lingjing.plugins.chat_model import ModelPlugin
-from lingjing.plugins.host import PluginHost
+from lingjing.plugins.engine import EnginePlugin
+from lingjing.plugins.evaluator import EvaluatorPlugin
+from lingjing.plugins.host import MAKERS, PluginHost
 from lingjing.plugins.loading import options_model
 from lingjing.plugins.options import declared_model
 from lingjing.plugins.policy import PolicyPlugin
+from lingjing.plugins.scaffold import ScaffoldPlugin
 from lingjing.suggest import nearest
 
 if TYPE_CHECKING:
@@ -37,7 +40,7 @@ class _Offer(msgspec.Struct, frozen=True, kw_only=True):
     """An installed plug-in item: one line of the list."""
 
     kind: str
-    """Engine, policy, scene, evaluator, model or detector."""
+    """Engine, policy, scene, evaluator, model, detector, backbone, scaffold or maker."""
     name: str
     source: str
     """The entry point of the plug-in, or the file of a policy."""
@@ -107,6 +110,15 @@ def offers(host: PluginHost, faults: list[PluginError]) -> Iterator[_Offer]:
     for detector in _read(lambda: host.detectors, faults):
         source = host.sources["lingjing_detectors", detector.name]
         yield _Offer(kind="detector", name=detector.name, source=source, summary=detector.summary)
+    for backbone in _read(lambda: host.backbones, faults):
+        source = host.sources["lingjing_backbones", backbone.name]
+        yield _Offer(kind="backbone", name=backbone.name, source=source, summary=backbone.summary)
+    for scaffold in _read(lambda: host.scaffolds, faults):
+        source = host.sources["lingjing_scaffolds", scaffold.name]
+        yield _Offer(kind="scaffold", name=scaffold.name, source=source, summary=scaffold.summary)
+    for hook in MAKERS:
+        for name in host.makers(hook):
+            yield _Offer(kind="maker", name=name, source=name, notes=hook, summary=f"makes or wraps by {hook}")
 
 
 def _read(read: Callable[[], Mapping[str, _Offered]], faults: list[PluginError]) -> Iterable[_Offered]:
@@ -146,13 +158,17 @@ def _offers_called(name: str, host: PluginHost) -> Iterator[_Offer]:
 def _options(offer: _Offer, host: PluginHost) -> tuple[OptionSpec, ...]:
     if offer.kind == "policy":
         return option_specs(options_model(host.policies[offer.name]))
-    if offer.kind in ("model", "detector"):
+    if offer.kind in ("model", "detector", "backbone", "maker"):
         return ()
     if offer.kind == "scene":
         kind = scene_kind(offer.name)
         return tuple(_scene_option(*item) for item in kind.options.items()) if kind is not None else ()
-    plugin = host.engines[offer.name] if offer.kind == "engine" else host.evaluators[offer.name]
-    model = declared_model(plugin.options, f"{offer.kind} `{offer.name}`")
+    declared: dict[str, Mapping[str, EnginePlugin | EvaluatorPlugin | ScaffoldPlugin]] = {
+        "engine": host.engines,
+        "evaluator": host.evaluators,
+        "scaffold": host.scaffolds,
+    }
+    model = declared_model(declared[offer.kind][offer.name].options, f"{offer.kind} `{offer.name}`")
     return option_specs(model) if model is not None else ()
 
 

@@ -66,7 +66,9 @@ class SteppedEpisodes:
         self._kernel = Kernel(
             instance, city, self._world, privileged=privileged, policy_seed=self._policy_seed
         )  # fmt: skip
-        self._barrier = policy_barrier(self._kernel, {name: build_policy(self._others, {}) for name in played})
+        self._barrier = policy_barrier(
+            self._kernel, {name: build_policy(self._others, {}, host=self._host) for name in played}
+        )
         self.published = self._kernel.reset()
         return self.published
 

@@ -38,14 +38,17 @@ def _build_evaluator(
     plugin: EvaluatorPlugin, instance: Instance, host: PluginHost, values: Mapping[str, GivenOption]
 ) -> Evaluator[Any]:
     owner = f"evaluator `{plugin.name}` of plug-in `{host.sources['lingjing_evaluators', plugin.name]}`"
-    arguments: tuple[object, ...] = ()
+    makers = host.makers("lingjing_make_evaluator")
+    if makers:
+        owner += f" (plug-ins that make evaluators: {', '.join(makers)})"
+    options = None
     if plugin.options:
         from lingjing.plugins.options import PluginOptions, declared_model, read_options
 
         subject = f"evaluator `{plugin.name}`"
-        arguments = (read_options(declared_model(plugin.options, subject) or PluginOptions, values, subject),)
+        options = read_options(declared_model(plugin.options, subject) or PluginOptions, values, subject)
     try:
-        made = plugin.build(instance, *arguments)
+        made = host.make_evaluator(plugin, instance, options)
     except LingjingError:
         raise
     except (Exception, SystemExit) as error:

@@ -147,7 +147,7 @@ class Session:
             blank_pictures=options.blank_pictures,
             policy_seed=options.policy_seed,
         )
-        barrier = _barrier(prepared.assigned, options, instance, city, calls, apart)
+        barrier = _barrier(prepared.assigned, options, instance, city, calls, apart, self.host)
         try:
             reset_policies(kernel, barrier)
             named = Path(out) if out is not None else claim_run_folder(instance.mission, instance.mode, options.seed)
@@ -222,6 +222,7 @@ def _barrier(
     city: City,
     calls: EpisodeCalls,
     apart: ForkServerClient | None,
+    host: PluginHost,
 ) -> Barrier:
     """The policies, built, in the order of their agents: `apart` in processes of their own, or here."""
     limit_s, outages = instance.budget.policy_s, ServiceOutages(assigned, calls)
@@ -237,7 +238,7 @@ def _barrier(
     for agent, policy in assigned.items():
         if policy.plugin is not None:
             before = generator_states()
-            here[agent] = build_policy(policy.plugin, policy.arguments, calls.of(agent))
+            here[agent] = build_policy(policy.plugin, policy.arguments, calls.of(agent), host)
             drawing |= {agent} if generators_advanced(before, generator_states()) else set()
     return PolicyBarrier(here, limit_s, outages, drawing)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 from lingjing.errors import ErrorCollector, InfrastructureError, UsageError
@@ -30,7 +30,7 @@ class AssignedPolicy:
 
     `spec` is its name in the options, `name` that in traces, `source` the plug-in that offers it ("": a file, or given
     as an object). `fingerprint` decides beside the arguments. `plugin` is None for a file that
-    only another process has loaded.
+    only another process has loaded. `makers` are the plug-ins that make or wrap policies (`lingjing_make_policy`).
     """
 
     spec: str
@@ -40,6 +40,7 @@ class AssignedPolicy:
     fingerprint: dict[str, str]
     source: str = ""
     plugin: PolicyPlugin | None = None
+    makers: tuple[str, ...] = ()
 
 
 def assign_policies(
@@ -69,7 +70,8 @@ def assign_policies(
         found = _examined(wanted, options, host, server, errors, whole=whole)
     else:
         found = _loaded(wanted, options, host, given, errors, whole=whole)
-    return {agent: found[name] for agent, name in names_of.items() if name in found}
+    made = {name: _made(policy, host) for name, policy in found.items()}
+    return {agent: made[name] for agent, name in names_of.items() if name in made}
 
 
 def _loaded(
@@ -133,6 +135,15 @@ def _examined(
         )
         for name, one in read.found.items()
     }
+
+
+def _made(policy: AssignedPolicy, host: PluginHost) -> AssignedPolicy:
+    """Return the policy with the plug-ins that make or wrap it, which the trace names."""
+    makers = host.made_by("lingjing_make_policy")
+    if not makers:
+        return policy
+    deciding = {**policy.fingerprint, f"{policy.name}.makers": ", ".join(makers.values())}
+    return replace(policy, makers=tuple(makers), fingerprint=deciding)
 
 
 def _source(name: str, host: PluginHost) -> str:

@@ -1,25 +1,30 @@
-"""Everything a plug-in author needs: contracts, values, hooks, geometry and the conformance kit.
+"""The plug-in contract: the modules that a plug-in imports, and the host that finds plug-ins.
+
+A *plug-in* is a module whose hooks return *declarations*: a name, a factory, a model of options. The *host* collects
+them. A *kind* is what is declared: a policy, a scaffold, a backbone, an engine, an evaluator, a scene, a detector. Each
+kind has a Protocol, its values, and checks of conformance. `docs/plugins.md` lists the kinds and their pages.
 
 - `contract`      the version of the contract, and the modules that belong to it
-- `hookspecs`     what a plug-in may offer; `host` finds it, `loading` builds policies, `building` scenes
-- `options`       the models of options that plug-ins declare, and the reading of what people write
-- `engine`, `policy`, `evaluator`   the Protocols and their values; `chat_model` how a model is declared, `calls` what a
-  policy that asks models is given beside its options
-- `decisions`     the JSON Schema of an agent's decisions, for policies whose answers come from a foreign program
+- `hookspecs`     the hooks; `host` finds plug-ins, `loading` builds policies, `building` scenes, `making` holds the
+  default of the hooks that make objects, `lookup` finds scaffolds and backbones for policies
+- `options`       the models of options that plug-ins declare, and the reading of options that users give
+- `engine`, `policy`, `evaluator`   the Protocols and their values; `chat_model` declares a model, `backbone` is the
+  Protocol of a model, `calls` the record of a policy's model calls
+- `scaffold`      the replaceable parts of an agent over a chat model
+- `decisions`     the JSON Schema of an agent's decisions, for policies whose answers come from another program
 - `fleet`         the five methods over moving bodies ← `requests` (admission, receipts), `step_clock` (fixed steps)
-- `tasks`         what a mission asks for, for policies that may see its rules
-- `prompts`       the prompts of a policy, and how a better one is asked for; `frame_detector` what says whether a
-  picture shows a target
-- `stock`         what is on board of an entity, of what a mission declares as `state`
-- `bodies`        measures of entities; `terrain` the ground and what stands on it; `roads` the public roads
+- `tasks`         the tasks of a mission, for policies that may see its rules
+- `prompts`       the prompts of a policy and their revision; `frame_detector` detects a target in a picture
+- `stock`         the goods on board of an entity, which a mission declares as `state`
+- `bodies`        measures of entities; `terrain` the ground and its buildings; `roads` the public roads
 - `geometry`      camera rays and headings
-- `conformance`   tests for engines, policies, types, evaluators, scenes and files of kinds
+- `conformance`   tests for all kinds
 
-Nothing here knows the kernel, a built-in engine, a shipped type or a mission.
+Nothing here imports the kernel or a built-in engine, or names a shipped type or mission.
 """
 
 __all__ = [
-    "bodies", "building", "calls", "chat_model", "conformance", "contract", "decisions", "engine", "evaluator", "fleet",
-    "frame_detector", "geometry", "hookspecs", "host", "loading", "options", "policy", "prompts", "requests", "roads",
-    "step_clock", "stock", "tasks", "terrain",
+    "backbone", "bodies", "building", "calls", "chat_model", "conformance", "contract", "decisions", "engine",
+    "evaluator", "fleet", "frame_detector", "geometry", "hookspecs", "host", "loading", "lookup", "making", "options",
+    "policy", "prompts", "requests", "roads", "scaffold", "step_clock", "stock", "tasks", "terrain",
 ]  # fmt: skip

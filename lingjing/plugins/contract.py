@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 
-API_VERSION = "1.0"
+API_VERSION = "1.1"
 """MAJOR.MINOR. A new major version may remove or change a name; a new minor version adds names alone."""
 
 CONTRACT_MODULES = (
@@ -16,6 +16,7 @@ CONTRACT_MODULES = (
     "lingjing.mission.instance",
     "lingjing.mission.kinds",
     "lingjing.mission.kinds_format",
+    "lingjing.plugins.backbone",
     "lingjing.plugins.bodies",
     "lingjing.plugins.building",
     "lingjing.plugins.calls",
@@ -29,11 +30,13 @@ CONTRACT_MODULES = (
     "lingjing.plugins.frame_detector",
     "lingjing.plugins.geometry",
     "lingjing.plugins.hookspecs",
+    "lingjing.plugins.lookup",
     "lingjing.plugins.options",
     "lingjing.plugins.policy",
     "lingjing.plugins.prompts",
     "lingjing.plugins.requests",
     "lingjing.plugins.roads",
+    "lingjing.plugins.scaffold",
     "lingjing.plugins.step_clock",
     "lingjing.plugins.stock",
     "lingjing.plugins.tasks",

@@ -1,4 +1,4 @@
-"""The plug-in host: an object that finds plug-ins through entry points and answers by name.
+"""The plug-in host: the object that finds plug-ins through entry points and returns their offers by name.
 
 An installed plug-in that does not load, or whose hook fails, is left out and kept in `faults`: it stops nothing that
 does not use it. Plug-ins that the caller gives raise at once.
@@ -10,7 +10,7 @@ import sys
 from collections.abc import Iterable
 from contextlib import redirect_stdout
 from functools import cached_property
-from typing import Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import pluggy
 
@@ -23,17 +23,24 @@ from lingjing.installed_plugins.discovery import (
     is_core,
 )
 from lingjing.installed_plugins.entry_points import label
-from lingjing.plugins import hookspecs
+from lingjing.plugins import hookspecs, making
+from lingjing.plugins.backbone import BackbonePlugin
+from lingjing.plugins.calls import ModelCalls
 from lingjing.plugins.chat_model import ModelPlugin
 from lingjing.plugins.contract import version_fault
 from lingjing.plugins.engine import EnginePlugin
-from lingjing.plugins.evaluator import EvaluatorPlugin
+from lingjing.plugins.evaluator import Evaluator, EvaluatorPlugin
 from lingjing.plugins.frame_detector import DetectorPlugin
 from lingjing.plugins.hookspecs import ScenePlugin
 from lingjing.plugins.loading import one_line
-from lingjing.plugins.policy import PolicyPlugin
+from lingjing.plugins.policy import Policy, PolicyPlugin
 from lingjing.plugins.prompts import PromptPlugin
+from lingjing.plugins.scaffold import ScaffoldPlugin
 from lingjing.suggest import nearest_or
+
+if TYPE_CHECKING:
+    from lingjing.mission.instance import Instance
+    from lingjing.plugins.options import PluginOptions
 
 
 class _Named(Protocol):
@@ -52,11 +59,20 @@ _DECLARATIONS: dict[str, tuple[type, str]] = {
     "lingjing_models": (ModelPlugin, ""),
     "lingjing_prompts": (PromptPlugin, ""),
     "lingjing_detectors": (DetectorPlugin, "factory"),
+    "lingjing_backbones": (BackbonePlugin, "factory"),
+    "lingjing_scaffolds": (ScaffoldPlugin, "build"),
 }
-"""What each hook offers, and the field of it that makes the thing, if one does."""
+"""The declaration that each offering hook returns, and its field with the function that makes the object; "" without
+one."""
 
 HOOKS = tuple(_DECLARATIONS)
-"""The names of all hooks."""
+"""The hooks that offer declarations. Each implementation is called alone, so that its fault is attributed to it."""
+
+MAKERS = ("lingjing_make_policy", "lingjing_make_evaluator")
+"""The hooks that make an object of a declaration. pluggy calls them: `tryfirst`, `trylast` and `wrapper` count."""
+
+_DEFAULT = "lingjing"
+"""The name of the plug-in with the default implementations of `MAKERS`."""
 
 
 class PluginHost:
@@ -70,8 +86,10 @@ class PluginHost:
     def __init__(self, *, entry_points: bool = True, extra: Iterable[object] = ()) -> None:
         self._manager = pluggy.PluginManager("lingjing")
         self._manager.add_hookspecs(hookspecs)
+        self._manager.register(making, name=_DEFAULT)
         self._order: list[str] = []
         self._strangers: dict[str, LoadablePlugin] = {}
+        self._owners: dict[str, str] = {}
         self._clashes: dict[tuple[str, str], str] = {}
         self.faults: list[PluginFault] = []
         self.sources: dict[tuple[str, str], str] = {}
@@ -91,7 +109,7 @@ class PluginHost:
 
     @cached_property
     def models(self) -> dict[str, ModelPlugin]:
-        """The chat models, by name; asked for only when somebody wants them, since their list is read from a file."""
+        """The chat models, by name. Collected on first use, because their list is read from a file."""
         return self._collect("lingjing_models")
 
     @cached_property
@@ -101,8 +119,18 @@ class PluginHost:
 
     @cached_property
     def detectors(self) -> dict[str, DetectorPlugin]:
-        """What tells whether a frame shows a target, by name."""
+        """The detectors of targets in frames, by name."""
         return self._collect("lingjing_detectors")
+
+    @cached_property
+    def backbones(self) -> dict[str, BackbonePlugin]:
+        """The chat-model backbones, by name."""
+        return self._collect("lingjing_backbones")
+
+    @cached_property
+    def scaffolds(self) -> dict[str, ScaffoldPlugin]:
+        """The agent scaffolds, by name."""
+        return self._collect("lingjing_scaffolds")
 
     def engine(self, name: str) -> EnginePlugin:
         """The engine of that name, or a `UsageError` that lists what there is."""
@@ -124,6 +152,43 @@ class PluginHost:
         """The detector of that name, or a `UsageError` that lists what there is."""
         return self._get("detector", "lingjing_detectors", self.detectors, name)
 
+    def backbone(self, name: str) -> BackbonePlugin:
+        """The backbone of that name, or a `UsageError` that lists what there is."""
+        return self._get("backbone", "lingjing_backbones", self.backbones, name)
+
+    def scaffold(self, name: str) -> ScaffoldPlugin:
+        """The scaffold of that name, or a `UsageError` that lists what there is."""
+        return self._get("scaffold", "lingjing_scaffolds", self.scaffolds, name)
+
+    def owner(self, hook: str, name: str) -> str:
+        """The distribution, with its version, of the plug-in that offers `name`; the plug-in's name without one."""
+        source = self.sources[hook, name]
+        return self._owners.get(source, source)
+
+    def makers(self, hook: str) -> tuple[str, ...]:
+        """The plug-ins that implement a hook of `MAKERS`, in the order in which pluggy calls them."""
+        implementations = getattr(self._manager.hook, hook).get_hookimpls()
+        names = [implementation.plugin_name for implementation in reversed(implementations)]
+        return tuple(name for name in names if name != _DEFAULT)
+
+    def made_by(self, hook: str) -> dict[str, str]:
+        """The distributions of `makers`, by plug-in."""
+        return {name: self._owners.get(name, name) for name in self.makers(hook)}
+
+    def make_policy(self, declaration: PolicyPlugin, options: PluginOptions, calls: ModelCalls) -> Policy:
+        """Return a policy object: that of the first plug-in that makes one, else that of its factory."""
+        made: Policy = self._manager.hook.lingjing_make_policy(declaration=declaration, options=options, calls=calls)
+        return made
+
+    def make_evaluator(
+        self, declaration: EvaluatorPlugin, instance: Instance, options: PluginOptions | None
+    ) -> Evaluator[Any]:
+        """Return an evaluator: that of the first plug-in that makes one, else that of its `build`."""
+        made: Evaluator[Any] = self._manager.hook.lingjing_make_evaluator(
+            declaration=declaration, instance=instance, options=options
+        )
+        return made
+
     def register(self, plugin: object, name: str | None = None) -> None:
         """Add a plug-in object; its hooks are called when what they offer is asked for.
 
@@ -132,6 +197,7 @@ class PluginHost:
         source = str(self._manager.register(plugin, name=name))
         try:
             self._check_version(source)
+            self._check_order(source)
         except BaseException:
             self._manager.unregister(name=source)
             raise
@@ -153,8 +219,18 @@ class PluginHost:
                 if fault:
                     raise PluginError(f"plug-in `{source}`: {fault}")
 
+    def _check_order(self, source: str) -> None:
+        """Raise `PluginError` for an offering hook that is a wrapper: each implementation of these is called alone."""
+        for hook in HOOKS:
+            for implementation in getattr(self._manager.hook, hook).get_hookimpls():
+                wraps = implementation.wrapper or implementation.hookwrapper
+                if wraps and implementation.plugin_name == source:
+                    hint = f"wrap {' or '.join(MAKERS)}, or leave `wrapper=True` out"
+                    raise PluginError(f"plug-in `{source}`: {hook} cannot be wrapped", hint=hint)
+
     def _load(self, plugin: LoadablePlugin) -> None:
         name, owner = plugin.point.name, label(plugin.point.dist)
+        self._owners[name] = owner
         try:
             with redirect_stdout(sys.stderr):  # standard output may be read by a program: `run --json`
                 self.register(plugin.point.load(), name)
@@ -169,7 +245,8 @@ class PluginHost:
     def _collect(self, hook: str) -> dict[str, NamedT]:
         """What the plug-ins offer in a hook, by name: this project's own first, then `extra`, then strangers."""
         found: dict[str, NamedT] = {}
-        implementations = {one.plugin_name: one.function for one in getattr(self._manager.hook, hook).get_hookimpls()}
+        hooks = getattr(self._manager.hook, hook).get_hookimpls()
+        implementations = {implementation.plugin_name: implementation.function for implementation in hooks}
         for source in sorted(implementations, key=self._order.index):
             stranger = self._strangers.get(source)
             if stranger is None:
@@ -209,8 +286,8 @@ class PluginHost:
             offered: tuple[NamedT, ...] = tuple(function())  # type: ignore[operator]
         except (Exception, SystemExit) as error:
             hint = error.hint if isinstance(error, LingjingError) else ""
-            said = error if isinstance(error, Exception) else one_line(error)
-            raise PluginError(f"plug-in `{source}` failed in {hook}: {said}", hint=hint) from error
+            reason = error if isinstance(error, Exception) else one_line(error)
+            raise PluginError(f"plug-in `{source}` failed in {hook}: {reason}", hint=hint) from error
         for item in offered:
             _check(item, hook, source)
         return offered
@@ -246,4 +323,4 @@ def _check(item: object, hook: str, source: str) -> None:
         raise PluginError(f"{wrong}`{maker}` of `{name}` cannot be called")
 
 
-__all__ = ["PluginHost"]
+__all__ = ["HOOKS", "MAKERS", "PluginHost"]

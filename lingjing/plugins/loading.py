@@ -6,16 +6,29 @@ A mistake in the author's code is reported by name, never with a traceback of ou
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from lingjing.errors import ForeignCodeError, LingjingError, PluginError
 from lingjing.plugins.calls import ModelCalls, UnrecordedCalls
+from lingjing.plugins.making import lingjing_make_policy
 from lingjing.plugins.policy import Policy, PolicyPlugin
 
 if TYPE_CHECKING:
     from lingjing.plugins.options import PluginOptions
 
 UNRECORDED = UnrecordedCalls()
+
+
+class PolicyMaker(Protocol):
+    """The part of `lingjing.plugins.host.PluginHost` that makes policies."""
+
+    def makers(self, hook: str) -> tuple[str, ...]:
+        """Return the plug-ins that implement a hook which makes objects."""
+        ...
+
+    def make_policy(self, declaration: PolicyPlugin, options: PluginOptions, calls: ModelCalls) -> Policy:
+        """Return a policy object."""
+        ...
 
 
 def policy_of(factory: Callable[..., Policy], name: str, summary: str = "") -> PolicyPlugin:
@@ -49,27 +62,31 @@ def read_given_options(plugin: PolicyPlugin, arguments: Mapping[str, object]) ->
     return read_options(options_model(plugin), arguments, _owner(plugin))
 
 
-def build_policy(plugin: PolicyPlugin, arguments: Mapping[str, object], calls: ModelCalls = UNRECORDED) -> Policy:
-    """One policy object for one agent; `calls` keeps what it asks chat models, if it says that it does.
+def build_policy(
+    plugin: PolicyPlugin,
+    arguments: Mapping[str, object],
+    calls: ModelCalls = UNRECORDED,
+    host: PolicyMaker | None = None,
+) -> Policy:
+    """Return one policy object for one agent. `calls` records the policy's model calls; the plug-ins of `host` may make
+    or wrap the policy (None: its factory makes it).
 
-    Raises `UsageError` that tells every fault of its options, `ForeignCodeError` if its factory fails.
+    Raises `UsageError` that lists every fault of its options, `ForeignCodeError` if its factory fails.
     """
-    from lingjing.plugins.options import given_parameters
-
     options = read_given_options(plugin, arguments)
     if plugin.calls and not plugin.options:
         raise PluginError(
             f"{_owner(plugin)} asks chat models and declares no model of its options", hint="declare both"
         )
+    makers = host.makers("lingjing_make_policy") if host is not None else ()
     try:
-        if not plugin.options:
-            return plugin.factory(**given_parameters(options))
-        return plugin.factory(options, calls) if plugin.calls else plugin.factory(options)
+        return (host.make_policy if host is not None else lingjing_make_policy)(plugin, options, calls)
     except LingjingError:
         raise
     except (Exception, SystemExit) as error:
+        also = f" (plug-ins that make policies: {', '.join(makers)})" if makers else ""
         raise ForeignCodeError(
-            f"{_owner(plugin)} cannot be built: {one_line(error)}", hint="check its --policy-arg and its code"
+            f"{_owner(plugin)} cannot be built{also}: {one_line(error)}", hint="check its --policy-arg and its code"
         ) from error
 
 

@@ -13,14 +13,16 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping
 from pkgutil import resolve_name
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, create_model
 from pydantic.errors import PydanticUndefinedAnnotation, PydanticUserError
 
 from lingjing.errors import Fault, PluginError, UsageError
 from lingjing.option_reading import read_model
-from lingjing.plugins.engine import EngineSpec
+
+if TYPE_CHECKING:
+    from lingjing.mission.instance import Instance
 
 
 class PluginOptions(BaseModel):
@@ -112,8 +114,22 @@ def options_error(faults: Mapping[str, tuple[Fault, ...]]) -> UsageError:
     return UsageError("\n".join(lines), hint=hint, faults=tuple(one for _, one in each))
 
 
-def engine_options(model: type[OptionsT], spec: EngineSpec) -> OptionsT:
-    """What an engine is told for an episode. Raises `UsageError` with every fault."""
+class EngineEpisode(Protocol):
+    """The part of `lingjing.plugins.engine.EngineSpec` that holds the options of an engine."""
+
+    @property
+    def engine(self) -> str:
+        """The engine's name."""
+        ...
+
+    @property
+    def instance(self) -> Instance:
+        """The instance that is played."""
+        ...
+
+
+def engine_options(model: type[OptionsT], spec: EngineEpisode) -> OptionsT:
+    """Return the options of an engine for an episode. Raises `UsageError` with every fault."""
     return read_options(model, spec.instance.engine_options.get(spec.engine, {}), f"engine `{spec.engine}`")
 
 
@@ -138,6 +154,6 @@ def _parameters(factory: Callable[..., object]) -> Mapping[str, inspect.Paramete
 
 
 __all__ = [
-    "Fault", "Field", "PluginOptions", "declared_model", "engine_options", "given_parameters", "model_of_parameters",
-    "option_faults", "options_error", "read_options",
+    "EngineEpisode", "Fault", "Field", "PluginOptions", "declared_model", "engine_options", "given_parameters",
+    "model_of_parameters", "option_faults", "options_error", "read_options",
 ]  # fmt: skip

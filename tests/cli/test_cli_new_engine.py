@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.cli.new import plugin_name, write_engine
+from lingjing.cli.newpackage import plugin_name, write_package
 from lingjing.dsl.formatting.formatter import format_text
 from lingjing.errors import UsageError
 from lingjing.installation import CORE, name_of
@@ -114,13 +114,13 @@ def test_a_name_that_is_none_is_refused(name: str) -> None:
 
 def test_nothing_is_overwritten_and_no_name_is_taken_twice(tmp_path: Path) -> None:
     (tmp_path / "mine").mkdir()
-    assert write_engine("mine", tmp_path / "mine") == tmp_path / "mine"
+    assert write_package("engine", "mine", tmp_path / "mine") == tmp_path / "mine"
     with pytest.raises(UsageError, match="already exists"):
-        write_engine("mine", tmp_path / "mine")
+        write_package("engine", "mine", tmp_path / "mine")
     for name in ("plane", "oracle"):
         with pytest.raises(UsageError, match=f"a plug-in called `{name}`"):
-            write_engine(name, tmp_path / name)
+            write_package("engine", name, tmp_path / name)
         assert not (tmp_path / name).exists()
     (tmp_path / "file").write_text("")
     with pytest.raises(UsageError, match="already exists"):
-        write_engine("other", tmp_path / "file")
+        write_package("engine", "other", tmp_path / "file")

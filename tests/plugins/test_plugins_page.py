@@ -10,17 +10,20 @@ from types import ModuleType
 
 import pytest
 
-from lingjing.plugins import hookspecs
+from lingjing.cli.new import KINDS
+from lingjing.plugins import conformance, hookspecs
+from lingjing.plugins.conformance import sample_brief, sample_observations
 from lingjing.plugins.contract import API_VERSION
-from lingjing.plugins.host import HOOKS, PluginHost
-from lingjing.plugins.policy import Observation
+from lingjing.plugins.host import HOOKS, MAKERS, PluginHost
+from lingjing.plugins.loading import build_policy
+from lingjing.plugins.policy import Inbox, Observation
 
 PAGE = (Path(__file__).parents[2] / "docs" / "plugins.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture
 def host(monkeypatch: pytest.MonkeyPatch) -> PluginHost:
-    (code,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    code, _ = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     module = ModuleType("page_plugin")
     monkeypatch.setitem(sys.modules, "page_plugin", module)
     exec(compile(code, "docs/plugins.md", "exec"), module.__dict__)
@@ -39,5 +42,25 @@ def test_the_plugin_of_the_page_offers_what_the_page_says(host: PluginHost) -> N
 def test_the_page_names_every_hook_and_the_version() -> None:
     assert f"now {API_VERSION})" in PAGE
     named = set(re.findall(r"`(lingjing_\w+)`", PAGE)) | set(re.findall(r"def (lingjing_\w+)", PAGE))
-    assert named >= {*HOOKS, "lingjing_api_version"}
-    assert {name for name in hookspecs.__all__ if name.startswith("lingjing_")} == {*HOOKS, "lingjing_api_version"}
+    every = {*HOOKS, *MAKERS, "lingjing_api_version"}
+    assert named >= every
+    assert {name for name in hookspecs.__all__ if name.startswith("lingjing_")} == every
+
+
+def test_the_wrapper_of_the_page_wraps_a_policy(capsys: pytest.CaptureFixture[str]) -> None:
+    _, code = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    module = ModuleType("page_wrapper")
+    exec(compile(code, "docs/plugins.md", "exec"), module.__dict__)
+    wrapped = PluginHost(extra=(module,))
+    policy = build_policy(wrapped.policy("random"), {}, host=wrapped)
+    brief = sample_brief()
+    asyncio.run(policy.reset(brief))
+    asyncio.run(policy.act(sample_observations(brief)[0], Inbox()))
+    assert re.fullmatch(r"pilot tick 0: \d+\.\d+ s\n", capsys.readouterr().out)
+
+
+def test_each_kind_of_the_page_can_be_begun() -> None:
+    begun = set(re.findall(r"`lingjing new (\w+) NAME`", PAGE))
+    assert begun - {"KIND"} == set(KINDS)
+    checks = set(re.findall(r"`(check_\w+)`", PAGE))
+    assert checks <= set(conformance.__all__)

@@ -6,7 +6,7 @@ after several attempts. Calls are recorded in the trace, so that a replay needs 
 Modules in the order of a call: `models` reads the known models and services (`models.toml` and a user's own list).
 `options` are a policy's options for its model, and the profile that results from both. `asking` makes the calls:
 `AskedModel` records each, retries it (`retry`: backoff within a deadline) and sums up the cost. Below it are `chat`
-(the values and `ModelClient`) and the clients: `direct` (the OpenAI chat protocol; it stores parameters that a
+(the wire form of a request) and the clients: `direct` (the OpenAI chat protocol; it stores parameters that a
 service rejects) or `through_litellm` (all services of litellm). Both use `wire` (one bounded HTTP exchange), within the
 service's `limits` and behind `guard`, which removes keys and passwords (`redaction`; `address` removes them from URLs).
 `probing` tests whether a service can be reached, independently of policies.

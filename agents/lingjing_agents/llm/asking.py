@@ -12,22 +12,22 @@ import time
 
 import msgspec
 
-from lingjing.plugins.calls import AbandonedCallError, CallRequest, CallResult, ModelCalls
-from lingjing.plugins.policy import Usage, UsageError
-from lingjing_agents.llm.chat import (
+from lingjing.plugins.backbone import (
+    Backbone,
     ChatMessage,
     ChatRequest,
     FailureCause,
-    ModelClient,
     ModelCompletion,
     ModelError,
-    parameters,
-    recorded_message,
+    ServiceAccess,
 )
+from lingjing.plugins.calls import AbandonedCallError, CallRequest, CallResult, ModelCalls
+from lingjing.plugins.policy import Usage, UsageError
+from lingjing_agents.llm.chat import parameters, recorded_message
 from lingjing_agents.llm.direct import DirectClient
 from lingjing_agents.llm.guard import GuardedClient
 from lingjing_agents.llm.limits import limited
-from lingjing_agents.llm.options import ModelOptions, ModelProfile
+from lingjing_agents.llm.options import DIRECT, LITELLM, ModelOptions, ModelProfile
 from lingjing_agents.llm.redaction import Redactor
 from lingjing_agents.llm.retry import Attempts, CallDeadline, complete_with_retries
 from lingjing_agents.llm.through_litellm import LitellmClient, load_litellm
@@ -47,7 +47,7 @@ class AskedModel:
     `profile` describes the model. `client` is None in a replay.
     """
 
-    def __init__(self, profile: ModelProfile, client: ModelClient | None, calls: ModelCalls) -> None:
+    def __init__(self, profile: ModelProfile, client: Backbone | None, calls: ModelCalls) -> None:
         self.profile = profile
         self._client = client
         self._calls = calls
@@ -178,18 +178,38 @@ def open_model(options: ModelOptions, calls: ModelCalls) -> AskedModel:
     return AskedModel(profile, None if calls.replaying else open_client(options, profile), calls)
 
 
-def open_client(options: ModelOptions, profile: ModelProfile) -> ModelClient:
+def open_client(options: ModelOptions, profile: ModelProfile) -> Backbone:
     """Return the client of the profile, behind a guard for its secrets. Raises `UsageError` without its key or
     address.
     """
     credentials = options.credentials(profile)
     secrets = (credentials.key, *credentials.secrets)
-    client: ModelClient = DirectClient(credentials.url, credentials.key, credentials.login)
-    if profile.client == "litellm":
+    if profile.client == LITELLM:
         load_litellm()  # takes seconds: import it before the first barrier, and report a missing package early
         secrets = (*secrets, *_keys_of_environment())
-        client = LitellmClient(credentials.url, credentials.key, credentials.login)
+    client = _backbone(profile.client, ServiceAccess(credentials.url, credentials.key, credentials.login))
     return GuardedClient(limited(client, profile.service, credentials.url or profile.served), Redactor(secrets))
+
+
+def direct_backbone(access: ServiceAccess) -> Backbone:
+    """Return the backbone over the OpenAI chat protocol."""
+    return DirectClient(access.url, access.key, access.login)
+
+
+def litellm_backbone(access: ServiceAccess) -> Backbone:
+    """Return the backbone over litellm."""
+    return LitellmClient(access.url, access.key, access.login)
+
+
+_OWN = {DIRECT: direct_backbone, LITELLM: litellm_backbone}
+
+
+def _backbone(name: str, access: ServiceAccess) -> Backbone:
+    if name in _OWN:
+        return _OWN[name](access)
+    from lingjing.plugins.lookup import open_backbone  # its search for plug-ins costs time
+
+    return open_backbone(name, access)
 
 
 def _keys_of_environment() -> tuple[str, ...]:

@@ -13,7 +13,8 @@ from typing import Annotated
 import httpx
 import msgspec
 
-from lingjing_agents.llm.chat import ChatRequest, ModelCompletion, ModelError, TokenLimit, parameters, wire_messages
+from lingjing.plugins.backbone import ChatRequest, ModelCompletion, ModelError, TokenLimit
+from lingjing_agents.llm.chat import parameters, wire_messages
 from lingjing_agents.llm.wire import HttpAnswer, UnreadableAnswerError, exchange
 
 TRANSIENT_STATUS = frozenset({408, 409, 425, 429, 500, 502, 503, 504, 529})

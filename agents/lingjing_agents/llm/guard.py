@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
-from lingjing_agents.llm.chat import ChatRequest, ModelClient, ModelCompletion, ModelError
+from lingjing.plugins.backbone import Backbone, ChatRequest, ModelCompletion, ModelError
 from lingjing_agents.llm.redaction import Redactor
 
 MESSAGE_LETTERS = 300
@@ -36,7 +36,7 @@ one.
 class GuardedClient:
     """A chat model behind a redactor."""
 
-    def __init__(self, client: ModelClient, redact: Redactor) -> None:
+    def __init__(self, client: Backbone, redact: Redactor) -> None:
         self._client = client
         self._redact = redact
 
@@ -44,12 +44,15 @@ class GuardedClient:
         """Make one call. Raises `ModelError` without a cause; any other exception becomes one."""
         try:
             with _redacted_logs(self._redact):
-                answer = await self._client.complete(request, timeout_s)
+                answer: object = await self._client.complete(request, timeout_s)
         except ModelError as error:
             failure = self._without_secrets(error)
         except Exception as error:  # noqa: BLE001 - any exception of a library may quote the request
             failure = self._without_secrets(ModelError(f"{type(error).__name__}: {error}", billed=True))
         else:
+            if not isinstance(answer, ModelCompletion):
+                kind = type(answer).__name__
+                raise ModelError(f"the backbone returned a value of type `{kind}`, no ModelCompletion", billed=True)
             redact = self._redact
             return replace(
                 answer,

@@ -20,8 +20,8 @@ from pathlib import Path
 
 import msgspec
 
+from lingjing.plugins.backbone import Backbone, ChatRequest, ModelCompletion, ModelError
 from lingjing.plugins.policy import UsageError
-from lingjing_agents.llm.chat import ChatRequest, ModelClient, ModelCompletion, ModelError
 from lingjing_agents.llm.models import ServiceEntry
 
 _POLL_S = 0.05
@@ -51,7 +51,7 @@ class _Due(msgspec.Struct):
 class LimitedClient:
     """A client that waits for its turn. Clients with the same `url` share the limits of its service."""
 
-    def __init__(self, client: ModelClient, service: ServiceEntry, url: str) -> None:
+    def __init__(self, client: Backbone, service: ServiceEntry, url: str) -> None:
         self._client = client
         self._service = service
         self._url = url
@@ -171,7 +171,7 @@ def _make(folder: Path) -> None:
         ) from error
 
 
-def limited(client: ModelClient, service: ServiceEntry, url: str) -> ModelClient:
+def limited(client: Backbone, service: ServiceEntry, url: str) -> Backbone:
     """Return the client with the limits of its service, or the client itself without limits."""
     limits = (service.concurrency, service.requests_per_minute, service.tokens_per_minute)
     return LimitedClient(client, service, url) if any(limit is not None for limit in limits) else client

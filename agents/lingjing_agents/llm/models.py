@@ -16,11 +16,11 @@ from typing import Any, Literal
 
 from pydantic import field_validator, model_validator
 
+from lingjing.plugins.backbone import Structured, TokenLimit
 from lingjing.plugins.chat_model import ModelPlugin, Tier
 from lingjing.plugins.options import Fault, Field, PluginOptions, option_faults
 from lingjing.plugins.policy import UsageError
 from lingjing_agents.llm.address import address
-from lingjing_agents.llm.chat import Structured, TokenLimit
 
 SHIPPED = Path(__file__).with_name("models.toml")
 """The table that ships with this package."""
@@ -112,7 +112,7 @@ class ServiceEntry(_Checked):
 
     base_url: str = ""
     key_variable: str = Field("", pattern=r"^([A-Z][A-Z0-9_]{0,63})?$")
-    client: Literal["direct", "litellm"] = "direct"
+    client: str = "direct"
     concurrency: int | None = Field(None, ge=1, le=10_000)
     requests_per_minute: float | None = Field(None, gt=0.0, le=1e6)
     tokens_per_minute: float | None = Field(None, gt=0.0, le=1e12)

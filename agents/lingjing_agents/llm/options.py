@@ -12,15 +12,19 @@ from typing import Any, Literal
 
 from pydantic import ValidationInfo, field_validator
 
+from lingjing.plugins.backbone import Structured
 from lingjing.plugins.options import Fault, Field, PluginOptions, options_error
 from lingjing.plugins.policy import UsageError
 from lingjing_agents.llm.address import Address, address
-from lingjing_agents.llm.chat import Structured
 from lingjing_agents.llm.models import ModelTraits, ServiceEntry, read_models
 
 _FOR_INSTANCE = "for instance http://localhost:8000/v1"
 
 Switch = Literal["auto", "yes", "no"]
+
+DIRECT, LITELLM = "direct", "litellm"
+OWN_BACKBONES = (DIRECT, LITELLM)
+"""The backbones of this package."""
 
 
 class ModelOptions(PluginOptions):
@@ -34,8 +38,10 @@ class ModelOptions(PluginOptions):
         None, validate_default=True, description="a list of models over the shipped one (models.toml)"
     )
     model: str = Field(min_length=1, description="a model of the list, or any other model's name at its service")
-    client: Literal["direct", "litellm"] = Field(
-        "direct", description="how the service is spoken to: as an OpenAI-compatible server, or through litellm"
+    client: str = Field(
+        DIRECT,
+        description="the backbone: direct (an OpenAI-compatible server), litellm, or an installed one "
+        "(`lingjing plugins`)",
     )
     api_key_env: str = Field("", description="environment variable that holds the service's key")
     base_url_env: str = Field("", description="environment variable that holds the service's address")
@@ -60,6 +66,26 @@ class ModelOptions(PluginOptions):
         except UsageError as error:
             raise ValueError(f"cannot be used: {error}") from error
         return path
+
+    @field_validator("client")
+    @classmethod
+    def _is_backbone(cls, name: str) -> str:
+        if name not in OWN_BACKBONES:
+            from lingjing.plugins.lookup import backbone_owner  # its search for plug-ins costs time
+
+            try:
+                backbone_owner(name)
+            except UsageError as error:
+                raise ValueError(f"is neither direct nor litellm, and {error} ({error.hint})") from error
+        return name
+
+    def fingerprint(self) -> dict[str, str]:
+        """Return the distribution of the backbone, unless it is one of this package."""
+        if self.client in OWN_BACKBONES:
+            return {}
+        from lingjing.plugins.lookup import backbone_owner
+
+        return {"backbone": f"{self.client} of {backbone_owner(self.client)}"}
 
     @field_validator("base_url")
     @classmethod
@@ -157,7 +183,7 @@ class ModelProfile:
     """The model's name at the service."""
     service: ServiceEntry
     """The service."""
-    client: Literal["direct", "litellm"]
+    client: str
     """The client that makes the calls."""
     traits: ModelTraits
     """The abilities and prices of the model."""
@@ -178,7 +204,7 @@ def _unlisted(client: str) -> ServiceEntry:
 
 def _needs_address(options: Mapping[str, Any]) -> bool:
     """Return whether the model needs an address: it is called directly and has no service with one in the table."""
-    if options.get("client") != "direct" or not {"models", "base_url_env"} <= options.keys():
+    if options.get("client") != DIRECT or not {"models", "base_url_env"} <= options.keys():
         return False
     table = read_models(options["models"])
     entry = table.entry(options.get("model", ""))

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from lingjing.plugins.backbone import ChatMessage, ChatRequest, ModelError
 from lingjing.plugins.options import PluginOptions
 from lingjing.plugins.policy import UsageError
 from lingjing_agents.llm.asking import open_client
-from lingjing_agents.llm.chat import ChatMessage, ChatRequest, ModelError
 from lingjing_agents.llm.options import ModelOptions
 from lingjing_agents.llm.retry import Attempts, CallDeadline, complete_with_retries
 

@@ -6,7 +6,7 @@ import asyncio
 import time
 from dataclasses import dataclass
 
-from lingjing_agents.llm.chat import ChatRequest, ModelClient, ModelCompletion, ModelError
+from lingjing.plugins.backbone import Backbone, ChatRequest, ModelCompletion, ModelError
 
 FIRST_PAUSE_S = 0.5
 """Seconds before the second attempt. Chosen."""
@@ -43,7 +43,7 @@ class Attempts:
 
 
 async def complete_with_retries(
-    client: ModelClient, request: ChatRequest, deadline: CallDeadline, attempts: Attempts, *, tries: int = 5
+    client: Backbone, request: ChatRequest, deadline: CallDeadline, attempts: Attempts, *, tries: int = 5
 ) -> ModelCompletion:
     """Make a call until it succeeds, fails permanently, has failed `tries` times, or the deadline passes.
 
@@ -74,7 +74,7 @@ async def complete_with_retries(
     raise ModelError(attempts.told(f"no usable answer within the deadline of {deadline.seconds:g} s"), fault="time")
 
 
-async def _ask(client: ModelClient, request: ChatRequest, left_s: float) -> ModelCompletion:
+async def _ask(client: Backbone, request: ChatRequest, left_s: float) -> ModelCompletion:
     try:
         async with asyncio.timeout(left_s):
             return await client.complete(request, left_s)

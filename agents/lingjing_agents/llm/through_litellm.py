@@ -15,15 +15,9 @@ import httpx
 import msgspec
 
 from lingjing.installation import AGENTS, install_line
+from lingjing.plugins.backbone import ChatRequest, FailureCause, ModelCompletion, ModelError
 from lingjing.plugins.policy import UsageError
-from lingjing_agents.llm.chat import (
-    ChatRequest,
-    FailureCause,
-    ModelCompletion,
-    ModelError,
-    parameters,
-    wire_messages,
-)
+from lingjing_agents.llm.chat import parameters, wire_messages
 from lingjing_agents.llm.direct import MOST_TOKENS, TRANSIENT_STATUS, basic, filtered
 from lingjing_agents.llm.wire import BoundedTransport, pause_s
 

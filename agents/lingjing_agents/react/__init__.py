@@ -1,14 +1,21 @@
-"""`react`: perceive, reason, act over a chat model: the paper's agent.
+"""`react`: the policy that perceives, reasons and acts over a chat model: the agent of the paper.
 
-In the order of a call: `options` (what it is played with; `prompt_files`, `prompts` its prompt) → `ablation`,
-`route_guidance` (what is shown; the interventions A0 to A3), `facts` (brief → what may be commanded and said, what is
-known), `road_costs`, `state` (observation and inbox → one line of JSON), `pictures` (pixels → JPEG, whole, in tiles or
-cut out, and what is known of each), `history` (earlier turns, bounded) make the request; `answer` finds the step in
-what comes back and `step` checks it against the schema of `lingjing.plugins.decisions` and reads commitments and plan;
-`search_budget` bounds how often cells are searched again. `policy` runs the loop: ask, show what is to be seen closer,
-repair, account tokens and cost, give up with a reason (`remedy` says what to do) before the kernel's barrier does.
-`prompt_reviser` has a second model revise a prompt from failed traces.
+At each boundary the policy sends one request: a system text, earlier turns, the state as JSON, and pictures. It reads
+one step from the answer: a decision, lines to keep, or a part of a picture to see enlarged. Four replaceable parts
+write and read these texts (`lingjing.plugins.scaffold`); this package holds the default parts and the loop.
 
-Invariants: a request holds what the brief, the observation and the inbox hold and nothing else; numbers are those that
-the kernel enforces; earlier turns stay as they were sent, so that services can keep the beginning of a request.
+In control-flow order:
+
+- `options`        the options; `prompt_files` and `prompts` hold the prompts
+- `ablation`, `route_guidance`   remove or add parts of the observation (the paper's ablations, interventions A0 to A3)
+- `prompt`         the prompt builder: `facts` (the brief in words), `road_costs`, `state` (a boundary as JSON)
+- `pictures`       JPEG files of pictures: whole, in tiles, or cut out
+- `history`        the memory: earlier turns within a bound, and the lines that the model keeps
+- `answer`, `step` the parser: the step in an answer, checked with the schema of `lingjing.plugins.decisions`
+- `search_budget`  the bound on repeated searches of a cell
+- `policy`         the loop: request, crops, repairs, bill; it ends with a reason (`remedy`) before the kernel's limit
+- `prompt_reviser` a second model that revises a prompt from failed traces
+
+Invariants: a request holds the content of the brief, the observation and the inbox and nothing else; numbers are those
+that the kernel enforces; earlier turns stay as they were sent, so that services can cache the beginning of a request.
 """

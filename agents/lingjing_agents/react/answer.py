@@ -9,7 +9,10 @@ from __future__ import annotations
 import json
 import re
 
-from lingjing_agents.react.step import ModelStep, StepFormat
+from lingjing.plugins.decisions import JsonSchema
+from lingjing.plugins.scaffold import ModelStep, StepError
+from lingjing_agents.react.facts import compact
+from lingjing_agents.react.step import StepFormat
 
 _END_OF_REASONING = re.compile(
     r"</(?:\w+:)?(?:think|thinking|thought|reasoning|analysis|scratchpad)>|\[/THINK\]|<\|channel\|>final<\|message\|>",
@@ -30,8 +33,30 @@ SCANNED_LETTERS = 2_000_000
 """How many beginnings of an object are followed, and how far in all: braces that lead nowhere cost time."""
 
 
-class StepError(Exception):
-    """An answer that cannot be used; the text says why, in words a model can act on."""
+class StepParser:
+    """The parser of `react`. With `structured` the service keeps answers to the schema, and no text repeats it."""
+
+    def __init__(self, form: StepFormat, *, structured: bool) -> None:
+        self._form = form
+        self._structured = structured
+
+    @property
+    def instructions(self) -> str:
+        """The section of the system text with the schema; "" where the service has it."""
+        return "" if self._structured else f"JSON SCHEMA OF YOUR ANSWER\n{compact(self.schema)}"
+
+    @property
+    def schema(self) -> JsonSchema:
+        """The JSON Schema of an answer."""
+        return self._form.schema
+
+    def parse(self, text: str) -> ModelStep:
+        """Return the step of an answer. Raises `StepError` that lists every fault found."""
+        return read_step(text, self._form)
+
+    def repair(self, fault: str) -> str:
+        """Return the text that requests another answer."""
+        return f"Your answer cannot be used: {fault}. Answer again with one valid JSON object and nothing else."
 
 
 def step_text(text: str) -> str:

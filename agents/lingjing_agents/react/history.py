@@ -1,53 +1,67 @@
-"""`TurnHistory`: the earlier turns that a model is shown, bounded in tokens, with the pictures that matter.
+"""`TurnMemory`: the memory of `react`: earlier turns, bounded in tokens, and the lines that the model wants to keep.
 
-Services keep what a request begins with. So a turn never changes once it is kept, and turns are let go in one block
-when the bound is passed (the oldest, until half of it is left): the beginning of a request stays the same for long.
+Services cache the beginning of a request. So a kept turn never changes, and turns are removed in one block when the
+bound is passed (the oldest, until half of the bound is left): the beginning of a request stays the same for long.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping
 
-from lingjing.plugins.policy import Decision
-from lingjing_agents.llm.chat import ChatMessage
-from lingjing_agents.react.pictures import SentImage
+from lingjing.plugins.backbone import ChatMessage
+from lingjing.plugins.scaffold import MemoryLimits, Turn
+from lingjing_agents.react.step import MEMORY_TOLD
 
 LETTERS_PER_TOKEN = 3.0
-"""Of JSON with many numbers; prose has some 4. A bound that is too strict does no harm."""
+"""Letters of a token in JSON with many numbers; prose has about 4. Chosen low: a bound that is too strict does no
+harm."""
 
 PIXELS_PER_TOKEN = 28 * 28
-"""What most models make of an image where nothing better is known."""
+"""Pixels of a token of an image: the patch of most models. Chosen."""
 
 
-class TurnHistory:
-    """Earlier turns of one agent: at most `tokens`, and among them at most `pictures` images of what was reported."""
+class TurnMemory:
+    """The earlier turns and the kept lines of one agent. With `keeps_lines` the model is offered to keep lines."""
 
-    def __init__(self, tokens: int, pictures: int) -> None:
-        self._most = tokens
-        self._pictures = pictures
+    def __init__(self, *, keeps_lines: bool) -> None:
+        self._keeps_lines = keeps_lines
+        self._limits = MemoryLimits(tokens=0, images=0)
+        self._lines: dict[str, tuple[str, ...]] = {}
         self._turns: list[tuple[ChatMessage, ChatMessage, int]] = []
 
-    def messages(self) -> tuple[ChatMessage, ...]:
-        """The turns in order, what the agent was told and what it answered."""
-        return tuple(self._flat())
+    @property
+    def instructions(self) -> str:
+        """The section of the system text that offers the memory; "" without one."""
+        return f"YOUR MEMORY\n{MEMORY_TOLD}" if self._keeps_lines else ""
 
-    def _flat(self) -> Iterator[ChatMessage]:
-        for told, answered, _ in self._turns:
-            yield from (told, answered)
+    def begin(self, limits: MemoryLimits) -> None:
+        """Set the bounds of the turns."""
+        self._limits = limits
 
-    def add(self, told: str, answered: str, decision: Decision, sent: Sequence[SentImage]) -> None:
-        """Keep a turn. Of its images stay those whose pictures the decision reports on (they show what was found), as
-        far as there is room: those of earlier turns stay while the turns do."""
-        if self._most == 0:
+    def members(self) -> Mapping[str, object]:
+        """The lines that the model wrote last, by field."""
+        return self._lines
+
+    def turns(self) -> tuple[ChatMessage, ...]:
+        """The turns in order: the text of the state, then the answer."""
+        return tuple(message for state, answer, _ in self._turns for message in (state, answer))
+
+    def record(self, turn: Turn) -> None:
+        """Keep a turn and its lines. Of its images stay those whose pictures the decision reports, as far as there is
+        room; images of earlier turns stay while the turns do."""
+        if turn.step.memory:
+            self._lines = {**self._lines, **turn.step.memory}
+        if self._limits.tokens == 0:
             return
-        named = {str(message.body.get("frame")) for message in decision.messages}
-        room = self._pictures - sum(len(turn.images) for turn, _, _ in self._turns)
-        kept = [image for image in sent if image.frame in named][: max(0, room)]
-        tokens = text_tokens(told) + text_tokens(answered) + sum(image.pixels // PIXELS_PER_TOKEN for image in kept)
-        images = tuple(image.jpeg for image in kept)
-        self._turns.append((ChatMessage("user", told, images), ChatMessage("assistant", answered), tokens))
-        if self._used() > self._most:
-            while self._turns and self._used() > self._most // 2:
+        reported = {str(message.body.get("frame")) for message in turn.decision.messages}
+        room = self._limits.images - sum(len(state.images) for state, _, _ in self._turns)
+        kept = [image for image in turn.images if image.frame in reported][: max(0, room)]
+        tokens = text_tokens(turn.state) + text_tokens(turn.answer)
+        tokens += sum(image.pixels // PIXELS_PER_TOKEN for image in kept)
+        state = ChatMessage("user", turn.state, tuple(image.jpeg for image in kept))
+        self._turns.append((state, ChatMessage("assistant", turn.answer), tokens))
+        if self._used() > self._limits.tokens:
+            while self._turns and self._used() > self._limits.tokens // 2:
                 del self._turns[0]
 
     def _used(self) -> int:
@@ -55,5 +69,5 @@ class TurnHistory:
 
 
 def text_tokens(text: str) -> int:
-    """About how many tokens a text has."""
+    """Return about how many tokens a text has."""
     return int(len(text) / LETTERS_PER_TOKEN) + 1

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Literal
 
-from pydantic import field_validator
+from pydantic import JsonValue, ValidationInfo, field_validator
 
 from lingjing.plugins.options import Field
+from lingjing.plugins.policy import UsageError
+from lingjing.plugins.scaffold import AgentParts, ScaffoldContext
 from lingjing_agents.llm.options import ModelOptions
 from lingjing_agents.react.prompt_files import prompt_text
 
+OWN_SCAFFOLD = "react"
+"""The scaffold of `react` itself; every other name is an installed scaffold."""
+
 
 class ReactOptions(ModelOptions):
-    """What `react` can be told."""
+    """The options of `react`."""
 
     deadline_s: float = Field(80.0, alias="deadline", ge=0.1, le=86_400.0, description="seconds for one decision")
     repairs: int = Field(1, ge=0, le=10, description="how often an answer that cannot be used is asked for again")
@@ -30,6 +36,12 @@ class ReactOptions(ModelOptions):
     )
     tiles: int = Field(1, ge=1, le=4, description="2: each picture also in 2 x 2 parts at full resolution, and so on")
     crops: int = Field(0, ge=0, le=16, description="parts of pictures that the model may see enlarged at a tick")
+    scaffold: str = Field(
+        OWN_SCAFFOLD, description="the parts around the model: react, or an installed scaffold (`lingjing plugins`)"
+    )
+    scaffold_args: dict[str, JsonValue] = Field(
+        default_factory=dict, validate_default=True, description="the options of the scaffold, a JSON object"
+    )
     decider: Literal["model", "sweep"] = Field(
         "model", description="who decides: the model, or in its place the rules of `heuristic` (no call is made)"
     )
@@ -46,7 +58,50 @@ class ReactOptions(ModelOptions):
         prompt_text(name)
         return name
 
+    @field_validator("scaffold")
+    @classmethod
+    def _is_scaffold(cls, name: str) -> str:
+        if name != OWN_SCAFFOLD:
+            from lingjing.plugins.lookup import scaffold_owner
+
+            _checked(lambda: scaffold_owner(name))
+        return name
+
+    @field_validator("scaffold_args")
+    @classmethod
+    def _are_of_scaffold(cls, arguments: dict[str, JsonValue], info: ValidationInfo) -> dict[str, JsonValue]:
+        if "scaffold" in info.data:
+            _checked(lambda: _builder(info.data["scaffold"], arguments))
+        return arguments
+
+    def scaffold_builder(self) -> Callable[[ScaffoldContext], AgentParts]:
+        """Return the function that builds the parts of an agent."""
+        return _builder(self.scaffold, self.scaffold_args)
+
     def fingerprint(self) -> dict[str, str]:
-        """The prompt's name and the SHA-256 of its text."""
+        """Return the prompt's name and the SHA-256 of its text; the distribution of a scaffold other than `react`."""
         prompt = prompt_text(self.prompt)
-        return {"prompt": f"{Path(prompt.name).name} sha256:{prompt.sha256}"}
+        deciding = {**super().fingerprint(), "prompt": f"{Path(prompt.name).name} sha256:{prompt.sha256}"}
+        if self.scaffold != OWN_SCAFFOLD:
+            from lingjing.plugins.lookup import scaffold_owner
+
+            deciding["scaffold"] = f"{self.scaffold} of {scaffold_owner(self.scaffold)}"
+        return deciding
+
+
+def _builder(name: str, arguments: Mapping[str, JsonValue]) -> Callable[[ScaffoldContext], AgentParts]:
+    if name == OWN_SCAFFOLD:
+        if arguments:
+            raise UsageError(f"the scaffold `{OWN_SCAFFOLD}` has no options", hint="leave scaffold_args out")
+        return lambda context: context.react
+    from lingjing.plugins.lookup import scaffold_builder  # its search for plug-ins costs time
+
+    return scaffold_builder(name, arguments)
+
+
+def _checked(call: Callable[[], object]) -> None:
+    """Raise `ValueError` with the text of a `UsageError`: one of several faults of the options."""
+    try:
+        call()
+    except UsageError as error:
+        raise ValueError(f"cannot be used: {error}" + f" ({error.hint})" * bool(error.hint)) from error

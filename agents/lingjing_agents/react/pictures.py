@@ -6,12 +6,11 @@ is measured where the camera has a depth channel, else computed for a level plan
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from lingjing.plugins.geometry import pixel_to_plane, pixel_to_world
 from lingjing.plugins.policy import REFERENCE, Brief, Picture
+from lingjing.plugins.scaffold import ImageFile
 from lingjing_agents.perception.images import ImageBox, opencv
 from lingjing_agents.react.facts import tenths
 
@@ -24,17 +23,7 @@ _HORIZON_M = 5000.0
 """A ray that meets the plane farther away says nothing of a place."""
 
 
-@dataclass(frozen=True, slots=True)
-class SentImage:
-    """An image that goes along: which part of which picture it shows, the JPEG file, and how many pixels it has."""
-
-    frame: str
-    part: ImageBox
-    jpeg: bytes
-    pixels: int
-
-
-def images(picture: Picture, longest_side: int, tiles: int) -> tuple[SentImage, ...]:
+def images(picture: Picture, longest_side: int, tiles: int) -> tuple[ImageFile, ...]:
     """The whole picture, its longer side at most `longest_side` pixels, then its `tiles` x `tiles` parts, row by row,
     if there are more than one."""
     parts = [WHOLE]
@@ -44,16 +33,16 @@ def images(picture: Picture, longest_side: int, tiles: int) -> tuple[SentImage, 
     return tuple(image(picture, part, longest_side) for part in parts)
 
 
-def image(picture: Picture, part: ImageBox, longest_side: int, *, least_side: int = 0) -> SentImage:
+def image(picture: Picture, part: ImageBox, longest_side: int, *, least_side: int = 0) -> ImageFile:
     """A part of a picture; a smaller one than `least_side` is enlarged, so that a model sees its pixels."""
     height, width = picture.rgb.shape[:2]
     if part == WHOLE and picture.jpeg and max(height, width) <= longest_side:
-        return SentImage(picture.frame, part, picture.jpeg, width * height)
+        return ImageFile(picture.frame, part, picture.jpeg, width * height)
     left, right = _span(part[0], part[2], width)
     top, bottom = _span(part[1], part[3], height)
     cut = (left / width, top / height, right / width, bottom / height)
     data, pixels = _jpeg(picture.rgb[top:bottom, left:right], longest_side, least_side)
-    return SentImage(picture.frame, cut, data, pixels)
+    return ImageFile(picture.frame, cut, data, pixels)
 
 
 def in_words(picture: Picture, brief: Brief) -> dict[str, object]:

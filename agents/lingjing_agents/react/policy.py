@@ -7,13 +7,17 @@ with `InfrastructureError`: it says nothing about the model.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import msgspec
 
+from lingjing.plugins.backbone import ChatMessage, ModelError
 from lingjing.plugins.calls import CallResult, ModelCalls
+from lingjing.plugins.decisions import JsonSchema
 from lingjing.plugins.policy import (
     REFERENCE,
+    Action,
     Brief,
     Decision,
     Inbox,
@@ -24,23 +28,31 @@ from lingjing.plugins.policy import (
     Policy,
     Usage,
 )
+from lingjing.plugins.scaffold import (
+    AgentParts,
+    Crop,
+    MemoryLimits,
+    ModelStep,
+    ScaffoldContext,
+    Situation,
+    StepError,
+    Turn,
+)
 from lingjing_agents.heuristic.policy import HeuristicPolicy
-from lingjing_agents.llm.asking import open_model
-from lingjing_agents.llm.chat import ChatMessage, ModelError
+from lingjing_agents.llm.asking import AskedModel, open_model
 from lingjing_agents.llm.retry import CallDeadline
 from lingjing_agents.react.ablation import shown_brief, shown_observation
-from lingjing_agents.react.answer import StepError, after_reasoning, read_step
-from lingjing_agents.react.facts import compact, interface
-from lingjing_agents.react.history import TurnHistory, text_tokens
+from lingjing_agents.react.answer import StepParser, after_reasoning
+from lingjing_agents.react.facts import compact
+from lingjing_agents.react.history import TurnMemory, text_tokens
 from lingjing_agents.react.options import ReactOptions
-from lingjing_agents.react.pictures import SentImage, image, images
+from lingjing_agents.react.pictures import image, images
+from lingjing_agents.react.prompt import ReactPrompt
 from lingjing_agents.react.prompt_files import prompt_text
 from lingjing_agents.react.remedy import explained, remedy
-from lingjing_agents.react.road_costs import road_costs
 from lingjing_agents.react.route_guidance import RouteGuidance
 from lingjing_agents.react.search_budget import SearchBudget
-from lingjing_agents.react.state import RequestLedger, observation_text
-from lingjing_agents.react.step import CROPS_TOLD, MEMORY_TOLD, Crop, ModelStep, StepFormat
+from lingjing_agents.react.step import StepFormat
 
 PATIENCE = 3
 """Ticks in a row without any answer of an agent's service, each with its own tries, before the episode is given up."""
@@ -73,6 +85,7 @@ class ReactPolicy:
 
     def __init__(self, options: ReactOptions, calls: ModelCalls) -> None:
         self._options = options
+        self._scaffold = options.scaffold_builder()
         self._model = open_model(options, calls)
         self._side = options.image_side or self._model.profile.traits.image_side or LONGEST_SIDE
         self._prompt = prompt_text(options.prompt)
@@ -87,50 +100,65 @@ class ReactPolicy:
         self._answers, self._valid = 0, 0
         self._system: ChatMessage | None = None
         self._references: tuple[Picture, ...] = ()
-        self._memory: dict[str, tuple[str, ...]] = {}
         self._withheld = ""
-        self._ledger = RequestLedger()
-        self._form = StepFormat(self._brief, memory=self._options.memory, crops=self._options.crops > 0)
-        kept = self._model.profile.traits.structured in ("json_schema", "tool")
-        self._schema = msgspec.json.encode(self._form.schema) if kept else None
+        self._commands: dict[int, Action] = {}
+        self._parts = self._scaffold(ScaffoldContext(self._brief, self._own_parts()))
+        schema = self._parts.parser.schema
+        self._schema = msgspec.json.encode(schema) if self._structured and schema is not None else None
         self._search = SearchBudget(self._brief, self._options.research)
 
     async def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """Ask for a step, show what it wants to see closer, repair it if need be. Raises `ReactError` if no valid step
-        came in time, and `InfrastructureError` if the service refuses to answer at all."""
+        """Return the step of the model's answer, after its crops and repairs.
+
+        Raises `ReactError` without a valid step in time, and `InfrastructureError` if the service answers nothing.
+        """
         observation = self._guidance.observation(shown_observation(observation, self._brief, self._options))
         self._references += tuple(one for one in observation.pictures if one.camera == REFERENCE)
         if self._system is None:
             self._system = ChatMessage("system", self._system_text(observation))
-            self._history = TurnHistory(self._history_tokens(), self._history_images())
+            self._parts.memory.begin(MemoryLimits(self._history_tokens(), self._history_images()))
         if self._idle(observation, inbox):
             return Decision(thought="the search is over and nothing is new: the model was not asked")
         pictures = self._shown(observation)
-        sent = tuple(one for picture in pictures for one in images(picture, self._side, self._options.tiles))
-        text = observation_text(observation, inbox, self._brief, pictures, sent, self._ledger, self._own_state())
-        question = ChatMessage("user", text, tuple(one.jpeg for one in sent))
+        sent = tuple(file for picture in pictures for file in images(picture, self._side, self._options.tiles))
+        situation = Situation(observation, inbox, pictures, sent, self._commands, self._members())
         try:
-            asked = (self._system, *self._history.messages(), question)
-            step, answer = await self._settle(observation.tick, asked, pictures)
+            return await self._decide(situation, CallDeadline(self._patience_s()))
         except ModelError as error:
-            raise self._failure(error, question.images) from error
-        return self._decided(step, answer, text, sent, observation)
+            raise self._failure(error, tuple(file.jpeg for file in sent)) from error
+
+    async def _decide(self, situation: Situation, deadline: CallDeadline) -> Decision:
+        """Deliberate, request the step, and record the turn."""
+        assert self._system is not None
+        parts, tick = self._parts, situation.observation.tick
+        thoughts = await parts.deliberation.think(situation, _Question(self._model, tick, deadline, self._structured))
+        situation = replace(situation, members={**thoughts, **situation.members})
+        text = parts.prompt.state(situation)
+        question = ChatMessage("user", text, tuple(file.jpeg for file in situation.images))
+        request = (self._system, *parts.memory.turns(), question)
+        step, answer = await self._settle(tick, request, situation.pictures, deadline)
+        decision = self._sendable(step.decision, situation.observation)
+        parts.memory.record(Turn(tick, text, answer, step, decision, situation.images))
+        return msgspec.structs.replace(decision, usage=self._bill())
+
+    def _own_parts(self) -> AgentParts:
+        """The parts of `react` for the brief."""
+        options = self._options
+        form = StepFormat(self._brief, memory=options.memory, crops=options.crops > 0)
+        return AgentParts(
+            ReactPrompt(self._prompt, self._brief, crops=options.crops, given=self._guidance.given()),
+            TurnMemory(keeps_lines=options.memory),
+            StepParser(form, structured=self._structured),
+        )
+
+    @property
+    def _structured(self) -> bool:
+        """True if the service keeps answers to a schema."""
+        return self._model.profile.traits.structured in ("json_schema", "tool")
 
     def _system_text(self, observation: Observation) -> str:
-        parts = [self._prompt.filled(self._brief), interface(self._brief)]
-        costs = road_costs(self._brief, observation)
-        if self._options.memory:
-            parts.append(f"YOUR MEMORY\n{MEMORY_TOLD}")
-        if self._options.crops:
-            parts.append(f"SEEING CLOSER\n{CROPS_TOLD.format(self._options.crops)}")
-        given = self._guidance.given()
-        if given:
-            parts.append(f"GIVEN OF THE ROUTE\n{compact(given)}")
-        if costs is not None:
-            parts.append(f"ROADS (shortest ways when they are empty)\n{compact(costs)}")
-        if self._schema is None:
-            parts.append(f"JSON SCHEMA OF YOUR ANSWER\n{compact(self._form.schema)}")
-        return "\n\n".join(parts)
+        parts = self._parts
+        return parts.prompt.system(observation, parts.memory.instructions, parts.parser.instructions)
 
     def _history_tokens(self) -> int:
         """What earlier turns may take: the option, less where the model's context leaves less beside the rest."""
@@ -142,10 +170,11 @@ class ReactPolicy:
         rest = text_tokens(self._system.text) + seen + options.max_tokens + STATE_TOKENS
         return max(0, min(options.history_tokens, traits.context - rest))
 
-    def _own_state(self) -> dict[str, object]:
-        """What the agent is told of itself: its memory, what was withheld, what it may still search again."""
+    def _members(self) -> Mapping[str, object]:
+        """The members of the state that the loop adds: the memory, the withheld command, the rest of the search."""
         left = {"pictures_of_searched_cells_left": self._search.left} if self._search.applies else {}
-        return {**self._memory, "withheld": self._withheld, **left, "next_node": self._guidance.next_node()}
+        memory = self._parts.memory.members()
+        return {**memory, "withheld": self._withheld, **left, "next_node": self._guidance.next_node()}
 
     def _idle(self, observation: Observation, inbox: Inbox) -> bool:
         """Whether a single pass is over and there is nothing to answer."""
@@ -177,18 +206,15 @@ class ReactPolicy:
         """Images of one picture: the whole and its tiles."""
         return 1 if self._options.tiles == 1 else 1 + self._options.tiles**2
 
-    def _decided(
-        self, step: ModelStep, answer: str, text: str, sent: Sequence[SentImage], observation: Observation
-    ) -> Decision:
-        decision = msgspec.structs.replace(step.decision, command=self._guidance.command(step.decision.command))
+    def _sendable(self, decision: Decision, observation: Observation) -> Decision:
+        """Return the decision with the command that may be given. The kernel admits it at the next boundary."""
+        decision = msgspec.structs.replace(decision, command=self._guidance.command(decision.command))
         self._withheld = self._search.withheld(decision.command, observation)
         if self._withheld:
             decision = msgspec.structs.replace(decision, command=None)
-        if step.memory:
-            self._memory = {**self._memory, **step.memory}
-        self._ledger.note(observation.tick, decision)
-        self._history.add(text, answer, decision, sent)
-        return msgspec.structs.replace(decision, usage=self._bill())
+        if decision.command is not None:
+            self._commands[observation.tick + 1] = decision.command
+        return decision
 
     def _failure(self, error: ModelError, shown: tuple[bytes, ...]) -> ReactError | InfrastructureError:
         """Slow answers and refused topics are the model's doing; a service that answers nothing is not."""
@@ -207,10 +233,9 @@ class ReactPolicy:
         return own_s if limit_s is None else min(own_s, DECISION_SHARE * limit_s)
 
     async def _settle(
-        self, tick: int, messages: tuple[ChatMessage, ...], pictures: Sequence[Picture]
+        self, tick: int, messages: tuple[ChatMessage, ...], pictures: Sequence[Picture], deadline: CallDeadline
     ) -> tuple[ModelStep, str]:
-        """The step that is decided on at last: crops are shown and faults are told in between."""
-        deadline = CallDeadline(self._patience_s())
+        """Return the final step and its answer: crops and repairs come in between."""
         repairs, crops, fault = self._options.repairs, self._options.crops, ""
         while True:
             completion = await self._model.ask(tick, messages, deadline, schema=self._schema)
@@ -226,10 +251,7 @@ class ReactPolicy:
                 if repairs == 0:
                     break
                 repairs -= 1
-                reply = ChatMessage(
-                    "user",
-                    f"Your answer cannot be used: {fault}. Answer again with one valid JSON object and nothing else.",
-                )
+                reply = ChatMessage("user", self._parts.parser.repair(fault))
             messages = (*messages, ChatMessage("assistant", said[:2000] or "(nothing)"), reply)
         tried = f"{self._options.repairs} repair{'s' * (self._options.repairs != 1)}"
         raise ReactError(f"no valid step after {tried}; last fault: {fault}", self._bill())
@@ -241,7 +263,7 @@ class ReactPolicy:
             raise StepError(f"it was cut off at {self._options.max_tokens} tokens; be much shorter")
         if completion.finish_reason == "content_filter":
             raise StepError("the service's content filter removed it")
-        step = read_step(completion.text, self._form)
+        step = self._parts.parser.parse(completion.text)
         self._valid += 1
         return step
 
@@ -264,8 +286,21 @@ class ReactPolicy:
         return bill
 
 
+class _Question:
+    """A request of the deliberation (`lingjing.plugins.scaffold.ModelQuestion`)."""
+
+    def __init__(self, model: AskedModel, tick: int, deadline: CallDeadline, structured: bool) -> None:
+        self._model, self._tick, self._deadline, self._structured = model, tick, deadline, structured
+
+    async def __call__(self, messages: Sequence[ChatMessage], schema: JsonSchema | None = None) -> str:
+        """Return the answer's text without its reasoning."""
+        form = msgspec.json.encode(schema) if schema is not None and self._structured else None
+        completion = await self._model.ask(self._tick, tuple(messages), self._deadline, schema=form)
+        return answered(completion.text)
+
+
 def answered(text: str) -> str:
-    """An answer without its reasoning: what a model is shown of what it said."""
+    """Return an answer without its reasoning; "" if the reasoning does not end."""
     try:
         return after_reasoning(text)
     except StepError:

@@ -8,15 +8,16 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import msgspec
 
+from lingjing.plugins.backbone import ChatMessage, ModelError
 from lingjing.plugins.calls import CallResult, ModelCalls
 from lingjing.plugins.options import Field, read_options
 from lingjing.plugins.policy import InfrastructureError
 from lingjing.plugins.prompts import Revision, TriedPrompt
+from lingjing.plugins.scaffold import StepError
 from lingjing_agents.llm.asking import AskedModel, open_model
-from lingjing_agents.llm.chat import ChatMessage, ModelError
 from lingjing_agents.llm.options import ModelOptions
 from lingjing_agents.llm.retry import CallDeadline
-from lingjing_agents.react.answer import StepError, after_reasoning
+from lingjing_agents.react.answer import after_reasoning
 from lingjing_agents.react.history import LETTERS_PER_TOKEN, text_tokens
 from lingjing_agents.react.prompt_files import HOLES, check_text
 

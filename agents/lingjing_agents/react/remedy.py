@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lingjing_agents.llm.chat import ModelError
+from lingjing.plugins.backbone import ModelError
 
 _SPEAKING = ("model", "context", "token", "api key", "api_key", "quota", "credit", "billing")
 """A refusal that speaks of one of these says itself what is wrong: no guess is put beside it."""

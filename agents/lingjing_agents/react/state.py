@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from lingjing.plugins.policy import (
     Action,
     Brief,
-    Decision,
     EntityView,
     Inbox,
     Observation,
@@ -18,21 +17,17 @@ from lingjing.plugins.policy import (
     Receipt,
     is_request_of,
 )
+from lingjing.plugins.scaffold import ImageFile
 from lingjing_agents.react.facts import compact, tenths, weather
-from lingjing_agents.react.pictures import WHOLE, SentImage, in_words
+from lingjing_agents.react.pictures import WHOLE, in_words
 
 
 class RequestLedger:
-    """The commands that the agent gave, by the boundary at which they were admitted, so that receipts can say what they
-    answer."""
+    """The agent's commands by the boundary at which they were admitted: receipts are described with the command that
+    they answer."""
 
-    def __init__(self) -> None:
-        self._commands: dict[int, Action] = {}
-
-    def note(self, tick: int, decision: Decision) -> None:
-        """Keep a decision that was made at a boundary; it is carried out at the next. A call gives one command."""
-        if decision.command is not None:
-            self._commands[tick + 1] = decision.command
+    def __init__(self, commands: Mapping[int, Action] | None = None) -> None:
+        self._commands = commands or {}
 
     def in_words(self, agent: str, receipts: Sequence[Receipt]) -> list[dict[str, object]]:
         """The receipts with the verb or the kind of message that each answers. Accepted messages are left out."""
@@ -64,7 +59,7 @@ def observation_text(
     inbox: Inbox,
     brief: Brief,
     pictures: Sequence[Picture] = (),
-    sent: Sequence[SentImage] = (),
+    sent: Sequence[ImageFile] = (),
     ledger: RequestLedger | None = None,
     more: Mapping[str, object] | None = None,
 ) -> str:
@@ -127,7 +122,7 @@ def _cells(observation: Observation) -> dict[str, object]:
     return {"cells_searched": searched, "cells_unsearched": unsearched}
 
 
-def _parts(picture: Picture, sent: Sequence[SentImage]) -> dict[str, object]:
+def _parts(picture: Picture, sent: Sequence[ImageFile]) -> dict[str, object]:
     """Which images show which part of the picture, by their number among those that go along; whole ones need none."""
     numbered = [(number, one) for number, one in enumerate(sent, 1) if one.frame == picture.frame]
     if not numbered or (len(sent) == 1 and numbered[0][1].part == WHOLE):

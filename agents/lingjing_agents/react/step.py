@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import msgspec
 
 from lingjing.plugins.decisions import DecisionFormat, JsonSchema
-from lingjing.plugins.policy import Brief, Decision
-from lingjing_agents.perception.images import ImageBox
+from lingjing.plugins.policy import Brief
+from lingjing.plugins.scaffold import Crop, ModelStep, UnitBox
 
 LINES, LETTERS = 8, 240
 """A memory has so many lines of so many letters; what is beyond is cut off."""
@@ -24,23 +23,6 @@ CROP = "crop"
 CROPS_TOLD = """\
 Before you decide you may ask {} times a tick to see a part of a picture enlarged: answer with "crop": {{"frame": id \
 of a picture, "box": [x_min, y_min, x_max, y_max] of the whole picture}}, "command": null, "messages": []."""
-
-
-@dataclass(frozen=True, slots=True)
-class Crop:
-    """A part of a picture that the model asks to see closer."""
-
-    frame: str
-    box: ImageBox
-
-
-@dataclass(frozen=True, slots=True)
-class ModelStep:
-    """One answer: the decision, the lines to remember by field, and the crop that is asked for instead of deciding."""
-
-    decision: Decision
-    memory: dict[str, tuple[str, ...]]
-    crop: Crop | None = None
 
 
 class StepFormat:
@@ -74,7 +56,7 @@ class StepFormat:
             name: tuple(line[:LETTERS] for line in answer[name][:LINES]) for name in self._memory if name in answer
         }
         wanted = answer.get(CROP)
-        crop = None if wanted is None else Crop(wanted["frame"], msgspec.convert(wanted["box"], ImageBox))
+        crop = None if wanted is None else Crop(wanted["frame"], msgspec.convert(wanted["box"], UnitBox))
         return ModelStep(self._form.decision(answer), memory, crop)
 
 

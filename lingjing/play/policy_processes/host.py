@@ -59,7 +59,7 @@ from lingjing.play.policy_processes.pictures import MappedSlots
 from lingjing.plugins.calls import AbandonedCallError
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import build_policy
-from lingjing.plugins.policy import Picture, Policy, PolicyPlugin
+from lingjing.plugins.policy import Picture, Policy
 from lingjing.processes.channel import Channel, ChannelClosedError, Packet
 from lingjing.processes.deadlines import WallDeadline
 from lingjing.processes.linux import adopt_orphans
@@ -175,8 +175,8 @@ class _PolicyHost:
             self._constants = request.truth.instance, unpacked(request.truth.city)
         calls = RemoteModelCalls(self._calls, replaying=request.replaying, capped=request.capped)
         try:
-            plugin = _plugin(request.spec, request.source)
-            self.policy = build_policy(plugin, request.arguments, calls)
+            host = _host((request.source, *request.makers))
+            self.policy = build_policy(load_policy(request.spec, host), request.arguments, calls, host)
         except LingjingError as error:
             return raised(error)
         return CallEnded()
@@ -242,11 +242,10 @@ def _decided(value: Any) -> PolicyAnswerMessage:
     return DecisionMade(decision=made.decision)
 
 
-def _plugin(spec: str, source: str) -> PolicyPlugin:
-    """The declaration of a policy: of the plug-in `source` alone, if it is named."""
-    points = [point for point in find_entries(PLUGINS).points if point.name == source] if source else []
-    host = PluginHost(entry_points=False, extra=[point.load() for point in points])
-    return load_policy(spec, host)
+def _host(names: tuple[str, ...]) -> PluginHost:
+    """Return a host with the installed plug-ins of these names alone."""
+    points = {point.value: point for point in find_entries(PLUGINS).points if point.name in names}
+    return PluginHost(entry_points=False, extra=[point.load() for point in points.values()])
 
 
 def _yield_memory() -> None:

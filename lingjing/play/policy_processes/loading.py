@@ -28,6 +28,7 @@ def agent_policies(
         load = LoadPolicy(
             spec=policy.spec,
             source=policy.source,
+            makers=policy.makers,
             arguments=policy.arguments,
             seed=ambient_seed(options.policy_seed, agent),
             replaying=record.replaying,

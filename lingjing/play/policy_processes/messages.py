@@ -94,7 +94,8 @@ class CheckOptions(PolicyMessage, frozen=True, kw_only=True):
 
 
 class LoadPolicy(PolicyMessage, frozen=True, kw_only=True):
-    """Load and build one policy. `source` is the plug-in that offers it, "" for a file; `seed` starts the global random
+    """Load and build one policy. `source` is the plug-in that offers it, "" for a file; `makers` are those that make or
+    wrap it; `seed` starts the global random
     generators; `replaying` and `capped` are those of its `ModelCalls`; `memory_bytes` bounds what it may allocate;
     `truth` is for a privileged policy."""
 
@@ -105,6 +106,7 @@ class LoadPolicy(PolicyMessage, frozen=True, kw_only=True):
     replaying: bool = False
     capped: bool = False
     truth: TruthConstants | None = None
+    makers: tuple[str, ...] = ()
 
 
 class ResetPolicy(PolicyMessage, frozen=True, kw_only=True):

@@ -10,16 +10,19 @@ In a test of your own plug-in:
 or `check_engine(plugin, instance, city, …)` for all at once; `case_of(plugin, mission, {resource: (verb, arguments)})`
 makes a case of a mission. `check_body(mission, entity)` tries the body that an entity's type declares: whether it is
 seen as large as it says, and whether it can be hit. `check_evaluator(plugin, instance)`, `check_scene(spec)` and
-`check_kinds(entry_point)` try the rest of what a plug-in offers. Each check makes engines of its own from the plug-in's
+`check_kinds(entry_point)` test the other kinds, `check_scaffold(plugin)` and `check_backbone(plugin, model)` the parts
+of an agent over a chat model. Each check makes engines of its own from the plug-in's
 factory, raises `ConformanceError` with one sentence, and needs nothing but the contract of `lingjing.plugins.engine`.
 The commands of a case should be admissible ones that take a while; they are submitted at time 0.
 
 `case` (what is tried, how it is played) → `boundaries` (what every boundary must be) → `engines` and `requests` (the
-checks of an engine), `policies` (those of a policy), `bodies` (those of a type's body) and `providers` (the rest).
+checks of an engine), `policies` (those of a policy), `scaffolds`, `backbones`, `bodies` (those of a type's body) and
+`providers` (evaluators, scenes, files of kinds); `samples` holds a brief for checks without a mission.
 """
 
+from lingjing.plugins.conformance.backbones import BACKBONE_CHECKS, BackboneCase, check_backbone
 from lingjing.plugins.conformance.bodies import BODY_CHECKS, BodyCase, check_body, check_can_be_hit, check_is_seen
-from lingjing.plugins.conformance.case import ConformanceError, EngineCase, Run, case_of, check_name
+from lingjing.plugins.conformance.case import ConformanceError, EngineCase, Run, case_of, check_name, instance_of
 from lingjing.plugins.conformance.engines import (
     ENGINE_CHECKS,
     check_advance,
@@ -52,22 +55,29 @@ from lingjing.plugins.conformance.requests import (
     check_receipts,
     check_refusals,
 )
+from lingjing.plugins.conformance.samples import sample_brief, sample_observations
+from lingjing.plugins.conformance.scaffolds import SCAFFOLD_CHECKS, ScaffoldCase, check_scaffold
 
 __all__ = [
+    "BACKBONE_CHECKS",
     "BODY_CHECKS",
     "ENGINE_CHECKS",
     "POLICY_CHECKS",
+    "SCAFFOLD_CHECKS",
     "UNKNOWN_RESOURCE",
     "UNKNOWN_VERB",
+    "BackboneCase",
     "BodyCase",
     "ConformanceError",
     "EngineCase",
     "PolicyCase",
     "Run",
+    "ScaffoldCase",
     "case_of",
     "check_admission",
     "check_advance",
     "check_arguments",
+    "check_backbone",
     "check_body",
     "check_busy",
     "check_can_be_hit",
@@ -89,7 +99,11 @@ __all__ = [
     "check_refusals",
     "check_repeatable",
     "check_same_decisions",
+    "check_scaffold",
     "check_scene",
     "check_strangers",
     "check_values",
+    "instance_of",
+    "sample_brief",
+    "sample_observations",
 ]  # fmt: skip

@@ -70,6 +70,11 @@ class EngineCase:
         return tuple(_moved(state, time_s) for state in self.mirrors)
 
 
+def instance_of(mission: Mission, *, seed: int = 1) -> Instance:
+    """Return an instance of a mission, for checks that need one."""
+    return instantiate(mission, seed=seed)
+
+
 def case_of(
     plugin: EnginePlugin,
     mission: Mission,
@@ -162,6 +167,6 @@ def _moved(state: BodyState, seconds: float) -> BodyState:
 
 
 __all__ = [
-    "ConformanceError", "EngineCase", "Run", "advance", "case_of", "check_name", "drive", "engine_of", "play",
-    "require", "run_all",
+    "ConformanceError", "EngineCase", "Run", "advance", "case_of", "check_name", "drive", "engine_of", "instance_of",
+    "play", "require", "run_all",
 ]  # fmt: skip

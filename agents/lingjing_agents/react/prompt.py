@@ -1,0 +1,49 @@
+"""`ReactPrompt`: the prompt builder of `react`: its prompt and the facts of the brief, then the state as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from lingjing.plugins.policy import Brief, Observation
+from lingjing.plugins.scaffold import Situation
+from lingjing_agents.react.facts import compact, interface
+from lingjing_agents.react.prompt_files import PromptText
+from lingjing_agents.react.road_costs import road_costs
+from lingjing_agents.react.state import RequestLedger, observation_text
+from lingjing_agents.react.step import CROPS_TOLD
+
+
+class ReactPrompt:
+    """The texts of one agent. `crops` is the number of crops of a boundary, `given` the content of the intervention."""
+
+    def __init__(self, prompt: PromptText, brief: Brief, *, crops: int, given: Mapping[str, object]) -> None:
+        self._prompt = prompt
+        self._brief = brief
+        self._crops = crops
+        self._given = given
+
+    def system(self, first: Observation, memory: str, answer: str) -> str:
+        """Return the filled prompt, the facts of the interface, and a section for each thing that there is."""
+        costs = road_costs(self._brief, first)
+        sections = (
+            self._prompt.filled(self._brief),
+            interface(self._brief),
+            memory,
+            f"SEEING CLOSER\n{CROPS_TOLD.format(self._crops)}" if self._crops else "",
+            f"GIVEN OF THE ROUTE\n{compact(self._given)}" if self._given else "",
+            "" if costs is None else f"ROADS (shortest ways when they are empty)\n{compact(costs)}",
+            answer,
+        )
+        return "\n\n".join(section for section in sections if section)
+
+    def state(self, situation: Situation) -> str:
+        """Return the boundary as one line of JSON."""
+        return observation_text(
+            situation.observation,
+            situation.inbox,
+            self._brief,
+            situation.pictures,
+            situation.images,
+            RequestLedger(situation.commands),
+            situation.members,
+        )

@@ -1,0 +1,90 @@
+"""`lingjing new` for each kind that is a package: it is clean, installs, is listed, and its own tests pass."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from lingjing.cli.new import KINDS
+from lingjing.cli.newpackage import PACKAGES, plugin_name, write_package
+from lingjing.dsl.formatting.formatter import format_text
+from lingjing.errors import UsageError
+
+PLACEHOLDERS = ("NAME0", "Name0", "Title0", "CORE0", "API0")
+PIP = ("-m", "pip", "--disable-pip-version-check", "install", "-q", "--no-deps", "--no-build-isolation")
+PYTEST = ("-P", "-m", "pytest", "-q", "-p", "no:cacheprovider", "-o", "asyncio_default_fixture_loop_scope=function")
+LISTED = {"backbone": 2, "evaluator": 1, "scaffold": 1, "scene": 1, "types": 0}
+"""Lines of `lingjing plugins` that name the plug-in."""
+OWN = sorted(LISTED)
+
+
+def call(*command: object, cwd: Path, site: Path | None = None) -> str:
+    env = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    if site is not None:
+        env["PYTHONPATH"] = str(site)
+    done = subprocess.run(
+        [sys.executable, *map(str, command)], cwd=cwd, env=env, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
+    return done.stdout + done.stderr
+
+
+@pytest.fixture(scope="module")
+def packages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("packages")
+    return {kind: write_package(kind, f"my-{kind}", folder / kind) for kind in OWN}
+
+
+def test_every_kind_is_known_to_the_command() -> None:
+    assert set(PACKAGES) | {"agent", "mission"} == set(KINDS)
+    assert {*OWN, "engine"} == set(PACKAGES)
+
+
+@pytest.mark.parametrize("kind", OWN)
+def test_nothing_of_the_template_is_left_and_all_is_clean(kind: str, packages: dict[str, Path]) -> None:
+    files = [path for path in packages[kind].rglob("*") if path.is_file() and "__pycache__" not in path.parts]
+    assert {"README.md", "pyproject.toml"} <= {path.name for path in files}
+    for path in files:
+        text = path.read_text(encoding="utf-8")
+        assert not [word for word in PLACEHOLDERS if word in text]
+        if path.suffix == ".ljs":
+            assert format_text(text).text == text
+    style = ("--isolated", "--line-length", "120")
+    call("-m", "ruff", "check", *style, "--select", "E,F,I,B,UP", ".", cwd=packages[kind])
+    call("-m", "ruff", "format", *style, "--check", ".", cwd=packages[kind])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", OWN)
+def test_it_installs_is_listed_and_its_own_tests_pass(kind: str, packages: dict[str, Path], tmp_path: Path) -> None:
+    site = tmp_path / "site"
+    call(*PIP, "--target", site, packages[kind], cwd=tmp_path)
+    listed = call("-m", "lingjing.cli.main", "plugins", cwd=tmp_path, site=site)
+    assert len([line for line in listed.splitlines() if f"my_{kind}" in line]) == LISTED[kind]
+    for mission in packages[kind].glob("missions/*.ljs"):
+        assert call("-m", "lingjing.cli.main", "validate", mission, cwd=tmp_path, site=site) == ""
+    assert " passed" in call(*PYTEST, cwd=packages[kind], site=site)
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "says"),
+    [
+        ("backbone", "direct", r"a plug-in called `direct` \(backbone\) exists already"),
+        ("evaluator", "mission", "cannot be the name of an evaluator"),
+        ("scene", "bay", r"a plug-in called `bay` \(scene\) exists already"),
+        ("scaffold", "react", "cannot be the name of a scaffold"),
+        ("types", "std", "cannot be the name of a package of types"),
+    ],
+)
+def test_a_name_that_is_taken_or_none_is_refused(kind: str, name: str, says: str, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=says):
+        write_package(kind, name, tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+
+
+def test_names_become_words() -> None:
+    assert plugin_name("My-Scene", "scene") == "my_scene"
