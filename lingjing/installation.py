@@ -16,7 +16,7 @@ from importlib.metadata import Distribution, EntryPoint, PackageNotFoundError, d
 from typing import NamedTuple
 from urllib.parse import unquote, urlsplit
 
-from lingjing.installed_plugins.entry_points import PLUGINS, find_entries
+from lingjing.installed_plugins.entry_points import PLUGINS, find_entries, present_place
 
 
 class OwnDistribution(NamedTuple):
@@ -31,7 +31,7 @@ class OwnDistribution(NamedTuple):
 
 
 # The name `lingjing` on the public index belongs to another project (ADR 0026).
-CORE = OwnDistribution("lingjing-sim", "lingjing", "lingjing.engines.builtin")
+CORE = OwnDistribution("lingjing-sim", "lingjing", "lingjing.builtin")
 AGENTS = OwnDistribution("lingjing-sim-agents", "lingjing-agents", "lingjing_agents.plugin")
 OWN = (CORE, AGENTS)
 
@@ -184,7 +184,7 @@ def _is(own: OwnDistribution, metadata: Distribution) -> bool:
 
 
 def _declares(own: OwnDistribution, point: EntryPoint) -> bool:
-    return point.group == PLUGINS and point.value == own.plugin
+    return point.group == PLUGINS and present_place(point).value == own.plugin
 
 
 def _selects(marker: str, extra: str) -> bool:

@@ -16,7 +16,7 @@ from lingjing.cli.main import main
 from lingjing.installation import CORE, EarlierRequirement, earlier_requirements, name_of, requirements
 
 ROOT = Path(__file__).resolve().parents[1]
-BUILTIN = "[lingjing]\nbuiltin = lingjing.engines.builtin\n"
+BUILTIN = "[lingjing]\nbuiltin = lingjing.builtin\n"
 SOURCE_FOLDERS = ("lingjing", "agents", "docs", "editors", "tools", "scenarios", "suites", "benchmarks")
 ADVICE = re.compile(r"pip install[^\n`]*?[\s'\"]lingjing(?:[-_]agents)?(?=[\s'\"`\[\].,;=)]|$)", re.MULTILINE)
 
@@ -187,3 +187,13 @@ def test_the_command_names_a_package_that_was_overwritten(tmp_path: Path, text: 
     assert (done.returncode, done.stdout) == (2, "")
     assert fault in done.stderr and "hint: pip install --force-reinstall --no-deps WHEEL" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_metadata_with_the_earlier_place_of_the_plugin_is_understood(tmp_path: Path) -> None:
+    """An editable installation keeps it until it is installed again."""
+    earlier = BUILTIN.replace("lingjing.builtin", "lingjing.engines.builtin")
+    add_metadata(tmp_path, "lingjing-sim", entry_points=earlier)
+    assert answer(tmp_path, "[name_of(CORE), version_of(CORE)]") == ["lingjing-sim", "1.0.0"]
+    assert answer(tmp_path, "[[point.value, point.dist.version] for point in find_entries(PLUGINS).points]") == [
+        ["lingjing.builtin", "1.0.0"]
+    ]

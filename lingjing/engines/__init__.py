@@ -5,7 +5,7 @@ An *engine* moves the bodies of one kind, or renders pictures. It is a plug-in w
 boundaries. At each boundary an engine receives the states of all other engines' bodies; such a state is a *mirror*.
 `docs/engines.md` is the page for users; ADR 0036 says which engines of the paper they stand for.
 
-`builtin` declares all engines. Each package holds one engine:
+`lingjing.builtin` declares all engines. Each package holds one engine:
 
 - `multirotor`: rotor aircraft in JSBSim.
 - `fixed_wing` (the engine `plane`): light aeroplanes in JSBSim.

@@ -21,6 +21,11 @@ TYPES = "lingjing.std"
 """The group of packages with types of missions: `use NAME.file { … }`."""
 
 
+_MOVED = {"lingjing.engines.builtin": "lingjing.builtin"}
+"""Modules of this project's plug-ins by their earlier places: the metadata of an editable installation keeps the
+earlier place until it is installed again."""
+
+
 class BrokenEntry(NamedTuple):
     """Metadata that names no plug-in although it should: the entry point ("" if none can be read), the distribution
     with its version, and the reason."""
@@ -68,11 +73,20 @@ def _read_entries(group: str) -> FoundEntries:
             continue
         for point in here:
             if EntryPoint.pattern.match(point.value):
-                points.append(point)
+                points.append(present_place(point))
             else:
                 reason = f"its entry point has the value {point.value!r}, which names no module"
                 broken.append(BrokenEntry(point.name, label(found), reason))
     return FoundEntries(tuple(sorted(points, key=lambda point: (point.name, label(point.dist)))), tuple(broken))
+
+
+def present_place(point: EntryPoint) -> EntryPoint:
+    """Return an entry point with the present place of its module."""
+    if point.value not in _MOVED:
+        return point
+    moved = EntryPoint(point.name, _MOVED[point.value], point.group)
+    vars(moved).update(dist=point.dist)  # what `importlib.metadata` does with those that it reads
+    return moved
 
 
 @lru_cache(maxsize=256)  # a distribution's metadata is parsed anew at each look

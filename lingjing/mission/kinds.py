@@ -1,7 +1,7 @@
 """Kinds of scenes and engines as data: the facts that checks of a mission need before any plug-in is imported.
 
 A plug-in with a scene or an engine describes it in a file `kinds.json` beside the module that its entry point (group
-`lingjing`) names; the built-in ones are in `lingjing/engines/kinds.json`. The file is found without importing the
+`lingjing`) names; the built-in ones are in `lingjing/kinds.json`. The file is found without importing the
 plug-in, and only if a mission names a kind that is not built in. A kind without a description is accepted unchecked.
 """
 
@@ -37,7 +37,7 @@ DISPLACEMENT = "displacement_m"
 """The option of every scene with the largest distance by which it may move a body from its declared place. Providers do
 not read it."""
 
-_BUILTIN = Path(__file__).parents[1] / "engines" / FILE
+_BUILTIN = Path(__file__).parents[1] / FILE
 
 
 class SceneFault(msgspec.Struct, frozen=True):

@@ -125,7 +125,7 @@ PLAYED_WITH = (
     "lingjing.cli.parser", "lingjing.cli.run", "lingjing.cli.progress", "lingjing.cli.files", "lingjing.signals",
     "lingjing.kernel.world.process", "lingjing.kernel.evaluation", "lingjing.play.episode", "lingjing.play.sharing",
     "lingjing.play.policy_processes.loading", "lingjing.play.policy_processes.examination",
-    "lingjing.dsl.compilation", "lingjing.scene.bay", "lingjing.scene.districts", "lingjing.engines.builtin",
+    "lingjing.dsl.compilation", "lingjing.scene.bay", "lingjing.scene.districts", "lingjing.builtin",
 )  # fmt: skip
 """What the process of an episode imports, and nothing of policies or engines."""
 

@@ -9,13 +9,14 @@ from __future__ import annotations
 import contextlib
 import sys
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 
 import msgspec
 import PIL.Image
 
-from lingjing.engines import builtin
 from lingjing.errors import LingjingError
+from lingjing.installation import CORE
 from lingjing.installed_plugins.entry_points import hold_entries
 from lingjing.kernel.cities import CityBuilder
 from lingjing.kernel.world.held_cities import hold, packed
@@ -50,7 +51,7 @@ def share(text: str) -> None:
     PIL.Image.preinit()
     start = msgspec.json.decode(text, type=SharedStart)
     options = start.options
-    host = PluginHost(entry_points=False, extra=(builtin,))
+    host = PluginHost(entry_points=False, extra=(import_module(CORE.plugin),))
     mission = compiled(options)
     instance = instantiate(mission, seed=options.seed, mode=options.mode, settings=options.settings)
     if instance.scene.kind not in host.scenes:

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from lingjing import builtin
 from lingjing.dsl.loading.load import load_mission
-from lingjing.engines import builtin
 from lingjing.mission.kinds import builtin_scenes
 
 ROOT = Path(__file__).parents[2]

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import msgspec
 import pytest
 
-from lingjing.engines.builtin import lingjing_engines
+from lingjing.builtin import lingjing_engines
 from lingjing.engines.quadruped.engine import QuadrupedEngine
 from lingjing.mission.instance import Entity, EventSpec, Instance, StateSpec, VerbSpec
 from lingjing.plugins.conformance import check_engine

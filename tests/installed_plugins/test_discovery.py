@@ -270,7 +270,7 @@ def test_without_the_core_there_is_one_error_and_without_the_agents_the_rest_wor
     monkeypatch.setitem(sys.modules, "lingjing_agents.plugin", None)
     host = PluginHost()
     assert "multirotor" in host.engines and faults_of(host)["agents"].startswith("does not load: ModuleNotFoundError")
-    monkeypatch.setitem(sys.modules, "lingjing.engines.builtin", None)
+    monkeypatch.setitem(sys.modules, "lingjing.builtin", None)
     with pytest.raises(PluginError, match=r"plug-in `builtin` .*does not load"):
         PluginHost()
 

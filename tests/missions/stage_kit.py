@@ -17,9 +17,9 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from lingjing import builtin
 from lingjing.analysis.relations import RelationTracker
 from lingjing.dsl.loading.load import load_mission
-from lingjing.engines import builtin
 from lingjing.kernel.cities import CityBuilder
 from lingjing.kernel.step import Kernel, Published
 from lingjing.kernel.world.inline import InlineWorld

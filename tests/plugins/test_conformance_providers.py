@@ -10,8 +10,8 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from lingjing import builtin
 from lingjing.dsl import compile_text
-from lingjing.engines import builtin
 from lingjing.errors import PluginError, UsageError
 from lingjing.mission import kinds
 from lingjing.mission.instance import Instance, SceneSpec

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from lingjing.engines import builtin
+from lingjing import builtin
 from lingjing.errors import PluginError, UsageError
 from lingjing.kernel.adjudication import Adjudicator
 from lingjing.play.episode import Session

@@ -3,7 +3,7 @@
 import msgspec
 import pytest
 
-from lingjing.engines import builtin
+from lingjing import builtin
 from lingjing.kernel.world.selection import select_engines
 from lingjing.mission.instance import CommsSpec, EventSpec, SceneSpec, Weather
 from lingjing.mission.schedule import Schedule

@@ -14,9 +14,9 @@ import msgspec
 import pytest
 import shapely
 
+from lingjing import builtin
 from lingjing.dsl import compile_source
 from lingjing.dsl.source.text import SourceText, read_source
-from lingjing.engines import builtin
 from lingjing.errors import MissionError
 from lingjing.mission.footprint import sunk_below_m
 from lingjing.mission.instance import Entity, Instance

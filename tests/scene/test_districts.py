@@ -9,8 +9,8 @@ import msgspec
 import pytest
 import shapely
 
+from lingjing import builtin
 from lingjing.dsl import compile_text
-from lingjing.engines import builtin
 from lingjing.errors import UsageError
 from lingjing.mission.instance import SceneSpec
 from lingjing.mission.instantiate import instantiate

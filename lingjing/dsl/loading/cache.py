@@ -143,7 +143,7 @@ def _compiler() -> str:
                 stamps.append(f"{item.name} {stat.st_size} {stat.st_mtime_ns}")
             elif "." not in item.name and item.name != "__pycache__":
                 waiting.append(item.path)
-    kinds = os.stat(os.path.join(package, "engines", "kinds.json"))  # noqa: PTH116, PTH118
+    kinds = os.stat(os.path.join(package, "kinds.json"))  # noqa: PTH116, PTH118
     return "\n".join((*stamps, f"kinds.json {kinds.st_size} {kinds.st_mtime_ns}"))
 
 

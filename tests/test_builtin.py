@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from lingjing.engines.builtin import _extra
+from lingjing.builtin import _extra
 from lingjing.errors import InfrastructureError
 from lingjing.plugins.host import PluginHost
 
