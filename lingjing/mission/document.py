@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -17,6 +18,11 @@ from lingjing.mission.diagnostics import Diagnostic
 from lingjing.mission.faults import lines_of, schema_faults
 from lingjing.mission.model import Mission
 from lingjing.mission.strict_schema import strict_schema
+
+FORMAT: str = msgspec.structs.fields(Mission)[0].default
+"""The format that this version reads and writes."""
+_VERSION = FORMAT.rpartition("/")[2]
+_FORMAT = re.compile(r"lingjing-mission/([1-9][0-9]{0,5})")
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -35,12 +41,29 @@ def decode(text: str, path: str) -> Mission:
     try:
         return msgspec.json.decode(text.removeprefix("\ufeff").encode("utf-8", "surrogatepass"), type=Mission)
     except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
-        faults = _faults(jsontext.load(text, path))
+        value = jsontext.load(text, path)
+        _check_version(value, path)
+        faults = _faults(value)
         raise MissionError(
             lines_of(faults, path) or f"{path}: not a mission: {error}",
             hint="write mission.json with `lingjing compile`, or edit it according to schemas/mission.schema.json",
             faults=faults,
         ) from None
+
+
+def _check_version(value: object, path: str) -> None:
+    """Raise `MissionError` for a compiled mission of another version. Its other faults would mislead."""
+    name = value.get("format") if isinstance(value, dict) else None
+    version = _FORMAT.fullmatch(name) if isinstance(name, str) else None
+    if version is None or name == FORMAT:
+        return
+    newer = len(version[1]) > len(_VERSION) or version[1] > _VERSION
+    hint = "install a newer lingjing-sim" if newer else "compile it again from its .ljs file: `lingjing compile`"
+    raise MissionError(
+        f"{path}: format: it is a compiled mission of version {version[1]}, and this program reads version {_VERSION}",
+        hint=hint,
+        faults=(Fault("format", f"version {version[1]}, {_VERSION} is due", hint),),
+    )
 
 
 def _faults(value: object) -> tuple[Fault, ...]:

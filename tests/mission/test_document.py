@@ -96,3 +96,23 @@ def test_read_tells_a_mission_from_a_reset_scenario(ssr: m.Mission) -> None:
     assert mission.name == "ssr" and notes
     with pytest.raises(MissionError, match="neither 'scenario' nor"):
         document.read('{"format": 3}', "x.json", templates)
+
+
+@pytest.mark.parametrize(
+    ("version", "way"),
+    [("1", "compile it again from its .ljs file"), ("3", "install a newer"), ("12", "install a newer")],
+)
+def test_a_mission_of_another_version_is_named_with_what_to_do(ssr: m.Mission, version: str, way: str) -> None:
+    text = document.encode(ssr).replace(document.FORMAT, f"lingjing-mission/{version}").replace('"goal"', '"aim"')
+    with pytest.raises(MissionError) as caught:
+        document.decode(text, "old.json")
+    expected = f"old.json: format: it is a compiled mission of version {version}, and this program reads version 2"
+    assert str(caught.value) == expected
+    assert way in caught.value.hint
+    assert [fault.where for fault in caught.value.faults] == ["format"]
+
+
+def test_a_mission_that_names_no_version_has_all_its_faults_named(ssr: m.Mission) -> None:
+    text = document.encode(ssr).replace(document.FORMAT, "lingjing-mission/two")
+    with pytest.raises(MissionError, match="format: lingjing-mission/2 is due"):
+        document.decode(text, "odd.json")

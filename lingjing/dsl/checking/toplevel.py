@@ -152,7 +152,7 @@ class FileChecker:
                 "LJ0117",
                 number,
                 f"this is version {number.value:g} of the language, known is {VERSION}",
-                f"write `ljs {VERSION}`",
+                f"write `ljs {VERSION}`" if number.value < VERSION else "install a newer lingjing-sim",
             )
         for item in tree.items[1:]:
             if isinstance(item, s.Version):
