@@ -7,9 +7,10 @@ co-simulation). The conformance kit (`lingjing.plugins.conformance`) tests every
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Literal, Protocol, runtime_checkable
 
 import msgspec
 import numpy as np
@@ -25,11 +26,14 @@ if TYPE_CHECKING:
 
 
 class EngineSpec(msgspec.Struct, frozen=True, kw_only=True):
-    """What an engine is reset with: the whole instance (engines are trusted) and the ids of the entities it owns."""
+    """The argument of an engine's `reset`."""
 
     engine: str
+    """The engine's name."""
     instance: Instance
+    """The whole instance with its hidden values: engines are trusted."""
     owns: tuple[str, ...]
+    """The ids of the entities that the engine owns."""
 
     def owned(self) -> tuple[Entity, ...]:
         """The owned entities in declaration order."""
@@ -37,22 +41,46 @@ class EngineSpec(msgspec.Struct, frozen=True, kw_only=True):
         return tuple(entity for entity in self.instance.entities if entity.id in mine)
 
 
-class Boundary(msgspec.Struct, frozen=True, kw_only=True):
-    """What an engine reports when it has reached `time_s`: its owned entities, receipts and task events since.
+_RENAMED = "use `unreachable_links` instead of `unheard`"
 
-    `ambient` are movers that are nobody's entity (background traffic); other engines and cameras receive them as
-    mirrors after the entities. `routes` are those planned since the last boundary. `unheard` lists the pairs of
-    entities, each pair in the instance's order, between which radio does not reach now (the city engine's to say).
-    """
+
+class _BoundaryMeta(msgspec.StructMeta):
+    """Accepts the argument `unheard` of version 1.0 of the contract."""
+
+    def __call__(cls, *arguments: Any, **fields: Any) -> Any:  # noqa: N805 - the class is the object here
+        if "unheard" in fields:
+            warnings.warn(_RENAMED, DeprecationWarning, stacklevel=2)
+            fields["unreachable_links"] = fields.pop("unheard")
+        return super().__call__(*arguments, **fields)
+
+
+class Boundary(msgspec.Struct, frozen=True, kw_only=True, metaclass=_BoundaryMeta):
+    """The report of an engine that has reached `time_s`."""
 
     engine: str
+    """The engine's name."""
     time_s: float
+    """Simulation time, seconds."""
     states: tuple[BodyState, ...] = ()
+    """Every owned entity."""
     receipts: tuple[Receipt, ...] = ()
+    """Receipts of long requests since the last boundary."""
     events: tuple[TaskEvent, ...] = ()
+    """Task events since the last boundary."""
     routes: tuple[Route, ...] = ()
+    """Routes that were planned since the last boundary."""
     ambient: tuple[BodyState, ...] = ()
-    unheard: tuple[tuple[str, str], ...] = ()
+    """Movers that are no entities, such as background traffic. Other engines and cameras receive them as mirrors after
+    the entities."""
+    unreachable_links: tuple[tuple[str, str], ...] = msgspec.field(default=(), name="unheard")
+    """Pairs of entities without a radio link now, each pair in the order of the instance. Reported by the city engine.
+    The encoded name is `unheard`."""
+
+    @property
+    def unheard(self) -> tuple[tuple[str, str], ...]:
+        """Deprecated since version 1.1 of the contract: use `unreachable_links`."""
+        warnings.warn(_RENAMED, DeprecationWarning, stacklevel=2)
+        return self.unreachable_links
 
 
 class CaptureRequest(msgspec.Struct, frozen=True, kw_only=True):

@@ -110,10 +110,10 @@ def test_missing_links_are_reported_at_every_boundary_and_updated_each_tick(play
     instance = commanded(instance_of, [dog(1, 0.0), dog(2, 500.0), dog(3, 50.0)])
     played = player(CityEngine(), instance, DRY, "city")
     pairs = (("dog[1]", "dog[2]"), ("dog[2]", "dog[3]"))
-    assert played.boundary.unheard == pairs
+    assert played.boundary.unreachable_links == pairs
     near = [BodyState(id=f"dog[{n}]", position=(x, 0.0, 0.0)) for n, x in ((1, 0.0), (2, 300.0), (3, 50.0))]
-    assert played.run(9.5, near).unheard == pairs
-    assert played.step(near).unheard == ()
+    assert played.run(9.5, near).unreachable_links == pairs
+    assert played.step(near).unreachable_links == ()
 
 
 def test_weather_that_turns_cuts_the_radio(player, instance_of):
@@ -121,8 +121,8 @@ def test_weather_that_turns_cuts_the_radio(player, instance_of):
     instance = commanded(instance_of, [dog(1, 0.0), dog(2, 350.0)], events=(fog,))
     played = player(CityEngine(), instance, DRY, "city")
     here = [BodyState(id=e.id, position=e.position) for e in instance.entities]
-    assert played.run(9.5, here).unheard == ()
-    assert played.step(here).unheard == (("dog[1]", "dog[2]"),)
+    assert played.run(9.5, here).unreachable_links == ()
+    assert played.step(here).unreachable_links == (("dog[1]", "dog[2]"),)
 
 
 def test_a_way_around_a_corner_costs_less_than_one_over_the_roof(silent):

@@ -17,10 +17,10 @@ class Mute(kit.Shore):
     pairs = FAR
 
     def reset(self, spec, city, seed):
-        return msgspec.structs.replace(super().reset(spec, city, seed), unheard=self.pairs)
+        return msgspec.structs.replace(super().reset(spec, city, seed), unreachable_links=self.pairs)
 
     def advance(self, until, mirrors):
-        return msgspec.structs.replace(super().advance(until, mirrors), unheard=self.pairs)
+        return msgspec.structs.replace(super().advance(until, mirrors), unreachable_links=self.pairs)
 
 
 class HalfMute(Mute):
@@ -78,7 +78,7 @@ def test_what_counts_is_the_reach_at_the_boundary_where_it_was_said():
 
     class Fading(kit.Shore):
         def advance(self, until, mirrors):
-            return msgspec.structs.replace(super().advance(until, mirrors), unheard=FAR)
+            return msgspec.structs.replace(super().advance(until, mirrors), unreachable_links=FAR)
 
     kernel, _ = kernel_of(Fading)
     first = kernel.step(kit.decisions(scout_1=kit.says("order", assignee="boat")))

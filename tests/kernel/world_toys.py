@@ -209,7 +209,7 @@ class Crowd(Toy):
             mine,
             ambient=tuple(self.spoilt(movers, until)),
             routes=tuple(self.route(name, until) for name in owned),
-            unheard=(("cat", "ant"),) if settings.get("silence") else (),
+            unreachable_links=(("cat", "ant"),) if settings.get("silence") else (),
         )
 
     def mover(self, name, x, until):

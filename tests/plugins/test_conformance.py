@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from lingjing.engines import builtin
+from lingjing import builtin
 from lingjing.mission.instance import ArgumentSpec, CameraSpec, Field, MessageSpec, SceneSpec, VerbSpec, Weather
 from lingjing.plugins import conformance as kit
 from lingjing.plugins.engine import Boundary, EnginePlugin, Frame
@@ -146,7 +146,7 @@ class Sound:
     def routes(self):
         return ()
 
-    def unheard(self):
+    def unreachable_links(self):
         return ()
 
     def boundary(self):
@@ -160,7 +160,7 @@ class Sound:
             events=self.events(),
             ambient=self.ambient(),
             routes=self.routes(),
-            unheard=self.unheard(),
+            unreachable_links=self.unreachable_links(),
         )
 
     def receipt(self, command, status, reason="", progress=None):
@@ -301,7 +301,7 @@ class Foreseeing(Routed):
 class Deaf(Sound):
     pair = ("uav[1]", "boat")
 
-    def unheard(self):
+    def unreachable_links(self):
         return (self.pair,)
 
 
@@ -747,7 +747,7 @@ def test_nothing_heavy_is_loaded_to_declare_the_built_in_plug_ins():
     import subprocess
     import sys
 
-    code = "import sys, lingjing.engines.builtin as b; b.lingjing_engines(); b.lingjing_scenes(); "
+    code = "import sys, lingjing.builtin as b; b.lingjing_engines(); b.lingjing_scenes(); "
     code += "heavy = ('jsbsim', 'sgp4', 'mujoco', 'libsumo', 'cv2', 'moderngl', 'scipy', 'shapely'); "
     code += "print([m for m in heavy if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -7,9 +7,11 @@ import re
 from importlib import import_module
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from lingjing.data import data_path
+from lingjing.plugins.engine import Boundary
 
 ROOT = Path(__file__).parents[2]
 MODULES = sorted((ROOT / "lingjing" / "plugins").rglob("*.py"))
@@ -64,3 +66,15 @@ def test_what_a_module_exports_is_said_and_is_there(path: Path) -> None:
     assert module.__all__ == sorted(module.__all__, key=lambda one: (not one.isupper(), not one[0].isupper(), one))
     missing = [one for one in module.__all__ if not hasattr(module, one) and not (path.parent / f"{one}.py").is_file()]
     assert [one for one in missing if not (path.parent / one / "__init__.py").is_file()] == []
+
+
+def test_the_old_name_of_the_unreachable_links_is_accepted_with_a_warning() -> None:
+    pairs = (("boat", "dog"),)
+    with pytest.warns(DeprecationWarning, match="use `unreachable_links`"):
+        boundary = Boundary(engine="city", time_s=1.0, unheard=pairs)
+    assert boundary == Boundary(engine="city", time_s=1.0, unreachable_links=pairs)
+    with pytest.warns(DeprecationWarning, match="use `unreachable_links`"):
+        assert boundary.unheard == pairs
+    encoded = msgspec.msgpack.encode(boundary)
+    assert msgspec.msgpack.decode(encoded)["unheard"] == [["boat", "dog"]]
+    assert msgspec.msgpack.decode(encoded, type=Boundary) == boundary

@@ -240,7 +240,7 @@ class CityEngine:
             states=tuple(self._state(target) for target in self._targets.values()),
             receipts=self._requests.drain(),
             events=events,
-            unheard=self._unlinked,
+            unreachable_links=self._unlinked,
         )
 
 

@@ -88,7 +88,9 @@ def _checked(
         events=_plain(engine, call, _EVENTS, report.events) if report.events else (),
         routes=_checked_routes(engine, call, report.routes, owns) if report.routes else (),
         ambient=_checked_movers(engine, call, report.ambient, entities) if report.ambient else (),
-        unheard=_checked_pairs(engine, call, report.unheard, entities) if report.unheard else (),
+        unreachable_links=_checked_pairs(engine, call, report.unreachable_links, entities)
+        if report.unreachable_links
+        else (),
     )
 
 

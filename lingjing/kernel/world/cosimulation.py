@@ -159,8 +159,8 @@ class CoSimulation:
                 self._states[state.id] = state
             if boundary.ambient or self._ambient:
                 keep_movers(self._ambient, boundary)
-            if boundary.unheard or self._unreachable:
-                self._unreachable[boundary.engine] = boundary.unheard
+            if boundary.unreachable_links or self._unreachable:
+                self._unreachable[boundary.engine] = boundary.unreachable_links
         if len(self._groups) > 1:
             check_apart(self._ambient)
         kept = self._stocks.kept(self._states)

@@ -19,7 +19,7 @@ def check_boundary(case: EngineCase, boundary: Boundary, until: float) -> None:
     for state in (*boundary.states, *boundary.ambient):
         _check_numbers(state, until)
     _check_ambient(case, boundary.ambient, until)
-    _check_unheard(case, boundary.unheard, until)
+    _check_links(case, boundary.unreachable_links, until)
     for route in boundary.routes:
         _check_route(case, route, until)
 
@@ -61,12 +61,12 @@ def _check_ambient(case: EngineCase, ambient: Iterable[BodyState], until: float)
         seen.add(state.id)
 
 
-def _check_unheard(case: EngineCase, unheard: Iterable[tuple[str, str]], until: float) -> None:
+def _check_links(case: EngineCase, links: Iterable[tuple[str, str]], until: float) -> None:
     order = {entity.id: place for place, entity in enumerate(case.instance.entities)}
-    for one, other in unheard:
-        known = one in order and other in order
-        require(known, f"unheard at {until} s: ({one}, {other}) is no pair of entities")
-        require(order[one] < order[other], f"unheard at {until} s: ({one}, {other}) is not in the instance's order")
+    for first, second in links:
+        what = f"unreachable_links at {until} s: ({first}, {second})"
+        require(first in order and second in order, f"{what} is no pair of entities")
+        require(order[first] < order[second], f"{what} is not in the instance's order")
 
 
 def _check_route(case: EngineCase, route: Route, until: float) -> None:
