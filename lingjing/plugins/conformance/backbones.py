@@ -116,7 +116,7 @@ def _require_completion(what: str, answer: object) -> None:
     texts = (answer.text, answer.finish_reason, answer.reasoning)
     require(all(isinstance(text, str) for text in texts), f"complete: {what}: a text of the completion is no text")
     require(bool(answer.finish_reason), f"complete: {what}: `finish_reason` is empty")
-    counts = (answer.prompt_tokens, answer.completion_tokens, answer.cached_tokens)
+    counts: tuple[object, ...] = (answer.prompt_tokens, answer.completion_tokens, answer.cached_tokens)
     right = all(isinstance(count, int) and count >= 0 for count in counts)
     require(right, f"complete: {what}: the tokens are {counts}, no counts")
     require(answer.cached_tokens <= answer.prompt_tokens, f"complete: {what}: more tokens are cached than sent")

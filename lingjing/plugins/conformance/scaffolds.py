@@ -84,14 +84,14 @@ def check_texts(case: ScaffoldCase) -> None:
     """The system text has the instructions of memory and parser, and a state is the same when it is written again."""
     parts = case.parts()
     memory, answer = parts.memory.instructions, parts.parser.instructions
-    system = parts.prompt.system(case.observations[0], memory, answer)
-    require(isinstance(system, str) and bool(system.strip()), "prompt.system: the text is empty or no text")
+    system: object = parts.prompt.system(case.observations[0], memory, answer)
+    _require_text("prompt.system", system)
     for name, text in (("memory", memory), ("parser", answer)):
-        require(text in system, f"prompt.system: the instructions of the {name} are left out")
+        require(text in str(system), f"prompt.system: the instructions of the {name} are left out")
     for observation in case.observations:
         situation = Situation(observation, Inbox())
         state = parts.prompt.state(situation)
-        require(isinstance(state, str) and bool(state.strip()), "prompt.state: the text is empty or no text")
+        _require_text("prompt.state", state)
         require(state == parts.prompt.state(situation), "prompt.state: the text differs when it is written again")
 
 
@@ -150,9 +150,19 @@ def _parsed(parse: Callable[[str], ModelStep], text: str) -> ModelStep | None:
     except Exception as error:  # noqa: BLE001 - this is what the check is for
         require(False, f"parser.parse: {text!r} raises {type(error).__name__}, no StepError")
         return None
-    right = isinstance(step, ModelStep) and isinstance(step.decision, Decision)
-    require(right, f"parser.parse: {text!r} gives a {type(step).__name__}, no ModelStep with a Decision")
+    _require_step(text, step)
     return step
+
+
+def _require_step(text: str, step: object) -> None:
+    require(isinstance(step, ModelStep), f"parser.parse: {text!r} gives a {type(step).__name__}, no ModelStep")
+    assert isinstance(step, ModelStep)
+    decision: object = step.decision
+    require(isinstance(decision, Decision), f"parser.parse: {text!r} gives a {type(decision).__name__}, no Decision")
+
+
+def _require_text(where: str, text: object) -> None:
+    require(isinstance(text, str) and bool(text.strip()), f"{where}: the text is empty or no text")
 
 
 def _played(case: ScaffoldCase, answers: Sequence[str]) -> list[tuple[ChatMessage, ...]]:
