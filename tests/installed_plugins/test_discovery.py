@@ -19,7 +19,7 @@ from lingjing.installed_plugins import discovery
 from lingjing.installed_plugins.entry_points import PLUGINS, find_entries
 from lingjing.kernel.world.selection import select_engines
 from lingjing.mission.kinds import engine_kind
-from lingjing.play.policy_processes.host import _plugin as examined_plugin
+from lingjing.play.policy_processes.host import _host as host_of
 from lingjing.play.policy_processes.preloading import preload
 from lingjing.plugins.host import PluginHost
 
@@ -195,7 +195,7 @@ def test_broken_metadata_stops_no_process_of_policies_and_no_command(site: Site)
     """The library function that lists entry points raises for all of them, and pydantic calls it too."""
     site.add("odd", None, entry_points=b"[lingjing]\nno equals sign\n")
     preload('["heuristic"]')
-    assert examined_plugin("heuristic", "agents").name == "heuristic"
+    assert host_of(("agents",)).policy("heuristic").name == "heuristic"
     call = [sys.executable, "-m", "lingjing.cli.main", "plugins"]
     done = subprocess.run(call, capture_output=True, text=True, check=False)
     assert done.returncode == 2 and "heuristic" in done.stdout
