@@ -127,7 +127,7 @@ def _known() -> dict[str, Trial]:
 
 
 def _key(point: EntryPoint) -> str:
-    """What a trial stands for: the entry point, its distribution and where that is."""
+    """Return the key of a trial: the entry point, its distribution and the place of that."""
     place = str(Path(str(point.dist.locate_file(""))).resolve()) if point.dist is not None else ""
     made_of = (point.name, point.value, label(point.dist), place)
     return hashlib.sha256("\n".join(made_of).encode("utf-8", "surrogateescape")).hexdigest()[:24]

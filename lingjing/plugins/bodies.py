@@ -1,4 +1,4 @@
-"""How large an entity is, and whether one can bump into it. Defined in `lingjing.scene.sizes`."""
+"""Sizes of entities, and their solid extents for collisions. Defined in `lingjing.scene.sizes`."""
 
 from __future__ import annotations
 

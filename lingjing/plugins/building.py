@@ -1,6 +1,6 @@
-"""Scenes built from their declarations, and held to their contract.
+"""The building of scenes from their declarations, with checks of their contract.
 
-Whatever a stranger's code raises or returns, the error names the scene and the plug-in that offers it.
+An error names the scene and the plug-in that offers it, for every exception and every wrong value of foreign code.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from lingjing.scene.city import City
 
 
 def build_city(spec: SceneSpec, host: PluginHost) -> City:
-    """The city of a scene. Raises `UsageError` if nobody offers it, `PluginError` if who does cannot build it."""
+    """Return the city of a scene. Raises `UsageError` if no plug-in has this scene, `PluginError` if the plug-in fails
+    to build it."""
     plugin = host.scene(spec.kind)
     own = {name: value for name, value in spec.options.items() if name != DISPLACEMENT}
     failed = f"scene `{spec.kind}` of plug-in `{host.sources['lingjing_scenes', spec.kind]}` failed"
@@ -32,7 +33,7 @@ def build_city(spec: SceneSpec, host: PluginHost) -> City:
 
 
 def kind_of_value(value: object) -> str:
-    """What a stranger returned, in words."""
+    """Return the kind of a value in words, for messages about wrong values of foreign code."""
     return "None" if value is None else f"a value of type `{type(value).__name__}`"
 
 

@@ -1,9 +1,9 @@
-"""What a policy that asks chat models is given beside its options: the record of its calls, and their limits.
+"""The record of the model calls of one agent, and their limits.
 
-A policy declares that it asks models with `PolicyPlugin.calls`. Its factory is then called with its options and an
-object of `ModelCalls`, one per agent. The policy calls `begin` before it asks and `end` with what came out. It learns
-neither where the record lies nor what other agents ask. All values are plain data, so that the two calls can cross a
-border between processes.
+A policy declares with `PolicyPlugin.calls` that it asks chat models. Its factory then receives its options and a
+`ModelCalls`, one for each agent. The policy calls `begin` before each request and `end` with its result. It knows
+neither the place of the record nor the requests of other agents. All values are plain data, so that the two calls can
+cross a border between processes.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from lingjing.trace.calls import CallFault, CallRequest, CallResult
 
 
 class SpendingLimitError(InfrastructureError):
-    """The money or the tokens that a run may spend on models are used up: it says nothing about the policy."""
+    """The money or the tokens of a run are used up. This is no failure of the policy."""
 
 
 class MissingCallError(InfrastructureError):
-    """A run is replayed from recorded calls, and this one is not among them."""
+    """The error of a replay whose record does not hold a call."""
 
 
 class AbandonedCallError(Exception):
-    """A recorded call that the kernel's barrier gave up waiting for. It is not to be caught by a policy: the barrier
-    then substitutes the same no-op for the same reason."""
+    """A recorded call for which the kernel stopped waiting. A policy must not catch it: the kernel then substitutes the
+    same no-op for the same reason."""
 
     def __init__(self, result: CallResult) -> None:
         super().__init__(result.failure)
@@ -32,43 +32,42 @@ class AbandonedCallError(Exception):
 
 
 class ModelCalls(Protocol):
-    """The record of one agent's calls. `replaying` says that no service is asked, `capped` that money is limited, so
-    that every call must have a price."""
+    """The record of one agent's calls."""
 
     @property
     def replaying(self) -> bool:
-        """Whether every answer comes from a record, so that neither key nor address is needed."""
+        """True if every answer comes from a record: no service is asked, and neither key nor address is needed."""
         ...
 
     @property
     def capped(self) -> bool:
-        """Whether money is limited."""
+        """True if money is limited: every call then needs a price."""
         ...
 
     def begin(self, request: CallRequest) -> CallResult | None:
-        """The recorded result of this question, or None if it is to be asked.
+        """Return the recorded result of this request, or None if the service must be asked.
 
         Raises `SpendingLimitError` if it could cost more than is left, `MissingCallError` if a replay has no record of
-        it, `AbandonedCallError` for one that was given up, `InfrastructureError` if it cannot be recorded.
+        it, `AbandonedCallError` for an abandoned one, `InfrastructureError` if it cannot be recorded.
         """
         ...
 
     def end(self, request: CallRequest, result: CallResult) -> None:
-        """Record what came out of a question that `begin` said is to be asked."""
+        """Record the result of a request for which `begin` returned None."""
         ...
 
 
 class UnrecordedCalls:
-    """Asks always, limits and records nothing: for policies that are built outside of a recorded episode."""
+    """A record without limits that keeps nothing, for policies outside of a recorded episode."""
 
     replaying = False
     capped = False
 
     def begin(self, request: CallRequest) -> None:
-        """Every question is to be asked."""
+        """Return None: the service must be asked."""
 
     def end(self, request: CallRequest, result: CallResult) -> None:
-        """Nothing is kept."""
+        """Do nothing."""
 
 
 __all__ = [

@@ -1,10 +1,10 @@
-"""The JSON Schema of what an agent may answer, and every fault of an answer against it.
+"""The JSON Schema of an agent's answers, and the faults of an answer against it.
 
-For policies whose decisions are written by a foreign program, such as a language model. The schema is made from the
-brief's action and message specs, which are also what the kernel admits by: it refuses no decision that the kernel
-would admit, and accepts none that the kernel would refuse, but for what is known only while the episode runs (busy
-resources, permits, counted budgets, bounds of the city, pictures taken so far, the size of a message).
-Numbers beyond the bounds of an argument are clipped by the kernel and so no fault; its description says the bounds.
+For policies whose decisions come from another program, such as a language model. The schema is made from the brief's
+action and message specs, by which the kernel admits decisions too. It rejects no decision that the kernel would admit.
+It accepts none that the kernel would reject, except for reasons that are known only while the episode runs (busy
+resources, permits, counted budgets, bounds of the city, pictures taken so far, the size of a message). The kernel clips
+numbers beyond the bounds of an argument, so they are no fault; the description of the argument has the bounds.
 
 `jsonschema` is imported when the first format is made.
 """
@@ -32,15 +32,18 @@ from lingjing.mission.vocabulary import PHOTO
 from lingjing.plugins.policy import ArgumentSpec, Brief, Decision, MessageSpec, Resource, VerbSpec
 
 MESSAGES_PER_CALL = 32
-"""A policy call may send a finite list; the kernel refuses what comes after this many."""
+"""The most messages of one decision: the kernel rejects further ones."""
 
 FAULTS_TOLD = 20
-"""So many faults of one answer are told at most."""
+"""The most faults that are listed of one answer. Chosen: they fit a repair request."""
 
 
 class DecisionFormat:
-    """What one agent may answer: `schema`, a JSON Schema (draft 2020-12) of an object with `thought`, `command` and
-    `messages`, and with fields of the policy's own (`extra`: name → schema), which may be left out."""
+    """The form of one agent's answers.
+
+    `schema` is a JSON Schema (draft 2020-12) of an object with `thought`, `command` and `messages`, and with optional
+    fields of the policy's own (`extra`: name → schema).
+    """
 
     def __init__(self, brief: Brief, extra: Mapping[str, JsonSchema] | None = None) -> None:
         from jsonschema import Draft202012Validator
@@ -54,8 +57,8 @@ class DecisionFormat:
         }
 
     def completed(self, answer: object) -> object:
-        """The answer with what a decision may leave out filled in, as the kernel does: no command, no messages, the
-        first resource, empty objects, nothing for null. What the schema does not know beside them is left out."""
+        """Return the answer with omitted parts filled in as the kernel does: no command, no messages, the first
+        resource, empty objects, nothing for null. Fields that the schema does not have are removed."""
         if not isinstance(answer, dict):
             return answer
         given = {"thought": "", "messages": [], **_without_null(answer)}
@@ -69,17 +72,17 @@ class DecisionFormat:
         return {"thought": given["thought"], "command": command, "messages": messages, **own}
 
     def faults(self, answer: Any) -> tuple[str, ...]:
-        """Every fault of a completed answer with the path to it, `FAULTS_TOLD` at most; empty for a good one."""
+        """Return every fault of a completed answer with the path to it, `FAULTS_TOLD` at most."""
         found = dict.fromkeys(islice(faults_of(self._validator.iter_errors(answer)), FAULTS_TOLD))
         told = (f"{one.where or 'answer'}: {one.message}" + f" ({one.hint})" * bool(one.hint) for one in found)
         return tuple(told) or tuple(self._disordered(answer))
 
     def decision(self, answer: Any) -> Decision:
-        """A completed answer without faults as a decision; fields of the policy's own are left out."""
+        """Return a completed answer without faults as a decision, without fields of the policy's own."""
         return msgspec.convert({name: answer[name] for name in ("thought", "command", "messages")}, Decision)
 
     def _disordered(self, answer: Any) -> Iterator[str]:
-        """Boxes whose edges are in the wrong order, which JSON Schema cannot say."""
+        """Yield the faults of boxes with edges in the wrong order, which JSON Schema cannot express."""
         for number, message in enumerate(answer["messages"]):
             for name in self._boxes[message["kind"]]:
                 x0, y0, x1, y1 = message["body"].get(name, (0.0, 0.0, 1.0, 1.0))
@@ -88,8 +91,8 @@ class DecisionFormat:
 
 
 def decision_schema(brief: Brief, extra: Mapping[str, JsonSchema] | None = None) -> JsonSchema:
-    """The JSON Schema of a decision of the brief's agent, with optional fields of the policy's own; the same brief
-    gives the same schema."""
+    """Return the JSON Schema of a decision of the brief's agent, with optional fields of the policy's own. The same
+    brief gives the same schema."""
     commands = [
         _command(resource, verb) for resource in brief.resources for verb in resource.verbs if _can(resource, verb)
     ]
@@ -108,8 +111,8 @@ def decision_schema(brief: Brief, extra: Mapping[str, JsonSchema] | None = None)
 
 
 def sendable(brief: Brief) -> tuple[MessageSpec, ...]:
-    """The message kinds that the brief's agent may send: those of its role that somebody may receive, and reports,
-    which the adjudicator receives."""
+    """Return the message kinds that the brief's agent may send: those of its role that another agent may receive, and
+    reports, which the adjudicator receives."""
     return tuple(
         message
         for message in brief.messages
@@ -118,7 +121,7 @@ def sendable(brief: Brief) -> tuple[MessageSpec, ...]:
 
 
 def recipients(brief: Brief, message: MessageSpec) -> tuple[str, ...]:
-    """The agents that a hub may name as recipients of a message kind."""
+    """Return the agents that a hub may name as recipients of a message kind."""
     return tuple(peer.id for peer in brief.peers if message.is_for(peer.role))
 
 
@@ -129,7 +132,7 @@ def _heard(brief: Brief, message: MessageSpec) -> bool:
 
 
 def _can(resource: Resource, verb: VerbSpec) -> bool:
-    """Whether a resource can do what a verb says: nothing takes pictures without a camera."""
+    """Return True if a resource can carry out a verb: taking a picture needs a camera."""
     return verb.name != PHOTO or bool(resource.cameras)
 
 
@@ -173,9 +176,9 @@ def _message(brief: Brief, message: MessageSpec) -> JsonSchema:
 
 
 def field_values(brief: Brief, field: Field) -> str:
-    """In words, what a field of a message may hold and who understands what; every kind of field has such words.
+    """Return the values of a message's field in words; every kind of field has such words.
 
-    The kernel admits any name: that these are the ones that mean something is for whoever reads the message.
+    The kernel admits any name. The listed names are those that a reader of the message understands.
     """
     if field.type == "number":
         bounds = ((field.minimum, "at least"), (field.maximum, "at most"))
@@ -190,9 +193,9 @@ def field_values(brief: Brief, field: Field) -> str:
 
 
 def _bodies(brief: Brief) -> tuple[str, ...]:
-    """Whoever something can be assigned to: the agents, then what they command."""
+    """Return the ids that a task can be assigned to: the agents, then the entities that they command."""
     agents = (brief.agent, *(peer.id for peer in brief.peers))
-    held = (*(one.id for one in brief.resources), *(name for peer in brief.peers for name in peer.resources))
+    held = (*(body.id for body in brief.resources), *(name for peer in brief.peers for name in peer.resources))
     return tuple(dict.fromkeys((*agents, *held)))
 
 

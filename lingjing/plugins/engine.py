@@ -84,45 +84,50 @@ class Boundary(msgspec.Struct, frozen=True, kw_only=True, metaclass=_BoundaryMet
 
 
 class CaptureRequest(msgspec.Struct, frozen=True, kw_only=True):
-    """Take one picture now: `frame` is the id it will have, `entity` and `camera` name the mount.
-
-    With a `pose` the picture is taken from there, of the entity; its channel is rgb alone.
-    """
+    """A request for one picture of the present world."""
 
     frame: str
+    """The id that the picture gets."""
     entity: str
+    """The entity with the camera; with a `pose`, the entity in the picture."""
     camera: str
+    """The name of the camera mount."""
     tick: int
+    """The boundary of the picture."""
     time_s: float
+    """Simulation time, seconds."""
     pose: CameraPose | None = None
+    """The pose to take the picture from; None for that of the mount. Such a picture has the channel rgb alone."""
 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A captured picture, to be stored as a JPEG of `quality` (1..100).
-
-    `info.boxes` is the exact ground truth, without `info.faint`: targets that were drawn and that nobody can see.
-    `rgb` is (height, width, 3) uint8; `depth` (height, width) float32 metres along the optical axis, inf where
-    nothing is hit, or None if not declared; `semantic` (height, width) uint8 class ids, or None: policies get
-    it, so it shows what would be drawn without the entities that have a hidden value.
-    """
+    """A captured picture."""
 
     info: FrameInfo
+    """The picture's description. `boxes` is the exact ground truth, `faint` the drawn targets that are too faint to
+    see."""
     rgb: npt.NDArray[np.uint8]
+    """(height, width, 3)."""
     depth: npt.NDArray[np.float32] | None = None
+    """(height, width), metres along the optical axis, inf where a ray hits nothing; None if the camera declares no
+    depth."""
     semantic: npt.NDArray[np.uint8] | None = None
+    """(height, width), class ids; None if the camera declares none. Policies receive it, so entities with a hidden
+    value are not in it."""
     quality: int = JPEG_QUALITY
+    """The quality of the stored JPEG, 1 to 100."""
 
 
 class Engine(Protocol):
-    """The whole contract. Every method may raise; the kernel turns that into an infrastructure abort."""
+    """The five methods of an engine. An exception in a method ends the episode as an infrastructure abort."""
 
     def reset(self, spec: EngineSpec, city: City, seed: int) -> Boundary:
         """Build the engine's world and return READY(0): a boundary at time 0 with every owned entity."""
         ...
 
     def submit(self, commands: Sequence[Command]) -> tuple[Receipt, ...]:
-        """Admission only: exactly one `accepted` or `rejected` receipt for each command, in order."""
+        """Admit or reject commands. Returns exactly one `accepted` or `rejected` receipt for each, in order."""
         ...
 
     def advance(self, until: float, mirrors: Sequence[BodyState]) -> Boundary:
@@ -132,7 +137,7 @@ class Engine(Protocol):
         ...
 
     def capture(self, requests: Sequence[CaptureRequest]) -> tuple[Frame, ...]:
-        """Pictures of the world as of the last `advance`. Engines without sensors return ()."""
+        """Return pictures of the world as of the last `advance`. Engines without sensors return ()."""
         ...
 
     def close(self) -> None:
@@ -142,36 +147,38 @@ class Engine(Protocol):
 
 @runtime_checkable
 class KeyedPictures(Protocol):
-    """What a sensor engine may have beside `Engine`, so that variants of an episode need not draw a picture twice."""
+    """An optional method of a sensor engine: variants of an episode then draw equal pictures once."""
 
     def picture_key(self, request: CaptureRequest) -> bytes:
-        """What the picture of a request depends on, as of the last `advance`: since a reset, pictures of one mount with
-        equal keys are equal, but for their ids and ticks. Much cheaper than the picture."""
+        """Return a key of the picture of a request, as of the last `advance`.
+
+        Since a reset, pictures of one mount with equal keys are equal, except for their ids and ticks. A key must cost
+        much less than the picture.
+        """
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class EnginePlugin:
-    """How an engine is declared through the hook `lingjing_engines`.
-
-    `name` is what a type names after `engine =`; `place` says which process hosts it: `world` (local motion, can be
-    forked), `camera` (owns a GL context, cannot), `remote` (a bridge to something outside, runs in the caller).
-    `sensor` engines answer `capture` and are advanced once a tick, after the motion barrier. `factory` does the
-    heavy imports. `native_dt_s` is documentation and a bound on `sync`. A motion engine takes part in an episode if it
-    owns an entity or if `wanted` says so of the instance: traffic and radio matter without an entity of their own.
-    `options` is the model of what the engine can be told for an episode (`--engine-arg NAME.OPTION=VALUE`), as a class
-    or, so that nothing heavy is loaded before it is needed, as `package.module:Class`; the engine reads them with
-    `lingjing.plugins.options.engine_options`.
-    """
+    """The declaration of an engine through the hook `lingjing_engines`."""
 
     name: str
+    """The name that a type gives after `engine =`."""
     factory: Callable[[], Engine]
+    """Returns an engine. Heavy imports belong here."""
     place: Literal["world", "camera", "remote"] = "world"
+    """The process that hosts the engine: `world` (local motion; can be forked), `camera` (has a GL context; cannot be
+    forked), `remote` (a bridge to a simulator outside; runs in the caller)."""
     sensor: bool = False
+    """True if the engine answers `capture`. It is then advanced once a tick, after the motion engines."""
     native_dt_s: float = 0.01
+    """The engine's own step, seconds. A mission's `sync` must not be shorter."""
     summary: str = ""
     wanted: Callable[[Instance], bool] | None = None
+    """Returns True for an instance that needs the engine although the engine owns no entity of it (traffic, radio)."""
     options: type[PluginOptions] | str | None = None
+    """The model of its options (`--engine-arg NAME.OPTION=VALUE`), as a class or as `package.module:Class`. The engine
+    reads them with `lingjing.plugins.options.engine_options`."""
 
 
 __all__ = [

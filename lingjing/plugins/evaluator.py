@@ -1,4 +1,4 @@
-"""The evaluator contract: what scores a committed boundary and says whether the episode is over."""
+"""The evaluator contract: an evaluator scores a committed boundary and decides if the episode is over."""
 
 from __future__ import annotations
 
@@ -16,19 +16,25 @@ if TYPE_CHECKING:
 
 
 class Evaluation(msgspec.Struct, frozen=True):
-    """r and d of the paper: the score (0..1) and whether the episode is over. With `done` comes the reason and, where
-    the reason leaves it open, what it was."""
+    """The answer of an evaluator at one boundary."""
 
     reward: float
+    """The score, 0 to 1 (r in the paper)."""
     done: bool
+    """True if the episode is over (d in the paper)."""
     reason: Reason | Literal[""] = ""
+    """The reason for the end; "" before it."""
     detail: str = ""
+    """One sentence where the reason leaves the cause open."""
 
 
 class EpisodeState(Protocol):
-    """What has come to pass by a boundary. `states` are all entities' by id, the hidden ones' too; `achieved` maps
-    (rule, binding) to the time at which it became true, in seconds; `stages` maps (stage, subject) to the tick at which
-    it was done, the subject being "" for a stage without one."""
+    """The state of an episode at a boundary.
+
+    `states` holds the states of all entities by id, hidden ones included. `achieved` maps (rule, binding) to the time
+    at which the rule became true, seconds. `stages` maps (stage, subject) to the tick at which the stage was done; the
+    subject is "" for a stage without one.
+    """
 
     @property
     def tick(self) -> int: ...  # noqa: D102 - a field
@@ -58,22 +64,20 @@ class Evaluator(Protocol[EpisodeStateT_contra]):
 
 @dataclass(frozen=True, slots=True)
 class EvaluatorPlugin:
-    """How an evaluator is declared: `build` makes the one of an instance. A plug-in's takes an `EpisodeState`; the
-    built-in one, `mission`, reads the mission's own conditions and needs the kernel's whole context for that.
-
-    `options` is the model of what it can be told (`--evaluator-arg NAME.OPTION=VALUE`), as a class or, so that nothing
-    heavy is loaded before it is needed, as `package.module:Class`. With a model `build` takes an object of it as well:
-    `build(instance, options)`.
-    """
+    """The declaration of an evaluator through the hook `lingjing_evaluators`."""
 
     name: str
+    """The value of `--evaluator` that chooses it."""
     build: Callable[..., Evaluator[Any]]
+    """Takes the instance, and an object of the model `options` if there is one; returns the evaluator of the episode.
+    Evaluators of plug-ins receive an `EpisodeState`. The built-in one, `mission`, receives the kernel's context."""
     summary: str = ""
     options: type[PluginOptions] | str | None = None
+    """The model of its options (`--evaluator-arg NAME.OPTION=VALUE`), as a class or as `package.module:Class`."""
 
 
 def answer_fault(found: Evaluation) -> str:
-    """What of an answer is not as `Evaluation` says; "" if nothing. A reward that is no number is outside 0..1 too."""
+    """Return the fault of an answer against `Evaluation`; "" if there is none."""
     reward: Any = found.reward
     done: Any = found.done
     detail: Any = found.detail

@@ -1,7 +1,7 @@
-"""What every engine of moving bodies does the same way: admission, the step clock, receipts, the boundary.
+"""`FleetEngine`: the base class of engines of moving bodies: admission, the step clock, receipts, boundaries.
 
-A concrete engine says how its world is built (`build`), how a command starts (`start`), what one step does (`step`),
-how far each body has come (`progress`) and where it is (`states`). It reports through `self.requests` and `self.emit`.
+A concrete engine builds its world (`build`), starts commands (`start`), takes steps (`step`), and reports the progress
+(`progress`) and the states (`states`) of its bodies. It reports through `self.requests` and `self.emit`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class FleetEngine(ABC):
     """The engine's own step; set by the class, or in `build` before it returns."""
 
     at_once: Collection[str] = ()
-    """The verbs that are done when they are admitted, beside whatever their body is doing."""
+    """The verbs that are completed when they are admitted, beside a pending request of their body."""
 
     def reset(self, spec: EngineSpec, city: City, seed: int) -> Boundary:
         """Build the fleet; READY(0)."""
@@ -61,7 +61,7 @@ class FleetEngine(ABC):
         return ()
 
     def close(self) -> None:  # noqa: B027 - most fleets hold nothing that needs closing
-        """Let go of the fleet."""
+        """Release the fleet."""
 
     @abstractmethod
     def build(self, spec: EngineSpec, city: City, seed: int) -> None:
@@ -80,22 +80,23 @@ class FleetEngine(ABC):
         """Every owned entity at `self.clock.time_s`, which lies `self.clock.remainder_s` after the last step."""
 
     def progress(self) -> Mapping[str, float]:
-        """How far each body with a pending request has come, 0..1."""
+        """Return the completed share of each pending request by body, 0 to 1."""
         return {}
 
     def look(self, mirrors: Sequence[BodyState]) -> None:  # noqa: B027 - blind is a fine default
-        """The others at the interval's start (time `self.clock.time_s`). Blind by default."""
+        """Receive the states of other engines' entities at the start of the interval (`self.clock.time_s`). The default
+        ignores them."""
 
     def ambient(self) -> Iterable[BodyState]:
-        """Movers that are nobody's entity: background traffic."""
+        """Return movers that are no entities: background traffic."""
         return ()
 
     def emit(self, kind: str, *entities: str, **values: float) -> None:
-        """A task event at the current step."""
+        """Report a task event at the current step."""
         self._events.append(TaskEvent(kind=kind, entities=entities, time_s=self.clock.now_s, values=values))
 
     def publish(self, route: Route) -> None:
-        """A route that was planned."""
+        """Report a planned route."""
         self._routes.append(route)
 
     def _examine(self, command: Command) -> None:

@@ -1,7 +1,7 @@
-"""What says whether a frame shows a target, and where: a rule, a trained network, a chat model; outside of episodes.
+"""The detector contract: a detector finds targets of one class in exported frames, outside of episodes.
 
-`lingjing frames probe` asks detectors about exported frames. The core knows none: plug-ins bring them through the hook
-`lingjing_detectors`.
+A detector is a rule, a trained network or a chat model. `lingjing frames probe` runs detectors. Plug-ins bring them
+through the hook `lingjing_detectors`.
 """
 
 from __future__ import annotations
@@ -18,42 +18,48 @@ from lingjing.trace.records import CameraPose, UnitBox
 
 @dataclass(frozen=True, slots=True)
 class FrameQuestion:
-    """Whether a picture shows a target of the class `cls`. `rgb` is the decoded `jpeg` (or another image file's bytes),
-    (height, width, 3); `level_m` is the elevation of the ground or water. It says nothing of what is true."""
+    """One picture and the class of target to find. It holds no ground truth."""
 
     cls: str
+    """The class of the target."""
     jpeg: bytes
+    """The bytes of the image file."""
     rgb: npt.NDArray[np.uint8]
+    """The decoded image, (height, width, 3)."""
     pose: CameraPose
     level_m: float
+    """The elevation of the ground or water, metres."""
 
 
 @dataclass(frozen=True, slots=True)
 class FrameAnswer:
-    """What a detector says: whether a target is there, and normalised boxes (x0, y0, x1, y1) if it gives any. `failure`
-    says why there is no answer, which counts as no detection."""
+    """The answer of a detector."""
 
     present: bool
+    """True if the picture shows a target."""
     boxes: tuple[UnitBox, ...] = ()
+    """Boxes (x0, y0, x1, y1) as shares of the picture; () if the detector gives none."""
     failure: str = ""
+    """The reason for which there is no answer. It counts as no detection."""
 
 
 class FrameDetector(Protocol):
     """One detector."""
 
     def answer(self, question: FrameQuestion) -> FrameAnswer:
-        """What the picture shows. Raises `InfrastructureError` if nothing can be answered at all."""
+        """Return the answer for a picture. Raises `InfrastructureError` if no picture can be answered."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class DetectorPlugin:
-    """How a detector is declared. `factory` makes one of its options as text, and raises `UsageError` for wrong ones;
-    `knows` says whether it can tell a class."""
+    """The declaration of a detector through the hook `lingjing_detectors`."""
 
     name: str
     factory: Callable[[Mapping[str, str]], FrameDetector]
+    """Returns a detector with the given options, which are texts. Raises `UsageError` for wrong ones."""
     knows: Callable[[str], bool] = lambda cls: True
+    """Returns True for a class that the detector can find."""
     summary: str = ""
 
 

@@ -1,6 +1,6 @@
-"""The hooks a plug-in may implement; pluggy project name and entry-point group are both `lingjing`.
+"""The hooks that a plug-in may implement. The name of the pluggy project and the entry-point group are both `lingjing`.
 
-Hooks return values and mutate nothing. Built-in engines, scenes and the reference agents come through the same door.
+Hooks return values and change nothing. The built-in engines and scenes and the reference agents use the same hooks.
 """
 
 from __future__ import annotations
@@ -32,53 +32,55 @@ hookimpl = pluggy.HookimplMarker("lingjing")
 
 @dataclass(frozen=True, slots=True)
 class ScenePlugin:
-    """How a scene provider is declared: `name` is what a mission names after `scene`; `build` must be a pure
-    function of the spec. The spec's options are declared in the plug-in's file of kinds (`lingjing.mission.kinds`)."""
+    """The declaration of a scene through the hook `lingjing_scenes`."""
 
     name: str
+    """The name that a mission gives after `scene`."""
     build: Callable[[SceneSpec], City]
+    """Returns the city of a spec; a pure function. The plug-in's `kinds.json` declares the options of the spec
+    (`lingjing.mission.kinds`)."""
     summary: str = ""
 
 
 @hookspec
 def lingjing_api_version() -> str:  # type: ignore[empty-body]
-    """Fires when the plug-in is registered, before any other hook: the `lingjing.plugins.contract.API_VERSION` that it
-    was written for. A plug-in without this hook is taken for one of version 1.0."""
+    """Return the `lingjing.plugins.contract.API_VERSION` that the plug-in was written for. Called when the plug-in is
+    registered, before any other hook. A plug-in without this hook counts as one of version 1.0."""
 
 
 @hookspec
 def lingjing_engines() -> Iterable[EnginePlugin]:  # type: ignore[empty-body]
-    """Fires once when the host is built: the engines this plug-in offers."""
+    """Return the engines of this plug-in. Called once, when the host is built."""
 
 
 @hookspec
 def lingjing_policies() -> Iterable[PolicyPlugin]:  # type: ignore[empty-body]
-    """Fires once when the host is built: the policies this plug-in offers."""
+    """Return the policies of this plug-in. Called once, when the host is built."""
 
 
 @hookspec
 def lingjing_scenes() -> Iterable[ScenePlugin]:  # type: ignore[empty-body]
-    """Fires once when the host is built: the scene providers this plug-in offers."""
+    """Return the scenes of this plug-in. Called once, when the host is built."""
 
 
 @hookspec
 def lingjing_evaluators() -> Iterable[EvaluatorPlugin]:  # type: ignore[empty-body]
-    """Fires once when the host is built: the evaluators this plug-in offers."""
+    """Return the evaluators of this plug-in. Called once, when the host is built."""
 
 
 @hookspec
 def lingjing_models() -> Iterable[ModelPlugin]:  # type: ignore[empty-body]
-    """Fires once when the models are asked for, by a suite or a list: the chat models this plug-in knows."""
+    """Return the chat models of this plug-in. Called once, when a suite or a list needs the models."""
 
 
 @hookspec
 def lingjing_prompts() -> Iterable[PromptPlugin]:  # type: ignore[empty-body]
-    """Fires once when prompts are asked for: the policies of this plug-in that have some."""
+    """Return the prompts of this plug-in's policies. Called once, when prompts are needed."""
 
 
 @hookspec
 def lingjing_detectors() -> Iterable[DetectorPlugin]:  # type: ignore[empty-body]
-    """Fires once when detectors are asked for: what this plug-in offers that tells whether a frame shows a target."""
+    """Return the detectors of this plug-in. Called once, when detectors are needed."""
 
 
 @hookspec

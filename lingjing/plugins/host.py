@@ -1,7 +1,7 @@
 """The plug-in host: the object that finds plug-ins through entry points and returns their offers by name.
 
-An installed plug-in that does not load, or whose hook fails, is left out and kept in `faults`: it stops nothing that
-does not use it. Plug-ins that the caller gives raise at once.
+An installed plug-in that does not load, or with a hook that fails, is left out and listed in `faults`: commands that do
+not use it go on. A fault of a plug-in that the caller passes raises at once.
 """
 
 from __future__ import annotations
@@ -76,11 +76,11 @@ _DEFAULT = "lingjing"
 
 
 class PluginHost:
-    """Everything the plug-ins offer. Two things of one kind and name are an error that names both plug-ins; an
-    installed plug-in cannot take a name from this project's own or from `extra`.
+    """All offers of the plug-ins.
 
-    `faults`: the installed plug-ins that are left out, whole or for one hook. `sources`: the plug-in of each hook and
-    name.
+    Two offers of one kind and name are an error that names both plug-ins. An installed plug-in cannot take a name of
+    this project or of `extra`. `faults` are the installed plug-ins that are left out, whole or for one hook; `sources`
+    is the plug-in of each hook and name.
     """
 
     def __init__(self, *, entry_points: bool = True, extra: Iterable[object] = ()) -> None:
@@ -93,13 +93,13 @@ class PluginHost:
         self._clashes: dict[tuple[str, str], str] = {}
         self.faults: list[PluginFault] = []
         self.sources: dict[tuple[str, str], str] = {}
-        found = installed_plugins() if entry_points else InstalledPlugins((), (), ())
-        self.faults += found.faults
-        for point in found.own:
+        installed = installed_plugins() if entry_points else InstalledPlugins((), (), ())
+        self.faults += installed.faults
+        for point in installed.own:
             self._load(LoadablePlugin(point))
         for plugin in extra:
             self.register(plugin)
-        for stranger in found.strangers:
+        for stranger in installed.strangers:
             self._load(stranger)
             self._strangers[stranger.point.name] = stranger
         self.engines: dict[str, EnginePlugin] = self._collect("lingjing_engines")
@@ -114,7 +114,7 @@ class PluginHost:
 
     @cached_property
     def prompts(self) -> dict[str, PromptPlugin]:
-        """The policies that have prompts, by name."""
+        """The prompts of policies, by name."""
         return self._collect("lingjing_prompts")
 
     @cached_property
@@ -190,7 +190,7 @@ class PluginHost:
         return made
 
     def register(self, plugin: object, name: str | None = None) -> None:
-        """Add a plug-in object; its hooks are called when what they offer is asked for.
+        """Add a plug-in object. Its hooks are called when their offers are needed.
 
         Raises `PluginError` if it is written for another version of the contract.
         """
@@ -204,7 +204,7 @@ class PluginHost:
         self._order.append(source)
 
     def hook_fault(self, hook: str) -> str:
-        """Call a hook of all plug-ins: the reason for which it fails, or ""."""
+        """Call a hook of all plug-ins. Returns the reason for which it fails; "" if it does not."""
         try:
             self._collect(hook)
         except PluginError as error:
@@ -243,8 +243,9 @@ class PluginHost:
                 self._manager.unregister(name=name)
 
     def _collect(self, hook: str) -> dict[str, NamedT]:
-        """What the plug-ins offer in a hook, by name: this project's own first, then `extra`, then strangers."""
-        found: dict[str, NamedT] = {}
+        """Return the offers of a hook by name. This project's own are collected first, then `extra`, then installed
+        plug-ins of others."""
+        offers: dict[str, NamedT] = {}
         hooks = getattr(self._manager.hook, hook).get_hookimpls()
         implementations = {implementation.plugin_name: implementation.function for implementation in hooks}
         for source in sorted(implementations, key=self._order.index):
@@ -253,15 +254,15 @@ class PluginHost:
                 offered: tuple[NamedT, ...] = self._offered(hook, implementations[source], source)
                 for item in offered:
                     other = self.sources.setdefault((hook, item.name), source)
-                    if item.name in found:
+                    if item.name in offers:
                         raise PluginError(f"`{item.name}` is offered twice by {hook}: in `{other}` and in `{source}`")
-                    found[item.name] = item
+                    offers[item.name] = item
             elif hook not in stranger.barred:
-                found |= self._offered_by(stranger, hook, implementations[source])
-        return {name: found[name] for name in sorted(found) if (hook, name) not in self._clashes}
+                offers |= self._offered_by(stranger, hook, implementations[source])
+        return {name: offers[name] for name in sorted(offers) if (hook, name) not in self._clashes}
 
     def _offered_by(self, stranger: LoadablePlugin, hook: str, function: object) -> dict[str, NamedT]:
-        """What a stranger's hook offers under names of its own; what is wrong with it goes to `faults`."""
+        """Return the offers of another party's hook that have names of their own; faults are added to `faults`."""
         name, owner = stranger.point.name, label(stranger.point.dist)
         try:
             with redirect_stdout(sys.stderr):
@@ -269,17 +270,17 @@ class PluginHost:
         except PluginError as error:
             self.faults.append(PluginFault(name, owner, f"failed in {hook}: {_reason(error, hook)}"))
             return {}
-        found: dict[str, NamedT] = {}
+        offers: dict[str, NamedT] = {}
         for item in offered:
             other = self.sources.setdefault((hook, item.name), name)
-            if other == name and item.name not in found:
-                found[item.name] = item
+            if other == name and item.name not in offers:
+                offers[item.name] = item
                 continue
             clash = f"`{item.name}` is offered twice by {hook}: in `{other}` and in `{name}`"
             self.faults.append(PluginFault(name, owner, clash))
             if other in self._strangers:
                 self._clashes[hook, item.name] = clash
-        return found
+        return offers
 
     def _offered(self, hook: str, function: object, source: str) -> tuple[NamedT, ...]:
         try:
@@ -306,12 +307,12 @@ class PluginHost:
 
 
 def _reason(error: PluginError, hook: str) -> str:
-    """The part of a hook's error after the names of the plug-in and the hook."""
+    """Return the part of a hook's error after the names of the plug-in and the hook."""
     return str(error).partition(f" failed in {hook}: ")[2] or str(error)
 
 
 def _check(item: object, hook: str, source: str) -> None:
-    """Raise `PluginError` if what a hook returned is no declaration of the hook's kind with a name and a maker."""
+    """Raise `PluginError` for an offer that is no declaration of the hook's kind with a name and a function."""
     declaration, maker = _DECLARATIONS[hook]
     wrong = f"plug-in `{source}` failed in {hook}: "
     if not isinstance(item, declaration):

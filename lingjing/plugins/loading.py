@@ -1,6 +1,6 @@
-"""Policies declared by themselves, and built with their options.
+"""The building of policies with their options, and the declaration of policies that no plug-in declares.
 
-A mistake in the author's code is reported by name, never with a traceback of ours.
+A mistake in the author's code becomes an error that names the policy, without a traceback.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ class PolicyMaker(Protocol):
 
 
 def policy_of(factory: Callable[..., Policy], name: str, summary: str = "") -> PolicyPlugin:
-    """The declaration of a class or function that no plug-in declares.
+    """Return the declaration of a class or function that no plug-in declares.
 
-    Its attributes, inherited ones too, say what a declaration says: `privileged = True` that it wants to see the truth,
-    `options` which model its options have (without one its parameters are the options), `calls = True` that it asks
-    chat models.
+    Its attributes, inherited ones too, stand for the fields of a declaration: `privileged = True` if it receives the
+    truth, `options` for the model of its options (without one its parameters are the options), `calls = True` if it
+    asks chat models.
     """
     return PolicyPlugin(
         name=name,
@@ -49,14 +49,14 @@ def policy_of(factory: Callable[..., Policy], name: str, summary: str = "") -> P
 
 
 def options_model(plugin: PolicyPlugin) -> type[PluginOptions]:
-    """The model of a policy's options: the declared one, else that of its factory's parameters."""
+    """Return the model of a policy's options: the declared one, else that of its factory's parameters."""
     from lingjing.plugins.options import declared_model, model_of_parameters
 
     return declared_model(plugin.options, _owner(plugin)) or model_of_parameters(plugin.factory)
 
 
 def read_given_options(plugin: PolicyPlugin, arguments: Mapping[str, object]) -> PluginOptions:
-    """The policy's options as an object of their model. Raises `UsageError` that tells every fault."""
+    """Return the policy's options as an object of their model. Raises `UsageError` that lists every fault."""
     from lingjing.plugins.options import read_options
 
     return read_options(options_model(plugin), arguments, _owner(plugin))
@@ -91,12 +91,12 @@ def build_policy(
 
 
 def options_fingerprint(plugin: PolicyPlugin, arguments: Mapping[str, object]) -> dict[str, str]:
-    """What decides beside the options of a policy as they were given (`PluginOptions.fingerprint`), by names that begin
-    with the policy's."""
+    """Return the fingerprint of a policy's options (`PluginOptions.fingerprint`), by names that begin with the policy's
+    name."""
     if not plugin.options:
         return {}
-    told = read_given_options(plugin, arguments).fingerprint()
-    return {f"{plugin.name}.{name}": value for name, value in told.items()}
+    fingerprint = read_given_options(plugin, arguments).fingerprint()
+    return {f"{plugin.name}.{name}": value for name, value in fingerprint.items()}
 
 
 def _owner(plugin: PolicyPlugin) -> str:
@@ -104,7 +104,7 @@ def _owner(plugin: PolicyPlugin) -> str:
 
 
 def one_line(error: BaseException) -> str:
-    """The message of an exception of foreign code in one line, with its type unless it is an error of this project."""
+    """Return the message of an exception in one line, with its type unless it is an error of this project."""
     try:
         text = str(error) if isinstance(error, LingjingError) else f"{type(error).__name__}: {error}"
     except Exception:  # noqa: BLE001 - its own `__str__` may raise anything

@@ -1,9 +1,9 @@
-"""Options of policies, engines and scenes: pydantic models that plug-ins declare, and the reading of what people write.
+"""Options of plug-ins: pydantic models that declarations name, and the reading of the values that users give.
 
-A declaration (`PolicyPlugin`, `EnginePlugin`, `ScenePlugin`) names its model as a class or as `package.module:Class`,
-which is imported when somebody gives, reads or lists options. A field's name, or its alias if it has one, is how an
-option is spelled; its type, bounds, default and description are what `lingjing plugins NAME` prints. Reading tells
-every fault at once, each at the option's spelling.
+A declaration (`PolicyPlugin`, `EnginePlugin`, …) names its model as a class or as `package.module:Class`, which is
+imported when options are read or listed. An option is spelled as its field's alias, or its name without one;
+`lingjing plugins NAME` prints its type, bounds, default and description. Reading reports all faults at once, each at
+the option's spelling.
 
 This module loads pydantic. `lingjing.plugins.engine`, `policy`, `hookspecs` and `host` do without it.
 """
@@ -26,15 +26,15 @@ if TYPE_CHECKING:
 
 
 class PluginOptions(BaseModel):
-    """What a plug-in's own model of options extends: unknown names are faults, values do not change."""
+    """The base class of models of options. Unknown names are faults, and values do not change."""
 
     model_config = ConfigDict(
         extra="forbid", frozen=True, populate_by_name=True, allow_inf_nan=False, protected_namespaces=()
     )
 
     def fingerprint(self) -> dict[str, str]:
-        """What decides beside the options as they were given, such as the SHA-256 of a file that one of them names; the
-        trace keeps it."""
+        """Return values that decide the behaviour beside the given options, such as the SHA-256 of a file that an
+        option names. The trace keeps them."""
         return {}
 
 
@@ -42,55 +42,57 @@ OptionsT = TypeVar("OptionsT", bound=PluginOptions)
 
 
 def declared_model(reference: type[Any] | str | None, owner: str) -> type[PluginOptions] | None:
-    """The model that a declaration names, or None if it names none.
+    """Return the model that a declaration names; None if it names none.
 
-    `owner` is the plug-in's item in words, such as "policy `scout`". Raises `PluginError` for what is no such model.
+    `owner` is the declared thing in words, such as "policy `scout`". Raises `PluginError` for a reference to anything
+    else.
     """
     if not reference:
         return None
-    found: object = reference
+    model: object = reference
     if isinstance(reference, str):
         try:
-            found = resolve_name(reference)
+            model = resolve_name(reference)
         except Exception as error:
             raise PluginError(f"the options of {owner} cannot be loaded from `{reference}`: {error}") from error
-    if not (isinstance(found, type) and issubclass(found, PluginOptions)):
+    if not (isinstance(model, type) and issubclass(model, PluginOptions)):
         hint = "extend lingjing.plugins.options.PluginOptions"
         raise PluginError(
             f"the options of {owner} are declared by `{reference}`, which is no model of options", hint=hint
         )
     try:
-        found.model_rebuild()
+        model.model_rebuild()
     except (PydanticUserError, PydanticUndefinedAnnotation) as error:
-        raise PluginError(f"the options of {owner} cannot be read from `{found.__name__}`: {error.message}") from error
-    return found
+        raise PluginError(f"the options of {owner} cannot be read from `{model.__name__}`: {error.message}") from error
+    return model
 
 
 def model_of_parameters(factory: Callable[..., object]) -> type[PluginOptions]:
-    """The model that a factory's own parameters declare: annotations are types, defaults are defaults.
+    """Return the model that a factory's own parameters declare: annotations are types, defaults are defaults.
 
     A parameter without an annotation takes anything; `**others` takes options of any name.
     """
     parameters = _parameters(factory)
     fields: dict[str, Any] = {}
-    for number, one in enumerate(parameters.values()):
-        if one.kind in (one.POSITIONAL_OR_KEYWORD, one.KEYWORD_ONLY):
-            kind = Any if one.annotation is one.empty or isinstance(one.annotation, str) else one.annotation
-            default = ... if one.default is one.empty else one.default
-            fields[f"option_{number}"] = (kind, Field(default, alias=one.name))
-    takes_any = any(one.kind is one.VAR_KEYWORD for one in parameters.values())
+    for number, parameter in enumerate(parameters.values()):
+        if parameter.kind in (parameter.POSITIONAL_OR_KEYWORD, parameter.KEYWORD_ONLY):
+            annotation = parameter.annotation
+            kind = Any if annotation is parameter.empty or isinstance(annotation, str) else annotation
+            default = ... if parameter.default is parameter.empty else parameter.default
+            fields[f"option_{number}"] = (kind, Field(default, alias=parameter.name))
+    takes_any = any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values())
     return create_model("Parameters", __base__=_AnyParameters if takes_any else _Parameters, **fields)
 
 
 def given_parameters(options: PluginOptions) -> dict[str, Any]:
-    """The keyword arguments for a factory whose parameters are the model: those that were given."""
-    fields = type(options).model_fields
-    given = {fields[name].alias or name: getattr(options, name) for name in fields if name in options.model_fields_set}
-    return {**given, **(options.model_extra or {})}
+    """Return the given options as keyword arguments for the factory that the model was made from."""
+    fields, names = type(options).model_fields, options.model_fields_set
+    arguments = {fields[name].alias or name: getattr(options, name) for name in fields if name in names}
+    return {**arguments, **(options.model_extra or {})}
 
 
 def read_options(model: type[OptionsT], given: Mapping[str, object], owner: str) -> OptionsT:
-    """The checked options. Raises `UsageError` with every fault; `owner` is the plug-in's item in words."""
+    """Return the checked options. Raises `UsageError` with every fault. `owner` is the declared thing in words."""
     options, faults = read_model(model, given)
     if options is None:  # not within an `except`: pydantic's error holds what was given, which may be a secret
         raise options_error({owner: faults})
@@ -98,20 +100,20 @@ def read_options(model: type[OptionsT], given: Mapping[str, object], owner: str)
 
 
 def option_faults(model: type[PluginOptions], given: Mapping[str, object]) -> tuple[Fault, ...]:
-    """Everything that is wrong with the options, at their spellings; empty if nothing is."""
+    """Return every fault of the options, at their spellings."""
     return read_model(model, given)[1]
 
 
 def options_error(faults: Mapping[str, tuple[Fault, ...]]) -> UsageError:
-    """The error that tells all faults, by the owner of the options in words."""
-    each = [(owner, one) for owner, found in faults.items() for one in found]
+    """Return the error that lists all faults. `faults` are by the owner of the options in words."""
+    each = [(owner, fault) for owner, of_owner in faults.items() for fault in of_owner]
     lines = [
-        f"{owner}: {f'option `{one.where}` ' if one.where else ''}{one.message}{one.hint and f'; {one.hint}'}"
-        for owner, one in each
+        f"{owner}: {f'option `{fault.where}` ' if fault.where else ''}{fault.message}{fault.hint and f'; {fault.hint}'}"
+        for owner, fault in each
     ]
     names = dict.fromkeys(owner.partition("`")[2].partition("`")[0] or "NAME" for owner, _ in each)
     hint = f"`lingjing plugins {next(iter(names)) if len(names) == 1 else 'NAME'}` lists the options"
-    return UsageError("\n".join(lines), hint=hint, faults=tuple(one for _, one in each))
+    return UsageError("\n".join(lines), hint=hint, faults=tuple(fault for _, fault in each))
 
 
 class EngineEpisode(Protocol):

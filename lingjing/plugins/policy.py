@@ -1,4 +1,4 @@
-"""The policy contract: two methods, what an agent may know, what it sees, and what it answers.
+"""The policy contract: two methods, and the values that they receive and return.
 
 `Brief` and `Observation` never hold a value that the mission marks hidden (the kernel's projection guarantees it),
 except in `privileged`, which only a policy declared so receives and which the trace records.
@@ -63,19 +63,22 @@ REFERENCE = "reference"
 
 
 class Resource(msgspec.Struct, frozen=True, kw_only=True):
-    """Something the agent may command: its type, action schema and camera mounts. `embodied` if it controls it;
-    `properties` are the public ones (SI units), such as `speed_mps` and `band_low_m`, `band_high_m`."""
+    """An entity that the agent may command."""
 
     id: str
     type: str
     embodied: bool
+    """True if the agent controls it; False if it has authority over it only."""
     verbs: tuple[VerbSpec, ...]
+    """The action schema."""
     cameras: tuple[CameraSpec, ...] = ()
+    """The camera mounts."""
     properties: dict[str, Datum] = {}
+    """Public properties in SI units, such as `speed_mps`, `band_low_m` and `band_high_m`."""
 
 
 class Peer(msgspec.Struct, frozen=True, kw_only=True):
-    """Another active agent, its role and what it embodies."""
+    """Another active agent, its role and the ids of the entities that it controls."""
 
     id: str
     role: str
@@ -83,7 +86,7 @@ class Peer(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RouteEnds(msgspec.Struct, frozen=True, kw_only=True):
-    """Where the route of an inspected vehicle begins (its place at reset) and ends, both public."""
+    """The public ends of the route of an inspected vehicle: its place at reset, and its destination."""
 
     vehicle: str
     start: Vector
@@ -91,106 +94,135 @@ class RouteEnds(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Brief(msgspec.Struct, frozen=True, kw_only=True):
-    """All an agent is told at reset. `seed` starts the policy's own random stream and
-    says nothing about the instance's; `classes` are the names a
-    report's `class` may have; `water_level_m` is the elevation of the scene's water surface; `weather` is that of
-    boundary 0.
-
-    `rules` says in sentences how the mission is won and what counts, without a hidden value. A command may send a body
-    to places within `bounds` (west, south, east, north in metres; None: anywhere). A message of at most `payload_bytes`
-    arrives `delay_ticks` after it was sent, at agents whose bodies are within `range_m` (None: at any distance), and is
-    lost with probability `loss`. `road_network` is the file of the roads (`lingjing.plugins.roads` reads it) or "".
-    `route_ends` are those of the routes that are to be inspected. A decision that takes longer than `decision_s`
-    seconds (None: not known) is replaced by one to do nothing; a policy that stops waiting before that can say why.
-    """
+    """The information that an agent receives at reset. It holds no hidden value."""
 
     agent: str
+    """The agent's id."""
     role: str
     index: int
+    """The number of the agent in its group, from 1; 0 for a single one."""
     goal: str
+    """The goal of the mission, a sentence."""
     prompt: str
+    """The task text of the agent in the mission; "" without one."""
     mode: str
+    """The communication mode: `star`, `broadcast` or `single`."""
     hub: str | None
+    """The id of the hub's agent; None without a hub."""
     tick_s: float
+    """The decision tick, seconds."""
     ticks: int
+    """The longest duration of the episode, ticks."""
     seed: int
+    """The seed of the policy's own random stream. The instance has another one."""
     resources: tuple[Resource, ...]
+    """The entities that the agent may command."""
     peers: tuple[Peer, ...]
+    """The other active agents."""
     messages: tuple[MessageSpec, ...]
+    """The kinds of messages of the mission."""
     regions: tuple[Region, ...]
     cells: tuple[Cell, ...]
+    """The cells of the search grids."""
     classes: tuple[str, ...]
+    """The names that the field `class` of a report may have."""
     weather: Weather
+    """The weather at boundary 0."""
     water_level_m: float
+    """The elevation of the scene's water surface, metres."""
     settings: dict[str, float] = {}
+    """The public parameters of the mission."""
     rules: tuple[str, ...] = ()
+    """Sentences that state how the mission is won and how it is scored."""
     bounds: tuple[float, float, float, float] | None = None
+    """West, south, east and north of the places that a command may name, metres; None for anywhere."""
     payload_bytes: int = 4000
+    """The largest message, bytes."""
     delay_ticks: int = 1
+    """The ticks from the sending of a message to its delivery."""
     range_m: float | None = None
+    """The largest distance between the bodies of sender and recipient, metres; None for any."""
     loss: float = 0.0
+    """The probability that a message is lost."""
     road_network: str = ""
+    """The file of the roads, for `lingjing.plugins.roads`; "" without roads."""
     route_ends: tuple[RouteEnds, ...] = ()
+    """The ends of the routes to inspect."""
     decision_s: float | None = None
+    """The wall clock of one decision, seconds; None if it is not known. A later decision is replaced by a no-op, so a
+    policy should give up before and state why."""
 
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A stored picture as the policy receives it: `rgb` is the decoded `jpeg`, (height, width, 3) uint8; `depth`
-    (height, width) float32 metres along the optical axis in whole centimetres, inf where nothing is hit; `semantic`
-    (height, width) uint8 class ids, without what is hidden. No ground truth."""
+    """A stored picture as the policy receives it, without ground truth."""
 
     frame: str
+    """The picture's id."""
     entity: str
     camera: str
+    """The name of the camera mount, or `REFERENCE`."""
     tick: int
+    """The boundary at which it was taken."""
     time_s: float
     pose: CameraPose
     rgb: npt.NDArray[np.uint8]
+    """The decoded `jpeg`, (height, width, 3)."""
     depth: npt.NDArray[np.float32] | None = None
+    """(height, width), metres along the optical axis in whole centimetres, inf where a ray hits nothing."""
     semantic: npt.NDArray[np.uint8] | None = None
+    """(height, width), class ids, without hidden entities."""
     jpeg: bytes = b""
+    """The stored file."""
 
 
 class Privileged(msgspec.Struct, frozen=True, kw_only=True):
-    """The truth, for policies declared `privileged` only: the instance, all states, and the boxes of the agent's
-    frames.
-
-    `emitted` are the (kind, entities) of the engines' task events so far, `routes` each vehicle's latest route,
-    `inspected` the places of the waypoints that each inspection has seen on the latest, `used` what counted budgets
-    have counted, `forbidden` the (resource, verb) pairs of the permits that do not hold now. `city` is the static
-    world; like everything here it is no part of what the digest covers.
-    """
+    """The truth, for policies that are declared `privileged` only. The digest of a trace does not cover it."""
 
     instance: Instance
+    """The instance with its hidden values."""
     states: tuple[BodyState, ...]
+    """The states of all entities."""
     frames: tuple[FrameInfo, ...]
+    """The agent's pictures with the boxes of their targets."""
     achieved: tuple[tuple[str, tuple[str, ...]], ...]
+    """The (rule, entities) that have become true."""
     emitted: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    """The (kind, entities) of the task events of engines so far."""
     routes: tuple[Route, ...] = ()
+    """The latest route of each vehicle."""
     inspected: dict[str, tuple[int, ...]] = {}
+    """The places of the waypoints that were seen on the latest route, by inspection."""
     used: dict[str, int] = {}
+    """The counts of counted budgets."""
     forbidden: tuple[tuple[str, str], ...] = ()
+    """The (resource, verb) pairs of permits that do not hold now."""
     city: City | None = None
+    """The static world."""
 
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """What an agent sees at boundary `tick`. Immutable; the same object is what the trace records.
-
-    `weather` is that of this boundary, whether an event has changed it since the brief's or not.
-    """
+    """The observation of an agent at a boundary. Immutable; the trace records the same object."""
 
     agent: str
     tick: int
+    """The number of the boundary."""
     time_s: float
+    """Simulation time, seconds."""
     entities: tuple[EntityView, ...] = ()
+    """The entities that the agent observes, with the fields that it observes."""
     cells: tuple[CellView, ...] = ()
     events: tuple[EventView, ...] = ()
+    """The events since the last boundary."""
     pictures: tuple[Picture, ...] = ()
+    """The pictures since the last boundary."""
     absent: tuple[Absent, ...] = ()
+    """The pictures that were requested and not delivered, with the reason."""
     privileged: Privileged | None = None
+    """The truth; None unless the policy is declared `privileged`."""
     weather: Weather = Weather()  # noqa: RUF009 - a frozen value
+    """The weather at this boundary."""
 
 
 class Inbox(msgspec.Struct, frozen=True, kw_only=True):
@@ -201,9 +233,9 @@ class Inbox(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class NoDecisionError(Exception):
-    """Raised by `act` if there is no decision this tick: the text says why, `usage` is what was spent all the same.
+    """Raised by `act` without a decision at this tick. The text states the reason, `usage` the cost all the same.
 
-    Whatever else `act` raises counts the same but for the usage. So does `InfrastructureError`, unless the harness
+    Every other exception of `act` counts the same, without the usage. So does `InfrastructureError`, unless the harness
     finds from outside of the policy that its infrastructure is gone (`PolicyPlugin.probe`): this ends the episode as
     an infrastructure abort.
     """
@@ -214,7 +246,7 @@ class NoDecisionError(Exception):
 
 
 class Policy(Protocol):
-    """An agent's mind. One object per agent and episode.
+    """The policy of one agent: one object for each agent and episode.
 
     Under `lingjing run` and `bench` each is in a process of its own; in the Python API each call runs in a worker
     thread with its own loop.
@@ -235,29 +267,28 @@ ServiceProbe = Callable[[Any], Awaitable[str]]
 
 @dataclass(frozen=True, slots=True)
 class PolicyPlugin:
-    """How a policy is declared through the hook `lingjing_policies`. `privileged` policies see the truth.
-
-    `options` is the model of its options (`lingjing.plugins.options.PluginOptions`) as a class or, so that nothing
-    heavy is loaded before it is needed, as `package.module:Class`. `factory` takes an object of that model and returns
-    one policy object per agent; without a model the factory's parameters are the options. A policy with such a model
-    that asks chat models says so by `calls`: its factory then takes a `lingjing.plugins.calls.ModelCalls` as well.
-
-    `probe` takes the options and asks the service that the policy depends on for a sign of life; it returns "" or why
-    there is none. The harness awaits it when the policy raises `InfrastructureError`. None: the policy depends on
-    nothing that can be gone, so that what it raises is its own failure.
-
-    `imports` are modules that every agent of the policy needs. Where the plug-in is trusted they are imported once in
-    the process that agents are forked from: they start no thread and open no graphics.
-    """
+    """The declaration of a policy through the hook `lingjing_policies`."""
 
     name: str
     factory: Callable[..., Policy]
+    """Returns the policy object of one agent. It takes an object of the model `options`; without a model its own
+    parameters are the options."""
     privileged: bool = False
+    """True if the policy receives the truth (`Observation.privileged`)."""
     summary: str = ""
     options: type[PluginOptions] | str | None = None
+    """The model of its options, a subclass of `lingjing.plugins.options.PluginOptions`, as a class or as
+    `package.module:Class`, which is imported when it is needed."""
     calls: bool = False
+    """True if the policy asks chat models: its factory then takes a `lingjing.plugins.calls.ModelCalls` as well. It
+    needs a model of its options."""
     probe: ServiceProbe | None = None
+    """Takes the options and asks the policy's service for a sign of life; returns "" or the reason for which there is
+    none. The harness awaits it after an `InfrastructureError` of the policy. None for a policy without a service, whose
+    errors are its own failures."""
     imports: tuple[str, ...] = ()
+    """Modules that every agent of the policy needs. For trusted plug-ins they are imported once, in the process from
+    which agents are forked: they must start no thread and open no graphics."""
 
 
 __all__ = [

@@ -1,7 +1,7 @@
-"""How a policy whose behaviour hangs on a prompt offers its prompts, and how a better one is asked for.
+"""The prompts of a policy and their revision.
 
-`lingjing prompts` lists and shows them, and improves one on development episodes: it plays, gives the failed episodes
-to a reviser, and keeps the best candidate. The core knows neither models nor services: a plug-in brings the reviser.
+`lingjing prompts` lists and shows prompts. It improves one on development episodes: it plays, gives the failed episodes
+to a *reviser*, and keeps the best candidate. A plug-in brings the reviser, because the core knows no model.
 """
 
 from __future__ import annotations
@@ -15,50 +15,55 @@ from lingjing.plugins.calls import ModelCalls
 
 @dataclass(frozen=True, slots=True)
 class Revision:
-    """A new prompt; `asked` and `answered` are the words that led to it, kept for whoever reads. Of an answer that
-    nobody can use `fault` says what is wrong ("is empty"), and there is no text."""
+    """A new prompt, or the fault of an answer that holds none."""
 
     text: str
+    """The prompt; "" for an answer that cannot be used."""
     asked: str = ""
+    """The request that led to it, for readers."""
     answered: str = ""
+    """The whole answer, for readers."""
     fault: str = ""
+    """The fault of the answer, in words that follow "it" ("is empty")."""
 
 
 @dataclass(frozen=True, slots=True)
 class TriedPrompt:
-    """An earlier candidate that did no better; `results` say how it did, or why it could not be used."""
+    """An earlier candidate that was no better."""
 
     text: str
     results: str
+    """Its results, or the reason for which it could not be used."""
 
 
 class PromptReviser(Protocol):
-    """What writes the next candidate of a prompt."""
+    """The author of the next candidate of a prompt, such as a second model."""
 
     def revise(self, prompt: str, results: str, failures: Sequence[str], tried: Sequence[TriedPrompt]) -> Revision:
-        """A revision of a prompt that was played with these results and failed in these episodes, other than those
-        that were tried.
+        """Return a revision of a prompt that is none of those in `tried`.
 
-        Raises `LingjingError` if nobody answers.
+        `results` describes how the prompt was played, `failures` the failed episodes. Raises `LingjingError` if the
+        service does not answer.
         """
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class PromptPlugin:
-    """The prompts of one policy.
-
-    `policy` is the policy's name and `option` the option of it that takes a prompt's name or file. `shipped` gives the
-    texts by name. `check` raises `ValueError` for a text that is no prompt. `reviser` makes one of the given options
-    that tells the calls of its model to what it is given, and raises `UsageError` for wrong ones.
-    """
+    """The declaration of the prompts of one policy through the hook `lingjing_prompts`."""
 
     name: str
     policy: str
+    """The policy's name."""
     option: str
+    """The option of the policy that takes a prompt's name or file."""
     shipped: Callable[[], Mapping[str, str]]
+    """Returns the shipped texts by name."""
     check: Callable[[str], None]
+    """Raises `ValueError` for a text that is no prompt."""
     reviser: Callable[[Mapping[str, str], ModelCalls], PromptReviser]
+    """Returns a reviser with the given options; it records its model calls in the second argument. Raises `UsageError`
+    for wrong options."""
     summary: str = ""
 
 

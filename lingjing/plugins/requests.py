@@ -1,8 +1,8 @@
 """Requests in progress: admission, progress and the end of long commands, with their receipts.
 
-An engine admits a command with `accept` or `reject` (the receipt of `submit`) and reports what becomes of it with
-`run`, `complete` and `fail`, whose receipts wait here until `drain` hands them to the boundary. One request a
-resource; only `stop` replaces one that is still pending, which then ends as `rejected: preempted`.
+An engine admits a command with `admit` or `answer` (the receipt of `submit`). It reports the rest with `run`,
+`complete` and `fail`, whose receipts wait here until `drain` hands them to the boundary. A resource has one pending
+request; only `stop` replaces it, and the replaced request ends as `rejected: preempted`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from lingjing.trace.records import Command, Receipt
 
 
 class Refusal(Exception):  # noqa: N818 - a refusal is an answer and not an error
-    """Raised while a command is examined: a stable reason code and a sentence for people."""
+    """Raised while a command is examined, with a stable reason code and a sentence for readers."""
 
     def __init__(self, reason: str, detail: str) -> None:
         super().__init__(detail)
@@ -62,7 +62,7 @@ class Requests:
         self._outbox: list[Receipt] = []
 
     def pending(self, resource: str) -> Command | None:
-        """The request that holds a resource."""
+        """Return the pending request of a resource; None without one."""
         return self._pending.get(resource)
 
     def admit(self, command: Command, time_s: float, examine: Callable[[Command], None]) -> Receipt:
@@ -78,7 +78,7 @@ class Requests:
         return command.receipt(self._engine, "accepted", time_s)
 
     def answer(self, command: Command, time_s: float, examine: Callable[[Command], None]) -> Receipt:
-        """Examine a command that is done at once, beside whatever is pending. Returns its admission receipt."""
+        """Examine a command that is completed at once, beside a pending request. Returns its admission receipt."""
         try:
             examine(command)
         except Refusal as refusal:
@@ -96,13 +96,13 @@ class Requests:
         self._outbox.append(command.receipt(self._engine, "running", time_s, progress=reached))
 
     def complete(self, resource: str, time_s: float) -> None:
-        """The pending request is done."""
+        """Complete the pending request."""
         command = self._close(resource)
         if command is not None:
             self._outbox.append(command.receipt(self._engine, "completed", time_s, progress=1.0))
 
     def fail(self, resource: str, time_s: float, reason: str, detail: str) -> None:
-        """The pending request ends without having been done."""
+        """End the pending request as rejected."""
         command = self._close(resource)
         if command is not None:
             self._outbox.append(command.receipt(self._engine, "rejected", time_s, reason, detail))

@@ -14,11 +14,14 @@ from lingjing.errors import InfrastructureError
 
 @dataclass(slots=True)
 class StepClock:
-    """Counts steps of `dt_s`; `done` is how many have been taken, `time_s` what the kernel has been told."""
+    """A counter of steps."""
 
     dt_s: float
+    """The step, seconds."""
     done: int = 0
+    """The number of steps taken."""
     time_s: float = 0.0
+    """The time of the last boundary, seconds."""
 
     @property
     def now_s(self) -> float:
@@ -27,18 +30,19 @@ class StepClock:
 
     @property
     def remainder_s(self) -> float:
-        """What lies between the last step and the time asked for, in [0, dt)."""
+        """Seconds from the last step to the last boundary, in [0, dt)."""
         return max(0.0, self.time_s - self.now_s)
 
     def steps_until(self, until: float) -> int:
-        """Steps to take to reach `until`; sets `time_s`. Time that runs backwards is a broken caller."""
+        """Return the steps to take to reach `until`, and set `time_s`. Raises `InfrastructureError` for a time before
+        the last boundary."""
         if not math.isfinite(until) or until < self.time_s - 1e-9:
             raise InfrastructureError(f"an engine at {self.time_s} s was asked to advance to {until} s")
         self.time_s = until
         return max(0, math.floor(until / self.dt_s + 1e-6) - self.done)
 
     def is_boundary(self, period_s: float) -> bool:
-        """Whether the time asked for is a whole multiple of `period_s` (a decision boundary)."""
+        """Return True if the last boundary is a whole multiple of `period_s` (a decision boundary)."""
         ratio = self.time_s / period_s
         return abs(ratio - round(ratio)) < 1e-6
 

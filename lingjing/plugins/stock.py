@@ -1,8 +1,8 @@
-"""Goods on board: what a mission declares as `state`, and what the city's book says was given and taken since.
+"""Goods on board of an asset: the amount that a mission declares as `state`, and the transfers since then.
 
-The city engine performs the handing over and keeps one account a stock, asset and counterpart: the counterpart's
-mirror carries `"<stock>@<asset>"` in its resources, the net amount given to that asset so far (negative: taken). The
-asset's own engine adds them up. Accounts are running totals, so nothing is counted twice and nothing is lost.
+The city engine carries out transfers. It keeps one account for each stock, asset and counterpart: the counterpart's
+mirror has `"<stock>@<asset>"` in its resources, the net amount given to that asset so far (negative if it was taken).
+The asset's own engine adds the accounts up. Accounts are running totals, so no transfer is counted twice or lost.
 """
 
 from __future__ import annotations
@@ -13,30 +13,34 @@ from lingjing.mission.instance import Entity
 from lingjing.trace.records import BodyState
 
 Accounts = Mapping[str, Sequence[float]]
-"""What was given so far, by account: an amount from each counterpart."""
+"""The amounts of each account, one from each counterpart."""
 
 
 def booked(mirrors: Iterable[BodyState]) -> Accounts:
-    """The accounts that the mirrors carry; read once for all assets of an engine."""
-    found: dict[str, list[float]] = {}
+    """Return the accounts in the mirrors. An engine reads them once for all its assets."""
+    accounts: dict[str, list[float]] = {}
     for state in mirrors:
         if not state.resources:
             continue  # as of every background mover, and these are many
         for account, amount in state.resources.items():
             if "@" in account:
-                found.setdefault(account, []).append(amount)
-    return found
+                accounts.setdefault(account, []).append(amount)
+    return accounts
 
 
 class Stock:
     """The changing stocks of one asset, by the name of their property (`load_kg`)."""
 
     def __init__(self, entity: Entity) -> None:
-        self._first = {one.field: value for one in entity.state if (value := entity.number(one.field)) is not None}
-        self.declared = tuple(one for one in entity.state if one.field in self._first)
+        self._first = {
+            state.field: value for state in entity.state if (value := entity.number(state.field)) is not None
+        }
+        self.declared = tuple(state for state in entity.state if state.field in self._first)
         """The states that are amounts, in the order of their declaration."""
         self._accounts = [
-            (one.field, f"{word}@{entity.id}") for one in self.declared for word in dict.fromkeys((one.field, one.name))
+            (state.field, f"{word}@{entity.id}")
+            for state in self.declared
+            for word in dict.fromkeys((state.field, state.name))
         ]
         self.amounts: Mapping[str, float] = dict(self._first)
 
@@ -50,7 +54,7 @@ class Stock:
 
     @property
     def load_kg(self) -> float:
-        """What is on board of a stock `load`, kilograms; 0 without one."""
+        """The mass on board, the stock `load`, kilograms; 0 without one."""
         return max(0.0, self.amounts.get("load_kg", 0.0))
 
 

@@ -1,4 +1,4 @@
-"""What a plug-in asks of a city: the ground and what stands on it (`Terrain`), and where legs can go (`obstacle_map`).
+"""Queries of a city: the ground and the bodies on it (`Terrain`), and the ground where legs can go (`obstacle_map`).
 
 Both are defined in `lingjing.scene`; a plug-in takes them from here.
 """

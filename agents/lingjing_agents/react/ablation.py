@@ -1,7 +1,7 @@
-"""What an agent is shown when one of its components is switched off: the paper's component ablations.
+"""The brief and the observation without a component that is switched off: the paper's component ablations.
 
-`second_view` are cameras beside the one that looks straight down, `grid` are the search cells. The other switches
-(`history_tokens`, `memory`, `images`, `research`, `image_side`) are kept where the component is.
+The switch `second_view` concerns the cameras beside the one that looks straight down, `grid` the search cells. The
+modules of the other components read their switches (`history_tokens`, `memory`, `images`, `research`, `image_side`).
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from lingjing_agents.react.options import ReactOptions
 
 
 def shown_brief(brief: Brief, options: ReactOptions) -> Brief:
-    """The brief without what is switched off."""
+    """Return the brief without the components that are switched off."""
     if not options.second_view:
         brief = msgspec.structs.replace(brief, resources=tuple(map(_top_view_only, brief.resources)))
     return brief if options.grid else msgspec.structs.replace(brief, cells=())
 
 
 def shown_observation(observation: Observation, brief: Brief, options: ReactOptions) -> Observation:
-    """The observation without what is switched off; `brief` is the one that is shown."""
+    """Return the observation without the components that are switched off. `brief` is the result of `shown_brief`."""
     if not options.second_view:
         mounts = {resource.id: {camera.name for camera in resource.cameras} for resource in brief.resources}
         pictures = tuple(picture for picture in observation.pictures if _shown(picture, mounts))
@@ -36,7 +36,7 @@ def _top_view_only(resource: Resource) -> Resource:
 
 
 def _shown(picture: Picture, mounts: dict[str, set[str]]) -> bool:
-    """Whether the picture is a reference, somebody else's, or from a camera that is left."""
+    """Return True for a reference picture, a picture of a foreign entity, and one from a camera that is left."""
     if picture.camera == REFERENCE or picture.entity not in mounts:
         return True
     return picture.camera in mounts[picture.entity]

@@ -1,7 +1,7 @@
 """The step in a model's answer: one JSON object among reasoning, fences and prose.
 
-Reasoning that a service leaves in the answer (`<think>…</think>` and its like) is told from what follows it. Of what
-is left the objects that look like a step count; two different ones are a fault, because nobody can say which is meant.
+Reasoning that a service leaves in the answer (`<think>…</think>` and similar) is separated from the text behind it. In
+that text the objects with fields of a step count. Two different ones are a fault, because the answer is ambiguous.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _BEGINNING = re.compile(r"\{\s*[\"}]")
 
 MOST_TRIES = 400
 SCANNED_LETTERS = 2_000_000
-"""How many beginnings of an object are followed, and how far in all: braces that lead nowhere cost time."""
+"""Bounds of the search for objects: attempts, and letters in all. Chosen: unclosed braces cost time."""
 
 
 class StepParser:
@@ -60,25 +60,25 @@ class StepParser:
 
 
 def step_text(text: str) -> str:
-    """The JSON text of the one step in an answer. Raises `StepError`."""
+    """Return the JSON text of the one step in an answer. Raises `StepError`."""
     try:
         if text.lstrip().startswith("{"):  # a step's own texts may speak of reasoning
-            found, _ = _objects(text)
-            if len(found) == 1:
-                return found[0]
-        found, fault = _objects(after_reasoning(text))
+            steps, _ = _objects(text)
+            if len(steps) == 1:
+                return steps[0]
+        steps, fault = _objects(after_reasoning(text))
     except RecursionError:
         raise StepError(_TOO_DEEP) from None
-    if len(found) > 1:
-        raise StepError(f"the answer holds {len(found)} different steps; give one")
-    if not found:
+    if len(steps) > 1:
+        raise StepError(f"the answer holds {len(steps)} different steps; give one")
+    if not steps:
         raise StepError(fault)
-    return found[0]
+    return steps[0]
 
 
 def read_step(text: str, form: StepFormat) -> ModelStep:
-    """The step in a model's answer. Raises `StepError`, which lists every fault found: services that promise a
-    schema do not always keep it."""
+    """Return the step in a model's answer. Raises `StepError`, which lists every fault: services that promise a schema
+    do not always keep it."""
     try:
         answer = form.completed(json.loads(step_text(text), parse_constant=_refused))
         faults = form.faults(answer)
@@ -94,7 +94,8 @@ def _refused(constant: str) -> None:
 
 
 def after_reasoning(text: str) -> str:
-    """What follows the reasoning; the whole text if there is none. Raises `StepError` if the reasoning does not end."""
+    """Return the text behind the reasoning; the whole text without one. Raises `StepError` if the reasoning does not
+    end."""
     ends = [match.end() for match in _END_OF_REASONING.finditer(text)]
     if ends:
         return text[ends[-1] :]
@@ -104,24 +105,24 @@ def after_reasoning(text: str) -> str:
 
 
 def _objects(text: str) -> tuple[list[str], str]:
-    """The different objects that look like a step, in order, and what is wrong if there is none."""
-    found: dict[str, str] = {}
+    """Return the different objects with fields of a step, in order, and the fault if there is none."""
+    steps: dict[str, str] = {}
     fault = "no JSON object in the answer"
     beginning, scanned, tries = _BEGINNING.search(text), 0, 0
     while beginning is not None and scanned < SCANNED_LETTERS and tries < MOST_TRIES:
         at = beginning.start()
         value, end, wrong = _object(text, at)
         if isinstance(value, dict) and _KEYS & value.keys():
-            found.setdefault(json.dumps(value, sort_keys=True), text[at:end])
-        elif not found:
+            steps.setdefault(json.dumps(value, sort_keys=True), text[at:end])
+        elif not steps:
             fault = wrong or f"not a step: the object has none of the fields {', '.join(sorted(_KEYS))}"
         scanned, tries = scanned + end - at, tries + 1
         beginning = _BEGINNING.search(text, at + 1 if wrong else end)
-    return list(found.values()), fault
+    return list(steps.values()), fault
 
 
 def _object(text: str, at: int) -> tuple[object, int, str]:
-    """The object that begins at `at`, where reading ended, and what is wrong with it (the object is then None)."""
+    """Return the object that begins at `at`, the end of the text read, and the fault (the object is then None)."""
     try:
         value, end = _DECODER.raw_decode(text, at)
     except json.JSONDecodeError as error:

@@ -1,7 +1,6 @@
-"""What a model is told once of its interface: what it may command and say, and what is known from the start.
+"""The brief in words for the system text: the commands, the messages, and the facts that are known from the start.
 
-Everything is read from the brief, and numbers are those that the kernel enforces. These facts stand behind every
-prompt, whatever its text says.
+All numbers come from the brief and are those that the kernel enforces. These facts follow every prompt.
 """
 
 from __future__ import annotations
@@ -29,11 +28,11 @@ from lingjing.plugins.policy import (
 _VIEWS = {"nadir": "straight down", "front": "ahead", "oblique": "ahead and down"}
 _UNITS = {"m": "m", "deg": "degrees", "s": "s", "kg": "kg", "mps": "m/s"}
 _TOLD = ("length_m", "width_m", "height_m")
-"""Measures of a body that no decision needs."""
+"""Measures of a body that are left out, because no decision needs them."""
 
 
 def interface(brief: Brief) -> str:
-    """The facts of a brief, a section each."""
+    """Return the facts of a brief, in sections."""
     sections = (
         ("YOU MAY COMMAND", _commands(brief) or ["nothing: you only send messages; answer with command null."]),
         ("YOU MAY SEND", [*_messages(brief), *_speech(brief)]),
@@ -44,12 +43,12 @@ def interface(brief: Brief) -> str:
 
 
 def rules(brief: Brief) -> str:
-    """The mission's rules, a line each."""
+    """Return the mission's rules, one a line."""
     return "\n".join(f"- {sentence}." for sentence in brief.rules) or "- none are told."
 
 
 def known(brief: Brief) -> dict[str, object]:
-    """Who and what is there, where things lie, the weather and the mission's numbers."""
+    """Return the agents, the regions and cells, the weather and the parameters of the mission."""
     west, south, east, north = brief.bounds or (-math.inf, -math.inf, math.inf, math.inf)
     fields: dict[str, object] = {
         "ticks": brief.ticks,
@@ -67,12 +66,12 @@ def known(brief: Brief) -> dict[str, object]:
 
 
 def weather(now: Weather) -> dict[str, float]:
-    """The weather by names that hold their units."""
+    """Return the weather by names that contain the units."""
     return {name: round(value, 3) for name, value in msgspec.structs.asdict(now).items()}
 
 
 def compact(value: object) -> str:
-    """JSON without white space."""
+    """Return JSON without white space."""
     return msgspec.json.encode(value).decode()
 
 
@@ -87,7 +86,7 @@ def _cell(cell: Cell) -> dict[str, object]:
 
 
 def tenths(values: Iterable[float]) -> list[float]:
-    """Numbers as models are told them: to a tenth, and none of them -0.0."""
+    """Return numbers rounded to a tenth, with 0.0 for -0.0."""
     return [round(value, 1) + 0.0 for value in values]
 
 
@@ -110,12 +109,12 @@ def _resource(resource: Resource) -> Iterator[str]:
 
 
 def _properties(resource: Resource) -> str:
-    said = [
+    measures = [
         f"{name} {value:g}"
         for name, value in resource.properties.items()
         if isinstance(value, int | float) and not isinstance(value, bool) and name not in _TOLD
     ]
-    return f" ({', '.join(said)})" if said else ""
+    return f" ({', '.join(measures)})" if measures else ""
 
 
 def _camera(camera: CameraSpec) -> str:
@@ -141,13 +140,13 @@ def _left_out(spec: ArgumentSpec) -> str:
 
 
 def _meaning(verb: VerbSpec, band: tuple[float, float] | None) -> str:
-    """What a verb does, in the words of its type or of its engine."""
-    said = verb.doc or _RESERVED.get(verb.name) or _MOTIONS[verb.motion]
+    """Return the meaning of a verb in the words of its type or of its engine."""
+    meaning = verb.doc or _RESERVED.get(verb.name) or _MOTIONS[verb.motion]
     if verb.motion in ("up", "down") and band is not None:
-        said += f"; ends at the band, elevation {band[1] if verb.motion == 'up' else band[0]:g} m"
+        meaning += f"; ends at the band, elevation {band[1] if verb.motion == 'up' else band[0]:g} m"
         if verb.motion == "down":
-            said += ", or just above what lies below"
-    return said
+            meaning += ", or just above what lies below"
+    return meaning
 
 
 _RESERVED: Mapping[str, str] = {
@@ -163,7 +162,7 @@ _MOTIONS: Mapping[VerbMotion, str] = {
     "down": "sinks",
     "turn": "turns",
 }
-"""Of verbs for which nobody has words."""
+"""The meanings of verbs without words of their type or engine, by motion."""
 
 
 # -- messages
@@ -179,7 +178,7 @@ def _messages(brief: Brief) -> Iterator[str]:
 
 
 def _others(brief: Brief) -> Iterator[str]:
-    """The kinds of message that other roles may send, with who may hear them."""
+    """Yield the kinds of message that other roles may send, with their recipients."""
     for message in brief.messages:
         senders = [role for role in message.senders if role != brief.role]
         if senders:

@@ -47,8 +47,8 @@ class TurnMemory:
         return tuple(message for state, answer, _ in self._turns for message in (state, answer))
 
     def record(self, turn: Turn) -> None:
-        """Keep a turn and its lines. Of its images stay those whose pictures the decision reports, as far as there is
-        room; images of earlier turns stay while the turns do."""
+        """Keep a turn and its lines. Images of reported pictures stay, as far as there is room. Images of earlier turns
+        stay while the turns do."""
         if turn.step.memory:
             self._lines = {**self._lines, **turn.step.memory}
         if self._limits.tokens == 0:

@@ -1,7 +1,7 @@
-"""Pictures as a model receives them: JPEG files, whole or in tiles or cut out, and what is known of each in words.
+"""Pictures as a model receives them: JPEG files, whole, in tiles or cut out, and a description of each.
 
-A picture that is sent whole at its own size is the stored JPEG itself, byte for byte. What a picture says of the ground
-is measured where the camera has a depth channel, else computed for a level plane.
+A picture that is sent whole at its own size is the stored JPEG itself, byte for byte. The positions of ground points in
+the description are measured where the camera has a depth channel, and computed for a level plane elsewhere.
 """
 
 from __future__ import annotations
@@ -20,12 +20,13 @@ _COLUMNS, _ROWS = 7, 5
 _COARSE_COLUMNS, _COARSE_ROWS = 3, 3
 _FLAT_M = 1.0
 _HORIZON_M = 5000.0
-"""A ray that meets the plane farther away says nothing of a place."""
+"""The farthest point of the plane that counts as a place, metres. Chosen: a small error of the pose moves farther
+points by hundreds of metres."""
 
 
 def images(picture: Picture, longest_side: int, tiles: int) -> tuple[ImageFile, ...]:
-    """The whole picture, its longer side at most `longest_side` pixels, then its `tiles` x `tiles` parts, row by row,
-    if there are more than one."""
+    """Return the whole picture, its longer side at most `longest_side` pixels, then its `tiles` x `tiles` parts, row by
+    row, if `tiles` is more than 1."""
     parts = [WHOLE]
     if tiles > 1:
         steps = [number / tiles for number in range(tiles + 1)]
@@ -34,7 +35,7 @@ def images(picture: Picture, longest_side: int, tiles: int) -> tuple[ImageFile, 
 
 
 def image(picture: Picture, part: ImageBox, longest_side: int, *, least_side: int = 0) -> ImageFile:
-    """A part of a picture; a smaller one than `least_side` is enlarged, so that a model sees its pixels."""
+    """Return a part of a picture. A part smaller than `least_side` is enlarged, so that a model resolves pixels."""
     height, width = picture.rgb.shape[:2]
     if part == WHOLE and picture.jpeg and max(height, width) <= longest_side:
         return ImageFile(picture.frame, part, picture.jpeg, width * height)
@@ -46,8 +47,8 @@ def image(picture: Picture, part: ImageBox, longest_side: int, *, least_side: in
 
 
 def in_words(picture: Picture, brief: Brief) -> dict[str, object]:
-    """What is known of a picture: camera, size, field of view, tilt, pose, and the ground that it shows. Nothing of
-    where a reference picture was taken."""
+    """Return the description of a picture: camera, size, field of view, tilt, pose, and the ground in it; its size
+    alone for a reference picture."""
     pose = picture.pose
     mount: dict[str, object] = {
         "frame": picture.frame,
@@ -69,7 +70,7 @@ def in_words(picture: Picture, brief: Brief) -> dict[str, object]:
 
 
 def _ground(picture: Picture, brief: Brief) -> dict[str, object]:
-    """Places of what is seen at a grid of points: by depth, else on the plane of the water level."""
+    """Return the places at a grid of points of the picture: by depth, else on the plane of the water level."""
     places = _grid(picture, brief, _COLUMNS, _ROWS)
     heights = [place[2] for row in places for place in row if place is not None]
     if heights and max(heights) - min(heights) <= _FLAT_M:  # a plane: fewer points say the same
@@ -93,21 +94,21 @@ def _grid(picture: Picture, brief: Brief, columns: int, rows: int) -> list[list[
 
 
 def _place(picture: Picture, brief: Brief, x: float, y: float) -> list[float] | None:
-    """What is seen at a share of the picture; None for the sky and what is too far to be a place."""
+    """Return the place at a point of the picture; None for the sky and points beyond the horizon."""
     pose = picture.pose
     u, v = x * pose.width, y * pose.height
     if picture.depth is not None:
         height, width = picture.depth.shape
         depth = float(picture.depth[min(int(y * height), height - 1), min(int(x * width), width - 1)])
         return None if not np.isfinite(depth) else tenths(pixel_to_world(pose, u, v, depth))
-    found = pixel_to_plane(pose, u, v, brief.water_level_m)
-    if found is None or max(abs(found[0] - pose.position[0]), abs(found[1] - pose.position[1])) > _HORIZON_M:
+    place = pixel_to_plane(pose, u, v, brief.water_level_m)
+    if place is None or max(abs(place[0] - pose.position[0]), abs(place[1] - pose.position[1])) > _HORIZON_M:
         return None
-    return tenths(found)
+    return tenths(place)
 
 
 def _span(low: float, high: float, size: int) -> tuple[int, int]:
-    """The pixels from one share of a side to another, at least one."""
+    """Return the first and the last pixel between two shares of a side, at least one pixel."""
     first = min(max(int(low * size), 0), size - 1)
     return first, min(max(round(high * size), first + 1), size)
 

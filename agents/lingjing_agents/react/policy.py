@@ -1,8 +1,8 @@
-"""`react`: perceive, reason, act: one model call a tick, more to see closer or to repair an answer.
+"""`ReactPolicy`: the loop of `react`: one request a boundary, and further ones for crops, repairs and deliberation.
 
-It gives up with `ReactError` before the kernel's barrier would (`deadline`, in seconds); the kernel then substitutes
-a no-op and records the reason and what was spent. A service that refuses `PATIENCE` ticks in a row ends the episode
-with `InfrastructureError`: it says nothing about the model.
+It gives up with `ReactError` before the kernel stops waiting (`deadline`, in seconds); the kernel then substitutes a
+no-op and records the reason and the cost. A service that rejects every request of `PATIENCE` ticks in a row ends the
+episode with `InfrastructureError`, because it is no failure of the model.
 """
 
 from __future__ import annotations
@@ -55,33 +55,34 @@ from lingjing_agents.react.search_budget import SearchBudget
 from lingjing_agents.react.step import StepFormat
 
 PATIENCE = 3
-"""Ticks in a row without any answer of an agent's service, each with its own tries, before the episode is given up."""
+"""Ticks in a row without an answer of an agent's service, each with its own tries, that end the episode. Chosen."""
 
 DECISION_SHARE = 0.9
-"""The share of the kernel's wait for a decision after which the policy gives up, so that it can name the cause."""
+"""The share of the kernel's wait for a decision after which the policy gives up, so that it can name the cause.
+Chosen."""
 
 LONGEST_SIDE = 4096
-"""Pictures are sent at their own size up to this many pixels on the longer side, where nothing else is known."""
+"""The longer side of a sent picture at most, pixels, where neither option nor model has a bound. Chosen."""
 
 CROP_SIDE = 768
-"""A crop is enlarged to at least so many pixels on its longer side."""
+"""The longer side of a crop at least, pixels; a smaller crop is enlarged. Chosen."""
 
 
 STATE_TOKENS = 2500
-"""Room in a model's context for the state at one boundary and a repair of its answer."""
+"""Tokens of a model's context that are left for the state of one boundary and a repair of its answer. Chosen."""
 
 
 class ReactError(NoDecisionError):
-    """No decision this tick; the text says why."""
+    """The error of a tick without a decision; the text states the reason."""
 
 
 def react_policy(options: ReactOptions, calls: ModelCalls) -> Policy:
-    """The policy that the options ask for: a model's, or the rules in its place."""
+    """Return the policy of the options: the model's, or the rules of `heuristic` in its place."""
     return HeuristicPolicy() if options.decider == "sweep" else ReactPolicy(options, calls)
 
 
 class ReactPolicy:
-    """An agent's mind that is a chat model."""
+    """The policy of one agent over a chat model."""
 
     def __init__(self, options: ReactOptions, calls: ModelCalls) -> None:
         self._options = options
@@ -93,7 +94,7 @@ class ReactPolicy:
         self._answers, self._valid = 0, 0
 
     async def reset(self, brief: Brief) -> None:
-        """Forget everything; the system prompt is written at the first boundary."""
+        """Begin an episode. The system text is written at the first boundary, because it needs the observation."""
         self._guidance = RouteGuidance(brief, self._options.intervention)
         self._brief = shown_brief(self._guidance.brief(brief), self._options)
         self._refused = 0
@@ -113,7 +114,7 @@ class ReactPolicy:
         Raises `ReactError` without a valid step in time, and `InfrastructureError` if the service answers nothing.
         """
         observation = self._guidance.observation(shown_observation(observation, self._brief, self._options))
-        self._references += tuple(one for one in observation.pictures if one.camera == REFERENCE)
+        self._references += tuple(picture for picture in observation.pictures if picture.camera == REFERENCE)
         if self._system is None:
             self._system = ChatMessage("system", self._system_text(observation))
             self._parts.memory.begin(MemoryLimits(self._history_tokens(), self._history_images()))
@@ -146,7 +147,7 @@ class ReactPolicy:
         options = self._options
         form = StepFormat(self._brief, memory=options.memory, crops=options.crops > 0)
         return AgentParts(
-            ReactPrompt(self._prompt, self._brief, crops=options.crops, given=self._guidance.given()),
+            ReactPrompt(self._prompt, self._brief, crops=options.crops, route=self._guidance.given()),
             TurnMemory(keeps_lines=options.memory),
             StepParser(form, structured=self._structured),
         )
@@ -161,7 +162,7 @@ class ReactPolicy:
         return parts.prompt.system(observation, parts.memory.instructions, parts.parser.instructions)
 
     def _history_tokens(self) -> int:
-        """What earlier turns may take: the option, less where the model's context leaves less beside the rest."""
+        """Return the tokens of earlier turns: the option, or less where the model's context has less room."""
         assert self._system is not None
         traits, options = self._model.profile.traits, self._options
         if traits.context is None:
@@ -177,25 +178,25 @@ class ReactPolicy:
         return {**memory, "withheld": self._withheld, **left, "next_node": self._guidance.next_node()}
 
     def _idle(self, observation: Observation, inbox: Inbox) -> bool:
-        """Whether a single pass is over and there is nothing to answer."""
-        told = inbox.messages or observation.events or observation.pictures or inbox.receipts
-        return self._search.over(observation) and not told
+        """Return True if the search is over and nothing is new."""
+        news = inbox.messages or observation.events or observation.pictures or inbox.receipts
+        return self._search.over(observation) and not news
 
     def _shown(self, observation: Observation) -> tuple[Picture, ...]:
-        """The reference pictures, at every boundary, then the newest ones."""
+        """Return the pictures of the request: the reference pictures, at every boundary, then the newest ones."""
         if not self._model.profile.traits.images:
             return ()
         new = tuple(picture for picture in observation.pictures if picture.camera != REFERENCE)
         return (*self._references, *new)[: self._most_pictures()]
 
     def _most_pictures(self) -> int:
-        """Pictures of one boundary: the option, less where the service takes fewer images."""
+        """Return the number of pictures of one boundary: the option, or less where the service takes fewer images."""
         most = self._model.profile.traits.most_images
         return self._options.images if most is None else min(self._options.images, most // self._images_each())
 
     def _history_images(self) -> int:
-        """Images of earlier turns: the option, less where the service takes no more beside those of a boundary and its
-        crops."""
+        """Return the number of images of earlier turns: the option, or less where the service takes fewer images beside
+        those of a boundary and its crops."""
         most, options = self._model.profile.traits.most_images, self._options
         if most is None:
             return options.history_images
@@ -203,7 +204,7 @@ class ReactPolicy:
         return max(0, min(options.history_images, left))
 
     def _images_each(self) -> int:
-        """Images of one picture: the whole and its tiles."""
+        """Return the number of images of one picture: the whole and its tiles."""
         return 1 if self._options.tiles == 1 else 1 + self._options.tiles**2
 
     def _sendable(self, decision: Decision, observation: Observation) -> Decision:
@@ -217,7 +218,8 @@ class ReactPolicy:
         return decision
 
     def _failure(self, error: ModelError, shown: tuple[bytes, ...]) -> ReactError | InfrastructureError:
-        """Slow answers and refused topics are the model's doing; a service that answers nothing is not."""
+        """Return the error of a failed call. Slow answers and refused topics are failures of the model; a service that
+        answers nothing is not."""
         if error.fault != "time":
             self._refused = self._refused + 1 if error.fault == "service" else 0
         if self._refused < PATIENCE:
@@ -228,7 +230,7 @@ class ReactPolicy:
         )
 
     def _patience_s(self) -> float:
-        """The seconds that one decision may take: what the options say, and less than the kernel waits."""
+        """Return the seconds of one decision: those of the options, and less than the kernel waits."""
         limit_s, own_s = self._brief.decision_s, self._options.deadline_s
         return own_s if limit_s is None else min(own_s, DECISION_SHARE * limit_s)
 
@@ -240,11 +242,11 @@ class ReactPolicy:
         while True:
             completion = await self._model.ask(tick, messages, deadline, schema=self._schema)
             self._refused = 0
-            said = answered(completion.text)
+            answer = answered(completion.text)
             try:
                 step = self._read(completion)
                 if step.crop is None:
-                    return step, said
+                    return step, answer
                 reply, crops = self._cropped(step.crop, pictures, crops), crops - 1
             except StepError as error:
                 fault = str(error)
@@ -252,12 +254,12 @@ class ReactPolicy:
                     break
                 repairs -= 1
                 reply = ChatMessage("user", self._parts.parser.repair(fault))
-            messages = (*messages, ChatMessage("assistant", said[:2000] or "(nothing)"), reply)
+            messages = (*messages, ChatMessage("assistant", answer[:2000] or "(nothing)"), reply)
         tried = f"{self._options.repairs} repair{'s' * (self._options.repairs != 1)}"
         raise ReactError(f"no valid step after {tried}; last fault: {fault}", self._bill())
 
     def _read(self, completion: CallResult) -> ModelStep:
-        """The step in an answer; every answer counts, and the ones that keep to the schema count again."""
+        """Return the step of an answer. Counts the answers, and those that satisfy the schema."""
         self._answers += 1
         if completion.finish_reason == "length":
             raise StepError(f"it was cut off at {self._options.max_tokens} tokens; be much shorter")
@@ -268,19 +270,20 @@ class ReactPolicy:
         return step
 
     def _cropped(self, crop: Crop, pictures: Sequence[Picture], left: int) -> ChatMessage:
-        """A part of a picture, enlarged. Raises `StepError` for a picture that was not sent, or one crop too many."""
+        """Return the message with a part of a picture, enlarged. Raises `StepError` for a picture that was not sent and
+        for one crop too many."""
         if left == 0:
             raise StepError("no crop is left at this tick: decide now")
-        picture = next((one for one in pictures if one.frame == crop.frame), None)
+        picture = next((sent for sent in pictures if sent.frame == crop.frame), None)
         if picture is None:
-            known = ", ".join(one.frame for one in pictures) or "none at this tick"
+            known = ", ".join(sent.frame for sent in pictures) or "none at this tick"
             raise StepError(f"crop.frame: `{crop.frame}` is none of the pictures that you have: {known}")
         cut = image(picture, crop.box, self._side, least_side=CROP_SIDE)
-        told = {"crop_of": crop.frame, "shows": [round(edge, 4) for edge in cut.part], "crops_left": left - 1}
-        return ChatMessage("user", f"{compact(told)} Boxes stay those of the whole picture.", (cut.jpeg,))
+        caption = {"crop_of": crop.frame, "shows": [round(edge, 4) for edge in cut.part], "crops_left": left - 1}
+        return ChatMessage("user", f"{compact(caption)} Boxes stay those of the whole picture.", (cut.jpeg,))
 
     def _bill(self) -> Usage:
-        """What was spent since the last bill, with the answers that came and how many of them were good."""
+        """Return the cost since the last bill, with the numbers of answers and of valid answers."""
         bill = msgspec.structs.replace(self._model.bill(), answers=self._answers, valid_answers=self._valid)
         self._answers, self._valid = 0, 0
         return bill

@@ -14,13 +14,13 @@ from lingjing_agents.react.step import CROPS_TOLD
 
 
 class ReactPrompt:
-    """The texts of one agent. `crops` is the number of crops of a boundary, `given` the content of the intervention."""
+    """The texts of one agent. `crops` is the number of crops of a boundary, `route` the content of the intervention."""
 
-    def __init__(self, prompt: PromptText, brief: Brief, *, crops: int, given: Mapping[str, object]) -> None:
+    def __init__(self, prompt: PromptText, brief: Brief, *, crops: int, route: Mapping[str, object]) -> None:
         self._prompt = prompt
         self._brief = brief
         self._crops = crops
-        self._given = given
+        self._route = route
 
     def system(self, first: Observation, memory: str, answer: str) -> str:
         """Return the filled prompt, the facts of the interface, and a section for each thing that there is."""
@@ -30,7 +30,7 @@ class ReactPrompt:
             interface(self._brief),
             memory,
             f"SEEING CLOSER\n{CROPS_TOLD.format(self._crops)}" if self._crops else "",
-            f"GIVEN OF THE ROUTE\n{compact(self._given)}" if self._given else "",
+            f"GIVEN OF THE ROUTE\n{compact(self._route)}" if self._route else "",
             "" if costs is None else f"ROADS (shortest ways when they are empty)\n{compact(costs)}",
             answer,
         )

@@ -1,8 +1,8 @@
 """Prompts: text files by name or by path. Holes such as `$goal` (`HOLES` lists them) are filled for each agent.
 
 `P0` is one line. `P1` adds the rules, a checklist for pictures, the coordinate frame, rules for deciding and the form
-of an answer. Others are made by `lingjing prompts improve`. What an agent may command and say stands behind each of
-them, because it is no prompt's to say. The trace holds a prompt's name and the SHA-256 of its text.
+of an answer. `lingjing prompts improve` makes others. The commands and messages of an agent follow each prompt, because
+no prompt may change them. The trace holds a prompt's name and the SHA-256 of its text.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _FOLDER = files("lingjing_agents.react") / "prompts"
 
 @dataclass(frozen=True, slots=True)
 class PromptText:
-    """A prompt with its holes: the name it was asked for by, and its text."""
+    """A prompt with its holes: its name in the options, and its text."""
 
     name: str
     text: str
@@ -34,7 +34,7 @@ class PromptText:
         return hashlib.sha256(self.text.encode()).hexdigest()
 
     def filled(self, brief: Brief) -> str:
-        """The text for one agent."""
+        """Return the text for one agent."""
         values = {
             "agent": brief.agent,
             "role": brief.role,
@@ -48,12 +48,12 @@ class PromptText:
 
 
 def shipped() -> tuple[str, ...]:
-    """The names of the prompts that come with this package."""
+    """Return the names of the shipped prompts."""
     return tuple(sorted(file.name.removesuffix(".txt") for file in _FOLDER.iterdir() if file.name.endswith(".txt")))
 
 
 def shipped_texts() -> dict[str, str]:
-    """The texts of the shipped prompts by name."""
+    """Return the texts of the shipped prompts by name."""
     return {name: (_FOLDER / f"{name}.txt").read_text(encoding="utf-8") for name in shipped()}
 
 
@@ -63,7 +63,7 @@ def check_text(text: str) -> None:
 
 
 def prompt_text(name: str) -> PromptText:
-    """A shipped prompt by its name, or the one in a file. Raises `ValueError` that says what is wrong with it."""
+    """Return a shipped prompt by its name, or the one in a file. Raises `ValueError` with its fault."""
     if name in shipped():
         return checked(PromptText(name, (_FOLDER / f"{name}.txt").read_text(encoding="utf-8")))
     try:
@@ -80,7 +80,7 @@ def prompt_text(name: str) -> PromptText:
 
 
 def checked(prompt: PromptText) -> PromptText:
-    """The prompt itself. Raises `ValueError` for one that is empty or has a hole that nothing fills."""
+    """Return the prompt. Raises `ValueError` for an empty one and for a hole that nothing fills."""
     if not prompt.text.strip():
         raise ValueError("is empty")
     if (size := len(prompt.text.encode("utf-8", "replace"))) > LONGEST_BYTES:

@@ -26,19 +26,19 @@ _OPENING = re.compile(r"<prompt>", re.IGNORECASE)
 _FENCED = re.compile(r"```[\w-]*\n(.*?)\n?```", re.DOTALL)
 
 FEWEST_WORDS = 5
-"""What has fewer is no prompt but what a model says of the form: `between <prompt> and </prompt>`."""
+"""The fewest words of a prompt. A shorter text between the tags is a model's remark about the form. Chosen."""
 
 AS_JSON = b'{"type": "object", "properties": {"prompt": {"type": "string"}}, "required": ["prompt"]}'
-"""The form of a second answer, where the service keeps answers to a form: a small model is poor at tags of its own."""
+"""The JSON Schema of a second answer, where the service keeps answers to one: small models often omit the tags."""
 
 TRIED = 3
-"""Earlier candidates that a reviser is shown, the latest."""
+"""The number of earlier candidates in a request, the latest. Chosen."""
 
 QUOTED_LETTERS = 2_000
-"""How much of an answer that cannot be used is shown to its model again."""
+"""Letters of an unusable answer that the second request quotes. Chosen."""
 
 LEAST_LETTERS = 300
-"""What is left of a failed episode's text where a model's context takes no more; with less it is left out."""
+"""The fewest letters of a failed episode's text that are worth sending, where the context has no more room. Chosen."""
 
 INSTRUCTIONS = """\
 You improve the prompt of agents that steer robots in a simulated city. Each agent is a chat model. At every tick it \
@@ -55,69 +55,70 @@ and </prompt>."""
 
 
 class ReviserOptions(ModelOptions):
-    """What the second model can be told."""
+    """The options of the second model."""
 
     max_tokens: int = Field(4096, ge=256, le=1_000_000, description="the longest revision")
     deadline_s: float = Field(300.0, alias="deadline", ge=1.0, le=86_400.0, description="seconds for one revision")
 
 
 class ModelReviser:
-    """Asks one model for revisions; an answer that cannot be used is asked for once more."""
+    """A reviser over one model. After an answer that cannot be used it asks once more."""
 
     def __init__(self, options: ReviserOptions, calls: ModelCalls) -> None:
         self._options = options
         self._model: AskedModel = open_model(options, calls)
 
     def revise(self, prompt: str, results: str, failures: Sequence[str], tried: Sequence[TriedPrompt]) -> Revision:
-        """A revision of the prompt, or what is wrong with the model's answer. Raises `InfrastructureError` if it gives
-        none."""
+        """Return a revision of the prompt, or the fault of the model's answer. Raises `InfrastructureError` without an
+        answer."""
         return asyncio.run(self._revise(prompt, results, failures, tried))
 
     async def _revise(
         self, prompt: str, results: str, failures: Sequence[str], tried: Sequence[TriedPrompt]
     ) -> Revision:
         system = INSTRUCTIONS.format(holes=", ".join(f"${name}" for name in HOLES))
-        asked = f"PRESENT PROMPT\n<prompt>\n{prompt}\n</prompt>\n\nRESULTS\n{results}"
-        asked += self._rest(system + asked, failures, tried)
-        messages: tuple[ChatMessage, ...] = (ChatMessage("system", system), ChatMessage("user", asked))
-        known = [prompt, *(one.text for one in tried)]
-        fault, answered = "", ""
+        request = f"PRESENT PROMPT\n<prompt>\n{prompt}\n</prompt>\n\nRESULTS\n{results}"
+        request += self._rest(system + request, failures, tried)
+        messages: tuple[ChatMessage, ...] = (ChatMessage("system", system), ChatMessage("user", request))
+        known = [prompt, *(candidate.text for candidate in tried)]
+        fault, text = "", ""
         for schema in (None, AS_JSON):
             try:
                 deadline = CallDeadline(self._options.deadline_s)
                 answer = await self._model.ask(0, messages, deadline, schema=schema)
             except ModelError as error:
                 raise InfrastructureError(f"the model `{self._options.model}` gave no revision: {error}") from error
-            answered = answer.text
+            text = answer.text
             try:
-                return Revision(revised_prompt(answer, known), asked, answered)
+                return Revision(revised_prompt(answer, known), request, text)
             except ValueError as error:
                 fault = str(error)
-            said = f"Your answer cannot be used: it {fault}. Answer again{self._form}."
-            quoted = ChatMessage("assistant", answered[:QUOTED_LETTERS])
-            messages = (*messages[:2], quoted, ChatMessage("user", said))
-        return Revision("", asked, answered, fault)
+            repair = f"Your answer cannot be used: it {fault}. Answer again{self._form}."
+            quoted = ChatMessage("assistant", text[:QUOTED_LETTERS])
+            messages = (*messages[:2], quoted, ChatMessage("user", repair))
+        return Revision("", request, text, fault)
 
     @property
     def _form(self) -> str:
-        """What a model is told of the form of its second answer."""
+        """The words about the form of the second answer."""
         return "" if self._model.profile.traits.structured == "none" else ', with a JSON object: {"prompt": "…"}'
 
     def _rest(self, before: str, failures: Sequence[str], tried: Sequence[TriedPrompt]) -> str:
-        """What else the model is told, as far as its context takes it: what failed, then what was tried."""
+        """Return the rest of the request as far as the model's context has room: failed episodes, then earlier
+        candidates."""
         letters = self._letters_left(before)
         failed = [f"\n\nFAILED EPISODE {number}\n{text}" for number, text in enumerate(failures, 1)]
         others = [
-            f"\n\nTRIED BEFORE, DID NO BETTER: {one.results}\n{one.text}".rstrip()
-            for one in dict.fromkeys(tried[-TRIED:])
+            f"\n\nTRIED BEFORE, DID NO BETTER: {candidate.results}\n{candidate.text}".rstrip()
+            for candidate in dict.fromkeys(tried[-TRIED:])
         ]
         if letters is None:
             return "".join(failed or ["\n\nNo episode failed."]) + "".join(others)
         return "".join(_fitting([*failed, *reversed(others)], letters))
 
     def _letters_left(self, before: str) -> int | None:
-        """Letters that the model's context takes beside what it is told before them, what it answers and what is said
-        of an answer that cannot be used; None if the context is not known."""
+        """Return the letters that the model's context has room for, beside the text before them, the answer and a
+        repair; None if the context is not known."""
         context = self._model.profile.traits.context
         if context is None:
             return None
@@ -126,31 +127,33 @@ class ModelReviser:
 
 
 def revised_prompt(answer: CallResult, known: Iterable[str]) -> str:
-    """The prompt in an answer: the last one behind the reasoning, without a fence around it. Raises `ValueError` that
-    says what is wrong with the answer, in words that follow "it"; one of the `known` prompts is wrong too."""
+    """Return the prompt in an answer: the last one behind the reasoning, without a fence around it.
+
+    Raises `ValueError` with the fault of the answer, in words that follow "it"; one of the `known` prompts is a fault.
+    """
     cut = answer.finish_reason == "length"
     try:
         text = after_reasoning(answer.text)
     except StepError:
         raise ValueError("ends within its reasoning" + " and was cut off" * cut) from None
-    found = [_OPENING.split(one)[-1].strip() for one in _PROMPT.findall(text)] or _in_json(text)
-    worded = [one for one in found if len(one.split()) >= FEWEST_WORDS]
+    tagged = [_OPENING.split(content)[-1].strip() for content in _PROMPT.findall(text)] or _in_json(text)
+    worded = [content for content in tagged if len(content.split()) >= FEWEST_WORDS]
     if not worded:
         if cut:
             raise ValueError("was cut off before </prompt>: write a shorter prompt")
-        if found:
+        if tagged:
             raise ValueError(f"holds a prompt of fewer than {FEWEST_WORDS} words")
         raise ValueError("has no text between <prompt> and </prompt>")
     fenced = _FENCED.fullmatch(worded[-1])
     prompt = (fenced[1] if fenced else worded[-1]).strip()
     check_text(prompt)
-    if prompt.split() in [one.split() for one in known]:
+    if prompt.split() in [text.split() for text in known]:
         raise ValueError("holds a prompt that was tried before, word for word")
     return prompt + "\n"
 
 
 def _in_json(text: str) -> list[str]:
-    """The prompt of an answer in the form of `AS_JSON`."""
+    """Return the prompt of an answer in the form of `AS_JSON`, in a list; an empty list without one."""
     try:
         return [msgspec.json.decode(text, type=_Answer).prompt]
     except (msgspec.DecodeError, ValueError):
@@ -162,7 +165,7 @@ class _Answer(msgspec.Struct, frozen=True):
 
 
 def _fitting(texts: Sequence[str], letters: int) -> Iterable[str]:
-    """The texts in order, as many as there is room for, the last one cut if enough of it is left."""
+    """Yield the texts in order as far as there is room; the last one is cut if enough of it is left."""
     for text in texts:
         if len(text) > letters:
             if letters >= LEAST_LETTERS:
@@ -172,6 +175,6 @@ def _fitting(texts: Sequence[str], letters: int) -> Iterable[str]:
         letters -= len(text)
 
 
-def make_reviser(given: Mapping[str, str], calls: ModelCalls) -> ModelReviser:
-    """The reviser of the given options. Raises `UsageError` that tells every fault of them."""
-    return ModelReviser(read_options(ReviserOptions, given, "reviser"), calls)
+def make_reviser(options: Mapping[str, str], calls: ModelCalls) -> ModelReviser:
+    """Return the reviser with these options. Raises `UsageError` that lists every fault of them."""
+    return ModelReviser(read_options(ReviserOptions, options, "reviser"), calls)

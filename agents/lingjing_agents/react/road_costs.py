@@ -1,6 +1,7 @@
-"""What the roads cost: metres of the shortest way between all places on a map that an agent observes.
+"""The table of road distances: metres of the shortest way between all places that an agent observes.
 
-Told to agents that see several fixed places which nobody commands, such as the points of a delivery.
+It is a part of the system text of agents that observe several fixed places without a commander, such as the points of a
+delivery.
 """
 
 from __future__ import annotations
@@ -13,8 +14,10 @@ _ROUND_M = 10
 
 
 def road_costs(brief: Brief, observation: Observation) -> dict[str, object] | None:
-    """The table as its places and a row of metres for each (from that place to all, null: no way); None where the agent
-    sees too few places, or there are no roads."""
+    """Return the table: its places, and a row of metres for each (from that place to all; None: no way).
+
+    Returns None without roads, and where the agent observes too few or too many places.
+    """
     places = _places(brief, observation)
     if not brief.road_network or not LEAST_PLACES <= len(places) <= MOST_PLACES:
         return None
@@ -24,7 +27,7 @@ def road_costs(brief: Brief, observation: Observation) -> dict[str, object] | No
 
 
 def _places(brief: Brief, observation: Observation) -> dict[str, Vector]:
-    moved = {name for peer in brief.peers for name in peer.resources} | {one.id for one in brief.resources}
+    moved = {name for peer in brief.peers for name in peer.resources} | {body.id for body in brief.resources}
     return {
         view.id: view.position
         for view in observation.entities

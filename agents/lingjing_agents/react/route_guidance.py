@@ -30,7 +30,7 @@ _PLACE = re.compile(r"\(-?\d+(?:\.\d+)?, -?\d+(?:\.\d+)?\)")
 
 
 class RouteGuidance:
-    """What one agent is given of the first inspected route, and what is chosen for it."""
+    """The intervention on the first inspected route, for one agent."""
 
     def __init__(self, brief: Brief, intervention: str) -> None:
         self._name = intervention
@@ -48,15 +48,15 @@ class RouteGuidance:
         self._height: dict[str, float] = {}
 
     def brief(self, brief: Brief) -> Brief:
-        """The brief that is shown: in A0 without coordinates in its texts."""
+        """Return the brief: in A0 without coordinates in its texts."""
         if self._ends is None or self._name != "A0":
             return brief
         goal, task = (_PLACE.sub(NOT_GIVEN, text) for text in (brief.goal, brief.prompt))
         return msgspec.structs.replace(brief, goal=goal, prompt=task, road_network="", route_ends=())
 
     def observation(self, observation: Observation) -> Observation:
-        """The observation that is shown: routes are A2's to give, and the vehicle's place is A1's. Follows the agent's
-        fliers along the way."""
+        """Return the observation: with routes from A2 on, with the vehicle's place from A1 on. Follows the agent's
+        aircraft along the way."""
         if self._ends is None:
             return observation
         for view in observation.entities:
@@ -66,7 +66,7 @@ class RouteGuidance:
         return replace(observation, entities=tuple(map(self._shown, observation.entities)))
 
     def given(self) -> dict[str, object]:
-        """What the intervention gives once: the ends, the roads and the way."""
+        """Return the content of the intervention for the system text: the ends, the roads and the way."""
         if self._ends is None or self._name == "A0":
             return {}
         ends = {"vehicle": self._ends.vehicle, "start": _rounded(self._ends.start), "target": _rounded(self._ends.end)}
@@ -79,13 +79,13 @@ class RouteGuidance:
         }
 
     def next_node(self) -> list[float] | None:
-        """The node that A* chooses next, in A3; None when all were visited."""
+        """Return the next node of the way, in A3; None when all were visited."""
         if self._name != "A3" or self._way is None or self._next >= len(self._way.points):
             return None
         return _rounded(self._way.points[self._next])
 
     def command(self, command: Action | None) -> Action | None:
-        """The command that is given: in A3 a flier that the model moves goes to the next node, at its own height."""
+        """Return the command to send: in A3 an aircraft that the model moves goes to the next node at its height."""
         node = self.next_node()
         if node is None or command is None or command.resource not in self._fliers or command.verb in (STOP, PHOTO):
             return command
@@ -106,7 +106,7 @@ class RouteGuidance:
 
 
 def _graph(roads: RoadMap, ends: RouteEnds) -> dict[str, object]:
-    """The junctions around the route with their places, and the roads that lead from one to another."""
+    """Return the junctions around the route with their places, and the roads between them."""
     west, east = sorted((ends.start[0], ends.end[0]))
     south, north = sorted((ends.start[1], ends.end[1]))
     places: dict[str, list[tuple[float, float]]] = {}

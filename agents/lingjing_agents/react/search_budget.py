@@ -1,4 +1,4 @@
-"""`SearchBudget`: how often an agent may look again at cells that were searched (the paper's bounded re-search).
+"""`SearchBudget`: the bound on repeated searches of searched cells (the paper's bounded re-search).
 
 Every cell may be photographed once. Each further picture from over a searched cell counts; `rounds` rounds over all
 cells are allowed. With 0 the search is a single pass.
@@ -25,12 +25,12 @@ class SearchBudget:
 
     @property
     def applies(self) -> bool:
-        """Whether this agent searches cells from above."""
+        """True if this agent searches cells from above."""
         return bool(self._cells and self._fliers)
 
     def withheld(self, command: Action | None, observation: Observation) -> str:
-        """Why a command must not be given, or "": it would look at a searched cell once too often. One that may be
-        given is counted."""
+        """Return the reason for which a command must not be sent: it would search a searched cell too often. Counts the
+        command and returns "" if it may be sent."""
         if command is None or command.verb != PHOTO or command.resource not in self._fliers:
             return ""
         cell = self._searched_below(command.resource, observation)
@@ -42,11 +42,11 @@ class SearchBudget:
         return ""
 
     def over(self, observation: Observation) -> bool:
-        """Whether nothing is left to search."""
+        """Return True if nothing is left to search."""
         return self.applies and self.left == 0 and all(cell.visited_tick is not None for cell in observation.cells)
 
     def _searched_below(self, resource: str, observation: Observation) -> Cell | None:
-        """The cell below a flier, if every cell there was searched."""
+        """Return the cell below an aircraft, if every cell there was searched."""
         place = next((view.position for view in observation.entities if view.id == resource), None)
         if place is None:
             return None

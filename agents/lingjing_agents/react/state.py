@@ -1,4 +1,4 @@
-"""What a model is told at each boundary: the observation and the inbox as one line of JSON.
+"""The text of the state at a boundary: the observation and the inbox as one line of JSON.
 
 Numbers are metres, seconds and compass degrees, by names that say so. Fields without a value are left out.
 """
@@ -30,7 +30,7 @@ class RequestLedger:
         self._commands = commands or {}
 
     def in_words(self, agent: str, receipts: Sequence[Receipt]) -> list[dict[str, object]]:
-        """The receipts with the verb or the kind of message that each answers. Accepted messages are left out."""
+        """Return the receipts with the verb or the kind of message that each answers, without accepted messages."""
         return [
             self._said(agent, receipt)
             for receipt in receipts
@@ -39,13 +39,13 @@ class RequestLedger:
 
     def _said(self, agent: str, receipt: Receipt) -> dict[str, object]:
         own = receipt.sender == agent and is_request_of("command", receipt.request)
-        asked = self._commands.get(receipt.tick) if own else None
+        command = self._commands.get(receipt.tick) if own else None
         fields: dict[str, object] = {
             "request": receipt.request,
             "from": receipt.sender if receipt.sender != agent else "you",
             "message" if receipt.by == "bus" else "resource": receipt.resource,
-            "verb": asked.verb if asked else "",
-            "arguments": asked.arguments if asked else {},
+            "verb": command.verb if command else "",
+            "arguments": command.arguments if command else {},
             "status": receipt.status,
             "reason": receipt.reason,
             "detail": receipt.detail,
@@ -63,8 +63,9 @@ def observation_text(
     ledger: RequestLedger | None = None,
     more: Mapping[str, object] | None = None,
 ) -> str:
-    """One boundary as JSON. `pictures` are those that go along, `sent` their images in order; `more` is added as is."""
-    asked = ledger or RequestLedger()
+    """Return one boundary as JSON. `pictures` are those of the request, `sent` their images in order; the members of
+    `more` are added as they are."""
+    requests = ledger or RequestLedger()
     state: dict[str, object] = {
         "tick": observation.tick,
         "of": brief.ticks,
@@ -79,7 +80,7 @@ def observation_text(
             {"from": note.sender, "kind": note.kind, "body": note.body, "sent_at_tick": note.tick}
             for note in inbox.messages
         ],
-        "receipts": asked.in_words(observation.agent, inbox.receipts),
+        "receipts": requests.in_words(observation.agent, inbox.receipts),
         "pictures": [{**in_words(picture, brief), **_parts(picture, sent)} for picture in pictures],
         "absent_pictures": [
             {"camera": f"{absent.entity}/{absent.camera}", "reason": absent.reason} for absent in observation.absent
@@ -106,7 +107,7 @@ def _entity(view: EntityView) -> dict[str, object]:
 
 
 def _route(view: EntityView) -> list[dict[str, object]] | None:
-    """The waypoints in their order, numbered as messages number them."""
+    """Return the waypoints in order, with the numbers that messages use."""
     if view.route is None:
         return None
     return [{"waypoint": number, "position": tenths(point)} for number, point in enumerate(view.route, 1)]
@@ -123,8 +124,9 @@ def _cells(observation: Observation) -> dict[str, object]:
 
 
 def _parts(picture: Picture, sent: Sequence[ImageFile]) -> dict[str, object]:
-    """Which images show which part of the picture, by their number among those that go along; whole ones need none."""
-    numbered = [(number, one) for number, one in enumerate(sent, 1) if one.frame == picture.frame]
+    """Return the parts of the picture that the images of the request show, by the number of the image; nothing for a
+    single whole picture."""
+    numbered = [(number, image) for number, image in enumerate(sent, 1) if image.frame == picture.frame]
     if not numbered or (len(sent) == 1 and numbered[0][1].part == WHOLE):
         return {}
-    return {"images": [{"image": number, "shows": [round(edge, 4) for edge in one.part]} for number, one in numbered]}
+    return {"images": [{"image": number, "shows": [round(edge, 4) for edge in file.part]} for number, file in numbered]}

@@ -1,4 +1,4 @@
-"""`StepFormat`: what a model may answer: a decision, what to remember, or a part of a picture to see closer."""
+"""`StepFormat`: the form of an answer: a decision, lines to keep, or a part of a picture to see enlarged."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from lingjing.plugins.policy import Brief
 from lingjing.plugins.scaffold import Crop, ModelStep, UnitBox
 
 LINES, LETTERS = 8, 240
-"""A memory has so many lines of so many letters; what is beyond is cut off."""
+"""Bounds of the memory: lines of a field, and letters of a line; the rest is cut off. Chosen."""
 
 MEMORY = {"commitments": "what you have promised or taken on, and to whom", "plan": "what you will do next, in order"}
 MEMORY_TOLD = """\
@@ -39,19 +39,19 @@ class StepFormat:
         return self._form.schema
 
     def completed(self, answer: object) -> object:
-        """The answer with what may be left out filled in."""
+        """Return the answer with omitted parts filled in."""
         return self._form.completed(answer)
 
     def faults(self, answer: Any) -> tuple[str, ...]:
-        """Every fault of a completed answer, with its path."""
-        found = self._form.faults(answer)
-        if not found and CROP in answer:
+        """Return every fault of a completed answer, with its path."""
+        faults = self._form.faults(answer)
+        if not faults and CROP in answer:
             x0, y0, x1, y1 = answer[CROP]["box"]
             return () if x0 < x1 and y0 < y1 else ("crop.box: x_min < x_max and y_min < y_max are due",)
-        return found
+        return faults
 
     def step(self, answer: Any) -> ModelStep:
-        """A completed answer without faults."""
+        """Return the step of a completed answer without faults."""
         memory = {
             name: tuple(line[:LETTERS] for line in answer[name][:LINES]) for name in self._memory if name in answer
         }

@@ -1,4 +1,4 @@
-"""The conformance kit: what every engine and every policy promises, as checks that anybody can run on theirs.
+"""The conformance kit: checks of the promises of each kind of plug-in, for the tests of plug-in authors.
 
 In a test of your own plug-in:
 
@@ -8,16 +8,16 @@ In a test of your own plug-in:
     def test_engine(check): check(case)
 
 or `check_engine(plugin, instance, city, …)` for all at once; `case_of(plugin, mission, {resource: (verb, arguments)})`
-makes a case of a mission. `check_body(mission, entity)` tries the body that an entity's type declares: whether it is
-seen as large as it says, and whether it can be hit. `check_evaluator(plugin, instance)`, `check_scene(spec)` and
-`check_kinds(entry_point)` test the other kinds, `check_scaffold(plugin)` and `check_backbone(plugin, model)` the parts
-of an agent over a chat model. Each check makes engines of its own from the plug-in's
-factory, raises `ConformanceError` with one sentence, and needs nothing but the contract of `lingjing.plugins.engine`.
-The commands of a case should be admissible ones that take a while; they are submitted at time 0.
+makes a case of a mission. The commands of a case should be admissible and take a while; they are submitted at time 0.
+`check_body(mission, entity)` tests the body that an entity's type declares: pictures show it at its size, and other
+bodies collide with it. `check_evaluator(plugin, instance)`, `check_scene(spec)` and `check_kinds(entry_point)` test the
+other kinds, `check_scaffold(plugin)` and `check_backbone(plugin, model)` the parts of an agent over a chat model. A
+check makes its own objects from the plug-in's factory and raises `ConformanceError` with one sentence.
 
-`case` (what is tried, how it is played) → `boundaries` (what every boundary must be) → `engines` and `requests` (the
-checks of an engine), `policies` (those of a policy), `scaffolds`, `backbones`, `bodies` (those of a type's body) and
-`providers` (evaluators, scenes, files of kinds); `samples` holds a brief for checks without a mission.
+`case` (the inputs of a check, one run of an engine) → `boundaries` (the checks of each boundary) → `engines` and
+`requests` (the checks of an engine); `policies`, `scaffolds`, `backbones`, `bodies` (a type's body) and `providers`
+(evaluators, scenes, files of kinds) hold the checks of the other kinds. `samples` has a brief for checks without a
+mission.
 """
 
 from lingjing.plugins.conformance.backbones import BACKBONE_CHECKS, BackboneCase, check_backbone

@@ -1,4 +1,4 @@
-"""What every boundary must be, whenever it comes: signed, on time, complete, finite, and clear about who is whose."""
+"""The checks of each boundary: its engine, its time, its entities, finite numbers, and the owners of bodies."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def check_boundary(case: EngineCase, boundary: Boundary, until: float) -> None:
 
 
 def check_events(boundary: Boundary, start: float, until: float) -> None:
-    """Events lie in the interval, name somebody and hold finite values."""
+    """Events lie in the interval, name entities and hold finite values."""
     for event in boundary.events:
         inside = start - 1e-9 <= event.time_s <= until + 1e-9
         require(inside, f"advance: event `{event.kind}` at {event.time_s} s, outside of {start}..{until} s")

@@ -1,4 +1,4 @@
-"""What an engine is tried on, and how it is played from one boundary to the next."""
+"""The inputs of the checks of an engine, and one run of it from boundary to boundary."""
 
 from __future__ import annotations
 
@@ -29,20 +29,21 @@ class ConformanceError(PluginError):
 
 @dataclass(frozen=True, slots=True)
 class EngineCase:
-    """What an engine is tried on: an instance with entities of its own, a city, commands it should admit, bodies of
-    other engines as mirrors at time 0 (they move on along their velocities), and for how many seconds.
-
-    `placed` says that entities start where the instance puts them; a satellite starts where its elements say.
-    """
+    """The inputs of the checks of an engine."""
 
     plugin: EnginePlugin
     instance: Instance
+    """An instance with entities of the engine."""
     city: City
     commands: tuple[Command, ...] = ()
+    """Commands that the engine should admit, submitted at time 0."""
     mirrors: tuple[BodyState, ...] = ()
+    """Bodies of other engines at time 0; they move along their velocities."""
     seed: int = 1
     seconds: float = 20.0
+    """The duration of a run, simulation time."""
     placed: bool = True
+    """True if entities start at the positions of the instance. A satellite starts where its elements put it."""
 
     @property
     def owned(self) -> tuple[Entity, ...]:
@@ -51,7 +52,7 @@ class EngineCase:
 
     @property
     def spec(self) -> EngineSpec:
-        """What the engine is reset with."""
+        """The argument of the engine's `reset`."""
         return EngineSpec(
             engine=self.plugin.name, instance=self.instance, owns=tuple(entity.id for entity in self.owned)
         )
@@ -87,17 +88,17 @@ def case_of(
     """A case on a mission's own instance and city: `commands` are a verb and its arguments by resource."""
     instance = instantiate(mission, seed=seed)
     city = build_city(instance.scene, PluginHost())
-    given = tuple(
+    submitted = tuple(
         Command(id=f"c0-{number}", tick=0, sender="conformance", resource=name, verb=verb, arguments=dict(arguments))
         for number, (name, (verb, arguments)) in enumerate(commands.items(), start=1)
     )
     placed = anchor(instance, city, imported=bool(mission.origin.places))
-    return EngineCase(plugin, placed, city, given, tuple(mirrors), seed, seconds)
+    return EngineCase(plugin, placed, city, submitted, tuple(mirrors), seed, seconds)
 
 
 @dataclass(slots=True)
 class Run:
-    """All that an engine answered in one run of a case."""
+    """The answers of an engine in one run of a case."""
 
     ready: Boundary
     admissions: tuple[Receipt, ...] = ()

@@ -69,8 +69,8 @@ def check_advance(case: EngineCase) -> None:
 
 
 def check_strangers(case: EngineCase) -> None:
-    """Mirrors of everybody else, dormant ones, background traffic and ids never heard of are all taken in, and none of
-    them is handed out again."""
+    """The engine accepts mirrors of all other entities, dormant ones, background traffic and unknown ids, and returns
+    none of them as its own."""
     crowd = [
         BodyState(id=entity.id, position=entity.position, status="dormant" if entity.dormant else "idle")
         for entity in case.instance.entities
@@ -100,8 +100,8 @@ def check_repeatable(case: EngineCase) -> None:
 
 
 def check_cuts(case: EngineCase) -> None:
-    """How time is cut changes nothing: one interval is two halves, where both end on the engine's own steps
-    (`native_dt_s`). Tried without others, whose mirrors would be older in the longer interval."""
+    """An interval gives the same as its two halves, where both end on the engine's own steps (`native_dt_s`). Played
+    without other bodies: their mirrors would be older in the longer interval."""
     half = case.step_s / 2.0
     steps = half / case.plugin.native_dt_s
     if case.plugin.sensor or case.plugin.place == "remote" or abs(steps - round(steps)) > _TOLERANCE:

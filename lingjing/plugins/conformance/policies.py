@@ -14,14 +14,15 @@ from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, PolicyP
 
 @dataclass(frozen=True, slots=True)
 class PolicyCase:
-    """What a policy is tried on. `deterministic` is for policies that promise the same answers for the same inputs
-    (a chat model does not); `arguments` are its `--policy-arg` pairs."""
+    """The inputs of the checks of a policy."""
 
     plugin: PolicyPlugin
     brief: Brief
     observations: tuple[Observation, ...]
     deterministic: bool = True
+    """True if the policy promises the same answers for the same inputs; a chat model does not."""
     arguments: tuple[tuple[str, str], ...] = ()
+    """Its `--policy-arg` pairs."""
 
 
 def check_policy(

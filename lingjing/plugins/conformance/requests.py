@@ -48,15 +48,14 @@ def check_admission(case: EngineCase) -> None:
 
 
 def check_refusals(case: EngineCase) -> None:
-    """A verb that nobody has, and a resource that the engine does not own or that nobody knows, are rejected with a
-    reason."""
+    """An unknown verb, a resource of another engine and an unknown resource are rejected with a reason."""
     resources = [owned.id for owned in case.owned[:1]]
     resources += [entity.id for entity in case.instance.entities if entity.engine != case.plugin.name][:1]
     strange = [
         Command(id=f"c0-90{number}", tick=0, sender=SENDER, resource=resource, verb=UNKNOWN_VERB)
         for number, resource in enumerate((*resources, UNKNOWN_RESOURCE))
     ]
-    # What one's own entities obey, told to somebody else's.
+    # Verbs of own entities, for entities of another engine.
     foreign = resources[1:] if case.owned else []
     strange += [
         msgspec.structs.replace(command, id=f"c0-91{number}", resource=name)
