@@ -98,12 +98,12 @@ def lingjing_backbones() -> Iterable[BackbonePlugin]:
     return (
         BackbonePlugin(
             name="direct",
-            factory=Deferred("llm.asking", "direct_backbone"),
+            factory=_Deferred("llm.asking", "direct_backbone"),
             summary="the OpenAI chat protocol over HTTP",
         ),
         BackbonePlugin(
             name="litellm",
-            factory=Deferred("llm.asking", "litellm_backbone"),
+            factory=_Deferred("llm.asking", "litellm_backbone"),
             summary="every service that litellm speaks to",
         ),
     )
@@ -115,13 +115,13 @@ def lingjing_scaffolds() -> Iterable[ScaffoldPlugin]:
     return (
         ScaffoldPlugin(
             name="plan-manage-act",
-            build=Deferred("scaffolds.plan_manage_act", "plan_manage_act"),
+            build=_Deferred("scaffolds.plan_manage_act", "plan_manage_act"),
             options="lingjing_agents.scaffolds.plan_manage_act:PlanOptions",
             summary="a planner and a manager before the decision",
         ),
         ScaffoldPlugin(
             name="reflective-memory",
-            build=Deferred("scaffolds.reflective_memory", "reflective_memory"),
+            build=_Deferred("scaffolds.reflective_memory", "reflective_memory"),
             options="lingjing_agents.scaffolds.reflective_memory:LessonOptions",
             summary="a lesson from each failed request",
         ),
