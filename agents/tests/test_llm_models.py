@@ -317,7 +317,9 @@ def test_plugins_lists_the_rest_where_the_own_list_of_models_is_faulty(
     monkeypatch.setenv("LINGJING_MODELS", str(tmp_path / "own.toml"))
     assert main(["plugins"]) == ExitCode.USAGE
     told = capsys.readouterr()
-    assert {line.split()[0] for line in told.out.splitlines()} == {"engine", "policy", "scene", "evaluator", "detector"}
+    assert {line.split()[0] for line in told.out.splitlines()} == {
+        "engine", "policy", "scene", "evaluator", "detector", "backbone", "scaffold",
+    }  # fmt: skip
     assert "models.mine.service: is missing" in told.err
     assert "hint: models.toml" in told.err
     assert main(["plugins", "react"]) == ExitCode.OK
