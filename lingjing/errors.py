@@ -40,14 +40,14 @@ class Fault(NamedTuple):
     message: str
     """The fault."""
     hint: str = ""
-    """The way out; "" if unknown."""
+    """An action that solves the problem; "" if unknown."""
 
 
 class LingjingError(Exception):
     """Root of all exceptions that this project raises on purpose.
 
-    `str(error)` names the faulty thing. `hint` is the way out, which a traceback shows as a note. `faults` are the
-    single faults of a document or of options.
+    `str(error)` names the faulty thing. `hint` is what the reader can do; a traceback shows it as a note. `faults` are
+    the single faults of a document or of options.
     """
 
     exit_code = ExitCode.BUG

@@ -1,4 +1,4 @@
-"""Errors of the operating system that are no fault of the program, each with its way out.
+"""Errors of the operating system that are no fault of the program, each with a hint.
 
 An unwritable place is a wrong argument (`UsageError`). A machine without free descriptors, memory or processes, or with
 a failing disk, is an `InfrastructureError`. Other errors, such as a missing file, are not covered here.
@@ -39,7 +39,7 @@ _HINTS = {
 
 
 def hint_of(error: BaseException | None) -> str:
-    """Return the way out of an error of the operating system; "" for any other."""
+    """Return the hint for an error of the operating system; "" for any other."""
     if isinstance(error, MemoryError):
         return _MEMORY
     return _HINTS.get(error.errno or 0, "") if isinstance(error, OSError) else ""

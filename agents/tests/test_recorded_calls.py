@@ -78,7 +78,7 @@ class Script:
 
 
 def looking() -> Script:
-    """scout[1] looks down, with an error to repair on its way; scout[2] does nothing."""
+    """Return answers: scout[1] looks down, and its second answer is invalid first; scout[2] does nothing."""
     return Script(scout1=[Reply(LOOK), Reply("so I look down"), Reply(LOOK)])
 
 

@@ -148,7 +148,7 @@ class Failed(WorkerMessage, frozen=True, kw_only=True):
     message: str
     """The description, with engine and call."""
     hint: str = ""
-    """The way out; "" if unknown."""
+    """The hint of the error; "" if it has none."""
     traceback: str = ""
     """The traceback, for the engine's author."""
 
