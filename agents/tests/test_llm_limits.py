@@ -58,7 +58,7 @@ class Counting:
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path, monkeypatch) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "absent"))
-    with pytest.raises(UsageError, match=r"cannot make .*absent/lingjing-turns"):
+    with pytest.raises(UsageError, match=r"cannot create .*absent/lingjing-turns"):
         limited(Counting(), service(concurrency=1), "http://localhost")
 
 
