@@ -18,7 +18,6 @@ import tempfile
 import time
 from pathlib import Path
 
-from lingjing_agents.llm.chat import ChatMessage, ChatRequest, ModelCompletion
 from lingjing_agents.llm.direct import DirectClient
 from lingjing_agents.llm.guard import GuardedClient
 from lingjing_agents.llm.redaction import Redactor
@@ -26,6 +25,7 @@ from lingjing_agents.react.options import ReactOptions
 from lingjing_agents.react.policy import ReactPolicy
 
 import lingjing
+from lingjing.plugins.backbone import ChatMessage, ChatRequest, ModelCompletion
 from lingjing.plugins.calls import ModelCalls
 from lingjing.plugins.policy import Decision, Inbox, Observation
 
