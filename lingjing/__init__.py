@@ -11,9 +11,9 @@ Modules that all share:
 - `errors`: the exceptions; `validation`: faults found by pydantic, in words
 - `option_reading`: options checked by their models; `option_listing`: options in words; `suggest`: spelling suggestions
 - `collector`: pauses of the garbage collector; `numerics`: all that fixes the last bits of numbers
-- `data`: the place of shipped files; `kept_files`: files of the cache; `whole_files`: atomic writes; `file_names`:
-  names
-that are not UTF-8
+- `data`: the place of shipped files; `kept_files`: files of the cache; `whole_files`: atomic writes
+- `file_names`: names that are not UTF-8
+- `builtin`: the built-in plug-in, which declares the engines, scenes, evaluators and types that ship
 - `installation`: the distributions and their extras; `installed_plugins`: plug-ins of other distributions
 - `refusals`: errors of the operating system; `signals`: blocked signals; `terminal`: text that is safe to print
 

@@ -28,8 +28,8 @@ Modules in control-flow order:
 - `geometry2d`, `grid`, `spacing`: polygons, search cells cut from them, and points with a minimum distance.
 - `footprint`: the ground area of bodies at their start, and whether it is free.
 - `clock`: the relation of tick and macro-step.
-- `instance_entities`, `instance_agents`, `instance_rules`, `instantiate`: the parts of an
-  `instance.Instance`: entities, agents and messages, events and limits, texts. `trial`: errors that playing would
+- `instance`: the concrete episode. `instantiate` makes it of its parts: `instance_entities`, `instance_agents` (with
+  messages) and `instance_rules` (events, limits, texts). `trial`: errors that playing would
   report, found without playing.
 - `settings`: parameter values as text. `schedule`: weather and presence of entities at a given time.
 - `feasibility`: proofs that a mission cannot be won. `tasks`: the members of each group that success requires.

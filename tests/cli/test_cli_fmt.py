@@ -65,7 +65,7 @@ def test_a_file_with_syntax_errors_is_left_and_they_are_listed(tmp_path: Path) -
     good.write_text(UGLY)
     done = fmt(bad, good)
     assert done.returncode == 1
-    assert "LJ0010" in done.stderr and f"{bad}: left as it is: 1 error" in done.stderr
+    assert "LJ0010" in done.stderr and f"{bad}: not formatted: 1 error" in done.stderr
     assert (bad.read_text(), good.read_text()) == ("ljs 1\nasset a { engine = }\n", NEAT)
 
 

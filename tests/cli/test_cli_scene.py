@@ -104,7 +104,7 @@ def test_a_city_without_roads_says_so(folder: Path, capsys: pytest.CaptureFixtur
         (["build", "town.osm", "-o", "full"], "error: cannot write `full`: it holds something that is no city"),
         (["info", "full"], "error: no city in `full`"),
         (["draw", "full", "-o", "a.png"], "error: no city in `full`"),
-        (["draw", "full", "-o", "a.doc"], "error: no picture is written to `a.doc`"),
+        (["draw", "full", "-o", "a.doc"], "error: `a.doc` has no suffix of a picture"),
         (["draw", "full", "-o", "nowhere/a.png"], "its folder does not exist"),
         (["draw", "nowhere", "-o", "a.png"], "error: there is no mission `nowhere`"),
         (["info", "ssr", "--seed", "x"], "is not a seed"),

@@ -88,9 +88,9 @@ def test_no_output_replaces_a_trace_or_what_is_read(path: Path, tmp_path: Path) 
         (("view", trace, "-o", trace), "this command reads it"),
         (("view", trace, "-o", tmp_path / "link.html"), "this command reads it"),
         (("view", trace, "-o", other), "it holds a trace, which is never replaced"),
-        (("view", trace, "--foxglove", "-o", other), "a trace is there"),
+        (("view", trace, "--foxglove", "-o", other), "it holds a trace, which is never replaced"),
         (("metrics", trace, "-o", trace), "this command reads it"),
-        (("report", trace, "-o", other), "a trace is there"),
+        (("report", trace, "-o", other), "it holds a trace, which is never replaced"),
         (("compile", mission, "--emit", "mission", "-o", mission), "this command reads it"),
     ):
         command = [sys.executable, "-m", "lingjing.cli.main", *map(str, arguments)]

@@ -72,7 +72,7 @@ CASES = [
     ("LJ0209", "(100 m, 100 m)", "(100 m, 1e308 m)", 16, 61, "`1e308 m` is too large"),
     ("LJ0209", "[1..3]", "[1..1e9*1e9]", 18, 20, "`1e9*1e9` is too large"),
     ("LJ0211", "(12.4 m, -51.8 m)", "(12.4 m, -51.8 m, -2431 m)", 26, 38, "(12.4 m, -51.8 m, -2431 m) is no place"),
-    ("LJ0211", "(12.4 m, -51.8 m)", "(12.4 m, -51.8 m, 990 km)", 26, 38, "within -500 m and 30,000 m"),
+    ("LJ0211", "(12.4 m, -51.8 m)", "(12.4 m, -51.8 m, 990 km)", 26, 38, "between -500 m and 30,000 m"),
     ("LJ0211", "(12.4 m, -51.8 m)", "(1240 km, -51.8 m)", 26, 38, "is beyond every scene"),
     ("LJ0211", "(1 m, 2 m)", "(5000 m, 20 m, 1 m)", 21, 9, "outside of the scene, which spans 3,000 m to every side"),
     ("LJ0211", "(1 m, 2 m)", "(1 m, 2 m, -30 m)", 21, 9, "below everything in the scene"),

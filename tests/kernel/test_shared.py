@@ -33,7 +33,7 @@ def test_a_machine_without_another_descriptor_is_told() -> None:
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (0, hard))
     try:
-        with pytest.raises(InfrastructureError, match=r"`f1-uav-nadir` cannot be handed .*: Too many open files"):
+        with pytest.raises(InfrastructureError, match=r"`f1-uav-nadir` cannot be passed .*: Too many open files"):
             store_frame(StoredFrame(INFO, b"jpeg"))
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
