@@ -14,8 +14,6 @@ from typing import NamedTuple
 
 from lingjing.cli.process import (
     end_despite_threads,
-    ignore_interrupts,
-    interrupted_by_termination,
     open_streams,
     say,
     say_error,
@@ -23,8 +21,8 @@ from lingjing.cli.process import (
 )
 from lingjing.errors import ExitCode, LingjingError, UsageError
 from lingjing.file_names import check_name
+from lingjing.processes.signals import blocked_signals, ignore_interrupts, terminated_as_interrupted
 from lingjing.refusals import refusal_of
-from lingjing.signals import blocked_signals
 
 BROKEN_PIPE = 141
 """128 + SIGPIPE: the exit code that a shell reports for a tool that writes to a closed pipe."""
@@ -94,7 +92,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _guarded(arguments: list[str]) -> int:
     """Return the exit code of a command line. A failure prints one message."""
     try:
-        with interrupted_by_termination():
+        with terminated_as_interrupted():
             try:
                 _check_names(arguments)
                 code = _dispatch(arguments)

@@ -1,4 +1,4 @@
-"""The command's own process: its standard streams, the signals that end it, and how it leaves.
+"""The process of the command: its standard streams, its messages and its exit.
 
 Loaded by every verb, so it imports next to nothing.
 """
@@ -6,27 +6,20 @@ Loaded by every verb, so it imports next to nothing.
 from __future__ import annotations
 
 import os
-import signal
 import sys
-import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from types import FrameType
-from typing import NoReturn
 
 from lingjing.errors import ExitCode, LingjingError
+from lingjing.processes import signals
 from lingjing.terminal import Visible, guard_streams, write_styled
-
-_ENDING = ("SIGTERM", "SIGHUP")
-
-SECOND_S = 0.5
-"""An interrupt that comes later than that after the first one is another: `timeout` sends one signal twice."""
 
 
 def open_streams() -> None:
-    """Give closed standard streams (`>&-`) a null device, lest a trace is opened as descriptor 1; print as an escape
-    whatever the encoding lacks or a terminal would follow."""
+    """Open closed standard streams (`>&-`) on the null device, because a trace would else be opened as descriptor 1.
+
+    Characters that the encoding lacks or that a terminal would obey are printed as escapes.
+    """
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:
             descriptor = os.open(os.devnull, os.O_RDWR)  # the lowest one free, so this very one
@@ -35,78 +28,18 @@ def open_streams() -> None:
 
 
 @contextmanager
-def interrupted_by_termination() -> Iterator[None]:
-    """Meet SIGTERM and SIGHUP as Ctrl-C is met: with a closed partial trace and no worker left.
-
-    A signal that whoever started us had ignored (`nohup`) stays ignored. Only the main thread can set handlers.
-    """
-    before = {}
-    for name in _ENDING:
-        number = getattr(signal, name, None)
-        if number is not None and signal.getsignal(number) == signal.SIG_DFL:
-            with suppress(ValueError):  # not the main thread
-                before[number] = signal.signal(number, _interrupt)
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-@contextmanager
 def ending_at_second_interrupt() -> Iterator[None]:
-    """End everything at the second interrupt: every process below this one, and this one, whatever it waits for.
+    """End every process of this command at the second interrupt, with a message.
 
-    The first one is a `KeyboardInterrupt`, with a closed trace and a report. A thread reads what the system's own
-    handlers write to a descriptor (`signal.set_wakeup_fd`), so it learns of a signal that Python is kept from handling.
+    The first interrupt is a `KeyboardInterrupt`: the command closes its trace and prints its report.
     """
-    if sys.platform != "linux" or threading.current_thread() is not threading.main_thread():
+    with signals.ending_at_second_interrupt(ExitCode.INTERRUPTED, _report_second_interrupt):
         yield
-        return
-    reading, writing = os.pipe2(os.O_CLOEXEC)
-    os.set_blocking(writing, False)
-    before = signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
-    threading.Thread(target=_count_interrupts, args=(reading,), name="lingjing-interrupts", daemon=True).start()
-    try:
-        yield
-    finally:
-        signal.set_wakeup_fd(before)
-        os.close(writing)
 
 
-def _count_interrupts(reading: int) -> None:
-    """End everything at the second interrupt; return when the other end of the pipe is closed."""
-    ending = {signal.SIGINT, *(getattr(signal, name) for name in _ENDING)}
-    first_s: float | None = None
-    with suppress(OSError):  # without the pipe the second interrupt is met as the first one is
-        while numbers := os.read(reading, 64):
-            if ending.isdisjoint(numbers):
-                continue
-            if first_s is None:
-                first_s = time.monotonic()
-            elif time.monotonic() - first_s >= SECOND_S:
-                end_everything()
-    os.close(reading)
-
-
-def end_everything() -> NoReturn:
-    """Kill every process below this one, in whatever session, and leave."""
-    from lingjing.processes.descendants import end_children
-    from lingjing.processes.linux import adopt_orphans
-
-    adopt_orphans()
-    end_children(set())
-    with suppress(OSError, ValueError):
-        restore_terminal()
-        say("interrupted twice: everything was ended at once")
-    os._exit(ExitCode.INTERRUPTED)
-
-
-def ignore_interrupts() -> None:
-    """Ignore what would interrupt the last few milliseconds, when the answer is known and printed."""
-    for name in ("SIGINT", *_ENDING):
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
+def _report_second_interrupt() -> None:
+    restore_terminal()
+    say("interrupted twice: everything was ended at once")
 
 
 def end_despite_threads(code: int) -> int:
@@ -180,7 +113,3 @@ def silence_stdout() -> None:
         devnull = os.open(os.devnull, os.O_WRONLY)
         os.dup2(devnull, sys.stdout.fileno())
         os.close(devnull)
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt

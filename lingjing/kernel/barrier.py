@@ -30,8 +30,8 @@ from lingjing.kernel.budgets import ALLOWANCE
 from lingjing.kernel.step import Published
 from lingjing.plugins.calls import AbandonedCallError
 from lingjing.plugins.policy import Brief, Inbox, NoDecisionError, Observation, Policy
+from lingjing.processes.signals import deferring_signals
 from lingjing.trace.records import Decision, DecisionRecord, Usage
-from lingjing.trace.signals import deferring_signals
 
 _ADDRESS = re.compile(r"0x[0-9a-fA-F]{4,}")
 """The address in an object's default `repr`."""

@@ -16,8 +16,8 @@ from lingjing.kernel.barrier import Barrier, OutageCheck, PolicyBarrier, no_outa
 from lingjing.kernel.step import Kernel, Published
 from lingjing.numerics import runtime_fingerprint
 from lingjing.plugins.policy import Policy
+from lingjing.processes.signals import deferring_signals
 from lingjing.trace.records import CUT_SHORT, BoundaryRecord, DecisionRecord, Outcome, Reason
-from lingjing.trace.signals import deferring_signals
 
 WON_AT_START = "success held at the start, before anybody acted"
 """The detail of an episode that was won at boundary 0."""

@@ -41,6 +41,7 @@ from lingjing.mission.instance import Datum, Instance
 from lingjing.mission.vocabulary import PHOTO, UNLOCK
 from lingjing.plugins.evaluator import Evaluation, Evaluator
 from lingjing.plugins.policy import Brief, Inbox, Observation, Privileged
+from lingjing.processes.signals import deferring_signals
 from lingjing.scene.city import City
 from lingjing.trace.digest import START, next_digest, next_frames_digest
 from lingjing.trace.records import (
@@ -54,7 +55,6 @@ from lingjing.trace.records import (
     TaskEvent,
 )
 from lingjing.trace.request_ids import is_request_of, request_id
-from lingjing.trace.signals import deferring_signals
 
 KERNEL: Literal["kernel"] = "kernel"
 """The sender of the kernel's own commands. Their receipts name hidden entities, so no agent receives them."""

@@ -122,7 +122,8 @@ _CLI = "lingjing.cli.main"
 _PYTHON = [sys.executable, "-m", _CLI]
 
 PLAYED_WITH = (
-    "lingjing.cli.parser", "lingjing.cli.run", "lingjing.cli.progress", "lingjing.cli.files", "lingjing.signals",
+    "lingjing.cli.parser", "lingjing.cli.run", "lingjing.cli.progress", "lingjing.cli.files",
+    "lingjing.processes.signals",
     "lingjing.kernel.world.process", "lingjing.kernel.evaluation", "lingjing.play.episode", "lingjing.play.sharing",
     "lingjing.play.policy_processes.loading", "lingjing.play.policy_processes.examination",
     "lingjing.dsl.compilation", "lingjing.scene.bay", "lingjing.scene.districts", "lingjing.builtin",

@@ -20,7 +20,8 @@ In the order of a call:
   (the first steps of a fork), `idle_processes` (processes that are reused), `templates` (forks that have made something
   ready), `layers` (forks that have imported more)
 - `channel`, `deadlines`, `output`   packets, limits of time, and the output of a process
+- `signals`          signals that are blocked, deferred or ignored, and the end at the second interrupt
 - `descendants`      the processes below this one ← `linux`, the system calls
 
-Linux only, but for `deadlines`.
+Linux only, but for `deadlines` and `signals`.
 """

@@ -31,7 +31,6 @@ Modules in the order in which data passes through them:
 - `container`: the MCAP file; only this module, `chunks` and `seal_difference` import `mcap`
 - `chunks`: one chunk, unpacked within limits
 - `writer`: `TraceWriter`
-- `signals`: deferral of signals while a boundary is written
 - `calls`: records of calls to chat models; `call_store`: the SQLite file beside the trace that stores them
 - `reader`: `read_trace`
 - `copying`: copies of a trace under another header

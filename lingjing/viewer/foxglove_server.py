@@ -28,7 +28,7 @@ from urllib.parse import quote
 from lingjing.analysis.played_city import surroundings_of
 from lingjing.errors import UsageError
 from lingjing.installation import install_line
-from lingjing.signals import blocked_signals
+from lingjing.processes.signals import blocked_signals
 from lingjing.trace import foxglove
 from lingjing.trace.container import ContainerSchema
 from lingjing.trace.following import TraceFollower

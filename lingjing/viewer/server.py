@@ -18,7 +18,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Protocol
 
 from lingjing.errors import LingjingError, UsageError
-from lingjing.signals import blocked_signals
+from lingjing.processes.signals import blocked_signals
 from lingjing.viewer.admission import HOST, ConnectionGate, RefusedRequest, RequestHead, path_and_query, refusal
 from lingjing.viewer.page import element, page, policy
 

@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from lingjing.trace.signals import deferring_signals
+from lingjing.processes.signals import deferring_signals
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
