@@ -29,6 +29,7 @@ from lingjing.causal.redriven import BranchOptions, RedrivenEpisode
 from lingjing.errors import ExitCode, InfrastructureError, LingjingError, UsageError
 from lingjing.processes.channel import Channel, ChannelClosedError
 from lingjing.processes.linux import SeveralThreadsError, end_with_parent, fork
+from lingjing.processes.signals import leave_interrupts_to_parent
 from lingjing.terminal import guard_streams
 
 HELD_MOST = 32
@@ -118,8 +119,7 @@ def main() -> None:
     parser.add_argument("--parent", type=int, required=True)
     options = parser.parse_args()
     end_with_parent(options.parent)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    leave_interrupts_to_parent()
     guard_streams()
     os.set_inheritable(options.fd, False)
     _Server(Channel(socket.socket(fileno=options.fd))).run()

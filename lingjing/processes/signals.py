@@ -111,6 +111,15 @@ def ignore_interrupts() -> None:
         signal.signal(number, signal.SIG_IGN)
 
 
+def leave_interrupts_to_parent() -> None:
+    """Ignore SIGINT in a worker, which its parent ends; and unblock it, because the parent blocks it for its children.
+
+    Ctrl-C reaches all processes of a terminal, and a worker that it ended would look like a fault of the engine.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+
+
 # -- private
 
 

@@ -1,7 +1,9 @@
-"""Signals that arrive while a boundary is written are deferred to its end."""
+"""Signals: deferred to the end of a block, and left to the parent process."""
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 
 import pytest
@@ -72,3 +74,18 @@ def test_ignored_signals_and_other_threads_are_unaffected():
         assert ran == [signal.default_int_handler]
     finally:
         signal.signal(signal.SIGHUP, before)
+
+
+WORKER = """
+import os, signal
+from lingjing.processes.signals import blocked_signals, leave_interrupts_to_parent
+with blocked_signals():
+    leave_interrupts_to_parent()
+    os.kill(os.getpid(), signal.SIGINT)
+print("goes on", signal.getsignal(signal.SIGINT) == signal.SIG_IGN, flush=True)
+"""
+
+
+def test_a_worker_leaves_interrupts_to_its_parent():
+    done = subprocess.run([sys.executable, "-c", WORKER], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "goes on True\n", "")

@@ -45,6 +45,7 @@ from lingjing.processes.deadlines import WallDeadline
 from lingjing.processes.fork_requests import Function
 from lingjing.processes.idle_processes import ReuseEnd
 from lingjing.processes.linux import SeveralThreadsError, end_with_parent, fork
+from lingjing.processes.signals import leave_interrupts_to_parent
 from lingjing.terminal import guard_streams
 
 _PATROL_S = 1.0
@@ -194,8 +195,7 @@ def _settings(argument: bytes) -> WorkerSettings:
 
 def _new_context(channel: int, progress: int, parent: int, monitor: CallMonitor | None = None) -> _WorkerContext:
     guard_streams()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    leave_interrupts_to_parent()
     faulthandler.enable()
     faulthandler.register(signal.SIGUSR2)
     context = _WorkerContext(Channel(socket.socket(fileno=channel)), monitor or CallMonitor(progress), parent)
