@@ -377,7 +377,7 @@ STATEMENTS = (
     StatementKind(
         "permit", s.PermitLine, (Form("resource:channel condition:guard"),), ("mission",),
         example="permit van.setDestination when inspected(check)",
-        doc="rejects the command until the condition holds",
+        doc="rejects the command unless the condition holds",
         part="permits", paragraph="limits", layout=Layout("permit {resource}.{verb:all} when {condition}"),
     ),
     StatementKind(
@@ -412,7 +412,8 @@ STATEMENTS = (
     StatementKind(
         "inspection", s.InspectionBlock, (Form("name:NAME of asset:operand by by:values [guard] block"),),
         ("mission",),
-        example="inspection checked of van by uav { within = 25 m }", doc="waypoints that must be visited in order",
+        example="inspection checked of van by uav { within = 25 m }",
+        doc="waypoints that must be visited, in order or in any order",
         keys=keyed(
             PropertyKey("within", METRES, above=0, required=True),
             PropertyKey("destination", ENTITY),
