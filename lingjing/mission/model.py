@@ -433,7 +433,7 @@ class Stage(Record, frozen=True, kw_only=True):
 
 
 class Permit(Record, frozen=True, kw_only=True):
-    """`permit van.setDestination when …`: the kernel rejects the command until the condition holds."""
+    """`permit van.setDestination when …`: the kernel rejects the command unless the condition holds."""
 
     resource: Expr
     condition: Expr
