@@ -63,7 +63,7 @@ def test_the_file_reads_back_in_one_order(tmp_path: Path) -> None:
     assert set(read_planted(path)) == set(some)
     assert encode_planted(reversed(some)) == path.read_bytes()
     path.write_bytes(path.read_bytes().replace(b"lingjing-planted/1", b"lingjing-planted/9"))
-    with pytest.raises(UsageError, match="of the format lingjing-planted/9"):
+    with pytest.raises(UsageError, match="has the format lingjing-planted/9"):
         read_planted(path)
     path.write_bytes(b"")
     with pytest.raises(UsageError, match="not a file of planted faults"):

@@ -176,11 +176,16 @@ from pathlib import Path
 from lingjing.plugins.policy import Action, Decision
 
 
+def below(pid):
+    "The processes below a process."
+    for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
+        yield int(child)
+        yield from below(child)
+
+
 def siblings():
-    "The processes of the episode: the player and its world."
-    server = os.getppid()
-    pids = Path(f"/proc/{server}/task/{server}/children").read_text().split()
-    return [int(pid) for pid in pids if int(pid) != os.getpid()]
+    "The processes of the episode: the player, and the world below a process that forks worlds."
+    return [pid for pid in below(os.getppid()) if pid != os.getpid()]
 
 
 def players():

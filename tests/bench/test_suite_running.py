@@ -230,7 +230,7 @@ def test_a_full_disk_is_said_once_and_leaves_only_whole_rows(tmp_path: Path) -> 
     """The system refuses to let the file grow, like a full disk."""
     done = subprocess.run([sys.executable, "-c", FULL, str(tmp_path / "a")], capture_output=True, text=True, check=True,
                           cwd=Path(__file__).parents[2])  # fmt: skip
-    assert done.stdout == f"cannot write to `{tmp_path}/a`: File too large; 1 rows are there\n"
+    assert done.stdout == f"cannot write to `{tmp_path}/a`: File too large; 1 rows are stored\n"
     assert [row.seed for row in read_results(tmp_path / "a")] == [0]
     assert not list((tmp_path / "a").rglob("*.partial"))
     assert resource.getrlimit(resource.RLIMIT_FSIZE)[0] == resource.RLIM_INFINITY
@@ -325,7 +325,7 @@ def test_rows_read_back_whole_and_can_be_queried(tmp_path: Path) -> None:
         (b"", "holds no results of a suite"),
         (b"PAR1 and then nothing", "holds no results of a suite"),
         (b'[{"case": 1}]', "holds no results of a suite"),
-        ("table", "holds no results that this version reads: nothing says that it is one"),
+        ("table", "holds no results that this version can read: it has no version"),
         ("version", "holds no results that this version can read: it has version 9"),
         ("report", r"row 0 of .* cannot be read: .*`mission`"),
         ("half", "holds no results of a suite"),

@@ -101,5 +101,5 @@ def test_what_is_of_no_use_any_more_is_ended_and_makes_room(branches: Branches) 
 def test_a_branch_that_ends_without_a_word_is_said_to_have_failed(branches: Branches) -> None:
     queue = BranchQueue(branches.begin, 2)
     (result,) = played(queue, [SILENT])
-    assert "without a word" in result.failed
+    assert "without a result" in result.failed
     queue.close()

@@ -23,14 +23,15 @@ WAYS = ("reset", "cut", "gzip", "status500", "status401", "nonsense", "empty")
 class Answers(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
     requests: Counter[str] = Counter()
+    """Requests so far, by case."""
 
     def log_message(self, *_: object) -> None: ...
 
     def do_POST(self) -> None:
         self.rfile.read(int(self.headers["Content-Length"]))
         _, case, number, way, *_ = self.path.split("/")
-        self.asked[case] += 1
-        self._answer(way if self.asked[case] == int(number) else "good")
+        self.requests[case] += 1
+        self._answer(way if self.requests[case] == int(number) else "good")
 
     def _answer(self, way: str) -> None:
         self.close_connection = True

@@ -210,12 +210,20 @@ def test_pins_name_only_what_the_processor_has():
     assert numerics.pins(frozenset({"sse4_2"}))["OPENBLAS_CORETYPE"] == ""
 
 
-def test_numpy_before_its_groups_were_renamed(monkeypatch):
+@pytest.fixture
+def numpy_version_anew():
+    """Read the version of numpy anew in a test, and after it."""
+    numerics._numpy_version.cache_clear()
+    yield
+    numerics._numpy_version.cache_clear()
+
+
+def test_numpy_before_its_groups_were_renamed(monkeypatch, numpy_version_anew):
     monkeypatch.setattr(numerics, "_version", lambda name: "1.26.4")
     assert numerics.pins(SKYLAKE)["NPY_DISABLE_CPU_FEATURES"] == "AVX512F AVX512CD AVX512_SKX"
 
 
-def test_metadata_that_may_not_be_read_is_named(monkeypatch):
+def test_metadata_that_may_not_be_read_is_named(monkeypatch, numpy_version_anew):
     """Python 3.11 returns None for it, Python from 3.12 on raises `KeyError`."""
     monkeypatch.setattr(numerics.importlib.metadata, "version", lambda name: None)
     with pytest.raises(UsageError, match="the metadata of the package `numpy` cannot be read"):
