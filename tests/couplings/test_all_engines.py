@@ -87,9 +87,9 @@ from lingjing.kernel.world import open_world
 
 world, held = open_world("inline", host=kit.host()), []
 instance, city = kit.staged(kit.MIXED)
-for number in range(24):
+for number in range(15):
     world.reset(instance, city)
-    if number % 8 == 7:
+    if number % 5 == 4:
         world.step(1, ())
         gc.collect()
         status = Path("/proc/self/status").read_text().splitlines()
