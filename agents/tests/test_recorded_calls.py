@@ -225,11 +225,11 @@ def test_the_record_of_another_episode_is_refused(tmp_path, mission):
         play(mission, tmp_path / "runs" / "glance-broadcast-0-1", server.url)
         play(mission, tmp_path / "runs" / "glance-broadcast-1-1", server.url, seed=1)
     first = tmp_path / "runs" / "glance-broadcast-0-1"
-    with pytest.raises(UsageError, match="glance, broadcast, seed 0, and glance, broadcast, seed 1 is to be played"):
+    with pytest.raises(UsageError, match="seed 0, and the options are those of glance, broadcast, seed 1"):
         play(mission, tmp_path / "b", server.url, seed=1, calls="replay", calls_from=first)
     report = play(mission, tmp_path / "c", server.url, seed=1, calls="replay", calls_from=tmp_path / "runs")
     assert report.reason == "budget"
-    with pytest.raises(UsageError, match="there is no record of model calls"):
+    with pytest.raises(UsageError, match="no record of model calls"):
         play(mission, tmp_path / "d", server.url, seed=2, calls="replay", calls_from=tmp_path / "runs")
     assert not (tmp_path / "d").exists()
 
@@ -266,13 +266,13 @@ def test_processes_of_one_command_share_the_limit(tmp_path, mission, capsys):
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"calls": "replay"}, "nothing says from where"),
+        ({"calls": "replay"}, "requires --calls-from"),
         ({"calls_from": "x"}, "--calls is record"),
         ({"calls": "replay", "calls_from": "nowhere"}, "there is no `nowhere`"),
         ({"calls": "again"}, "'record', 'replay' or 'live'|record"),
-        ({"max_cost": 0.0}, "more than 0 is due"),
-        ({"max_cost": float("nan")}, "more than 0 is due"),
-        ({"max_tokens": -1}, "more than 0 is due"),
+        ({"max_cost": 0.0}, "must be greater than 0"),
+        ({"max_cost": float("nan")}, "must be greater than 0"),
+        ({"max_tokens": -1}, "must be greater than 0"),
     ],
 )
 def test_what_does_not_go_together_is_told(tmp_path, mission, given, said):

@@ -1,6 +1,6 @@
 """The process of the command: its standard streams, its messages and its exit.
 
-Loaded by every verb, so it imports next to nothing.
+Every verb loads this module, so it imports little.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from lingjing.terminal import Visible, guard_streams, write_styled
 
 
 def open_streams() -> None:
-    """Open closed standard streams (`>&-`) on the null device, because a trace would else be opened as descriptor 1.
+    """Open closed standard streams (`>&-`) on the null device. Otherwise a trace would be opened as descriptor 1.
 
-    Characters that the encoding lacks or that a terminal would obey are printed as escapes.
+    Characters that the encoding lacks, and those that control a terminal, are printed as escapes.
     """
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:
-            descriptor = os.open(os.devnull, os.O_RDWR)  # the lowest one free, so this very one
+            descriptor = os.open(os.devnull, os.O_RDWR)  # the lowest free descriptor is the closed one
             setattr(sys, name, open(descriptor, "w" if number else "r", encoding="utf-8"))  # noqa: PTH123, SIM115
     guard_streams()
 
@@ -43,7 +43,7 @@ def _report_second_interrupt() -> None:
 
 
 def end_despite_threads(code: int) -> int:
-    """Return `code`; where threads are left that could keep the interpreter from ending, end the process with it."""
+    """Return `code`. If other threads run, which could delay the interpreter's end, end the process with it."""
     threads = sys.modules.get("threading")
     if threads is None or threads.active_count() == 1:
         return code
@@ -54,13 +54,13 @@ def end_despite_threads(code: int) -> int:
 
 
 def say(line: str) -> None:
-    """One line on standard error."""
-    with suppress(OSError, ValueError):  # closed, full or failing: the exit code still says it
+    """Print one line on standard error."""
+    with suppress(OSError, ValueError):  # closed, full or failing: the exit code remains
         print(line, file=sys.stderr, flush=True)
 
 
 def say_error(error: LingjingError) -> None:
-    """What is wrong, and the way out."""
+    """Print an error and its hint."""
     say(f"error: {error}")
     if error.hint:
         say(f"hint: {error.hint}")
@@ -68,14 +68,14 @@ def say_error(error: LingjingError) -> None:
 
 @contextmanager
 def results_alone() -> Iterator[None]:
-    """Keep standard output for the result: what policies, libraries and their children print goes to standard error.
+    """Keep standard output for the result: output of policies, libraries and children goes to standard error.
 
-    Both the stream and the descriptor are turned, and turned back at the end. A policy that closes the stream it is
-    given closes nothing of ours.
+    The stream and the descriptor are redirected, and restored at the end. A policy that closes its stream does not
+    close descriptor 2.
     """
     stdout = sys.stdout
     stdout.flush()
-    kept = _turn_descriptor(stdout)
+    kept = _redirect_descriptor(stdout)
     raw = open(os.dup(2), "wb")  # noqa: PTH123, SIM115 - the stream around it closes it
     with Visible(raw, encoding="utf-8", errors="backslashreplace", line_buffering=True) as aside:
         sys.stdout = aside
@@ -88,8 +88,8 @@ def results_alone() -> Iterator[None]:
                 os.close(kept)
 
 
-def _turn_descriptor(stdout: object) -> int | None:
-    """Point descriptor 1 to standard error and return a copy of what it was; None if `stdout` is not written to it."""
+def _redirect_descriptor(stdout: object) -> int | None:
+    """Redirect descriptor 1 to standard error and return a copy of it; None if `stdout` does not write to it."""
     try:
         if stdout.fileno() != 1:  # type: ignore[attr-defined]
             return None
@@ -101,14 +101,14 @@ def _turn_descriptor(stdout: object) -> int | None:
 
 
 def restore_terminal() -> None:
-    """Give a terminal its cursor and its own screen back, which a process that was killed had taken."""
+    """Restore the cursor and the main screen of a terminal after a killed process."""
     if sys.stderr.isatty() and os.environ.get("TERM", "dumb") not in ("dumb", "unknown", ""):
         write_styled(sys.stderr, "\x1b[?1049l\x1b[?25h\r\x1b[K")
         sys.stderr.flush()
 
 
 def silence_stdout() -> None:
-    """Keep the interpreter from complaining when it flushes a closed or full output at exit."""
+    """Prevent an error of the interpreter when it flushes a closed or full output at exit."""
     with suppress(OSError, ValueError):
         devnull = os.open(os.devnull, os.O_WRONLY)
         os.dup2(devnull, sys.stdout.fileno())

@@ -1,9 +1,9 @@
-"""The installed plug-ins: found by their entry points, and each of a stranger's tried before it is loaded here.
+"""The discovery of installed plug-ins by their entry points, with a trial of each foreign one before it is loaded.
 
-A plug-in's module may raise, end the process or never return while it is imported or while a hook of it is called. So
-each is first loaded in a process of its own, which has `DEADLINE_S` and is killed with its children; only what comes
-through that is imported here. What was found is kept in an environment variable, so that workers do not try again.
-This project's own plug-ins are loaded at once.
+A plug-in's module may raise, end the process or never return during its import or one of its hooks. So each foreign
+plug-in is first loaded in a process of its own, which has `DEADLINE_S` and is killed with its children. Only a plug-in
+that passes is imported here. An environment variable keeps the results, so that workers do not repeat trials. This
+project's own plug-ins are loaded without a trial.
 """
 
 from __future__ import annotations
@@ -28,17 +28,20 @@ from lingjing.installation import CORE, OWN
 from lingjing.installed_plugins.entry_points import PLUGINS, find_entries, label
 
 DEADLINE_S = 20.0
-"""Own time that a plug-in has to be imported and to answer all hooks: heavy imports belong into factories. Chosen."""
+"""The longest own time to import a plug-in and call all its hooks, seconds. Chosen: heavy imports belong into
+factories."""
 
 KNOWN = "LINGJING_TRIED_PLUGINS"
-"""Environment variable: the trials of this process, for the processes that it starts."""
+"""The environment variable that passes the trials of this process on to its children."""
 
 _POLL_S = 0.02
+"""The interval between two checks of the running trials, seconds. Chosen."""
 _PROBE = "lingjing.installed_plugins.probe"
+"""The module of a trial's process."""
 
 
 class PluginFault(NamedTuple):
-    """A plug-in that is not used, or not for one of its hooks: its entry point, its distribution and the reason."""
+    """A plug-in that is left out, or that has a hook which is left out."""
 
     plugin: str
     distribution: str
@@ -49,40 +52,43 @@ class PluginFault(NamedTuple):
 
 
 class Trial(msgspec.Struct, frozen=True):
-    """The answer of a plug-in that was tried: `reason` for which it cannot be loaded ("" if it can), and the hooks that
-    raised, each with its reason."""
+    """The result of a trial."""
 
     reason: str = ""
+    """The reason for which the plug-in cannot be loaded; "" if it can."""
     hooks: dict[str, str] = {}
+    """The hooks that raised, each with its reason."""
 
 
 class LoadablePlugin(NamedTuple):
-    """An installed plug-in that can be loaded: its entry point, and the hooks of it that must not be called."""
+    """An installed plug-in that can be loaded: its entry point, and its hooks that must not be called."""
 
     point: EntryPoint
     barred: frozenset[str] = frozenset()
 
 
 class InstalledPlugins(NamedTuple):
-    """The installed plug-ins: this project's `own`, the `strangers` that came through their trial, and the `faults` of
-    the rest."""
+    """The installed plug-ins."""
 
     own: tuple[EntryPoint, ...]
+    """This project's plug-ins."""
     strangers: tuple[LoadablePlugin, ...]
+    """The foreign plug-ins that have passed their trial."""
     faults: tuple[PluginFault, ...]
+    """The other plug-ins, with the reasons."""
 
 
 def installed_plugins() -> InstalledPlugins:
-    """Find the installed plug-ins, and try those of others that no process above has tried."""
-    found = find_entries(PLUGINS)
-    faults = [PluginFault(*one) for one in found.broken]
-    by_plugin = {point.value: point for point in found.points}
-    own = tuple(by_plugin[one.plugin] for one in OWN if one.plugin in by_plugin)
+    """Return the installed plug-ins. Tries foreign ones, unless this process or an ancestor has tried them."""
+    entries = find_entries(PLUGINS)
+    faults = [PluginFault(*entry) for entry in entries.broken]
+    by_plugin = {point.value: point for point in entries.points}
+    own = tuple(by_plugin[entry.plugin] for entry in OWN if entry.plugin in by_plugin)
     named = {point.name: label(point.dist) for point in own}
     others: list[EntryPoint] = []
-    for point in found.points:
+    for point in entries.points:
         owner = label(point.dist)
-        if point.value in {one.plugin for one in OWN}:
+        if point.value in {entry.plugin for entry in OWN}:
             continue
         if point.name in named:
             faults.append(PluginFault(point.name, owner, f"{named[point.name]} has a plug-in of the same name"))
@@ -90,9 +96,11 @@ def installed_plugins() -> InstalledPlugins:
             named[point.name] = owner
             others.append(point)
     strangers = []
-    for point, trial in zip(others, _tried(others), strict=True):
+    for point, trial in zip(others, _trials(others), strict=True):
         owner = label(point.dist)
-        faults += [PluginFault(point.name, owner, f"failed in {hook}: {said}") for hook, said in trial.hooks.items()]
+        faults += [
+            PluginFault(point.name, owner, f"failed in {hook}: {reason}") for hook, reason in trial.hooks.items()
+        ]
         if trial.reason:
             faults.append(PluginFault(point.name, owner, trial.reason))
         else:
@@ -101,15 +109,15 @@ def installed_plugins() -> InstalledPlugins:
 
 
 def is_core(point: EntryPoint) -> bool:
-    """True for the plug-in without which nothing can be played."""
+    """Return True for the plug-in that every episode needs."""
     return point.value == CORE.plugin
 
 
 # -- private
 
 
-def _tried(points: Sequence[EntryPoint]) -> list[Trial]:
-    """A trial for each; those that are not known are made, all at once."""
+def _trials(points: Sequence[EntryPoint]) -> list[Trial]:
+    """Return a trial for each plug-in. Unknown ones are tried, all at the same time."""
     keys = [_key(point) for point in points]
     known = _known()
     missing = {key: point for key, point in zip(keys, points, strict=True) if key not in known}
@@ -127,7 +135,7 @@ def _known() -> dict[str, Trial]:
 
 
 def _key(point: EntryPoint) -> str:
-    """Return the key of a trial: the entry point, its distribution and the place of that."""
+    """Return the key of a trial: a hash of the entry point, its distribution and the distribution's place."""
     place = str(Path(str(point.dist.locate_file(""))).resolve()) if point.dist is not None else ""
     made_of = (point.name, point.value, label(point.dist), place)
     return hashlib.sha256("\n".join(made_of).encode("utf-8", "surrogateescape")).hexdigest()[:24]
@@ -142,18 +150,18 @@ def _decoded(answer: str) -> Trial:
 
 @dataclass(slots=True)
 class _Running:
-    """A process in which a plug-in is tried; `waited_s` is what it stood in the queue for a processor."""
+    """A running trial. `answer` is the file that the process writes to, `started` its start on the monotonic clock."""
 
     process: subprocess.Popen[bytes]
     answer: IO[bytes]
     started: float
 
     def is_over(self) -> bool:
-        """It has ended, or used up its time."""
+        """Return True if the process has ended or has exceeded its time."""
         return self.process.poll() is not None or self._own_s() > DEADLINE_S
 
     def trial(self) -> Trial:
-        """The answer that it gave, or the reason why it gave none."""
+        """Return the trial that the process has written, or one with the reason for which it has written none."""
         code = self.process.poll()
         self.answer.seek(0)
         *stages, last = self.answer.read().decode("utf-8", "replace").split("\n")
@@ -175,14 +183,14 @@ class _Running:
 def _try_all(points: Mapping[str, EntryPoint]) -> dict[str, Trial]:
     with ExitStack() as stack:
         running = {key: stack.enter_context(_running(point)) for key, point in points.items()}
-        while not all(one.is_over() for one in running.values()):
+        while not all(trial.is_over() for trial in running.values()):
             time.sleep(_POLL_S)
-        return {key: one.trial() for key, one in running.items()}
+        return {key: trial.trial() for key, trial in running.items()}
 
 
 @contextmanager
 def _running(point: EntryPoint) -> Iterator[_Running]:
-    """Try a plug-in; it and its children are killed at the end."""
+    """Start the trial of a plug-in. At the end its process and the children are killed."""
     with tempfile.TemporaryFile() as answer:
         process = subprocess.Popen(
             [sys.executable, "-P", "-m", _PROBE, str(answer.fileno()), point.name, point.value],

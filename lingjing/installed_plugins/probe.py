@@ -1,9 +1,9 @@
-"""`python -m lingjing.installed_plugins.probe FD NAME VALUE`: try one plug-in, its import and all its hooks.
+"""`python -m lingjing.installed_plugins.probe FD NAME VALUE`: the trial of one plug-in, its import and all its hooks.
 
-Started by `discovery` alone, and killed by the kernel when that process ends. Each stage is a line; the last line is a
-`discovery.Trial` as JSON. A plug-in that ends this process, or never returns, leaves the stage that it was in. What it
-registered for the end is called. A process or a thread that it leaves running is a fault, and so is a change of the
-process that would meet every command.
+`discovery` starts it, and the kernel kills it when that process ends. It writes each stage as a line, and at last a
+`discovery.Trial` as JSON. If a plug-in ends this process or never returns, the last line is its stage. Its exit
+functions are called. A process or a thread that it leaves running is a fault, and so is a change of the process that
+would affect every command.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def main(descriptor: int, name: str, value: str) -> None:
-    """Write the stages and the trial, and end this process."""
+    """Write the stages and the trial to a descriptor, and end this process."""
     end_with_parent(os.getppid())
     adopt_orphans()
     myself = os.getpid()
@@ -79,8 +79,8 @@ def _file_of(descriptor: int) -> tuple[int, int] | None:
 
 
 def _left_behind() -> str:
-    """The reason against a plug-in that leaves something running, which would outlive or hold up each command."""
-    if any(not one.daemon and one is not threading.main_thread() for one in threading.enumerate()):
+    """Return the fault of a plug-in that leaves a thread or a process running; "" if it leaves none."""
+    if any(not thread.daemon and thread is not threading.main_thread() for thread in threading.enumerate()):
         return "leaves a thread running, for which each command would wait at its end"
     with contextlib.suppress(ChildProcessError):
         while os.waitpid(-1, os.WNOHANG)[0]:

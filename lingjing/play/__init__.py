@@ -1,15 +1,21 @@
-"""One episode, or several beside each other: from a mission to scored, recorded runs.
+"""Episodes: one, or several in parallel, from a mission to recorded runs with scores.
 
-`options` say how one is to be played (`PlayOptions`) → `preparation` draws the instance and tells every fault of them,
-with `policies` for who plays whom, `policy_files` for policies in files (`python_files` loads any) and `option_sharing`
-for who gets which option → `recorded_calls` records what policies ask chat models, or replays it, and `spending` limits
-what that costs → `folders` claims where a run is kept → `episode` plays one (`run`, `Session`), with its policies in
-`policy_processes` or in threads, whose reports of an outage `outages` checks → `report` says what came of it
-(`EpisodeReport`). `parallel` plays several, here or forked from one process, which `sharing` builds cities in.
-`selfcheck` is a tiny episode with a stored digest.
-In: `PlayOptions`; out: an `EpisodeReport`, and a trace that holds all there is to know.
+Concepts: *options* (`PlayOptions`) decide an episode. An *assigned policy* plays one agent. A *report*
+(`EpisodeReport`) is the result. The trace in the run's folder holds the rest. In the order of a call:
 
-Who imports this is about to play: numerical libraries that are not loaded yet are pinned (`lingjing.numerics`).
+- `options`         the options of an episode, from Python values or JSON
+- `preparation`     draws the instance and checks every option
+  ← `policies` (the policy of each agent), `policy_files` (policies in files), `python_files` (loads a file of a user),
+  `option_sharing` (the options of each plug-in)
+- `recorded_calls`  records or replays the chat-model calls of policies ← `spending`, the limits of their cost
+- `folders`         creates the folder of a run
+- `episode`         plays one episode (`run`, `Session`), with its policies in `policy_processes` or in threads
+  ← `outages`, the check of a policy's report of an outage
+- `report`          the report of an episode, and of several seeds
+- `parallel`        plays several episodes, here or forked from one process ← `sharing` (the data that they share)
+- `selfcheck`       a tiny episode with a stored digest
+
+An import of this package pins numerical libraries that are not loaded yet (`lingjing.numerics`).
 """
 
 from lingjing.numerics import pin

@@ -1,7 +1,7 @@
-"""One episode from a mission to a score: `run`, and `Session` for several on warm workers.
+"""One episode from a mission to a score: `run`, and `Session` for several with the same workers.
 
-Works in a plain script, in a worker process and inside a notebook's running loop alike: policies have loops of their
-own, and the engines live in processes that end with this one.
+It works in a plain script, in a worker process and inside a notebook's running event loop: policies have event loops of
+their own, and the engines run in processes that end with this one.
 """
 
 from __future__ import annotations
@@ -49,19 +49,24 @@ from lingjing.trace.records import AgentBinding, Header
 from lingjing.trace.writer import PictureParts, TraceWriter, trace_removed_error, trace_tampered_error
 
 NOT_PROMISED = "this digest is not promised on other processors"
+"""The warning of a report with `withdrawn` entries: other processors may give another digest."""
 PIN_FIRST = "`lingjing.pin()` before numpy is imported, or `lingjing run`, pins what can be pinned"
+"""The remedy that follows `NOT_PROMISED`."""
 
 _AMBIENT = (
-    "the digest is another one in each run: the policy of {} draws from a global random generator, which nothing seeds "
-    "here; draw from one that starts from `brief.seed`, or play with `lingjing run`"
+    "the digest differs in each run: the policy of {} draws from a global random generator, which has no seed here; "
+    "draw from a generator with the seed `brief.seed`, or play with `lingjing run`"
 )
+"""The warning about policies that draw from a global random generator. The hole holds the agents."""
 
 TRACE_NAME = "trace.mcap"
+"""The file name of the trace in a run's folder."""
 OVERVIEW_NAME = "overview.png"
+"""The file name of the overview picture in a run's folder."""
 
 
 class EpisodeInterrupted(KeyboardInterrupt):
-    """Ctrl-C in the middle of an episode: its partial trace is closed and scored in `report`."""
+    """Ctrl-C during an episode. `report` is the report of its partial trace, which is closed."""
 
     def __init__(self, report: EpisodeReport) -> None:
         super().__init__(f"interrupted at tick {report.ticks}; the partial trace is {report.trace}")
@@ -69,11 +74,11 @@ class EpisodeInterrupted(KeyboardInterrupt):
 
 
 class Session:
-    """Plays episodes one after another on the same warm workers. A context manager; `close` ends the workers.
+    """Plays episodes one after another with the same workers. A context manager; `close` ends the workers.
 
-    Through a `fork_server` the workers are forked from a process that has imported all they need. With a
-    `policy_server` each agent's policy plays in a process of its own, which that server forks; without one, and where
-    the engines are in this process too (`world="inline"`), policies play in threads of this process.
+    `fork_server` forks the workers from a process that has imported their modules; without one they are started anew.
+    `policy_server` forks a process for each agent's policy. Without one, and with `world="inline"`, policies run in
+    threads of this process.
     """
 
     def __init__(
@@ -96,11 +101,11 @@ class Session:
         progress: Callable[[Progress], None] | None = None,
         **changes: Unpack[Changes],
     ) -> EpisodeReport:
-        """Play one episode; see `lingjing.run` for the arguments and the errors."""
+        """Play one episode and return its report. Arguments and errors are those of `lingjing.run`."""
         errors = ErrorCollector()
-        options, compiled, given = options_of(mission, changes, errors)
-        apart = self._apart(options, given)
-        return self._play(prepare(options, compiled, self.host, given, errors, apart), options, out, progress, apart)
+        options, compiled, loaded = options_of(mission, changes, errors)
+        server = self._server_of(options, loaded)
+        return self._play(prepare(options, compiled, self.host, loaded, errors, server), options, out, progress, server)
 
     def play(
         self,
@@ -109,18 +114,24 @@ class Session:
         *,
         out: str | Path | None = None,
         progress: Callable[[Progress], None] | None = None,
-        given: Mapping[str, PolicyPlugin] | None = None,
+        loaded: Mapping[str, PolicyPlugin] | None = None,
     ) -> EpisodeReport:
-        """Play the episode of the options. `mission` is theirs where it has been compiled already, `given` are policies
-        that have been loaded already, by their names in the options."""
-        apart = self._apart(options, given or {})
-        prepared = prepare(options, mission or compiled(options), self.host, given or {}, server=apart)
-        return self._play(prepared, options, out, progress, apart)
+        """Play the episode of the options and return its report.
 
-    def _apart(self, options: PlayOptions, given: Mapping[str, PolicyPlugin]) -> ForkServerClient | None:
-        """What forks the processes of policies; None where they play in this process: with the engines, and policies
-        that were given as objects, which have no name in another process."""
-        return self._policy_server if options.world == "process" and not given else None
+        `mission` is the compiled mission of the options, if the caller has it. `loaded` are loaded policies by their
+        names in the options. Raises the errors of `lingjing.run`.
+        """
+        server = self._server_of(options, loaded or {})
+        prepared = prepare(options, mission or compiled(options), self.host, loaded or {}, server=server)
+        return self._play(prepared, options, out, progress, server)
+
+    def _server_of(self, options: PlayOptions, loaded: Mapping[str, PolicyPlugin]) -> ForkServerClient | None:
+        """Return the server that forks the processes of policies; None if policies run in this process.
+
+        They run here with inline engines. A policy passed as an object runs here too, because it has no name in another
+        process.
+        """
+        return self._policy_server if options.world == "process" and not loaded else None
 
     def _play(
         self,
@@ -128,10 +139,10 @@ class Session:
         options: PlayOptions,
         out: str | Path | None,
         progress: Callable[[Progress], None] | None,
-        apart: ForkServerClient | None,
+        server: ForkServerClient | None,
     ) -> EpisodeReport:
         instance, city = self._cities.place(prepared.instance, imported=bool(prepared.places))
-        told = tuple(displacements(prepared.instance, instance, prepared.places))
+        moves = tuple(displacements(prepared.instance, instance, prepared.places))
         calls = EpisodeCalls(options, instance)
         relations = RelationTracker(instance)
         recorder: list[TraceWriter] = []
@@ -147,11 +158,11 @@ class Session:
             blank_pictures=options.blank_pictures,
             policy_seed=options.policy_seed,
         )
-        barrier = _barrier(prepared.assigned, options, instance, city, calls, apart, self.host)
+        barrier = _barrier(prepared.assigned, options, instance, city, calls, server, self.host)
         try:
             reset_policies(kernel, barrier)
-            named = Path(out) if out is not None else claim_run_folder(instance.mission, instance.mode, options.seed)
-            folder = named.absolute()  # a policy in this process may go to another working folder
+            chosen = Path(out) if out is not None else claim_run_folder(instance.mission, instance.mode, options.seed)
+            folder = chosen.absolute()  # a policy in this process may go to another working folder
             writer = _writer(folder, _header(instance, city, prepared, options), city, prepared.key)
         except BaseException:
             barrier.close()
@@ -162,14 +173,14 @@ class Session:
             outcome = play(kernel, barrier, writer, progress)
         except KeyboardInterrupt:
             self.close()
-            ended = writer.path if writer.path.exists() else writer.part  # it may have come when all was over
-            raise EpisodeInterrupted(_report(ended, options, named, city=None, notes_moves=bool(told))) from None
+            ended = writer.path if writer.path.exists() else writer.part  # it may be complete
+            raise EpisodeInterrupted(_report(ended, options, chosen, city=None, notes_moves=bool(moves))) from None
         finally:
             calls.close()
         path = writer.part if outcome.reason == ABORTED else writer.path
-        report = _report(path, options, named, city=city if options.overview else None, notes_moves=bool(told))
+        report = _report(path, options, chosen, city=city if options.overview else None, notes_moves=bool(moves))
         return msgspec.structs.replace(
-            report, warnings=(*_hopeless(instance), *told, *calls.differences(), *report.warnings)
+            report, warnings=(*_proofs_of_defeat(instance), *moves, *calls.differences(), *report.warnings)
         )
 
     def close(self) -> None:
@@ -221,30 +232,33 @@ def _barrier(
     instance: Instance,
     city: City,
     calls: EpisodeCalls,
-    apart: ForkServerClient | None,
+    server: ForkServerClient | None,
     host: PluginHost,
 ) -> Barrier:
-    """The policies, built, in the order of their agents: `apart` in processes of their own, or here."""
+    """Return the built policies in the order of their agents: in processes that `server` forks, or in this process."""
     limit_s, outages = instance.budget.policy_s, ServiceOutages(assigned, calls)
-    if apart is not None:
+    if server is not None:
         from lingjing.play.policy_processes.barrier import ProcessBarrier
         from lingjing.play.policy_processes.loading import agent_policies
 
-        barrier = ProcessBarrier(agent_policies(assigned, options, instance, city, calls), limit_s, apart, outages)
+        barrier = ProcessBarrier(agent_policies(assigned, options, instance, city, calls), limit_s, server, outages)
         barrier.load()
         return barrier
     load_generators()
-    here, drawing = {}, set()
+    built, agents_drawing = {}, set()
     for agent, policy in assigned.items():
         if policy.plugin is not None:
             before = generator_states()
-            here[agent] = build_policy(policy.plugin, policy.arguments, calls.of(agent), host)
-            drawing |= {agent} if generators_advanced(before, generator_states()) else set()
-    return PolicyBarrier(here, limit_s, outages, drawing)
+            built[agent] = build_policy(policy.plugin, policy.arguments, calls.of(agent), host)
+            agents_drawing |= {agent} if generators_advanced(before, generator_states()) else set()
+    return PolicyBarrier(built, limit_s, outages, agents_drawing)
 
 
-def _hopeless(instance: Instance) -> tuple[str, ...]:
-    """Proofs that this instance could not be won. It is played all the same: a study may mean to show just that."""
+def _proofs_of_defeat(instance: Instance) -> tuple[str, ...]:
+    """Return a warning for each proof that no policy could win this instance.
+
+    Such an instance is played all the same, because a study may demonstrate it.
+    """
     return tuple(f"this could not be won ({proof.code}): {proof.message}" for proof in prove_instance(instance))
 
 
@@ -256,8 +270,8 @@ def _header(instance: Instance, city: City, prepared: Preparation, options: Play
     return Header(
         instance=instance,
         bindings=tuple(
-            AgentBinding(agent=agent, policy=one.name, privileged=one.privileged, arguments=one.arguments)
-            for agent, one in prepared.assigned.items()
+            AgentBinding(agent=agent, policy=policy.name, privileged=policy.privileged, arguments=policy.arguments)
+            for agent, policy in prepared.assigned.items()
         ),
         fingerprint=dict(versions()) | _policy_fingerprints(prepared),
         city_sha256=content_sha256(city),
@@ -271,12 +285,12 @@ def _header(instance: Instance, city: City, prepared: Preparation, options: Play
 
 
 def _policy_fingerprints(prepared: Preparation) -> dict[str, str]:
-    """What decides beside the policies' options, such as the SHA-256 of a prompt."""
-    return {name: value for one in prepared.assigned.values() for name, value in one.fingerprint.items()}
+    """Return the values that decide behaviour beside the policies' options, such as a prompt's SHA-256."""
+    return {name: value for policy in prepared.assigned.values() for name, value in policy.fingerprint.items()}
 
 
 def _writer(folder: Path, header: Header, city: City, key: bytes) -> TraceWriter:
-    """The trace in its folder. Raises `UsageError` where it cannot be written."""
+    """Return the writer of the trace in its folder. Raises `UsageError` if the folder or file cannot be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         return TraceWriter(folder / TRACE_NAME, header, key, surroundings(city, header.instance))
@@ -285,8 +299,11 @@ def _writer(folder: Path, header: Header, city: City, key: bytes) -> TraceWriter
 
 
 def _report(path: Path, options: PlayOptions, folder: Path, city: City | None, *, notes_moves: bool) -> EpisodeReport:
-    """The report of the trace's episode; a city draws the overview beside it. `folder` is the trace's folder as the
-    caller has named it. `notes_moves`: moved bodies are reported already, by their places in a document."""
+    """Return the report of the trace's episode, and draw the overview if `city` is not None.
+
+    `folder` is the trace's folder as the caller named it. `notes_moves`: the caller reports moved bodies itself, by
+    their places in the mission's document.
+    """
     if not path.is_file():
         raise trace_removed_error(path)
     try:
@@ -295,13 +312,12 @@ def _report(path: Path, options: PlayOptions, folder: Path, city: City | None, *
         raise trace_tampered_error(path, str(error)) from error
     report = report_of(trace, options.policy)
     moved = () if notes_moves else in_words(trace.header.moved)
-    said = (*moved, *_warnings(trace, report.withdrawn), *(_draw_overview(trace, city) if city is not None else ()))
-    return msgspec.structs.replace(report, warnings=said, trace=str(folder / path.name))
+    warnings = (*moved, *_warnings(trace, report.withdrawn), *(_draw_overview(trace, city) if city is not None else ()))
+    return msgspec.structs.replace(report, warnings=warnings, trace=str(folder / path.name))
 
 
 def _draw_overview(trace: Trace, city: City) -> tuple[str, ...]:
-    """Warnings, also if it cannot be drawn: the trace holds everything, and a score is not lost for want of its
-    picture."""
+    """Draw the overview and return warnings. A failure is a warning: the trace and the score remain valid."""
     from lingjing.analysis.overview import draw_overview
 
     try:
@@ -311,20 +327,23 @@ def _draw_overview(trace: Trace, city: City) -> tuple[str, ...]:
 
 
 def _warnings(trace: Trace, deviations: Sequence[str]) -> tuple[str, ...]:
-    """What a reader of the score should know: a success for which nobody did anything, answers that policies failed to
-    give with the first failure's own words, numbers that other processors may compute otherwise."""
-    said, outcome = [], trace.outcome
+    """Return the warnings of a report, one line each.
+
+    Reported are a success without an action, replaced policy answers with the first one's detail, unseeded random
+    draws, and `deviations` from numbers that every processor reproduces.
+    """
+    warnings, outcome = [], trace.outcome
     if outcome is not None and outcome.success and outcome.detail:
-        said.append(outcome.detail)
-    replaced = [made for record in trace.boundaries for made in record.decisions if made.substituted]
+        warnings.append(outcome.detail)
+    replaced = [decision for record in trace.boundaries for decision in record.decisions if decision.substituted]
     if replaced:
-        first, kinds = replaced[0], Counter(made.substituted for made in replaced)
+        first, kinds = replaced[0], Counter(decision.substituted for decision in replaced)
         reasons = ", ".join(f"{kind} {number}" for kind, number in sorted(kinds.items()))
-        asked = sum(len(record.decisions) for record in trace.boundaries)
-        counted = f"{len(replaced)} of {asked} policy answers were replaced by doing nothing ({reasons})"
-        said.append(f"{counted}; the first was `{first.agent}`: {first.detail}")
+        answers = sum(len(record.decisions) for record in trace.boundaries)
+        replacement = f"{len(replaced)} of {answers} policy answers were replaced by doing nothing ({reasons})"
+        warnings.append(f"{replacement}; the first was `{first.agent}`: {first.detail}")
     if outcome is not None and outcome.ambient_random:
-        said.append(_AMBIENT.format(", ".join(f"`{agent}`" for agent in outcome.ambient_random)))
+        warnings.append(_AMBIENT.format(", ".join(f"`{agent}`" for agent in outcome.ambient_random)))
     if deviations:
-        said.append(f"{NOT_PROMISED}: {'; '.join(deviations)}; {PIN_FIRST}")
-    return tuple(said)
+        warnings.append(f"{NOT_PROMISED}: {'; '.join(deviations)}; {PIN_FIRST}")
+    return tuple(warnings)

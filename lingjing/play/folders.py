@@ -1,4 +1,4 @@
-"""Where a run is kept: a new folder each time, claimed by its creation, never an old one."""
+"""The folders of runs. Each run creates a new folder; a folder with files in it is never used again."""
 
 from __future__ import annotations
 
@@ -8,12 +8,14 @@ from pathlib import Path
 from lingjing.errors import UsageError
 
 RUNS = Path("runs")
+"""The folder of runs without `-o`, below the working folder."""
 
 
 def claim_run_folder(mission: str, mode: str, seed: int, root: Path = RUNS) -> Path:
     """Create and return `<root>/<mission>-<mode>-<seed>-<n>` with the first free n from 1.
 
-    `mkdir` is atomic, so that two commands at once get two folders. Raises `UsageError` if it cannot be written.
+    `mkdir` is atomic, so two commands that run at the same time get two folders. Raises `UsageError` if it cannot be
+    written.
     """
     for number in count(1):
         folder = root / f"{mission}-{mode}-{seed}-{number}"
@@ -30,7 +32,7 @@ def claim_run_folder(mission: str, mode: str, seed: int, root: Path = RUNS) -> P
 
 
 def claim_folder(folder: Path) -> Path:
-    """Create `folder`, or take it if it is there and empty; one that holds anything is a `UsageError`."""
+    """Create `folder`, or accept an empty one. Raises `UsageError` if it holds files, or cannot be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         occupied = any(folder.iterdir())
@@ -44,7 +46,7 @@ def claim_folder(folder: Path) -> Path:
 
 
 def release_if_empty(folder: Path) -> None:
-    """Take a claimed folder away again if nothing was written into it."""
+    """Remove a folder into which nothing was written."""
     if folder.is_dir() and not any(folder.iterdir()):
         folder.rmdir()
 

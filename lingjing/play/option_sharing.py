@@ -1,6 +1,6 @@
-"""Which plug-in gets which of the given options: policies by what they declare, engines and evaluators by name.
+"""The options of each plug-in: policies receive those that their models declare, engines and evaluators those by name.
 
-Every fault is told at once, each with its owner.
+Every error lists all faults, each with the plug-in that it belongs to.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ ValueT = TypeVar("ValueT")
 
 
 class _Configurable(Protocol):
-    """What declares a model of options: `EnginePlugin`, `EvaluatorPlugin`."""
+    """A declaration with a model of options: `EnginePlugin` or `EvaluatorPlugin`."""
 
     @property
     def options(self) -> type[PluginOptions] | str | None: ...
@@ -30,28 +30,26 @@ class _Configurable(Protocol):
 def share_arguments(
     plugins: Mapping[str, PolicyPlugin], arguments: Mapping[str, ValueT], *, whole: bool = True
 ) -> dict[str, dict[str, ValueT]]:
-    """Which of the given options each policy gets: those of its model; a policy alone gets them all.
+    """Return the options of each policy: those that its model declares.
 
-    The policies are told apart and called by the names they were asked for with, folders and all: two files of one
-    name in two folders hold two policies. Where they are not all that were asked for (`whole`), what none of them takes
-    may be another's.
-
-    Raises `UsageError` that tells every fault: of each policy's options, and what none of them takes.
+    `plugins` are by the names of the request, folders included, because two folders may hold files of the same name.
+    `whole` is true if these are all the policies of the request. Otherwise an option that none of them declares may
+    belong to another policy and is no fault. Raises `UsageError` that lists every fault of the options.
     """
     from lingjing.option_reading import spellings, takes_any_name, unknown_option
     from lingjing.plugins.options import option_faults, options_error
 
     models = {name: options_model(plugin) for name, plugin in plugins.items()}
-    taken = {name: spellings(model) for name, model in models.items()}
+    spelled = {name: spellings(model) for name, model in models.items()}
     shares = {
-        name: {key: value for key, value in arguments.items() if takes_any_name(model) or key in taken[name]}
+        name: {key: value for key, value in arguments.items() if takes_any_name(model) or key in spelled[name]}
         for name, model in models.items()
     }
     faults = {f"policy `{name}`": option_faults(model, shares[name]) for name, model in models.items()}
-    names = [name for each in taken.values() for name in each]
-    strangers = [key for key in arguments if whole and not any(key in share for share in shares.values())]
+    names = [name for spellings_of_model in spelled.values() for name in spellings_of_model]
+    unclaimed = [key for key in arguments if whole and not any(key in share for share in shares.values())]
     owners = f"polic{'y' if len(models) == 1 else 'ies'} {', '.join(f'`{name}`' for name in models)}"
-    faults[owners] = (*faults.get(owners, ()), *(unknown_option(key, names) for key in strangers))
+    faults[owners] = (*faults.get(owners, ()), *(unknown_option(key, names) for key in unclaimed))
     if any(faults.values()):
         raise options_error(faults)
     return shares
@@ -60,36 +58,44 @@ def share_arguments(
 def engine_options(
     arguments: Mapping[str, ValueT], host: PluginHost, used: Iterable[str] = ()
 ) -> dict[str, dict[str, ValueT]]:
-    """The `--engine-arg` pairs by engine and option. `used` are the engines that take part: each must have been given
-    what it requires. Raises `UsageError` that tells every fault."""
+    """Return the `--engine-arg` pairs by engine and option.
+
+    `used` are the engines of the episode. Their required options must be present. Raises `UsageError` that lists every
+    fault.
+    """
     return _shared("engine", arguments, host.engines, used)
 
 
 def evaluator_options(
     arguments: Mapping[str, ValueT], scoring: Mapping[str, EvaluatorPlugin]
 ) -> dict[str, dict[str, ValueT]]:
-    """The `--evaluator-arg` pairs by evaluator and option; only those that score take any. Raises `UsageError` that
-    tells every fault."""
+    """Return the `--evaluator-arg` pairs by evaluator and option. Only the evaluators in `scoring` accept options.
+
+    Raises `UsageError` that lists every fault.
+    """
     return _shared("evaluator", arguments, scoring, scoring)
 
 
 _KNOWN = {"engine": "installed engine", "evaluator": "evaluator that scores"}
-"""What the name before the dot must be."""
+"""The plug-in that the name before the dot must denote, in words of an error message."""
 
 
 def _shared(
-    kind: str, given: Mapping[str, ValueT], plugins: Mapping[str, _Configurable], used: Iterable[str]
+    kind: str, pairs: Mapping[str, ValueT], plugins: Mapping[str, _Configurable], used: Iterable[str]
 ) -> dict[str, dict[str, ValueT]]:
-    """`{"camera.quality": "80"}` by plug-in and option; those `used` are checked even if they are given nothing."""
+    """Return pairs such as `{"camera.quality": "80"}` by plug-in and option.
+
+    Options of the plug-ins in `used` are checked even if the user gives none.
+    """
     declaring = [name for name in used if plugins[name].options]
-    if not given and not declaring:
+    if not pairs and not declaring:
         return {}
     from lingjing.option_reading import unknown_option
     from lingjing.plugins.options import PluginOptions, declared_model, option_faults, options_error
 
     shares: dict[str, dict[str, ValueT]] = {}
     faults: dict[str, tuple[Fault, ...]] = {}
-    for key, value in given.items():
+    for key, value in pairs.items():
         name, dot, option = key.partition(".")
         if name not in plugins or not dot:
             hint = f"write {name}.OPTION" if name in plugins else unknown_option(name, plugins).hint

@@ -1,4 +1,4 @@
-"""How one episode is to be played: one value for the command line, Python, worker processes and studies."""
+"""The options of one episode: one value for the command line, Python, worker processes and studies."""
 
 from __future__ import annotations
 
@@ -16,53 +16,59 @@ from lingjing.plugins.loading import policy_of
 from lingjing.plugins.policy import Policy, PolicyPlugin
 
 Seed = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
+"""A seed: 0 to 2⁶³ - 1, the non-negative values of a signed 64-bit integer."""
 
 PolicySpec = str | Callable[..., Policy]
-"""A policy's name, `FILE.py:CLASS`, or anything that returns a policy object when called."""
+"""A policy's name, `FILE.py:CLASS`, or a callable that returns a policy object."""
 
 
 class PlayOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """All that decides an episode, as JSON wherever it travels.
-
-    `mission` is the path of a file or the name of a shipped mission. `policy` plays every agent; `policies_for`
-    overrides it by role, agent or agent id; `policy_args` go to every policy that takes them, `engine_args` to the
-    engine that each names (`camera.quality`), `evaluator_args` likewise; a value
-    is any JSON. `seed` draws the instance, `policy_seed` starts the policies' own random
-    streams and tells them nothing about it. `mode` None is the mission's own; `settings` are values of its parameters
-    in SI units. `evaluators` score it: the mean of their scores counts, and the first that says so ends the episode.
-    `world` says where the engines run, `blank_pictures` hands the policies black pictures, `overview` draws
-    `overview.png`, `sign` is the file of the key that the trace is signed with.
-
-    `calls` says what becomes of questions to chat models: they are recorded beside the trace, answered from the record
-    that `calls_from` names (a trace, its folder, or the folder of a run's episodes), or asked without a record.
-    `max_cost` (US dollars) and `max_tokens` limit what they may take; with a `ledger` file all episodes that name it
-    are counted together.
-    """
+    """The options that decide an episode. Processes exchange them as JSON."""
 
     mission: str
+    """The path of a mission's file, or the name of a shipped mission."""
     policy: str = "heuristic"
+    """The policy of every agent that `policies_for` does not name."""
     policies_for: dict[str, str] = {}
+    """Policies by role, agent or agent id."""
     policy_args: dict[str, GivenOption] = {}
+    """Options of policies. Each policy receives those that its model declares; a value is any JSON."""
     engine_args: dict[str, GivenOption] = {}
+    """Options of engines, as `ENGINE.OPTION` (`camera.quality`)."""
     evaluator_args: dict[str, GivenOption] = {}
+    """Options of evaluators, as `EVALUATOR.OPTION`."""
     seed: Seed = 0
+    """The seed from which the instance is drawn."""
     policy_seed: Seed = 0
+    """The seed of the policies' own random streams. It does not affect the instance."""
     mode: str | None = None
+    """The communication mode; None for the mission's default."""
     settings: dict[str, float] = {}
+    """Values of the mission's parameters, SI units."""
     evaluators: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)] = ("mission",)
+    """The evaluators. The mean of their scores counts; the first one that is done ends the episode."""
     world: Literal["process", "inline"] = "process"
+    """The place of the engines: processes of their own, or this process."""
     blank_pictures: bool = False
+    """True if policies receive black pictures."""
     overview: bool = True
+    """True to draw `overview.png`."""
     sign: str | None = None
+    """The file of the key that signs the trace; None for an unsigned trace."""
     calls: Literal["record", "replay", "live"] = "record"
+    """The handling of chat-model calls: recorded beside the trace, answered from a record, or made without a record."""
     calls_from: str = ""
+    """The record to replay: a trace, its folder, or the folder of a run's episodes; "" without a replay."""
     max_cost: float | None = None
+    """The limit of the cost of model calls, US dollars; None for no limit."""
     max_tokens: int | None = None
+    """The limit of the tokens of model calls; None for no limit."""
     ledger: str = ""
+    """The file that counts cost and tokens of all episodes that name it; "" to count in this process."""
 
 
 class Changes(TypedDict, total=False):
-    """The options as `lingjing.run` takes them: a policy may also be what makes one."""
+    """The options as arguments of `lingjing.run`. A policy may also be a class, or a function that makes a policy."""
 
     policy: PolicySpec
     policies_for: Mapping[str, PolicySpec]
@@ -86,56 +92,56 @@ class Changes(TypedDict, total=False):
 
 
 def read_options(text: str | bytes, path: str, errors: ErrorCollector | None = None) -> dict[str, object]:
-    """The options that a JSON file gives, each of them right by itself; the mission may be left out.
+    """Return the valid options of a JSON file. The mission may be absent.
 
-    Raises `UsageError` that tells every fault with its JSON path. With `errors` it goes there, and what is right is
-    returned.
+    Raises `UsageError` that lists every fault with its JSON path. With `errors` the faults are added there instead, and
+    the valid options are returned.
     """
-    found = ErrorCollector() if errors is None else errors
-    given: object = {}
+    collected = ErrorCollector() if errors is None else errors
+    document: object = {}
     try:
-        given = msgspec.json.decode(text)
+        document = msgspec.json.decode(text)
     except msgspec.DecodeError as error:
-        found.add(UsageError(f"{path} is not JSON: {error}"))
-    read = _right({"mission": "", **given} if isinstance(given, dict) else given, path, found)
+        collected.add(UsageError(f"{path} is not JSON: {error}"))
+    valid = _valid_options({"mission": "", **document} if isinstance(document, dict) else document, path, collected)
     if errors is None:
-        found.check()
-    return {name: value for name, value in read.items() if isinstance(given, dict) and name in given}
+        collected.check()
+    return {name: value for name, value in valid.items() if isinstance(document, dict) and name in document}
 
 
-def checked_options(given: object, errors: ErrorCollector | None = None) -> PlayOptions:
-    """Plain values as options. Raises `UsageError` that tells every fault of theirs.
+def checked_options(values: object, errors: ErrorCollector | None = None) -> PlayOptions:
+    """Return options from plain values. Raises `UsageError` that lists every fault.
 
-    With `errors` it goes there, and what is refused counts as not given.
+    With `errors` the faults are added there instead, and each invalid value is replaced by its default.
     """
-    found = ErrorCollector() if errors is None else errors
-    right = {"mission": "", **_right(given, "", found)}
+    collected = ErrorCollector() if errors is None else errors
+    valid = {"mission": "", **_valid_options(values, "", collected)}
     if errors is None:
-        found.check()
-    return msgspec.convert(right, PlayOptions)
+        collected.check()
+    return msgspec.convert(valid, PlayOptions)
 
 
 def options_of(
     mission: Mission | str | PathLike[str], changes: Changes, errors: ErrorCollector | None = None
 ) -> tuple[PlayOptions, Mission | None, dict[str, PolicyPlugin]]:
-    """What `lingjing.run` was called with: the options, the compiled mission, and the policies given as objects, by the
-    names that the options have for them.
+    """Return the options, the compiled mission, and the policies given as objects, by their names in the options.
 
-    Raises `UsageError` or `MissionError` that tells every fault. With `errors` it goes there, what is refused counts as
-    not given, and a mission that has errors is None.
+    Raises `UsageError` or `MissionError` that lists every fault. With `errors` the faults are added there instead: each
+    invalid value is replaced by its default, and a mission with errors is None. Raises `TypeError` for an unknown
+    argument.
     """
-    found = ErrorCollector() if errors is None else errors
+    collected = ErrorCollector() if errors is None else errors
     made: dict[str, PolicyPlugin] = {}
     unknown = sorted(set(changes) - set(PlayOptions.__struct_fields__))
     if unknown:
         raise TypeError(f"run() got an unexpected keyword argument '{unknown[0]}'")
 
     def named(field: str, spec: object) -> object:
-        return found.attempt(lambda: _named(spec, made, field), None)
+        return collected.attempt(lambda: _named(spec, made, field), None)
 
     plain = {
         **changes,
-        "mission": mission.name if isinstance(mission, Mission) else found.attempt(lambda: _path(mission), ""),
+        "mission": mission.name if isinstance(mission, Mission) else collected.attempt(lambda: _path(mission), ""),
         "policies_for": _mapped(changes.get("policies_for"), lambda spec: named("policies_for", spec)),
         **{name: _mapped(changes.get(name), _as_json) for name in ("policy_args", "engine_args", "evaluator_args")},
         "settings": _mapped(changes.get("settings"), lambda value: value),
@@ -143,74 +149,75 @@ def options_of(
     }
     if "policy" in changes:
         plain["policy"] = named("policy", changes["policy"])
-    for name in ("policy", "policies_for"):  # what is no policy has been told in other words than those of JSON
-        if any(fault.where == name for fault in found.faults):
+    for name in ("policy", "policies_for"):  # `_plugin` has reported the fault; a fault of JSON would repeat it
+        if any(fault.where == name for fault in collected.faults):
             del plain[name]
-    options = checked_options(plain, found)
+    options = checked_options(plain, collected)
     if isinstance(mission, Mission):
         compiled_mission: Mission | None = mission
     else:
-        compiled_mission = found.attempt(lambda: compiled(options), None) if options.mission else None
+        compiled_mission = collected.attempt(lambda: compiled(options), None) if options.mission else None
     if errors is None:
-        found.check()
+        collected.check()
     return options, compiled_mission, made
 
 
 def compiled(options: PlayOptions) -> Mission:
-    """The mission that the options name. Raises `UsageError` if there is none, `MissionError` if it has errors."""
+    """Return the mission of the options. Raises `UsageError` if there is none, `MissionError` if it has errors."""
     from lingjing.dsl.loading.load import load_mission
 
     return load_mission(options.mission)
 
 
-def _mapped(given: object, value_of: Callable[[Any], object]) -> object:
-    """A mapping with its values made plain, None an empty one; anything else is left for the check to refuse."""
-    return {name: value_of(value) for name, value in given.items()} if isinstance(given, Mapping) else given or {}
+def _mapped(mapping: object, value_of: Callable[[Any], object]) -> object:
+    """Return a mapping with plain values, and `{}` for None. Other values are returned for the check to reject."""
+    return {name: value_of(value) for name, value in mapping.items()} if isinstance(mapping, Mapping) else mapping or {}
 
 
 def _as_json(value: object) -> object:
-    """A value of an option as JSON has it; what JSON has no words for, such as a path, as its text."""
+    """Return an option's value as JSON data. A value without a JSON form, such as a path, becomes its text."""
     try:
         return msgspec.to_builtins(value, str_keys=True, order="deterministic")
     except (TypeError, ValueError, msgspec.MsgspecError):
         return str(value)
 
 
-def _path(given: object) -> str:
-    if not isinstance(given, str | PathLike):
+def _path(mission: object) -> str:
+    if not isinstance(mission, str | PathLike):
         raise UsageError(
-            f"a mission is due, this is {type(given).__name__!r}",
+            f"expected a mission, not {type(mission).__name__!r}",
             hint="give what `lingjing.compile` returns, a file's name, or a shipped mission's",
         )
-    return fspath(given)
+    return fspath(mission)
 
 
-def _right(given: object, path: str, errors: ErrorCollector) -> dict[str, object]:
-    """The options that are right by themselves; a `UsageError` for each fault of the others goes to `errors`.
+def _valid_options(values: object, path: str, errors: ErrorCollector) -> dict[str, object]:
+    """Return the valid options, and add a `UsageError` to `errors` for each fault.
 
-    Of a mapping the entries that are wrong are left out, of the rest the whole field.
+    Of a mapping only the invalid entries are left out; of any other field the whole value.
     """
     try:
-        msgspec.convert(given, PlayOptions)
+        msgspec.convert(values, PlayOptions)
     except msgspec.ValidationError as error:
-        for fault in schema_faults(given, PlayOptions) or (Fault("", str(error)),):
+        for fault in schema_faults(values, PlayOptions) or (Fault("", str(error)),):
             errors.add(UsageError(lines_of([fault], path), hint=fault.hint, faults=(fault,)))
-        if not isinstance(given, dict):
+        if not isinstance(values, dict):
             return {}
-        return {name: right for name, value in given.items() if (right := _right_value(name, value)) is not None}
-    return given if isinstance(given, dict) else {}
+        return {name: valid for name, value in values.items() if (valid := _valid_part(name, value)) is not None}
+    return values if isinstance(values, dict) else {}
 
 
-def _right_value(name: str, value: object) -> object:
-    """What is right of a field's value, None if nothing is."""
+def _valid_part(name: str, value: object) -> object:
+    """Return the valid part of a field's value; None if no part is valid."""
     if name not in PlayOptions.__struct_fields__:
         return None
     if isinstance(value, dict):
-        return {key: one for key, one in value.items() if _fits(name, {key: one})}
+        return {key: entry for key, entry in value.items() if _fits(name, {key: entry})}
     return value if _fits(name, value) else None
 
 
 def _fits(name: str, value: object) -> bool:
+    """Return True if the field accepts the value."""
     try:
         msgspec.convert({"mission": "", name: value}, PlayOptions)
     except msgspec.ValidationError:
@@ -219,19 +226,22 @@ def _fits(name: str, value: object) -> bool:
 
 
 def _named(spec: object, made: dict[str, PolicyPlugin], field: str) -> str:
-    """The name that stands for a policy in the options; one given as a class or a function is added to `made`."""
+    """Return the name of a policy in the options.
+
+    A policy given as a class or a function is added to `made`; the same callable keeps its name.
+    """
     if isinstance(spec, str):
         return spec
     plugin = _plugin(spec, field)
-    taken = [name for name, one in made.items() if one.name == plugin.name]
-    name = next((one for one in taken if made[one].factory is plugin.factory), "")
-    name = name or (f"{plugin.name} ({len(taken) + 1})" if taken else plugin.name)
+    namesakes = [name for name, other in made.items() if other.name == plugin.name]
+    name = next((namesake for namesake in namesakes if made[namesake].factory is plugin.factory), "")
+    name = name or (f"{plugin.name} ({len(namesakes) + 1})" if namesakes else plugin.name)
     made[name] = plugin
     return name
 
 
 def _plugin(factory: object, field: str) -> PolicyPlugin:
-    """A class or function given from Python; its attribute `privileged` counts as its declaration."""
+    """Return the declaration of a class or function. Its attribute `privileged` is the declared value."""
     if not callable(factory):
         message = f"{factory!r} is not a policy"
         hint = "give a policy's name, FILE.py:CLASS, a class, or a function that makes one"

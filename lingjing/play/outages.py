@@ -1,8 +1,8 @@
-"""Confirmation from outside of a policy that what it depends on is gone.
+"""The confirmation of an outage that a policy reports.
 
-A policy that loses could raise `InfrastructureError` to have its episode aborted. So its word does not count. What
-counts is an error of the harness itself (the record of model calls, the limits of money), or a probe: the plug-in that
-declares the policy also declares how its service is asked for a sign of life, and the harness asks.
+A losing policy could raise `InfrastructureError` to have its episode aborted, so its report alone does not count. An
+outage is confirmed by an error of the harness itself (the record of model calls, the limits of money), or by a probe.
+The declaration of a policy has the probe of its service, and the harness runs it.
 """
 
 from __future__ import annotations
@@ -19,48 +19,48 @@ from lingjing.plugins.loading import read_given_options
 from lingjing.plugins.policy import PolicyPlugin, ServiceProbe
 
 SERVICE_GONE = "service: "
-"""How the detail of an abort begins that a service of one entrant has caused."""
+"""The beginning of the detail of an abort that one entrant's service has caused."""
 
 PROBE_S = 30.0
-"""The wall clock that one probe may take. Chosen: a third of the time that a model has for an answer (paper: 90 s)."""
+"""The longest wall-clock time of one probe, seconds. Chosen: a third of a model's time for an answer (paper: 90 s)."""
 
 
 class ServiceOutages:
-    """The `OutageCheck` of one episode: `assigned` are the policies by agent, with their options."""
+    """The `OutageCheck` of one episode. `assigned` holds the policies with their options, by agent."""
 
     def __init__(self, assigned: Mapping[str, AssignedPolicy], calls: EpisodeCalls) -> None:
         self._assigned = assigned
         self._calls = calls
 
     def __call__(self, agent: str, error: InfrastructureError) -> InfrastructureError | None:
-        """The error that ends the episode; None if the policy alone says that its infrastructure is gone."""
+        """Return the error that ends the episode; None if nothing confirms the policy's report."""
         fault = self._calls.fault_of(agent)
         plugin, arguments = self._assigned[agent].plugin, self._assigned[agent].arguments
         if fault is not None or plugin is None or plugin.probe is None:
             return fault
         probe = plugin.probe
-        silence = self._calls.probed(agent, lambda: _asked(agent, plugin, probe, arguments))
-        if not silence:
+        failure = self._calls.probed(agent, lambda: _probe_failure(agent, plugin, probe, arguments))
+        if not failure:
             return None
         return InfrastructureError(
-            f"{SERVICE_GONE}the service of `{agent}` gives the harness no answer either: {silence}",
+            f"{SERVICE_GONE}the service of `{agent}` gives the harness no answer either: {failure}",
             hint=str(error.hint),
         )
 
 
-def _asked(agent: str, plugin: PolicyPlugin, probe: ServiceProbe, arguments: Mapping[str, GivenOption]) -> str:
-    """Why the service is silent; "" if it answers, or if the probe itself fails, which shows nothing."""
+def _probe_failure(agent: str, plugin: PolicyPlugin, probe: ServiceProbe, arguments: Mapping[str, GivenOption]) -> str:
+    """Return the reason for which the service does not answer; "" if it answers, or if the probe itself fails."""
     thread = AgentThread(f"probe-{agent}")
     try:
         options = read_given_options(plugin, arguments)
-        silence, _ = thread.submit(lambda: probe(options)).result(timeout=PROBE_S)
+        failure, _ = thread.submit(lambda: probe(options)).result(timeout=PROBE_S)
     except concurrent.futures.TimeoutError:
         return f"no answer within {PROBE_S:g} s"
     except Exception:  # noqa: BLE001 - a plug-in's own code
         return ""
     finally:
         thread.close()
-    return silence if isinstance(silence, str) else ""
+    return failure if isinstance(failure, str) else ""
 
 
 __all__ = ["PROBE_S", "SERVICE_GONE", "ServiceOutages"]

@@ -1,4 +1,4 @@
-"""Several episodes: one after another on a warm world here, or a few at a time in processes of their own."""
+"""Several episodes: one after another in this process, or several at a time in processes of their own."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     Watch = Callable[[str], AbstractContextManager[Callable[[Progress], None]]]
 
 GRACE_S = 300.0
-"""How long an interrupted episode may take to close its workers."""
+"""The longest time that an interrupted episode has to close its workers, seconds of wall clock. Chosen."""
 
 
 def play_here(
@@ -52,12 +52,11 @@ def play_here(
     fork_server: ForkServerClient | None = None,
     policy_server: ForkServerClient | None = None,
 ) -> Iterator[EpisodeReport]:
-    """Play (seed, folder) pairs in order on the same warm workers; an interrupted episode is the last one. One that a
-    policy's code keeps from beginning is reported as lost.
+    """Play (seed, folder) pairs in order with the same workers, and yield their reports.
 
-    A folder of None is a new one under `runs/`. `watch` opens a progress display for each episode. The workers are
-    started by the fork server, if there is one (`lingjing.processes.fork_client`), the processes of policies by the
-    policy server; without one policies play here.
+    A folder of None is a new one under `runs/`. `watch` opens a progress display for each episode. `fork_server` starts
+    the workers (`lingjing.processes.fork_client`), `policy_server` the processes of policies; without it policies run
+    here. An interrupted episode is the last one. A policy that fails before its episode begins loses it.
     """
     from lingjing.play.episode import EpisodeInterrupted, Session
 
@@ -91,7 +90,7 @@ def play_here(
 def _unrecorded(
     options: PlayOptions, mission: Mission, seed: int, folder: Path | None, error: LingjingError
 ) -> EpisodeReport:
-    """The report of an episode of which nothing was recorded."""
+    """Return the report of an episode without a record."""
     task = EpisodeTask(msgspec.structs.replace(options, seed=seed), folder or Path())
     mode = options.mode or mission.modes.default
     report = without_result(task, str(error))
@@ -99,13 +98,16 @@ def _unrecorded(
 
 
 @contextlib.contextmanager
-def policy_server(options: PlayOptions, given: int | None = None) -> Iterator[ForkServerClient | None]:
-    """The process that the policies of these options are forked from: that behind a descriptor that was `given`, or a
-    new one. None where policies play in the caller's process: with the engines, and elsewhere than on Linux."""
+def policy_server(options: PlayOptions, descriptor: int | None = None) -> Iterator[ForkServerClient | None]:
+    """Yield the server from which the policies of these options are forked.
+
+    `descriptor` leads to an existing server; None starts a new one. Yields None where policies run in the caller's
+    process: with inline engines, and on systems other than Linux.
+    """
     if options.world == "inline" or sys.platform != "linux":
         yield None
-    elif given is not None:
-        with contextlib.closing(ForkServerClient(given)) as client:
+    elif descriptor is not None:
+        with contextlib.closing(ForkServerClient(descriptor)) as client:
             yield client
     else:
         with adopting(), ForkServer(SERVES) as server, contextlib.closing(server.client()) as client:
@@ -114,7 +116,7 @@ def policy_server(options: PlayOptions, given: int | None = None) -> Iterator[Fo
 
 
 def _policy_names(options: PlayOptions) -> str:
-    """The names of the policies as JSON."""
+    """Return the names of the policies as a JSON list."""
     return msgspec.json.encode([*dict.fromkeys((options.policy, *options.policies_for.values()))]).decode()
 
 
@@ -128,41 +130,47 @@ PLAYED_WITH = (
     "lingjing.play.policy_processes.loading", "lingjing.play.policy_processes.examination",
     "lingjing.dsl.compilation", "lingjing.scene.bay", "lingjing.scene.districts", "lingjing.builtin",
 )  # fmt: skip
-"""What the process of an episode imports, and nothing of policies or engines."""
+"""Modules that the process of an episode imports. No module of a policy or an engine is among them."""
 
 ENGINE_MODULES = (
     "lingjing.kernel.world.worker", "lingjing.engines.camera.engine",
     "lingjing.engines.city.engine", "lingjing.engines.fixed_wing.aeroplane", "lingjing.engines.multirotor.drone",
     "lingjing.engines.satellite.engine", "lingjing.engines.vessel.engine",
 )  # fmt: skip
-"""What the processes of engines import."""
+"""Modules that the processes of engines import."""
 
 SHARE = "lingjing.play.sharing:share"
-"""What the process that episodes are forked from is asked to do first for each kind of them."""
+"""The function that prepares the process from which episodes are forked, once for each kind of episode."""
 
 WITH_EXTRAS = (("libsumo", "lingjing.engines.road.engine"), ("mujoco", "lingjing.engines.quadruped.engine"))
-"""Further engines, each with the package that has to be installed for it."""
+"""Modules of further engines, each with the package that must be installed for it."""
 
 
 class EpisodeTask(NamedTuple):
-    """An episode to be played in a process of its own. `repeated` if others may begin with the same instance;
-    `reports_failure` if a policy that keeps it from beginning is reported as its loss, and not raised for all."""
+    """An episode to play in a process of its own."""
 
     options: PlayOptions
     folder: Path
+    """The folder of the run."""
     repeated: bool = True
+    """True if other episodes may begin with the same instance."""
     reports_failure: bool = False
+    """True if a policy that fails before the episode begins gives a lost episode. Otherwise its error is raised for
+    all."""
 
     def command(self) -> list[str]:
-        """The command line that plays it with the options on its standard input, and prints its report as JSON."""
+        """Return the command that plays it. It reads the options from standard input and prints the report as JSON."""
         return [*_PYTHON, "run", "--options", "-", "-o", str(self.folder), "--json"]
 
 
-_MUTE_HINT = "see if there is room in the folder of temporary files (TMPDIR), where its messages go"
+_MUTE_HINT = "check for free space in the folder of temporary files (TMPDIR), which holds its messages"
+"""The hint for a child that failed without a message."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Worker:
+    """A running episode. `output` and `errors` are the files of its standard streams."""
+
     task: EpisodeTask
     process: subprocess.Popen[bytes] | ForkedProcess
     output: IO[bytes]
@@ -170,8 +178,11 @@ class _Worker:
 
 
 class _Starter:
-    """Starts episodes: as forks of a process that has imported what they need, which is begun with the first of them;
-    a command that is not ours, or where nothing can be forked, as a process of its own."""
+    """Starts the processes of episodes.
+
+    They are forks of a process that has imported their modules; it starts with the first episode. A foreign command,
+    and every episode on a system without the fork server, is a process of its own.
+    """
 
     def __init__(self) -> None:
         self._server: ForkServer | None = None
@@ -179,8 +190,11 @@ class _Starter:
         self._preloaded: set[str] = set()
 
     def start(self, task: EpisodeTask) -> _Worker:
-        """The process of an episode. A process group of its own: a terminal's Ctrl-C reaches the caller alone, who then
-        ends each child once."""
+        """Start the process of an episode.
+
+        It has a process group of its own: Ctrl-C in a terminal reaches the caller alone, which then ends each child
+        once.
+        """
         output, errors = tempfile.TemporaryFile(), tempfile.TemporaryFile()  # noqa: SIM115 - the child outlives this
         command = task.command()
         with tempfile.TemporaryFile() as options:
@@ -196,26 +210,27 @@ class _Starter:
         return _Worker(task, process, output, errors)
 
     def close(self) -> None:
-        """End the process that episodes are forked from."""
+        """End the process from which episodes are forked."""
         if self._server is not None:
             self._server.close()
 
     def _forked(self, task: EpisodeTask, arguments: list[str], streams: tuple[int, int, int]) -> ForkedProcess:
         if self._server is not None:
             try:
-                return self._asked(self._server, task, arguments, streams)
-            except InfrastructureError:  # it was killed: another one takes its place
+                return self._run_in(self._server, task, arguments, streams)
+            except InfrastructureError:  # the server was killed: start another one
                 self._server.close()
                 self._shared.clear()
                 self._preloaded.clear()
         engines = [*ENGINE_MODULES, *(module for package, module in WITH_EXTRAS if find_spec(package))]
         self._server = ForkServer([*PLAYED_WITH, *SERVES], {ENGINES: engines}, ENGINE_VARIABLES)
-        return self._asked(self._server, task, arguments, streams)
+        return self._run_in(self._server, task, arguments, streams)
 
-    def _asked(
+    def _run_in(
         self, server: ForkServer, task: EpisodeTask, arguments: list[str], streams: tuple[int, int, int]
     ) -> ForkedProcess:
-        start = msgspec.json.encode({"options": _played_on(task.options), "repeated": task.repeated})
+        """Prepare the server for this kind of episode, once, and start the episode."""
+        start = msgspec.json.encode({"options": _instance_options(task.options), "repeated": task.repeated})
         if start not in self._shared:
             self._shared.add(start)
             server.call(SHARE, start.decode(), in_layers=True)
@@ -225,8 +240,8 @@ class _Starter:
         return server.run_module(_CLI, arguments, streams)
 
 
-def _played_on(options: PlayOptions) -> PlayOptions:
-    """The options that decide the instance, without those of whoever plays it."""
+def _instance_options(options: PlayOptions) -> PlayOptions:
+    """Return the options that decide the instance, without those of policies."""
     return PlayOptions(
         mission=options.mission,
         seed=options.seed,
@@ -237,21 +252,22 @@ def _played_on(options: PlayOptions) -> PlayOptions:
 
 
 def play_apart(tasks: Iterable[EpisodeTask], jobs: int) -> Iterator[tuple[EpisodeTask, EpisodeReport]]:
-    """Play in child processes, `jobs` at a time, in order of completion.
+    """Play in child processes, `jobs` at a time, and yield reports in order of completion.
 
-    A child that fails before it has a result raises with its own message and exit code; the others are ended. So does
-    one that a policy keeps from beginning, unless its task reports that. One that was killed (from outside, or for
-    want of memory), or interrupted by another process, is an infrastructure abort of its episode.
-    At an interrupt the children end as an interrupted command does and what they had is yielded before it is raised.
+    A child that fails without a result raises its own error, and the others are ended. A policy that fails before the
+    episode begins raises too, unless its task reports it. A child that was killed, or interrupted by another process,
+    is an infrastructure abort of its episode. At an interrupt the children end as interrupted commands do, and their
+    reports are yielded before `KeyboardInterrupt` is raised.
     """
     starter = _Starter()
     with contextlib.closing(starter):
-        yield from _played_by(starter, iter(tasks), jobs)
+        yield from _play_all(starter, iter(tasks), jobs)
 
 
-def _played_by(
+def _play_all(
     starter: _Starter, waiting: Iterator[EpisodeTask], jobs: int
 ) -> Iterator[tuple[EpisodeTask, EpisodeReport]]:
+    """Start a task whenever fewer than `jobs` children run, and yield the report of each child that has ended."""
     running: list[_Worker] = []
     try:
         while True:
@@ -262,7 +278,7 @@ def _played_by(
             done = [child for child in running if child.process.poll() is not None]
             running = [child for child in running if child not in done]
             for child in done:
-                yield child.task, _finish_unasked(child)
+                yield child.task, _report_of_ended(child)
             if not done:
                 time.sleep(0.05)
     except KeyboardInterrupt:
@@ -270,7 +286,7 @@ def _played_by(
         _end(stopped)
         for child in stopped:
             with suppress(KeyboardInterrupt, LingjingError):  # it had no result yet
-                yield child.task, _finish(child)
+                yield child.task, _result_of(child)
         raise
     finally:
         _end(running)
@@ -280,17 +296,23 @@ class _ChildInterrupted(KeyboardInterrupt):
     """A child was interrupted before it had a result."""
 
 
-def _finish_unasked(child: _Worker) -> EpisodeReport:
-    """The report of a child that was not asked to end. One that was interrupted all the same is an abort: a policy's
-    process may have sent the signal."""
+def _report_of_ended(child: _Worker) -> EpisodeReport:
+    """Return the report of a child that ended by itself.
+
+    An interrupted one is an abort, because a policy's process may have sent the signal.
+    """
     try:
-        report = _finish(child)
+        report = _result_of(child)
     except _ChildInterrupted:
         return without_result(child.task, SIGNALLED)
     return msgspec.structs.replace(report, reason=ABORTED, detail=SIGNALLED) if report.reason == INTERRUPTED else report
 
 
-def _finish(child: _Worker) -> EpisodeReport:
+def _result_of(child: _Worker) -> EpisodeReport:
+    """Return the report that a child has printed, or that of an episode without a result.
+
+    Raises the child's own error, by its exit code and its message, and `_ChildInterrupted` for an interrupted child.
+    """
     child.output.seek(0)
     child.errors.seek(0)
     printed, complaint = child.output.read(), child.errors.read().decode(errors="replace").strip()
@@ -309,14 +331,14 @@ def _finish(child: _Worker) -> EpisodeReport:
         raise _ChildInterrupted
     if code <= ExitCode.OK:
         return without_result(child.task, end_without_result(code))
-    said, _, hint = complaint.partition("\nhint: ")
-    if not said:
-        said, hint = f"an episode ended with code {code} and could not say why", _MUTE_HINT
-    raise error_of(code, said.removeprefix("error: "), hint)
+    message, _, hint = complaint.partition("\nhint: ")
+    if not message:
+        message, hint = f"an episode ended with code {code} and without a message", _MUTE_HINT
+    raise error_of(code, message.removeprefix("error: "), hint)
 
 
 def without_result(task: EpisodeTask, why: str) -> EpisodeReport:
-    """What can be said of an episode whose process is gone: nothing was scored."""
+    """Return the report of an episode without a result from its process: an abort without a score."""
     trace = next(task.folder.glob("*.part"), task.folder)
     options = task.options
     return EpisodeReport(
@@ -327,7 +349,7 @@ def without_result(task: EpisodeTask, why: str) -> EpisodeReport:
 
 
 def _end(children: list[_Worker]) -> None:
-    """Ask every child to stop as Ctrl-C would, then make sure."""
+    """Terminate every child as Ctrl-C does, and kill those that do not end within `GRACE_S`."""
     for child in children:
         with suppress(ProcessLookupError):
             child.process.terminate()

@@ -1,7 +1,7 @@
-"""Which policy plays which agent of an instance.
+"""The policy of each agent of an instance.
 
-Policies in files are loaded here, or where they are to play in processes of their own, in another one that reads their
-declarations alone (`policy_processes.examination`).
+Policies in files are loaded here, or, for policies in processes of their own, by another process that reads only their
+declarations (`policy_processes.examination`).
 """
 
 from __future__ import annotations
@@ -26,21 +26,24 @@ from lingjing.suggest import nearest_or
 
 @dataclass(frozen=True, slots=True)
 class AssignedPolicy:
-    """A policy and its arguments.
-
-    `spec` is its name in the options, `name` that in traces, `source` the plug-in that offers it ("": a file, or given
-    as an object). `fingerprint` decides beside the arguments. `plugin` is None for a file that
-    only another process has loaded. `makers` are the plug-ins that make or wrap policies (`lingjing_make_policy`).
-    """
+    """The policy of an agent, with its options."""
 
     spec: str
+    """Its name in the options."""
     name: str
+    """Its name in traces."""
     privileged: bool
+    """True if it receives the truth."""
     arguments: dict[str, GivenOption]
+    """Its options by name."""
     fingerprint: dict[str, str]
+    """Values that decide its behaviour beside the options (`PluginOptions.fingerprint`)."""
     source: str = ""
+    """The plug-in that offers it; "" for a file, and for a policy given as an object."""
     plugin: PolicyPlugin | None = None
+    """Its declaration; None for a file that only another process has loaded."""
     makers: tuple[str, ...] = ()
+    """The plug-ins that make or wrap policies (`lingjing_make_policy`)."""
 
 
 def assign_policies(
@@ -48,29 +51,28 @@ def assign_policies(
     mission: Mission | None,
     options: PlayOptions,
     host: PluginHost,
-    given: Mapping[str, PolicyPlugin],
+    loaded: Mapping[str, PolicyPlugin],
     errors: ErrorCollector,
     server: ForkServerClient | None = None,
 ) -> dict[str, AssignedPolicy]:
-    """The policy of every agent; `given` are those that are known already, by their names in the options. With a
-    `server` no code of a file runs in this process.
+    """Return the policy of every agent. Without an instance no policy is assigned.
 
-    `errors` holds what is wrong with the options so far and receives every role or agent that the mission does not
-    have, every policy that cannot be loaded, and every fault of the policies' options. Without an instance nobody is
-    assigned. Where one is refused, a role is right that the mission has in any mode.
+    `loaded` are loaded policies by their names in the options. With a `server` no code of a file runs in this process.
+    `errors` holds the faults of the options so far. Unknown roles and agents, policies that cannot be loaded, and
+    faults of their options are added to it. If it holds a fault, a role of any mode of the mission is accepted.
     """
     chosen, refused = options.policies_for, frozenset(re.split(r"\W", fault.where)[0] for fault in errors.faults)
     if mission is not None:
         errors.attempt(lambda: _check_roles(chosen, instance, mission, surely=not errors.errors), None)
     agents = instance.agents if instance is not None else ()
-    names_of = {agent.id: _named_for(agent, options) for agent in agents}
+    names_of = {agent.id: _policy_for(agent, options) for agent in agents}
     wanted = dict.fromkeys((options.policy, *chosen.values()) if instance is None else names_of.values())
     whole = not refused & {"policy", "policies_for"}
     if server is not None and any(map(is_file, wanted)):
-        found = _examined(wanted, options, host, server, errors, whole=whole)
+        policies = _examined(wanted, options, host, server, errors, whole=whole)
     else:
-        found = _loaded(wanted, options, host, given, errors, whole=whole)
-    made = {name: _made(policy, host) for name, policy in found.items()}
+        policies = _loaded(wanted, options, host, loaded, errors, whole=whole)
+    made = {name: _made(policy, host) for name, policy in policies.items()}
     return {agent: made[name] for agent, name in names_of.items() if name in made}
 
 
@@ -78,17 +80,18 @@ def _loaded(
     wanted: Iterable[str],
     options: PlayOptions,
     host: PluginHost,
-    given: Mapping[str, PolicyPlugin],
+    known: Mapping[str, PolicyPlugin],
     errors: ErrorCollector,
     *,
     whole: bool,
 ) -> dict[str, AssignedPolicy]:
-    """Policies that are loaded here; none where `wanted` is not the `whole` of what was asked for."""
-    found = {name: given.get(name) or errors.attempt(partial(load_policy, name, host), None) for name in wanted}
-    plugins = {name: plugin for name, plugin in found.items() if plugin is not None}
+    """Return policies loaded in this process; none if `wanted` is not the `whole` request, because shares would be
+    wrong."""
+    by_name = {name: known.get(name) or errors.attempt(partial(load_policy, name, host), None) for name in wanted}
+    plugins = {name: plugin for name, plugin in by_name.items() if plugin is not None}
     if not whole:
         return {}
-    complete = len(plugins) == len(found)
+    complete = len(plugins) == len(by_name)
     shares = errors.attempt(lambda: share_arguments(plugins, options.policy_args, whole=complete), {})
     return {
         name: AssignedPolicy(
@@ -114,7 +117,7 @@ def _examined(
     *,
     whole: bool,
 ) -> dict[str, AssignedPolicy]:
-    """Policies whose declarations another process reads."""
+    """Return policies with the declarations that another process has read."""
     from lingjing.play.policy_processes.examination import examine
     from lingjing.play.policy_processes.messages import error_of, own_failure
 
@@ -126,14 +129,14 @@ def _examined(
     return {
         name: AssignedPolicy(
             spec=name,
-            name=one.name,
-            privileged=one.privileged,
-            arguments=one.arguments,
-            fingerprint=one.fingerprint,
+            name=examined.name,
+            privileged=examined.privileged,
+            arguments=examined.arguments,
+            fingerprint=examined.fingerprint,
             source=_source(name, host),
             plugin=None if is_file(name) else host.policy(name),
         )
-        for name, one in read.found.items()
+        for name, examined in read.found.items()
     }
 
 
@@ -153,7 +156,7 @@ def _source(name: str, host: PluginHost) -> str:
 def _check_roles(chosen: Mapping[str, str], instance: Instance | None, mission: Mission, *, surely: bool) -> None:
     """Raise `UsageError` that names every role or agent that the mission does not have.
 
-    Only where it is known for sure how the mission is played, its other modes do not count.
+    `surely`: the mode of the episode is known, so roles of other modes are unknown too.
     """
     there = [(agent.role, agent.name, agent.id) for agent in instance.agents] if instance is not None else []
     played = f"in {instance.mode} mode" if surely and instance is not None else f"in '{mission.name}'"
@@ -168,6 +171,7 @@ def _check_roles(chosen: Mapping[str, str], instance: Instance | None, mission: 
         raise UsageError(f"no role or agent is called {called} {played}", hint=hint)
 
 
-def _named_for(agent: AgentSpec, options: PlayOptions) -> str:
+def _policy_for(agent: AgentSpec, options: PlayOptions) -> str:
+    """Return the name of the policy of an agent: by its id, its name, its role, or the default."""
     chosen = options.policies_for
     return next((chosen[name] for name in (agent.id, agent.name, agent.role) if name in chosen), options.policy)

@@ -1,4 +1,4 @@
-"""Policies by name or by file: `heuristic`, `./mine.py:Scout`, or `./mine.py` (if it holds one policy class)."""
+"""Policies by name or by file: `heuristic`, `./mine.py:Scout`, or `./mine.py` if it holds one policy class."""
 
 from __future__ import annotations
 
@@ -16,29 +16,34 @@ from lingjing.plugins.policy import PolicyPlugin
 from lingjing.suggest import nearest
 
 _METHODS = ("reset", "act")
+"""The methods of a policy (`lingjing.plugins.policy.Policy`)."""
 _START = "`lingjing new agent NAME` writes a policy to start from"
+"""The hint for a file that holds no policy."""
 
 
 class PolicyDeclaration(msgspec.Struct, frozen=True, kw_only=True):
-    """The part of a `PolicyPlugin` that can leave the process which has loaded its code.
-
-    `options` are the spellings of its options, aliases too; `takes_any_name` is true if it takes others as well.
-    """
+    """The part of a `PolicyPlugin` that can be sent to another process."""
 
     name: str
+    """The policy's name."""
     privileged: bool
+    """True if it receives the truth."""
     calls: bool
+    """True if it calls chat models."""
     summary: str
+    """One line about it."""
     options: tuple[str, ...]
+    """The spellings of its options, aliases included."""
     takes_any_name: bool
+    """True if it accepts options of any name."""
 
     def takes(self, option: str) -> bool:
-        """True if the policy has an option of this name."""
+        """Return True if the policy has an option of this name."""
         return self.takes_any_name or option in self.options
 
 
 def declaration_of(plugin: PolicyPlugin) -> PolicyDeclaration:
-    """The declaration of a policy that this process has loaded. Raises `PluginError` for options that are no model."""
+    """Return the declaration of a policy loaded in this process. Raises `PluginError` for a wrong model of options."""
     from lingjing.option_reading import spellings, takes_any_name
 
     model = options_model(plugin)
@@ -53,14 +58,14 @@ def declaration_of(plugin: PolicyPlugin) -> PolicyDeclaration:
 
 
 def is_file(spec: str) -> bool:
-    """True if the spec names a policy in a file."""
+    """Return True if the spec names a policy in a file."""
     return spec.partition(":")[0].endswith(".py")
 
 
 def load_policy(spec: str, host: PluginHost) -> PolicyPlugin:
-    """The policy that `spec` names: an entry point's, or `FILE.py:CLASS`. Raises `UsageError`.
+    """Return the policy that `spec` names: an entry point's name, or `FILE.py:CLASS`. Raises `UsageError`.
 
-    A file's policy is called `FILE.py:CLASS` without its folder, so that a trace does not depend on where it lay.
+    A policy from a file is named `FILE.py:CLASS` without its folder, so that a trace does not depend on the folder.
     """
     if not is_file(spec):
         return host.policy(spec)
@@ -71,21 +76,23 @@ def load_policy(spec: str, host: PluginHost) -> PolicyPlugin:
 
 
 def _policy_class(module: ModuleType, path: Path, name: str) -> type:
+    """Return the policy class of a module: the named one, or the only one. Raises `UsageError`."""
     own = {key: value for key, value in vars(module).items() if _is_own_class(value, module)}
     if not name:
         return _only_policy(own, path)
-    found = vars(module).get(name)
-    if found is None:
+    policy = vars(module).get(name)
+    if policy is None:
         close = nearest(name, own)
         known = f"did you mean `{close}`?" if close else f"it has: {', '.join(own) or 'no classes'}"
         raise UsageError(f"`{path}` has no class `{name}`", hint=known)
-    if not isinstance(found, type):
+    if not isinstance(policy, type):
         raise UsageError(f"`{name}` in `{path}` is not a class", hint=_START)
-    _check_methods(found, path)
-    return found
+    _check_methods(policy, path)
+    return policy
 
 
 def _is_own_class(value: object, module: ModuleType) -> bool:
+    """Return True for a class that the module defines itself."""
     return isinstance(value, type) and value.__module__ == module.__name__
 
 
@@ -100,6 +107,7 @@ def _only_policy(own: dict[str, type], path: Path) -> type:
 
 
 def _check_methods(cls: type, path: Path) -> None:
+    """Raise `UsageError` unless the class has the methods of a policy as coroutines."""
     for method in _METHODS:
         function = inspect.getattr_static(cls, method, None)
         if function is None:

@@ -1,7 +1,7 @@
-"""What an episode is played with, checked before anything is built: every fault of its options in one error.
+"""The checks of an episode before anything is built: one error lists every fault of its options.
 
-A fault does not keep the others from being found: what is refused is left out, and the rest is checked as if it had
-not been given. What would then be said of something only because of such a gap is not said.
+A fault does not hide the others: an invalid value is left out, and the rest is checked as if it were absent. Faults
+that only follow from such a gap are not reported.
 """
 
 from __future__ import annotations
@@ -30,35 +30,37 @@ from lingjing.trace.seals import read_key
 
 @dataclass(frozen=True, slots=True)
 class Preparation:
-    """An episode that can begin.
-
-    `instance` has its engines' options and is not placed in its city yet; `assigned` are the policies by agent; `key`
-    signs the trace, if it is not empty; `places` are the JSON paths at which a document places entities, by their ids.
-    """
+    """An episode that can begin."""
 
     instance: Instance
+    """The instance with its engines' options. It is not placed in its city yet."""
     assigned: dict[str, AssignedPolicy]
+    """The policies by agent."""
     evaluators: tuple[EvaluatorPlugin, ...]
+    """The evaluators, in the order of the options."""
     evaluator_options: dict[str, dict[str, GivenOption]]
+    """The options by evaluator and name."""
     key: bytes = b""
+    """The key that signs the trace; empty for an unsigned trace."""
     places: Mapping[str, str] = field(default_factory=dict)
+    """The JSON paths at which a document places entities, by entity id."""
 
 
 def prepare(
     options: PlayOptions,
     mission: Mission | None,
     host: PluginHost,
-    given: Mapping[str, PolicyPlugin],
+    loaded: Mapping[str, PolicyPlugin],
     errors: ErrorCollector | None = None,
     server: ForkServerClient | None = None,
 ) -> Preparation:
-    """Draw the instance and find who plays and who scores.
+    """Draw the instance, and find the policies and the evaluators.
 
-    `mission` is None where it has errors; `given` are policies that have been loaded already, by their names in the
-    options; `errors` holds what reading the options has found. With a `server` no code of a policy's file runs in this
-    process. Raises `UsageError` that tells all of it: of mode,
-    settings, scene, engines and their options, policies and theirs, roles, evaluators and theirs.
-    `MissionError` for a mission that cannot be evaluated, if that is all there is.
+    `mission` is None if it has errors. `loaded` are loaded policies by their names in the options. `errors` holds the
+    faults that reading the options has found. With a `server` no code of a policy's file runs in this process.
+
+    Raises `UsageError` that lists every fault: of mode, settings, scene, engines, policies, roles, evaluators and the
+    options of each. Raises `MissionError` if the only fault is a mission that cannot be evaluated.
     """
     errors = errors or ErrorCollector()
     instance = _drawn(options, mission, errors) if mission is not None else None
@@ -67,16 +69,16 @@ def prepare(
         scene = instance.scene.kind
         errors.attempt(lambda: host.scene(scene), None)
         used = errors.attempt(partial(_engines, instance, host), ())
-    told = errors.attempt(lambda: engine_options(options.engine_args, host, used), {})
-    assigned = assign_policies(instance, mission, options, host, given, errors, server)
-    evaluators, evaluator_told = _evaluators(options, host, errors)
+    options_by_engine = errors.attempt(lambda: engine_options(options.engine_args, host, used), {})
+    assigned = assign_policies(instance, mission, options, host, loaded, errors, server)
+    evaluators, options_by_evaluator = _evaluators(options, host, errors)
     key = errors.attempt(lambda: read_key(options.sign) if options.sign is not None else b"", b"")
     errors.attempt(lambda: check_calls(options), None)
     errors.check()
     if instance is None or mission is None:
         raise AssertionError("without an instance there is an error")
-    instance = replace(instance, engine_options=told)
-    return Preparation(instance, assigned, evaluators, evaluator_told, key, mission.origin.places)
+    instance = replace(instance, engine_options=options_by_engine)
+    return Preparation(instance, assigned, evaluators, options_by_evaluator, key, mission.origin.places)
 
 
 def _engines(instance: Instance, host: PluginHost) -> tuple[str, ...]:
@@ -84,7 +86,7 @@ def _engines(instance: Instance, host: PluginHost) -> tuple[str, ...]:
 
 
 def _drawn(options: PlayOptions, mission: Mission, errors: ErrorCollector) -> Instance | None:
-    """The instance; where mode or settings are refused, that without them, if there is one."""
+    """Return the instance. If mode or settings are rejected, return one without them; None if there is none."""
     try:
         return instantiate(mission, seed=options.seed, mode=options.mode, settings=options.settings)
     except MissionError as error:
@@ -95,20 +97,20 @@ def _drawn(options: PlayOptions, mission: Mission, errors: ErrorCollector) -> In
         refused = {fault.where for fault in error.faults}
     settings = {name: value for name, value in options.settings.items() if f"settings.{name}" not in refused}
     mode = None if "mode" in refused else options.mode
-    follow = ErrorCollector()  # what can only follow from the gaps is not told
+    follow = ErrorCollector()  # its faults may follow from the gaps, so they are dropped
     return follow.attempt(lambda: instantiate(mission, seed=options.seed, mode=mode, settings=settings), None)
 
 
 def _evaluators(
     options: PlayOptions, host: PluginHost, errors: ErrorCollector
 ) -> tuple[tuple[EvaluatorPlugin, ...], dict[str, dict[str, GivenOption]]]:
-    """Who scores, and what each is told; the options of one that is refused are not looked at."""
-    found = {name: errors.attempt(partial(host.evaluator, name), None) for name in dict.fromkeys(options.evaluators)}
-    for name in found:
+    """Return the evaluators and their options. Options of an unknown evaluator are not checked."""
+    plugins = {name: errors.attempt(partial(host.evaluator, name), None) for name in dict.fromkeys(options.evaluators)}
+    for name in plugins:
         if options.evaluators.count(name) > 1:
             errors.add(UsageError(f"evaluator `{name}` is named twice", hint="name each evaluator once"))
-    scoring = {name: plugin for name, plugin in found.items() if plugin is not None}
-    unknown = found.keys() - scoring.keys()
-    given = {key: value for key, value in options.evaluator_args.items() if key.partition(".")[0] not in unknown}
-    told = errors.attempt(lambda: evaluator_options(given, scoring), {})
-    return tuple(scoring.values()), told
+    scoring = {name: plugin for name, plugin in plugins.items() if plugin is not None}
+    unknown = plugins.keys() - scoring.keys()
+    arguments = {key: value for key, value in options.evaluator_args.items() if key.partition(".")[0] not in unknown}
+    options_by_evaluator = errors.attempt(lambda: evaluator_options(arguments, scoring), {})
+    return tuple(scoring.values()), options_by_evaluator

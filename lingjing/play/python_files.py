@@ -1,5 +1,4 @@
-"""Python files of a user's own: a mistake in one is reported with the file and its line, never with a traceback of
-ours."""
+"""Python files of users. An error in one is reported with its file and line, without a traceback of this project."""
 
 from __future__ import annotations
 
@@ -17,8 +16,11 @@ from lingjing.plugins.loading import one_line
 
 
 def load_file(path: Path, what: str, start: str = "") -> ModuleType:
-    """The module of a file that holds a `what`; `start` says where one that is not there could come from. Raises
-    `UsageError`, `ForeignCodeError` if the code of the file fails."""
+    """Return the module of a user's file. `what` names the file's kind in messages, `start` is the hint for a missing
+    file.
+
+    Raises `UsageError` if it cannot be read, `ForeignCodeError` if its code fails.
+    """
     try:
         is_there, resolved = path.is_file(), path.resolve()
     except OSError as error:
@@ -46,7 +48,7 @@ def load_file(path: Path, what: str, start: str = "") -> ModuleType:
 
 
 def function_of(spec: str, what: str, start: str = "") -> Callable[..., Any]:
-    """The function that `FILE.py:FUNCTION` names. Raises `UsageError`."""
+    """Return the function that `FILE.py:FUNCTION` names. Raises `UsageError`."""
     path, _, name = spec.partition(":")
     function: Callable[..., Any] | None = getattr(load_file(Path(path), what, start), name, None)
     if not callable(function):
@@ -55,6 +57,6 @@ def function_of(spec: str, what: str, start: str = "") -> Callable[..., Any]:
 
 
 def _line_in(error: BaseException, path: Path) -> int:
-    """The last line of `path` that the exception passed through; 1 if it never did."""
+    """Return the last line of `path` in the exception's traceback; 1 if there is none."""
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == path]
     return lines[-1] or 1 if lines else 1

@@ -1,7 +1,7 @@
 """The model calls of one episode: recorded beside its trace, replayed from a record, and limited.
 
-`EpisodeCalls` belongs to the episode and `AgentCalls` is what one agent's policy gets of it. A policy never learns
-where the record lies, and a question of another agent is out of its reach.
+`EpisodeCalls` belongs to the episode. The policy of each agent receives an `AgentCalls`, so it has no access to the
+path of the record and to the requests of other agents.
 """
 
 from __future__ import annotations
@@ -23,28 +23,33 @@ from lingjing.trace.call_store import CALLS_NAME, CallReader, CallStore, calls_o
 from lingjing.trace.calls import CalledEpisode, CallRequest, CallResult, RecordedCall
 
 PROBE_TICK = -1
-"""The tick under which probes of a service are recorded: they are the harness's questions and belong to no boundary."""
+"""The tick of probes in the record. The harness makes them, so they belong to no boundary."""
 
 _NOT_PROBED = "the record has no probe of it"
+"""The answer of a probe in a replay without a record of it."""
 
 _KINDS = ("parameters", "texts", "pictures")
+"""The kinds of content in which a request can differ from the recorded one."""
 
 
 def check_calls(options: PlayOptions) -> None:
-    """Raise `UsageError` if what the options say of model calls does not go together."""
+    """Raise `UsageError` if the options of model calls contradict each other."""
     if options.calls == "replay" and not options.calls_from:
-        raise UsageError("--calls replay: nothing says from where", hint="--calls-from TRACE, or its folder")
+        raise UsageError("--calls replay requires --calls-from", hint="--calls-from TRACE, or its folder")
     if options.calls != "replay" and options.calls_from:
-        raise UsageError(f"--calls-from says what is replayed, and --calls is {options.calls}", hint="--calls replay")
+        raise UsageError(f"--calls-from requires --calls replay, not --calls {options.calls}", hint="--calls replay")
     if options.calls_from and not Path(options.calls_from).exists():
-        raise UsageError(f"--calls-from: there is no `{options.calls_from}`")
+        raise UsageError(f"--calls-from: `{options.calls_from}` does not exist")
     for name, value in (("cost", options.max_cost), ("tokens", options.max_tokens)):
         if value is not None and not value > 0:
-            raise UsageError(f"--max-{name} {value:g}: more than 0 is due")
+            raise UsageError(f"--max-{name} {value:g}: the limit must be greater than 0")
 
 
 class EpisodeCalls:
-    """Raises `UsageError` if there is no record to be replayed, or it is that of another episode."""
+    """The record of an episode's model calls, their replay and their limits. Any thread may call it.
+
+    Raises `UsageError` if a replay has no record, or the record is that of another episode.
+    """
 
     def __init__(self, options: PlayOptions, instance: Instance) -> None:
         self.episode = CalledEpisode(
@@ -67,39 +72,42 @@ class EpisodeCalls:
         self._replayed = 0
 
     def of(self, agent: str) -> AgentCalls:
-        """What the policy of an agent is given."""
+        """Return the record of an agent's calls, for its policy."""
         return AgentCalls(self, agent)
 
     def keep_in(self, folder: Path) -> None:
-        """Say where the record goes; its file is made with the first call."""
+        """Set the folder of the record. Its file is created with the first call."""
         self._folder = folder
 
     def store(self) -> CallStore | None:
-        """The record that is being written; None if nothing is recorded."""
+        """Return the record that is written; None if nothing is recorded."""
         with self._lock:
             if self._store is None and self._recorded and self._folder is not None:
                 self._store = CallStore(self._folder / CALLS_NAME, self.episode)
             return self._store
 
     def replayed(self, agent: str, request: CallRequest) -> CallResult:
-        """The recorded result at the place of the question. What differs in the question is noted."""
+        """Return the recorded result for a request, and count its differences from the recorded request.
+
+        Raises `MissingCallError` if the record has no result for it.
+        """
         assert self.source is not None
         place = (request.tick, agent, request.number)
-        found = self.source.find(agent, request.tick, request.number)
-        if found is None or found.result is None:
+        recorded = self.source.find(agent, request.tick, request.number)
+        if recorded is None or recorded.result is None:
             raise MissingCallError(
                 f"calls: `{self.source.path}` has no answer for {_named(place)}",
-                hint="it was played another way, or cut short: record it again with --calls record",
+                hint="the recorded episode differs or is incomplete: record it again with --calls record",
             )
         with self._lock:
             self._replayed += 1
-            for kind in _differences(found, request):
+            for kind in _differences(recorded, request):
                 self._differing[kind].append(place)
-        return found.result
+        return recorded.result
 
     @contextmanager
     def noting_faults(self, agent: str) -> Iterator[None]:
-        """Keep an `InfrastructureError` of the record or of the limits, which no policy can raise by itself."""
+        """Keep an `InfrastructureError` of the record or the limits. A policy cannot add one by itself."""
         try:
             yield
         except InfrastructureError as error:
@@ -107,27 +115,28 @@ class EpisodeCalls:
             raise
 
     def fault_of(self, agent: str) -> InfrastructureError | None:
-        """The last error that the record or the limits have raised for the agent; None if there was none."""
+        """Return the last error of the record or the limits for the agent; None without one."""
         return self._faults.get(agent)
 
     def probed(self, agent: str, probe: Callable[[], str]) -> str:
-        """The answer of `probe`, recorded; in a replay the recorded one.
+        """Return the answer of `probe` and record it; in a replay, return the recorded answer.
 
-        A record from before probes were kept holds none where its episode was aborted: the replay is aborted there too.
+        Records from before probes were kept have none where an episode was aborted. A replay is aborted at the same
+        place.
         """
         request = CallRequest(tick=PROBE_TICK, number=self._probes[agent], head=b'{"probe":true}', messages=())
         self._probes[agent] += 1
-        found = self.source.find(agent, request.tick, request.number) if self.source is not None else None
-        if self.source is not None and (found is None or found.result is None):
+        recorded = self.source.find(agent, request.tick, request.number) if self.source is not None else None
+        if self.source is not None and (recorded is None or recorded.result is None):
             return _NOT_PROBED
-        silence = found.result.failure if found is not None and found.result is not None else probe()
+        failure = recorded.result.failure if recorded is not None and recorded.result is not None else probe()
         store = self.store()
         if store is not None:
-            store.begin(agent, request, CallResult(failure=silence, fault="service" if silence else ""))
-        return silence
+            store.begin(agent, request, CallResult(failure=failure, fault="service" if failure else ""))
+        return failure
 
     def close(self) -> None:
-        """Close the record."""
+        """Close the written record and the replayed one."""
         with self._lock:
             if self._store is not None:
                 self._store.close()
@@ -135,7 +144,7 @@ class EpisodeCalls:
                 self.source.close()
 
     def differences(self) -> tuple[str, ...]:
-        """What was asked otherwise than the replayed record says, a line for each kind."""
+        """Return one line for each kind of difference between replayed requests and their record."""
         return tuple(
             f"{len(places)} of {self._replayed} replayed calls were asked with other {kind}, "
             f"first {_named(min(places))}"
@@ -153,12 +162,12 @@ class AgentCalls:
 
     @property
     def replaying(self) -> bool:
-        """Whether every answer comes from a record."""
+        """True if every answer comes from a record."""
         return self._calls.source is not None
 
     @property
     def capped(self) -> bool:
-        """Whether money is limited."""
+        """True if money is limited."""
         return self._calls.limits.money_is_capped
 
     def begin(self, request: CallRequest) -> CallResult | None:
@@ -188,53 +197,56 @@ def _named(place: tuple[int, str, int]) -> str:
 
 
 def _source(place: Path, episode: CalledEpisode) -> CallReader:
-    found = calls_of(place)
-    if found is None and place.is_dir():
-        found = _among(place, episode)
-    if found is None:
-        raise UsageError(f"--calls-from {place}: there is no record of model calls (`{CALLS_NAME}`)")
-    reader = CallReader(found)
+    """Return the reader of the record to replay. Raises `UsageError` without one, or for another episode's."""
+    path = calls_of(place)
+    if path is None and place.is_dir():
+        path = _among(place, episode)
+    if path is None:
+        raise UsageError(f"--calls-from {place}: no record of model calls (`{CALLS_NAME}`) is there")
+    reader = CallReader(path)
     if _same(reader.episode, episode):
         return reader
     other = reader.episode
     raise UsageError(
-        f"`{found}` is the record of {other.mission}, {other.mode}, seed {other.seed}, and "
-        f"{episode.mission}, {episode.mode}, seed {episode.seed} is to be played",
+        f"`{path}` is the record of {other.mission}, {other.mode}, seed {other.seed}, and "
+        f"the options are those of {episode.mission}, {episode.mode}, seed {episode.seed}",
         hint="name the folder of that episode, or the one that holds the folders of a run of several seeds",
     )
 
 
 def _among(folder: Path, episode: CalledEpisode) -> Path | None:
-    """The record of the episode among the folders of a run; the latest, if it was played several times."""
+    """Return the record of the episode in the folder of a run, the latest of several; None without one."""
     name = f"{episode.mission}-{episode.mode}-{episode.seed}-"
     numbered = {
-        int(one.name.removeprefix(name)): one / CALLS_NAME
-        for one in folder.glob(f"{name}*")
-        if one.name.removeprefix(name).isdecimal() and (one / CALLS_NAME).is_file()
+        int(run.name.removeprefix(name)): run / CALLS_NAME
+        for run in folder.glob(f"{name}*")
+        if run.name.removeprefix(name).isdecimal() and (run / CALLS_NAME).is_file()
     }
     return numbered[max(numbered)] if numbered else None
 
 
 def _same(recorded: CalledEpisode, episode: CalledEpisode) -> bool:
+    """Return True if both are the same mission, mode and seed."""
     return (recorded.mission, recorded.mode, recorded.seed) == (episode.mission, episode.mode, episode.seed)
 
 
 def _differences(recorded: RecordedCall, request: CallRequest) -> list[str]:
-    """Which kinds of content of a question are others than recorded."""
+    """Return the kinds of content in which a request differs from the recorded one."""
     if recorded.head == request.head and recorded.messages == request.messages:
         return []
-    said, asked = _texts(recorded.messages), _texts(request.messages)
-    differ = (recorded.head != request.head, said != asked, recorded.pictures != _shown(request))
+    recorded_texts, texts = _texts(recorded.messages), _texts(request.messages)
+    differ = (recorded.head != request.head, recorded_texts != texts, recorded.pictures != _shown(request))
     return [kind for kind, is_other in zip(_KINDS, differ, strict=True) if is_other]
 
 
 def _shown(request: CallRequest) -> tuple[str, ...]:
-    asked = RecordedCall(agent="", tick=0, number=0, head=b"", messages=request.messages)
-    return asked.pictures
+    """Return the names of the pictures of a request, in the form of a record."""
+    as_recorded = RecordedCall(agent="", tick=0, number=0, head=b"", messages=request.messages)
+    return as_recorded.pictures
 
 
 def _texts(messages: tuple[bytes, ...]) -> list[object]:
-    """The messages without the names of their pictures."""
+    """Return the messages without the names of their pictures."""
     return [_without_names(msgspec.json.decode(message)) for message in messages]
 
 

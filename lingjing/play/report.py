@@ -1,4 +1,4 @@
-"""What is reported of episodes: one by one, and several seeds as one."""
+"""Reports of episodes: of one, and of several seeds together."""
 
 from __future__ import annotations
 
@@ -19,60 +19,76 @@ from lingjing.trace.reader import Trace
 from lingjing.trace.records import MovedBody, Outcome, TaskEvent
 
 ABORTED = "infrastructure-abort"
+"""The reason of an episode that an error of engine, service or machine has ended."""
 INTERRUPTED = "interrupted"
+"""The reason of an episode that the user has interrupted."""
 POLICY_FAILED = "policy-failure"
-"""The reason of an episode that did not begin, because the code of a policy failed where it was loaded, built or given
-its brief. It counts as lost and has no trace."""
+"""The reason of an episode that did not begin, because its policy failed when it was loaded, built or received its
+brief. The episode counts as lost and has no trace."""
 
 SIGNALLED = "its process was interrupted by another process"
+"""The detail of an abort by a signal that the command itself has not sent."""
 SERVER_KILLED = "the process that it was forked from was killed"
-"""The details of aborts by a signal that the command itself has not sent."""
+"""The detail of an abort after the end of the fork server."""
 
 
 class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
-    """One episode: what `lingjing run --json` prints, `lingjing.run` returns and a study keeps as a row.
-
-    `trace` is the path of the MCAP file (a `.part` if the episode was cut short, "" if it did not begin), `detail` the
-    cause of an ending that the reason leaves open (which stage was late, which engine failed) and `hint` what to do
-    about an abort, or a policy that failed. `warnings` are what a reader of the score should know, a line each:
-    replaced answers of policies, an overview that could not be written; `attribution` says whose map was played on
-    (`procedural`: nobody's); `policy_seed` started the policies' random streams; `scr` is the subtask completion rate,
-    `score` the mission's own with its weights and penalties; `incidents` say who crashed, fell or ran out of energy,
-    `happened` are the mission's own events; `moved` are the entities that begin farther from their declared places than
-    they are long; `withdrawn` is what computed otherwise than the promise of one digest on every processor asks, by
-    process. `metrics` is None for an episode whose process left nothing to count; `family` is the failure family of a
-    lost episode, `terciles` the counts of the first, second and last third of its agents' actions, `perceived` what
-    rates of perception over several episodes are made of. `ambient_random` names agents in whose calls a global random
-    generator was used that nothing had seeded. `privileged` is true if a policy was shown the truth.
-    """
+    """The report of one episode: printed by `lingjing run --json`, returned by `lingjing.run`, a row of a study."""
 
     mission: str
+    """The mission's name."""
     seed: int
+    """The seed of the instance."""
     mode: str
+    """The communication mode."""
     policy: str
+    """The default policy of the options."""
     success: bool
+    """True if the mission was won."""
     reason: str
+    """The reason for the end."""
     scr: float
+    """The subtask completion rate, 0 to 1."""
     ticks: int
+    """The number of the last boundary."""
     digest: str
+    """The SHA-256 over the boundaries, hex."""
     trace: str
+    """The path of the MCAP file: a `.part` for an incomplete episode, "" for one that did not begin."""
     metrics: Metrics | None
+    """The metrics; None if the episode's process left no trace to count."""
     frames_digest: str = ""
+    """The SHA-256 over the pictures, hex."""
     detail: str = ""
+    """The cause where the reason leaves it open: the late stage, the failed engine."""
     hint: str = ""
+    """The remedy for an abort or a failed policy."""
     warnings: tuple[str, ...] = ()
+    """Warnings about the score, one line each: replaced policy answers, an overview that could not be written."""
     attribution: str = ""
+    """The attribution of the map's data; `procedural` for a generated city."""
     policy_seed: int = 0
+    """The seed of the policies' random streams."""
     score: float = 0.0
+    """The mission's own score with its weights and penalties, 0 to 1."""
     incidents: tuple[Incident, ...] = ()
+    """Crashes, falls and empty batteries."""
     happened: tuple[TaskEvent, ...] = ()
+    """The mission's own events."""
     moved: tuple[MovedBody, ...] = ()
+    """The entities that begin farther from their declared places than they are long."""
     withdrawn: tuple[str, ...] = ()
+    """Deviations of processes from the environment in which every processor gives the same digest."""
     family: FailureFamily | None = None
+    """The failure family of a lost episode; None for any other."""
     terciles: tuple[ActionCounts, ...] = ()
+    """The counts of the agents' actions in the first, second and last third of the episode."""
     perceived: PerceptionCounts | None = None
+    """The counts of which rates of perception over several episodes are computed."""
     ambient_random: tuple[str, ...] = ()
+    """The agents with calls that drew from a global random generator without a seed."""
     privileged: bool = False
+    """True if a policy received the truth."""
 
     @property
     def folder(self) -> Path:
@@ -81,38 +97,42 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SeedsReport(msgspec.Struct, frozen=True, kw_only=True):
-    """Several seeds of one mission, as `lingjing run --seeds A-B --json` prints them.
-
-    `tsr` is the share of successes among the episodes that were neither aborted by the infrastructure nor
-    interrupted (None if there are none); `success` says whether every episode succeeded; `scr` and the numbers in
-    `metrics` are means over the same episodes, `ticks` is their sum, `digest` is the SHA-256 over the episodes'
-    digests in order, `trace` the folder that holds them.
-    """
+    """Several seeds of one mission, as `lingjing run --seeds A-B --json` prints them."""
 
     mission: str
     seed: str
+    """The seeds as the user wrote them."""
     mode: str
     policy: str
     success: bool
+    """True if every episode succeeded."""
     reason: str
+    """Each reason with its count."""
     scr: float
+    """The mean over the episodes that were neither aborted nor interrupted."""
     ticks: int
+    """The sum of ticks."""
     digest: str
+    """The SHA-256 over the digests of the episodes in order, hex."""
     trace: str
+    """The folder that holds the episodes."""
     metrics: dict[str, float]
+    """The means over the episodes of `scr`."""
     tsr: float | None
+    """The share of successes among the episodes of `scr`; None if there are none."""
     episodes: tuple[EpisodeReport, ...]
+    """The reports of the episodes."""
 
 
 def end_without_result(code: int) -> str:
-    """How the process of an episode ended that left no result: by its exit code, negative for a signal."""
+    """Return the end of an episode's process without a result in words, by its exit code (negative: a signal)."""
     if code < 0:
         return f"its process was killed by signal {-code}"
     return f"its process ended without a result (exit code {code})"
 
 
 def report_of(trace: Trace, policy: str) -> EpisodeReport:
-    """What a trace says of its episode, which `policy` played; one without an end counts as interrupted."""
+    """Return the report of a trace. `policy` is its default policy; a trace without an end counts as interrupted."""
     instance, outcome, attributed = trace.header.instance, trace.outcome or _unknown(trace), attribute(trace)
     return EpisodeReport(
         mission=instance.mission,

@@ -1,8 +1,8 @@
-"""A tiny episode with a stored digest: whether this machine computes the numbers that every other one does.
+"""A tiny episode with a stored digest: it tests if this machine computes the same numbers as others.
 
-`selfcheck.ljs` is played with fixed commands and compared with `selfcheck.json`, which holds the digest, and the
-digest of the pictures with the renderer that drew them. Whatever changes what an engine, the kernel or a scene computes
-changes them: `python -m lingjing.play.selfcheck` plays it and writes them anew.
+`selfcheck.ljs` is played with fixed commands. `selfcheck.json` holds the expected digest, and the digest of the
+pictures with the renderer that drew them. A change of what an engine, the kernel or a scene computes changes them;
+`python -m lingjing.play.selfcheck` then plays the episode and writes them anew.
 """
 
 from __future__ import annotations
@@ -22,8 +22,11 @@ from lingjing.plugins.policy import Action, Brief, Decision, Inbox, Observation
 from lingjing.trace.reader import read_trace
 
 MISSION = Path(__file__).with_suffix(".ljs")
+"""The mission of the episode."""
 STORED = Path(__file__).with_suffix(".json")
+"""The file with the stored result."""
 SEED = 7
+"""The seed of the instance. Chosen."""
 
 _SCRIPT: dict[str, dict[int, Action]] = {
     "flyer": {
@@ -38,38 +41,46 @@ _SCRIPT: dict[str, dict[int, Action]] = {
     },
     "driver": {0: Action(verb="setDestination", arguments={"x": 0.0, "y": 60.0})},
 }
+"""The commands by role and tick."""
 
 
 class Computed(msgspec.Struct, frozen=True, kw_only=True):
-    """What came of the episode: its digests, who drew the pictures, and the versions of what computed."""
+    """The result of the episode."""
 
     digest: str
+    """The digest of the boundaries, hex."""
     frames_digest: str
+    """The digest of the pictures, hex."""
     renderer: str
+    """The renderer that drew the pictures; "" without pictures."""
     versions: dict[str, str]
+    """The versions of the libraries that computed it."""
 
 
 class SelfCheck(msgspec.Struct, frozen=True, kw_only=True):
-    """`computed` here against `stored`; `processes` holds each process's `lingjing.numerics.runtime_fingerprint`."""
+    """The comparison of the result on this machine with the stored one."""
 
     computed: Computed
+    """The result on this machine."""
     stored: Computed
+    """The stored result."""
     processes: dict[str, dict[str, str]]
+    """The `lingjing.numerics.runtime_fingerprint` of each process."""
 
     @property
     def agrees(self) -> bool:
-        """Whether the digests are equal, that of the pictures only if the same renderer drew them."""
+        """True if the digests are equal. The digest of the pictures counts only if the same renderer drew them."""
         same_pictures = self.computed.frames_digest == self.stored.frames_digest
         return self.computed.digest == self.stored.digest and (same_pictures or not self.is_same_renderer)
 
     @property
     def is_same_renderer(self) -> bool:
-        """Whether the pictures can be compared."""
+        """True if the pictures can be compared."""
         return self.computed.renderer == self.stored.renderer
 
     @property
     def suspects(self) -> tuple[str, ...]:
-        """What is known to be otherwise than where the digest was stored."""
+        """Known differences from the machine that stored the digest."""
         ours, theirs = self.computed.versions, self.stored.versions
         names = sorted(name for name in {*ours, *theirs} if ours.get(name) != theirs.get(name))
         other = (f"{name} is {ours.get(name, 'absent')}, was {theirs.get(name, 'absent')}" for name in names)
@@ -77,19 +88,19 @@ class SelfCheck(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Scripted:
-    """A policy that gives fixed commands at fixed ticks."""
+    """A policy with fixed commands at fixed ticks."""
 
     async def reset(self, brief: Brief) -> None:
-        """Take the part of this agent."""
+        """Choose the commands of the agent's role."""
         self._part: Mapping[int, Action] = _SCRIPT[brief.role]
 
     async def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """The command of this tick, if there is one."""
+        """Return the command of this tick, if there is one."""
         return Decision(command=self._part.get(observation.tick))
 
 
 def check() -> SelfCheck:
-    """Play the episode and compare. Raises `InfrastructureError` if it is aborted, or nothing is stored."""
+    """Play the episode and compare. Raises `InfrastructureError` if it is aborted, or there is no stored result."""
     try:
         stored = msgspec.json.decode(STORED.read_bytes(), type=Computed)
     except (OSError, msgspec.DecodeError) as error:
@@ -113,7 +124,8 @@ def _play() -> tuple[Computed, dict[str, dict[str, str]]]:
 
 
 def main() -> int:
-    """Play the episode and store what came of it; refused in a process that the promise does not hold for."""
+    """Play the episode and store its result. Returns `ExitCode.INFRASTRUCTURE` if this process's numbers may
+    deviate."""
     computed, processes = _play()
     if withdrawn(processes):
         print("not stored:", *withdrawn(processes), sep="\n  ", file=sys.stderr)  # noqa: T201

@@ -1,7 +1,7 @@
-"""What episodes share that are forked from one process: their city, its meshes for viewers, what is made but once.
+"""Data that the episodes of one fork server share: their city, its meshes for viewers, and caches.
 
-Called in that process, where nothing of a policy and no plug-in of a stranger may run: a scene or an engine that is not
-built in is left to each episode.
+`share` runs in the fork server, where no code of a policy or of a foreign plug-in may run. Scenes and engines that are
+not built in are left to each episode.
 """
 
 from __future__ import annotations
@@ -34,17 +34,18 @@ from lingjing.trace.schemas import RECORDS, container_schema
 
 
 class SharedStart(msgspec.Struct, frozen=True):
-    """Which episodes will be forked: those of the options, whoever plays them. `repeated` says that several begin with
-    the same instance, so that their world is placed once."""
+    """The common beginning of episodes that will be forked."""
 
     options: PlayOptions
+    """The options that decide the instance. Policies may differ."""
     repeated: bool = True
+    """True if several episodes begin with the same instance, so that its world is placed once."""
 
 
 def share(text: str) -> None:
-    """Hold what the episodes of a `SharedStart` (JSON) begin with."""
+    """Prepare and keep the city and the caches that the episodes of a `SharedStart` (JSON text) use."""
     versions()
-    with _as_a_module_has_it():
+    with _working_folder_first():
         hold_entries()
     for name in RECORDS:
         container_schema(name)
@@ -61,13 +62,13 @@ def share(text: str) -> None:
     hold(city)
     surroundings(city, instance)
     if start.repeated:
-        with contextlib.suppress(LingjingError):  # an engine of a plug-in, or a fault that each episode reports
+        with contextlib.suppress(LingjingError):  # a plug-in's engine, or a fault that each episode reports
             _announce(options, instance, placed, city, host)
 
 
 @contextlib.contextmanager
-def _as_a_module_has_it() -> Iterator[None]:
-    """Python's path as a module has it that is run in this folder."""
+def _working_folder_first() -> Iterator[None]:
+    """Put the working folder first on Python's path, as `python -m` does."""
     sys.path.insert(0, str(Path.cwd()))
     try:
         yield
@@ -76,7 +77,7 @@ def _as_a_module_has_it() -> Iterator[None]:
 
 
 def _announce(options: PlayOptions, instance: Instance, placed: Instance, city: City, host: PluginHost) -> None:
-    """Have the world placed when it is asked for the first time."""
+    """Announce the world. It is placed when the first episode requests it."""
     engines = select_engines(instance, host)
-    given = engine_options(options.engine_args, host, engines.names)
-    announce(world_start(engines.local, msgspec.structs.replace(placed, engine_options=given), packed(city)))
+    shares = engine_options(options.engine_args, host, engines.names)
+    announce(world_start(engines.local, msgspec.structs.replace(placed, engine_options=shares), packed(city)))

@@ -1,9 +1,8 @@
-"""Money and tokens that a run may spend on chat models, counted over all its episodes and processes.
+"""Limits of the money and the tokens that a run spends on chat models, over all its episodes and processes.
 
-Before a question is asked the most that it can cost is set aside; what is left must cover it. So the limits hold
-whatever a service answers, but for attempts of which nobody knows whether they were billed: these count in full. With a
-ledger the count is in a file: a small JSON document under a lock, which outlives the processes, so that a run that is
-taken up again goes on counting.
+Before a request its highest possible cost is reserved; the rest of the limit must cover it. So the limits hold for
+every answer of a service. An attempt that may or may not be billed counts in full. A ledger keeps the count in a file,
+a small JSON document under a lock. It outlives the processes, so a resumed run continues the count.
 """
 
 from __future__ import annotations
@@ -27,24 +26,31 @@ class Amount(msgspec.Struct):
     """US dollars and tokens."""
 
     usd: float = 0.0
+    """US dollars."""
     tokens: int = 0
+    """Tokens of requests and answers."""
 
     def add(self, other: Amount, sign: int = 1) -> None:
-        """Count the other one in, or out."""
+        """Add `sign` times the other amount."""
         self.usd += sign * other.usd
         self.tokens += sign * other.tokens
 
 
 class SpendingAccount(msgspec.Struct):
-    """What is spent, and what is set aside for the questions that each process is asking now."""
+    """The spent amount, and the amounts that processes have reserved."""
 
     spent: Amount = msgspec.field(default_factory=Amount)
+    """The amount of all finished requests."""
     held: dict[str, Amount] = {}
+    """The reserved amount of each process, by its name (`_process`)."""
 
 
 class SpendingLimits:
-    """`max_cost` is in US dollars; None is no limit. `ledger` is the file, new or old; without one this process counts
-    alone. Any thread may call it."""
+    """The limits of one run, and the count against them. Any thread may call it.
+
+    `max_cost` is in US dollars; None is no limit. `ledger` is a new or existing file; without one this process counts
+    alone.
+    """
 
     def __init__(self, max_cost: float | None, max_tokens: int | None, ledger: Path | None = None) -> None:
         self._most = (max_cost, max_tokens)
@@ -54,16 +60,16 @@ class SpendingLimits:
 
     @property
     def money_is_capped(self) -> bool:
-        """Whether every call must have a price."""
+        """True if money is limited: every call then needs a price."""
         return self._most[0] is not None
 
     @property
     def counts(self) -> bool:
-        """Whether anything is limited or written down."""
+        """True if a limit or a ledger needs the count."""
         return self._ledger is not None or self._most != (None, None)
 
     def reserve(self, request: CallRequest) -> None:
-        """Set aside what the question can cost. Raises `SpendingLimitError` if that is more than is left."""
+        """Reserve the highest cost of a request. Raises `SpendingLimitError` if it exceeds the rest of a limit."""
         if not self.counts:
             return
         bound = Amount(request.most_usd or 0.0, request.most_tokens)
@@ -75,19 +81,19 @@ class SpendingLimits:
             if max_cost is not None and used.usd + bound.usd > max_cost:
                 raise SpendingLimitError(
                     f"money: the limit of ${max_cost:g} does not cover another call: ${used.usd:.4f} are spent or set "
-                    f"aside, and one may cost ${bound.usd:.4f}",
+                    f"aside, and another call may cost ${bound.usd:.4f}",
                     hint="raise --max-cost, or shorten what the model is sent",
                 )
             if max_tokens is not None and used.tokens + bound.tokens > max_tokens:
                 raise SpendingLimitError(
                     f"tokens: the limit of {max_tokens} does not cover another call: {used.tokens} are spent or set "
-                    f"aside, and one may take {bound.tokens}",
+                    f"aside, and another call may take {bound.tokens}",
                     hint="raise --max-tokens, or shorten what the model is sent",
                 )
             account.held.setdefault(_process(os.getpid()), Amount()).add(bound)
 
     def settle(self, request: CallRequest, result: CallResult) -> None:
-        """Count what the question has cost in place of what was set aside for it."""
+        """Replace the reserved amount of a request by its real cost."""
         if not self.counts:
             return
         known = request.most_usd if result.cost_usd is None and not result.failure else result.cost_usd
@@ -101,13 +107,13 @@ class SpendingLimits:
             account.spent.add(Amount((known or 0.0) + result.unknown_usd, tokens))
 
     def spent(self) -> Amount:
-        """What is spent so far, by all processes that share the ledger."""
+        """Return the amount spent so far by all processes that share the ledger."""
         with self._counting() as account:
             return account.spent
 
     @contextmanager
     def _counting(self) -> Iterator[SpendingAccount]:
-        """The account, for one change of it."""
+        """Yield the account for one change, under the lock."""
         with self._lock:
             if self._ledger is None:
                 yield self._account
@@ -115,7 +121,7 @@ class SpendingLimits:
             with _locked(self._ledger) as file:
                 account = _read(file, self._ledger)
                 for process in [name for name in account.held if not _is_alive(name)]:
-                    account.spent.add(account.held.pop(process))  # it may have been billed for what it asked
+                    account.spent.add(account.held.pop(process))  # its requests may have been billed
                 yield account
                 _write(file, msgspec.json.encode(account), self._ledger)
 
@@ -138,11 +144,14 @@ def _read(file: int, path: Path) -> SpendingAccount:
     try:
         return msgspec.json.decode(data, type=SpendingAccount) if data else SpendingAccount()
     except msgspec.DecodeError as error:
-        raise UsageError(f"`{path}` is no ledger: {error}", hint="name another file; a new one is made") from error
+        raise UsageError(f"`{path}` is not a ledger: {error}", hint="name another or a new file") from error
 
 
 def _write(file: int, data: bytes, path: Path) -> None:
-    """In place and with the lengths filled up by spaces, so that no moment leaves a shorter document behind."""
+    """Write the document in place, filled up with spaces to its old length.
+
+    A reader then never finds the end of a longer old document behind a shorter new one.
+    """
     try:
         os.pwrite(file, data.ljust(os.fstat(file).st_size), 0)
     except OSError as error:
@@ -151,17 +160,18 @@ def _write(file: int, data: bytes, path: Path) -> None:
 
 @cache
 def _process(pid: int) -> str:
+    """Return the name of a process: its machine, its id and its start."""
     return f"{os.uname().nodename}:{pid}:{_started(pid)}"
 
 
 def _is_alive(process: str) -> bool:
-    """Whether that process still runs; one of another machine is taken to."""
+    """Return True if the process still runs. A process of another machine counts as alive."""
     node, pid, started = process.rsplit(":", 2)
     return node != os.uname().nodename or (pid.isdigit() and _started(int(pid)) == started)
 
 
 def _started(pid: int) -> str:
-    """When a process was started, in clock ticks since the machine was: with its number it is one of a kind."""
+    """Return the start of a process in clock ticks since boot; "" if it has ended. With the id it is unique."""
     with suppress(OSError, IndexError):
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[19]
     return ""

@@ -1,7 +1,7 @@
 """The plug-in contract: the modules that a plug-in imports, and the host that finds plug-ins.
 
-A *plug-in* is a module whose hooks return *declarations*: a name, a factory, a model of options. The *host* collects
-them. A *kind* is what is declared: a policy, a scaffold, a backbone, an engine, an evaluator, a scene, a detector. Each
+A *plug-in* is a module with hooks that return *declarations*: a name, a factory, a model of options. The *host*
+collects them. The *kinds* of declarations are policy, scaffold, backbone, engine, evaluator, scene and detector. Each
 kind has a Protocol, its values, and checks of conformance. `docs/plugins.md` lists the kinds and their pages.
 
 - `contract`      the version of the contract, and the modules that belong to it
@@ -11,7 +11,7 @@ kind has a Protocol, its values, and checks of conformance. `docs/plugins.md` li
 - `engine`, `policy`, `evaluator`   the Protocols and their values; `chat_model` declares a model, `backbone` is the
   Protocol of a model, `calls` the record of a policy's model calls
 - `scaffold`      the replaceable parts of an agent over a chat model
-- `decisions`     the JSON Schema of an agent's decisions, for policies whose answers come from another program
+- `decisions`     the JSON Schema of an agent's decisions, for policies that another program answers for
 - `fleet`         the five methods over moving bodies ← `requests` (admission, receipts), `step_clock` (fixed steps)
 - `tasks`         the tasks of a mission, for policies that may see its rules
 - `prompts`       the prompts of a policy and their revision; `frame_detector` detects a target in a picture

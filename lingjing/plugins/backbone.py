@@ -17,8 +17,8 @@ TokenLimit = Literal["max_tokens", "max_completion_tokens"]
 """The name of the bound on an answer's tokens. `max_completion_tokens` includes the tokens of the reasoning."""
 
 Structured = Literal["json_schema", "json_object", "tool", "none"]
-"""The way to request an answer of a form: `response_format` with the JSON Schema, `response_format` without it,
-a tool whose parameters are the schema, or no way at all."""
+"""The way to request an answer in JSON: `response_format` with the JSON Schema, `response_format` without it, a tool
+with the schema as its parameters, or none of them."""
 
 FailureCause = Literal["service", "model", "time"]
 """The cause of a failed call: the service is absent or rejects every request, the model rejects this one request, or

@@ -1,9 +1,9 @@
 """The record of the model calls of one agent, and their limits.
 
-A policy declares with `PolicyPlugin.calls` that it asks chat models. Its factory then receives its options and a
-`ModelCalls`, one for each agent. The policy calls `begin` before each request and `end` with its result. It knows
-neither the place of the record nor the requests of other agents. All values are plain data, so that the two calls can
-cross a border between processes.
+A policy declares with `PolicyPlugin.calls` that it calls chat models. Its factory then receives its options and a
+`ModelCalls`, one for each agent. The policy calls `begin` before each request and `end` with its result. It has no
+access to the place of the record or to the requests of other agents. All values are plain data, so that the two calls
+can cross a border between processes.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ class SpendingLimitError(InfrastructureError):
 
 
 class MissingCallError(InfrastructureError):
-    """The error of a replay whose record does not hold a call."""
+    """The error of a replay without a record of the call."""
 
 
 class AbandonedCallError(Exception):
@@ -36,7 +36,7 @@ class ModelCalls(Protocol):
 
     @property
     def replaying(self) -> bool:
-        """True if every answer comes from a record: no service is asked, and neither key nor address is needed."""
+        """True if every answer comes from a record: no service is called, and neither key nor address is needed."""
         ...
 
     @property
@@ -45,7 +45,7 @@ class ModelCalls(Protocol):
         ...
 
     def begin(self, request: CallRequest) -> CallResult | None:
-        """Return the recorded result of this request, or None if the service must be asked.
+        """Return the recorded result of this request, or None if the service must be called.
 
         Raises `SpendingLimitError` if it could cost more than is left, `MissingCallError` if a replay has no record of
         it, `AbandonedCallError` for an abandoned one, `InfrastructureError` if it cannot be recorded.

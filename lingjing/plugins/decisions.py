@@ -1,6 +1,6 @@
 """The JSON Schema of an agent's answers, and the faults of an answer against it.
 
-For policies whose decisions come from another program, such as a language model. The schema is made from the brief's
+For policies that receive decisions from another program, such as a language model. The schema is made from the brief's
 action and message specs, by which the kernel admits decisions too. It rejects no decision that the kernel would admit.
 It accepts none that the kernel would reject, except for reasons that are known only while the episode runs (busy
 resources, permits, counted budgets, bounds of the city, pictures taken so far, the size of a message). The kernel clips
@@ -61,21 +61,23 @@ class DecisionFormat:
         resource, empty objects, nothing for null. Fields that the schema does not have are removed."""
         if not isinstance(answer, dict):
             return answer
-        given = {"thought": "", "messages": [], **_without_null(answer)}
-        command, messages = given.get("command"), given["messages"]
+        completed_answer = {"thought": "", "messages": [], **_without_null(answer)}
+        command, messages = completed_answer.get("command"), completed_answer["messages"]
         if isinstance(command, dict):
             command = {"verb": "", "arguments": {}, "resource": self._first, **_without_null(command)}
             command["arguments"] = _without_null(command["arguments"])
         if isinstance(messages, list):
             messages = [_message_completed(message) for message in messages]
-        own = {name: given[name] for name in self._extra if name in given}
-        return {"thought": given["thought"], "command": command, "messages": messages, **own}
+        own = {name: completed_answer[name] for name in self._extra if name in completed_answer}
+        return {"thought": completed_answer["thought"], "command": command, "messages": messages, **own}
 
     def faults(self, answer: Any) -> tuple[str, ...]:
         """Return every fault of a completed answer with the path to it, `FAULTS_TOLD` at most."""
-        found = dict.fromkeys(islice(faults_of(self._validator.iter_errors(answer)), FAULTS_TOLD))
-        told = (f"{one.where or 'answer'}: {one.message}" + f" ({one.hint})" * bool(one.hint) for one in found)
-        return tuple(told) or tuple(self._disordered(answer))
+        faults = dict.fromkeys(islice(faults_of(self._validator.iter_errors(answer)), FAULTS_TOLD))
+        lines = (
+            f"{fault.where or 'answer'}: {fault.message}" + f" ({fault.hint})" * bool(fault.hint) for fault in faults
+        )
+        return tuple(lines) or tuple(self._disordered(answer))
 
     def decision(self, answer: Any) -> Decision:
         """Return a completed answer without faults as a decision, without fields of the policy's own."""
@@ -182,11 +184,11 @@ def field_values(brief: Brief, field: Field) -> str:
     """
     if field.type == "number":
         bounds = ((field.minimum, "at least"), (field.maximum, "at most"))
-        said = [f"{word} {bound:g}" for bound, word in bounds if bound is not None]
-        return ", ".join(part for part in ("a number", *said, field.unit) if part)
+        limits = [f"{word} {bound:g}" for bound, word in bounds if bound is not None]
+        return ", ".join(part for part in ("a number", *limits, field.unit) if part)
     if field.type in ("name", "names"):
-        told = _NAMED.get(field.name.removesuffix("s") if field.type == "names" else field.name)
-        known = told(brief) if told else ()
+        names_of = _NAMED.get(field.name.removesuffix("s") if field.type == "names" else field.name)
+        known = names_of(brief) if names_of else ()
         many = "a list, each " if field.type == "names" else ""
         return f"{many}one of {', '.join(known)}" if known else f"{many}{_FREE.get(field.name, 'a short word')}"
     return _MEANT[field.type]

@@ -58,7 +58,7 @@ class Evaluator(Protocol[EpisodeStateT_contra]):
     boundary to the next, since an episode may be forked."""
 
     def evaluate(self, state: EpisodeStateT_contra, events: Sequence[AdjudicatedEvent]) -> Evaluation:
-        """The score and the flag at a boundary, `events` being those of the rules that came true at it."""
+        """Return the score and the end at a boundary. `events` are those of the rules that became true at it."""
         ...
 
 

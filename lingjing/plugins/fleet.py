@@ -23,10 +23,10 @@ class FleetEngine(ABC):
     """The engine's own step; set by the class, or in `build` before it returns."""
 
     at_once: Collection[str] = ()
-    """The verbs that are completed when they are admitted, beside a pending request of their body."""
+    """The verbs that complete when they are admitted, also beside a pending request of their body."""
 
     def reset(self, spec: EngineSpec, city: City, seed: int) -> Boundary:
-        """Build the fleet; READY(0)."""
+        """Build the fleet. Returns READY(0)."""
         self.name = spec.engine
         self._owns = frozenset(spec.owns)
         self.tick_s = spec.instance.clock.tick_s
@@ -38,7 +38,7 @@ class FleetEngine(ABC):
         return self._boundary()
 
     def submit(self, commands: Sequence[Command]) -> tuple[Receipt, ...]:
-        """Admit or reject each command; admitted ones start at once."""
+        """Admit or reject each command. Admitted ones start at once."""
         how = self.requests
         return tuple(
             (how.answer if command.verb in self.at_once else how.admit)(command, self.clock.time_s, self._examine)
@@ -46,7 +46,7 @@ class FleetEngine(ABC):
         )
 
     def advance(self, until: float, mirrors: Sequence[BodyState]) -> Boundary:
-        """Step to `until`; progress of what goes on is reported at decision boundaries."""
+        """Step to `until`. Reports progress of pending requests at decision boundaries."""
         self.look(mirrors)
         for _ in range(self.clock.steps_until(until)):
             self.clock.done += 1
@@ -57,7 +57,7 @@ class FleetEngine(ABC):
         return self._boundary()
 
     def capture(self, requests: Sequence[CaptureRequest]) -> tuple[Frame, ...]:
-        """No sensors here."""
+        """Return no pictures: a fleet has no sensors."""
         return ()
 
     def close(self) -> None:  # noqa: B027 - most fleets hold nothing that needs closing
@@ -73,11 +73,11 @@ class FleetEngine(ABC):
 
     @abstractmethod
     def step(self) -> None:
-        """One step of `step_s`; `self.clock.now_s` is the time at its end."""
+        """Take one step of `step_s`. `self.clock.now_s` is the time at its end."""
 
     @abstractmethod
     def states(self) -> Iterable[BodyState]:
-        """Every owned entity at `self.clock.time_s`, which lies `self.clock.remainder_s` after the last step."""
+        """Return every owned entity at `self.clock.time_s`, which is `self.clock.remainder_s` after the last step."""
 
     def progress(self) -> Mapping[str, float]:
         """Return the completed share of each pending request by body, 0 to 1."""

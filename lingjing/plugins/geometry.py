@@ -1,7 +1,7 @@
 """Cameras and compass: pixel → ray → point on a horizontal plane, and back (`lingjing.scene.camera_geometry`).
 
-The built-in camera engine draws with the very same functions, so what turns a box into a position is what made the
-picture. Angles are degrees, headings clockwise from north; lengths are metres.
+The built-in camera engine draws with the same functions, so boxes and positions agree. Angles are degrees, headings
+clockwise from north; lengths are metres.
 """
 
 from lingjing.scene.camera_geometry import (

@@ -133,46 +133,47 @@ class PluginHost:
         return self._collect("lingjing_scaffolds")
 
     def engine(self, name: str) -> EnginePlugin:
-        """The engine of that name, or a `UsageError` that lists what there is."""
+        """Return the engine of that name. Raises `UsageError` that lists the known ones."""
         return self._get("engine", "lingjing_engines", self.engines, name)
 
     def policy(self, name: str) -> PolicyPlugin:
-        """The policy of that name, or a `UsageError` that lists what there is."""
+        """Return the policy of that name. Raises `UsageError` that lists the known ones."""
         return self._get("policy", "lingjing_policies", self.policies, name)
 
     def scene(self, name: str) -> ScenePlugin:
-        """The scene provider of that name, or a `UsageError` that lists what there is."""
+        """Return the scene provider of that name. Raises `UsageError` that lists the known ones."""
         return self._get("scene", "lingjing_scenes", self.scenes, name)
 
     def evaluator(self, name: str) -> EvaluatorPlugin:
-        """The evaluator of that name, or a `UsageError` that lists what there is."""
+        """Return the evaluator of that name. Raises `UsageError` that lists the known ones."""
         return self._get("evaluator", "lingjing_evaluators", self.evaluators, name)
 
     def detector(self, name: str) -> DetectorPlugin:
-        """The detector of that name, or a `UsageError` that lists what there is."""
+        """Return the detector of that name. Raises `UsageError` that lists the known ones."""
         return self._get("detector", "lingjing_detectors", self.detectors, name)
 
     def backbone(self, name: str) -> BackbonePlugin:
-        """The backbone of that name, or a `UsageError` that lists what there is."""
+        """Return the backbone of that name. Raises `UsageError` that lists the known ones."""
         return self._get("backbone", "lingjing_backbones", self.backbones, name)
 
     def scaffold(self, name: str) -> ScaffoldPlugin:
-        """The scaffold of that name, or a `UsageError` that lists what there is."""
+        """Return the scaffold of that name. Raises `UsageError` that lists the known ones."""
         return self._get("scaffold", "lingjing_scaffolds", self.scaffolds, name)
 
     def owner(self, hook: str, name: str) -> str:
-        """The distribution, with its version, of the plug-in that offers `name`; the plug-in's name without one."""
+        """Return the distribution, with its version, of the plug-in that offers `name`; without one, the plug-in's
+        name."""
         source = self.sources[hook, name]
         return self._owners.get(source, source)
 
     def makers(self, hook: str) -> tuple[str, ...]:
-        """The plug-ins that implement a hook of `MAKERS`, in the order in which pluggy calls them."""
+        """Return the plug-ins that implement a hook of `MAKERS`, in the order in which pluggy calls them."""
         implementations = getattr(self._manager.hook, hook).get_hookimpls()
         names = [implementation.plugin_name for implementation in reversed(implementations)]
         return tuple(name for name in names if name != _DEFAULT)
 
     def made_by(self, hook: str) -> dict[str, str]:
-        """The distributions of `makers`, by plug-in."""
+        """Return the distributions of `makers`, by plug-in."""
         return {name: self._owners.get(name, name) for name in self.makers(hook)}
 
     def make_policy(self, declaration: PolicyPlugin, options: PluginOptions, calls: ModelCalls) -> Policy:

@@ -253,11 +253,11 @@ class Policy(Protocol):
     """
 
     async def reset(self, brief: Brief) -> None:
-        """Called once before boundary 0's first `act`."""
+        """Receive the brief. Called once before boundary 0's first `act`."""
         ...
 
     async def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """At most one physical command and a finite list of messages for the next boundary."""
+        """Return at most one physical command and a finite list of messages for the next boundary."""
         ...
 
 
@@ -280,12 +280,12 @@ class PolicyPlugin:
     """The model of its options, a subclass of `lingjing.plugins.options.PluginOptions`, as a class or as
     `package.module:Class`, which is imported when it is needed."""
     calls: bool = False
-    """True if the policy asks chat models: its factory then takes a `lingjing.plugins.calls.ModelCalls` as well. It
+    """True if the policy calls chat models: its factory then takes a `lingjing.plugins.calls.ModelCalls` as well. It
     needs a model of its options."""
     probe: ServiceProbe | None = None
-    """Takes the options and asks the policy's service for a sign of life; returns "" or the reason for which there is
-    none. The harness awaits it after an `InfrastructureError` of the policy. None for a policy without a service, whose
-    errors are its own failures."""
+    """Takes the options and requests a sign of life from the policy's service. Returns "", or the reason for which
+    there is none. The harness calls it after an `InfrastructureError` of the policy. None for a policy without a
+    service: its errors are its own failures."""
     imports: tuple[str, ...] = ()
     """Modules that every agent of the policy needs. For trusted plug-ins they are imported once, in the process from
     which agents are forked: they must start no thread and open no graphics."""

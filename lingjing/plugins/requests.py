@@ -1,7 +1,7 @@
 """Requests in progress: admission, progress and the end of long commands, with their receipts.
 
 An engine admits a command with `admit` or `answer` (the receipt of `submit`). It reports the rest with `run`,
-`complete` and `fail`, whose receipts wait here until `drain` hands them to the boundary. A resource has one pending
+`complete` and `fail`. Their receipts wait here until `drain` hands them to the boundary. A resource has one pending
 request; only `stop` replaces it, and the replaced request ends as `rejected: preempted`.
 """
 
@@ -26,7 +26,7 @@ class Refusal(Exception):  # noqa: N818 - a refusal is an answer and not an erro
 
 
 def number(command: Command, name: str) -> float:
-    """A finite numeric argument, or `Refusal(bad_argument)`."""
+    """Return a finite numeric argument. Raises `Refusal(bad_argument)`."""
     value = optional_number(command, name)
     if value is None:
         raise Refusal("bad_argument", f"`{command.verb}` needs `{name}`")
@@ -34,7 +34,7 @@ def number(command: Command, name: str) -> float:
 
 
 def optional_number(command: Command, name: str) -> float | None:
-    """A finite numeric argument or None if it is not given, or `Refusal(bad_argument)`."""
+    """Return a finite numeric argument, or None if it is absent. Raises `Refusal(bad_argument)`."""
     value = command.arguments.get(name)
     if value is None:
         return None
@@ -44,8 +44,10 @@ def optional_number(command: Command, name: str) -> float | None:
 
 
 def number_at_least(command: Command, name: str, kind: EngineKind) -> float:
-    """A finite numeric argument that is not under the `least` of its verb in the engine's kind, or
-    `Refusal(bad_argument)`."""
+    """Return a finite numeric argument that is at least the `least` of its verb in the engine's kind.
+
+    Raises `Refusal(bad_argument)`.
+    """
     value, least = number(command, name), least_value(kind, command.verb, name)
     if value < least:
         raise Refusal("bad_argument", f"`{name}` of `{command.verb}` must be at least {least:g}, not {value:g}")
@@ -53,7 +55,7 @@ def number_at_least(command: Command, name: str, kind: EngineKind) -> float:
 
 
 class Requests:
-    """The pending requests of one engine, by resource, and the receipts not handed over yet."""
+    """The pending requests of one engine, by resource, and the receipts that are not handed over yet."""
 
     def __init__(self, engine: str) -> None:
         self._engine = engine

@@ -1,7 +1,7 @@
-"""Fixed-step clocks: an engine's own time grid, reached exactly however the kernel cuts an episode into intervals.
+"""Fixed-step clocks: an engine's own time grid, independent of the intervals into which the kernel cuts an episode.
 
-Steps are counted as integers, so neither the number of intervals nor their rounding changes what is computed. A time
-between two grid points is answered by moving the last state on along its velocity for the remainder.
+Steps are counted as integers, so neither the number of intervals nor their rounding changes the result. The state
+between two grid points is the last state, moved along its velocity for the remainder.
 """
 
 from __future__ import annotations

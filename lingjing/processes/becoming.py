@@ -1,6 +1,6 @@
-"""The first steps of a fork: it closes the descriptors of its original, and becomes a function or a module.
+"""The first steps of a fork: it closes the descriptors of its original, and runs a function or a module.
 
-Each `become_…` ends the process. The interpreter is not shut down, for most of it is the original's.
+Each `become_…` ends the process. The interpreter is not shut down, because most of its state belongs to the original.
 """
 
 from __future__ import annotations
@@ -25,10 +25,11 @@ from lingjing.processes.linux import end_with_parent
 from lingjing.refusals import refusal_of
 
 _USUAL_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGCHLD", "SIGPIPE", "SIGUSR2")
+"""Signals that a fork handles in the usual way again."""
 
 
 def keep_only(kept: Iterable[int]) -> None:
-    """Close every descriptor but the standard streams and these: the others belong to the original."""
+    """Close every descriptor except the standard streams and these. The others belong to the original."""
     first = 3
     for descriptor in sorted(kept):
         os.closerange(first, descriptor)
@@ -37,9 +38,9 @@ def keep_only(kept: Iterable[int]) -> None:
 
 
 def begin(parent: int, number: signal.Signals, streams: Sequence[int]) -> None:
-    """Set up what `python -m` gives a process: standard streams, the usual signals, a process group.
+    """Set up the standard streams, the signal handlers and the process group, as `python -m` does.
 
-    `number` is the signal that the process gets when its parent ends. `streams` are closed.
+    `number` is the signal that the process receives when its parent ends. `streams` are closed.
     """
     atexit._clear()
     for standard, (descriptor, name) in enumerate(zip(streams, ("stdin", "stdout", "stderr"), strict=True)):
@@ -56,8 +57,10 @@ def begin(parent: int, number: signal.Signals, streams: Sequence[int]) -> None:
 
 
 def end_after(work: Callable[[], object]) -> NoReturn:
-    """Do the work of this process and end it. If it raises, the code is 1, after a line that says what the system
-    refuses, or a traceback."""
+    """Call `work` and end the process. The exit code is 0, or 1 if `work` raises.
+
+    An error of this project, or a refusal of the system, is printed as one line; any other with a traceback.
+    """
     code = 1
     try:
         work()
@@ -73,18 +76,18 @@ def end_after(work: Callable[[], object]) -> NoReturn:
 
 
 def named_function(name: str) -> Any:
-    """The function `module:name`; its module is imported."""
+    """Return the function `module:name`. Imports its module."""
     module, _, attribute = name.partition(":")
     return getattr(import_module(module), attribute)
 
 
 def become_function(request: StartFunction, ends: Sequence[int], output: int, parent: int) -> NoReturn:
-    """Call the function of a request with its argument and these descriptors."""
+    """Call the function of a request with its argument and these descriptors, and end the process."""
 
     def work() -> None:
         begin(parent, signal.SIGKILL, (0, output, output))
         if request.surroundings is not None:
-            _take(request.surroundings)
+            _set_surroundings(request.surroundings)
         function: Function = named_function(request.function)
         function(request.argument, tuple(ends))
 
@@ -92,11 +95,14 @@ def become_function(request: StartFunction, ends: Sequence[int], output: int, pa
 
 
 def become_module(request: RunModule, streams: Sequence[int], server: int, parent: int) -> NoReturn:
-    """Be the process that `python -m` would have started. `server`: a socket by which it asks the fork server."""
+    """Run a module as `python -m` does, and end the process.
+
+    `server`: the socket through which the module sends requests to the fork server.
+    """
     code = 1
     try:
         begin(parent, signal.SIGTERM, streams)
-        _take(request.surroundings)
+        _set_surroundings(request.surroundings)
         sys.argv = [request.module, *request.arguments, "--fork-server", str(server)]
         sys.path.insert(0, os.fsdecode(request.surroundings.folder))  # as `python -m` has it
         if "numpy.random" in sys.modules:
@@ -106,19 +112,21 @@ def become_module(request: RunModule, streams: Sequence[int], server: int, paren
         os._exit(code)
 
 
-def _take(surroundings: Surroundings) -> None:
-    """The working folder and the variables of the process that asked, with what is fixed in every process here."""
+def _set_surroundings(surroundings: Surroundings) -> None:
+    """Set the working folder and the environment of the requesting process, and the fixed variables of every
+    process."""
     os.chdir(surroundings.folder)
     fixed = {**{name: value for name, value in pins().items() if value}, "PYTHONHASHSEED": HASH_SEED}
     wanted = {**surroundings.environment, **{os.fsencode(name): os.fsencode(value) for name, value in fixed.items()}}
     present = dict(os.environb)
     for name in present.keys() - wanted.keys():
         del os.environb[name]
-    # Most variables are those of the server. Setting one writes to a page that the fork then needs for itself.
+    # Most variables equal those of the server. Setting one would copy a memory page that both share.
     os.environb.update({name: value for name, value in wanted.items() if present.get(name) != value})
 
 
 def _run(module: str) -> int:
+    """Run a module as `__main__`, then its exit functions, and return the exit code."""
     code = 0
     try:
         runpy.run_module(module, run_name="__main__", alter_sys=True)

@@ -1,9 +1,9 @@
 """The channel between two processes: packets of bytes over a Unix stream socket, each with a few file descriptors.
 
-A packet is a header (length, count of descriptors, where the payload lies) and its payload. The payload lies in the
-stream, or in a memory whose descriptor comes before the others: such a packet is so short that sending it waits for no
-reader, and that several processes may send through one socket. Both directions take a deadline (None: for ever). A
-packet that has come in part when the deadline passes is kept, so that a late answer is read whole afterwards.
+A packet is a header (length, count of descriptors, place of the payload) and a payload. The payload is in the stream,
+or in a memory: its descriptor is then the first one. A packet with a memory is so short that its sender never waits
+for a reader, and that several processes can send through one socket. Both directions take a deadline (None: no limit).
+A packet that has arrived in part at the deadline is kept, and a later call reads the rest.
 """
 
 from __future__ import annotations
@@ -22,35 +22,35 @@ from typing import Protocol
 from lingjing.processes.deadlines import Deadline, WallDeadline
 
 _HEADER = struct.Struct("<QB?")
-"""Bytes in the stream after the header, count of descriptors, True if the payload lies in the first of them."""
+"""Bytes in the stream after the header, count of descriptors, True if the payload is in the first of them."""
 
 MAX_DESCRIPTORS = 250
-"""Descriptors of one packet, one of them perhaps a memory: Linux passes 253 at most (`SCM_MAX_FD`, unix(7))."""
+"""The most descriptors of one packet, a memory included: Linux passes 253 at most (`SCM_MAX_FD`, unix(7))."""
 
 
 class ChannelClosedError(Exception):
-    """The other end is gone."""
+    """The other end is closed."""
 
 
 class NoMemoryError(Exception):
-    """The system gives no memory for a payload: memory or descriptors have run out."""
+    """The system has no memory, or no descriptor, for a payload."""
 
 
 class Drain(Protocol):
-    """Something else to read while waiting, so that its writer never blocks."""
+    """Another source to read during a wait, so that its writer never blocks."""
 
     def fileno(self) -> int:
-        """The descriptor to wait on, or -1 when there is nothing more to come."""
+        """Return the descriptor to wait on; -1 at the end of the source."""
         ...
 
     def drain(self) -> None:
-        """Read what is there."""
+        """Read the available data."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """A payload and the descriptors that came with it, which the receiver closes."""
+    """A payload with its descriptors. The receiver closes them."""
 
     payload: bytes | bytearray
     descriptors: tuple[int, ...] = ()
@@ -64,8 +64,8 @@ class Packet:
 class Channel:
     """One end of a socket pair.
 
-    `most_bytes` is for a process at the other end that is not trusted: a longer packet, or one with its payload in a
-    memory, is the end of the channel.
+    `most_bytes` is for an untrusted process at the other end: a longer packet, or a packet with its payload in a
+    memory, closes the channel.
     """
 
     def __init__(self, end: socket.socket, most_bytes: int | None = None) -> None:
@@ -89,10 +89,10 @@ class Channel:
         self._send([memoryview(header), memoryview(payload)], descriptors, deadline, also)
 
     def send_in_memory(self, payload: bytes, descriptors: Sequence[int] = ()) -> None:
-        """Send one packet whose payload lies in a memory, without waiting for a reader.
+        """Send one packet with its payload in a memory, without waiting for a reader.
 
-        Raises `ChannelClosedError` if the other end is closed or so many packets wait in it that no more fit,
-        `NoMemoryError` if the system gives no memory.
+        Raises `ChannelClosedError` if the other end is closed or the channel is full, `NoMemoryError` if the system has
+        no memory.
         """
         try:
             memory = _filled_memory(payload)
@@ -126,7 +126,7 @@ class Channel:
                 rest = _after(rest, sent)
 
     def receive(self, deadline: Deadline | None = None, also: Drain | None = None) -> Packet:
-        """The next packet; `TimeoutError` past the deadline, `ChannelClosedError` at the end."""
+        """Return the next packet. Raises `TimeoutError` past the deadline, `ChannelClosedError` at the end."""
         while (packet := self._pull()) is None:
             self._wait(select.POLLIN, deadline, also)
         return packet
@@ -136,7 +136,7 @@ class Channel:
         return self._socket.fileno()
 
     def close(self) -> None:
-        """Close this end and any descriptors of an unfinished packet."""
+        """Close this end and the descriptors of an incomplete packet."""
         self._socket.close()
         while self._descriptors:
             os.close(self._descriptors.pop())
@@ -154,7 +154,7 @@ class Channel:
             self._header += self._read_header(_HEADER.size - len(self._header))
         length, count, in_memory = _HEADER.unpack(self._header)
         if self._most_bytes is not None and (length > self._most_bytes or in_memory):
-            raise ChannelClosedError(f"a packet of {length} bytes came, at most {self._most_bytes} are due")
+            raise ChannelClosedError(f"a packet has {length} bytes, at most {self._most_bytes} are allowed")
         if self._payload is None:
             self._payload, self._filled = bytearray(length), 0
         while self._filled < length:
@@ -187,13 +187,13 @@ class Channel:
         # Rounded up: a poll of 0 ms would spin through the last millisecond.
         ready = poller.poll(None if left is None else math.ceil(left * 1000))
         if left == 0.0 and not any(descriptor == self._socket.fileno() for descriptor, _ in ready):
-            raise TimeoutError  # nothing has come while the caller was away either
+            raise TimeoutError  # no packet has arrived before the deadline
         if also is not None and any(descriptor == also.fileno() for descriptor, _ in ready):
             also.drain()
 
 
 def _filled_memory(payload: bytes) -> int:
-    """A descriptor of a new memory with these bytes. Raises `OSError`."""
+    """Return the descriptor of a new memory with these bytes. Raises `OSError`."""
     memory = os.memfd_create("lingjing-packet", os.MFD_CLOEXEC)
     try:
         done, rest = 0, memoryview(payload)
@@ -206,7 +206,7 @@ def _filled_memory(payload: bytes) -> int:
 
 
 def _read_memory(packet: Packet) -> Packet:
-    """The packet with the payload that lies in its first descriptor. Raises `ChannelClosedError` for none."""
+    """Return the packet with the payload of its first descriptor. Raises `ChannelClosedError` if it is not a memory."""
     try:
         memory, *others = packet.descriptors
         size = os.fstat(memory).st_size
@@ -224,6 +224,7 @@ def _read_memory(packet: Packet) -> Packet:
 
 
 def _after(parts: list[memoryview], sent: int) -> list[memoryview]:
+    """Return the parts without their first `sent` bytes."""
     rest = []
     for part in parts:
         skipped = min(sent, len(part))

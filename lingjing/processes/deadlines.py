@@ -1,12 +1,12 @@
 """Deadlines on the wall clock that a busy machine does not shorten.
 
-A process's *own time* is wall-clock time less the time in which it was runnable and not scheduled. Sleeping, being
-stopped and waiting for a lock are own time; standing in a run queue is not. Linux counts for each thread how long it
-ran and how long it stood in a queue (nanoseconds, `/proc/PID/task/TID/schedstat`; the kernel's
-`Documentation/scheduler/sched-stats.rst`). Where a kernel does not count, own time is wall-clock time.
+A process's *own time* is wall-clock time without the time in which it was runnable and not scheduled. Sleeping, being
+stopped and waiting for a lock are own time; waiting in a run queue is not. Linux counts for each thread the time on a
+processor and the time in run queues (nanoseconds, `/proc/PID/task/TID/schedstat`; the kernel's
+`Documentation/scheduler/sched-stats.rst`). On a kernel without these counters own time is wall-clock time.
 
-Threads of one process may stand in queues at the same time, so the sum of their waits may be more than has passed: own
-time is never less than what the busiest thread ran.
+Several threads of a process may wait in queues at the same time, so the sum of their waits may exceed the elapsed time.
+Own time is therefore at least the processor time of the busiest thread.
 """
 
 from __future__ import annotations
@@ -20,44 +20,51 @@ from pathlib import Path
 from typing import NamedTuple, Protocol
 
 _UNWATCHED_S = 0.01
-"""What is shorter is not looked into: most answers come sooner, and a look costs as much as a trivial step."""
+"""Shorter waits are not measured, seconds. Chosen: most answers come sooner, and a measurement costs as much as a
+trivial step."""
 
 _UNREAD_S = 1e-4
-"""So old may a thread's counter be: whoever waited longer than that was away for longer, and it is read again."""
+"""The age up to which a thread's counter is used again, seconds. Chosen; a thread that waited longer reads it anew."""
 
 _STALL_S = 0.05
-"""How long a runnable thread must have stood still to be in a queue for certain: a kernel's tick is 10 ms at most."""
+"""The standstill after which a runnable thread is certainly in a queue, seconds. Chosen: a kernel tick is 10 ms at
+most."""
 
 
 class Deadline(Protocol):
-    """Until when to wait for somebody."""
+    """A limit of a wait."""
 
     def left_s(self) -> float:
-        """Seconds after which to ask again; 0 or less when the deadline has passed."""
+        """Return the seconds after which to call this again; 0 or less once the deadline has passed."""
         ...
 
 
 class WallDeadline:
-    """So many seconds from now."""
+    """A deadline `allowed_s` seconds of wall clock from now."""
 
     def __init__(self, allowed_s: float) -> None:
         self._end = time.monotonic() + allowed_s
 
     def left_s(self) -> float:
-        """Seconds until then."""
+        """Return the seconds until the deadline; negative after it."""
         return self._end - time.monotonic()
 
 
 class _Thread(NamedTuple):
+    """The counters of a thread: nanoseconds on a processor, and nanoseconds in run queues."""
+
     ran_ns: int
     waited_ns: int
 
 
 class OwnDeadline:
-    """So many seconds of a process's own time from now."""
+    """A deadline `allowed_s` seconds of a process's own time from now."""
 
     def __init__(self, pid: int, allowed_s: float, *, already_s: float = 0.0, watched: bool = False) -> None:
-        """`already_s` of them are spent; `watched`: read its counters at once, because the next read is at the end."""
+        """`already_s` seconds of the allowed time are spent.
+
+        `watched`: read the counters now. Otherwise they are first read after `_UNWATCHED_S`.
+        """
         self.allowed_s = allowed_s
         self._already_s = already_s
         self._pid = pid
@@ -66,26 +73,26 @@ class OwnDeadline:
         self._last: dict[str, _Thread] = {}
 
     def left_s(self) -> float:
-        """Seconds until the deadline if the process stands in no queue from now on; 0 or less when it has passed."""
+        """Return the seconds until the deadline if the process waits in no queue; 0 or less once it has passed."""
         if self._first is None:
             if time.monotonic() - self._started < _UNWATCHED_S:
                 return min(self.allowed_s - self._already_s, _UNWATCHED_S)
-            # The caller may have waited for a processor for long. The process's time until now is not known any more.
+            # The caller itself may have waited for a processor, so the process's own time until now is unknown.
             self._first, self._started = _threads(self._pid), time.monotonic() - _UNWATCHED_S
-        # Own time is no more than wall-clock time: until that has passed, the counters need not be read.
+        # Own time is at most wall-clock time. Before that limit the counters need not be read.
         least = self.allowed_s - self._already_s - (time.monotonic() - self._started)
         if least > 0.0:
             return least
         left = self.allowed_s - self.spent_s()
         if left > 0.0:
             return left
-        # A wait is counted when it ends: one that goes on is seen by looking twice.
+        # The kernel counts a wait at its end. Two readings show one that continues.
         return _STALL_S if self._is_stalled() else self.allowed_s - self.spent_s()
 
     def spent_s(self) -> float:
-        """Seconds of own time that are spent."""
+        """Return the spent seconds of own time."""
         now = time.monotonic() - self._started
-        if self._first is None:  # the answer came before the first look, however late its reader comes
+        if self._first is None:  # the answer came before the first reading
             return self._already_s + min(now, _UNWATCHED_S)
         self._last |= _threads(self._pid)
         since = [_since(thread, self._first.get(name)) for name, thread in self._last.items()]
@@ -94,20 +101,20 @@ class OwnDeadline:
         return self._already_s + max(now - waited * 1e-9, ran * 1e-9)
 
     def _is_stalled(self) -> bool:
-        """Whether the process stands in a queue now: a thread could run, and for a while none has."""
+        """Return True if the process waits in a queue now: a thread is runnable, and none has run for `_STALL_S`."""
         before = _threads(self._pid)
         time.sleep(_STALL_S)
         return before == _threads(self._pid) and any(_is_runnable(self._pid, name) for name in before)
 
 
 def is_counted() -> bool:
-    """Whether this kernel counts the time in run queues. Without `CONFIG_SCHED_INFO` all its numbers are 0."""
+    """Return True if this kernel counts the time in run queues. Without `CONFIG_SCHED_INFO` its numbers are 0."""
     own = _threads(os.getpid())
     return any(thread.ran_ns for thread in own.values())
 
 
 def own_now_s() -> float:
-    """The calling thread's own time on a clock of its own: for differences, exact to `_UNREAD_S`."""
+    """Return the calling thread's own time, seconds from an arbitrary origin, accurate to `_UNREAD_S`."""
     now = time.monotonic()
     try:
         waited = _own.counter.waited_ns(now)
@@ -117,7 +124,7 @@ def own_now_s() -> float:
 
 
 def own_clock_of_s(pid: int) -> float:
-    """What `own_now_s` would say in the main thread of that process."""
+    """Return the own time of the main thread of a process, on the clock of `own_now_s`."""
     thread = _threads(pid).get(str(pid))
     return time.monotonic() - (thread.waited_ns * 1e-9 if thread else 0.0)
 
@@ -126,7 +133,7 @@ def own_clock_of_s(pid: int) -> float:
 
 
 class _Counter:
-    """The calling thread's counter, kept open, because a read then takes 2 µs."""
+    """The calling thread's counter. Its file stays open, because a read then takes 2 µs (measured)."""
 
     __slots__ = ("_file", "_latest_ns", "_read_at_s")
 
@@ -136,7 +143,7 @@ class _Counter:
         self._latest_ns = 0
 
     def waited_ns(self, now_s: float) -> int:
-        """How long the thread has stood in run queues in all. `OSError` where the kernel does not say."""
+        """Return the thread's total time in run queues, nanoseconds. Raises `OSError` without the kernel's counters."""
         if now_s - self._read_at_s < _UNREAD_S:
             return self._latest_ns
         if self._file is None:
@@ -152,7 +159,8 @@ class _PerThread(threading.local):
         self.counter = _Counter()
 
     def forget(self) -> None:
-        """After a fork: the thread that goes on has counters of its own, and the file open here is its parent's."""
+        """Reset the counter after a fork: the child's thread has its own counters, and the open file is the
+        parent's."""
         self.counter = _Counter()
 
 
@@ -161,26 +169,29 @@ os.register_at_fork(after_in_child=_own.forget)
 
 
 def _threads(pid: int) -> dict[str, _Thread]:
-    """The threads of a process by id; none where it is gone or the kernel does not count."""
-    found: dict[str, _Thread] = {}
+    """Return the counters of a process's threads by id; an empty mapping if it has ended or the kernel does not
+    count."""
+    threads: dict[str, _Thread] = {}
     try:
         names = os.listdir(f"/proc/{pid}/task")  # noqa: PTH208 - names are wanted, and quickly
     except OSError:
-        return found
+        return threads
     for name in names:
         try:
             ran, waited = Path(f"/proc/{pid}/task/{name}/schedstat").read_bytes().split()[:2]
-            found[name] = _Thread(int(ran), int(waited))
+            threads[name] = _Thread(int(ran), int(waited))
         except (OSError, ValueError):
             continue
-    return found
+    return threads
 
 
 def _since(thread: _Thread, first: _Thread | None) -> _Thread:
+    """Return the counters since the first reading; all of them for a newer thread."""
     return thread if first is None else _Thread(thread.ran_ns - first.ran_ns, thread.waited_ns - first.waited_ns)
 
 
 def _is_runnable(pid: int, thread: str) -> bool:
+    """Return True if the thread is runnable or running."""
     try:
         return Path(f"/proc/{pid}/task/{thread}/stat").read_text().rpartition(")")[2].split()[0] == "R"
     except (OSError, IndexError):

@@ -1,7 +1,7 @@
-"""The processes below this one: listed, and ended with everything that they have started.
+"""The processes below this one: their list, and their end with all their descendants.
 
-A process that a policy starts may leave its session and its parent. The kernel then makes it a child of the nearest
-ancestor that adopts orphans (`linux.adopt_orphans`), so that it can be found and ended. Linux only.
+A process of a policy may leave its session and its parent. The kernel then makes it a child of the nearest ancestor
+that adopts orphans (`linux.adopt_orphans`), which can find and end it. Linux only.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from lingjing.processes.linux import adopt_orphans, adopts_orphans
 
 @contextlib.contextmanager
 def adopting() -> Iterator[None]:
-    """Adopt orphans below this process within the block; at its end, kill every child that is new, and its children."""
+    """Adopt orphans below this process within the block. At its end, kill every new child and its descendants."""
     known, before = set(children()), adopts_orphans()
     adopt_orphans()
     try:
@@ -28,9 +28,9 @@ def adopting() -> Iterator[None]:
 
 
 def end_children(spared: set[int]) -> None:
-    """Kill every child whose process id is not in `spared`, then the children that these leave, until none is left.
+    """Kill every child but those with a process id in `spared`, and repeat until there is none.
 
-    Each is reaped.
+    The descendants of a killed child become children and are killed as well. Each is reaped.
     """
     while doomed := [pid for pid in children() if pid not in spared]:
         for pid in doomed:
@@ -41,17 +41,18 @@ def end_children(spared: set[int]) -> None:
 
 
 def children() -> list[int]:
-    """The process ids of this process's children, also of those that have ended and were not waited for."""
+    """Return the process ids of this process's children, zombies included."""
     try:
         lists = [(task / "children").read_text() for task in Path("/proc/self/task").iterdir()]
         return [int(pid) for line in lists for pid in line.split()]
-    except OSError:  # a kernel without CONFIG_PROC_CHILDREN, a thread that has just ended, or no descriptor is left
+    except OSError:  # no CONFIG_PROC_CHILDREN, an ended thread, or no free descriptor
         with contextlib.suppress(OSError):
             return _children_by_parent()
-        return []  # where `/proc` cannot be read, the children end with their parent (`linux.set_parent_death_signal`)
+        return []  # without `/proc`, children end with their parent (`linux.set_parent_death_signal`)
 
 
 def _children_by_parent() -> list[int]:
+    """Return the children: the processes of `/proc` that have this process as their parent."""
     own, pids = str(os.getpid()), []
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():

@@ -1,8 +1,7 @@
-"""A fork server as its callers see it: `ForkServer` starts one, `ForkServerClient` asks it for a `ForkedProcess`.
+"""The caller's side of a fork server: `ForkServer` starts one, `ForkServerClient` requests a `ForkedProcess` from it.
 
-A `ForkServer` belongs to one command. It runs a module as `python -m` would (`run_module`), in a fork of a process that
-has imported the modules it was started with. What runs there has a `ForkServerClient`, through which it starts its own
-processes (`start_function`).
+A `ForkServer` belongs to one command. It imports modules, and runs a module as `python -m` does (`run_module`) in a
+fork of itself. That module has a `ForkServerClient`, through which it starts its own processes (`start_function`).
 """
 
 from __future__ import annotations
@@ -34,20 +33,21 @@ from lingjing.processes.fork_requests import (
 )
 
 HASH_SEED = "0"
-"""`PYTHONHASHSEED` of every process that is started here: the order of a set of texts is the same in each of them."""
+"""`PYTHONHASHSEED` of every started process: the iteration order of a set of strings is the same in each of them."""
 
 _MODULE = "lingjing.processes.fork_server"
+"""The module that a fork server runs."""
 
 
 class ForkedProcess:
-    """A process that a fork server has started: the part of `subprocess.Popen` that is needed of it.
+    """A process that a fork server has started, with a part of the interface of `subprocess.Popen`.
 
     The server sends the process id with a pidfd, and at the end the wait status. Raises `InfrastructureError` if the
-    server ends instead, or cannot fork.
+    server ends first, or cannot fork.
     """
 
     LOST = 255
-    """The return code of a process whose server ended before it."""
+    """The return code of a process that outlived its server."""
 
     def __init__(self, reports: Channel) -> None:
         self._reports = reports
@@ -57,18 +57,18 @@ class ForkedProcess:
         except ChannelClosedError:
             reports.close()
             raise InfrastructureError(
-                "the process that starts others has ended, or could start no more",
-                hint="what it said is on standard error; see also `ulimit -u`",
+                "the process that starts others has ended, or cannot start more",
+                hint="see its messages on standard error, and `ulimit -u`",
             ) from None
         self.pid = int.from_bytes(started.payload, "little")
         (self.pidfd,) = started.descriptors
 
     def poll(self) -> int | None:
-        """The return code, or None while it runs; as `Popen.poll`."""
+        """Return the return code; None while the process runs."""
         return self.returncode if self.returncode is not None else self._poll(0)
 
     def wait(self, timeout: float | None = None) -> int:
-        """The return code. Raises `subprocess.TimeoutExpired` after so many seconds."""
+        """Return the return code. Raises `subprocess.TimeoutExpired` after `timeout` seconds."""
         code = self.returncode if self.returncode is not None else self._poll(timeout)
         if code is None:
             raise subprocess.TimeoutExpired("a forked process", timeout or 0.0)
@@ -83,7 +83,7 @@ class ForkedProcess:
         self._signal(signal.SIGKILL)
 
     def close(self) -> None:
-        """Close its descriptors; the process goes on."""
+        """Close the descriptors. The process continues."""
         self._reports.close()
         os.close(self.pidfd)
 
@@ -108,7 +108,7 @@ class ForkedProcess:
 
 
 class ForkServerClient:
-    """The end by which a process asks a fork server for other processes. `descriptor`: a socket, which it owns."""
+    """A connection to a fork server, for requests. `descriptor`: its socket, which this object owns."""
 
     def __init__(self, descriptor: int) -> None:
         self._channel = Channel(socket.socket(fileno=descriptor))
@@ -125,11 +125,11 @@ class ForkServerClient:
         template: Template | None = None,
         layer: str = "",
     ) -> ForkedProcess:
-        """A process that calls a function (`module:name`) with the argument and copies of the descriptors `ends`.
+        """Start a process that calls a function (`module:name`) with the argument and copies of the descriptors `ends`.
 
-        What it prints goes to `output`. It is killed, with all that it started, when this process ends. With `here` it
-        has the working folder and the environment of this process, else those of the server. `reuse`, `template` and
-        `layer`: see `StartFunction`.
+        `output` receives its standard output and error. It is killed with its descendants when this process ends. With
+        `here` it has the working folder and the environment of this process, otherwise those of the server. For
+        `reuse`, `template` and `layer` see `StartFunction`.
         """
         own = os.pidfd_open(os.getpid())
         surroundings = _own_surroundings() if here else None
@@ -145,11 +145,10 @@ class ForkServerClient:
 
 
 class ForkServer:
-    """A fork server and the caller's end of it; a context manager. It and all that it has started end with the caller.
+    """A fork server and the connection to it; a context manager. All its processes end with the caller.
 
-    `imports` are modules that it imports before it forks; `layers` are those that each of its layers imports on top,
-    by the layer's name. `variables` are set in its environment before it imports. Raises `InfrastructureError` where it
-    cannot be started.
+    `imports` are modules that it imports before it forks; `layers` are the further modules of each layer, by name.
+    `variables` are set in its environment before the imports. Raises `InfrastructureError` if it cannot be started.
     """
 
     def __init__(
@@ -173,27 +172,30 @@ class ForkServer:
 
     @property
     def pid(self) -> int:
-        """Its process id."""
+        """The process id of the server."""
         return self._process.pid
 
     def run_module(self, module: str, arguments: Sequence[str], streams: tuple[int, int, int]) -> ForkedProcess:
-        """Run `python -m module arguments` with these descriptors as its standard streams, in the working folder and
-        the environment of this process. It gets SIGTERM when the server ends."""
+        """Run `python -m module arguments` with these descriptors as its standard streams.
+
+        It has the working folder and the environment of this process, and receives SIGTERM when the server ends.
+        """
         return _start(self._channel, RunModule(module, tuple(arguments), _own_surroundings()), streams)
 
     def client(self) -> ForkServerClient:
-        """Another end of this server, for processes that this process works with; closed by its user."""
+        """Return another connection to this server, for processes that this process works with. The caller closes
+        it."""
         return ForkServerClient(os.dup(self._channel.fileno()))
 
     def call(self, function: str, argument: str, *, in_layers: bool = False) -> None:
-        """Have it call a function (`module:name`) before it forks again, and its layers as well if `in_layers`.
+        """Let the server call a function (`module:name`) before its next fork, and its layers too with `in_layers`.
 
-        An error of the function is not reported: a fork that misses its work does it itself, and reports the error.
+        Errors of the function are not reported. A fork without the result does the work itself, and reports the error.
         """
         send_request(self._channel, CallFunction(function, argument, in_layers), ())
 
     def close(self) -> None:
-        """End it, with everything that still runs."""
+        """End the server and all its processes."""
         self._channel.close()
         self._process.wait()
 
@@ -205,10 +207,10 @@ class ForkServer:
 
 
 def environment(paths: Sequence[str], variables: Mapping[str, str]) -> dict[str, str]:
-    """The environment of a process that is started here: this process's, with `variables`.
+    """Return the environment of a started process: that of this process, with `variables`.
 
-    Modules are found in `paths` and where the caller finds them. What chooses code by processor is fixed, and every
-    library has one thread.
+    Modules are found in `paths` and on this process's path. Variables that select code by processor are fixed, and
+    every library uses one thread.
     """
     search = [*paths, *(path or os.getcwd() for path in sys.path)]  # noqa: PTH109 - an entry of PYTHONPATH
     fixed = {"PYTHONPATH": os.pathsep.join(dict.fromkeys(search)), "PYTHONUNBUFFERED": "1"}
@@ -218,15 +220,15 @@ def environment(paths: Sequence[str], variables: Mapping[str, str]) -> dict[str,
 def start_to_last(
     command: list[str], variables: dict[str, str], descriptors: tuple[int, ...], output: int | None
 ) -> subprocess.Popen[bytes]:
-    """A process that does not end with a thread of this one, and that is never a zombie.
+    """Start a process that survives the end of the calling thread, and that is reaped when it ends.
 
-    A parent-death signal follows the *thread* that started a child (prctl(2)), so that thread waits for the child's
-    end.
+    A parent-death signal follows the *thread* that has started a child (prctl(2)). So a thread of its own starts the
+    child and waits for its end.
     """
     outcome: Future[subprocess.Popen[bytes]] = Future()
 
     def start_and_wait() -> None:
-        # Held back in the child, which sets its handler of SIGINT as soon as it can and lets it come then.
+        # The child inherits the mask. It unblocks SIGINT after it has set its handler.
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             process = subprocess.Popen(
@@ -253,9 +255,9 @@ def send_request(server: Channel, request: ForkRequest, descriptors: Sequence[in
     try:
         server.send_in_memory(msgspec.msgpack.encode(request), descriptors)
     except NoMemoryError as error:
-        raise InfrastructureError(f"the process that starts others cannot be asked: {error}") from error
+        raise InfrastructureError(f"the process that starts others cannot receive a request: {error}") from error
     except ChannelClosedError as error:
-        raise InfrastructureError(f"the process that starts others is gone: {error}") from error
+        raise InfrastructureError(f"the process that starts others has ended: {error}") from error
 
 
 def _start(server: Channel, request: ForkRequest, descriptors: Sequence[int]) -> ForkedProcess:

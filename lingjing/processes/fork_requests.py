@@ -1,7 +1,7 @@
-"""The requests to a fork server, as both ends know them.
+"""The requests to a fork server.
 
-A request comes with descriptors. The last one is the *listener*: the channel that receives the process id and the end
-of what is started (`fork_client.ForkedProcess`).
+A request comes with descriptors. The last one is the *listener*: the channel that receives the process id and the wait
+status of the started process (`fork_client.ForkedProcess`).
 """
 
 from __future__ import annotations
@@ -11,18 +11,18 @@ from collections.abc import Callable
 import msgspec
 
 Function = Callable[[bytes, tuple[int, ...]], None]
-"""A function that a fork calls: with the argument of its request, and with descriptors that it owns."""
+"""A function that a fork calls, with the argument of its request and with descriptors that it owns."""
 
 
 class Surroundings(msgspec.Struct, frozen=True):
-    """The working folder and the variables of a process, as bytes: neither need be UTF-8."""
+    """The working folder and the environment of a process, as bytes, because both may be invalid UTF-8."""
 
     folder: bytes
     environment: dict[bytes, bytes]
 
 
 class RunModule(msgspec.Struct, frozen=True, tag=True):
-    """Run a module as `python -m` would. Descriptors: standard input, output and error, listener."""
+    """Run a module as `python -m` does. Descriptors: standard input, output and error, listener."""
 
     module: str
     arguments: tuple[str, ...]
@@ -30,21 +30,21 @@ class RunModule(msgspec.Struct, frozen=True, tag=True):
 
 
 class CallFunction(msgspec.Struct, frozen=True, tag=True):
-    """Call a function in the server itself, for what later forks shall share. No descriptors, not even a listener."""
+    """Call a function in the server itself, to prepare data that later forks share. It has no descriptors."""
 
     function: str
-    """As `module:name`."""
+    """The function, as `module:name`."""
     argument: str
     in_layers: bool = False
-    """Call it in the server's layers as well (`layers`)."""
+    """True to call it in the server's layers too (`layers`)."""
 
 
 class Template(msgspec.Struct, frozen=True):
-    """A fork that makes something ready, and of which the processes are forked that need it.
+    """A fork that has prepared an object, and from which the processes that need the object are forked.
 
     `source` (`module:name`) is called in the server with the request's argument and `key`. It returns None if there is
-    no such template, else a function that is called in the template's process, makes the thing ready, and returns the
-    `Function` that each of its forks calls.
+    no such template. Otherwise it returns a function that is called in the template's process: that function prepares
+    the object, and returns the `Function` that each fork of the template calls.
     """
 
     source: str
@@ -52,23 +52,23 @@ class Template(msgspec.Struct, frozen=True):
 
 
 class StartFunction(msgspec.Struct, frozen=True, tag=True):
-    """Start a process that calls a `Function`. It ends with the process that asks.
+    """Start a process that calls a `Function`. It ends with the requesting process.
 
-    Descriptors: those that the function gets, what the process writes its output to, a pidfd of the process that asks,
-    listener.
+    Descriptors: those of the function, the output of the process, a pidfd of the requesting process, listener.
     """
 
     function: str
-    """As `module:name`."""
+    """The function, as `module:name`."""
     argument: bytes = b""
+    """The argument of the function."""
     surroundings: Surroundings | None = None
-    """The surroundings of the server if absent."""
+    """The surroundings of the process; None for those of the server."""
     reuse: bool = False
-    """Take a process that has served such a request before and is idle, if there is one (`idle_processes`)."""
+    """True to use an idle process that has served an equal request, if there is one (`idle_processes`)."""
     template: Template | None = None
-    """Fork it of this template, if there is one or it can be made."""
+    """The template to fork from, if it exists or can be made; None for a fork of the server."""
     layer: str = ""
-    """Fork it of the server's layer of that name, if the server has one (`layers`)."""
+    """The name of the layer to fork from, if the server has it (`layers`); "" for the server itself."""
 
 
 ForkRequest = RunModule | StartFunction | CallFunction

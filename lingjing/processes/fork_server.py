@@ -1,13 +1,13 @@
-"""`python -m lingjing.processes.fork_server`: the process that the processes of one command are forked from.
+"""`python -m lingjing.processes.fork_server`: the process from which the processes of one command are forked.
 
-It has imported everything and has one thread, which is checked before each fork (`forks`). It opens no OpenGL, loads
-no OpenCV, runs nothing of a policy, and plays nothing: its forks do (`becoming`). Of the state that a fork takes along
-only the imported modules count; the global random streams are seeded anew. A process that is reused outlives its user
-(`idle_processes`). A thing that several processes need ready is made once (`templates`).
+It has imported all modules and has one thread, which is checked before each fork (`forks`). It opens no OpenGL, loads
+no OpenCV, executes no code of a policy, and plays nothing: its forks do (`becoming`). The imported modules are the only
+state that a fork needs; the global random generators are seeded anew. A process that is used again outlives its user
+(`idle_processes`). An object that several processes need is prepared once (`templates`).
 
-It ends with the end of its caller's channel and with its caller, and its forks with it: functions by SIGKILL, modules
-by SIGTERM. A function ends with the process that asked for it; one that is reused ends if it does not become idle then.
-Processes that a fork leaves behind, in whatever session, become children of this process, which ends them.
+It ends with its caller, or when the caller closes the channel, and ends its forks: functions by SIGKILL, modules by
+SIGTERM. A function ends with its owner; one that is used again ends if it does not become idle then. Processes that a
+fork leaves behind, in any session, become children of this process, which ends them.
 """
 
 from __future__ import annotations
@@ -38,12 +38,14 @@ from lingjing.processes.templates import Templates
 
 @dataclass(slots=True)
 class _Server:
-    """The server, or one of its layers. `caller`: the channel of its requests. `parent`: the process id of its caller,
-    with which it ends. `further`: the modules of its layers."""
+    """The server, or one of its layers."""
 
     caller: Channel
+    """The channel of its requests."""
     parent: int
+    """The process id of its caller, with which it ends."""
     further: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    """The modules of each of its layers, by name."""
     pid: int = field(default_factory=os.getpid)
     forks: Forks = field(default_factory=Forks)
     pool: ProcessPool = field(init=False)
@@ -56,13 +58,13 @@ class _Server:
         self.layers = Layers(self.forks, self.further, _serve_as_layer)
 
     def run(self) -> None:
-        """Serve until the caller's end is closed."""
+        """Serve until the caller closes its end."""
         self.forks.listen(self.caller, self.answer_caller)
         while os.getppid() == self.parent and self.forks.serve():
             self.pool.end_lingerers()
 
     def answer_caller(self, caller: Channel) -> bool:
-        """A request of the caller; False at the end of its channel."""
+        """Handle a request of the caller. Returns False at the end of its channel."""
         try:
             request, descriptors = receive_request(caller)
         except EOFError:
@@ -78,7 +80,7 @@ class _Server:
         return True
 
     def answer_module(self, module: Channel) -> None:
-        """A request of a module that runs: it may ask for functions alone."""
+        """Handle a request of a running module, which may request functions only."""
         try:
             request, descriptors = receive_request(module)
         except EOFError:
@@ -102,7 +104,7 @@ class _Server:
         self.layers.begin_all()  # they import while the module begins
 
     def start(self, request: ForkRequest | None, descriptors: tuple[int, ...]) -> None:
-        """Start a process for a function: of a template, one that is reused, or a new fork."""
+        """Start a process for a function: from a layer, from a template, from an idle process, or as a new fork."""
         if not isinstance(request, StartFunction) or len(descriptors) < 3:
             return
         if self.layers.start(request, descriptors):
@@ -124,11 +126,11 @@ class _Server:
 
 
 class _CallerEndedError(BaseException):
-    """The process that this server belongs to has ended."""
+    """The caller of this server has ended."""
 
 
 def _end(number: int, frame: object) -> NoReturn:
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # a second one would break off what the first one has begun
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # a second signal would interrupt the handling of the first one
     raise _CallerEndedError
 
 
@@ -144,22 +146,22 @@ def main() -> NoReturn:
     keep_freed_memory()
     for module in options.imports:
         import_module(module)
-    pins()  # what it looks up is kept for the forks
+    pins()  # its result is cached for the forks
     gc.collect()
     gc.freeze()
     further = {name: modules.split(",") for name, _, modules in (text.partition("=") for text in options.layer)}
     server = _Server(Channel(socket.socket(fileno=options.fd)), options.parent, further)
     try:
-        # Not SIGKILL: processes that the forks have started in other sessions are to end as well.
+        # Handled, so that processes which the forks have started in other sessions end as well.
         signal.signal(signal.SIGTERM, _end)
         server.run()
         # The caller's end of the channel closes before the kernel sends the signal of its death.
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
     except _CallerEndedError:
         pass
-    except OSError as error:  # the caller reports what it lacks; this is what the system reports
+    except OSError as error:  # the caller reports the lost server; this line has the cause
         print(f"the process that starts others cannot go on: {error}", file=sys.stderr)  # noqa: T201
-    except BaseException:  # noqa: BLE001 - as the interpreter does, which would wait for threads that should not be
+    except BaseException:  # noqa: BLE001 - the interpreter would wait for unexpected threads at its end
         traceback.print_exc()
     server.forks.end_all()
     os._exit(0)
@@ -175,7 +177,7 @@ def _options() -> argparse.Namespace:
 
 
 def _serve_as_layer(control: socket.socket, parent: int, modules: Sequence[str]) -> None:
-    """In a fork of the server: import the modules of a layer, and start the processes that need them."""
+    """Run a layer, in a fork of the server: import its modules, and start the processes that need them."""
     adopt_orphans()
     for module in modules:
         import_module(module)
@@ -200,5 +202,5 @@ def _call(request: CallFunction) -> None:
 if __name__ == "__main__":
     try:
         main()
-    except OSError as error:  # the caller reports what it lacks; this is what the system reports
+    except OSError as error:  # the caller reports the lost server; this line has the cause
         sys.exit(f"the process that starts others cannot go on: {error}")

@@ -1,5 +1,4 @@
-"""The processes that a single-threaded process has forked: their ends, and the ends of the processes that they work
-for."""
+"""The processes that a process of one thread has forked: their ends, and the ends of their owners."""
 
 from __future__ import annotations
 
@@ -19,44 +18,44 @@ from lingjing.processes.fork_requests import ForkRequest
 from lingjing.processes.linux import fork
 
 _PATROL_S = 1.0
-"""The longest wait of `Forks.serve`, after which the caller looks for its parent. Chosen: an orphan lives a second."""
+"""The longest wait of `Forks.serve`, seconds; then the caller checks its parent. Chosen: an orphan lives a second."""
 
 _NUMBER_BYTES = 4
-"""Bytes of a process id and of a wait status in a report; both are C integers."""
+"""The bytes of a process id and of a wait status in a report. Both are C integers."""
 
 _REQUESTS: msgspec.msgpack.Decoder[ForkRequest] = msgspec.msgpack.Decoder(ForkRequest)
 
 
 @dataclass(slots=True)
 class ForkedChild:
-    """A process that was forked."""
+    """A forked process."""
 
     pid: int
     pidfd: int
-    """Can be read when the process has ended."""
+    """Readable once the process has ended."""
     listener: Channel | None
-    """Receives the process id, and at the end the wait status; None if nothing waits for them."""
+    """The channel that receives the process id, and at the end the wait status; None without a listener."""
     is_module: bool = False
-    """It is ended by SIGTERM and waited for, not killed."""
+    """True if the process is ended by SIGTERM and waited for, instead of killed."""
     owner: int = -1
-    """A pidfd of the process that it ends with; -1: none, or that process has ended."""
+    """A pidfd of the owner; -1 without an owner, or after its end."""
     at_end: Callable[[int], None] | None = None
-    """Called with the wait status."""
+    """Called with the wait status; None for no call."""
     at_end_of_owner: Callable[[], None] | None = None
-    """Called in the place of `kill`."""
+    """Called instead of `kill` when the owner ends; None for `kill`."""
 
     def announce(self) -> None:
         """Send its process id and its `pidfd` to the listener."""
         self._report(self.pid, (self.pidfd,))
 
     def report_end(self, status: int) -> None:
-        """Send its wait status to the listener, and close that."""
+        """Send its wait status to the listener, and close the listener."""
         self._report(status, ())
         if self.listener is not None:
             self.listener.close()
 
     def kill(self) -> None:
-        """End it at once. It has not been reaped, so the number is its own."""
+        """Kill it. It has not been reaped, so its process id is still its own."""
         os.kill(self.pid, signal.SIGKILL)
 
     def _report(self, number: int, descriptors: tuple[int, ...]) -> None:
@@ -67,27 +66,28 @@ class ForkedChild:
 
 @dataclass(slots=True)
 class Forks:
-    """The forks of this process, and the channels on which it waits for requests."""
+    """The forks of this process, and the channels of its requests."""
 
     selector: selectors.BaseSelector = field(default_factory=selectors.DefaultSelector)
     processes: dict[int, ForkedChild] = field(default_factory=dict)
 
     def serve(self) -> bool:
-        """Answer the requests that have come, or wait for one; False if a callback says that this was the last."""
+        """Handle the requests that have arrived, or wait for one. Returns False if a callback returns False."""
         for key, _ in self.selector.select(_PATROL_S):
-            # An earlier answer of this round may have ended the object of this one.
+            # An earlier callback of this round may have unregistered this object.
             if self.selector.get_map().get(key.fd) == key and key.data(key.fileobj) is False:
                 return False
         return True
 
     def listen(self, channel: Channel, answer: Callable[[Channel], bool | None]) -> None:
-        """Call `answer` when a request can be read."""
+        """Call `answer` whenever the channel is readable."""
         self.selector.register(channel, selectors.EVENT_READ, answer)
 
     def fork(self, listener: Channel | None) -> int | None:
-        """Fork: 0 in the copy, else its process id, which is sent to the listener; None if the system refuses.
+        """Fork this process.
 
-        Raises `SeveralThreadsError`.
+        Returns 0 in the copy, otherwise its process id, which the listener receives; None if the system refuses. Raises
+        `SeveralThreadsError`.
         """
         try:
             pid = fork()
@@ -110,7 +110,7 @@ class Forks:
         return pid
 
     def watch(self, process: ForkedChild, owner: int) -> None:
-        """Have a fork end with the process that asked for it. `owner`: a pidfd of that one."""
+        """End a fork with the process that has requested it. `owner`: a pidfd of that process."""
         process.owner = os.dup(owner)
         self.selector.register(process.owner, selectors.EVENT_READ, lambda _: self._owner_ended(process))
 
@@ -122,14 +122,14 @@ class Forks:
             process.owner = -1
 
     def end_all(self) -> None:
-        """End every fork and its children: modules by SIGTERM, and they are waited for; the others are killed."""
+        """End every fork and its descendants: modules by SIGTERM, and they are waited for; the others are killed."""
         modules = {pid for pid, process in self.processes.items() if process.is_module}
         for pid in modules:
             os.kill(pid, signal.SIGTERM)
         end_children(modules)
 
     def forget(self) -> None:
-        """In a fork: close the descriptors that belong to its original."""
+        """Close the descriptors that belong to the original, in a fork."""
         self.selector.close()
         for process in self.processes.values():
             _close(process.listener)
@@ -145,16 +145,16 @@ class Forks:
         if process.at_end is not None:
             process.at_end(status)
         del self.processes[process.pid]
-        end_children(set(self.processes))  # processes that it left behind
+        end_children(set(self.processes))  # its descendants, which are children now
 
     def _owner_ended(self, process: ForkedChild) -> None:
-        """The process that a fork works for has ended."""
+        """Handle the end of a fork's owner."""
         self.unwatch(process)
         (process.at_end_of_owner or process.kill)()
 
 
 def receive_request(channel: Channel) -> tuple[ForkRequest | None, tuple[int, ...]]:
-    """The next request and its descriptors; None for one that cannot be decoded, or that has not come whole.
+    """Return the next request and its descriptors; None as the request if it is invalid or incomplete.
 
     Raises `EOFError` at the end of the channel.
     """

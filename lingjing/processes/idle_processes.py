@@ -1,7 +1,7 @@
-"""Processes that serve one caller after another: an idle one is handed to the next request of its kind.
+"""Processes that serve one user after another: an idle one serves the next equal request.
 
-A camera process is such a process: its graphics context takes seconds to make, and a picture depends on nothing before
-it. The server keeps them in a `ProcessPool`; the function that runs in one has a `ReuseEnd`.
+A camera process is an example: its graphics context takes seconds to make, and no picture depends on earlier ones. The
+server keeps such processes in a `ProcessPool`; the function in the process has a `ReuseEnd`.
 """
 
 from __future__ import annotations
@@ -18,25 +18,26 @@ from lingjing.processes.fork_requests import StartFunction
 from lingjing.processes.forks import ForkedChild, Forks
 
 _LINGERS_S = 2.0
-"""The longest time that a process may take to become idle when its user has ended, in its own time. Chosen: a picture
-takes a tenth of it."""
+"""The longest time to become idle after the user's end, seconds of own time. Chosen: a picture takes a tenth of it."""
 
 _IDLE = b"idle"
+"""The message of a process that is idle."""
 _NEXT = b"next"
+"""The message that hands an idle process to its next user."""
 
 
 class ReuseEnd:
-    """The end of the control channel in a process that is reused. `descriptor`: the last end that its function gets."""
+    """The control channel in a process that is used again. `descriptor`: the last descriptor of its function."""
 
     def __init__(self, descriptor: int) -> None:
         self._channel = Channel(socket.socket(fileno=descriptor))
 
     def report_idle(self) -> None:
-        """Let the server hand this process over."""
+        """Report to the server that this process is idle."""
         self._channel.send(_IDLE)
 
     def wait_for_next(self) -> tuple[int, ...] | None:
-        """The ends and the output for the next caller; None if the server has ended."""
+        """Return the descriptors and the output of the next user; None if the server has ended."""
         try:
             return self._channel.receive().descriptors
         except ChannelClosedError:
@@ -45,27 +46,31 @@ class ReuseEnd:
 
 @dataclass(slots=True)
 class _Reusable:
-    """A process that is reused."""
+    """A process that is used again."""
 
     process: ForkedChild
     control: Channel
-    """The server's end: it brings the next user's descriptors, and receives that the process is idle."""
+    """The server's end: it sends the next user's descriptors, and receives reports of idleness."""
     request: StartFunction
+    """The request that the process serves."""
     is_busy: bool = True
+    """True while a user has the process."""
     orphaned: OwnDeadline | None = None
-    """The time that is left to become idle, since the user ended."""
+    """The limit of the time to become idle after the user's end; None while the user runs."""
 
 
 @dataclass(slots=True)
 class ProcessPool:
-    """The processes of a fork server that are reused."""
+    """The processes of a fork server that are used again."""
 
     forks: Forks
     processes: dict[int, _Reusable] = field(default_factory=dict)
 
     def start(self, request: StartFunction, ends: Sequence[int], listener: Channel, owner: int, server: int) -> None:
-        """Hand over an idle process, or fork one. `ends`: those of the function, then its output. `server`: the process
-        id of the fork server."""
+        """Hand over an idle process, or fork one.
+
+        `ends`: the descriptors of the function, then its output. `server`: the process id of the fork server.
+        """
         if self._hand_over(request, ends, listener, owner):
             return
         ours, far = socket.socketpair()
@@ -86,17 +91,17 @@ class ProcessPool:
         self.forks.selector.register(control, selectors.EVENT_READ, lambda _: self._note_idle(reusable))
 
     def end_lingerers(self) -> None:
-        """End processes whose user has ended and that do not become idle: another process may hold their channel."""
+        """End processes that do not become idle after the end of their user. Another process may hold their channel."""
         for reusable in self.processes.values():
             if reusable.orphaned is not None and reusable.orphaned.left_s() <= 0.0:
                 reusable.process.kill()
 
     def _hand_over(self, request: StartFunction, ends: Sequence[int], listener: Channel, owner: int) -> bool:
-        """Give an idle process its next user; False if there is none."""
+        """Hand an idle process to its next user. Returns False if there is none."""
         for reusable in self.processes.values():
             if reusable.request != request:
                 continue
-            self._note_idle(reusable)  # its report may not have been read yet
+            self._note_idle(reusable)  # its report may be unread
             if reusable.is_busy:
                 continue
             try:
@@ -112,7 +117,7 @@ class ProcessPool:
         return False
 
     def _note_idle(self, reusable: _Reusable) -> None:
-        """Read the report of a process that it is idle, if there is one."""
+        """Read a report of idleness, if there is one."""
         try:
             reusable.control.receive(WallDeadline(0.0))
         except (TimeoutError, ChannelClosedError):
@@ -121,7 +126,7 @@ class ProcessPool:
         self.forks.unwatch(reusable.process)
 
     def _orphan(self, reusable: _Reusable) -> None:
-        """The user has ended: limit the time in which the process must become idle."""
+        """Limit the time in which a process must become idle, after the end of its user."""
         if reusable.is_busy:
             reusable.orphaned = OwnDeadline(reusable.process.pid, _LINGERS_S, watched=True)
 

@@ -1,9 +1,9 @@
-"""Layers: forks of a fork server that have imported more, and of which in turn processes are forked.
+"""Layers: forks of a fork server that have imported more modules, and from which processes are forked in turn.
 
-A fork copies the page tables of its original, so its cost grows with all that the original holds: 17 ms CPU for a
-process with every engine, 6 ms for one without (measured with 80 and 40 MB of own memory). The process of an episode
-and those of its policies need no engine. They are forks of the server itself, and those of engines are forks of a
-layer. A layer takes the requests of its server over a channel, and has templates and reused processes of its own.
+A fork copies the page tables of its original, so its cost grows with the memory of the original. A process with every
+engine takes 17 ms of CPU time, one without engines 6 ms (measured with 80 and 40 MB of own memory). Processes of
+episodes and policies need no engine and are forks of the server itself. Processes of engines are forks of a layer. A
+layer receives its server's requests over a channel, and has templates and reused processes of its own.
 """
 
 from __future__ import annotations
@@ -23,20 +23,22 @@ from lingjing.processes.fork_requests import CallFunction, ForkRequest, StartFun
 from lingjing.processes.forks import Forks
 
 ServeLayer = Callable[[socket.socket, int, Sequence[str]], None]
-"""Called in the process of a layer: with the channel of its requests, the server's process id, and the modules."""
+"""Called in the process of a layer, with the channel of its requests, the server's process id, and its modules."""
 
 
 @dataclass(slots=True)
 class Layers:
-    """The layers of a fork server. `modules`: what each imports, by its name."""
+    """The layers of a fork server."""
 
     forks: Forks
     modules: Mapping[str, Sequence[str]]
+    """The modules of each layer, by its name."""
     serve: ServeLayer
+    """Serves requests in the process of a layer."""
     channels: dict[str, Channel] = field(default_factory=dict)
-    """The channels of those that run."""
+    """The channels of the running layers, by name."""
     failed: set[str] = field(default_factory=set)
-    """Layers that ended with an error, as of a module that cannot be imported. The server starts their processes."""
+    """Layers that ended with an error, such as a failed import. The server starts their processes itself."""
 
     def begin_all(self) -> None:
         """Start the layers that do not run."""
@@ -44,13 +46,13 @@ class Layers:
             self._begin(name)
 
     def start(self, request: StartFunction, descriptors: Sequence[int]) -> bool:
-        """Have the layer that the request names start the process; False if there is none and none can be started."""
+        """Let the requested layer start the process. Returns False if there is none and none can be started."""
         name = request.layer
         self._begin(name)
         return self._send(name, request, descriptors)
 
     def call(self, request: CallFunction) -> None:
-        """Pass the request on to the layers that run, if it is for them too. Others are forked after it."""
+        """Send the request to the running layers, if it is for layers. Later ones are forked after it."""
         for name in tuple(self.channels) if request.in_layers else ():
             self._send(name, request, ())
 
@@ -60,12 +62,12 @@ class Layers:
             return False
         try:
             send_request(channel, request, descriptors)
-        except InfrastructureError:  # it has just ended
+        except InfrastructureError:  # the layer has ended
             return False
         return True
 
     def _begin(self, name: str) -> None:
-        """Start a layer, if there is one of that name, it does not run and has not failed."""
+        """Start a layer of this name, unless it runs, has failed or does not exist."""
         if name in self.channels or name in self.failed or name not in self.modules:
             return
         ours, theirs = socket.socketpair()

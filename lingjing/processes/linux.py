@@ -1,6 +1,6 @@
-"""System calls of Linux that the standard library lacks, or that have a rule of ours: prctl(2) and fork(2).
+"""System calls of Linux that the standard library lacks, or that this project restricts: prctl(2) and fork(2).
 
-On other systems the functions of prctl do nothing: nothing of ours forks there.
+On other systems the functions of prctl do nothing, because no process is forked there.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ _M_MMAP_THRESHOLD = -3
 """Options of mallopt(3), from `malloc.h`."""
 
 _MOST_KEPT_BYTES = 32 << 20
-"""The largest block that glibc takes from its heap: `HEAP_MAX_SIZE / 2` on systems of 64 bits (mallopt(3))."""
+"""The largest block that glibc takes from its heap, bytes: `HEAP_MAX_SIZE / 2` on 64-bit systems (mallopt(3))."""
 
 
 class SeveralThreadsError(Exception):
-    """A process with several threads cannot be forked. `count`: how many it has.
+    """A process with several threads cannot be forked. `count`: the number of its threads.
 
-    A fork has a copy of the calling thread alone. Locks that other threads hold stay locked in it for ever.
+    A fork has only a copy of the calling thread. Locks that other threads hold stay locked in it for ever.
     """
 
     def __init__(self, count: int) -> None:
@@ -37,11 +37,11 @@ class SeveralThreadsError(Exception):
 
 
 def fork(*, keep_random: bool = False, with_threads: bool = False) -> int:
-    """Fork this process; 0 in the copy, else the copy's process id.
+    """Fork this process. Returns 0 in the copy, otherwise the copy's process id.
 
-    With `keep_random` the copy goes on with the stream of `random` where its original stands; Python seeds it anew
-    otherwise. `with_threads` is for a copy that needs no lock which another thread may hold. Raises
-    `SeveralThreadsError` otherwise, and `OSError` if the system refuses.
+    With `keep_random` the copy continues the stream of `random`; without it Python seeds `random` anew. `with_threads`
+    is for a copy that needs no lock which another thread may hold. Raises `SeveralThreadsError` for several threads
+    without it, and `OSError` if the system refuses.
     """
     count = thread_count()
     if count != 1 and not with_threads:
@@ -54,9 +54,9 @@ def fork(*, keep_random: bool = False, with_threads: bool = False) -> int:
 
 
 def run_in_fork(work: Callable[[], bytes]) -> bytes:
-    """The bytes that `work` returns in a copy of this process; empty if it raises.
+    """Return the bytes that `work` returns in a copy of this process; empty if it raises.
 
-    Other threads are no obstacle here: the work must take no lock that one of them may hold.
+    This process may have several threads. `work` must not take a lock that another thread may hold.
     """
     read, write = os.pipe()
     child = os.fork()
@@ -64,7 +64,7 @@ def run_in_fork(work: Callable[[], bytes]) -> bytes:
         try:
             os.write(write, work())
         finally:
-            os._exit(0)  # no shutdown of the interpreter, which is the original's
+            os._exit(0)  # no shutdown: the interpreter's state belongs to the original
     os.close(write)
     with os.fdopen(read, "rb") as pipe:
         answer = pipe.read()
@@ -73,10 +73,10 @@ def run_in_fork(work: Callable[[], bytes]) -> bytes:
 
 
 def keep_freed_memory() -> None:
-    """Have the C library keep freed blocks of up to 32 MB, in this process and its forks.
+    """Let the C library keep freed blocks of up to 32 MB, in this process and its forks.
 
-    It returns each block above 128 KB to the system otherwise, until it has learnt the sizes of this process. A fork
-    starts to learn anew, and the system clears every page of a picture for it again and again.
+    By default it returns each block above 128 KB to the system until it has adapted to the sizes of the process. A fork
+    adapts anew, and the system would clear every page of each picture again.
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is not None:
@@ -85,27 +85,27 @@ def keep_freed_memory() -> None:
 
 
 def thread_count() -> int:
-    """The number of threads of this process, those of compiled libraries included."""
+    """Return the number of threads of this process, those of compiled libraries included."""
     return len(list(Path("/proc/self/task").iterdir()))
 
 
 def set_parent_death_signal(parent: int, number: signal.Signals) -> bool:
-    """Have the kernel send this process a signal when the thread that started it ends.
+    """Request a signal from the kernel for the end of the thread that has started this process.
 
-    False if the process `parent` has ended already: then no signal comes.
+    Returns False if the process `parent` has ended already: then no signal comes.
     """
     _prctl(_PR_SET_PDEATHSIG, number)
-    return os.getppid() == parent  # looked up afterwards: the parent may have ended before the call
+    return os.getppid() == parent  # after the call, because the parent may have ended before it
 
 
 def end_with_parent(parent: int, number: signal.Signals = signal.SIGKILL) -> None:
-    """As `set_parent_death_signal`; this process ends at once if its parent has ended already."""
+    """Call `set_parent_death_signal`, and end this process at once if its parent has ended already."""
     if not set_parent_death_signal(parent, number):
         os._exit(0)
 
 
 def adopt_orphans(wanted: bool = True) -> None:
-    """Have the kernel make this process the parent of each process below it that loses its own, or no longer."""
+    """Let the kernel make this process the parent of each orphan below it, or no longer if not `wanted`."""
     _prctl(_PR_SET_CHILD_SUBREAPER, int(wanted))
 
 

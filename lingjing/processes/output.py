@@ -7,17 +7,17 @@ import select
 from collections import deque
 
 _PIECE_BYTES = 1 << 16
-"""The most that is read at a time: the default capacity of a pipe (pipe(7))."""
+"""The most bytes of one read: the default capacity of a pipe (pipe(7))."""
 
 _TAIL_BYTES = 16_384
-"""The end of the output that is kept. Chosen: a traceback of a hundred lines."""
+"""The kept end of the output, bytes. Chosen: a traceback of a hundred lines."""
 
 
 class OutputPipe:
-    """The reading end of a pipe that processes write their output to. `descriptor`: the pipe, which it owns.
+    """The reading end of a pipe for the output of processes. `descriptor`: the pipe, which this object owns.
 
     A subclass defines `_take`. `most_pieces` limits one `drain`, so that a process which never stops printing does not
-    hold up its reader; 0 is no limit.
+    delay its reader; 0 is no limit.
     """
 
     def __init__(self, descriptor: int, most_pieces: int = 0) -> None:
@@ -26,11 +26,11 @@ class OutputPipe:
         self._most_pieces = most_pieces
 
     def fileno(self) -> int:
-        """The pipe's descriptor, -1 when all writers have closed it."""
+        """Return the pipe's descriptor; -1 once all writers have closed it."""
         return self._descriptor
 
     def drain(self) -> None:
-        """Read what has come, without waiting."""
+        """Read the available output, without waiting."""
         pieces = 0
         while self._descriptor >= 0 and (pieces < self._most_pieces or not self._most_pieces):
             try:
@@ -54,14 +54,14 @@ class OutputPipe:
 
 
 class OutputTail(OutputPipe):
-    """The end of the standard output and error of a process and its forks. The text stays when the pipe is closed."""
+    """The end of the output of a process and its forks. The text remains when the pipe is closed."""
 
     def __init__(self, descriptor: int) -> None:
         super().__init__(descriptor)
         self._chunks: deque[bytes] = deque()
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait at most so long for output, and read it; True if there was some."""
+        """Wait at most `timeout_s` seconds for output, and read it. Returns True if there was some."""
         if self._descriptor < 0:
             return False
         poller = select.poll()  # not `select`, which cannot watch descriptors from 1024 on
@@ -71,7 +71,7 @@ class OutputTail(OutputPipe):
         return ready
 
     def text(self) -> str:
-        """The end of the output, with undecodable bytes replaced."""
+        """Return the end of the output. Undecodable bytes are replaced."""
         return b"".join(self._chunks).decode(errors="replace")
 
     def _take(self, data: bytes) -> None:

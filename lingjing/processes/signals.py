@@ -1,7 +1,7 @@
-"""Signals of a process: blocked, deferred, ignored, and turned into an interrupt; and the end at the second interrupt.
+"""Signals of a process: blocked, deferred, ignored, or handled as an interrupt; and the end at the second interrupt.
 
-Only the main thread can set handlers, because Python runs them there. In other threads these functions do nothing, but
-for `blocked_signals`. Loaded by every verb, so this module imports next to nothing.
+Only the main thread can set handlers, because Python runs them there. In other threads these functions do nothing,
+except `blocked_signals`. Every verb loads this module, so it imports little.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ _TERMINATING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if 
 _INTERRUPTING = (signal.SIGINT, *_TERMINATING)
 
 SECOND_S = 0.5
-"""An interrupt that arrives later than this after the first is the second, seconds (chosen: coreutils' `timeout` sends
-one signal twice, to the process and to its group)."""
+"""The time after the first interrupt from which another one counts as the second, seconds (chosen: coreutils' `timeout`
+sends one signal twice, to the process and to its group)."""
 
 
 @contextmanager
@@ -82,11 +82,11 @@ def terminated_as_interrupted() -> Iterator[None]:
 
 @contextmanager
 def ending_at_second_interrupt(exit_code: int, before_exit: Callable[[], None]) -> Iterator[None]:
-    """End this process and all processes below it at the second interrupt, with `exit_code`.
+    """End this process and all its descendants at the second interrupt, with `exit_code`.
 
-    The first interrupt is a `KeyboardInterrupt`, as always. A thread reads the numbers that the system's own handlers
-    write to a descriptor (`signal.set_wakeup_fd`), so it also learns of a signal that Python cannot handle at the time.
-    `before_exit` is called in that thread, after the other processes have ended. Linux only; elsewhere it does nothing.
+    The first interrupt raises `KeyboardInterrupt`. A thread reads the signal numbers that the system's handlers write
+    to a descriptor (`signal.set_wakeup_fd`), so it also receives a signal that Python cannot handle at the time.
+    `before_exit` is called in that thread, after the end of the other processes. Linux only; elsewhere it does nothing.
     """
     if sys.platform != "linux" or threading.current_thread() is not threading.main_thread():
         yield
@@ -112,9 +112,10 @@ def ignore_interrupts() -> None:
 
 
 def leave_interrupts_to_parent() -> None:
-    """Ignore SIGINT in a worker, which its parent ends; and unblock it, because the parent blocks it for its children.
+    """Ignore SIGINT in a worker, and unblock it, because the parent blocks it for its children. The parent ends the
+    worker.
 
-    Ctrl-C reaches all processes of a terminal, and a worker that it ended would look like a fault of the engine.
+    Ctrl-C reaches all processes of a terminal, and a worker that it ended would look like a failed engine.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})

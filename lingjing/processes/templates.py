@@ -1,7 +1,7 @@
-"""Templates: forks that have made something ready, and of which further processes are forked.
+"""Templates: forks that have prepared an object, and from which further processes are forked.
 
-A placed world is such a thing: a template brings the engines to the first boundary once, and each world process of that
-instance is a fork of the template. `fork_requests.Template` says where its functions come from.
+A placed world is such an object: a template brings the engines to the first boundary once, and each world process of
+that instance is a fork of the template. `fork_requests.Template` describes its functions.
 """
 
 from __future__ import annotations
@@ -21,25 +21,28 @@ from lingjing.processes.fork_requests import Function, StartFunction, Template
 from lingjing.processes.forks import Forks, close_all, receive_request
 
 MOST_TEMPLATES = 8
-"""Templates of one fork server; of more, the one that was not used for the longest time ends. Chosen: each takes 100
-MB and more."""
+"""The most templates of one fork server. Beyond it the least recently used one ends. Chosen: each takes 100 MB and
+more."""
 
 MakeReady = Callable[[], Function]
-"""Called in the template's process; see `fork_requests.Template`."""
+"""Called in the template's process to prepare the object; see `fork_requests.Template`."""
 
 
 @dataclass(slots=True)
 class Templates:
-    """The templates of a fork server, each with the channel by which it is asked; the one used last is at the end."""
+    """The templates of a fork server."""
 
     forks: Forks
     channels: dict[tuple[Template, bytes], Channel] = field(default_factory=dict)
+    """The channels of their requests, the most recently used last."""
     failed: set[tuple[Template, bytes]] = field(default_factory=set)
     """Templates that ended with an error. Processes that name them are started without a template."""
 
     def start(self, request: StartFunction, template: Template, descriptors: Sequence[int], server: int) -> bool:
-        """Have the template start the process; False if there is none and none can be made. `server`: the process id of
-        the fork server."""
+        """Let the template start the process. Returns False if there is none and none can be made.
+
+        `server`: the process id of the fork server.
+        """
         key = template, request.argument  # the template holds the world placed (ADR 0028)
         make: MakeReady | None = None
         if key not in self.failed:
@@ -51,14 +54,14 @@ class Templates:
             return False
         try:
             send_request(channel, request, descriptors)
-        except InfrastructureError:  # it has just ended
+        except InfrastructureError:  # the template has ended
             channel.close()
             return False
         self.channels[key] = channel
         return True
 
     def _make(self, key: tuple[Template, bytes], make: MakeReady, server: int) -> Channel | None:
-        """Fork a template; the channel by which it is asked. The oldest ends when there are too many."""
+        """Fork a template and return the channel of its requests. Ends the least recently used one of too many."""
         while len(self.channels) >= MOST_TEMPLATES:
             self.channels.pop(next(iter(self.channels))).close()
         ours, theirs = socket.socketpair()
@@ -80,26 +83,26 @@ class Templates:
 
 @dataclass(slots=True)
 class _TemplateProcess:
-    """The far end: each process that it is asked for is a fork of itself."""
+    """The template's side: each requested process is a fork of this process."""
 
-    asking: Channel
+    channel: Channel
     parent: int
     function: Function
     forks: Forks = field(default_factory=Forks)
     is_over: bool = False
 
     def run(self) -> None:
-        """Serve until the server's end is closed, then until the last fork has ended."""
-        self.forks.listen(self.asking, self._answer)
+        """Serve until the server closes its end and the last fork has ended."""
+        self.forks.listen(self.channel, self._answer)
         while os.getppid() == self.parent and not (self.is_over and not self.forks.processes):
             self.forks.serve()
 
-    def _answer(self, asking: Channel) -> None:
-        """A process is asked for."""
+    def _answer(self, channel: Channel) -> None:
+        """Handle a request for a process."""
         try:
-            request, descriptors = receive_request(asking)
+            request, descriptors = receive_request(channel)
         except EOFError:
-            self.forks.selector.unregister(asking)
+            self.forks.selector.unregister(channel)
             self.is_over = True
             return
         if isinstance(request, StartFunction) and len(descriptors) >= 3:
@@ -119,15 +122,15 @@ class _TemplateProcess:
             self.forks.watch(self.forks.processes[pid], owner)
 
     def _serve(self, request: StartFunction, ends: tuple[int, ...], output: int, template: int) -> None:
-        """In a fork of the template: call its function."""
+        """Call the template's function, in a fork of the template."""
         self.forks.forget()
-        self.asking.close()
+        self.channel.close()
         begin(template, signal.SIGKILL, (0, output, output))
         self.function(request.argument, ends)
 
 
 def _become_template(make: MakeReady, control: int, server: int) -> NoReturn:
-    """Make the thing ready, and fork the processes that need it."""
+    """Prepare the object, and fork the processes that need it."""
 
     def work() -> None:
         empty = os.open(os.devnull, os.O_RDWR)

@@ -112,7 +112,7 @@ def test_run_takes_a_file(tmp_path: Path, as_path: type[str | Path]) -> None:
 
 
 def test_run_names_what_is_no_mission() -> None:
-    with pytest.raises(UsageError, match="a mission is due, this is 'int'"):
+    with pytest.raises(UsageError, match="expected a mission, not 'int'"):
         lingjing.run(3)  # type: ignore[arg-type]
 
 

@@ -52,7 +52,7 @@ mission crew "Boats that wait" {{
 
 WORDS = {
     "Chdir": ("", "elsewhere"),
-    "Close": ("policy_error", r"its process (ended \(exit code 1\)|sent what is no answer.*)"),
+    "Close": ("policy_error", r"its process (ended \(exit code 1\)|sent an invalid answer.*)"),
     "Replace": ("", "replaced"),
     "Exit": ("policy_error", r"RuntimeError: the policy tried to exit \(SystemExit\)"),
     "HardExit": ("policy_error", r"its process ended \(exit code 0\)"),
@@ -60,7 +60,7 @@ WORDS = {
     "Kill": ("policy_error", r"its process was killed by signal 9 \(SIGKILL\)"),
     "Wrong": ("malformed", "a lock cannot stand in a decision"),
     "NoDecision": ("malformed", "`act` returned function, not a Decision"),
-    "Raw": ("policy_error", "its process sent what is no answer, or closed what it answers through"),
+    "Raw": ("policy_error", "its process sent an invalid answer, or closed its channel"),
     "Huge": ("malformed", r"the decision has \d+ bytes, at most 1000000"),
     "Flood": ("", "printed"),
     "Forks": ("", "forked"),

@@ -120,5 +120,5 @@ def test_threads_are_counted_together() -> None:
 
 def test_a_file_that_is_no_ledger_is_told(tmp_path: Path) -> None:
     (tmp_path / "ledger").write_text("hello")
-    with pytest.raises(UsageError, match="is no ledger"):
+    with pytest.raises(UsageError, match="is not a ledger"):
         SpendingLimits(1.0, None, tmp_path / "ledger").reserve(ASKED)

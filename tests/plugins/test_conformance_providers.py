@@ -143,8 +143,8 @@ def _counting() -> Callable[[EpisodeState, object], Evaluation]:
         (lambda state, events: 0.5, "at tick 0 answers a float instead of an Evaluation"),
         (lambda state, events: Evaluation(state.tick * 0.75, False), "at tick 2: its reward is 1.5"),
         (lambda state, events: Evaluation(0.5, True, "bored"), "its reason is 'bored'"),
-        (_counting(), "it keeps something"),
-        (_forgetful, "changes the boundary that it is shown"),
+        (_counting(), "it keeps a state"),
+        (_forgetful, "changes the boundary that it receives"),
     ],
 )
 def test_an_evaluator_that_breaks_its_contract_fails(

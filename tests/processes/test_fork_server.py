@@ -154,7 +154,7 @@ def test_a_killed_server_takes_everything_along(server: ForkServer, tmp_path: Pa
     os.kill(server.pid, signal.SIGKILL)
     assert process.wait(600) == ForkedProcess.LOST
     await_gone([*workers, process.pid])
-    with pytest.raises(InfrastructureError, match="the process that starts others is gone"):
+    with pytest.raises(InfrastructureError, match="the process that starts others has ended"):
         started(server, tmp_path, "told")
 
 

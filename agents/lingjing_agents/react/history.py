@@ -1,7 +1,7 @@
-"""`TurnMemory`: the memory of `react`: earlier turns, bounded in tokens, and the lines that the model wants to keep.
+"""`TurnMemory`: the memory of `react`: earlier turns, bounded in tokens, and the lines that the model keeps.
 
-Services cache the beginning of a request. So a kept turn never changes, and turns are removed in one block when the
-bound is passed (the oldest, until half of the bound is left): the beginning of a request stays the same for long.
+Services cache the beginning of a request. So a kept turn never changes. When the bound is passed, the oldest turns are
+removed in one block, down to half of the bound. The beginning of a request then stays the same for many boundaries.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ PIXELS_PER_TOKEN = 28 * 28
 
 
 class TurnMemory:
-    """The earlier turns and the kept lines of one agent. With `keeps_lines` the model is offered to keep lines."""
+    """The earlier turns and the kept lines of one agent. With `keeps_lines` the model may keep lines."""
 
     def __init__(self, *, keeps_lines: bool) -> None:
         self._keeps_lines = keeps_lines
@@ -31,7 +31,7 @@ class TurnMemory:
 
     @property
     def instructions(self) -> str:
-        """The section of the system text that offers the memory; "" without one."""
+        """The section of the system text about the memory; "" without one."""
         return f"YOUR MEMORY\n{MEMORY_TOLD}" if self._keeps_lines else ""
 
     def begin(self, limits: MemoryLimits) -> None:
@@ -39,16 +39,15 @@ class TurnMemory:
         self._limits = limits
 
     def members(self) -> Mapping[str, object]:
-        """The lines that the model wrote last, by field."""
+        """Return the lines that the model wrote last, by field."""
         return self._lines
 
     def turns(self) -> tuple[ChatMessage, ...]:
-        """The turns in order: the text of the state, then the answer."""
+        """Return the turns in order: the text of the state, then the answer."""
         return tuple(message for state, answer, _ in self._turns for message in (state, answer))
 
     def record(self, turn: Turn) -> None:
-        """Keep a turn and its lines. Images of reported pictures stay, as far as there is room. Images of earlier turns
-        stay while the turns do."""
+        """Keep a turn and its lines. Images of its reported pictures are kept too, within the bound of images."""
         if turn.step.memory:
             self._lines = {**self._lines, **turn.step.memory}
         if self._limits.tokens == 0:

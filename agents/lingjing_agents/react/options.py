@@ -1,4 +1,4 @@
-"""The options of `react`: the model that it asks (`ModelOptions`), and what it is played with."""
+"""The options of `react`: those of its model (`ModelOptions`), and those of its play."""
 
 from __future__ import annotations
 

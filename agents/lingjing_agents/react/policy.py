@@ -143,7 +143,7 @@ class ReactPolicy:
         return msgspec.structs.replace(decision, usage=self._bill())
 
     def _own_parts(self) -> AgentParts:
-        """The parts of `react` for the brief."""
+        """Return the parts of `react` for the brief."""
         options = self._options
         form = StepFormat(self._brief, memory=options.memory, crops=options.crops > 0)
         return AgentParts(
@@ -172,7 +172,7 @@ class ReactPolicy:
         return max(0, min(options.history_tokens, traits.context - rest))
 
     def _members(self) -> Mapping[str, object]:
-        """The members of the state that the loop adds: the memory, the withheld command, the rest of the search."""
+        """Return the members of the state that the loop adds: memory, withheld command, rest of the search."""
         left = {"pictures_of_searched_cells_left": self._search.left} if self._search.applies else {}
         memory = self._parts.memory.members()
         return {**memory, "withheld": self._withheld, **left, "next_node": self._guidance.next_node()}
@@ -237,7 +237,7 @@ class ReactPolicy:
     async def _settle(
         self, tick: int, messages: tuple[ChatMessage, ...], pictures: Sequence[Picture], deadline: CallDeadline
     ) -> tuple[ModelStep, str]:
-        """Return the final step and its answer: crops and repairs come in between."""
+        """Return the final step and its answer, after crops and repairs."""
         repairs, crops, fault = self._options.repairs, self._options.crops, ""
         while True:
             completion = await self._model.ask(tick, messages, deadline, schema=self._schema)
@@ -290,7 +290,7 @@ class ReactPolicy:
 
 
 class _Question:
-    """A request of the deliberation (`lingjing.plugins.scaffold.ModelQuestion`)."""
+    """A request of a deliberation (`lingjing.plugins.scaffold.ModelQuestion`)."""
 
     def __init__(self, model: AskedModel, tick: int, deadline: CallDeadline, structured: bool) -> None:
         self._model, self._tick, self._deadline, self._structured = model, tick, deadline, structured

@@ -23,7 +23,7 @@ class ReactPrompt:
         self._route = route
 
     def system(self, first: Observation, memory: str, answer: str) -> str:
-        """Return the filled prompt, the facts of the interface, and a section for each thing that there is."""
+        """Return the filled prompt, the facts of the interface, and one section for each further text."""
         costs = road_costs(self._brief, first)
         sections = (
             self._prompt.filled(self._brief),

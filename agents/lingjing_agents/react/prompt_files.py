@@ -1,8 +1,8 @@
-"""Prompts: text files by name or by path. Holes such as `$goal` (`HOLES` lists them) are filled for each agent.
+"""Prompts: text files by name or by path, with holes such as `$goal` (`HOLES` lists them) for each agent.
 
-`P0` is one line. `P1` adds the rules, a checklist for pictures, the coordinate frame, rules for deciding and the form
-of an answer. `lingjing prompts improve` makes others. The commands and messages of an agent follow each prompt, because
-no prompt may change them. The trace holds a prompt's name and the SHA-256 of its text.
+`P0` is one line. `P1` adds the rules, a checklist for pictures, the coordinate frame, rules for decisions and the form
+of an answer. `lingjing prompts improve` makes others. The agent's commands and messages follow each prompt, because no
+prompt may change them. The trace holds a prompt's name and the SHA-256 of its text.
 """
 
 from __future__ import annotations

@@ -62,7 +62,7 @@ class ReviserOptions(ModelOptions):
 
 
 class ModelReviser:
-    """A reviser over one model. After an answer that cannot be used it asks once more."""
+    """A reviser with one model. After an unusable answer it makes one more request."""
 
     def __init__(self, options: ReviserOptions, calls: ModelCalls) -> None:
         self._options = options
@@ -100,7 +100,7 @@ class ModelReviser:
 
     @property
     def _form(self) -> str:
-        """The words about the form of the second answer."""
+        """Return the words about the form of the second answer."""
         return "" if self._model.profile.traits.structured == "none" else ', with a JSON object: {"prompt": "…"}'
 
     def _rest(self, before: str, failures: Sequence[str], tried: Sequence[TriedPrompt]) -> str:

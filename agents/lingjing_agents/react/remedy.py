@@ -1,11 +1,11 @@
-"""Advice about a service that rejects a request, from its status and its words."""
+"""Advice about a service that rejects a request, from its status and its message."""
 
 from __future__ import annotations
 
 from lingjing.plugins.backbone import ModelError
 
 _SPEAKING = ("model", "context", "token", "api key", "api_key", "quota", "credit", "billing")
-"""Words of a rejection that names its cause itself: no guess is added to it."""
+"""Words of a rejection that states its cause: no advice is added to it."""
 
 
 def explained(error: ModelError, images: tuple[bytes, ...], schema: bytes | None) -> str:
@@ -15,7 +15,7 @@ def explained(error: ModelError, images: tuple[bytes, ...], schema: bytes | None
 
 
 def remedy(error: ModelError, images: tuple[bytes, ...], schema: bytes | None) -> str:
-    """Return the remedy of a rejection, from its status and its words; "" if none is known."""
+    """Return the remedy of a rejection, from its status and its message; "" if none is known."""
     if error.status in (401, 403):
         return "another key: api_key_env=VARIABLE names it"
     if error.status == 404:

@@ -1,9 +1,13 @@
 """`RouteGuidance`: the paper's staged interventions on an inspected route (last-mile delivery), A0 to A3.
 
-A0: pictures alone. Coordinates in the goal and the task, routes, and the places of the vehicles whose routes are
-inspected are left out. A1 gives the ends of the route. A2 gives the roads around it and the shortest way too. A3
-chooses the next node of that way by A* in the model's place: a flier that is sent somewhere goes to the node. Without
-an intervention everything is as the mission shows it. Nothing here is hidden: ends and roads are public.
+- A0 gives pictures alone. It removes coordinates from the goal and the task, routes, and the places of vehicles with an
+  inspected route.
+- A1 gives the ends of the route.
+- A2 also gives the roads around it and the shortest way.
+- A3 chooses the next node of that way by A* in the model's place: an aircraft that the model moves flies to the node.
+
+Without an intervention the brief and the observation stay unchanged. Ends and roads are public, so nothing hidden is
+given.
 """
 
 from __future__ import annotations
@@ -21,10 +25,10 @@ from lingjing_agents.capability import straight_to
 
 NOT_GIVEN = "(not given: find it in pictures)"
 REACHED_M = 20.0
-"""A node counts as visited from this near above it; an inspection asks for 25 m in the paper's missions."""
+"""The distance at which a node counts as visited, metres. Chosen: an inspection of the paper's missions needs 25 m."""
 
 AROUND_M = 250.0
-"""Roads are given as far as this around the ends of the route."""
+"""The distance from the ends of the route up to which roads are given, metres. Chosen."""
 
 _PLACE = re.compile(r"\(-?\d+(?:\.\d+)?, -?\d+(?:\.\d+)?\)")
 

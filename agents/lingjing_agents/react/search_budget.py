@@ -25,7 +25,7 @@ class SearchBudget:
 
     @property
     def applies(self) -> bool:
-        """True if this agent searches cells from above."""
+        """True if this agent photographs cells from above."""
         return bool(self._cells and self._fliers)
 
     def withheld(self, command: Action | None, observation: Observation) -> str:

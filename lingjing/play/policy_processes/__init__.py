@@ -1,13 +1,18 @@
-"""The processes of policies: one for each agent, so that a policy can ruin nothing but itself.
+"""The processes of policies, one for each agent: a policy can damage only its own process.
 
-`barrier` asks the policies of an episode (`ProcessBarrier`, in the place of `kernel.barrier.PolicyBarrier`) ← `turns`
-waits for several processes, each with its deadline ← `agent_process` is one of them as the player sees it ← `output`
-passes on what it prints, `model_calls` answers for the record of its model calls. `host` is the far end, which a fork
-server calls. What crosses the border: `messages`, as memory (`letters`); `observations` and their `pictures`.
-`loading` makes the requests that load an episode's policies, `preloading` imports what a team needs before the fork,
-and `examination` has processes read the declarations of policies in files (`declaring` is their far end).
+The *player* is the process of the episode. It sends briefs, observations and inboxes, and receives decisions, or the
+reason for which there is none. It trusts nothing that a policy's process sends, and waits for nothing beyond a
+deadline. `lingjing run` and `bench` play in this way. `lingjing.run`, `--world inline`, the environments and branches
+have the policies in their own process.
 
-In: briefs, observations, inboxes. Out: decisions, or the reason why there is none. Nothing that comes from a policy's
-process is trusted, and nothing that it does is waited for longer than its deadline. `lingjing run` and `bench` play so;
-`lingjing.run`, `--world inline`, the environments and branches have the policies in their own process.
+In the order of a call:
+
+- `loading`        the requests that load an episode's policies; `preloading` imports their modules before the fork
+- `barrier`        `ProcessBarrier`, in the place of `kernel.barrier.PolicyBarrier` ← `turns`, the waiting for several
+  processes with a deadline each
+- `agent_process`  one process from the player's side ← `output`, its printed text; `model_calls`, the record of its
+  calls
+- `host`           the policy's side, called by a fork server
+- `messages`       the requests and answers; `observations` and `pictures` convert an observation
+- `examination`    the declarations of policies in files ← `declaring`, the other side
 """

@@ -1,7 +1,7 @@
-"""The process of one agent's policy as the player sees it: start, requests, answers, end.
+"""The process of one agent's policy from the player's side: start, requests, answers, end.
 
-Nothing here waits for the process: sending passes a descriptor, receiving takes what has come. The player waits for
-several processes at once (`barrier`).
+No function here waits for the process: `send` passes a descriptor, `receive` returns what has arrived. The player waits
+for several processes at once (`barrier`).
 """
 
 from __future__ import annotations
@@ -31,21 +31,22 @@ from lingjing.processes.deadlines import WallDeadline
 from lingjing.processes.fork_client import ForkedProcess, ForkServerClient
 
 _SERVE = "lingjing.play.policy_processes.host:serve"
+"""The function that the fork server calls in the process."""
 
 ANSWER_BYTES = 4_000_000
-"""The largest answer that is read. A decision that the kernel takes is a quarter of that at most."""
+"""The largest accepted answer, bytes. Chosen: four times the largest decision that the kernel accepts."""
 
 CALL_BYTES = 256_000_000
-"""The largest question to a chat model with its pictures that is read."""
+"""The largest accepted model call with its pictures, bytes. Chosen."""
 
 _STATUS_S = 10.0
-"""How long the fork server may take to report the status of a process that has ended."""
+"""The longest wait for the fork server's report of an ended process, seconds of wall clock. Chosen."""
 
 _ANSWERS: msgspec.msgpack.Decoder[PolicyAnswerMessage] = msgspec.msgpack.Decoder(PolicyAnswerMessage)
 
 
 class PolicyProcess:
-    """A process that was started for an agent. `calls` answers for the record of its model calls."""
+    """The process of an agent's policy. `calls` is the record of its model calls."""
 
     def __init__(self, agent: str, server: ForkServerClient, calls: ModelCalls) -> None:
         self.agent = agent
@@ -72,11 +73,11 @@ class PolicyProcess:
 
     @property
     def pid(self) -> int:
-        """Its process id."""
+        """The process id."""
         return self._process.pid
 
     def descriptors(self) -> Iterator[int]:
-        """What to wait for."""
+        """Yield the descriptors to wait for: answers, model calls, the end of the process, output."""
         yield from (self._channel.fileno(), self._call_channel.fileno(), self._process.pidfd)
         if self._output.fileno() >= 0:
             yield self._output.fileno()
@@ -91,12 +92,13 @@ class PolicyProcess:
         self._send(request, rest)
 
     def receive(self) -> PolicyAnswerMessage | None:
-        """The answer to the request if it has come. Serves model calls and output beside it.
+        """Return the answer to the request; None if it has not arrived. Serves model calls and output too.
 
-        Raises `EOFError` with the reason if the process has ended, or has sent what is no answer: it is ended then.
+        Raises `EOFError` with the reason if the process has ended, or has sent an invalid answer. Then the process is
+        ended.
         """
         self._output.drain()
-        has_ended = self.has_ended()  # before its last words are read, which may be an answer
+        has_ended = self.has_ended()  # read first: the last packet may be an answer
         try:
             answer = self._received()
             if answer is None:
@@ -105,19 +107,19 @@ class PolicyProcess:
             if self._ends_by_itself():
                 raise EOFError(self.end()) from error
             self.end()
-            raise EOFError("its process sent what is no answer, or closed what it answers through") from error
+            raise EOFError("its process sent an invalid answer, or closed its channel") from error
         if answer is None and has_ended:
             raise EOFError(self.end())
         return answer
 
     def has_ended(self, patience_s: float = 0.0) -> bool:
-        """True if the process has ended, or ends within so many seconds."""
+        """Return True if the process has ended, or ends within `patience_s` seconds."""
         poller = select.poll()
         poller.register(self._process.pidfd, select.POLLIN)
         return bool(poller.poll(int(patience_s * 1000)))
 
     def end(self) -> str:
-        """Kill it, if it has not ended; what it has started is ended by the fork server. Returns how it ended."""
+        """Kill the process unless it has ended, and return its end in words. The fork server ends its children."""
         if not self.is_alive:
             return ""
         self.is_alive = False
@@ -159,12 +161,12 @@ class PolicyProcess:
             return ForkedProcess.LOST
 
     def _ends_by_itself(self) -> bool:
-        """True if the process is at its end: its descriptors are closed a moment before."""
+        """Return True if the process ends by itself: its descriptors close shortly before it ends."""
         return self.has_ended(0.2)
 
 
 def _send_in_memory(channel: Channel, payload: bytes, descriptors: Sequence[int] = ()) -> None:
-    """Send without waiting for the process. Raises `InfrastructureError` where the system has no memory."""
+    """Send without waiting for a reader. Raises `InfrastructureError` if the system has no memory."""
     try:
         channel.send_in_memory(payload, descriptors)
     except NoMemoryError as error:
@@ -175,8 +177,8 @@ def _send_in_memory(channel: Channel, payload: bytes, descriptors: Sequence[int]
 
 
 def how_it_ended(code: int) -> str:
-    """The end of a policy's process in words, by its exit code (negative: a signal)."""
+    """Return the end of a policy's process in words, by its exit code (negative: a signal)."""
     if code < 0:
-        names = {one.value: f" ({one.name})" for one in signal.Signals}
+        names = {number.value: f" ({number.name})" for number in signal.Signals}
         return f"its process was killed by signal {-code}{names.get(-code, '')}"
     return f"its process ended (exit code {code})"

@@ -1,8 +1,8 @@
-"""`ProcessBarrier`: the policy barrier over processes, one for each agent, which the player waits for at once.
+"""`ProcessBarrier`: the policy barrier over processes, one for each agent. The player waits for all of them at once.
 
-A call that passes its deadline is cancelled where it waits for something; a process that does not obey within a moment
-is ended with all that it has started, as is one that exits, crashes or answers nonsense. Its agent does nothing at that
-turn and begins anew at the next: the same options, seeds and brief, no memory of the turns before.
+A call beyond its deadline is cancelled at its next wait. A process is ended with its children if the cancelled call
+goes on, if it exits or crashes, or if it sends an invalid answer. Its agent does nothing at that turn. At the next turn
+it starts again with the same options, seeds and brief, and without memory of earlier turns.
 """
 
 from __future__ import annotations
@@ -35,24 +35,25 @@ from lingjing.processes.deadlines import OwnDeadline, WallDeadline
 from lingjing.processes.fork_client import ForkServerClient
 
 LOAD_VARIABLE = "LINGJING_POLICY_LOAD_S"
+"""The environment variable that replaces `LOAD_S`."""
 LOAD_S = 60.0
-"""How long a policy may take to be imported and built, unless `LOAD_VARIABLE` sets another limit: seconds of its own
-time. Chosen; the weights of a local model may need more."""
+"""The longest time to import and build a policy, seconds of its own time. Chosen; a local model's weights may need
+more."""
 
 CLOSE_S = 3.0
-"""How long what a policy registered for its end may take, for all agents together: seconds of wall clock."""
+"""The longest time for the exit functions of all policies together, seconds of wall clock. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
 class AgentPolicy:
-    """The policy of an agent: the request that loads it, and its record of model calls."""
+    """The policy of an agent: the request that loads it, and the record of its model calls."""
 
     load: LoadPolicy
     calls: ModelCalls
 
 
 class ProcessBarrier(Barrier):
-    """Policies of one episode, each in a process of its own that `server` forks."""
+    """The policies of one episode, each in a process that `server` forks."""
 
     def __init__(
         self,
@@ -69,8 +70,11 @@ class ProcessBarrier(Barrier):
         self._briefs: Mapping[str, Brief] = {}
 
     def load(self) -> None:
-        """Start every process and build its policy. Raises the first error, by agents, with no process left:
-        `ForeignCodeError` for what the code of a file raises, or if a process ends or is not done in time."""
+        """Start every process and build its policy.
+
+        Raises the first error, in the order of agents, and ends all processes: `ForeignCodeError` if the code of a file
+        fails, the process ends, or the time is up.
+        """
         try:
             turns = {name: self._turn(name, [(self._policies[name].load, ())]) for name in self._agents}
             for turn in turns.values():
@@ -83,8 +87,10 @@ class ProcessBarrier(Barrier):
             raise
 
     def _check_loaded(self, name: str, turn: Turn) -> None:
-        """Raise the error of a policy that could not be loaded. A file's code does not choose what its failure is, and
-        an outage is one only if it is confirmed."""
+        """Raise the error of a policy that was not loaded.
+
+        The error of a file's code is always a `ForeignCodeError`, and an outage counts only if it is confirmed.
+        """
         load = self._policies[name].load
         try:
             check_loaded(turn, f"the policy `{load.spec}` of `{name}`")
@@ -96,12 +102,12 @@ class ProcessBarrier(Barrier):
             raise own_failure(error) from error
 
     def reset(self, briefs: Mapping[str, Brief]) -> dict[str, PolicyAnswer]:
-        """Give every policy its brief; failures come back as answers with a reason."""
+        """Send every policy its brief. A failure is an answer with a reason."""
         self._briefs = briefs
         return self._collect({name: [(ResetPolicy(brief=briefs[name]), ())] for name in self._agents})
 
     def close(self) -> None:
-        """Let every policy end; those that do not are killed."""
+        """Let every policy end, and kill those that have not ended after `CLOSE_S`."""
         for process in self._processes.values():
             if process.is_alive:
                 process.send(ClosePolicy())
@@ -113,17 +119,17 @@ class ProcessBarrier(Barrier):
         self._end_all()
 
     def _call_policies(self, inputs: Mapping[str, tuple[Observation, Inbox]]) -> dict[str, PolicyAnswer]:
-        begun = {name: self._from_the_start(name) for name in inputs}
+        begun = {name: self._restart_requests(name) for name in inputs}
         filled = self._filled({name: observation.pictures for name, (observation, _) in inputs.items()})
         requests = {}
         for name, (observation, inbox) in inputs.items():
-            parts = [(part_of(one, slot, name), slot.descriptor) for one, slot in filled[name]]
+            parts = [(part_of(picture, slot, name), slot.descriptor) for picture, slot in filled[name]]
             act = request_of(observation, inbox, tuple(part for part, _ in parts))
             requests[name] = [*begun[name], (act, [descriptor for part, descriptor in parts if part.is_new])]
         return self._collect(requests)
 
     def _filled(self, seen: Mapping[str, Sequence[Picture]]) -> dict[str, list[tuple[Picture, PictureSlot]]]:
-        """Each agent's pictures with their slots; a picture that several agents see has one."""
+        """Return each agent's pictures with their slots. A picture that several agents see has one slot."""
         viewers: dict[int, tuple[str, ...]] = {}
         for name, pictures in seen.items():
             for picture in pictures:
@@ -143,8 +149,8 @@ class ProcessBarrier(Barrier):
                 self._slots.release(name, turn.answer.kept)
         return {name: self._answer(name, turn) for name, turn in turns.items()}
 
-    def _from_the_start(self, name: str) -> RequestList:
-        """The requests that come before any other, for an agent whose process has been ended."""
+    def _restart_requests(self, name: str) -> RequestList:
+        """Return the requests that must precede any other for an agent without a process; none if it runs."""
         if name in self._processes and self._processes[name].is_alive:
             return []
         self._slots.forget(name)
@@ -186,16 +192,18 @@ class ProcessBarrier(Barrier):
 
 
 def load_limit_s() -> float:
-    """Seconds that a policy may take to be imported and built: `LINGJING_POLICY_LOAD_S`, or `LOAD_S`."""
+    """Return the longest time to import and build a policy, seconds: `LINGJING_POLICY_LOAD_S`, or `LOAD_S`."""
     with suppress(ValueError):
-        given_s = float(os.environ.get(LOAD_VARIABLE, LOAD_S))
-        return given_s if 0.0 < given_s < math.inf else LOAD_S
+        limit_s = float(os.environ.get(LOAD_VARIABLE, LOAD_S))
+        return limit_s if 0.0 < limit_s < math.inf else LOAD_S
     return LOAD_S
 
 
 def check_loaded(turn: Turn, what: str, done: str = "loaded") -> None:
-    """Raise the error of a policy that could not be loaded. `what` is the policy in words, `done` a participle: what
-    should have become of it."""
+    """Raise the error of a policy that was not loaded.
+
+    `what` is the policy in words. `done` is the participle of the failed step, for the message ("loaded").
+    """
     if isinstance(turn.answer, RaisedError):
         raise error_of(turn.answer)
     if turn.is_late:
@@ -207,7 +215,7 @@ def check_loaded(turn: Turn, what: str, done: str = "loaded") -> None:
 
 
 def _has_closed(process: PolicyProcess) -> bool:
-    """True if the process has ended; what it still sends is dropped."""
+    """Return True if the process has ended. Messages that it still sends are dropped."""
     try:
         process.receive()
     except EOFError:

@@ -1,4 +1,4 @@
-"""The far end of an examination: policies are loaded for what they declare, and none of them is built."""
+"""The policy's side of an examination: policies are loaded for their declarations, and never built."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from lingjing.plugins.policy import PolicyPlugin
 
 
 class LoadedDeclarations:
-    """Answers requests for declarations. A file is executed once, whatever is asked about it."""
+    """Answers requests for declarations. A file is executed once."""
 
     def __init__(self) -> None:
         self._plugins: dict[str, PolicyPlugin] = {}
@@ -43,7 +43,7 @@ class LoadedDeclarations:
         complete, shares = len(plugins) == len(request.specs), {}
         if request.whole:
             shares = errors.attempt(lambda: share_arguments(plugins, request.arguments, whole=complete), {})
-        found = {
+        examined = {
             spec: ExaminedPolicy(
                 name=plugin.name,
                 privileged=plugin.privileged,
@@ -53,10 +53,10 @@ class LoadedDeclarations:
             for spec, plugin in plugins.items()
             if spec in shares
         }
-        return PoliciesExamined(found=found, errors=tuple(map(raised, errors.errors)))
+        return PoliciesExamined(found=examined, errors=tuple(map(raised, errors.errors)))
 
     def declare(self, request: DeclarePolicy) -> PolicyDeclared | RaisedError:
-        """Load the policy of a file."""
+        """Load the policy of a file, and return its declaration or the error."""
         try:
             plugin = self._plugins[request.spec] = load_policy(request.spec, PluginHost(entry_points=False))
             listed = option_specs(options_model(plugin)) if request.listed else ()
@@ -65,7 +65,7 @@ class LoadedDeclarations:
             return raised(error)
 
     def check(self, request: CheckOptions) -> OptionsChecked | RaisedError:
-        """Check options by the model of a policy that has been declared."""
+        """Check options with the model of a declared policy."""
         try:
             model = options_model(self._plugins[request.spec])
             return OptionsChecked(faults=option_faults(model, request.arguments))

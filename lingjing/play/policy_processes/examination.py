@@ -1,7 +1,7 @@
-"""The declarations of policies in files, read by processes that may come to harm.
+"""The declarations of policies in files, read in separate processes that their code may damage.
 
-`examine` has one process load the policies of an episode and share the options among them. `PolicyDeclarations` reads
-policies one by one, each file in a process of its own, which stays to check options.
+`examine` loads the policies of an episode in one process and shares the options among them. `PolicyDeclarations` reads
+policies one by one. Each file has a process of its own, which then also checks options.
 """
 
 from __future__ import annotations
@@ -43,17 +43,17 @@ from lingjing.processes.fork_client import ForkServer, ForkServerClient
 def examine(
     specs: Sequence[str], arguments: Mapping[str, GivenOption], server: ForkServerClient, *, whole: bool
 ) -> PoliciesExamined:
-    """Load the policies in a process of its own, share the options among them, and end it. `whole`: these are all that
-    the options may be for.
+    """Load the policies in a process of its own, share the options among them, and end it.
 
-    Raises `ForeignCodeError` if the process ends or is not done in time; other errors are in the result.
+    `whole`: these are all policies that the options may belong to. Raises `ForeignCodeError` if the process ends or
+    exceeds its time; other errors are in the result.
     """
     process = PolicyProcess("the mission", server, UNRECORDED)
     names = ", ".join(f"`{spec}`" for spec in specs)
     try:
         request = ExaminePolicies(specs=tuple(specs), arguments=dict(arguments), whole=whole)
         answer = _answer(process, request, f"polic{'y' if len(specs) == 1 else 'ies'} {names}")
-        return answer if isinstance(answer, PoliciesExamined) else _refuse(names)
+        return answer if isinstance(answer, PoliciesExamined) else _raise_invalid(names)
     finally:
         process.end()
 
@@ -61,8 +61,8 @@ def examine(
 class PolicyDeclarations:
     """The declarations of policies by name or file. A context manager, which ends the processes of the files.
 
-    Installed policies are read in this process, and so are files where policies play in the player's process (elsewhere
-    than on Linux).
+    Installed policies are read in this process. So are files on systems where policies run in the player's process (all
+    but Linux).
     """
 
     def __init__(self, host: PluginHost) -> None:
@@ -72,20 +72,22 @@ class PolicyDeclarations:
         self._files: dict[str, _FileProcess] = {}
 
     def of(self, spec: str) -> PolicyDeclaration:
-        """The declaration of a policy. Raises `UsageError` if there is no such policy, `ForeignCodeError` if its file
-        cannot be loaded."""
+        """Return the declaration of a policy.
+
+        Raises `UsageError` if there is no such policy, `ForeignCodeError` if its file cannot be loaded.
+        """
         if self._is_apart(spec):
             return self._file(spec).declared()
         return declaration_of(self._plugin(spec))
 
     def listed_options(self, spec: str) -> tuple[OptionSpec, ...]:
-        """The options of a policy as people read them. Raises as `of`."""
+        """Return the options of a policy for display. Raises as `of`."""
         if self._is_apart(spec):
             return self._file(spec).listed_options()
         return option_specs(options_model(self._plugin(spec)))
 
     def option_faults(self, spec: str, arguments: Mapping[str, GivenOption]) -> tuple[Fault, ...]:
-        """Everything that is wrong with the options. Raises as `of`."""
+        """Return every fault of the options. Raises as `of`."""
         if self._is_apart(spec):
             return self._file(spec).option_faults(arguments)
         return option_faults(options_model(self._plugin(spec)), arguments)
@@ -118,8 +120,11 @@ class PolicyDeclarations:
 
 
 class _FileProcess:
-    """The process that has loaded one file. A file that cannot be loaded is not tried again; a check of options that
-    ends the process is followed by a new one."""
+    """The process that has loaded one file.
+
+    A file that fails to load is not loaded again. If a check of options ends the process, the next check starts
+    another.
+    """
 
     def __init__(self, spec: str, server: ForkServerClient) -> None:
         self._spec = spec
@@ -129,7 +134,7 @@ class _FileProcess:
         self._error: LingjingError | None = None
 
     def declared(self) -> PolicyDeclaration:
-        """The declaration."""
+        """Return the declaration. Raises the error of the first attempt again."""
         if self._error is not None:
             raise self._error
         if self._process is None or not self._process.is_alive or self._declared is None:
@@ -141,15 +146,15 @@ class _FileProcess:
         return self._declared
 
     def listed_options(self) -> tuple[OptionSpec, ...]:
-        """The options as people read them."""
+        """Return the options for display."""
         return self._load(listed=True).listed
 
     def option_faults(self, arguments: Mapping[str, GivenOption]) -> tuple[Fault, ...]:
-        """Everything that is wrong with the options."""
+        """Return every fault of the options."""
         self.declared()
         request = CheckOptions(spec=self._spec, arguments=dict(arguments))
         answer = self._ask(request, f"the check of the options of policy `{self._spec}`", "finished")
-        return answer.faults if isinstance(answer, OptionsChecked) else _refuse(f"`{self._spec}`")
+        return answer.faults if isinstance(answer, OptionsChecked) else _raise_invalid(f"`{self._spec}`")
 
     def close(self) -> None:
         """End the process."""
@@ -160,30 +165,31 @@ class _FileProcess:
         self.close()
         self._process = PolicyProcess(self._spec, self._server, UNRECORDED)
         answer = self._ask(DeclarePolicy(spec=self._spec, listed=listed), f"policy `{self._spec}`", "loaded")
-        return answer if isinstance(answer, PolicyDeclared) else _refuse(f"`{self._spec}`")
+        return answer if isinstance(answer, PolicyDeclared) else _raise_invalid(f"`{self._spec}`")
 
     def _ask(self, request: PolicyRequest, what: str, done: str) -> PolicyAnswerMessage | None:
         if self._process is None:
-            raise AssertionError("nothing is asked of a process before it is started")
+            raise AssertionError("the process is not started")
         return _answer(self._process, request, what, done)
 
 
 def _answer(
     process: PolicyProcess, request: PolicyRequest, what: str, done: str = "loaded"
 ) -> PolicyAnswerMessage | None:
-    """The answer to a request. Raises the error that it brings, and `UsageError` if none comes."""
+    """Return the answer to a request. Raises the error that the answer brings, `ForeignCodeError` without an answer."""
     turn = Turn(process, [(request, ())], OwnDeadline(process.pid, load_limit_s(), watched=True))
     turn.send_next()
     wait_for([turn])
     try:
         check_loaded(turn, what, done)
-    except InfrastructureError as error:  # nothing but the code in the file could say so
+    except InfrastructureError as error:  # raised by the file's code, which cannot declare an outage
         raise own_failure(error) from error
     return turn.answer
 
 
-def _refuse(names: str) -> NoReturn:
-    raise ForeignCodeError(f"{names} could not be loaded: nonsense came instead of a declaration")
+def _raise_invalid(names: str) -> NoReturn:
+    """Raise the error of a process that has sent an answer of another kind."""
+    raise ForeignCodeError(f"{names} could not be loaded: the process did not send a declaration")
 
 
 __all__ = ["PolicyDeclarations", "examine"]

@@ -1,8 +1,8 @@
-"""The far end: the process of one agent's policy, a fork of a fork server that calls `serve`.
+"""The policy's side: the process of one agent's policy, a fork of a fork server that calls `serve`.
 
-It answers one request of the player after the other (`messages`). The policy's coroutines run in its main thread, in an
-event loop that lives as long as the process. The code that runs here can ruin nothing but this process: the player
-holds the deadlines, and ends it with all that it started.
+It answers the requests of the player in order (`messages`). The policy's coroutines run in its main thread, in one
+event loop for the life of the process. The policy's code can damage only this process: the player holds the deadlines,
+and ends the process with all its children.
 """
 
 from __future__ import annotations
@@ -69,16 +69,20 @@ from lingjing.trace.records import Decision, DecisionRecord
 _REQUESTS: msgspec.msgpack.Decoder[PolicyRequest] = msgspec.msgpack.Decoder(PolicyRequest)
 
 MEMORY_VARIABLE = "LINGJING_POLICY_MEMORY_GB"
+"""The environment variable that replaces `MEMORY_GB`."""
 MEMORY_GB = 4.0
-"""Chosen: eight times what the shipped policies and their libraries take, and what a small detector on a CPU needs."""
+"""The memory that a policy may allocate, GiB. Chosen: eight times the use of the shipped policies, and enough for a
+small detector on a CPU."""
 
-_FIRST_TO_GO = b"1000"
-"""The highest `oom_score_adj`: a machine without memory ends a policy and not the player (`proc(5)`)."""
+_OOM_SCORE = b"1000"
+"""The highest `oom_score_adj`: a machine without memory ends policies before the player (`proc(5)`)."""
 
 
 def serve(argument: bytes, ends: tuple[int, ...]) -> None:
-    """Answer until the player closes the channel or asks for the end. `argument` is empty; `ends` are the channel and
-    that for model calls."""
+    """Answer requests until the player closes the channel or requests the end.
+
+    `argument` is empty. `ends` are the channel of requests and that of model calls.
+    """
     limit_memory(memory_limit())
     _yield_memory()
     _detach_from_terminal()
@@ -90,11 +94,11 @@ def serve(argument: bytes, ends: tuple[int, ...]) -> None:
     host = _PolicyHost(channel, ends[0], calls)
     with contextlib.suppress(ChannelClosedError):
         loop.run_until_complete(host.run())
-    _leave(loop, host)
+    _release_policy(loop, host)
 
 
 @dataclass(slots=True)
-class _Order:
+class _QueuedRequest:
     """A request with its descriptors."""
 
     request: PolicyRequest
@@ -102,13 +106,13 @@ class _Order:
 
 
 class _PolicyHost:
-    """One policy and the player's requests to it."""
+    """One policy, and the answers to the player's requests."""
 
     def __init__(self, channel: Channel, descriptor: int, calls: Channel) -> None:
         self._channel = channel
         self._descriptor = descriptor
         self._calls = calls
-        self._orders: asyncio.Queue[_Order | None] = asyncio.Queue()
+        self._queue: asyncio.Queue[_QueuedRequest | None] = asyncio.Queue()
         self._current: asyncio.Task[Any] | None = None
         self._handed: list[int] = []
         self._slots = MappedSlots()
@@ -119,20 +123,20 @@ class _PolicyHost:
     async def run(self) -> None:
         """Answer every request, until `ClosePolicy` or the end of the channel."""
         asyncio.get_running_loop().add_reader(self._descriptor, self._read)
-        while (order := await self._orders.get()) is not None and not isinstance(order.request, ClosePolicy):
-            answer = await self._answer(order)
+        while (queued := await self._queue.get()) is not None and not isinstance(queued.request, ClosePolicy):
+            answer = await self._answer(queued)
             self._channel.send(encoded(answer))
 
     def _read(self) -> None:
-        """Take in what has come. The deadline of a call comes while the call runs."""
+        """Queue the requests that have arrived. The cancellation of a call arrives while the call runs."""
         try:
             while True:
                 self._take(self._channel.receive(WallDeadline(0.0)))
         except TimeoutError:
             return
-        except (ChannelClosedError, OSError):  # the other end is gone, or what came cannot be read: there is no more
+        except (ChannelClosedError, OSError):  # closed, or an invalid packet: the end
             asyncio.get_running_loop().remove_reader(self._descriptor)
-            self._orders.put_nowait(None)
+            self._queue.put_nowait(None)
 
     def _take(self, packet: Packet) -> None:
         request = _REQUESTS.decode(packet.payload)
@@ -141,25 +145,25 @@ class _PolicyHost:
             if self._current is not None:
                 self._current.cancel()
         elif not isinstance(request, HandOverPictures):
-            self._orders.put_nowait(_Order(request, tuple(self._handed)))
+            self._queue.put_nowait(_QueuedRequest(request, tuple(self._handed)))
             self._handed.clear()
 
-    async def _answer(self, order: _Order) -> PolicyAnswerMessage:
-        match order.request:
+    async def _answer(self, queued: _QueuedRequest) -> PolicyAnswerMessage:
+        match queued.request:
             case ExaminePolicies():
                 seed_generators(0)
-                return self._declarations.examine(order.request)
+                return self._declarations.examine(queued.request)
             case DeclarePolicy():
                 seed_generators(0)
-                return self._declarations.declare(order.request)
+                return self._declarations.declare(queued.request)
             case CheckOptions():
-                return self._declarations.check(order.request)
+                return self._declarations.check(queued.request)
             case LoadPolicy():
-                return self._load(order.request)
+                return self._load(queued.request)
             case ResetPolicy(brief=brief):
                 return await self._call(lambda: self._playing.reset(brief), lambda value: CallEnded())
             case ActPolicy():
-                return await self._act(order.request, order.descriptors)
+                return await self._act(queued.request, queued.descriptors)
             case _:
                 raise ChannelClosedError("a request out of turn")
 
@@ -211,21 +215,20 @@ class _PolicyHost:
 
 
 def seed_generators(seed: int) -> None:
-    """Start the global generators of `random` and `numpy.random`: a policy that draws from them draws the same in each
-    run."""
+    """Seed the global generators of `random` and `numpy.random`, so that a policy draws the same in each run."""
     random.seed(seed)
     np.random.seed(seed % 2**32)  # noqa: NPY002 - the global generator is what is seeded
 
 
 def memory_limit() -> int:
-    """Bytes that a policy may allocate: `LINGJING_POLICY_MEMORY_GB`, or `MEMORY_GB`."""
+    """Return the bytes that a policy may allocate: `LINGJING_POLICY_MEMORY_GB`, or `MEMORY_GB`."""
     with contextlib.suppress(ValueError):
         return int(float(os.environ.get(MEMORY_VARIABLE, MEMORY_GB)) * 2**30)
     return int(MEMORY_GB * 2**30)
 
 
 def limit_memory(limit: int) -> None:
-    """Bound what this process and each process that it starts may allocate, and write no core dump."""
+    """Limit the memory of this process and its children, `limit` bytes each, and disable core dumps."""
     for kind, value in ((resource.RLIMIT_DATA, limit), (resource.RLIMIT_CORE, 0)):
         _, most = resource.getrlimit(kind)
         value = value if most == resource.RLIM_INFINITY else min(value, most)
@@ -233,6 +236,7 @@ def limit_memory(limit: int) -> None:
 
 
 def _decided(value: Any) -> PolicyAnswerMessage:
+    """Return the message of a decision, or the failure of a value that is none."""
     if not isinstance(value, Decision):
         detail = f"`act` returned {type(value).__name__}, not a Decision"
         return CallFailed(reason="malformed", detail=detail)
@@ -243,18 +247,18 @@ def _decided(value: Any) -> PolicyAnswerMessage:
 
 
 def _host(names: tuple[str, ...]) -> PluginHost:
-    """Return a host with the installed plug-ins of these names alone."""
+    """Return a host with the installed plug-ins of these names only."""
     points = {point.value: point for point in find_entries(PLUGINS).points if point.name in names}
     return PluginHost(entry_points=False, extra=[point.load() for point in points.values()])
 
 
 def _yield_memory() -> None:
     with contextlib.suppress(OSError):
-        Path("/proc/self/oom_score_adj").write_bytes(_FIRST_TO_GO)
+        Path("/proc/self/oom_score_adj").write_bytes(_OOM_SCORE)
 
 
 def _detach_from_terminal() -> None:
-    """Give up the terminal of the user, which could be steered through `/dev/tty`, and standard input."""
+    """Detach from the user's terminal, which could be controlled through `/dev/tty`, and close standard input."""
     with contextlib.suppress(OSError):
         terminal = os.open("/dev/tty", os.O_RDWR | os.O_NOCTTY)
         fcntl.ioctl(terminal, termios.TIOCNOTTY)
@@ -264,8 +268,8 @@ def _detach_from_terminal() -> None:
     os.close(nothing)
 
 
-def _leave(loop: asyncio.AbstractEventLoop, host: _PolicyHost) -> None:
-    """Let go of the policy as the end of a program does: its tasks, the object, what it registered for the end."""
+def _release_policy(loop: asyncio.AbstractEventLoop, host: _PolicyHost) -> None:
+    """Release the policy like the end of a program: cancel its tasks, delete the object, run its exit functions."""
     tasks = asyncio.all_tasks(loop)
     for task in tasks:
         task.cancel()

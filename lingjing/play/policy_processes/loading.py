@@ -1,4 +1,4 @@
-"""What the policies of an episode are loaded with: options, seeds, the truth for privileged ones."""
+"""The requests that load the policies of an episode, with options, seeds, and the truth for privileged policies."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from lingjing.scene.city import City
 def agent_policies(
     assigned: Mapping[str, AssignedPolicy], options: PlayOptions, instance: Instance, city: City, calls: EpisodeCalls
 ) -> dict[str, AgentPolicy]:
-    """The policy of each agent, ready to be loaded in its process."""
+    """Return the policy of each agent, ready to be loaded in its process."""
     truth = None
     if any(policy.privileged for policy in assigned.values()):
         truth = TruthConstants(instance=instance, city=packed(city))
@@ -40,5 +40,5 @@ def agent_policies(
 
 
 def ambient_seed(policy_seed: int, agent: str) -> int:
-    """The seed of the global random generators in an agent's process: another stream than the policy's own."""
+    """Return the seed of the global random generators in an agent's process. It differs from the policy's own seed."""
     return integer(policy_seed, f"policy/{agent}/ambient")

@@ -1,8 +1,8 @@
 """The messages between the player of an episode and the process of one agent's policy: one msgpack document each.
 
-The player sends requests, a policy's process answers each with one answer. On a second channel the process asks for the
-record of its model calls. The process runs a stranger's code: the player decodes what comes from there strictly, and
-nothing that it decodes is code.
+The player sends requests, and the policy's process sends one answer to each. A second channel carries the requests for
+the record of model calls. The process runs foreign code: the player decodes its messages strictly, and no decoded value
+is executed.
 """
 
 from __future__ import annotations
@@ -48,6 +48,7 @@ ErrorKind = Literal[
     "SpendingLimitError",
     "MissingCallError",
 ]
+"""The classes of this project's errors that a message can hold."""
 _KINDS: dict[ErrorKind, type[LingjingError]] = {
     "SpendingLimitError": SpendingLimitError,
     "MissingCallError": MissingCallError,
@@ -57,60 +58,69 @@ _KINDS: dict[ErrorKind, type[LingjingError]] = {
     "MissionError": MissionError,
     "UsageError": UsageError,
 }
+"""The classes by kind, subclasses first, because `raised` uses the first match."""
 
 
 class PolicyMessage(msgspec.Struct, frozen=True, kw_only=True, tag=True, tag_field="is"):
-    """Base of all requests and answers; the tag is the class name."""
+    """The base of all requests and answers. The tag is the class name."""
 
 
 class TruthConstants(msgspec.Struct, frozen=True, kw_only=True):
-    """The part of `Privileged` that one episode does not change. `city` is encoded by `held_cities.packed`."""
+    """The part of `Privileged` that stays the same during an episode. `city` is encoded by `held_cities.packed`."""
 
     instance: Instance
     city: msgspec.Raw
 
 
 class ExaminePolicies(PolicyMessage, frozen=True, kw_only=True):
-    """Load the policies of these names and files, and share the options among them unless they are not all that were
-    asked for (`whole`)."""
+    """Load policies, and share the options among them."""
 
     specs: tuple[str, ...]
+    """The names and files of the policies."""
     arguments: dict[str, GivenOption]
+    """All options of policies."""
     whole: bool
+    """True if these are all policies of the request. Otherwise no options are shared."""
 
 
 class DeclarePolicy(PolicyMessage, frozen=True, kw_only=True):
-    """Load the policy of a file and return its declaration, with the list of its options if they are to be `listed`."""
+    """Load the policy of a file, and return its declaration."""
 
     spec: str
     listed: bool
+    """True to return the list of its options too."""
 
 
 class CheckOptions(PolicyMessage, frozen=True, kw_only=True):
-    """Check options of a policy that has been declared."""
+    """Check the options of a declared policy."""
 
     spec: str
     arguments: dict[str, GivenOption]
 
 
 class LoadPolicy(PolicyMessage, frozen=True, kw_only=True):
-    """Load and build one policy. `source` is the plug-in that offers it, "" for a file; `makers` are those that make or
-    wrap it; `seed` starts the global random
-    generators; `replaying` and `capped` are those of its `ModelCalls`; `memory_bytes` bounds what it may allocate;
-    `truth` is for a privileged policy."""
+    """Load and build one policy."""
 
     spec: str
+    """Its name or file."""
     source: str
+    """The plug-in that offers it; "" for a file."""
     arguments: dict[str, GivenOption]
+    """Its options."""
     seed: int
+    """The seed of the global random generators."""
     replaying: bool = False
+    """As in `ModelCalls`."""
     capped: bool = False
+    """As in `ModelCalls`."""
     truth: TruthConstants | None = None
+    """The constant truth; None unless the policy is privileged."""
     makers: tuple[str, ...] = ()
+    """The plug-ins that make or wrap it."""
 
 
 class ResetPolicy(PolicyMessage, frozen=True, kw_only=True):
-    """Call `reset`."""
+    """Call `reset` with a brief."""
 
     brief: Brief
 
@@ -129,12 +139,14 @@ class TruthNow(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class HandOverPictures(PolicyMessage, frozen=True, kw_only=True):
-    """Descriptors of slots of the next `ActPolicy`, whose own packet has no room for them. Not answered."""
+    """Descriptors of slots that the packet of the next `ActPolicy` has no room for. It has no answer."""
 
 
 class ActPolicy(PolicyMessage, frozen=True, kw_only=True):
-    """Call `act`. The fields are those of `Observation`; descriptors come along, or have come before, for those of the
-    `pictures` whose slots are new."""
+    """Call `act`. The fields are those of `Observation`.
+
+    Descriptors of new slots come with this message, or with a `HandOverPictures` before it.
+    """
 
     agent: str
     tick: int
@@ -150,11 +162,11 @@ class ActPolicy(PolicyMessage, frozen=True, kw_only=True):
 
 
 class CancelCall(PolicyMessage, frozen=True, kw_only=True):
-    """The time of the call is over: cancel it where it waits. It is answered all the same."""
+    """Cancel the call at its next wait, because its time is over. The call still sends its answer."""
 
 
 class ClosePolicy(PolicyMessage, frozen=True, kw_only=True):
-    """Run what was registered for the end of the process, and end."""
+    """Run the exit functions, and end the process."""
 
 
 PolicyRequest = (
@@ -171,16 +183,20 @@ PolicyRequest = (
 
 
 class ExaminedPolicy(msgspec.Struct, frozen=True, kw_only=True):
-    """The name of a policy, its share of the options, and what decides beside these (its fingerprint)."""
+    """An examined policy."""
 
     name: str
+    """Its name."""
     privileged: bool
+    """True if it receives the truth."""
     arguments: dict[str, GivenOption]
+    """Its share of the options."""
     fingerprint: dict[str, str]
+    """Values that decide its behaviour beside the options."""
 
 
 class RaisedError(PolicyMessage, frozen=True, kw_only=True):
-    """An error of this project's kinds; `detail` is its class and text where a policy has raised it."""
+    """An error of this project's classes. `detail` is its class and text if a policy has raised it."""
 
     kind: ErrorKind
     message: str
@@ -190,43 +206,47 @@ class RaisedError(PolicyMessage, frozen=True, kw_only=True):
 
 
 class PoliciesExamined(PolicyMessage, frozen=True, kw_only=True):
-    """The policies that could be loaded, by their names in the request, and every error."""
+    """The loaded policies by their names in the request, and every error."""
 
     found: dict[str, ExaminedPolicy]
     errors: tuple[RaisedError, ...]
 
 
 class PolicyDeclared(PolicyMessage, frozen=True, kw_only=True):
-    """The declaration of a policy; `listed` are its options as people read them, if they were asked for."""
+    """The declaration of a policy. `listed` are its options for display, if requested."""
 
     declaration: PolicyDeclaration
     listed: tuple[OptionSpec, ...] = ()
 
 
 class OptionsChecked(PolicyMessage, frozen=True, kw_only=True):
-    """Everything that is wrong with the options."""
+    """Every fault of the options."""
 
     faults: tuple[Fault, ...]
 
 
 class CallEnded(PolicyMessage, frozen=True, kw_only=True):
-    """The policy is built, or has taken its brief."""
+    """The policy is built, or `reset` has returned."""
 
 
 class DecisionMade(PolicyMessage, frozen=True, kw_only=True):
-    """The answer of `act`, made plain. `kept` are the slots of pictures that the policy still holds."""
+    """The decision of `act`, as plain values. `kept` are the slots of pictures that the policy still holds."""
 
     decision: Decision
     kept: tuple[int, ...] = ()
 
 
 class CallFailed(PolicyMessage, frozen=True, kw_only=True):
-    """The call gave nothing: why, and what it spent all the same. `kept` as in `DecisionMade`."""
+    """A call without a decision."""
 
     kept: tuple[int, ...] = ()
+    """As in `DecisionMade`."""
     reason: Literal["policy_error", "malformed", "policy_timeout"]
+    """The kind of failure."""
     detail: str
+    """The failure in words."""
     usage: Usage | None = None
+    """The cost of the call; None if the policy reports none."""
 
 
 PolicyAnswerMessage = (
@@ -235,20 +255,23 @@ PolicyAnswerMessage = (
 
 
 class BeginModelCall(PolicyMessage, frozen=True, kw_only=True):
-    """`ModelCalls.begin`."""
+    """Call `ModelCalls.begin`."""
 
     request: CallRequest
 
 
 class EndModelCall(PolicyMessage, frozen=True, kw_only=True):
-    """`ModelCalls.end`."""
+    """Call `ModelCalls.end`."""
 
     request: CallRequest
     result: CallResult
 
 
 class ModelCallKnown(PolicyMessage, frozen=True, kw_only=True):
-    """The answer to both: a recorded result, or None. `abandoned`: the kernel gave the recorded call up."""
+    """The answer to `BeginModelCall` and `EndModelCall`: a recorded result, or None.
+
+    `abandoned`: the kernel had stopped waiting for the recorded call.
+    """
 
     result: CallResult | None = None
     abandoned: bool = False
@@ -263,21 +286,21 @@ _ENCODER = msgspec.msgpack.Encoder()
 
 
 def encoded(message: PolicyMessage) -> bytes:
-    """The message as it travels."""
+    """Return the message as bytes."""
     return _ENCODER.encode(message)
 
 
 def raised(error: LingjingError) -> RaisedError:
-    """An error as it travels: of the nearest kind that the other side knows."""
+    """Return an error as a message. Its kind is the nearest class that the receiver knows."""
     kind: ErrorKind = next((name for name, known in _KINDS.items() if isinstance(error, known)), "UsageError")
     return RaisedError(kind=kind, message=str(error), hint=error.hint, faults=tuple(error.faults))
 
 
 def own_failure(error: LingjingError) -> ForeignCodeError:
-    """The error as the failure of the code that has raised it, whatever it says it is."""
+    """Return the error as a failure of the code that has raised it, whatever its class."""
     return ForeignCodeError(str(error), hint=error.hint, faults=error.faults)
 
 
 def error_of(message: RaisedError) -> LingjingError:
-    """The error that has travelled."""
+    """Return the error of a message."""
     return _KINDS[message.kind](message.message, hint=message.hint, faults=message.faults)

@@ -1,7 +1,8 @@
-"""The record of model calls over the border: `RemoteModelCalls` in a policy's process, `ModelCallService` beside it.
+"""The record of model calls across processes: `RemoteModelCalls` in a policy's process, `ModelCallService` in the
+player.
 
-The record, its limits and the spending of all agents stay with the player. A call that was begun by a process which
-has been ended counts as given up, so that a replay of the record gives it up as well.
+The player holds the record, its limits and the spending of all agents. If a process is ended during a call, the call is
+recorded as abandoned, so that a replay abandons it as well.
 """
 
 from __future__ import annotations
@@ -30,10 +31,11 @@ _REQUESTS: msgspec.msgpack.Decoder[ModelCallRequest] = msgspec.msgpack.Decoder(M
 _ANSWERS: msgspec.msgpack.Decoder[ModelCallAnswer] = msgspec.msgpack.Decoder(ModelCallAnswer)
 
 ENDED = "the policy's process was ended while it waited"
+"""The failure of a call that was open when its process was ended."""
 
 
 class RemoteModelCalls:
-    """`lingjing.plugins.calls.ModelCalls` in the process of a policy. Any thread may call it."""
+    """The `ModelCalls` of a policy in a process of its own. Any thread may call it."""
 
     def __init__(self, channel: Channel, *, replaying: bool, capped: bool) -> None:
         self._channel = channel
@@ -63,14 +65,14 @@ class RemoteModelCalls:
 
 
 class ModelCallService:
-    """The player's side: answers for one agent from its `ModelCalls`."""
+    """The player's side: it answers the requests of one agent from its `ModelCalls`."""
 
     def __init__(self, calls: ModelCalls) -> None:
         self._calls = calls
         self._open: dict[tuple[int, int], CallRequest] = {}
 
     def answer(self, payload: bytes | bytearray) -> bytes:
-        """The answer to one request. `msgspec.MsgspecError` for what is none."""
+        """Return the answer to one request. Raises `msgspec.MsgspecError` for an invalid request."""
         request = _REQUESTS.decode(payload)
         try:
             if isinstance(request, BeginModelCall):
@@ -83,7 +85,7 @@ class ModelCallService:
         return encoded(ModelCallKnown())
 
     def give_up(self) -> None:
-        """Record every call that was begun and never ended as given up: whether it is billed is unknown."""
+        """Record every open call as abandoned. Its cost counts in full, because it may be billed."""
         for request in list(self._open.values()):
             unknown_usd = request.most_usd or 0.0
             self._end(request, CallResult(failure=ENDED, fault="abandoned", unknown_usd=unknown_usd))

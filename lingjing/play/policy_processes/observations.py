@@ -1,4 +1,4 @@
-"""Observations on their way to a policy's process: as a request with descriptors, and as an observation again."""
+"""The conversion of observations to requests with descriptors, and back."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from lingjing.scene.city import City
 
 
 def request_of(observation: Observation, inbox: Inbox, pictures: tuple[PicturePart, ...]) -> ActPolicy:
-    """The request for a decision; `pictures` describe those of the observation."""
+    """Return the request for a decision. `pictures` describe those of the observation."""
     truth = observation.privileged
     return ActPolicy(
         agent=observation.agent,
@@ -30,7 +30,7 @@ def request_of(observation: Observation, inbox: Inbox, pictures: tuple[PicturePa
 def observation_of(
     request: ActPolicy, pictures: tuple[Picture, ...], constants: tuple[Instance, City] | None
 ) -> Observation:
-    """The observation of a request; `constants` are those of the truth."""
+    """Return the observation of a request. `constants` are the instance and the city of the truth; None without it."""
     truth = request.truth
     privileged = None
     if truth is not None and constants is not None:

@@ -1,10 +1,10 @@
-"""Pictures as they reach the processes of policies: in memory that the agents which see them share, and cannot change.
+"""Pictures in read-only memory that the processes of policies share.
 
-The player copies a picture into a slot, a memory that it alone can write to, and passes the slot's descriptor on once
-for each process. A policy's process maps it, and the arrays of a `Picture` lie in there: nothing is copied but the JPEG
-file. With every answer the process says which slots its policy still holds arrays of; the others may be filled again,
-which saves the system the cost of new pages (4 of the 5 ms that a new memory takes at 1080p). A slot is filled again
-only for the same agents, so no process ever sees in it what its agent has not observed.
+The player copies a picture into a *slot*: a memory that only the player can write to. It sends the slot's descriptor
+once to each process. A policy's process maps the slot, and the arrays of a `Picture` are views of it; only the JPEG
+file is copied. Every answer lists the slots that the policy still uses. The player fills the others again, because new
+memory is slow (4 of the 5 ms of a picture at 1080p, measured). A slot is used again only for the same agents, so no
+process sees a picture that its agent has not observed.
 """
 
 from __future__ import annotations
@@ -30,18 +30,23 @@ _SEAL_FUTURE_WRITE = 0x0010
 """`F_SEAL_FUTURE_WRITE` of linux/fcntl.h, from Linux 5.1: only mappings that exist already can be written to."""
 
 _SEALS = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | _SEAL_FUTURE_WRITE | fcntl.F_SEAL_SEAL
+"""The size is fixed, and no process can create a writable mapping."""
 _ALIGNED_BYTES = 64
+"""The alignment of arrays in a slot, bytes. Chosen: a cache line."""
 
 ScalarT = TypeVar("ScalarT", bound=np.generic)
 
 
 class PicturePart(msgspec.Struct, frozen=True, kw_only=True):
-    """A `Picture` without its arrays: the slot that holds them, their shapes (height, width), None where there is no
-    such array, and the size of the JPEG file. They lie one after the other, each from a multiple of 64 bytes on.
-    `is_new`: the descriptor of the slot comes along."""
+    """A `Picture` without its arrays.
+
+    The arrays and the JPEG file lie in the slot one after the other, each at a multiple of 64 bytes.
+    """
 
     slot: int
+    """The number of the slot."""
     is_new: bool
+    """True if the slot's descriptor comes with the message."""
     frame: str
     entity: str
     camera: str
@@ -49,25 +54,34 @@ class PicturePart(msgspec.Struct, frozen=True, kw_only=True):
     time_s: float
     pose: CameraPose
     rgb: tuple[int, int]
+    """Height and width, pixels."""
     depth: tuple[int, int] | None
+    """Height and width; None without this array."""
     semantic: tuple[int, int] | None
+    """Height and width; None without this array."""
     jpeg: int
+    """The size of the JPEG file, bytes."""
 
 
 @dataclass(slots=True)
 class PictureSlot:
-    """A memory. `viewers` are the agents that may see what it holds, `users` those of them that may hold arrays of it
-    now, `knowing` those whose processes have its descriptor."""
+    """A memory for one picture."""
 
     number: int
+    """The slot's number in messages."""
     descriptor: int
+    """The descriptor of the memory."""
     memory: mmap.mmap
+    """The writable mapping."""
     viewers: tuple[str, ...]
+    """The agents that may see the picture."""
     users: set[str] = field(default_factory=set)
+    """The agents that may hold arrays of it now."""
     knowing: set[str] = field(default_factory=set)
+    """The agents that have the descriptor in their processes."""
 
     def fill(self, parts: Iterable[memoryview]) -> None:
-        """Copy bytes into the memory, each part aligned."""
+        """Copy bytes into the memory, each part at an aligned offset."""
         target, offset = np.frombuffer(self.memory, np.uint8), 0
         for part in parts:
             target[offset : offset + len(part)] = np.frombuffer(part, np.uint8)
@@ -81,11 +95,11 @@ class PictureSlots:
         self._slots: list[PictureSlot] = []
 
     def fill(self, picture: Picture, viewers: tuple[str, ...]) -> PictureSlot:
-        """A slot with the picture, for these agents to use. `InfrastructureError` if there is no memory or no
-        descriptor."""
+        """Return a slot with the picture for these agents. Raises `InfrastructureError` without memory or
+        descriptors."""
         parts = _parts(picture)
         size = _room(picture, parts)
-        free = (one for one in self._slots if one.viewers == viewers and not one.users and len(one.memory) == size)
+        free = (old for old in self._slots if old.viewers == viewers and not old.users and len(old.memory) == size)
         slot = next(free, None)
         if slot is None:
             slot = self._new(size, viewers, picture.frame)
@@ -94,19 +108,19 @@ class PictureSlots:
         return slot
 
     def release(self, agent: str, kept: Iterable[int]) -> None:
-        """An agent's policy holds arrays of these slots alone."""
+        """Mark all slots but `kept` as unused by an agent's policy."""
         for slot in self._slots:
             if slot.number not in kept:
                 slot.users.discard(agent)
 
     def forget(self, agent: str) -> None:
-        """The process of an agent has ended."""
+        """Remove an agent after the end of its process."""
         for slot in self._slots:
             slot.users.discard(agent)
             slot.knowing.discard(agent)
 
     def close(self) -> None:
-        """Let go of every slot."""
+        """Close every slot."""
         while self._slots:
             slot = self._slots.pop()
             slot.memory.close()
@@ -126,19 +140,19 @@ class PictureSlots:
 
 
 class MappedSlots:
-    """The slots that the process of a policy has mapped."""
+    """The slots that a policy's process has mapped."""
 
     def __init__(self) -> None:
         self._memories: dict[int, mmap.mmap] = {}
         self._held: dict[int, weakref.ref[npt.NDArray[np.uint8]]] = {}
 
     def kept(self) -> tuple[int, ...]:
-        """Slots of which arrays are still held."""
+        """Return the numbers of slots with arrays in use."""
         self._held = {number: root for number, root in self._held.items() if root() is not None}
         return tuple(self._held)
 
     def pictures(self, parts: Sequence[PicturePart], descriptors: Sequence[int]) -> tuple[Picture, ...]:
-        """The pictures, in arrays that cannot be written to. The descriptors are closed."""
+        """Return the pictures with read-only arrays. Closes the descriptors."""
         new = iter(descriptors)
         for part in parts:
             if part.is_new:
@@ -149,7 +163,7 @@ class MappedSlots:
 
     def _picture(self, part: PicturePart) -> Picture:
         memory = self._memories[part.slot]
-        root = np.frombuffer(memory, np.uint8)  # the base of every array that is made of it, views included
+        root = np.frombuffer(memory, np.uint8)  # the base of all arrays and their views
         self._held[part.slot] = weakref.ref(root)
         offsets = _offsets(part)
         height, width = part.rgb
@@ -172,7 +186,7 @@ class MappedSlots:
 
 
 def part_of(picture: Picture, slot: PictureSlot, agent: str) -> PicturePart:
-    """The description of a picture in a slot for an agent, which knows the slot from now on."""
+    """Return the description of a picture in a slot, and note that the agent has the slot's descriptor."""
     is_new = agent not in slot.knowing
     slot.knowing.add(agent)
     return PicturePart(
@@ -192,10 +206,10 @@ def part_of(picture: Picture, slot: PictureSlot, agent: str) -> PicturePart:
 
 
 def _sealed_memory(size: int) -> tuple[int, mmap.mmap]:
-    """A memory that this process alone can write to, through the mapping."""
+    """Return the descriptor and the mapping of a memory that only this process can write to."""
     descriptor = os.memfd_create("lingjing-picture", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
     try:
-        # Written once, so that a machine without memory says so here and not by SIGBUS.
+        # Allocated now: without memory this call fails, instead of SIGBUS at the first write.
         os.posix_fallocate(descriptor, 0, size)
         memory = mmap.mmap(descriptor, size)
         fcntl.fcntl(descriptor, fcntl.F_ADD_SEALS, _SEALS)
@@ -212,8 +226,10 @@ def _parts(picture: Picture) -> list[memoryview]:
 
 
 def _room(picture: Picture, parts: Sequence[memoryview]) -> int:
-    """Bytes of a slot for pictures like this one: an eighth of the pixels, or more, is for the JPEG file, whose size
-    differs from picture to picture."""
+    """Return the size of a slot for pictures like this one, bytes.
+
+    The sizes of JPEG files differ, so at least an eighth of the pixels' size is reserved for them.
+    """
     usual = picture.rgb.nbytes // 8
     jpeg = max(usual, 1 << len(picture.jpeg).bit_length())
     return sum(_aligned(len(part)) for part in parts[:-1]) + _aligned(jpeg)

@@ -1,7 +1,7 @@
-"""`preload`: what the policies of a team need, imported once in the process that they are forked from.
+"""The import of policies' modules in the process from which the policies are forked, once for all of them.
 
-Called in that process, where no code of a stranger may run: plug-ins of this project alone are asked what their
-policies need (`PolicyPlugin.imports`). Every other policy imports what it needs in its own process.
+No foreign code may run in that process, so only this project's plug-ins are considered (`PolicyPlugin.imports`). Every
+other policy imports its modules in its own process.
 """
 
 from __future__ import annotations
@@ -14,16 +14,17 @@ from lingjing.installed_plugins.entry_points import PLUGINS, find_entries
 from lingjing.plugins.host import PluginHost
 
 PRELOAD = "lingjing.play.policy_processes.preloading:preload"
+"""The function that the fork server calls."""
 SERVES = ("lingjing.play.policy_processes.host", "lingjing.plugins.options", "numpy.random")
-"""What the process imports that policies are forked from."""
+"""Modules that the process imports from which policies are forked."""
 
 _SHIPPED = ("lingjing_agents",)
-"""Packages of this project that offer policies, found through their entry points."""
+"""Packages of this project with policies, found by their entry points."""
 
 
 def preload(names: str) -> None:
-    """Import what the policies of these names (a JSON list) need. What cannot be imported is left to the policy."""
-    points = [one for one in find_entries(PLUGINS).points if one.module.partition(".")[0] in _SHIPPED]
+    """Import the modules of the named policies (a JSON list). A failed import is left to the policy's own process."""
+    points = [point for point in find_entries(PLUGINS).points if point.module.partition(".")[0] in _SHIPPED]
     host = PluginHost(entry_points=False, extra=[point.load() for point in points])
     for name in json.loads(names):
         for module in host.policies[name].imports if name in host.policies else ():

@@ -1,4 +1,4 @@
-"""Turns: requests to processes of policies that are waited for at once, each with its deadline."""
+"""Turns: requests to the processes of policies, which the player waits for at once with a deadline each."""
 
 from __future__ import annotations
 
@@ -18,32 +18,38 @@ from lingjing.play.policy_processes.messages import (
 from lingjing.processes.deadlines import Deadline, OwnDeadline
 
 _CANCEL_S = 1.0
-"""How long a call that was cancelled may take to end: seconds of the process's own time."""
+"""The longest time for a cancelled call to end, seconds of the process's own time. Chosen."""
 
 _LONGEST_WAIT_S = 0.5
-"""After so long deadlines are looked at again, which a busy machine may have put off."""
+"""The longest wait before deadlines are read again, seconds: own time may have extended them. Chosen."""
 
 RequestList = list[tuple[PolicyRequest, Sequence[int]]]
-"""RequestList with their descriptors, in order."""
+"""Requests with their descriptors, in order."""
 
 
 @dataclass(slots=True)
 class Turn:
-    """RequestList to one process that are answered one after the other; `answer` is that to the last of them, or the
-    first that is a failure."""
+    """Requests to one process that are answered one after the other."""
 
     process: PolicyProcess
     requests: RequestList
+    """The requests that are not sent yet."""
     deadline: Deadline
+    """The end of the waiting."""
     started: float = field(default_factory=time.monotonic)
+    """The start of the turn on the monotonic clock, seconds."""
     wall_s: float = 0.0
+    """The duration of the turn, seconds of wall clock; 0 before its end."""
     answer: PolicyAnswerMessage | None = None
+    """The answer to the last request, or the first failure; None before it."""
     ended: str = ""
+    """The reason for which the process has ended; "" if it has not."""
     is_late: bool = False
+    """True if the deadline has passed."""
 
     @property
     def is_over(self) -> bool:
-        """True if nothing more is to be waited for."""
+        """True if no further answer is expected."""
         return self.answer is not None or bool(self.ended)
 
     def send_next(self) -> None:
@@ -52,7 +58,7 @@ class Turn:
         self.process.send(request, slots)
 
     def receive(self) -> None:
-        """Take in what has come."""
+        """Receive an answer, if it has arrived, and send the next request."""
         try:
             answer = self.process.receive()
         except EOFError as error:
@@ -66,7 +72,7 @@ class Turn:
             self._end(answer)
 
     def expire(self) -> None:
-        """The deadline has passed: cancel the call, and end the process if that has been tried."""
+        """Handle a passed deadline: cancel the call, or end the process if the call was cancelled before."""
         if self.is_late:
             self.process.end()
             self._end(ended="it did not answer in time")
@@ -81,8 +87,10 @@ class Turn:
 
 
 def wait_for(turns: Iterable[Turn]) -> None:
-    """Serve the processes until each turn is over; one whose deadline passes is cancelled, then ended. Whatever
-    interrupts the waiting ends every process that has not answered."""
+    """Serve the processes until each turn is over. A late call is cancelled; if it goes on, its process is ended.
+
+    An exception during the waiting ends every process without an answer.
+    """
     turns = tuple(turns)
     try:
         while waiting := [turn for turn in turns if not turn.is_over]:
@@ -100,7 +108,7 @@ def wait_for(turns: Iterable[Turn]) -> None:
 
 
 def wait_until_ready(processes: Iterable[PolicyProcess], most_s: float) -> None:
-    """Wait until one of the processes has sent something or has ended, at most so long."""
+    """Wait until a process has sent a message or has ended, at most `most_s` seconds."""
     poller = select.poll()  # not `select`, which cannot watch descriptors from 1024 on
     for process in processes:
         for descriptor in process.descriptors():

@@ -66,13 +66,13 @@ def check_backbone(
 
 
 def check_completion(case: BackboneCase) -> None:
-    """A request is answered with a whole `ModelCompletion`, in each of two event loops."""
+    """Check that a request returns a whole `ModelCompletion`, in each of two event loops."""
     for _ in range(2):
         _require_completion("a request", case.ask(case.request()))
 
 
 def check_one_object(case: BackboneCase) -> None:
-    """One backbone answers in one event loop after another."""
+    """Check that one backbone works in one event loop after another."""
     backbone = case.plugin.factory(case.access)
     for _ in range(2):
         try:
@@ -83,14 +83,14 @@ def check_one_object(case: BackboneCase) -> None:
 
 
 def check_images(case: BackboneCase) -> None:
-    """A request with an image is answered, if the model takes images."""
+    """Check that a request with an image returns a completion, if the model takes images."""
     if case.images:
         grey = encode_jpeg(np.full((32, 32, 3), GREY, np.uint8))
         _require_completion("a request with an image", case.ask(case.request("Is it grey?", (grey,))))
 
 
 def check_failures(case: BackboneCase) -> None:
-    """An unknown model and a timeout of no seconds give a completion or a `ModelError` without secrets."""
+    """Check that an unknown model and a timeout of 0 s give a completion or a `ModelError`, without secrets."""
     unknown = replace(case.request(), model=UNKNOWN)
     for answer in (case.ask(unknown), case.ask(case.request(), 0.0)):
         text = str(answer)

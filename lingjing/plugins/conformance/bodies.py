@@ -1,6 +1,6 @@
-"""The checks of a type's body: a picture shows it as large as it says, and what flies into it collides.
+"""The checks of a type's body: pictures show it at its declared size, and bodies that fly into it collide.
 
-They try one entity of a mission in the engines `camera` and `multirotor` that are installed.
+They test one entity of a mission with the installed engines `camera` and `multirotor`.
 """
 
 from __future__ import annotations
@@ -25,18 +25,20 @@ from lingjing.scene.city import City
 from lingjing.trace.records import BodyState, Box, CameraPose, Command
 
 PIXELS = (400, 1600)
-"""A picture is as many pixels wide and high as the thinnest side of the entity needs, within these bounds."""
+"""The bounds of a picture's width and height, pixels. Within them the thinnest side of the entity decides."""
 
 THIN_PX = 4.0
+"""The size of the thinnest side of the entity in a picture, pixels. Chosen."""
 HFOV_DEG = 60.0
+"""The horizontal field of view of the pictures, degrees. Chosen."""
 BEARINGS = 8
-"""From so many sides the entity is looked at, until a picture shows it."""
+"""The number of directions from which pictures of the entity are taken. Chosen."""
 
 MOST_TIMES = 2.0
-"""A body that declares its size is drawn at most so many times as wide or as high, and at least half as much."""
+"""The largest allowed ratio between the drawn and the declared size, in both directions. Chosen."""
 
 EDGE_PX = 2.0
-"""A box may be so many pixels larger or smaller than what it shows: thin bodies are few pixels high from afar."""
+"""The allowed error of a box's edges, pixels: thin bodies are few pixels high at a distance. Chosen."""
 
 _PROBE = "conformance"
 _ABOVE_M, _LIFT_M, _SECONDS = 4.0, 20.0, 30.0
@@ -44,7 +46,7 @@ _ABOVE_M, _LIFT_M, _SECONDS = 4.0, 20.0, 30.0
 
 @dataclass(frozen=True, slots=True)
 class BodyCase:
-    """An entity of an instance, where the instance puts it, and the city that it is in."""
+    """An entity of an instance at its place, and the city around it."""
 
     instance: Instance
     city: City
@@ -52,27 +54,27 @@ class BodyCase:
 
     @property
     def state(self) -> BodyState:
-        """The entity at rest."""
+        """The state of the entity at rest."""
         return BodyState(id=self.entity.id, position=self.entity.position, heading_deg=self.entity.heading_deg)
 
     @property
     def middle_m(self) -> float:
-        """Elevation of its middle."""
+        """The elevation of its middle, metres."""
         return self.entity.position[2] + entity_size(self.entity).height_m / 2.0 - sunk_m(self.entity)
 
 
 def check_body(mission: Mission, entity: str, *, seed: int = 1) -> None:
-    """Run every check of an entity of a mission; one `ConformanceError` tells all that failed."""
+    """Run every check of an entity of a mission. Raises one `ConformanceError` that lists all failed checks."""
     instance = instantiate(mission, seed=seed)
     city = build_city(instance.scene, PluginHost())
     instance = anchor(instance, city, imported=bool(mission.origin.places))
-    found = {one.id: one for one in instance.entities}
-    require(entity in found, f"the mission has no entity `{entity}`, it has {', '.join(found)}")
-    run_all(f"the type `{found[entity].type}`", BODY_CHECKS, BodyCase(instance, city, found[entity]))
+    entities = {entity.id: entity for entity in instance.entities}
+    require(entity in entities, f"the mission has no entity `{entity}`, it has {', '.join(entities)}")
+    run_all(f"the type `{entities[entity].type}`", BODY_CHECKS, BodyCase(instance, city, entities[entity]))
 
 
 def check_is_seen(case: BodyCase) -> None:
-    """A picture from some side shows the entity, and one that declares its size about as large as that."""
+    """Check that a picture from some direction shows the entity, and at its size if the entity declares one."""
     size = solid_size(case.entity)
     about_m = 1.0 if size is None else max(size.length_m, size.width_m, size.height_m)
     away_m = 1.5 * about_m + 2.0
@@ -85,26 +87,29 @@ def check_is_seen(case: BodyCase) -> None:
         return
     wide = max(box.box[2] - box.box[0] for box in seen) * frame_m
     high = max(box.box[3] - box.box[1] for box in seen) * frame_m
-    for what, drawn, said in (
+    for what, drawn, declared in (
         ("wide", wide, math.hypot(size.length_m, size.width_m)),
         ("high", high, size.height_m),
     ):
         edge_m = EDGE_PX * frame_m / pixels
-        right = said / MOST_TIMES - edge_m <= drawn <= said * MOST_TIMES + edge_m
-        require(right, f"`{case.entity.id}` is drawn {drawn:.1f} m {what}, by its measures it is up to {said:.1f} m")
+        right = declared / MOST_TIMES - edge_m <= drawn <= declared * MOST_TIMES + edge_m
+        require(right, f"`{case.entity.id}` is drawn {drawn:.1f} m {what}, its measures allow {declared:.1f} m")
 
 
 def check_can_be_hit(case: BodyCase) -> None:
-    """A multirotor that comes down on the entity, in the air, collides with it, if it is a body."""
+    """Check that a multirotor which descends on the entity collides with it. An entity without a body passes.
+
+    The entity is lifted into the air, because other rules hold for collisions at the ground.
+    """
     if solid_size(case.entity) is None:
         return
     x, y, z = case.entity.position
-    lifted = msgspec.structs.replace(case.state, position=(x, y, z + _LIFT_M))  # clear of the ground's own rules
+    lifted = msgspec.structs.replace(case.state, position=(x, y, z + _LIFT_M))
     middle_m = case.middle_m + _LIFT_M
     top_m = middle_m + entity_size(case.entity).height_m / 2.0
     probe = Entity(id=_PROBE, group=_PROBE, index=1, role="asset", type=_PROBE, engine="multirotor",
                    position=(x, y, top_m + _ABOVE_M), verbs=(VerbSpec(name="setDestination"),))  # fmt: skip
-    others = tuple(one for one in case.instance.entities if one.engine != probe.engine or one.id == case.entity.id)
+    others = tuple(e for e in case.instance.entities if e.engine != probe.engine or e.id == case.entity.id)
     instance = msgspec.structs.replace(case.instance, entities=(*others, probe))
     down = Command(id="c0-1", tick=0, sender=_PROBE, resource=_PROBE, verb="setDestination",
                    arguments={"x": x, "y": y, "z": middle_m})  # fmt: skip
@@ -128,7 +133,8 @@ BODY_CHECKS: tuple[Callable[[BodyCase], None], ...] = (check_is_seen, check_can_
 
 
 def _boxes(case: BodyCase, away_m: float, pixels: int) -> list[Box | None]:
-    """The entity's boxes in pictures from all sides, level with its middle; None where it is not in sight."""
+    """Return the entity's boxes in pictures from all directions, level with its middle; None where it is not
+    visible."""
     x, y, _ = case.entity.position
     engine = PluginHost().engine("camera").factory()
     try:

@@ -11,7 +11,7 @@ from lingjing.trace.records import BodyState, Route
 
 
 def check_boundary(case: EngineCase, boundary: Boundary, until: float) -> None:
-    """The boundary's own promises; `ConformanceError` if one is broken."""
+    """Check one boundary: its engine, time, entities and numbers. Raises `ConformanceError`."""
     require(boundary.engine == case.plugin.name, f"a boundary of `{boundary.engine}`, not `{case.plugin.name}`")
     require(abs(boundary.time_s - until) < 1e-9, f"a boundary at {boundary.time_s} s instead of {until} s")
     wanted, got = sorted(case.spec.owns), sorted(state.id for state in boundary.states)
@@ -25,7 +25,7 @@ def check_boundary(case: EngineCase, boundary: Boundary, until: float) -> None:
 
 
 def check_events(boundary: Boundary, start: float, until: float) -> None:
-    """Events lie in the interval, name entities and hold finite values."""
+    """Check that events lie in the interval, name entities and have finite values. Raises `ConformanceError`."""
     for event in boundary.events:
         inside = start - 1e-9 <= event.time_s <= until + 1e-9
         require(inside, f"advance: event `{event.kind}` at {event.time_s} s, outside of {start}..{until} s")
@@ -35,7 +35,7 @@ def check_events(boundary: Boundary, start: float, until: float) -> None:
 
 
 def check_route_numbers(routes: Iterable[Route]) -> None:
-    """An entity's routes are numbered from 1, one by one."""
+    """Check that each entity's routes have the numbers 1, 2, 3, … Raises `ConformanceError`."""
     numbers: dict[str, int] = {}
     for route in routes:
         wanted = numbers.get(route.entity, 0) + 1

@@ -24,7 +24,7 @@ CaseT = TypeVar("CaseT")
 
 
 class ConformanceError(PluginError):
-    """A plug-in breaks its contract; the message says where and how."""
+    """A plug-in that breaks its contract. The message names the place and the fault."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,12 +38,12 @@ class EngineCase:
     commands: tuple[Command, ...] = ()
     """Commands that the engine should admit, submitted at time 0."""
     mirrors: tuple[BodyState, ...] = ()
-    """Bodies of other engines at time 0; they move along their velocities."""
+    """Bodies of other engines at time 0. They move along their velocities."""
     seed: int = 1
     seconds: float = 20.0
-    """The duration of a run, simulation time."""
+    """The duration of a run, seconds of simulation time."""
     placed: bool = True
-    """True if entities start at the positions of the instance. A satellite starts where its elements put it."""
+    """True if entities start at the positions of the instance. A satellite starts at the position of its elements."""
 
     @property
     def owned(self) -> tuple[Entity, ...]:
@@ -59,15 +59,15 @@ class EngineCase:
 
     @property
     def step_s(self) -> float:
-        """The interval of one `advance`: a macro-step; sensors go by whole ticks."""
+        """The interval of one `advance`, seconds: a macro-step, or a whole tick for sensors."""
         return self.instance.clock.tick_s if self.plugin.sensor else self.instance.clock.sync_s
 
     def times(self) -> tuple[float, ...]:
-        """The boundaries to advance to."""
+        """Return the times of the boundaries, seconds."""
         return tuple(self.step_s * number for number in range(1, round(self.seconds / self.step_s) + 1))
 
     def mirrors_at(self, time_s: float) -> tuple[BodyState, ...]:
-        """The others at an interval's start."""
+        """Return the bodies of other engines at the start of an interval."""
         return tuple(_moved(state, time_s) for state in self.mirrors)
 
 
@@ -85,7 +85,7 @@ def case_of(
     mirrors: Sequence[BodyState] = (),
     seconds: float = 20.0,
 ) -> EngineCase:
-    """A case on a mission's own instance and city: `commands` are a verb and its arguments by resource."""
+    """Return a case with a mission's own instance and city. `commands` holds a verb and its arguments by resource."""
     instance = instantiate(mission, seed=seed)
     city = build_city(instance.scene, PluginHost())
     submitted = tuple(
@@ -107,7 +107,7 @@ class Run:
 
 @contextmanager
 def engine_of(case: EngineCase) -> Iterator[Engine]:
-    """A fresh engine, closed at the end whatever happens."""
+    """Yield a new engine, and close it at the end, also after an error."""
     engine = case.plugin.factory()
     try:
         yield engine
@@ -116,20 +116,20 @@ def engine_of(case: EngineCase) -> Iterator[Engine]:
 
 
 def play(case: EngineCase, times: Sequence[float] | None = None) -> Run:
-    """One run of a case in a fresh engine."""
+    """Return one run of a case in a new engine."""
     with engine_of(case) as engine:
         return drive(engine, case, times)
 
 
 def drive(engine: Engine, case: EngineCase, times: Sequence[float] | None = None) -> Run:
-    """Reset, submit the case's commands, advance to every time."""
+    """Reset the engine, submit the case's commands, and advance to each time."""
     run = Run(ready=engine.reset(case.spec, case.city, case.seed), admissions=tuple(engine.submit(case.commands)))
     run.boundaries += advance(engine, case, 0.0, case.times() if times is None else times)
     return run
 
 
 def advance(engine: Engine, case: EngineCase, start: float, times: Sequence[float]) -> list[Boundary]:
-    """Advance from `start` to every time in turn."""
+    """Advance from `start` to each time in turn, and return the boundaries."""
     boundaries = []
     for until in times:
         boundaries.append(engine.advance(until, case.mirrors_at(start)))
@@ -144,7 +144,7 @@ def require(condition: bool, message: str) -> None:
 
 
 def run_all(who: str, checks: Iterable[Callable[[CaseT], None]], case: CaseT) -> None:
-    """Every check; one error tells all that failed."""
+    """Run every check. Raises one `ConformanceError` that lists all failed checks."""
     faults = []
     for check in checks:
         try:
@@ -158,7 +158,7 @@ def run_all(who: str, checks: Iterable[Callable[[CaseT], None]], case: CaseT) ->
 
 
 def check_name(check: Callable[..., None]) -> str:
-    """A check's short name, for test ids."""
+    """Return a check's short name, for test ids."""
     return check.__name__.removeprefix("check_")
 
 

@@ -1,4 +1,4 @@
-"""The checks of an engine as a whole: its boundaries, its independence of how it is run, its pictures, its end."""
+"""The checks of an engine as a whole: its boundaries, its repeatability, its pictures, and its end."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ from lingjing.scene.city import City
 from lingjing.trace.records import BodyState, Command
 
 _TOLERANCE = 1e-6
+"""The allowed difference of numbers, relative to numbers above 1. Chosen."""
 
 
 def check_engine(
@@ -41,13 +42,13 @@ def check_engine(
     seconds: float = 20.0,
     placed: bool = True,
 ) -> None:
-    """Run every check; one `ConformanceError` tells all that failed."""
+    """Run every check of an engine. Raises one `ConformanceError` that lists all failed checks."""
     case = EngineCase(plugin, instance, city, tuple(commands), tuple(mirrors), seed, seconds, placed)
     run_all(f"engine `{plugin.name}`", ENGINE_CHECKS, case)
 
 
 def check_ready(case: EngineCase) -> None:
-    """`reset` answers with every owned entity at time 0, where the instance puts it, and nothing has happened yet."""
+    """Check that `reset` returns every owned entity at time 0 and at its place, without receipts and events."""
     with engine_of(case) as engine:
         ready = engine.reset(case.spec, case.city, case.seed)
     check_boundary(case, ready, 0.0)
@@ -59,7 +60,8 @@ def check_ready(case: EngineCase) -> None:
 
 
 def check_advance(case: EngineCase) -> None:
-    """`advance` reaches the time asked for, with every owned entity, and events of that interval only."""
+    """Check that `advance` reaches the requested time with every owned entity, and with events of that interval
+    only."""
     run, start = play(case), 0.0
     for until, boundary in zip(case.times(), run.boundaries, strict=True):
         check_boundary(case, boundary, until)
@@ -69,8 +71,10 @@ def check_advance(case: EngineCase) -> None:
 
 
 def check_strangers(case: EngineCase) -> None:
-    """The engine accepts mirrors of all other entities, dormant ones, background traffic and unknown ids, and returns
-    none of them as its own."""
+    """Check that the engine accepts mirrors of any body, and returns none of them as its own.
+
+    The mirrors are all entities of other engines, dormant ones included, background traffic, and unknown ids.
+    """
     crowd = [
         BodyState(id=entity.id, position=entity.position, status="dormant" if entity.dormant else "idle")
         for entity in case.instance.entities
@@ -91,7 +95,7 @@ def check_strangers(case: EngineCase) -> None:
 
 
 def check_repeatable(case: EngineCase) -> None:
-    """Same inputs, same answers: in a second engine, and in the first one after another reset."""
+    """Check that the same inputs give the same answers, in a second engine and after another reset."""
     with engine_of(case) as engine:
         first = _digest(drive(engine, case))
         again = _digest(drive(engine, case))
@@ -100,8 +104,11 @@ def check_repeatable(case: EngineCase) -> None:
 
 
 def check_cuts(case: EngineCase) -> None:
-    """An interval gives the same as its two halves, where both end on the engine's own steps (`native_dt_s`). Played
-    without other bodies: their mirrors would be older in the longer interval."""
+    """Check that an interval gives the same result as its two halves.
+
+    It is skipped unless both halves end on the engine's own steps (`native_dt_s`). There are no other bodies, because
+    their mirrors would be older in the longer interval.
+    """
     half = case.step_s / 2.0
     steps = half / case.plugin.native_dt_s
     if case.plugin.sensor or case.plugin.place == "remote" or abs(steps - round(steps)) > _TOLERANCE:
@@ -112,8 +119,8 @@ def check_cuts(case: EngineCase) -> None:
     halves = play(alone, [time for until in times for time in (until - half, until)]).boundaries
     for boundary, first, second in zip(whole, halves[::2], halves[1::2], strict=True):
         where = f"at {boundary.time_s} s, when the interval before is cut in two"
-        for one, other in zip(boundary.states, second.states, strict=True):
-            require(_close(one, other), f"`{one.id}` is somewhere else {where}: {one} and {other}")
+        for state, other in zip(boundary.states, second.states, strict=True):
+            require(_close(state, other), f"`{state.id}` is somewhere else {where}: {state} and {other}")
         ends = [(receipt.request, receipt.status) for receipt in boundary.receipts if receipt.status != "running"]
         cut = (*first.receipts, *second.receipts)
         require(
@@ -125,7 +132,7 @@ def check_cuts(case: EngineCase) -> None:
 
 
 def check_values(case: EngineCase) -> None:
-    """Boundaries survive the way between processes (msgpack) unchanged."""
+    """Check that boundaries stay equal when they are encoded and decoded (msgpack)."""
     run = play(case)
     for boundary in (run.ready, *run.boundaries):
         packed = msgspec.msgpack.encode(boundary)
@@ -133,7 +140,7 @@ def check_values(case: EngineCase) -> None:
 
 
 def check_fork(case: EngineCase) -> None:
-    """An engine of a world process goes on identically, bit by bit, in a fork of its process."""
+    """Check that an engine of a world process continues bit by bit identically in a fork of its process."""
     if case.plugin.place != "world" or sys.platform != "linux":
         return
     times = case.times()
@@ -149,8 +156,11 @@ def check_fork(case: EngineCase) -> None:
 
 
 def check_capture(case: EngineCase) -> None:
-    """`capture` returns one picture a request, in order, as declared; an engine without sensors returns (). Where an
-    engine says what its pictures depend on, a picture with the same key is the same when everything has moved."""
+    """Check that `capture` returns one picture for each request, in order and as declared.
+
+    An engine without sensors returns (). If an engine has picture keys, equal keys must give equal pictures after
+    everything has moved.
+    """
     mounts = [(entity, camera) for entity in case.instance.entities for camera in entity.cameras]
     with engine_of(case) as engine:
         engine.reset(case.spec, case.city, case.seed)
@@ -171,11 +181,11 @@ def check_capture(case: EngineCase) -> None:
 
 
 def _check_keys(engine: Engine, case: EngineCase, requests: Sequence[CaptureRequest], frames: Sequence[Frame]) -> None:
-    """After `capture`; the engine is told of other places."""
+    """Check the keys of pictures after the other bodies have moved."""
     assert isinstance(engine, KeyedPictures)
     before = [engine.picture_key(request) for request in requests]
     require(all(isinstance(key, bytes) for key in before), "picture_key: a key is no bytes")
-    elsewhere = [BodyState(id=one.id, position=(0.0, 0.0, 0.0)) for one in case.instance.entities]
+    elsewhere = [BodyState(id=entity.id, position=(0.0, 0.0, 0.0)) for entity in case.instance.entities]
     engine.advance(case.times()[1], elsewhere)
     for request, frame, key in zip(requests, frames, before, strict=False):
         if engine.picture_key(request) == key:
@@ -185,7 +195,7 @@ def _check_keys(engine: Engine, case: EngineCase, requests: Sequence[CaptureRequ
 
 
 def check_close(case: EngineCase) -> None:
-    """`close` works after a run, a second time, and on an engine that never came to life."""
+    """Check that `close` works after a run, a second time, and before a reset."""
     with engine_of(case):
         pass
     with engine_of(case) as engine:
@@ -222,9 +232,9 @@ def _digest(run: Run) -> bytes:
     return hashlib.sha256(msgspec.msgpack.encode((run.ready, run.admissions, run.boundaries))).digest()
 
 
-def _close(one: BodyState, other: BodyState) -> bool:
-    numbers = ((*state.position, *state.velocity, state.pitch_deg, state.roll_deg) for state in (one, other))
-    return one.status == other.status and all(
+def _close(state: BodyState, other: BodyState) -> bool:
+    numbers = ((*body.position, *body.velocity, body.pitch_deg, body.roll_deg) for body in (state, other))
+    return state.status == other.status and all(
         abs(a - b) <= _TOLERANCE * max(1.0, abs(a)) for a, b in zip(*numbers, strict=True)
     )
 

@@ -1,4 +1,4 @@
-"""The checks of a policy: it commands and says what its brief allows, and the same inputs give the same answers."""
+"""The checks of a policy: its brief allows its commands and messages, and the same inputs give the same decisions."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ class PolicyCase:
     brief: Brief
     observations: tuple[Observation, ...]
     deterministic: bool = True
-    """True if the policy promises the same answers for the same inputs; a chat model does not."""
+    """True if the policy promises equal decisions for equal inputs. A chat model does not."""
     arguments: tuple[tuple[str, str], ...] = ()
-    """Its `--policy-arg` pairs."""
+    """The options of the policy."""
 
 
 def check_policy(
@@ -33,7 +33,7 @@ def check_policy(
     deterministic: bool = True,
     arguments: dict[str, str] | None = None,
 ) -> None:
-    """Run every check of a policy; without observations it is shown three empty ones."""
+    """Run every check of a policy. Without observations it receives three empty ones."""
     shown = tuple(observations) or tuple(
         Observation(agent=brief.agent, tick=tick, time_s=tick * brief.tick_s, weather=brief.weather)
         for tick in range(3)
@@ -43,7 +43,7 @@ def check_policy(
 
 
 def check_decisions(case: PolicyCase) -> None:
-    """`act` answers with a `Decision` that commands and says only what the brief allows."""
+    """Check that `act` returns a `Decision` with a command and messages that the brief allows."""
     for decision in _decide(case):
         require(isinstance(decision, Decision), f"act: a {type(decision).__name__} instead of a Decision")
         _command(case.brief, decision)
@@ -57,7 +57,7 @@ def check_decisions(case: PolicyCase) -> None:
 
 
 def check_same_decisions(case: PolicyCase) -> None:
-    """Two objects with one brief and the same observations decide the same."""
+    """Check that two objects with the same brief and observations decide the same."""
     if case.deterministic:
         require(_decide(case) == _decide(case), "two policies with the same brief and observations decide differently")
 

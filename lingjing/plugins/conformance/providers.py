@@ -1,4 +1,4 @@
-"""The checks of evaluators, scenes and files of kinds: what a plug-in offers is what it says, each time it is asked."""
+"""The checks of evaluators, scenes and files of kinds: the offers match their contract, in every call."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from lingjing.trace.records import BodyState
 
 @dataclass(slots=True)
 class _RestingStanding:
-    """An `EpisodeState` in which nothing has come to pass and everything is where the instance puts it."""
+    """An `EpisodeState` without events, with every entity at its first place."""
 
     tick: int
     time_s: float
@@ -31,41 +31,42 @@ class _RestingStanding:
 def check_evaluator(
     plugin: EvaluatorPlugin, instance: Instance, options: dict[str, GivenOption] | None = None, *, ticks: int = 3
 ) -> None:
-    """Its answers are as `Evaluation` says, follow from its arguments alone, and leave what it is shown as it was.
+    """Check an evaluator: valid answers that depend on the arguments alone, and arguments that stay unchanged.
 
-    It is shown boundaries at which nothing has happened. Raises `ConformanceError` with the first fault.
+    The boundaries have no events. Raises `ConformanceError` with the first fault.
     """
     owner = f"evaluator `{plugin.name}`"
     model = declared_model(plugin.options, owner)
-    given = (read_options(model or PluginOptions, options or {}, owner),) if plugin.options or options else ()
-    places = {one.id: BodyState(id=one.id, position=one.position) for one in instance.entities}
+    arguments = (read_options(model or PluginOptions, options or {}, owner),) if plugin.options or options else ()
+    places = {entity.id: BodyState(id=entity.id, position=entity.position) for entity in instance.entities}
     shown = [_RestingStanding(tick, tick * instance.clock.tick_s, dict(places)) for tick in range(ticks)]
     before = copy.deepcopy(shown)
-    one, other = plugin.build(instance, *given), plugin.build(instance, *given)
-    answers = [one.evaluate(state, ()) for state in shown]
+    first, second = plugin.build(instance, *arguments), plugin.build(instance, *arguments)
+    answers = [first.evaluate(state, ()) for state in shown]
     for tick, answer in enumerate(answers):
         what = f"{owner} at tick {tick}"
         require(isinstance(answer, Evaluation), f"{what} answers a {type(answer).__name__} instead of an Evaluation")
         require(not answer_fault(answer), f"{what}: {answer_fault(answer)}")
-    again = [other.evaluate(state, ()) for state in reversed(shown)][::-1]
-    require(answers == again, f"{owner} answers otherwise when it is asked in another order: it keeps something")
-    require(shown == before, f"{owner} changes the boundary that it is shown")
+    again = [second.evaluate(state, ()) for state in reversed(shown)][::-1]
+    require(answers == again, f"{owner} gives other answers in another order: it keeps a state")
+    require(shown == before, f"{owner} changes the boundary that it receives")
 
 
 def check_scene(spec: SceneSpec, host: PluginHost | None = None) -> None:
-    """The city of a scene that is installed is what every city must be, and the same when it is built again."""
+    """Check that the city of an installed scene is valid, and equal when it is built again. Raises
+    `ConformanceError`."""
     host = host or PluginHost()
     city, again = build_city(spec, host), build_city(spec, host)
     faults = list(city_faults(city, spec))
     require(not faults, f"scene `{spec.kind}`: {'; '.join(faults[:10])}")
     same = content_sha256(city) == content_sha256(again)
-    require(same, f"scene `{spec.kind}` builds another city when it is built again")
+    require(same, f"scene `{spec.kind}` builds another city in a second call")
 
 
 def check_kinds(plugin: str, host: PluginHost | None = None) -> None:
-    """The `kinds.json` of an entry point can be read, and describes the scenes that it offers and no others.
+    """Check that the `kinds.json` of an entry point is valid, and describes exactly the scenes that it offers.
 
-    Raises `PluginError` that tells every fault of the file, `ConformanceError` for what it leaves out or makes up.
+    Raises `PluginError` that lists every fault of the file, `ConformanceError` for a missing or an unknown kind.
     """
     sources = (host or PluginHost()).sources
     file = described_by(plugin)

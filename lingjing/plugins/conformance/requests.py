@@ -1,4 +1,4 @@
-"""The checks of what an engine does with commands: admission, refusal, progress, its one end."""
+"""The checks of an engine's commands: admission, rejection, progress, and exactly one end."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SENDER = "conformance"
 
 
 def check_commands(case: EngineCase) -> None:
-    """The commands of the case are for entities of the engine, with verbs that they have: others would try nothing."""
+    """Check that the case's commands are for entities of the engine and for verbs that these have."""
     owned = {entity.id: entity for entity in case.owned}
     for command in case.commands:
         what = f"the case's command {command.id}"
@@ -35,7 +35,7 @@ def check_commands(case: EngineCase) -> None:
 
 
 def check_admission(case: EngineCase) -> None:
-    """`submit` answers each command once, in order, with `accepted` or `rejected`."""
+    """Check that `submit` returns one `accepted` or `rejected` receipt for each command, in order."""
     with engine_of(case) as engine:
         engine.reset(case.spec, case.city, case.seed)
         receipts = tuple(engine.submit(case.commands))
@@ -48,7 +48,7 @@ def check_admission(case: EngineCase) -> None:
 
 
 def check_refusals(case: EngineCase) -> None:
-    """An unknown verb, a resource of another engine and an unknown resource are rejected with a reason."""
+    """Check that an unknown verb, a foreign resource and an unknown resource are rejected with a reason."""
     resources = [owned.id for owned in case.owned[:1]]
     resources += [entity.id for entity in case.instance.entities if entity.engine != case.plugin.name][:1]
     strange = [
@@ -66,13 +66,15 @@ def check_refusals(case: EngineCase) -> None:
 
 
 def check_arguments(case: EngineCase) -> None:
-    """Arguments that are no finite numbers are rejected with a reason, whatever else the command says."""
+    """Check that arguments that are not finite numbers are rejected with a reason."""
     _refused(case, [spoilt for command in case.commands for spoilt in _spoilt(command)])
 
 
 def check_busy(case: EngineCase) -> None:
-    """While a request is pending its resource takes no other but `stop`: it is rejected as `busy`, and the pending one
-    goes on as if nothing had been said."""
+    """Check that a resource with a pending request rejects any other command but `stop` as `busy`.
+
+    The pending request continues as if the command had not been sent.
+    """
     first, *rest = case.times()
     with engine_of(case) as engine:
         engine.reset(case.spec, case.city, case.seed)
@@ -99,8 +101,10 @@ def check_busy(case: EngineCase) -> None:
 
 
 def check_receipts(case: EngineCase) -> None:
-    """Receipts after admission belong to accepted requests, end once, say `running` once a call at most, and their
-    progress never falls."""
+    """Check the receipts after admission.
+
+    They belong to accepted requests and end once. `running` comes at most once a call, with progress that never falls.
+    """
     run = play(case)
     commands = {command.id: command for command in case.commands}
     live = {receipt.request for receipt in run.admissions if receipt.status == "accepted"}
@@ -129,7 +133,7 @@ def check_receipts(case: EngineCase) -> None:
 
 
 def check_preemption(case: EngineCase) -> None:
-    """`stop` ends a pending request as `rejected: preempted`; tried on entities that have the verb."""
+    """Check that `stop` ends a pending request as `rejected: preempted`, on entities that have the verb."""
     stoppable = {entity.id for entity in case.owned if any(verb.name == STOP for verb in entity.verbs)}
     for command in case.commands:
         if command.resource in stoppable and command.verb != STOP:
@@ -148,7 +152,7 @@ def _refused(case: EngineCase, commands: list[Command]) -> None:
 
 
 def _spoilt(command: Command) -> Iterator[Command]:
-    """The command with each number replaced by something that is none."""
+    """Return the command with each number replaced by a value that is not a finite number."""
     number = 0
     for name, value in command.arguments.items():
         if isinstance(value, bool) or not isinstance(value, int | float):
@@ -174,7 +178,7 @@ def _preempt(case: EngineCase, command: Command) -> None:
         (boundary,) = advance(engine, case, 0.0, (first,))
         ended = {r.request for r in boundary.receipts if r.status != "running"}
         if not accepted or command.id in ended:
-            return  # nothing was pending that could be pre-empted
+            return  # no pending request to pre-empt
         require(engine.submit((stop,))[0].status == "accepted", f"submit: `stop` of {command.id} is not accepted")
         (boundary,) = advance(engine, case, first, (second,))
         later = [r for r in boundary.receipts if r.request == command.id]

@@ -1,4 +1,4 @@
-"""The checks of an agent scaffold: its parts keep their promises, on plain parts in the place of `react`'s."""
+"""The checks of an agent scaffold: its parts keep their promises, with plain parts in the place of `react`'s."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def check_scaffold(
 
 
 def check_texts(case: ScaffoldCase) -> None:
-    """The system text has the instructions of memory and parser, and a state is the same when it is written again."""
+    """Check that the system text has the instructions of memory and parser, and that a state's text repeats."""
     parts = case.parts()
     memory, answer = parts.memory.instructions, parts.parser.instructions
     system: object = parts.prompt.system(case.observations[0], memory, answer)
@@ -96,7 +96,7 @@ def check_texts(case: ScaffoldCase) -> None:
 
 
 def check_parser(case: ScaffoldCase) -> None:
-    """Good answers become steps; others raise `StepError` and nothing else; the schema is one."""
+    """Check that good answers become steps, that others raise `StepError` only, and that the schema is valid."""
     parser = case.parts().parser
     if parser.schema is not None:
         _require_json("parser.schema", parser.schema)
@@ -109,7 +109,8 @@ def check_parser(case: ScaffoldCase) -> None:
 
 
 def check_memory(case: ScaffoldCase) -> None:
-    """Turns are pairs of a user message and an answer, members are JSON, and without room there are no turns."""
+    """Check that turns are pairs of a user message and an answer, that members are JSON, and that no room means no
+    turns."""
     for limits in (LIMITS, MemoryLimits(tokens=0, images=0)):
         memory = case.parts().memory
         memory.begin(limits)
@@ -122,13 +123,13 @@ def check_memory(case: ScaffoldCase) -> None:
 
 
 def check_deliberation(case: ScaffoldCase) -> None:
-    """The deliberation returns members that are JSON for good and for unusable answers."""
+    """Check that the deliberation returns JSON members for good and for unusable answers."""
     for text in (*case.answers, *UNUSABLE):
         _played(case, (text,))
 
 
 def check_same_requests(case: ScaffoldCase) -> None:
-    """The same inputs and answers give the same requests, so that a recorded episode can be replayed."""
+    """Check that the same inputs and answers give the same requests, so that a replay is possible."""
     require(_played(case, case.answers) == _played(case, case.answers), "the same inputs give other requests")
 
 
