@@ -228,7 +228,7 @@ def _miss(story: _Story, target: str) -> Attribution | None:
     matched = story.matched.get(target)
     if not frames:
         if matched is not None or story.reason != "budget":
-            return None  # the search did not end for want of ticks
+            return None  # the search did not end because of the tick budget
         link = RecordLink(kind="event", tick=story.last, record="", text=f"{target} is visible in no picture")
         return Attribution(family="perception_miss", target=target, tick=story.last, chain=(link,))
     first = frames[0]

@@ -45,9 +45,9 @@ class _TriedPlay(msgspec.Struct, frozen=True, kw_only=True):
     ticks: int
     digest: str
     changed: int | None = None
-    """The first boundary at which an agent decided otherwise than without the faults; None if there is none."""
+    """The first boundary at which the faults changed a decision; None if there is none."""
     by: tuple[str, ...] = ()
-    """The agents that decided otherwise at that boundary."""
+    """The agents with a changed decision at the boundary `changed`."""
 
 
 PlayKey = tuple[str, int, str, tuple[FaultLabel, ...]]

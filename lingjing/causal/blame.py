@@ -69,14 +69,14 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
     first: int
     """First boundary of the smallest window in which the substitution repairs; `fork` plays this window."""
     last: int
-    """Last boundary of that window."""
+    """Last boundary of the window."""
     replaced: int
     """The number of records that are replaced in the window."""
     rows: int = 1
     """The number of runs of departures, that is, of departures without an agreement in between."""
     late: bool = False
-    """True if the substitution starts after the first departure, because from there it does not repair: not alone,
-    nor, in a set, together with all other departures.
+    """True if the substitution starts after the first departure, because a substitution from the first departure on
+    does not repair the episode, alone or in a set with all other departures.
     """
     masked: bool = False
     """True if the agent departs only in branches in which other pairs are substituted."""
@@ -89,7 +89,7 @@ class _Repair(msgspec.Struct, frozen=True, kw_only=True):
     score: float
     """The score of the branch that substitutes exactly these causes."""
     ticks: int
-    """The ticks of that branch."""
+    """The ticks of the branch of `score`."""
     narrowed: bool = True
     """True if the windows were narrowed; else they cover everything that was replaced."""
 
@@ -158,8 +158,8 @@ def _repair_order(repair: _Repair) -> tuple[bool, bool, int, int, int]:
 
     Narrowed repairs come first, then those that start at the first departures, then those with fewer replaced records,
     then those with fewer runs of departures (with many runs, a repair by chance is more likely), then earlier ones.
-    Windows begin as late as possible, so of two windows the later one often compensates for the loss of the earlier
-    one.
+    Windows begin as late as possible. A later window often compensates for the loss of an earlier one, so earlier
+    windows have precedence.
     """
     causes = repair.causes
     late = any(cause.late for cause in causes)

@@ -97,7 +97,7 @@ class BranchPlayed(HostMessage, frozen=True, kw_only=True):
 
 
 class HostFailed(HostMessage, frozen=True, kw_only=True):
-    """The request failed."""
+    """The answer to a request that failed."""
 
     message: str
     hint: str = ""

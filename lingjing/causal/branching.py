@@ -67,7 +67,7 @@ class BranchResult(msgspec.Struct, frozen=True, kw_only=True):
     """The error (of an engine, the camera or a reference) that makes the branch useless; empty if there is none."""
     hint: str = ""
     exit_code: int = ExitCode.INFRASTRUCTURE
-    """The exit code of that error."""
+    """The exit code of the error `failed`."""
     path: str = ""
     """The path of the branch's trace; empty if none was written."""
 

@@ -31,7 +31,7 @@ Hop = Literal["to hub", "from hub", "to all"]
 """The direction of a message: one of a star's two hops, or a broadcast."""
 
 EQUAL = 1e-9
-"""Difference up to which two scores are equal."""
+"""Difference up to which two scores are equal. Chosen: far above rounding errors."""
 
 
 class MessageValue(msgspec.Struct, frozen=True, kw_only=True):

@@ -40,7 +40,7 @@ class Placebos(msgspec.Struct, frozen=True, kw_only=True):
     same: int = 0
     """Decisions replaced by themselves."""
     changed: int = 0
-    """Those with other digests; 0 unless the method is broken."""
+    """Decisions replaced by themselves that change the digest; 0 unless the method is broken."""
     nudges: int = 0
     """Nudged destinations."""
     uninvolved: int = 0
@@ -48,9 +48,9 @@ class Placebos(msgspec.Struct, frozen=True, kw_only=True):
     repaired: int = 0
     """Nudges and uninvolved substitutions that won."""
     low: float = 0.0
-    """Lower end of the 95 % interval of their share (Wilson)."""
+    """Lower end of the 95 % interval (Wilson) of the share of `repaired`."""
     high: float = 1.0
-    """Upper end of that interval."""
+    """Upper end of the interval of `low`."""
 
 
 def placebo_plans(

@@ -37,9 +37,9 @@ class Share(msgspec.Struct, frozen=True, kw_only=True):
     share: float
     """The contribution, -1 to 1."""
     low: float
-    """Lower end of the 95 % interval of the sampled mean (normal approximation); the share if it is exact."""
+    """Lower end of the 95 % interval of the sampled mean (normal approximation); `share` if it is exact."""
     high: float
-    """Upper end of that interval."""
+    """Upper end of the interval of `low`."""
     exact: bool
     """True if all coalitions were played."""
 

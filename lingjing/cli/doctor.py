@@ -162,7 +162,7 @@ def check_processor() -> Finding:
     fingerprint = ", ".join(f"{name} {value}" for name, value in table.items())
     wrong = list(deviations(table))
     if table["libm"] not in {"fma", "no fma"}:
-        wrong.append("this C library computes otherwise than glibc")
+        wrong.append("this C library gives other results than glibc")
     if not wrong:
         return Finding(name="numbers", ok=True, found="this processor and C library compute what others do")
     advice = "scores are valid, digests may differ: equal digests need x86-64 with AVX2, FMA and the same C library"

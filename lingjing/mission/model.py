@@ -185,7 +185,7 @@ class Exchange(Record, frozen=True, kw_only=True):
     """The target's status word afterwards; "" for the name with `d` or `ed`."""
     takes: str = ""
     source: str = ""
-    """The author's `from`."""
+    """The word after `from` in the mission."""
     gives: str = ""
     up_to: str = ""
     told: Literal["", "all", "actor", "none"] = ""

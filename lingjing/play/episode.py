@@ -57,7 +57,7 @@ _AMBIENT = (
     "the digest differs in each run: the policy of {} draws from a global random generator, which has no seed here; "
     "draw from a generator with the seed `brief.seed`, or play with `lingjing run`"
 )
-"""The warning about policies that draw from a global random generator. The hole holds the agents."""
+"""The warning about policies that draw from a global random generator. `{}` is the list of agents."""
 
 TRACE_NAME = "trace.mcap"
 """The file name of the trace in a run's folder."""

@@ -57,7 +57,7 @@ class _TraceReading(NamedTuple):
     """The message of the error that prevented reading."""
 
     hint: str = ""
-    """The hint of that error."""
+    """The hint of `error`."""
 
 
 def gather(

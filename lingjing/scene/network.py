@@ -119,7 +119,7 @@ class Network(msgspec.Struct, frozen=True, kw_only=True):
     path: str
     """Path of the `.net.xml`."""
     sha256: str
-    """SHA-256 of that file."""
+    """SHA-256 (hex) of the `.net.xml`."""
 
 
 def build_network(

@@ -56,7 +56,7 @@ class _Resolver:
             case ex.Call(function="union", arguments=parts):
                 return shapely.union_all([self.shape(part, name) for part in parts])
         raise MissionError(
-            f"region '{name}' cannot be laid on the map", hint="write road(…), along(…, width) or a union"
+            f"region '{name}' cannot be placed on the map", hint="write road(…), along(…, width) or a union"
         )
 
     def _roads(self, street: str) -> list[Road]:

@@ -567,7 +567,7 @@ class BranchOrigin(TraceRecord, frozen=True, kw_only=True):
     at: int
     """The boundary up to which both traces are equal."""
     digest: str
-    """The digest of that boundary."""
+    """The digest of the boundary `at`."""
     substitutions: tuple[Substitution, ...] = ()
     messages: tuple[MessageChange, ...] = ()
     reference: str = ""

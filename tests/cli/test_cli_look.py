@@ -184,7 +184,7 @@ def test_doctor_says_where_digests_are_the_machines_own(monkeypatch) -> None:
     assert finding.found.startswith("the processor is without avx2, fma; the C library computes without FMA")
     assert "digests may differ" in finding.advice
     monkeypatch.setattr(doctor, "runtime_fingerprint", lambda: {"processor": "avx2, fma", "libm": "0123456789abcdef"})
-    assert doctor.check_processor().found.startswith("this C library computes otherwise than glibc")
+    assert doctor.check_processor().found.startswith("this C library gives other results than glibc")
 
 
 def test_doctor_says_where_waits_for_a_processor_are_not_counted(monkeypatch) -> None:

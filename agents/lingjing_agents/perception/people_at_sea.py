@@ -76,7 +76,7 @@ class _WaterContrast:
     whiteness: GreyPlane
     """Position on the line from water (0) to white (1)."""
     colour: GreyPlane
-    """Distance from that line in grey levels."""
+    """Distance from the line from water to white, grey levels."""
     warmth: GreyPlane
     """Excess of red over blue in grey levels."""
 

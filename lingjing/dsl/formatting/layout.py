@@ -20,7 +20,7 @@ _GAP = re.compile(r"(?P<line>\r\n|\n|\r)|(?P<comment>#[^\r\n]*)")
 
 @dataclass(slots=True)
 class Comment:
-    """A comment."""
+    """A comment and its position on the line."""
 
     text: str
     """The text, including `#`."""
@@ -40,7 +40,7 @@ class Word:
 
 @dataclass(slots=True)
 class StatementLayout:
-    """A statement."""
+    """A statement with its comments."""
 
     parts: list[Word | BlockLayout] = field(default_factory=list)
     """Words and blocks in order."""

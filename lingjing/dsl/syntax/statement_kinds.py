@@ -175,7 +175,7 @@ class StatementKind:
 
     @property
     def holds_list(self) -> bool:
-        """True if a comma may continue it."""
+        """True if a comma may continue the statement."""
         return any(element.symbol in LISTS for form in self.forms for element in form.elements())
 
     def place(self, label: str) -> NamePlace:

@@ -76,7 +76,7 @@ class TownView:
     ground: tuple[Cells, ...]
     """Cells of the ground."""
     lands: tuple[Cells, ...]
-    """Cells of the lands on it."""
+    """Cells of the land areas on the ground."""
     window: ShadowWindow
     """Window of the shadow map."""
     reach_m: float

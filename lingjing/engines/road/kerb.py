@@ -145,7 +145,7 @@ class Kerb:
 
 
 def _outwards(middle_m: float) -> Iterator[float]:
-    """Return positions along a lane by their distance from a middle; of two equally far ones the rear one comes
+    """Yield positions along a lane by their distance from a middle, metres. The rear one of two equally far ones comes
     first."""
     yield middle_m
     for number in range(1, round(REACH_M / _STEP_M) + 1):

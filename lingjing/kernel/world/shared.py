@@ -79,7 +79,7 @@ class CurrentCall(msgspec.Struct, frozen=True):
     slowest: str = ""
     """The engine that has taken most time in this barrier; "" before the first."""
     slowest_s: float = 0.0
-    """The time of that engine in seconds."""
+    """The time of the engine, seconds."""
 
 
 class CallMonitor:

@@ -32,11 +32,12 @@ _OWNER_KEYS = frozenset({
 
 
 class _Row(NamedTuple):
-    """One goal."""
+    """The goal of one row of a document."""
 
     place: HiddenPlace
+    """The goal's hidden place."""
     path: str
-    """Its JSON path."""
+    """The row's JSON path."""
     goal: str
     """The row's goal, which may name a UAV."""
     owner: str

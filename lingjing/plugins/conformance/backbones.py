@@ -53,7 +53,7 @@ class BackboneCase:
         except ModelError as error:
             return error
         except Exception as error:  # noqa: BLE001 - this is what the check is for
-            require(False, f"complete: raises {type(error).__name__}, no ModelError: {error}")
+            require(False, f"complete: raises {type(error).__name__}, not ModelError: {error}")
             return None
 
 
@@ -114,11 +114,11 @@ def _require_completion(what: str, answer: object) -> None:
     require(isinstance(answer, ModelCompletion), f"complete: {what} gives a {type(answer).__name__}")
     assert isinstance(answer, ModelCompletion)
     texts = (answer.text, answer.finish_reason, answer.reasoning)
-    require(all(isinstance(text, str) for text in texts), f"complete: {what}: a text of the completion is no text")
+    require(all(isinstance(text, str) for text in texts), f"complete: {what}: a text of the completion is not a string")
     require(bool(answer.finish_reason), f"complete: {what}: `finish_reason` is empty")
     counts: tuple[object, ...] = (answer.prompt_tokens, answer.completion_tokens, answer.cached_tokens)
     right = all(isinstance(count, int) and count >= 0 for count in counts)
-    require(right, f"complete: {what}: the tokens are {counts}, no counts")
+    require(right, f"complete: {what}: the numbers of tokens are {counts}, not counts")
     require(answer.cached_tokens <= answer.prompt_tokens, f"complete: {what}: more tokens are cached than sent")
 
 

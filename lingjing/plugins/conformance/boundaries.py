@@ -56,8 +56,8 @@ def _check_ambient(case: EngineCase, ambient: Iterable[BodyState], until: float)
     for state in ambient:
         what = f"the ambient body `{state.id}` at {until} s"
         require(state.id not in entities, f"{what} has the id of an entity")
-        require(state.id not in seen, f"{what} is there twice")
-        require(state.kind != "", f"{what} does not say what it is (`kind`)")
+        require(state.id not in seen, f"{what} occurs twice")
+        require(state.kind != "", f"{what} has no `kind`")
         seen.add(state.id)
 
 
@@ -65,7 +65,7 @@ def _check_links(case: EngineCase, links: Iterable[tuple[str, str]], until: floa
     order = {entity.id: place for place, entity in enumerate(case.instance.entities)}
     for first, second in links:
         what = f"unreachable_links at {until} s: ({first}, {second})"
-        require(first in order and second in order, f"{what} is no pair of entities")
+        require(first in order and second in order, f"{what} is not a pair of entities")
         require(order[first] < order[second], f"{what} is not in the instance's order")
 
 
@@ -75,7 +75,10 @@ def _check_route(case: EngineCase, route: Route, until: float) -> None:
     require(bool(route.waypoints), f"{what} has no waypoints")
     numbers = [number for point in route.waypoints for number in point]
     finite = all(math.isfinite(number) for number in (*numbers, route.length_m, route.duration_s))
-    require(finite and route.length_m >= 0.0 and route.duration_s >= 0.0, f"{what} is not finite or has less than none")
+    require(
+        finite and route.length_m >= 0.0 and route.duration_s >= 0.0,
+        f"{what} has a number that is not finite or a negative length",
+    )
     require(route.time_s <= until + 1e-9, f"{what} was planned at {route.time_s} s, after {until} s")
 
 

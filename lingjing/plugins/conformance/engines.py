@@ -125,7 +125,7 @@ def check_cuts(case: EngineCase) -> None:
         cut = (*first.receipts, *second.receipts)
         require(
             ends == [(receipt.request, receipt.status) for receipt in cut if receipt.status != "running"],
-            f"requests end otherwise {where}",
+            f"requests end differently {where}",
         )
         events = [(event.kind, event.entities) for event in (*first.events, *second.events)]
         require([(e.kind, e.entities) for e in boundary.events] == events, f"other events happen {where}")
@@ -184,14 +184,14 @@ def _check_keys(engine: Engine, case: EngineCase, requests: Sequence[CaptureRequ
     """Check the keys of pictures after the other bodies have moved."""
     assert isinstance(engine, KeyedPictures)
     before = [engine.picture_key(request) for request in requests]
-    require(all(isinstance(key, bytes) for key in before), "picture_key: a key is no bytes")
+    require(all(isinstance(key, bytes) for key in before), "picture_key: a key is not of type bytes")
     elsewhere = [BodyState(id=entity.id, position=(0.0, 0.0, 0.0)) for entity in case.instance.entities]
     engine.advance(case.times()[1], elsewhere)
     for request, frame, key in zip(requests, frames, before, strict=False):
         if engine.picture_key(request) == key:
             same = engine.capture((request,))[0]
             equal = np.array_equal(same.rgb, frame.rgb) and same.info.boxes == frame.info.boxes
-            require(equal, f"picture_key: picture {request.frame} is another now, and its key is the same")
+            require(equal, f"picture_key: picture {request.frame} differs, and its key is equal")
 
 
 def check_close(case: EngineCase) -> None:
@@ -242,9 +242,12 @@ def _close(state: BodyState, other: BodyState) -> bool:
 def _frame(request: CaptureRequest, frame: Frame, camera: CameraSpec) -> None:
     what, info = f"capture: picture {request.frame}", frame.info
     got = (info.id, info.entity, info.camera, info.tick)
-    require(got == (request.frame, request.entity, request.camera, request.tick), f"{what} answers {got}")
+    require(
+        got == (request.frame, request.entity, request.camera, request.tick),
+        f"{what} answers {got}",
+    )
     size = (camera.height, camera.width)
-    require(frame.rgb.shape == (*size, 3) and frame.rgb.dtype == "uint8", f"{what}: rgb is no uint8 {size} picture")
+    require(frame.rgb.shape == (*size, 3) and frame.rgb.dtype == "uint8", f"{what}: rgb is not a uint8 {size} picture")
     require((frame.depth is not None) == ("depth" in camera.channels), f"{what}: depth is not as declared")
     require((frame.semantic is not None) == ("semantic" in camera.channels), f"{what}: semantic is not as declared")
     require(frame.depth is None or frame.depth.shape == size, f"{what}: depth has another size")

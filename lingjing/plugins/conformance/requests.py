@@ -97,7 +97,7 @@ def check_busy(case: EngineCase) -> None:
         boundaries += advance(engine, case, first, rest)
     for before, after in zip(alone, boundaries, strict=True):
         same = before.states == after.states and before.receipts == after.receipts
-        require(same, f"a command that was refused changed what goes on at {after.time_s} s")
+        require(same, f"a rejected command changed the states at {after.time_s} s")
 
 
 def check_receipts(case: EngineCase) -> None:
@@ -116,7 +116,7 @@ def check_receipts(case: EngineCase) -> None:
             what = f"advance: receipt `{receipt.status}` of {receipt.request}"
             require(receipt.request in live, f"{what}: the request is unknown, was not accepted or has ended")
             _echo("advance", case, commands[receipt.request], receipt)
-            require(receipt.status in ("running", "completed", "rejected"), f"{what} may not come from here")
+            require(receipt.status in ("running", "completed", "rejected"), f"{what} has a wrong status")
             require(start - 1e-9 <= receipt.time_s <= until + 1e-9, f"{what} at {receipt.time_s} s, not in this call")
             require(receipt.status != "rejected" or receipt.reason != "", f"{what} has no reason")
             if receipt.progress is not None:
@@ -166,7 +166,7 @@ def _spoilt(command: Command) -> Iterator[Command]:
 def _echo(where: str, case: EngineCase, command: Command, receipt: Receipt) -> None:
     got = (receipt.request, receipt.tick, receipt.sender, receipt.resource, receipt.by)
     wanted = (command.id, command.tick, command.sender, command.resource, case.plugin.name)
-    require(got == wanted, f"{where}: a receipt says (request, tick, sender, resource, by) = {got}, not {wanted}")
+    require(got == wanted, f"{where}: a receipt has (request, tick, sender, resource, by) = {got}, not {wanted}")
 
 
 def _preempt(case: EngineCase, command: Command) -> None:

@@ -92,7 +92,7 @@ def check_texts(case: ScaffoldCase) -> None:
         situation = Situation(observation, Inbox())
         state = parts.prompt.state(situation)
         _require_text("prompt.state", state)
-        require(state == parts.prompt.state(situation), "prompt.state: the text differs when it is written again")
+        require(state == parts.prompt.state(situation), "prompt.state: the text differs in a second call")
 
 
 def check_parser(case: ScaffoldCase) -> None:
@@ -102,7 +102,7 @@ def check_parser(case: ScaffoldCase) -> None:
         _require_json("parser.schema", parser.schema)
     for text in case.answers:
         step = _parsed(parser.parse, text)
-        require(step is not None, f"parser.parse: the good answer {text!r} is refused")
+        require(step is not None, f"parser.parse: the good answer {text!r} is rejected")
     for text in UNUSABLE:
         _parsed(parser.parse, text)
     require(isinstance(parser.repair("a fault"), str), "parser.repair: no text")
@@ -149,21 +149,21 @@ def _parsed(parse: Callable[[str], ModelStep], text: str) -> ModelStep | None:
     except StepError:
         return None
     except Exception as error:  # noqa: BLE001 - this is what the check is for
-        require(False, f"parser.parse: {text!r} raises {type(error).__name__}, no StepError")
+        require(False, f"parser.parse: {text!r} raises {type(error).__name__}, not StepError")
         return None
     _require_step(text, step)
     return step
 
 
 def _require_step(text: str, step: object) -> None:
-    require(isinstance(step, ModelStep), f"parser.parse: {text!r} gives a {type(step).__name__}, no ModelStep")
+    require(isinstance(step, ModelStep), f"parser.parse: {text!r} gives a {type(step).__name__}, not a ModelStep")
     assert isinstance(step, ModelStep)
     decision: object = step.decision
-    require(isinstance(decision, Decision), f"parser.parse: {text!r} gives a {type(decision).__name__}, no Decision")
+    require(isinstance(decision, Decision), f"parser.parse: {text!r} gives a {type(decision).__name__}, not a Decision")
 
 
 def _require_text(where: str, text: object) -> None:
-    require(isinstance(text, str) and bool(text.strip()), f"{where}: the text is empty or no text")
+    require(isinstance(text, str) and bool(text.strip()), f"{where}: the text is empty or not a string")
 
 
 def _played(case: ScaffoldCase, answers: Sequence[str]) -> list[tuple[ChatMessage, ...]]:
@@ -209,7 +209,7 @@ def _require_json(where: str, members: Mapping[str, object]) -> None:
     try:
         msgspec.json.encode(dict(members))
     except (TypeError, ValueError) as error:
-        require(False, f"{where}: the members are no JSON object ({error})")
+        require(False, f"{where}: the members are not a JSON object ({error})")
 
 
 # -- plain parts

@@ -59,13 +59,13 @@ class HeightCounts(msgspec.Struct, frozen=True, kw_only=True):
     """Number of buildings by the source of their heights."""
 
     tagged: int
-    """Height from tags."""
+    """Buildings with a height from tags."""
     inferred: int
-    """Height from tagged neighbours."""
+    """Buildings with a height from tagged neighbours."""
     default: int
-    """Storeys set by the user."""
+    """Buildings with storeys set by the user."""
     drawn: int
-    """Storeys drawn at random."""
+    """Buildings with storeys drawn at random."""
     tallest_inferred_m: float
     """Largest inferred height, metres; 0 without any."""
     tallest_drawn_m: float

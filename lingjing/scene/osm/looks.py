@@ -78,7 +78,8 @@ def kind_of(use: str, top_m: float, around_m: float) -> BuildingKind:
 
 
 def facade_of(tags: Mapping[str, str], use: str, kind: BuildingKind, height_m: float, chance: Random) -> str:
-    """The pattern of windows."""
+    """Return the window pattern of a building's facade, from its tags, use, kind and height; `chance` draws among
+    equals."""
     material = tags.get("building:material", tags.get("building:facade:material", ""))
     pick = chance.choice(kind.facades)
     if material in ("glass", "mirror"):

@@ -27,7 +27,7 @@ OVERPASS_HINT = "ask Overpass for `[out:xml]` instead of `[out:json]`, with `(._
 _WINDOW = 64 << 20
 """Unpacked bytes between two checks of `STRETCH`."""
 _CHUNK = 1 << 18
-"""Bytes of one read."""
+"""Bytes of one read. Chosen."""
 _HEAD = 1 << 16
 """Bytes at the beginning by which a format is recognised."""
 
