@@ -44,7 +44,7 @@ class EarlierRequirement(NamedTuple):
     owner: str
     """The distribution."""
     required: str
-    """The name that it requires."""
+    """The earlier name in its requirements."""
     advice: str
     """The line to change."""
 

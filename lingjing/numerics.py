@@ -116,10 +116,10 @@ def runtime_fingerprint() -> dict[str, str]:
     table = {"processor": f"without {', '.join(missing)}" if missing else "avx2, fma", "libm": _libm()}
     numpy, cv2 = sys.modules.get("numpy"), sys.modules.get("cv2")
     if numpy is not None:
-        table["numpy"] = _told(lambda: " ".join(_numpy_groups()) or "none")
+        table["numpy"] = _value_or_error(lambda: " ".join(_numpy_groups()) or "none")
         table |= {f"openblas of {owner}": kernels for owner, kernels in _openblas()}
     if cv2 is not None:
-        table["opencv"] = _told(lambda: _opencv(cv2))
+        table["opencv"] = _value_or_error(lambda: _opencv(cv2))
     return table
 
 
@@ -192,7 +192,7 @@ def _is_above(group: str) -> bool:
     return group.startswith("AVX512") or group == "X86_V4"
 
 
-def _told(read: Callable[[], str]) -> str:
+def _value_or_error(read: Callable[[], str]) -> str:
     try:
         return read()
     except Exception as error:  # noqa: BLE001 - see `runtime_fingerprint`

@@ -53,7 +53,7 @@ HINTS = {
 """The hint that follows the question about a class."""
 
 
-class _Found(Protocol):
+class _Detection(Protocol):
     @property
     def box(self) -> UnitBox: ...
 
@@ -61,7 +61,7 @@ class _Found(Protocol):
     def confidence(self) -> float: ...
 
 
-Finder = Callable[[ByteImage, CameraPose, float], Iterable[_Found]]
+Finder = Callable[[ByteImage, CameraPose, float], Iterable[_Detection]]
 
 COLOUR_RULES: Mapping[str, Finder] = {
     "person_in_water": find_people,

@@ -58,7 +58,7 @@ class EvaluatedAction:
     elsewhere: bool
     """True if its body has an open assignment and is sent to a place in the region of no target."""
     repeated: bool | None
-    """None for the first action of an agent, which has no predecessor."""
+    """True if it equals the agent's action before; None for an agent's first action."""
 
 
 class BehaviourRates(msgspec.Struct, frozen=True, kw_only=True):

@@ -44,7 +44,7 @@ class MatchedReport:
     """The id of the frame that the report names; "" if it names none."""
     cls: str
     box: UnitBox | None
-    """None if the report has no valid box."""
+    """The box of the report; None if the report has no valid box."""
     position: tuple[float, float] | None
     """(east, north) in metres. None if the report has no position."""
     confidence: float | None

@@ -18,7 +18,7 @@ class Compilation(msgspec.Struct, frozen=True):
     """The outcome of one compilation."""
 
     mission: Mission | None
-    """None if there is an error, or if the file holds types only."""
+    """The compiled mission; None if the file has an error or holds types only."""
     diagnostics: tuple[Diagnostic, ...]
     """In source order."""
     source: SourceText

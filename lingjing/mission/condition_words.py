@@ -17,7 +17,7 @@ _SIGNS = {"<": "<", "<=": "≤", ">": ">", ">=": "≥"}
 _TURNED = {"<": ">", "<=": "≥", ">": "<", ">=": "≤"}
 
 
-class _Said(msgspec.Struct, frozen=True):
+class _ConditionText(msgspec.Struct, frozen=True):
     """A part of a condition in words."""
 
     words: str
@@ -41,7 +41,7 @@ class ConditionWords:
 
     def sentence(self, condition: ex.Expr) -> str:
         """The condition as a sentence without a full stop, in the order in which it is written."""
-        phrase: _Said = meaning(condition, self)({}, [])
+        phrase: _ConditionText = meaning(condition, self)({}, [])
         return phrase.words
 
     def bounds(self, condition: ex.Expr, domains: Mapping[str, str]) -> tuple[str, ...]:
@@ -65,13 +65,13 @@ class ConditionWords:
         """The field as it is written; the words of its base if that has words of its own."""
         text, owner = self._text(node), node.base
 
-        def phrase(names: Mapping[str, str], bounds: list[str]) -> _Said:
-            base_phrase: _Said = base(names, bounds)
+        def phrase(names: Mapping[str, str], bounds: list[str]) -> _ConditionText:
+            base_phrase: _ConditionText = base(names, bounds)
             if base_phrase.words != f"`{base_phrase.text}`":
-                return _Said(base_phrase.words, text)
+                return _ConditionText(base_phrase.words, text)
             group = names.get(owner.name, owner.name) if isinstance(owner, ex.Ref) else ""
             value = self._declared.get((group, node.name))
-            return _Said(f"`{text}`", text if value is None else value)
+            return _ConditionText(f"`{text}`", text if value is None else value)
 
         return phrase
 
@@ -79,12 +79,12 @@ class ConditionWords:
         """The operation in the words of the table of functions; as it is written if it has no words there."""
         text, operation_entry, shape = self._text(node), operation(node), _shape(node, len(operands))
 
-        def phrase(names: Mapping[str, str], bounds: list[str]) -> _Said:
+        def phrase(names: Mapping[str, str], bounds: list[str]) -> _ConditionText:
             parts = [operand(names, bounds) for operand in operands]
             if isinstance(node, ex.Binary) and node.operator in _SIGNS:
                 bounds.extend(_bound(node.operator, *parts))
             words = shape.format(*[part.words for part in parts]) if shape else f"`{text}`"
-            return _Said(words, text, operation_entry.measure if operation_entry else None)
+            return _ConditionText(words, text, operation_entry.measure if operation_entry else None)
 
         return phrase
 
@@ -92,19 +92,19 @@ class ConditionWords:
         """The quantifier or aggregate in words: for every, for some, the number of."""
         text, group_words = self._text(node), f"{node.domain} `{node.variable}`"
 
-        def phrase(names: Mapping[str, str], bounds: list[str]) -> _Said:
+        def phrase(names: Mapping[str, str], bounds: list[str]) -> _ConditionText:
             inner = body({**names, node.variable: node.domain}, bounds).words
             if isinstance(node, ex.Quantified):
                 amount = "every" if node.quantifier == "forall" else "some"
-                return _Said(f"for {amount} {group_words}, {inner}", text)
+                return _ConditionText(f"for {amount} {group_words}, {inner}", text)
             shape = _AGGREGATES.get(node.function, f"the {node.function}imum of {{0}} over {{1}}")
-            return _Said(shape.format(inner, f"every {group_words}"), text)
+            return _ConditionText(shape.format(inner, f"every {group_words}"), text)
 
         return phrase
 
     def _written(self, node: ex.Expr) -> Meaning:
         text = self._text(node)
-        return lambda names, bounds: _Said(f"`{text}`", text)
+        return lambda names, bounds: _ConditionText(f"`{text}`", text)
 
 
 def _shape(node: Composite, count: int) -> str:
@@ -135,7 +135,7 @@ def _worded(operation_entry: Operation, count: int) -> str:
     return ""
 
 
-def _bound(symbol: str, left: _Said, right: _Said) -> list[str]:
+def _bound(symbol: str, left: _ConditionText, right: _ConditionText) -> list[str]:
     """The bound that a comparison sets to a measured quantity, as a list of at most one text."""
     if left.measure is not None:
         return [f"{left.measure}{_SIGNS[symbol]} {right.text}"]

@@ -273,7 +273,7 @@ class Group(Record, frozen=True, kw_only=True):
     type: str
     engine: str
     count: Expr | None = None
-    """None for a single entity."""
+    """The number of entities; None for a single entity."""
     index: str = "i"
     """Name of the index inside the block."""
     properties: tuple[Property, ...] = ()
@@ -305,7 +305,7 @@ class Agent(Record, frozen=True, kw_only=True):
     role: str
     """The role that it plays."""
     count: Expr | None = None
-    """None for a single agent."""
+    """The number of agents; None for a single agent."""
     index: str = "i"
     controls: tuple[Expr, ...] = ()
     """The assets that it embodies."""

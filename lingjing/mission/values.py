@@ -26,7 +26,7 @@ class Place(msgspec.Struct, frozen=True):
     east: float
     north: float
     elevation: float | None = None
-    """None if the author gave two components."""
+    """Elevation, metres; None if the author gave two components."""
 
 
 class Interval(msgspec.Struct, frozen=True):

@@ -76,7 +76,7 @@ class ModelCompletion:
     reasoning: str = ""
     """The reasoning that the service returns beside the answer."""
     cached_tokens: int = 0
-    """Those of `prompt_tokens` that the service had cached."""
+    """The part of `prompt_tokens` that the service had cached."""
 
 
 class ModelError(Exception):

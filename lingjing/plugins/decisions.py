@@ -118,7 +118,7 @@ def sendable(brief: Brief) -> tuple[MessageSpec, ...]:
     return tuple(
         message
         for message in brief.messages
-        if message.is_sent_by(brief.role) and (message.category == "report" or _heard(brief, message))
+        if message.is_sent_by(brief.role) and (message.category == "report" or _has_receiver(brief, message))
     )
 
 
@@ -127,7 +127,7 @@ def recipients(brief: Brief, message: MessageSpec) -> tuple[str, ...]:
     return tuple(peer.id for peer in brief.peers if message.is_for(peer.role))
 
 
-def _heard(brief: Brief, message: MessageSpec) -> bool:
+def _has_receiver(brief: Brief, message: MessageSpec) -> bool:
     if brief.hub == brief.agent:
         return bool(recipients(brief, message))
     return bool(brief.peers) and (brief.hub is None or brief.hub in {peer.id for peer in brief.peers})

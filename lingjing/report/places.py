@@ -30,7 +30,7 @@ class PlaceContents:
     """Traces outside of suites."""
 
     named: set[Path] = field(default_factory=set)
-    """Those traces that are places themselves, not found in a folder."""
+    """Traces that the user named directly, not as a part of a folder."""
 
     searches: list[Path] = field(default_factory=list)
     """Folders of searches for a prompt."""

@@ -71,7 +71,7 @@ class RecordedCall(msgspec.Struct, frozen=True, kw_only=True):
     head: bytes
     messages: tuple[bytes, ...]
     result: CallResult | None = None
-    """None if the process died before there was a result."""
+    """The result; None if the process died first."""
 
     @property
     def pictures(self) -> tuple[str, ...]:

@@ -79,7 +79,7 @@ class Trace:
     boundaries: tuple[BoundaryRecord, ...] = field(repr=False)
     """All boundaries of a complete trace, else those before the place where the file was cut."""
     outcome: Outcome | None
-    """None if the end of the episode was not recorded."""
+    """The outcome; None if the end of the episode was not recorded."""
     complete: bool
     """True if the episode ended by itself and its file is whole."""
     places: Mapping[str, Mapping[str, ChannelLocation]] = field(repr=False, default_factory=dict)

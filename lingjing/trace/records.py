@@ -112,7 +112,7 @@ class Usage(TraceRecord, frozen=True, kw_only=True):
     answers: int = 0
     """Answers of the model, those to repeated requests included."""
     valid_answers: int = 0
-    """Those of `answers` that match the requested schema."""
+    """The part of `answers` that matches the requested schema."""
 
 
 class Decision(TraceRecord, frozen=True, kw_only=True):
@@ -123,7 +123,7 @@ class Decision(TraceRecord, frozen=True, kw_only=True):
     thought: str = ""
     """Free text for readers of the trace. It decides nothing."""
     usage: Usage | None = None
-    """None if the policy calls no model."""
+    """The cost of the model calls; None if the policy calls no model."""
 
 
 class Command(TraceRecord, frozen=True, kw_only=True):
@@ -618,7 +618,7 @@ class Header(TraceRecord, frozen=True, kw_only=True):
     evaluators: tuple[str, ...] = ("mission",)
     evaluator_options: dict[str, dict[str, GivenOption]] = {}
     branch: BranchOrigin | None = None
-    """None if the trace is no branch."""
+    """The origin of a branch; None if the trace is not a branch."""
     moved: tuple[MovedBody, ...] = ()
     """Entities that the scene placed elsewhere than the mission declares."""
 

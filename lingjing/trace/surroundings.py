@@ -38,9 +38,9 @@ class Surroundings:
     """The city around the episode and the placing of cameras."""
 
     meshes: tuple[CityMesh, ...] = ()
-    """Empty if the city is not shown."""
+    """The meshes of the city; empty if the city is not shown."""
     camera: CameraPlacing | None = None
-    """None if camera poses are known from pictures only."""
+    """The placing of cameras on bodies; None if camera poses are known from pictures only."""
 
 
 NO_SURROUNDINGS = Surroundings()

@@ -26,7 +26,7 @@ class PageStart(msgspec.Struct, frozen=True):
     head: EpisodeHead
     steps: list[ViewStep]
     ending: EndingCard | None
-    """None for a running episode."""
+    """The card about the end; None for a running episode."""
     live: bool
     """True if more steps will follow."""
     notes: list[str]

@@ -60,7 +60,7 @@ class PictureNote(msgspec.Struct, frozen=True, omit_defaults=True):
     width: int
     height: int
     view: PictureView | None = None
-    """None if the pose would reveal a hidden entity."""
+    """The pose of its camera; None if the pose would reveal a hidden entity."""
     truth: tuple[tuple[str, str, _NormalisedBox], ...] = ()
     """Entity, class and true box of each visible entity. Empty unless the truth is shown."""
 

@@ -95,7 +95,7 @@ class AskedModel:
             unsure = attempts.billed + (result.fault == "abandoned") + uncounted
             result = msgspec.structs.replace(
                 result,
-                failure=attempts.told(result.failure) if result.fault == "abandoned" else result.failure,
+                failure=attempts.with_failure(result.failure) if result.fault == "abandoned" else result.failure,
                 attempts=attempts.calls,
                 unknown_usd=result.unknown_usd + unsure * (kept.most_usd or 0.0),
                 wall_s=round(time.monotonic() - started, 3),

@@ -58,18 +58,18 @@ class Redactor:
                 view = unescape(view)
             if view == before:
                 break
-            if self._found(view):
+            if self._secret_spans(view):
                 text = view = self._plain(view)
         return text
 
     def _plain(self, text: str) -> str:
         parts, end = [], 0
-        for first, last in self._found(text):
+        for first, last in self._secret_spans(text):
             parts += [text[end:first], MARK]
             end = last
         return _USERINFO.sub(f"{MARK}@", "".join([*parts, text[end:]]))
 
-    def _found(self, text: str) -> list[tuple[int, int]]:
+    def _secret_spans(self, text: str) -> list[tuple[int, int]]:
         """Return the spans of secrets, in order and disjoint."""
         lowered = _lower(text)
         spans = [match.span() for match in self._alone.finditer(lowered)] if self._alone else []

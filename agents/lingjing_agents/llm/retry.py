@@ -37,7 +37,7 @@ class Attempts:
     failure: str = ""
     """The last failure that was not a time-out; "" without one."""
 
-    def told(self, message: str) -> str:
+    def with_failure(self, message: str) -> str:
         """Return the message of a time-out with the failure before it, which is its probable cause."""
         return f"{message}; before that: {self.failure}" if self.failure else message
 
@@ -61,7 +61,7 @@ async def complete_with_retries(
                 continue
             failures += 1
             if error.fault == "time":
-                error.args = (attempts.told(str(error)),)
+                error.args = (attempts.with_failure(str(error)),)
             else:
                 attempts.failure = str(error)
             if not error.transient or failures >= tries:
@@ -71,7 +71,9 @@ async def complete_with_retries(
                 raise
             await asyncio.sleep(wait)
             pause = min(pause * 2, LONGEST_PAUSE_S)
-    raise ModelError(attempts.told(f"no usable answer within the deadline of {deadline.seconds:g} s"), fault="time")
+    raise ModelError(
+        attempts.with_failure(f"no usable answer within the deadline of {deadline.seconds:g} s"), fault="time"
+    )
 
 
 async def _ask(client: Backbone, request: ChatRequest, left_s: float) -> ModelCompletion:

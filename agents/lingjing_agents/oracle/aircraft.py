@@ -195,7 +195,7 @@ class _InspectionAbility(Ability):
     def say(self, truth: PrivilegedState) -> list[Outgoing]:
         """Return reports on inspected waypoints, on an obstacle that was photographed, and on the last waypoint."""
         route = truth.routes.get(self._inspection.asset)
-        return [] if route is None else self._clear(truth, route) + self._found(truth, route)
+        return [] if route is None else self._clear(truth, route) + self._route_reports(truth, route)
 
     def _clear(self, truth: PrivilegedState, route: Route) -> list[Outgoing]:
         messages: list[Outgoing] = []
@@ -207,7 +207,7 @@ class _InspectionAbility(Ability):
                 messages += self._composer.status(f"{INSPECT}-{number + 1}", CLEAR, place)
         return messages
 
-    def _found(self, truth: PrivilegedState, route: Route) -> list[Outgoing]:
+    def _route_reports(self, truth: PrivilegedState, route: Route) -> list[Outgoing]:
         jam = self._jam(truth, route)
         if jam is not None and (jam.id, route.number) in self._looked:
             self._told.add((jam.id, route.waypoints))

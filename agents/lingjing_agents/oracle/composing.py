@@ -28,11 +28,11 @@ class MessageComposer:
 
     def order(self, assignee: str, task: str, body: Mapping[str, Datum], to: tuple[str, ...] = ()) -> list[Outgoing]:
         """Return an assignment of a task, or [] if this agent may not send one."""
-        return self._said(self.with_fields("assignee", "task"), {"assignee": assignee, "task": task, **body}, to)
+        return self._composed(self.with_fields("assignee", "task"), {"assignee": assignee, "task": task, **body}, to)
 
     def status(self, task: str, state: str, body: Mapping[str, Datum]) -> list[Outgoing]:
         """Return a status message of a task, or [] if this agent may not send one."""
-        return self._said(self.with_fields("task", "state"), {"task": task, "state": state, **body})
+        return self._composed(self.with_fields("task", "state"), {"task": task, "state": state, **body})
 
     def progress(self, body: str, task: Task | None, more: Mapping[str, Datum]) -> list[Outgoing]:
         """Return a status message whenever the task of a body changes; None stands for no task."""
@@ -55,16 +55,18 @@ class MessageComposer:
         message = self.kind(kind)
         fields = {field.name for field in message.fields} if message is not None else set()
         more = {name: value for name, value in (known or {}).items() if name in fields}
-        return self._said(
+        return self._composed(
             message,
             {**more, "frame": frame.id, "class": cls, "box": box, "position": position, "confidence": 1.0},
         )
 
     def say(self, kind: str, body: Mapping[str, Datum], to: tuple[str, ...] = ()) -> list[Outgoing]:
         """Return a message of a kind by name, or [] if this agent may not send it."""
-        return self._said(self.kind(kind), body, to)
+        return self._composed(self.kind(kind), body, to)
 
-    def _said(self, message: MessageSpec | None, body: Mapping[str, Datum], to: tuple[str, ...] = ()) -> list[Outgoing]:
+    def _composed(
+        self, message: MessageSpec | None, body: Mapping[str, Datum], to: tuple[str, ...] = ()
+    ) -> list[Outgoing]:
         if message is None:
             return []
         return [compose(message, body, to if self._brief.hub == self._brief.agent else ())]

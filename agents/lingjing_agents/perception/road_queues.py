@@ -107,7 +107,7 @@ def _along(
     strip = _strip(rgb, pose, level_m, leg)
     if strip is None:
         return None
-    pieces = runs(_taken(strip), round(SPLIT_M / STEP_M))
+    pieces = runs(_occupied(strip), round(SPLIT_M / STEP_M))
     vehicles = [run for run in pieces if VEHICLE_M[0] <= (run[1] - run[0]) * STEP_M <= VEHICLE_M[1]]
     best: list[tuple[int, int]] = []
     row: list[tuple[int, int]] = []
@@ -152,7 +152,7 @@ def _strip(rgb: ByteImage, pose: CameraPose, level_m: float, leg: tuple[GroundPo
     return strip
 
 
-def _taken(strip: ByteImage) -> MaskArray:
+def _occupied(strip: ByteImage) -> MaskArray:
     """Return the mask of stations with an object on the asphalt that is no leaf."""
     cv2 = opencv()
     hsv = cv2.cvtColor(strip, cv2.COLOR_RGB2HSV)

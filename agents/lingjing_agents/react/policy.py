@@ -147,7 +147,7 @@ class ReactPolicy:
         options = self._options
         form = StepFormat(self._brief, memory=options.memory, crops=options.crops > 0)
         return AgentParts(
-            ReactPrompt(self._prompt, self._brief, crops=options.crops, route=self._guidance.given()),
+            ReactPrompt(self._prompt, self._brief, crops=options.crops, route=self._guidance.section()),
             TurnMemory(keeps_lines=options.memory),
             StepParser(form, structured=self._structured),
         )

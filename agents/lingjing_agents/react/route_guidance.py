@@ -69,7 +69,7 @@ class RouteGuidance:
                 self._pass_nodes(view.position)
         return replace(observation, entities=tuple(map(self._shown, observation.entities)))
 
-    def given(self) -> dict[str, object]:
+    def section(self) -> dict[str, object]:
         """Return the content of the intervention for the system text: the ends, the roads and the way."""
         if self._ends is None or self._name == "A0":
             return {}

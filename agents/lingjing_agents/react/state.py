@@ -32,12 +32,13 @@ class RequestLedger:
     def in_words(self, agent: str, receipts: Sequence[Receipt]) -> list[dict[str, object]]:
         """Return the receipts with the verb or the kind of message that each answers, without accepted messages."""
         return [
-            self._said(agent, receipt)
+            self._receipt_in_words(agent, receipt)
             for receipt in receipts
             if not (receipt.by == "bus" and receipt.status == "accepted")
         ]
 
-    def _said(self, agent: str, receipt: Receipt) -> dict[str, object]:
+    def _receipt_in_words(self, agent: str, receipt: Receipt) -> dict[str, object]:
+        """Return the fields of a receipt, with the command that it answers."""
         own = receipt.sender == agent and is_request_of("command", receipt.request)
         command = self._commands.get(receipt.tick) if own else None
         fields: dict[str, object] = {

@@ -42,7 +42,7 @@ class Formatted(msgspec.Struct, frozen=True):
     """The result of formatting."""
 
     text: str | None
-    """None if the file has syntax errors."""
+    """The formatted text; None if the file has syntax errors."""
     diagnostics: tuple[Diagnostic, ...] = ()
     """The syntax errors."""
 

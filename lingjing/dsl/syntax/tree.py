@@ -134,7 +134,7 @@ class QuantifiedExpr(CompositeExpr, frozen=True, gc=False):
     quantifier: str
     variable: Name
     domain: Name | None
-    """None if the domain is to be inferred."""
+    """The group over which the variable runs; None if the compiler infers it."""
     body: Expression
 
 

@@ -54,7 +54,7 @@ class _StoredTile(msgspec.Struct, frozen=True, array_like=True):
     parts: dict[str, tuple[bytes, bytes]]
     """Vertices and indices by material."""
     coarse: int
-    """As in `TileMesh`."""
+    """The field `coarse` of `TileMesh`."""
     boxes: bytes
     """Boxes of the buildings."""
     corners: bytes

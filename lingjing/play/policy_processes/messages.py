@@ -110,9 +110,9 @@ class LoadPolicy(PolicyMessage, frozen=True, kw_only=True):
     seed: int
     """The seed of the global random generators."""
     replaying: bool = False
-    """As in `ModelCalls`."""
+    """True if every answer of a model comes from a record (`ModelCalls.replaying`)."""
     capped: bool = False
-    """As in `ModelCalls`."""
+    """True if money is limited (`ModelCalls.capped`)."""
     truth: TruthConstants | None = None
     """The constant truth; None unless the policy is privileged."""
     makers: tuple[str, ...] = ()
@@ -240,7 +240,7 @@ class CallFailed(PolicyMessage, frozen=True, kw_only=True):
     """A call without a decision."""
 
     kept: tuple[int, ...] = ()
-    """As in `DecisionMade`."""
+    """The slots of pictures that the policy still holds."""
     reason: Literal["policy_error", "malformed", "policy_timeout"]
     """The kind of failure."""
     detail: str

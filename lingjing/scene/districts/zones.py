@@ -106,7 +106,7 @@ def zone(x: float, y: float, half_m: float) -> str:
 
 
 def _drawn(kind: str, lot: Rect, chance: Random) -> str:
-    """A filling by weight. A strip that is too narrow for most fillings becomes a park or houses."""
+    """Return a random filling of a lot, by the weights of its kind. Most narrow lots become a park or houses."""
     if min(lot.width, lot.depth) < 34.0:
         return (
             "park"

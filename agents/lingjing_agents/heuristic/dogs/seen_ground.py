@@ -110,10 +110,9 @@ class SeenGround:
     def next_place(
         self, here: GroundPoint, others: tuple[GroundPoint, ...], seen: Callable[[GroundPoint], bool] | None = None
     ) -> GroundPoint | None:
-        """Return the next place for pictures, or None: much unseen ground, near, and nearer to here than to `others` if
-        possible.
+        """Return the next place for pictures: much unseen ground near `here`; None without a place.
 
-        Places that `seen` accepts are preferred.
+        Places that are nearer to `here` than to `others` are preferred, and among them those that `seen` accepts.
         """
         options = sorted(place for place in self.unseen if place not in self.refused)
         own = [place for place in options if all(math.dist(place, here) <= math.dist(place, at) for at in others)]
