@@ -24,7 +24,8 @@ WINDOW_PX = 7
 VARIED = 1.1
 """Least standard deviation of the hue (of 180) within the window; a painted roof stays below 1."""
 SIZE_M = (2.0, 24.0)
-"""Shortest and longest side of a fire in metres at ground level; a fire on a high roof appears twice as large."""
+"""Shortest and longest side of a fire in metres at ground level; a fire on a high roof appears twice as large.
+Chosen."""
 LEAST_FILL = 0.35
 """Least share of its box that a fire fills. Chosen."""
 SOOT_VALUE = 95

@@ -268,7 +268,7 @@ class _PlainParser:
         try:
             answer = self._form.completed(json.loads(text))
         except (ValueError, RecursionError) as error:
-            raise StepError(f"it is no JSON: {error}") from error
+            raise StepError(f"it is not JSON: {error}") from error
         faults = self._form.faults(answer)
         if faults:
             raise StepError("; ".join(faults))
