@@ -194,7 +194,7 @@ def test_with_a_second_thread_nothing_is_forked(tmp_path: Path, monkeypatch: pyt
     )
     with (
         ForkServer(["threaded"]) as server,
-        pytest.raises(InfrastructureError, match="has ended, or could start no more"),
+        pytest.raises(InfrastructureError, match="has ended, or cannot start more"),
     ):
         started(server, tmp_path, "told")
 
