@@ -96,7 +96,7 @@ def test_several_entrants_at_once_show_that_it_was_the_infrastructure(other: dic
         str(trace_removed_error(Path("trace.mcap.part"))),
         str(trace_tampered_error(Path("trace.mcap"), "it holds no episode")),
         "the world process died (SIGKILL)",
-        "the process that starts others is gone: [Errno 32] Broken pipe",
+        "the process that starts others has ended: [Errno 32] Broken pipe",
     ],
 )
 def test_a_win_after_a_process_or_the_trace_was_taken_away_is_a_failure_in_the_worst_case(detail: str) -> None:

@@ -113,7 +113,7 @@ def test_a_process_that_is_not_trusted_sends_little_and_no_memory(in_memory: boo
     else:
         other.send(b"x" * 101)
     before = set(os.listdir("/proc/self/fd"))
-    with pytest.raises(ChannelClosedError, match="at most 100 are due"):
+    with pytest.raises(ChannelClosedError, match="at most 100 are allowed"):
         channel.receive(WallDeadline(10.0))
     channel.close()
     other.close()
