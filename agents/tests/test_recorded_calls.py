@@ -267,8 +267,8 @@ def test_processes_of_one_command_share_the_limit(tmp_path, mission, capsys):
     ("given", "said"),
     [
         ({"calls": "replay"}, "requires --calls-from"),
-        ({"calls_from": "x"}, "--calls is record"),
-        ({"calls": "replay", "calls_from": "nowhere"}, "there is no `nowhere`"),
+        ({"calls_from": "x"}, "not --calls record"),
+        ({"calls": "replay", "calls_from": "nowhere"}, "`nowhere` does not exist"),
         ({"calls": "again"}, "'record', 'replay' or 'live'|record"),
         ({"max_cost": 0.0}, "must be greater than 0"),
         ({"max_cost": float("nan")}, "must be greater than 0"),

@@ -28,8 +28,13 @@ def generator_states() -> GeneratorStates:
 
 
 def load_generators() -> None:
-    """Import the modules of the generators. Without this, a first use, which imports one, would go undetected."""
+    """Import the modules of the generators, and a library that draws from them when it is imported.
+
+    Without this, a first use, which imports a generator, would go undetected. `rich` draws at its import, and `httpx`
+    imports it: the first call to a chat model would be reported as a draw of its policy.
+    """
     import_module("numpy.random")
+    import_module("rich.style")
 
 
 def with_detection(call: Callable[[], Awaitable[Any]], note: Callable[[], None]) -> Callable[[], Awaitable[Any]]:
