@@ -9,31 +9,30 @@ Rules that become true produce *adjudicated events*; engines report *task events
 Modules in the order of control:
 
 - `cities` builds the city of an instance and places its entities in it; `supported` rejects instances with features
-  that
-the kernel does not implement;
+  that the kernel does not implement;
 - `barrier` calls every policy in a thread of its own within K_model seconds (`play.policy_processes` does so in
-processes); `sequential` does so without threads, in a process that will be forked; `ambient_random` detects the use of
-global random generators in policies;
+  processes); `sequential` does so without threads, in a process that will be forked; `ambient_random` detects the use
+  of global random generators in policies;
 - `candidates` copies decisions into plain values; `admission` compiles the checks of command arguments and message
-bodies;
+  bodies;
 - `bus` validates and expands messages (ValidateAndExpand, Stage, Commit, DeliveredTo) over the links between agents;
 - `commands` validates and resolves physical commands (ValidateAndResolve) within `command_limits`; `budgets` counts
-what commands and messages consume;
+  what commands and messages consume;
 - `world` hosts and couples the engines; the kernel depends on `world.contract` alone;
 - `registry` is G, the shared state: an immutable value that `registry_update` replaces at each boundary (Update);
-`progress` is its part for budgets, inspections, stages and constraints; `append_only` is the mapping for its growing
-parts;
+  `progress` is its part for budgets, inspections, stages and constraints; `append_only` is the mapping for its growing
+  parts;
 - `assignments` reads destinations from commands and messages; `inspections` follows routes waypoint by waypoint;
 - `scheduled` produces the mission's own events (weather, entities that appear and vanish);
 - `pictures` decides which pictures are taken and what policies receive of them, reference pictures included;
 - `stocks` reads declared states from engine resources (`p.demand`);
 - `visibility` projects observations (ProjectVisible) and builds briefs; `event_visibility` selects the events of an
-observation; `rule_sentences` words the mission's rules;
+  observation; `rule_sentences` words the mission's rules;
 - `context` is the environment in which expressions are evaluated, `facts` the functions that need a running mission,
-`rules` the evaluator of expressions;
+  `rules` the evaluator of expressions;
 - `adjudication` latches rules as events (Adjudicate); `constraints` checks invariants; `stages` times the stages;
 - `subtasks` counts the parts of success; `evaluation` computes score and termination (Evaluate, TerminationReason);
-`evaluators` builds evaluators of plug-ins and checks their results;
+  `evaluators` builds evaluators of plug-ins and checks their results;
 - `recording` derives trace records from published values;
 - `step` is W.Step; `episode` is the loop around it.
 

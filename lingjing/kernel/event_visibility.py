@@ -3,16 +3,13 @@
 `docs/kernel.md` has the table with the paper's lines. Only agents that observe `events` receive any. The rules:
 
 - An adjudicated event is visible if its rule reads nothing hidden and no message. A verdict on a report is for the
-  trace
-alone.
+  trace alone.
 - The event of an interaction is visible as its type declares (`told = all`, `actor` or `none`). Without a declaration
-  it
-is visible to all agents if the target hides nothing, and to none otherwise.
+  it is visible to all agents if the target hides nothing, and to none otherwise.
 - Another engine event that involves an entity with a hidden position, such as a collision, is visible to the agents
-  that
-control a body in it.
+  that control a body in it.
 - The mission's weather events are visible to all agents; its appearances and vanishings only if the position of a
-concerned entity is public.
+  concerned entity is public.
 
 A visible event names no entity with a hidden position. Event numbers count only the agent's own visible events.
 """

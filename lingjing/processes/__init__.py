@@ -10,8 +10,7 @@ and frames messages. The concepts:
 - A *fork server* is a process of one thread that has imported all modules. A command starts one and requests processes
   from it: a fork is ready in milliseconds, an interpreter that imports the engines in seconds.
 - The *owner* of a process is the process that it works for; it ends with its owner. No process outlives the command
-  that
-  started it, even if it leaves its session or its parent: the server adopts such orphans and ends them.
+  that started it, even if it leaves its session or its parent: the server adopts such orphans and ends them.
 
 In the order of a call:
 

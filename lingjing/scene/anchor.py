@@ -400,17 +400,14 @@ class _Anchoring:
         if spot is None:
             raise self._nothing(entity, "free ground", GROUND_REACH_M)
         self._walkers.append(spot)
-        return self._put_down(_moved(entity, (*spot, self._footing.height(*spot) + max(0.0, z - floor))))
-
-    def _put_down(self, entity: Entity) -> Entity:
-        """Return an aircraft that stands on the surface close below it; any other entity unchanged."""
-        if footprint(entity) is None or engine_kind(entity.engine).floor is None:
-            return entity
-        x, y, z = entity.position
-        return _moved(entity, (x, y, z + PlacesAlike(entity, self._terrain, self._footing).rise_m()))
+        moved = _moved(entity, (*spot, self._footing.height(*spot) + max(0.0, z - floor)))
+        return self._clear_of_structures(moved)
 
     def _clear_of_structures(self, entity: Entity) -> Entity:
-        """A body that flies or floats, on or out of the deck, the pier or the wall that it would begin in."""
+        """Return a body that flies or floats at a place outside of decks, piers and walls.
+
+        One that stands is put onto its surface: out of the top of a structure, or down if it begins close above.
+        """
         kind = engine_kind(entity.engine)
         if footprint(entity) is None or (kind.floor is None and kind.stands_on != "water"):
             return entity

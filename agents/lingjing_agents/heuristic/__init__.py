@@ -3,7 +3,7 @@
 `policy` selects the `role_rules` that fit an agent, by its verbs and the message records that it may send:
 
 - search of cells from the air: `aerial_searcher` (with `search_plan` and `picture_lattice`), ordered by
-`search_coordinator`; `rescuer` goes to reported targets; `sightings` are the believed targets
+  `search_coordinator`; `rescuer` goes to reported targets; `sightings` are the believed targets
 - inspection of bridges: `bridge_inspector`
 - routes: inspected by `route_inspector`, replanned by `route_coordinator`, driven by `route_driver`
 - deliveries: `delivery_driver`, ordered by `delivery_coordinator`, on the basis of `delivery_view`

@@ -122,7 +122,7 @@ class ReactPolicy:
             return Decision(thought="the search is over and nothing is new: the model was not asked")
         pictures = self._shown(observation)
         sent = tuple(file for picture in pictures for file in images(picture, self._side, self._options.tiles))
-        situation = Situation(observation, inbox, pictures, sent, self._commands, self._members())
+        situation = Situation(observation, inbox, pictures, sent, dict(self._commands), self._members())
         try:
             return await self._decide(situation, CallDeadline(self._patience_s()))
         except ModelError as error:

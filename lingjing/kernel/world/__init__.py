@@ -18,7 +18,7 @@ Modules in the order of a call:
 - `handle`: the caller's side of a worker; `launch`: its process; `messages` and `shared`: what both sides exchange
 - `worker`: the process itself (`python -m lingjing.kernel.world.worker` or a fork); `handlers`: its replies
 - `held_cities`: cities that a process keeps for its forks; `placed_worlds`: a fork server's worlds at boundary 0;
-`held_starts`: those of one caller; `first_pictures`: the pictures of boundary 0
+  `held_starts`: those of one caller; `first_pictures`: the pictures of boundary 0
 - `extra_plugins`: plug-ins in addition to the installed ones, equal on both sides
 
 `lingjing.processes` starts, forks and ends processes and has channels and deadlines.
