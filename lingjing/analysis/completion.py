@@ -7,10 +7,10 @@ success condition calls no rule, the mission's last stage completes it.
 from __future__ import annotations
 
 from lingjing.analysis.memo import cache_by_trace
+from lingjing.mission.conditions.condition_needs import mentions
+from lingjing.mission.conditions.needs import Supply
+from lingjing.mission.conditions.outline import of_instance
 from lingjing.mission.expression import Call, parts
-from lingjing.mission.feasibility.condition_needs import mentions
-from lingjing.mission.feasibility.needs import Supply
-from lingjing.mission.feasibility.outline import of_instance
 from lingjing.mission.instance import Instance
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BoundaryRecord

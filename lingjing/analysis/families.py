@@ -44,10 +44,10 @@ from lingjing.analysis.completion import completion_ticks, required_target_group
 from lingjing.analysis.detection import OVERLAP, confused_with, detect, iou, matching_rules, shots
 from lingjing.analysis.idleness import still_steps
 from lingjing.analysis.repetition import assignments_of
+from lingjing.mission.conditions.condition_needs import mentions
+from lingjing.mission.conditions.needs import Handover
+from lingjing.mission.conditions.outline import Outline, of_instance
 from lingjing.mission.expression import Aggregate, Attr, Call, Quantified, Ref, parts
-from lingjing.mission.feasibility.condition_needs import mentions
-from lingjing.mission.feasibility.needs import Handover
-from lingjing.mission.feasibility.outline import Outline, of_instance
 from lingjing.mission.instance import Instance
 from lingjing.mission.model import Rule, Stage
 from lingjing.trace.reader import Trace

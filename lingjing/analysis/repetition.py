@@ -37,9 +37,9 @@ from dataclasses import dataclass, field
 from lingjing.analysis.completion import completed_at
 from lingjing.analysis.detection import numbers, ratio
 from lingjing.analysis.memo import cache_by_trace
-from lingjing.mission.feasibility.condition_needs import mentions
-from lingjing.mission.feasibility.needs import VisitNeed
-from lingjing.mission.feasibility.outline import Body, of_instance
+from lingjing.mission.conditions.condition_needs import mentions
+from lingjing.mission.conditions.needs import VisitNeed
+from lingjing.mission.conditions.outline import Body, of_instance
 from lingjing.mission.instance import Datum, Entity, Instance, Vector
 from lingjing.mission.tasks import Task, possible
 from lingjing.mission.vocabulary import LEFT

@@ -11,7 +11,7 @@ Modules in control-flow order:
 - `expression`, `model`: expression trees and the typed graph `Mission`.
 - `values`, `operations`, `intervals`, `functions`: the values of expressions, and the one table of operators and
   functions. `fold`: the one traversal of expressions. Its semantics are `evaluate` (before the first tick), `certain`
-  (bounds that hold in every run), `feasibility.condition_needs` (events that a condition needs), the kernel's rules,
+  (bounds that hold in every run), `conditions.condition_needs` (events that a condition needs), the kernel's rules,
   and `condition_words` (conditions in plain words, with the bounds that they set).
 - `expression_text`, `instance_text`: expressions and the rules of an instance in the language's own spelling.
 - `hidden_reads`: detects conditions that read values hidden from agents.
@@ -32,7 +32,8 @@ Modules in control-flow order:
   messages) and `instance_rules` (events, limits, texts). `trial`: errors that playing would
   report, found without playing.
 - `settings`: parameter values as text. `schedule`: weather and presence of entities at a given time.
-- `feasibility`: proofs that a mission cannot be won. `tasks`: the members of each group that success requires.
+- `conditions`: one reading of all conditions: the quantities and needs of each. `feasibility`: proofs that a mission
+  cannot be won. `tasks`: the members of each group that success requires.
 - `wording`: placeholders in texts, and values in words.
 - `graph`, `draw`: the mission as typed nodes and edges, and its pictures in SVG, Mermaid and DOT.
 

@@ -1,7 +1,7 @@
 """The one traversal of expressions: an expression becomes a function of bound names and a world, under given semantics.
 
 A `Semantics` defines the meaning of each kind of node: exact values (`evaluate`, the kernel's rules), bounds before a
-run (`certain`), needs (`feasibility.condition_needs`), words (`condition_words`). `meaning` traverses the tree once and
+run (`certain`), needs (`conditions.condition_needs`), words (`condition_words`). `meaning` traverses the tree once and
 gives a `Meaning`, which is called as often as needed. `lingjing.mission.functions` defines the operators and functions;
 a semantics adds the meaning of names and fields.
 """

@@ -3,7 +3,7 @@
 A `Signature` holds the types for the checker. An `Operation` holds the function over values (`operations`) and over
 bounds (`intervals`), its wording, and properties such as whether its value changes with time or reveals hidden values.
 The evaluations that use the table are `evaluate` (before the run), the kernel's rules (in the run), `certain` (bounds
-for every run), `feasibility.condition_needs` and `condition_words`. A type is a kind with, for quantities, a dimension
+for every run), `conditions.condition_needs` and `condition_words`. A type is a kind with, for quantities, a dimension
 (None: any dimension, the same for every parameter with `same`).
 """
 

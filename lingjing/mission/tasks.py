@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from msgspec.structs import asdict
 
 from lingjing.mission.certain import Knowledge, known, truth
+from lingjing.mission.conditions.condition_needs import mentions
+from lingjing.mission.conditions.needs import Performed
+from lingjing.mission.conditions.outline import Outline, of_instance
 from lingjing.mission.expression import Binary, Expr, Quantified, Ref, conjuncts
-from lingjing.mission.feasibility.condition_needs import mentions
-from lingjing.mission.feasibility.needs import Performed
-from lingjing.mission.feasibility.outline import Outline, of_instance
 from lingjing.mission.instance import Entity, Instance, InteractionSpec, Region
 from lingjing.mission.intervals import exactly
 from lingjing.mission.values import Value

@@ -15,8 +15,8 @@ import msgspec
 from lingjing.errors import LingjingError, MissionError
 from lingjing.mission import elements, model
 from lingjing.mission import expression as ex
+from lingjing.mission.conditions.spread import places
 from lingjing.mission.evaluate import Area, Scope, number
-from lingjing.mission.feasibility.spread import places
 from lingjing.mission.instance import Instance
 from lingjing.mission.instance_entities import DRAWN_MOST, FARTHEST_M, NodeError, count_of, holds
 from lingjing.mission.instantiate import instantiate, parameters

@@ -14,12 +14,12 @@ from hypothesis import strategies as st
 from lingjing.dsl import compile_file
 from lingjing.mission import expression as ex
 from lingjing.mission import model as m
+from lingjing.mission.conditions.condition_needs import needs
+from lingjing.mission.conditions.needs import mandatory
+from lingjing.mission.conditions.outline import of_instance, of_mission, too_large
 from lingjing.mission.evaluate import Interval, Scope, evaluate
 from lingjing.mission.feasibility import prove, prove_instance
-from lingjing.mission.feasibility.condition_needs import needs
 from lingjing.mission.feasibility.limits import episode
-from lingjing.mission.feasibility.needs import mandatory
-from lingjing.mission.feasibility.outline import of_instance, of_mission, too_large
 from lingjing.mission.feasibility.tour import tours
 from lingjing.mission.instance import Instance
 from lingjing.mission.instantiate import instantiate

@@ -17,7 +17,7 @@ from lingjing.cli.main import main
 from lingjing.dsl import compile_text
 from lingjing.errors import ExitCode, PluginError
 from lingjing.mission import kinds, kinds_file
-from lingjing.mission.feasibility.motion import Air, ceiling
+from lingjing.mission.conditions.motion import Air, ceiling
 from lingjing.mission.instance import SceneSpec
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.kinds import builtin_scenes, engine_kind, extent_m, lacks, reach_m, scene_faults

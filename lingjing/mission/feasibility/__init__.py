@@ -4,15 +4,11 @@ A check has three results: *proved infeasible* (a `Proof` with the numbers), *fe
 reported. Bounds are sound: a straight line at top speed with allowances for wind, current and overshoot, the nearest
 point of a region for a drawn place, all cameras at their best. A mission that can be won is never called infeasible.
 
-Concepts. An `Outline` is a mission or an instance with its unknown values widened to bounds. A `Need` is an event that
-must have happened once a condition holds; needs form a tree. A check refutes a need by arithmetic.
+Concepts. A check refutes a need of `lingjing.mission.conditions` by arithmetic over an `Outline`.
 
 Modules in control-flow order:
 
-- `proof`: the result, and comparisons with slack. `spread`: places and numbers before the seed is known.
-- `motion`: upper bounds of speed and flight time. `outline`: a mission (every seed) or an instance (one seed) in the
-  form that checks read.
-- `needs`, `condition_needs`: the tree of needs, and its construction from a condition. `limits`: the available time.
+- `proof`: the result, and comparisons with slack. `limits`: the available time.
 - `travel`, `tour`: time and energy of one visit and of several. `seeing`: pictures. `payload`: loads and trips.
   `counting`: counted budgets. `order`: cyclic dependencies. `start_places`: errors in
   start positions.
@@ -31,12 +27,12 @@ import msgspec
 
 from lingjing.errors import LingjingError
 from lingjing.mission import model
+from lingjing.mission.conditions.condition_needs import needs, some_member
+from lingjing.mission.conditions.needs import Need
+from lingjing.mission.conditions.outline import ENTITIES_MOST, Outline, of_instance, of_mission, too_large
 from lingjing.mission.evaluate import number
-from lingjing.mission.feasibility.condition_needs import needs, some_member
 from lingjing.mission.feasibility.limits import TimeLimit, episode, of_stage
-from lingjing.mission.feasibility.needs import Need
 from lingjing.mission.feasibility.order import refute_order
-from lingjing.mission.feasibility.outline import ENTITIES_MOST, Outline, of_instance, of_mission, too_large
 from lingjing.mission.feasibility.proof import Proof, gathered
 from lingjing.mission.feasibility.refutation import refute
 from lingjing.mission.feasibility.start_places import OVERLAP, refute_overlaps, refute_places, refute_standing

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from lingjing.mission.conditions.motion import IDLE_VERBS
+from lingjing.mission.conditions.needs import AtLeast, Need, NeedLeaf, PictureNeed, ReportNeed, VisitNeed
+from lingjing.mission.conditions.outline import Body, Outline
 from lingjing.mission.feasibility.limits import TimeLimit
-from lingjing.mission.feasibility.motion import IDLE_VERBS
-from lingjing.mission.feasibility.needs import AtLeast, Need, NeedLeaf, PictureNeed, ReportNeed, VisitNeed
-from lingjing.mission.feasibility.outline import Body, Outline
 from lingjing.mission.feasibility.proof import Proof, exceeds, spelled
 from lingjing.mission.feasibility.seeing import takes_pictures_by_itself
 from lingjing.mission.feasibility.tour import length

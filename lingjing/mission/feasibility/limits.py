@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
-from lingjing.mission.feasibility.outline import Outline
+from lingjing.mission.conditions.outline import Outline
 from lingjing.mission.feasibility.proof import spelled
 
 

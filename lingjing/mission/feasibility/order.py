@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from lingjing.mission import expression as ex
-from lingjing.mission.feasibility.condition_needs import of_groups
-from lingjing.mission.feasibility.needs import AtLeast, Need, Performed
-from lingjing.mission.feasibility.outline import Outline
+from lingjing.mission.conditions.condition_needs import of_groups
+from lingjing.mission.conditions.needs import AtLeast, Need, Performed
+from lingjing.mission.conditions.outline import Outline
 from lingjing.mission.feasibility.proof import Proof
 from lingjing.mission.model import RuleParameter, Unlock
 

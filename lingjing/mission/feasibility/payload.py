@@ -12,11 +12,11 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
+from lingjing.mission.conditions.needs import NeedLeaf, Supply
+from lingjing.mission.conditions.outline import Body, Outline
+from lingjing.mission.conditions.spread import gap
 from lingjing.mission.feasibility.limits import TimeLimit
-from lingjing.mission.feasibility.needs import NeedLeaf, Supply
-from lingjing.mission.feasibility.outline import Body, Outline
 from lingjing.mission.feasibility.proof import Proof, both, exceeds, spelled
-from lingjing.mission.feasibility.spread import gap
 from lingjing.mission.instance import InteractionSpec
 from lingjing.mission.units import field_named
 

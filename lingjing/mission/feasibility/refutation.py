@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from lingjing.mission.feasibility.counting import refute_counts, refute_ticks
-from lingjing.mission.feasibility.limits import TimeLimit
-from lingjing.mission.feasibility.needs import (
+from lingjing.mission.conditions.needs import (
     AtLeast,
     Handover,
     Impossible,
@@ -16,7 +14,9 @@ from lingjing.mission.feasibility.needs import (
     VisitNeed,
     mandatory,
 )
-from lingjing.mission.feasibility.outline import Outline
+from lingjing.mission.conditions.outline import Outline
+from lingjing.mission.feasibility.counting import refute_counts, refute_ticks
+from lingjing.mission.feasibility.limits import TimeLimit
 from lingjing.mission.feasibility.payload import refute_supplies
 from lingjing.mission.feasibility.proof import Proof
 from lingjing.mission.feasibility.seeing import refute_picture

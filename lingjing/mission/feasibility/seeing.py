@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from lingjing.mission.appearance import UNSAID_M
-from lingjing.mission.feasibility.needs import PictureNeed
-from lingjing.mission.feasibility.outline import Body, Outline
+from lingjing.mission.conditions.needs import PictureNeed
+from lingjing.mission.conditions.outline import Body, Outline
 from lingjing.mission.feasibility.proof import Proof, both, exceeds, spelled
 from lingjing.mission.instance import CameraSpec
 from lingjing.mission.kinds import engine_kind

@@ -13,7 +13,7 @@ from lingjing.errors import LingjingError
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.certain import Knowledge, known, truth
-from lingjing.mission.feasibility.outline import Body, Outline, of_mission, too_large
+from lingjing.mission.conditions.outline import Body, Outline, of_mission, too_large
 from lingjing.mission.feasibility.proof import Proof
 from lingjing.mission.functions import operation
 from lingjing.mission.intervals import Estimate, exactly

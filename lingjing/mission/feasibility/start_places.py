@@ -14,9 +14,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from lingjing.mission.feasibility.outline import Body, Outline
+from lingjing.mission.conditions.outline import Body, Outline
+from lingjing.mission.conditions.spread import PossiblePlaces
 from lingjing.mission.feasibility.proof import Proof, spelled
-from lingjing.mission.feasibility.spread import PossiblePlaces
 from lingjing.mission.footprint import StartingBodies, footprint
 from lingjing.mission.geometry2d import contains, convex_hull, signed_area
 from lingjing.mission.kinds import centre_m, engine_kind, is_described, land, levels_m, reach_m, scene_kind, spoken

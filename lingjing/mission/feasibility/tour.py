@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 
 import msgspec
 
+from lingjing.mission.conditions.needs import NeedLeaf, VisitNeed
+from lingjing.mission.conditions.outline import Body, Outline
+from lingjing.mission.conditions.spread import gap
 from lingjing.mission.feasibility.limits import TimeLimit
-from lingjing.mission.feasibility.needs import NeedLeaf, VisitNeed
-from lingjing.mission.feasibility.outline import Body, Outline
 from lingjing.mission.feasibility.proof import Proof, both, exceeds, spelled
-from lingjing.mission.feasibility.spread import gap
 from lingjing.mission.feasibility.travel import meeting, movers_of
 
 _MAX_EXACT_STOPS = 8

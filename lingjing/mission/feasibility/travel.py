@@ -6,11 +6,11 @@ import math
 
 import msgspec
 
+from lingjing.mission.conditions.needs import VisitNeed
+from lingjing.mission.conditions.outline import Body, Outline
+from lingjing.mission.conditions.spread import PossiblePlaces, gap
 from lingjing.mission.feasibility.limits import TimeLimit
-from lingjing.mission.feasibility.needs import VisitNeed
-from lingjing.mission.feasibility.outline import Body, Outline
 from lingjing.mission.feasibility.proof import Proof, both, exceeds, spelled
-from lingjing.mission.feasibility.spread import PossiblePlaces, gap
 
 
 class VisitGeometry(msgspec.Struct, frozen=True):

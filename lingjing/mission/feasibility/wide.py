@@ -9,7 +9,7 @@ import math
 
 from lingjing.errors import LingjingError
 from lingjing.mission import model
-from lingjing.mission.feasibility.outline import Outline, of_mission, too_large
+from lingjing.mission.conditions.outline import Outline, of_mission, too_large
 from lingjing.mission.feasibility.proof import Proof, gathered, spelled
 from lingjing.mission.instance import CameraSpec, Entity
 from lingjing.mission.kinds import engine_kind, extent_m

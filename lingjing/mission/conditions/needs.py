@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import msgspec
 
-from lingjing.mission.feasibility.outline import Body
-from lingjing.mission.feasibility.spread import PossiblePlaces
+from lingjing.mission.conditions.outline import Body
+from lingjing.mission.conditions.spread import PossiblePlaces
 
 
 class VisitNeed(msgspec.Struct, frozen=True):

@@ -19,7 +19,7 @@ from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
 from lingjing.mission import operations
 from lingjing.mission.certain import Knowledge, exact, known, truth
-from lingjing.mission.feasibility.needs import (
+from lingjing.mission.conditions.needs import (
     NOTHING,
     AtLeast,
     Handover,
@@ -33,8 +33,8 @@ from lingjing.mission.feasibility.needs import (
     VisitNeed,
     leaves,
 )
-from lingjing.mission.feasibility.outline import Body, Outline
-from lingjing.mission.feasibility.spread import PossiblePlaces, outlines_of, point
+from lingjing.mission.conditions.outline import Body, Outline
+from lingjing.mission.conditions.spread import PossiblePlaces, outlines_of, point
 from lingjing.mission.fold import Composite, Literal, Meaning, Meanings
 from lingjing.mission.functions import operation
 from lingjing.mission.instance import InteractionSpec

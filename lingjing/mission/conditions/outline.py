@@ -10,9 +10,9 @@ import msgspec
 
 from lingjing.mission import expression as ex
 from lingjing.mission import model
+from lingjing.mission.conditions.motion import Air, bounds, ceiling, drives, flight_s
+from lingjing.mission.conditions.spread import PossiblePlaces, numbers, places, point
 from lingjing.mission.evaluate import Area, Scope, number
-from lingjing.mission.feasibility.motion import Air, bounds, ceiling, drives, flight_s
-from lingjing.mission.feasibility.spread import PossiblePlaces, numbers, places, point
 from lingjing.mission.instance import Entity, Instance, InteractionSpec
 from lingjing.mission.instance_entities import GROUND_REACH_M, count_of
 from lingjing.mission.instantiate import instantiate, parameters
