@@ -5,7 +5,10 @@
 - An adjudicated event is visible if its rule reads nothing hidden and no message. A verdict on a report is for the
   trace alone.
 - The event of an interaction is visible as its type declares (`told = all`, `actor` or `none`). Without a declaration
-  it is visible to all agents if the target hides nothing, and to none otherwise.
+  it is visible to all agents if neither the target nor the condition that unlocks it depends on a hidden value, and to
+  none otherwise.
+- The state that an interaction changes follows its event: an event that an agent may not see must not show in the
+  target's status or stock either (`EventVisibility.withheld`).
 - Another engine event that involves an entity with a hidden position, such as a collision, is visible to the agents
   that control a body in it.
 - The mission's weather events are visible to all agents; its appearances and vanishings only if the position of a
@@ -18,8 +21,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from lingjing.mission.hidden_reads import reads, rule_reads
-from lingjing.mission.instance import AgentSpec, Instance
+from lingjing.mission.conditions.survey import survey_instance
+from lingjing.mission.instance import AgentSpec, Entity, Instance, InteractionSpec
 from lingjing.trace.records import AdjudicatedEvent, EventView, TaskEvent
 
 ALL, ACTOR, NONE = "all", "actor", "none"
@@ -32,7 +35,14 @@ class EventVisibility:
     def __init__(self, instance: Instance) -> None:
         self._entities = {entity.id: entity for entity in instance.entities}
         self._unplaced = frozenset(entity.id for entity in instance.entities if "position" in entity.hidden)
-        self._open = frozenset(_open_kinds(instance))
+        survey = survey_instance(instance)
+        self._open, self._secret = survey.open_events, survey.secretly_unlocked
+        self._secretive = tuple(
+            (target, interaction, frozenset(actor.id for actor in instance.actors(interaction)))
+            for target in instance.entities
+            for interaction in target.interactions
+            if self._is_secret(interaction.name, target.group)
+        )
 
     def visible_events(
         self, agent: AgentSpec, task_events: Sequence[TaskEvent], adjudicated: Sequence[AdjudicatedEvent], tick: int
@@ -50,6 +60,21 @@ class EventVisibility:
             ),
         )
 
+    def withheld(self, agent: AgentSpec, entity: Entity) -> frozenset[str]:
+        """Return the fields of an entity that would show an interaction with an event that the agent may not see:
+        `status`, and the names of the states that it changes.
+        """
+        fields: set[str] = set()
+        for target, interaction, actors in self._secretive:
+            audience = self._audience_of(interaction, target)
+            if audience == ALL or (audience == ACTOR and not actors.isdisjoint(agent.commands)):
+                continue
+            if target.id == entity.id:
+                fields |= {"status", interaction.own}
+            elif entity.id in actors and entity.id not in agent.commands:
+                fields.add(interaction.carried)
+        return frozenset(fields - {""})
+
     def _is_visible(self, agent: AgentSpec, event: TaskEvent) -> bool:
         audience = self._audience(event)
         return audience == ALL or (audience == ACTOR and not set(agent.commands).isdisjoint(event.entities))
@@ -61,27 +86,19 @@ class EventVisibility:
         for entity in entities:
             for interaction in entity.interactions:
                 if interaction.name == event.kind:
-                    return interaction.told or (NONE if entity.hidden else ALL)
+                    return self._audience_of(interaction, entity)
         return ACTOR if any(entity.id in self._unplaced for entity in entities) else ALL
+
+    def _audience_of(self, interaction: InteractionSpec, target: Entity) -> str:
+        return interaction.told or (NONE if target.hidden or self._is_secret(interaction.name, target.group) else ALL)
+
+    def _is_secret(self, interaction: str, group: str) -> bool:
+        """Return whether the permission of an interaction with targets of a group depends on a hidden value."""
+        return not self._secret.isdisjoint(((interaction, group), (interaction, "")))
 
     def _view(self, name: str, tick: int, kind: str, entities: Iterable[str]) -> EventView:
         named = tuple(entity for entity in entities if entity not in self._unplaced)
         return EventView(id=name, kind=kind, tick=tick, entities=named)
-
-
-def _open_kinds(instance: Instance) -> Iterable[str]:
-    """Yield the names of the rules and constraints that read nothing hidden and no message."""
-    secret = {name for entity in instance.entities if entity.hidden for name in (entity.group, entity.id)}
-    secret |= {region.name for region in instance.regions if region.hidden}
-    secret |= {message.kind for message in instance.messages}
-    secret |= {interaction.name for entity in instance.entities if entity.hidden for interaction in entity.interactions}
-    rules = {rule.name: rule for rule in instance.rules}
-    for rule in instance.rules:
-        if not rule_reads(rule, rules, secret):
-            yield rule.name
-    for constraint in instance.constraints:
-        if constraint.domain not in secret and not reads(constraint.condition, rules, secret):
-            yield constraint.name
 
 
 __all__ = ["ACTOR", "ALL", "NONE", "EventVisibility"]

@@ -234,7 +234,7 @@ class Projector:
         for name in names:
             entity, state = self._entities.get(name), registry.states.get(name)
             if entity is not None and state is not None and name in self._public and state.status != DORMANT:
-                shown = _shown(entity, state, channel.fields)
+                shown = _shown(entity, state, channel.fields, self._event_visibility.withheld(agent, entity))
                 if ROUTE in channel.fields or ALL in channel.fields:
                     shown[ROUTE] = route.waypoints if (route := registry.routes.get(name)) is not None else None
                 if BUSY in channel.fields or name in agent.commands:
@@ -255,17 +255,21 @@ class Projector:
                 )
 
 
-def _shown(entity: Entity, state: BodyState, fields: Sequence[str]) -> dict[str, object]:
+def _shown(entity: Entity, state: BodyState, fields: Sequence[str], withheld: frozenset[str]) -> dict[str, object]:
     """Return the fields of an entity's state that a channel shows, by their names in `EntityView`."""
     whole = ALL in fields
     wanted = STATE_FIELDS if whole else tuple(name for name in STATE_FIELDS if name in fields)
-    shown: dict[str, object] = {name: getattr(state, name) for name in wanted if name not in entity.hidden}
+    shown: dict[str, object] = {
+        name: getattr(state, name) for name in wanted if name not in entity.hidden and name not in withheld
+    }
     named = {spec.name for spec in entity.state if spec.field in fields}
     if RESOURCES not in entity.hidden and (whole or RESOURCES in fields or named):
         # A new mapping for each view: a policy must not be able to change the engine's own.
         stock = stocks(entity, state)
         everything = whole or RESOURCES in fields
-        shown[RESOURCES] = {name: value for name, value in stock.items() if everything or name in named}
+        shown[RESOURCES] = {
+            name: value for name, value in stock.items() if (everything or name in named) and name not in withheld
+        }
     return shown
 
 

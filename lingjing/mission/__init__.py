@@ -14,7 +14,6 @@ Modules in control-flow order:
   (bounds that hold in every run), `conditions.condition_needs` (events that a condition needs), the kernel's rules,
   and `condition_words` (conditions in plain words, with the bounds that they set).
 - `expression_text`, `instance_text`: expressions and the rules of an instance in the language's own spelling.
-- `hidden_reads`: detects conditions that read values hidden from agents.
 - `interactions`: errors of interactions, and their permissions at the start. `kinds`: the features of scenes and
   engines, as data; `kinds_format`: the file format of these; `kinds_file`: the checked reader of a plug-in's file.
 - `document`: reads and writes `mission.json` and the generated JSON Schemas. `faults`: errors of a JSON value against

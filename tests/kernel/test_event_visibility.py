@@ -1,13 +1,17 @@
 """The visibility of events: actions are visible, but not the worth of a report, nor hidden entities nearby."""
 
+from pathlib import Path
+
 import msgspec
 import pytest
 
 import tests.kernel.kernel_kit as kit
+from lingjing.dsl import compile_text
 from lingjing.kernel.event_visibility import EventVisibility
 from lingjing.kernel.visibility import Projector
 from lingjing.mission.expression import Binary, Call, Number, Point, Quantified, Ref, Symbol
-from lingjing.mission.instance import ChannelSpec, InteractionSpec
+from lingjing.mission.instance import ChannelSpec, Instance, InteractionSpec
+from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Constraint
 from lingjing.trace.records import AdjudicatedEvent, Receipt, TaskEvent
 
@@ -142,3 +146,37 @@ def test_a_report_that_was_right_looks_like_one_that_was_wrong():
     right, wrong = inputs
     assert (right[0], wrong[0]) == (["matched", "reported"], [])
     assert right[1] == wrong[1]
+
+
+YARD = (Path(__file__).parent / "data" / "locker.ljs").read_text()
+
+
+def locker(unlock: str, audience: str = "") -> tuple[Instance, EventVisibility]:
+    """Return an instance with a public locker, and its filter. `unlock` is the condition of opening it."""
+    text = YARD.replace("CONDITION", unlock).replace("within = 9 m", f"within = 9 m{audience}")
+    compilation = compile_text(text)
+    assert compilation.mission is not None, compilation.diagnostics
+    made = instantiate(compilation.mission, seed=1)
+    return made, EventVisibility(made)
+
+
+@pytest.mark.parametrize(
+    ("unlock", "audience", "listening", "seen"),
+    [
+        ("now > 20 s", "", {"scout", "skipper"}, {"scout", "skipper"}),
+        ("victim.position.east > 20 m", "", set(), set()),
+        ("victim.position.east > 20 m", ", told = all", {"scout", "skipper"}, {"scout", "skipper"}),
+        ("victim.position.east > 20 m", ", told = actor", {"skipper"}, {"skipper"}),
+    ],
+)
+def test_an_unlock_over_a_hidden_value_shows_neither_in_events_nor_in_the_status_of_a_public_target(
+    unlock, audience, listening, seen
+):
+    made, visibility = locker(unlock, audience)
+    opened = TaskEvent(kind="open", entities=("box", "boat"), time_s=30.0)
+    views = {agent.id: visibility.visible_events(agent, (opened,), (), 3) for agent in made.agents}
+    assert listeners(views) == listening
+    box = next(entity for entity in made.entities if entity.id == "box")
+    assert {agent.id for agent in made.agents if "status" not in visibility.withheld(agent, box)} == seen
+    boat = next(entity for entity in made.entities if entity.id == "boat")
+    assert not any(visibility.withheld(agent, boat) for agent in made.agents)

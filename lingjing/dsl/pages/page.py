@@ -14,9 +14,9 @@ from lingjing.dsl.printing.printer import Printer
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.condition_words import ConditionWords
+from lingjing.mission.conditions.survey import survey_mission
 from lingjing.mission.draw.mermaid import mermaid
 from lingjing.mission.graph import graph
-from lingjing.mission.hidden_reads import reads, secret_names
 
 _MANY_BLANKS = re.compile(r"\n{3,}")
 
@@ -154,23 +154,21 @@ class _Page:
 
     def _noticed(self) -> Iterator[str]:
         """Consequences of hidden values that agents can notice through the kernel."""
-        mission, rules = self.mission, {rule.name: rule for rule in self.mission.rules}
-        secret = secret_names(mission)
-        for permit in mission.permits:
-            if reads(permit.condition, rules, secret):
-                what = f"`{self.printer.text(permit.resource)}.{permit.verb or '*'}`"
-                yield f"- the receipts of {what} show whether it is permitted"
-        for constraint in mission.constraints:
-            if constraint.kind == "hard" and (
-                constraint.domain in secret or reads(constraint.condition, rules, secret)
-            ):
-                yield f"- the episode ends when **{constraint.name}** is broken"
-        for stage in mission.stages:
-            if stage.domain in secret or reads(stage.condition, rules, secret):
-                if stage.ticks is not None:
-                    yield f"- the episode ends when stage **{stage.name}** is late"
-                for limit in stage.limits:
-                    yield f"- receipts show that the limit **{limit.name}** counts while stage **{stage.name}** runs"
+        survey = survey_mission(self.mission)
+        for condition in survey.of_kind("permit", "constraint", "stage"):
+            if not condition.hidden and not condition.private:
+                continue
+            if condition.kind == "permit":
+                yield f"- the receipts of `{condition.name}` show whether it is permitted"
+            for gate in condition.gates:
+                if gate.kind == "end" and condition.kind == "constraint":
+                    yield f"- the episode ends when **{condition.name}** is broken"
+                elif gate.kind == "end":
+                    yield f"- the episode ends when stage **{condition.name}** is late"
+                elif gate.kind == "count":
+                    yield (
+                        f"- receipts show that the limit **{gate.name}** counts while stage **{condition.name}** runs"
+                    )
 
     def rules(self) -> Iterator[str]:
         """Adjudication rules, in words and in code."""

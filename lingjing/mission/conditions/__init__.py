@@ -1,10 +1,16 @@
-"""Conditions of a mission: one reading of success, failure, rules, unlocks, permits, constraints, stages and limits.
+"""Conditions of a mission: one reading of success, failure, rules, unlocks, permits, constraints and stages.
 
-Concepts. A `Need` is an event that must have happened once a condition holds; the needs of a condition form a tree. An
-`Outline` is a mission or an instance with its unknown values widened to bounds, so that one tree stands for every seed.
+Concepts. A *leaf* is a part of a condition without `and`, `or`, `not` and quantifiers. It reads *quantities*; each
+quantity has its *causes*, which change it (a verb, an interaction, a message, an event, an engine), and is hidden or
+public. A condition *gates* something: the end of the episode, an event, a command. A `Need` is an event that must have
+happened once a condition holds; the needs of a condition form a tree. An `Outline` is a mission or an instance with
+its unknown values widened to bounds, so that one tree stands for every seed.
 
 Modules in control-flow order:
 
+- `quantities`: quantities and causes. `declarations`: the declarations that conditions refer to, of a mission or an
+  instance.
+- `reads`: the leaves of one condition. `survey`: all conditions with their leaves and gates.
 - `spread`: places and numbers before the seed is known. `motion`: upper bounds of speed and flight time.
 - `outline`: a mission (every seed) or an instance (one seed) in the form that the builder of needs and proofs read.
 - `needs`: the tree of needs. `condition_needs`: its construction from a condition.

@@ -1,0 +1,121 @@
+"""The survey of conditions: each leaf with what it reads, what changes that, and what the condition gates."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from lingjing.dsl import compile_text
+from lingjing.dsl.loading.load import load_mission
+from lingjing.dsl.loading.shipped import find_mission
+from lingjing.mission.conditions.quantities import Cause
+from lingjing.mission.conditions.survey import Condition, Gate, Survey, survey_instance, survey_mission
+from lingjing.mission.instantiate import instantiate
+
+NINE = ("bi", "cd", "cr", "idf", "ld", "ssr", "ufr", "upr", "vdn")
+
+YARD = (Path(__file__).parents[1] / "kernel" / "data" / "locker.ljs").read_text()
+
+
+def survey(text: str) -> Survey:
+    compilation = compile_text(text)
+    assert compilation.mission is not None, compilation.diagnostics
+    return survey_mission(compilation.mission)
+
+
+def condition(of: Survey, at: str) -> Condition:
+    (matching,) = [condition for condition in of.conditions if condition.at == at]
+    return matching
+
+
+@pytest.fixture(scope="module")
+def ssr() -> Survey:
+    return survey_mission(load_mission(str(find_mission("ssr"))))
+
+
+def test_a_leaf_has_the_quantities_of_both_sides_and_their_causes(ssr: Survey) -> None:
+    (leaf,) = [leaf for leaf in condition(ssr, "rule/rescued").leaves if leaf.text.startswith("distance_xy")]
+    boat, victim = leaf.quantities
+    assert (boat.key, boat.hidden) == ("boat.position", False)
+    assert boat.causes == (Cause(kind="verb", name="moveTo", by=("rescuer", "searcher")),)
+    assert (victim.key, victim.hidden) == ("victim.position", True)
+    assert victim.causes == (Cause(kind="engine", name="city"),), "a person in the water drifts"
+
+
+def test_a_condition_has_the_leaves_of_the_rules_that_it_calls_once_each(ssr: Survey) -> None:
+    success = condition(ssr, "success")
+    ways = {leaf.via for leaf in success.leaves}
+    assert ways == {(), ("rescued",), ("rescued", "reported"), ("rescued", "reported", "matched")}
+    assert success.hidden and success.private
+    texts = [(leaf.text, leaf.via) for leaf in success.leaves]
+    assert len(texts) == len(set(texts))
+
+
+def test_an_event_is_caused_by_the_interaction_and_its_actors(ssr: Survey) -> None:
+    (leaf,) = [leaf for leaf in condition(ssr, "rule/rescued").leaves if leaf.text.startswith("emitted")]
+    assert [cause for quantity in leaf.quantities for cause in quantity.causes] == [
+        Cause(kind="interaction", name="rescue", by=("boat",))
+    ]
+
+
+def test_a_state_is_changed_by_the_interactions_that_move_it() -> None:
+    cd = survey_mission(load_mission(str(find_mission("cd"))))
+    (demand,) = condition(cd, "unlock/deliver").leaves[1].quantities
+    assert demand.key == "point.demand_kg"
+    assert demand.causes == (Cause(kind="interaction", name="deliver", by=("van",)),)
+
+
+def test_gates_name_what_each_condition_decides() -> None:
+    upr = survey_mission(load_mission(str(find_mission("upr"))))
+    gates = {condition.at: condition.gates for condition in upr.conditions}
+    assert gates["success"] == (Gate(kind="end"),)
+    assert gates["permit/dog.forward"] == (Gate(kind="command", name="dog.forward"),)
+    assert gates["unlock/seal"] == (Gate(kind="interaction", name="seal"),)
+    assert gates["rule/sealed"] == (Gate(kind="event", name="sealed"),)
+
+
+def test_the_shipped_conditions_that_depend_on_hidden_values_and_gate_commands_are_known() -> None:
+    paths_of = {
+        name: [c.at for c in survey_mission(load_mission(str(find_mission(name)))).of_kind("permit") if c.hidden]
+        for name in NINE
+    }
+    assert {name: paths for name, paths in paths_of.items() if paths} == {"upr": ["permit/dog.forward"]}
+
+
+@pytest.mark.parametrize("name", NINE)
+def test_an_instance_and_its_mission_agree(name: str) -> None:
+    mission = load_mission(str(find_mission(name)))
+    for mode in mission.modes.allowed:
+        of = survey_instance(instantiate(mission, seed=1, mode=mode))
+        whole = {condition.at: condition for condition in survey_mission(mission).conditions}
+        for read in of.of_kind("success", "failure", "rule", "unlock", "stage"):
+            assert (read.hidden, read.private) == (whole[read.at].hidden, whole[read.at].private), read.at
+        assert of.open_events <= survey_mission(mission).open_events
+
+
+@pytest.mark.parametrize(
+    ("text", "hidden"),
+    [
+        ("now > 20 s", False),
+        ("box.position.north < 0 m", False),
+        ("tidy()", False),
+        ("distance_xy(boat, victim) <= 40 m", True),
+        ("near(victim)", True),
+        ("victim in pool", True),
+        ("alive(victim)", True),
+        ("count(near(v) for v in victim) >= 1", True),
+        ("exists v in victim: v.position.north > 0 m", True),
+        ("not (now > 3 s and victim.heading > 9 deg)", True),
+        ("min(distance_xy(boat, v) for v in victim) < 9 m", True),
+        ("emitted(rescue)", True),
+        ("assigned(boat, victim)", True),
+        ("exists r in detection: r.class == person_in_water", False),
+        ("exists r in detection: iou(r.box, truth(victim, r.frame).box) > 0.5", True),
+    ],
+)
+def test_a_hidden_value_taints_the_condition_whatever_way_it_enters(text: str, hidden: bool) -> None:
+    of = survey(YARD.replace("CONDITION", text))
+    unlock = condition(of, "unlock/open")
+    assert unlock.hidden is hidden
+    assert bool(of.secretly_unlocked) is hidden
