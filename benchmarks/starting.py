@@ -65,6 +65,7 @@ def main() -> None:
             print_row("column", "seen before")
             print_row("---", "---")
             for column in args.columns:
+                forked(column, "decision", 1, same=True)  # this fills the caches
                 print_row(column, f"{further(column, 'decision', same=True):.2f}")
             return
         head = [

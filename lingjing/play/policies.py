@@ -42,6 +42,8 @@ class AssignedPolicy:
     """The plug-in that offers it; "" for a file, and for a policy given as an object."""
     plugin: PolicyPlugin | None = None
     """Its declaration; None for a file that only another process has loaded."""
+    as_given: bool = False
+    """True if an examination has found that its factory receives the options unchanged."""
     makers: tuple[str, ...] = ()
     """The plug-ins that make or wrap policies (`lingjing_make_policy`)."""
 
@@ -132,6 +134,7 @@ def _examined(
             name=examined.name,
             privileged=examined.privileged,
             arguments=examined.arguments,
+            as_given=examined.as_given,
             fingerprint=examined.fingerprint,
             source=_source(name, host),
             plugin=None if is_file(name) else host.policy(name),

@@ -67,19 +67,25 @@ def build_policy(
     arguments: Mapping[str, object],
     calls: ModelCalls = UNRECORDED,
     host: PolicyMaker | None = None,
+    *,
+    as_given: bool = False,
 ) -> Policy:
     """Return one policy object for one agent. `calls` records the policy's model calls; the plug-ins of `host` may make
-    or wrap the policy (None: its factory makes it).
+    or wrap the policy (None: its factory makes it). `as_given`: `takes_as_given` holds for these arguments, so that no
+    model of options is built.
 
     Raises `UsageError` that lists every fault of its options, `ForeignCodeError` if its factory fails.
     """
-    options = read_given_options(plugin, arguments)
+    makers = host.makers("lingjing_make_policy") if host is not None else ()
+    has_checked_arguments = as_given and not makers
+    options = None if has_checked_arguments else read_given_options(plugin, arguments)
     if plugin.calls and not plugin.options:
         raise PluginError(
             f"{_owner(plugin)} asks chat models and declares no model of its options", hint="declare both"
         )
-    makers = host.makers("lingjing_make_policy") if host is not None else ()
     try:
+        if options is None:
+            return plugin.factory(**arguments)
         return (host.make_policy if host is not None else lingjing_make_policy)(plugin, options, calls)
     except LingjingError:
         raise
@@ -88,6 +94,29 @@ def build_policy(
         raise ForeignCodeError(
             f"{_owner(plugin)} cannot be built{also}: {one_line(error)}", hint="check its --policy-arg and its code"
         ) from error
+
+
+def takes_as_given(plugin: PolicyPlugin, arguments: Mapping[str, object]) -> bool:
+    """Return True if the policy's factory receives exactly these arguments, with values of the same types.
+
+    Raises `UsageError` that lists every fault of the options.
+    """
+    if plugin.options:
+        return False
+    from lingjing.plugins.options import given_parameters
+
+    return _is_same(given_parameters(read_given_options(plugin, arguments)), dict(arguments))
+
+
+def _is_same(value: object, other: object) -> bool:
+    """Return True for equal JSON values of the same types."""
+    if type(value) is not type(other):
+        return False
+    if isinstance(value, dict) and isinstance(other, dict):
+        return [*value] == [*other] and all(_is_same(value[key], other[key]) for key in value)
+    if isinstance(value, list) and isinstance(other, list):
+        return len(value) == len(other) and all(map(_is_same, value, other))
+    return value == other
 
 
 def options_fingerprint(plugin: PolicyPlugin, arguments: Mapping[str, object]) -> dict[str, str]:
@@ -112,4 +141,7 @@ def one_line(error: BaseException) -> str:
     return text.splitlines()[0].rstrip(": ").encode("utf-8", "backslashreplace").decode()
 
 
-__all__ = ["build_policy", "one_line", "options_fingerprint", "options_model", "policy_of", "read_given_options"]
+__all__ = [
+    "build_policy", "one_line", "options_fingerprint", "options_model", "policy_of", "read_given_options",
+    "takes_as_given",
+]  # fmt: skip

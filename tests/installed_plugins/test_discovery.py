@@ -19,8 +19,7 @@ from lingjing.installed_plugins import discovery
 from lingjing.installed_plugins.entry_points import PLUGINS, find_entries
 from lingjing.kernel.world.selection import select_engines
 from lingjing.mission.kinds import engine_kind
-from lingjing.play.policy_processes.host import _host as host_of
-from lingjing.play.policy_processes.preloading import preload
+from lingjing.play.policy_processes.preloading import policy_host, preload
 from lingjing.plugins.host import PluginHost
 
 OFFER = """
@@ -195,11 +194,24 @@ def test_broken_metadata_stops_no_process_of_policies_and_no_command(site: Site)
     """The library function that lists entry points raises for all of them, and pydantic calls it too."""
     site.add("odd", None, entry_points=b"[lingjing]\nno equals sign\n")
     preload('["heuristic"]')
-    assert host_of(("agents",)).policy("heuristic").name == "heuristic"
+    assert policy_host(("agents",)).policy("heuristic").name == "heuristic"
     call = [sys.executable, "-m", "lingjing.cli.main", "plugins"]
     done = subprocess.run(call, capture_output=True, text=True, check=False)
     assert done.returncode == 2 and "heuristic" in done.stdout
     assert done.stderr.startswith("error: plug-in `?` (lingjing-odd 1.0): its entry_points.txt cannot be read")
+
+
+def test_a_prepared_host_holds_no_foreign_plugin(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The process from which policies are forked prepares hosts, and loads no foreign code."""
+    monkeypatch.chdir(site.folder)
+    site.add("stranger", "open('loaded', 'w')\n" + OFFER.format(name="stranger"))
+    preload('["heuristic", "stranger"]')
+    assert not Path("loaded").exists()
+    assert policy_host(("agents",)) is policy_host(("agents",))
+    assert policy_host(()) is policy_host(()) and policy_host(()).policies == {}
+    assert "stranger" not in policy_host(("agents",)).policies
+    both = policy_host(("agents", "stranger"))
+    assert {"heuristic", "stranger"} <= both.policies.keys() and Path("loaded").exists()
 
 
 def test_what_a_plugin_prints_does_not_reach_standard_output(site: Site, capsys) -> None:

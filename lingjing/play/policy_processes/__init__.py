@@ -7,7 +7,8 @@ have the policies in their own process.
 
 In the order of a call:
 
-- `loading`        the requests that load an episode's policies; `preloading` imports their modules before the fork
+- `loading`        the requests that load an episode's policies; `preloading` prepares modules and plug-ins
+  before the fork
 - `barrier`        `ProcessBarrier`, in the place of `kernel.barrier.PolicyBarrier` ← `turns`, the waiting for several
   processes with a deadline each
 - `agent_process`  one process from the player's side ← `output`, its printed text; `model_calls`, the record of its

@@ -7,7 +7,7 @@ from functools import partial
 from lingjing.errors import ErrorCollector, LingjingError
 from lingjing.option_listing import option_specs
 from lingjing.play.option_sharing import share_arguments
-from lingjing.play.policy_files import declaration_of, load_policy
+from lingjing.play.policy_files import declaration_of, is_file, load_policy
 from lingjing.play.policy_processes.messages import (
     CheckOptions,
     DeclarePolicy,
@@ -19,8 +19,9 @@ from lingjing.play.policy_processes.messages import (
     RaisedError,
     raised,
 )
+from lingjing.play.policy_processes.preloading import policy_host
 from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import options_fingerprint, options_model
+from lingjing.plugins.loading import options_fingerprint, options_model, takes_as_given
 from lingjing.plugins.options import option_faults
 from lingjing.plugins.policy import PolicyPlugin
 
@@ -34,7 +35,7 @@ class LoadedDeclarations:
     def examine(self, request: ExaminePolicies) -> PoliciesExamined:
         """Load policies by name or file, and share the options among them."""
         errors = ErrorCollector()
-        host = PluginHost()
+        host = policy_host(()) if all(map(is_file, request.specs)) else PluginHost()
         plugins: dict[str, PolicyPlugin] = {}
         for spec in request.specs:
             plugin = errors.attempt(partial(load_policy, spec, host), None)
@@ -48,6 +49,7 @@ class LoadedDeclarations:
                 name=plugin.name,
                 privileged=plugin.privileged,
                 arguments=shares[spec],
+                as_given=takes_as_given(plugin, shares[spec]),
                 fingerprint=options_fingerprint(plugin, shares[spec]),
             )
             for spec, plugin in plugins.items()

@@ -28,7 +28,6 @@ import msgspec
 import numpy as np
 
 from lingjing.errors import InfrastructureError, LingjingError
-from lingjing.installed_plugins.entry_points import PLUGINS, find_entries
 from lingjing.kernel.barrier import POLICY_ERRORS, failure, timed
 from lingjing.kernel.candidates import normalise_decision
 from lingjing.kernel.world.held_cities import unpacked
@@ -56,8 +55,8 @@ from lingjing.play.policy_processes.messages import (
 from lingjing.play.policy_processes.model_calls import RemoteModelCalls
 from lingjing.play.policy_processes.observations import observation_of
 from lingjing.play.policy_processes.pictures import MappedSlots
+from lingjing.play.policy_processes.preloading import policy_host
 from lingjing.plugins.calls import AbandonedCallError
-from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import build_policy
 from lingjing.plugins.policy import Picture, Policy
 from lingjing.processes.channel import Channel, ChannelClosedError, Packet
@@ -179,8 +178,9 @@ class _PolicyHost:
             self._constants = request.truth.instance, unpacked(request.truth.city)
         calls = RemoteModelCalls(self._calls, replaying=request.replaying, capped=request.capped)
         try:
-            host = _host((request.source, *request.makers))
-            self.policy = build_policy(load_policy(request.spec, host), request.arguments, calls, host)
+            host = policy_host(filter(None, (request.source, *request.makers)))
+            plugin = load_policy(request.spec, host)
+            self.policy = build_policy(plugin, request.arguments, calls, host, as_given=request.as_given)
         except LingjingError as error:
             return raised(error)
         return CallEnded()
@@ -244,12 +244,6 @@ def _decided(value: Any) -> PolicyAnswerMessage:
     if made.substituted:
         return CallFailed(reason="malformed", detail=made.detail)
     return DecisionMade(decision=made.decision)
-
-
-def _host(names: tuple[str, ...]) -> PluginHost:
-    """Return a host with the installed plug-ins of these names only."""
-    points = {point.value: point for point in find_entries(PLUGINS).points if point.name in names}
-    return PluginHost(entry_points=False, extra=[point.load() for point in points.values()])
 
 
 def _yield_memory() -> None:

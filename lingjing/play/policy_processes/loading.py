@@ -31,6 +31,7 @@ def agent_policies(
             makers=policy.makers,
             arguments=policy.arguments,
             seed=ambient_seed(options.policy_seed, agent),
+            as_given=policy.as_given,
             replaying=record.replaying,
             capped=record.capped,
             truth=truth if policy.privileged else None,

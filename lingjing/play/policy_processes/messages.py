@@ -109,6 +109,8 @@ class LoadPolicy(PolicyMessage, frozen=True, kw_only=True):
     """Its options."""
     seed: int
     """The seed of the global random generators."""
+    as_given: bool = False
+    """True if an examination has found that its factory receives the options unchanged."""
     replaying: bool = False
     """True if every answer of a model comes from a record (`ModelCalls.replaying`)."""
     capped: bool = False
@@ -191,6 +193,8 @@ class ExaminedPolicy(msgspec.Struct, frozen=True, kw_only=True):
     """True if it receives the truth."""
     arguments: dict[str, GivenOption]
     """Its share of the options."""
+    as_given: bool
+    """True if its factory receives these options unchanged (`plugins.loading.takes_as_given`)."""
     fingerprint: dict[str, str]
     """Values that decide its behaviour beside the options."""
 
