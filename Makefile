@@ -51,6 +51,7 @@ check: setup
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports
 	@$(BIN)/python tools/prose.py
+	@$(BIN)/python tools/internals.py
 	@$(PYTEST)
 
 bench: setup

@@ -4,7 +4,8 @@ The packages in the order of the pipeline: `dsl` (text to mission), `mission` (t
 `plugins` (the contract of extensions), `engines` (physics and pictures), `kernel` (the episode), `trace` (its record),
 `analysis` (metrics of a trace). `play` plays one episode, `bench` many; `report` draws figures of results; `causal`
 replays and forks traces; `viewer` shows an episode in a browser or as a film; `envs` wraps missions as learning
-environments. `cli` is the command line, `lsp` the language server, `processes` starts, forks and ends processes.
+environments; `testing` makes instances, episodes and traces for tests. `cli` is the command line, `lsp` the language
+server, `processes` starts, forks and ends processes.
 
 Modules that all share:
 
@@ -17,8 +18,9 @@ Modules that all share:
 - `installation`: the distributions and their extras; `installed_plugins`: plug-ins of other distributions
 - `refusals`: errors of the operating system; `terminal`: text that is safe to print
 
-`docs/architecture.md` describes the whole. The public surface is this module, `lingjing.plugins` and the command
-`lingjing`; all else may change. Exports are lazy: importing this package loads no other module.
+`docs/architecture.md` describes the whole. The public surface is this module, `lingjing.plugins`, `lingjing.testing`,
+`lingjing.envs` and the command `lingjing`; all else may change. Exports are lazy: importing this package loads no other
+module.
 """
 
 from __future__ import annotations
@@ -33,17 +35,20 @@ if TYPE_CHECKING:
     from lingjing.play.episode import run
     from lingjing.play.options import PlayOptions
     from lingjing.play.report import EpisodeReport
+    from lingjing.trace.reader import Trace, read_trace
 
     __version__: str
 
-__all__ = ["EpisodeReport", "Mission", "PlayOptions", "__version__", "compile", "pin", "run"]
+__all__ = ["EpisodeReport", "Mission", "PlayOptions", "Trace", "__version__", "compile", "pin", "read_trace", "run"]
 
 _EXPORTS = {
     "EpisodeReport": ("lingjing.play.report", "EpisodeReport"),
     "Mission": ("lingjing.mission.model", "Mission"),
     "PlayOptions": ("lingjing.play.options", "PlayOptions"),
+    "Trace": ("lingjing.trace.reader", "Trace"),
     "compile": ("lingjing.dsl.loading.load", "load_mission"),
     "pin": ("lingjing.numerics", "pin"),
+    "read_trace": ("lingjing.trace.reader", "read_trace"),
     "run": ("lingjing.play.episode", "run"),
 }
 

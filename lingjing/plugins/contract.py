@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 
-API_VERSION = "1.1"
+API_VERSION = "1.2"
 """MAJOR.MINOR. A new major version may remove or change a name; a new minor version adds names alone."""
 
 CONTRACT_MODULES = (
@@ -42,6 +42,7 @@ CONTRACT_MODULES = (
     "lingjing.plugins.tasks",
     "lingjing.plugins.terrain",
     "lingjing.scene.city",
+    "lingjing.testing",
     "lingjing.trace.calls",
     "lingjing.trace.records",
 )

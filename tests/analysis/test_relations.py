@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import pytest
 
-import tests.kernel.kernel_kit as kit
 from lingjing.analysis.relations import RelationTracker
 from lingjing.kernel.registry import Registry, Report
 from lingjing.mission.model import Relation
+from lingjing.testing import does, together
+from lingjing.testing import rescue as kit
 from lingjing.trace.records import BodyState, Envelope
 
 
 def tracker(relation: Relation, mode: str = "broadcast") -> RelationTracker:
-    return RelationTracker(kit.make_instance(mode=mode, relations=(relation,)))
+    return RelationTracker(kit.instance(mode=mode, relations=(relation,)))
 
 
 def at(tick: int, **more: object) -> Registry:
@@ -75,15 +76,15 @@ FRAME = "f1-uav[1]-nadir"
 
 
 def test_relations_are_detected_in_records_of_the_kernel():
-    kernel = kit.make_kernel()
+    kernel = kit.kernel()
     followed = RelationTracker(kernel.instance)
     assert followed.take(kernel.reset().record) == ()
-    assert followed.take(kernel.step(kit.decisions(scout_1=kit.does("takePhoto"))).record) != ()
+    assert followed.take(kernel.step(kit.decisions(scout_1=does("takePhoto"))).record) != ()
     second = kernel.step(
         kit.decisions(
-            scout_1=kit.joined(kit.report(FRAME), kit.does("go", "boat", x=90.0, y=0.0)),
-            scout_2=kit.does("go", "boat", x=80.0, y=0.0),
-            skipper=kit.does("go", x=100.0, y=0.0),
+            scout_1=together(kit.report(FRAME), does("go", "boat", x=90.0, y=0.0)),
+            scout_2=does("go", "boat", x=80.0, y=0.0),
+            skipper=does("go", x=100.0, y=0.0),
         )
     ).record
     assert [(r.kind, r.source, r.target) for r in followed.take(second)] == [
@@ -95,7 +96,7 @@ def test_relations_are_detected_in_records_of_the_kernel():
 
 
 def test_idle_boundaries_have_no_relations():
-    kernel = kit.make_kernel()
+    kernel = kit.kernel()
     followed = RelationTracker(kernel.instance)
     records = [kernel.reset().record, kernel.step(kit.decisions()).record]
     assert [followed.take(record) for record in records] == [(), ()]

@@ -11,9 +11,9 @@ from lingjing.causal.branching import BranchResult
 from lingjing.causal.interventions import BranchPlan, ReplacedPart
 from lingjing.causal.later_starts import LATER
 from lingjing.causal.result_texts import blame_text
+from lingjing.testing import rescue as kit
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import Header, Substitution
-from tests.kernel import kernel_kit as kit
 
 replace = msgspec.structs.replace
 WAY, ORDER, LATE = ("waypoint", "skipper", 4), ("execution", "scout[1]", 9), ("handoff", "scout[2]", 12)
@@ -28,7 +28,7 @@ class MadeUp:
     agreements: Mapping[tuple[str, str], tuple[int, ...]] = {}
 
     def __init__(self, *needed: tuple[str, str, int]) -> None:
-        header = Header(instance=kit.make_instance(), bindings=(), fingerprint={})
+        header = Header(instance=kit.instance(), bindings=(), fingerprint={})
         self.trace = Trace(Path("made-up.mcap"), header, (), None, False)
         self.needed, self.played, self.asked = needed, 0, [""]
         self.plans: list[BranchPlan] = []

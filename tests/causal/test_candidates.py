@@ -12,9 +12,9 @@ from lingjing.causal.failure import FailureSignature
 from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeTask
 from lingjing.play.report import EpisodeReport
+from lingjing.testing import rescue as kit
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import Header
-from tests.kernel import kernel_kit as kit
 from tests.play.report_kit import made_report
 
 
@@ -32,7 +32,7 @@ def test_a_control_from_a_file_is_played_within_the_folder(tmp_path: Path, monke
     folder.mkdir()
     control = "../../mine/check.py:Check"
     player = CandidatePlayer(
-        trace=Trace(Path("made-up.mcap"), Header(instance=kit.make_instance(), bindings=(), fingerprint={}), (), None,
+        trace=Trace(Path("made-up.mcap"), Header(instance=kit.instance(), bindings=(), fingerprint={}), (), None,
                     False),
         signature=FailureSignature(reason="budget"), sameness="reason", options=PlayOptions(mission=""), policies={},
         folder=folder, log=tmp_path / "tried.jsonl", budget=3, control=control,
@@ -46,7 +46,7 @@ def test_a_control_from_a_file_is_played_within_the_folder(tmp_path: Path, monke
 def test_a_mission_that_nobody_can_win_is_told_from_no_mission(tmp_path: Path) -> None:
     text = (Path(__file__).parents[2] / "scenarios" / "ssr.ljs").read_text(encoding="utf-8")
     player = CandidatePlayer(
-        trace=Trace(Path("made-up.mcap"), Header(instance=kit.make_instance(), bindings=(), fingerprint={}), (), None,
+        trace=Trace(Path("made-up.mcap"), Header(instance=kit.instance(), bindings=(), fingerprint={}), (), None,
                     False),
         signature=FailureSignature(reason="budget"), sameness="reason", options=PlayOptions(mission=""), policies={},
         folder=tmp_path, log=tmp_path / "tried.jsonl", budget=3, control="oracle",

@@ -19,10 +19,11 @@ from lingjing.play.episode import run
 from lingjing.plugins.hookspecs import ScenePlugin, hookimpl
 from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import content_sha256
+from lingjing.testing import does
+from lingjing.testing import rescue as kit
 from lingjing.trace.digest import START, next_digest
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import Action, BoundaryRecord, Decision, DecisionRecord, Header
-from tests.kernel import kernel_kit as kit
 from tests.scene.osm_maps import square, town
 
 replace = msgspec.structs.replace
@@ -260,7 +261,7 @@ class _Scene:
         return [ScenePlugin(name="kit", build=lambda spec: kit.CITY)]
 
 
-class _Faster(kit.Glider):
+class _Faster(kit.PointMasses):
     """Another version of the engine, which moves a little farther for each command."""
 
     def advance(self, until, mirrors):  # type: ignore[no-untyped-def]
@@ -273,16 +274,18 @@ class _Faster(kit.Glider):
 
 
 def test_an_engine_of_a_plug_in_is_confirmed_and_another_version_of_it_is_named() -> None:
-    instance, records = kit.make_instance(), list[BoundaryRecord]()
-    kernel = kit.make_kernel(instance)
+    instance, records = kit.instance(), list[BoundaryRecord]()
+    kernel = kit.kernel(instance)
     records.append(kernel.reset().record)
-    idle = {"scout_1": Decision(), "scout_2": Decision(), "skipper": kit.does("go", x=50.0, y=0.0)}
+    idle = {"scout_1": Decision(), "scout_2": Decision(), "skipper": does("go", x=50.0, y=0.0)}
     records += [kernel.step(kit.decisions(**idle)).record for _ in range(3)]
     header = Header(instance=instance, bindings=(), fingerprint={}, city_sha256=content_sha256(kit.CITY))
     trace = Trace(Path("kit.mcap"), header, tuple(records), None, False)
-    result = replay(trace, world="inline", host=PluginHost(extra=(_Scene(), kit.KitPlugin())))
+    result = replay(trace, world="inline", host=PluginHost(extra=(_Scene(), kit.RescueEngines())))
     assert result.difference is None and result.confirmed == 4
-    other = replay(trace, world="inline", host=PluginHost(extra=(_Scene(), kit.KitPlugin(glider=_Faster)))).difference
+    other = replay(
+        trace, world="inline", host=PluginHost(extra=(_Scene(), kit.RescueEngines(glider=_Faster)))
+    ).difference
     assert other is not None and (other.boundary, other.engine) == (1, "glider")
     assert other.field.endswith(".states[uav[1]].position[0]")
     with pytest.raises(UsageError, match="no engine is called `glider`"):

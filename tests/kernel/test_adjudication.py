@@ -3,28 +3,30 @@
 import msgspec
 import pytest
 
-import tests.kernel.kernel_kit as kit
 from lingjing.mission.operations import overlap
+from lingjing.plugins.engine import Frame
+from lingjing.testing import CENTRE_BOX, does, says, together
+from lingjing.testing import rescue as kit
 from lingjing.trace.records import Box
 
 
 def photographed(*args, **kwargs):
-    kernel = kit.make_kernel(*args, **kwargs)
+    kernel = kit.kernel(*args, **kwargs)
     kernel.reset()
-    kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
+    kernel.step(kit.decisions(scout_1=does("takePhoto")))
     return kernel
 
 
 def judged(kernel, *reports):
-    record = kernel.step(kit.decisions(scout_1=kit.joined(*reports))).record
+    record = kernel.step(kit.decisions(scout_1=together(*reports))).record
     return [(event.kind, *event.bindings) for event in record.events]
 
 
 def shifted(share):
     """Return `TRUE_BOX` moved right, so that intersection over union is `share`."""
-    width = kit.TRUE_BOX[2] - kit.TRUE_BOX[0]
+    width = CENTRE_BOX[2] - CENTRE_BOX[0]
     move = width * (1 - share) / (1 + share)
-    return (kit.TRUE_BOX[0] + move, kit.TRUE_BOX[1], kit.TRUE_BOX[2] + move, kit.TRUE_BOX[3])
+    return (CENTRE_BOX[0] + move, CENTRE_BOX[1], CENTRE_BOX[2] + move, CENTRE_BOX[3])
 
 
 FRAME = "f1-uav[1]-nadir"
@@ -32,7 +34,7 @@ FRAME = "f1-uav[1]-nadir"
 
 @pytest.mark.parametrize(("share", "hit"), [(0.5 + 1e-9, True), (0.51, True), (0.499, False), (1.0, True)])
 def test_boxes_match_from_one_half_on(share, hit):
-    assert overlap(kit.TRUE_BOX, shifted(share)) == pytest.approx(share)
+    assert overlap(CENTRE_BOX, shifted(share)) == pytest.approx(share)
     events = judged(photographed(), kit.report(FRAME, box=shifted(share)))
     assert (("matched", "victim[1]", "m2-1") in events) is hit
 
@@ -56,24 +58,24 @@ def test_one_entity_is_matched_once_a_frame():
 
 
 def test_one_report_matches_one_entity_the_one_it_fits_best():
-    both = kit.make_instance(victims=((100.0, 0.0), (105.0, 0.0)))
+    both = kit.instance(victims=((100.0, 0.0), (105.0, 0.0)))
 
-    class Two(kit.Table):
+    class Two(kit.TruthCamera):
         def draw(self, request):
             frame = super().draw(request)
             boxes = (
                 Box(entity="victim[1]", cls="person", box=shifted(0.6), pixels=9),
-                Box(entity="victim[2]", cls="person", box=kit.TRUE_BOX, pixels=9),
+                Box(entity="victim[2]", cls="person", box=CENTRE_BOX, pixels=9),
             )
-            return kit.Frame(msgspec.structs.replace(frame.info, boxes=boxes), frame.rgb)
+            return Frame(msgspec.structs.replace(frame.info, boxes=boxes), frame.rgb)
 
-    events = judged(photographed(both, kit.KitPlugin(table=Two)), kit.report(FRAME))
+    events = judged(photographed(both, kit.RescueEngines(table=Two)), kit.report(FRAME))
     assert [event for event in events if event[0] == "matched"] == [("matched", "victim[2]", "m2-1")]
 
 
 def test_a_report_of_an_old_frame_is_judged_by_that_frame_and_its_time():
     kernel = photographed()
-    kernel.step(kit.decisions(scout_1=kit.does("go", x=0.0, y=200.0)))
+    kernel.step(kit.decisions(scout_1=does("go", x=0.0, y=200.0)))
     record = kernel.step(kit.decisions(scout_1=kit.report(FRAME, position=(103.0, 4.0)))).record
     assert record.events[0].evidence["loc_error_m"] == pytest.approx(5.0)
     assert record.events[0].evidence["iou"] == pytest.approx(1.0)
@@ -82,15 +84,15 @@ def test_a_report_of_an_old_frame_is_judged_by_that_frame_and_its_time():
 @pytest.mark.parametrize(("east", "rescued"), [(50.0, True), (50.001, True), (49.999, False)])
 def test_the_radius_is_inclusive(east, rescued):
     """The victim is at (100, 0), the boat stops at (east, 0): exactly 50 m away, just inside, just outside."""
-    kernel = photographed(kit.make_instance(victims=((100.0, 0.0),)))
-    kernel.step(kit.decisions(scout_1=kit.report(FRAME), skipper=kit.does("go", x=east, y=0.0)))
+    kernel = photographed(kit.instance(victims=((100.0, 0.0),)))
+    kernel.step(kit.decisions(scout_1=kit.report(FRAME), skipper=does("go", x=east, y=0.0)))
     published = [kernel.step(kit.decisions()) for _ in range(3)][-1]
     assert published.evaluation.done is rescued
 
 
 def test_without_a_report_nothing_is_unlocked_and_nothing_rescued():
     kernel = photographed()
-    kernel.step(kit.decisions(skipper=kit.does("go", x=100.0, y=0.0)))
+    kernel.step(kit.decisions(skipper=does("go", x=100.0, y=0.0)))
     records = [kernel.step(kit.decisions()).record for _ in range(4)]
     assert all(record.events == () and record.commands == () for record in records)
     assert kernel.state.evaluation.reward == 0.0
@@ -98,9 +100,9 @@ def test_without_a_report_nothing_is_unlocked_and_nothing_rescued():
 
 def test_a_lie_about_position_box_or_frame_changes_nothing():
     """The policy reports a person in a picture that shows none."""
-    kernel = kit.make_kernel(kit.make_instance(victims=((250.0, 250.0),)))
+    kernel = kit.kernel(kit.instance(victims=((250.0, 250.0),)))
     kernel.reset()
-    kernel.step(kit.decisions(scout_1=kit.does("takePhoto"), skipper=kit.does("go", x=0.0, y=0.0)))
+    kernel.step(kit.decisions(scout_1=does("takePhoto"), skipper=does("go", x=0.0, y=0.0)))
     kernel.step(kit.decisions(scout_1=kit.report(FRAME, position=(0.0, 0.0), confidence=1.0)))
     records = [kernel.step(kit.decisions()).record for _ in range(3)]
     assert all(record.events == () and record.stages == () for record in records)
@@ -120,7 +122,7 @@ def test_an_unlock_that_its_engine_does_not_answer_is_sent_again():
             self.heard = getattr(self, "heard", 0) + len(commands)
             return super().submit(commands) if self.heard > 1 else ()
 
-    kernel = photographed(plugin=kit.KitPlugin(shore=Deaf))
+    kernel = photographed(plugin=kit.RescueEngines(shore=Deaf))
     kernel.step(kit.decisions(scout_1=kit.report(FRAME)))
     records = [kernel.step(kit.decisions()).record for _ in range(3)]
     assert [[(r.request, r.status) for r in record.receipts] for record in records] == [
@@ -132,17 +134,17 @@ def test_an_unlock_that_its_engine_does_not_answer_is_sent_again():
 
 def test_an_event_is_latched_and_emitted_once():
     kernel = photographed()
-    kernel.step(kit.decisions(scout_1=kit.report(FRAME), skipper=kit.does("go", x=100.0, y=-20.0)))
+    kernel.step(kit.decisions(scout_1=kit.report(FRAME), skipper=does("go", x=100.0, y=-20.0)))
     kinds = [event.kind for _ in range(6) for event in kernel.step(kit.decisions()).record.events]
     assert kinds == ["rescued"]
 
 
 def test_handoff_is_an_accepted_destination_that_means_the_target():
-    kernel = photographed(kit.make_instance("star"))
+    kernel = photographed(kit.instance("star"))
     kernel.step(kit.decisions(scout_1=kit.report(FRAME, position=(160.0, 0.0))))
     wrong = kernel.step(
-        kit.decisions(commander=kit.says("order", to=("skipper",), assignee="skipper", position=(0.0, 80.0)))
+        kit.decisions(commander=says("order", to=("skipper",), assignee="skipper", position=(0.0, 80.0)))
     )
-    right = kernel.step(kit.decisions(skipper=kit.does("go", x=160.0, y=0.0)))
+    right = kernel.step(kit.decisions(skipper=does("go", x=160.0, y=0.0)))
     assert [change.stage for change in wrong.record.stages] == []
     assert [(change.stage, change.subject) for change in right.record.stages] == [("handoff", "victim[1]")]

@@ -3,20 +3,20 @@
 import msgspec
 import pytest
 
-import tests.kernel.kernel_kit as kit
 from lingjing.errors import UsageError
 from lingjing.kernel.adjudication import Adjudicator
 from lingjing.kernel.registry import initial
 from lingjing.kernel.rules import depends_on_motion, evaluate
 from lingjing.mission.expression import Aggregate, Attr, Binary, Call, Index, Number, Range, Ref, Symbol
 from lingjing.mission.instance import Region
+from lingjing.testing import rescue as kit
 from lingjing.trace.records import TaskEvent
 
 EAST = Attr(base=Attr(base=kit.local("v"), name="position"), name="east")
 
 
 def value(expression, victims=((100.0, 0.0), (-40.0, 0.0), (7.0, 0.0))):
-    instance = kit.make_instance(victims=victims)
+    instance = kit.instance(victims=victims)
     registry = initial(instance)
     return evaluate(expression, {}, Adjudicator(instance).context_at(registry, registry.states, 0.0))
 
@@ -48,19 +48,19 @@ def test_functions_of_numbers(name, expected):
 
 def test_a_mission_that_says_more_than_the_kernel_plays_does_not_start():
     instance = msgspec.structs.replace(
-        kit.make_instance(), regions=(Region(name="street", polygon=(), on_map=Number(value=1.0)),)
+        kit.instance(), regions=(Region(name="street", polygon=(), on_map=Number(value=1.0)),)
     )
     with pytest.raises(
         UsageError, match="`kit` cannot be played yet: the kernel does not implement regions along roads"
     ):
-        kit.make_kernel(instance)
-    inspected = kit.make_instance(success=Call(function="levitates", arguments=()))
+        kit.kernel(instance)
+    inspected = kit.instance(success=Call(function="levitates", arguments=()))
     with pytest.raises(UsageError, match=r"`levitates\(…\)` in rules"):
-        kit.make_kernel(inspected)
+        kit.kernel(inspected)
 
 
 def test_a_tick_is_as_long_in_rules_as_in_declarations_and_now_is_the_time():
-    instance = kit.make_instance()
+    instance = kit.instance()
     at = Adjudicator(instance).context_at(initial(instance), initial(instance).states, 37.0)
     later = Binary(operator=">", left=Ref("now", "clock"), right=Binary("*", Number(value=3.0), Ref("tick", "clock")))
     assert evaluate(Ref("tick", "clock"), {}, at) == instance.clock.tick_s == 10.0
@@ -80,7 +80,7 @@ def test_a_number_lies_in_a_range_while_the_mission_runs(low, high, there):
 def test_a_member_that_is_not_there_makes_nothing_true():
     nobody = Index(base=Ref(name="victim", kind="group"), index=Number(value=9.0))
     done = Call(function="emitted", arguments=(Symbol(name="rescue"), nobody))
-    instance = kit.make_instance()
+    instance = kit.instance()
     registry = initial(instance).with_events((TaskEvent(kind="rescue", entities=("victim[1]",), time_s=0.0),))
     at = Adjudicator(instance).context_at(registry, registry.states, 0.0)
     assert evaluate(done, {}, at) is None

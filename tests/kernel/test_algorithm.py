@@ -13,12 +13,14 @@ import threading
 import msgspec
 import pytest
 
-import tests.kernel.kernel_kit as kit
 from lingjing.errors import InfrastructureError, PluginError
 from lingjing.kernel.barrier import PolicyBarrier
 from lingjing.kernel.episode import play, policy_barrier
 from lingjing.mission.expression import Binary, Call, Flag, Number, Point, Ref
+from lingjing.plugins.engine import Boundary
 from lingjing.plugins.policy import NoDecisionError
+from lingjing.testing import does, says, together
+from lingjing.testing import rescue as kit
 from lingjing.trace.digest import next_digest
 from lingjing.trace.records import Decision, Usage
 
@@ -79,8 +81,8 @@ def still_policies(instance, **others):
 
 def play_kit(instance=None, plugin=None, policies=None, **options):
     log = Log()
-    instance = instance or kit.make_instance(ticks=4)
-    kernel = kit.make_kernel(instance, plugin, record=log.boundary, **options)
+    instance = instance or kit.instance(ticks=4)
+    kernel = kit.kernel(instance, plugin, record=log.boundary, **options)
     barrier = policy_barrier(kernel, still_policies(instance, **(policies or {})))
     return play(kernel, barrier, log), log
 
@@ -101,7 +103,7 @@ def unhurried_briefs(monkeypatch):
 
 
 def broken(**methods):
-    return kit.KitPlugin(glider=type("Broken", (kit.Glider,), methods))
+    return kit.RescueEngines(glider=type("Broken", (kit.PointMasses,), methods))
 
 
 def statuses(record, request=None):
@@ -112,7 +114,7 @@ def statuses(record, request=None):
 
 
 def test_line_01_time_starts_at_boundary_zero():
-    published = kit.make_kernel().reset()
+    published = kit.kernel().reset()
     assert (published.record.tick, published.record.time_s) == (0, 0.0)
 
 
@@ -126,14 +128,14 @@ def test_lines_02_04_every_engine_is_reset_with_the_specification():
 
         return type(f"Spy{cls.__name__}", (cls,), {"reset": reset})
 
-    kernel = kit.make_kernel(plugin=kit.KitPlugin(*(spy(cls) for cls in (kit.Glider, kit.Shore, kit.Table))))
+    kernel = kit.kernel(plugin=kit.RescueEngines(*(spy(cls) for cls in (kit.PointMasses, kit.Shore, kit.TruthCamera))))
     kernel.reset()
     moving = [
         ("glider", ("uav[1]", "uav[2]", "boat"), "kit", "kit"),
         ("shore", ("victim[1]", "victim[2]"), "kit", "kit"),
     ]
     assert sorted(seen) == moving
-    kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
+    kernel.step(kit.decisions(scout_1=does("takePhoto")))
     assert sorted(seen) == [*moving, ("table", (), "kit", "kit")]  # a sensor at its first picture
 
 
@@ -150,26 +152,26 @@ def test_lines_05_08_a_rejected_reset_is_an_infrastructure_abort_with_a_partial_
 
 
 def test_lines_10_11_nothing_is_pending_and_no_receipt_exists_at_reset():
-    published = kit.make_kernel().reset()
+    published = kit.kernel().reset()
     record = published.record
     assert (record.decisions, record.commands, record.messages, record.receipts) == ((), (), (), ())
     assert all(inbox.messages == () and inbox.receipts == () for inbox in published.inboxes.values())
 
 
 def test_lines_12_13_boundary_zero_is_assembled_from_every_engine():
-    record = kit.make_kernel().reset().record
+    record = kit.kernel().reset().record
     assert [state.id for state in record.snapshots[-1].states] == ["victim[1]", "victim[2]", "uav[1]", "uav[2]", "boat"]
     assert sorted(status.engine for status in record.engines) == ["glider", "shore"]
 
 
 def test_line_14_the_registry_holds_boundary_zero():
-    kernel = kit.make_kernel()
+    kernel = kit.kernel()
     kernel.reset()
     assert kernel.state.registry.states["boat"].position == (0.0, -100.0, 0.0)
 
 
 def test_line_15_the_first_observation_holds_no_hidden_field():
-    published = kit.make_kernel().reset()
+    published = kit.kernel().reset()
     text = repr(published.observations)
     assert "victim" not in text
     assert published.observations["skipper"].entities[0].position == (0.0, -100.0, 0.0)
@@ -177,21 +179,21 @@ def test_line_15_the_first_observation_holds_no_hidden_field():
 
 def test_line_16_rules_are_adjudicated_at_boundary_zero():
     reached = kit.rule("near", kit.NEAR, ("v", "victim"))
-    instance = kit.make_instance(victims=((0.0, -60.0), (200.0, 0.0)), rules=(reached,), unlocks=(), stages=())
-    record = kit.make_kernel(msgspec.structs.replace(instance, success=kit.SOME_REPORT)).reset().record
+    instance = kit.instance(victims=((0.0, -60.0), (200.0, 0.0)), rules=(reached,), unlocks=(), stages=())
+    record = kit.kernel(msgspec.structs.replace(instance, success=kit.SOME_REPORT)).reset().record
     assert [(event.kind, event.bindings, event.time_s) for event in record.events] == [("near", ("victim[1]",), 0.0)]
 
 
 def test_line_17_boundary_zero_is_evaluated():
-    already = kit.make_instance(victims=())
-    assert kit.make_kernel(already).reset().evaluation.reason == "success"
-    assert kit.make_kernel().reset().evaluation == kit.make_kernel().reset().evaluation
-    assert kit.make_kernel().reset().evaluation.reward == 0.0
+    already = kit.instance(victims=())
+    assert kit.kernel(already).reset().evaluation.reason == "success"
+    assert kit.kernel().reset().evaluation == kit.kernel().reset().evaluation
+    assert kit.kernel().reset().evaluation.reward == 0.0
 
 
 def test_lines_18_19_boundary_zero_is_logged_and_published():
     log = Log()
-    published = kit.make_kernel(record=log.boundary).reset()
+    published = kit.kernel(record=log.boundary).reset()
     assert log.records == [published.record]
     assert set(published.observations) == {"scout[1]", "scout[2]", "skipper"}
 
@@ -200,16 +202,16 @@ def test_lines_18_19_boundary_zero_is_logged_and_published():
 
 
 def test_line_20_the_loop_stops_at_the_tick_limit_and_when_done():
-    outcome, log = play_kit(kit.make_instance(ticks=3))
+    outcome, log = play_kit(kit.instance(ticks=3))
     assert (outcome.reason, outcome.ticks, [record.tick for record in log.records]) == ("budget", 3, [0, 1, 2, 3])
-    outcome, log = play_kit(kit.make_instance(victims=()))
+    outcome, log = play_kit(kit.instance(victims=()))
     assert (outcome.reason, outcome.success, outcome.ticks) == ("success", True, 0)
 
 
 def test_line_21_what_a_policy_sees_is_frozen():
-    kernel = kit.make_kernel()
+    kernel = kit.kernel()
     kernel.reset()
-    published = kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
+    published = kernel.step(kit.decisions(scout_1=does("takePhoto")))
     picture = published.observations["scout[1]"].pictures[0]
     with pytest.raises(ValueError, match="read-only"):
         picture.rgb[0, 0, 0] = 1
@@ -226,7 +228,7 @@ def test_lines_22_24_all_policies_act_at_the_same_time():
             return Decision()
 
     Meeting.hall = threading.Barrier(3)
-    instance = kit.make_instance(ticks=1)
+    instance = kit.instance(ticks=1)
     _, log = play_kit(instance, policies={agent.id: Meeting() for agent in instance.agents})
     assert [made.substituted for made in log.records[1].decisions] == ["", "", ""]
 
@@ -250,8 +252,8 @@ def test_line_25_a_policy_past_its_deadline_is_not_waited_for(monkeypatch):
         async def act(self, observation, inbox):
             over.wait(3600)
 
-    budget = kit.make_instance().budget
-    instance = kit.make_instance(budget=msgspec.structs.replace(budget, policy_s=1.0, ticks=2))
+    budget = kit.instance().budget
+    instance = kit.instance(budget=msgspec.structs.replace(budget, policy_s=1.0, ticks=2))
     _, log = play_kit(instance, policies={"scout[1]": Late(), "skipper": Blocked()})
     over.set()
     assert [made.substituted for made in log.records[1].decisions] == ["policy_timeout", "", "policy_timeout"]
@@ -265,14 +267,14 @@ def test_line_26_a_late_answer_never_enters_a_later_tick():
             if observation.tick == 0:
                 over.wait(3600)
                 answered.set()
-                return kit.does("go", x=1.0, y=1.0)
+                return does("go", x=1.0, y=1.0)
             over.set()  # the late answer comes while this one is waited for
             answered.wait(3600)
             return Decision()
 
     over, answered = threading.Event(), threading.Event()
-    budget = kit.make_instance().budget
-    instance = kit.make_instance(budget=msgspec.structs.replace(budget, policy_s=0.5, ticks=4))
+    budget = kit.instance().budget
+    instance = kit.instance(budget=msgspec.structs.replace(budget, policy_s=0.5, ticks=4))
     _, log = play_kit(instance, policies={"skipper": Slow()})
     assert answered.wait(3600)
     assert log.records[1].decisions[2].substituted == "policy_timeout"
@@ -287,7 +289,7 @@ def test_line_26_a_late_answer_never_enters_a_later_tick():
         (lambda o, i: "forward", "malformed"),
         (lambda o, i: None, "malformed"),
         (lambda o, i: Decision(command="up"), "malformed"),
-        (lambda o, i: kit.does("go", x="north", y={}), "malformed"),
+        (lambda o, i: does("go", x="north", y={}), "malformed"),
     ],
 )
 def test_line_26_a_missing_or_malformed_return_becomes_a_no_op_with_a_reason(act, reason):
@@ -333,9 +335,9 @@ def test_line_27_outputs_are_collected_by_name_in_declaration_order():
 
 
 def test_line_28_inboxes_start_empty_at_every_boundary():
-    kernel = kit.make_kernel()
+    kernel = kit.kernel()
     kernel.reset()
-    order = kit.says("order", assignee="boat")
+    order = says("order", assignee="boat")
     first = kernel.step(kit.decisions(scout_1=order))
     second = kernel.step(kit.decisions())
     assert len(first.inboxes["skipper"].messages) == 1
@@ -343,10 +345,10 @@ def test_line_28_inboxes_start_empty_at_every_boundary():
 
 
 def test_line_29_messages_are_validated_and_expanded_to_edges():
-    kernel = kit.make_kernel()
+    kernel = kit.kernel()
     kernel.reset()
     record = kernel.step(
-        kit.decisions(scout_1=kit.says("order", assignee="boat"), skipper=kit.says("order", assignee="boat"))
+        kit.decisions(scout_1=says("order", assignee="boat"), skipper=says("order", assignee="boat"))
     ).record
     assert [(edge.sender, edge.recipient) for edge in record.messages] == [
         ("scout[1]", "scout[2]"),
@@ -356,10 +358,10 @@ def test_line_29_messages_are_validated_and_expanded_to_edges():
 
 
 def test_line_30_commands_are_validated_and_resolved():
-    kernel = kit.make_kernel()
+    kernel = kit.kernel()
     kernel.reset()
     record = kernel.step(
-        kit.decisions(scout_1=kit.does("go", "boat", x=0.0, y=0.0), skipper=kit.does("go", x=9.0, y=9.0))
+        kit.decisions(scout_1=does("go", "boat", x=0.0, y=0.0), skipper=does("go", x=9.0, y=9.0))
     ).record
     assert [(c.sender, c.resource) for c in record.commands] == [("scout[1]", "boat")]
     assert ("rejected", "conflict") in statuses(record)
@@ -369,43 +371,43 @@ def test_line_31_staged_messages_are_lost_if_the_barrier_fails():
     def advance(self, until, mirrors):
         raise RuntimeError("lost")
 
-    kernel = kit.make_kernel(plugin=broken(advance=advance))
+    kernel = kit.kernel(plugin=broken(advance=advance))
     kernel.reset()
     with pytest.raises(InfrastructureError):
-        kernel.step(kit.decisions(scout_1=kit.says("order", assignee="boat")))
+        kernel.step(kit.decisions(scout_1=says("order", assignee="boat")))
     assert kernel.state.bus.committed == ()
     assert len(kernel.state.bus.staged) == 2
 
 
 def test_line_32_admitted_commands_reach_their_engine_before_it_advances():
-    kernel = kit.make_kernel()
+    kernel = kit.kernel()
     kernel.reset()
-    record = kernel.step(kit.decisions(skipper=kit.does("go", x=0.0, y=-50.0))).record
+    record = kernel.step(kit.decisions(skipper=does("go", x=0.0, y=-50.0))).record
     assert record.snapshots[-1].states[-1].position == pytest.approx((0.0, -50.0, 0.0))
 
 
 def test_line_33_the_engine_barrier_has_a_deadline():
     def advance(self, until, mirrors):
-        return kit.Boundary(engine=self.engine, time_s=until - 0.25, states=tuple(self.states.values()))
+        return Boundary(engine=self.engine, time_s=until - 0.25, states=tuple(self.states.values()))
 
     outcome, _ = play_kit(plugin=broken(advance=advance))
     assert outcome.reason == "infrastructure-abort"  # an incoherent time; a hung process is the world's own test
 
 
 def test_lines_34_36_a_missing_admission_receipt_is_timed_out_and_no_abort():
-    kernel = kit.make_kernel()
+    kernel = kit.kernel()
     kernel.reset()
-    record = kernel.step(kit.decisions(skipper=kit.does("mute"))).record
+    record = kernel.step(kit.decisions(skipper=does("mute"))).record
     assert statuses(record, "c1-1") == [("timed_out", "no_receipt")]
     assert "boat" not in kernel.state.registry.pending
 
 
 def test_line_37_a_request_admitted_earlier_survives_a_missing_receipt():
-    kernel = kit.make_kernel()
+    kernel = kit.kernel()
     kernel.reset()
-    kernel.step(kit.decisions(skipper=kit.does("go", x=0.0, y=390.0)))
+    kernel.step(kit.decisions(skipper=does("go", x=0.0, y=390.0)))
     assert kernel.state.registry.pending["boat"].id == "c1-1"
-    record = kernel.step(kit.decisions(skipper=kit.does("mute"))).record
+    record = kernel.step(kit.decisions(skipper=does("mute"))).record
     assert statuses(record, "c2-1") == [("rejected", "busy")]
     assert kernel.state.registry.pending["boat"].id == "c1-1"
 
@@ -413,7 +415,7 @@ def test_line_37_a_request_admitted_earlier_survives_a_missing_receipt():
 @pytest.mark.parametrize("fault", ["raises", "missing entity", "not a number"])
 def test_lines_39_41_an_incoherent_engine_aborts_with_the_partial_trace(fault):
     def advance(self, until, mirrors):
-        boundary = kit.Glider.advance(self, until, mirrors)
+        boundary = kit.PointMasses.advance(self, until, mirrors)
         if until < 20:
             return boundary
         if fault == "raises":
@@ -431,28 +433,28 @@ def test_lines_39_41_an_incoherent_engine_aborts_with_the_partial_trace(fault):
 
 
 def test_line_43_messages_become_readable_when_their_boundary_commits():
-    kernel = kit.make_kernel()
+    kernel = kit.kernel()
     kernel.reset()
-    published = kernel.step(kit.decisions(scout_1=kit.says("order", assignee="boat")))
+    published = kernel.step(kit.decisions(scout_1=says("order", assignee="boat")))
     (edge,) = published.inboxes["skipper"].messages
     assert (edge.tick, published.record.tick) == (1, 1)
 
 
 def test_line_44_a_boundary_is_the_last_of_its_macro_steps():
-    kernel = kit.make_kernel()
+    kernel = kit.kernel()
     kernel.reset()
-    record = kernel.step(kit.decisions(skipper=kit.does("go", x=0.0, y=300.0))).record
+    record = kernel.step(kit.decisions(skipper=does("go", x=0.0, y=300.0))).record
     assert [snapshot.time_s for snapshot in record.snapshots] == [0.5 * step for step in range(1, 21)]
     assert record.time_s == 10.0
 
 
 def test_line_45_receipts_of_all_three_kinds_are_in_one_set():
-    kernel = kit.make_kernel()
+    kernel = kit.kernel()
     kernel.reset()
     record = kernel.step(
         kit.decisions(
-            scout_1=kit.joined(kit.does("fly"), kit.says("order", assignee="boat")),
-            skipper=kit.does("go", x=0.0, y=0.0),
+            scout_1=together(does("fly"), says("order", assignee="boat")),
+            skipper=does("go", x=0.0, y=0.0),
         )
     ).record
     assert [(r.by, r.status) for r in record.receipts] == [
@@ -464,16 +466,16 @@ def test_line_45_receipts_of_all_three_kinds_are_in_one_set():
 
 
 def test_line_46_an_inbox_holds_own_receipts_only():
-    kernel = kit.make_kernel()
+    kernel = kit.kernel()
     kernel.reset()
-    inboxes = kernel.step(kit.decisions(scout_1=kit.does("fly"), skipper=kit.does("go", x=0.0, y=0.0))).inboxes
+    inboxes = kernel.step(kit.decisions(scout_1=does("fly"), skipper=does("go", x=0.0, y=0.0))).inboxes
     assert [r.reason for r in inboxes["scout[1]"].receipts] == ["unknown_verb"]
     assert [r.status for r in inboxes["skipper"].receipts] == ["accepted", "completed"]
     assert inboxes["scout[2]"].receipts == ()
 
 
 def test_line_47_every_active_agent_has_an_inbox():
-    assert set(kit.make_kernel(kit.make_instance("star")).reset().inboxes) == {
+    assert set(kit.kernel(kit.instance("star")).reset().inboxes) == {
         "scout[1]",
         "scout[2]",
         "skipper",
@@ -482,23 +484,23 @@ def test_line_47_every_active_agent_has_an_inbox():
 
 
 def test_line_48_completion_releases_the_resource():
-    kernel = kit.make_kernel()
+    kernel = kit.kernel()
     kernel.reset()
-    kernel.step(kit.decisions(skipper=kit.does("go", x=0.0, y=50.0)))
+    kernel.step(kit.decisions(skipper=does("go", x=0.0, y=50.0)))
     assert "boat" in kernel.state.registry.pending
     kernel.step(kit.decisions())
     assert "boat" not in kernel.state.registry.pending
-    again = kernel.step(kit.decisions(skipper=kit.does("go", x=0.0, y=40.0))).record
+    again = kernel.step(kit.decisions(skipper=does("go", x=0.0, y=40.0))).record
     assert statuses(again, "c3-1") == [("accepted", ""), ("completed", "")]
 
 
 def test_line_49_an_adjudicated_event_is_seen_one_boundary_later():
     """Agents observe events that reveal nothing; verdicts on reports are for the trace."""
-    instance = kit.make_instance()
-    kernel = kit.make_kernel(msgspec.structs.replace(instance, rules=(*instance.rules, MET)))
+    instance = kit.instance()
+    kernel = kit.kernel(msgspec.structs.replace(instance, rules=(*instance.rules, MET)))
     kernel.reset()
-    kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
-    step = kit.does("go", x=0.0, y=-60.0)
+    kernel.step(kit.decisions(scout_1=does("takePhoto")))
+    step = does("go", x=0.0, y=-60.0)
     judged = kernel.step(kit.decisions(scout_1=kit.report("f1-uav[1]-nadir"), skipper=step))
     later = kernel.step(kit.decisions())
     assert [event.kind for event in judged.record.events] == ["met", "matched", "reported"]
@@ -508,15 +510,15 @@ def test_line_49_an_adjudicated_event_is_seen_one_boundary_later():
 
 
 def test_line_49_a_task_event_is_seen_at_its_own_boundary():
-    kernel = kit.make_kernel()
+    kernel = kit.kernel()
     kernel.reset()
-    published = kernel.step(kit.decisions(skipper=kit.does("go", x=0.0, y=-60.0)))
+    published = kernel.step(kit.decisions(skipper=does("go", x=0.0, y=-60.0)))
     assert [(e.kind, e.entities) for e in published.observations["skipper"].events] == [("arrived", ("boat",))]
 
 
 def test_line_50_proximity_is_adjudicated_at_every_macro_step():
     passing = kit.rule("passed", kit.NEAR, ("v", "victim"))
-    instance = kit.make_instance(
+    instance = kit.instance(
         victims=((60.0, -100.0),), rules=(passing,), unlocks=(), stages=(), success=kit.called("passed", "v")
     )
     instance = msgspec.structs.replace(
@@ -524,18 +526,18 @@ def test_line_50_proximity_is_adjudicated_at_every_macro_step():
         success=msgspec.structs.replace(kit.SUCCESS, body=kit.called("passed", "v")),
         clock=msgspec.structs.replace(instance.clock, tick_s=20.0),
     )
-    kernel = kit.make_kernel(instance)
+    kernel = kit.kernel(instance)
     kernel.reset()
-    record = kernel.step(kit.decisions(skipper=kit.does("go", x=190.0, y=-100.0))).record
+    record = kernel.step(kit.decisions(skipper=does("go", x=190.0, y=-100.0))).record
     (event,) = record.events
     assert record.snapshots[-1].states[-1].position[0] == pytest.approx(190.0)  # it drove through and out again
     assert (event.time_s, event.evidence["distance_m"]) == (1.0, pytest.approx(50.0))
 
 
 def test_line_51_the_score_is_the_share_of_parts_that_hold():
-    kernel = kit.make_kernel()
+    kernel = kit.kernel()
     kernel.reset()
-    kernel.step(kit.decisions(scout_1=kit.does("takePhoto"), skipper=kit.does("go", x=90.0, y=-40.0)))
+    kernel.step(kit.decisions(scout_1=does("takePhoto"), skipper=does("go", x=90.0, y=-40.0)))
     kernel.step(kit.decisions(scout_1=kit.report("f1-uav[1]-nadir")))
     published = kernel.step(kit.decisions())
     assert (published.evaluation.reward, published.evaluation.done) == (0.5, False)
@@ -543,9 +545,9 @@ def test_line_51_the_score_is_the_share_of_parts_that_hold():
 
 def test_line_52_the_record_holds_what_the_boundary_was_made_of():
     log = Log()
-    kernel = kit.make_kernel(record=log.boundary)
+    kernel = kit.kernel(record=log.boundary)
     first = kernel.reset()
-    made = kit.decisions(scout_1=kit.does("takePhoto"), skipper=kit.does("go", x=0.0, y=0.0))
+    made = kit.decisions(scout_1=does("takePhoto"), skipper=does("go", x=0.0, y=0.0))
     second = kernel.step(made)
     assert log.records == [first.record, second.record]
     assert second.record.decisions == made
@@ -560,16 +562,16 @@ def test_line_52_an_interrupt_while_the_record_is_written_tears_nothing():
         os.kill(os.getpid(), signal.SIGINT)
         log.boundary(record, frames)
 
-    kernel = kit.make_kernel(record=interrupted)
+    kernel = kit.kernel(record=interrupted)
     with pytest.raises(KeyboardInterrupt):
         kernel.reset()
     assert kernel.state.digest == log.records[-1].digest
 
 
 def test_line_53_what_is_published_is_what_was_recorded():
-    kernel = kit.make_kernel()
+    kernel = kit.kernel()
     kernel.reset()
-    published = kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
+    published = kernel.step(kit.decisions(scout_1=does("takePhoto")))
     (seen,) = (o for o in published.record.observations if o.agent == "scout[1]")
     assert seen.entities == published.observations["scout[1]"].entities
     assert seen.frames == tuple(picture.frame for picture in published.observations["scout[1]"].pictures)
@@ -581,15 +583,15 @@ def test_an_interrupt_while_an_episode_is_ended_tears_nothing():
             os.kill(os.getpid(), signal.SIGINT)
             super().finish(outcome)
 
-    log, instance = Interrupted(), kit.make_instance(ticks=1)
-    kernel = kit.make_kernel(instance, record=log.boundary)
+    log, instance = Interrupted(), kit.instance(ticks=1)
+    kernel = kit.kernel(instance, record=log.boundary)
     with pytest.raises(KeyboardInterrupt):
         play(kernel, policy_barrier(kernel, still_policies(instance)), log)
     assert [(kind, outcome.reason) for kind, outcome in log.endings] == [("finish", "budget")]
 
 
 def test_line_55_the_reason_is_success_failure_or_budget():
-    lost = kit.make_instance(failure=Flag(value=True))
+    lost = kit.instance(failure=Flag(value=True))
     outcome, log = play_kit(lost)
     assert (outcome.reason, outcome.success) == ("failure", False)
     assert [kind for kind, _ in log.endings] == ["finish"]
@@ -600,6 +602,6 @@ def test_a_policy_that_cannot_take_its_brief_is_named_before_anything_is_recorde
         async def reset(self, brief):
             raise ValueError("no key")
 
-    instance = kit.make_instance()
+    instance = kit.instance()
     with pytest.raises(PluginError, match=r"`skipper`.*no key"):
-        policy_barrier(kit.make_kernel(instance), still_policies(instance, skipper=Picky()))
+        policy_barrier(kit.kernel(instance), still_policies(instance, skipper=Picky()))

@@ -3,9 +3,10 @@
 import msgspec
 import pytest
 
-import tests.kernel.kernel_kit as kit
 from lingjing.kernel.bus import MessageRouter
 from lingjing.plugins.decisions import MESSAGES_PER_CALL
+from lingjing.testing import does, says
+from lingjing.testing import rescue as kit
 
 
 def read(published):
@@ -13,9 +14,9 @@ def read(published):
 
 
 def test_broadcast_is_read_by_all_other_agents_at_the_next_boundary():
-    kernel = kit.make_kernel()
+    kernel = kit.kernel()
     kernel.reset()
-    assert read(kernel.step(kit.decisions(scout_1=kit.says("order", assignee="boat")))) == {
+    assert read(kernel.step(kit.decisions(scout_1=says("order", assignee="boat")))) == {
         "scout[2]": ["m1-1"],
         "skipper": ["m1-1"],
     }
@@ -23,25 +24,25 @@ def test_broadcast_is_read_by_all_other_agents_at_the_next_boundary():
 
 
 def test_star_reaches_the_hub_first_and_the_recipient_one_boundary_later():
-    kernel = kit.make_kernel(kit.make_instance("star"))
+    kernel = kit.kernel(kit.instance("star"))
     kernel.reset()
-    up = kernel.step(kit.decisions(scout_1=kit.says("order", assignee="boat")))  # produced on 0
-    down = kernel.step(kit.decisions(commander=kit.says("order", to=("skipper",), assignee="boat")))  # answers 1
+    up = kernel.step(kit.decisions(scout_1=says("order", assignee="boat")))  # produced on 0
+    down = kernel.step(kit.decisions(commander=says("order", to=("skipper",), assignee="boat")))  # answers 1
     assert (up.record.tick, read(up)) == (1, {"commander": ["m1-1"]})
     assert (down.record.tick, read(down)) == (2, {"skipper": ["m2-1"]})
 
 
 def test_nothing_is_relayed_by_itself_under_star():
-    kernel = kit.make_kernel(kit.make_instance("star"))
+    kernel = kit.kernel(kit.instance("star"))
     kernel.reset()
-    kernel.step(kit.decisions(scout_1=kit.says("order", to=("skipper",), assignee="boat")))
+    kernel.step(kit.decisions(scout_1=says("order", to=("skipper",), assignee="boat")))
     assert [read(kernel.step(kit.decisions())) for _ in range(3)] == [{}, {}, {}]
 
 
 def test_a_hub_message_without_recipients_goes_to_all_that_its_kind_declares():
-    kernel = kit.make_kernel(kit.make_instance("star"))
+    kernel = kit.kernel(kit.instance("star"))
     kernel.reset()
-    assert sorted(read(kernel.step(kit.decisions(commander=kit.says("order", assignee="boat"))))) == [
+    assert sorted(read(kernel.step(kit.decisions(commander=says("order", assignee="boat"))))) == [
         "scout[1]",
         "scout[2]",
         "skipper",
@@ -49,12 +50,10 @@ def test_a_hub_message_without_recipients_goes_to_all_that_its_kind_declares():
 
 
 def test_a_longer_delay_holds_a_message_back_by_whole_ticks():
-    instance = kit.make_instance()
-    kernel = kit.make_kernel(
-        msgspec.structs.replace(instance, comms=msgspec.structs.replace(instance.comms, delay_ticks=3))
-    )
+    instance = kit.instance()
+    kernel = kit.kernel(msgspec.structs.replace(instance, comms=msgspec.structs.replace(instance.comms, delay_ticks=3)))
     kernel.reset()
-    outs = [kernel.step(kit.decisions(scout_1=kit.says("order", assignee="boat")))]
+    outs = [kernel.step(kit.decisions(scout_1=says("order", assignee="boat")))]
     outs += [kernel.step(kit.decisions()) for _ in range(3)]
     assert [bool(read(out)) for out in outs] == [False, False, True, False]
 
@@ -89,8 +88,8 @@ GOOD = {
 )
 def test_an_envelope_is_refused_with_its_reason(kind, change, reason, word):
     body = {key: value for key, value in {**GOOD, **change}.items() if value is not None}
-    edges, (receipt,) = MessageRouter(kit.make_instance()).expand(
-        [("scout[1]", kit.says(kind, **body).messages)], 1, frames=["f0"]
+    edges, (receipt,) = MessageRouter(kit.instance()).expand(
+        [("scout[1]", says(kind, **body).messages)], 1, frames=["f0"]
     )
     assert (receipt.reason, receipt.status) == (reason, "rejected" if reason else "accepted")
     assert word in receipt.detail
@@ -98,55 +97,53 @@ def test_an_envelope_is_refused_with_its_reason(kind, change, reason, word):
 
 
 def test_the_list_of_messages_is_finite():
-    many = kit.says("order", assignee="boat").messages * (MESSAGES_PER_CALL + 2)
-    edges, receipts = MessageRouter(kit.make_instance()).expand([("scout[1]", many)], 1, frames=())
+    many = says("order", assignee="boat").messages * (MESSAGES_PER_CALL + 2)
+    edges, receipts = MessageRouter(kit.instance()).expand([("scout[1]", many)], 1, frames=())
     assert len(edges) == 2 * MESSAGES_PER_CALL
     assert [r.reason for r in receipts[-2:]] == ["too_many", "too_many"]
 
 
 def test_an_unknown_sender_and_an_unknown_recipient_are_refused():
-    router = MessageRouter(kit.make_instance("star"))
-    _, (ghost,) = router.expand([("ghost", kit.says("order", assignee="boat").messages)], 1, frames=())
-    _, (lost,) = router.expand([("commander", kit.says("order", to=("ghost",), assignee="b").messages)], 1, frames=())
+    router = MessageRouter(kit.instance("star"))
+    _, (ghost,) = router.expand([("ghost", says("order", assignee="boat").messages)], 1, frames=())
+    _, (lost,) = router.expand([("commander", says("order", to=("ghost",), assignee="b").messages)], 1, frames=())
     assert (ghost.reason, lost.reason) == ("unknown_agent", "bad_recipient")
 
 
 def test_bytes_are_those_of_the_body_as_json():
-    edges, _ = MessageRouter(kit.make_instance()).expand(
-        [("scout[1]", kit.says("order", assignee="boat").messages)], 1, ()
-    )
+    edges, _ = MessageRouter(kit.instance()).expand([("scout[1]", says("order", assignee="boat").messages)], 1, ())
     assert {edge.bytes for edge in edges} == {len(b'{"assignee":"boat"}')}
 
 
 def with_delay(ticks, delay, **changes):
-    instance = kit.make_instance(ticks=ticks, **changes)
+    instance = kit.instance(ticks=ticks, **changes)
     return msgspec.structs.replace(instance, comms=msgspec.structs.replace(instance.comms, delay_ticks=delay))
 
 
 def test_a_message_that_nobody_could_read_before_the_end_is_refused_as_expired():
-    kernel = kit.make_kernel(with_delay(ticks=3, delay=2))
+    kernel = kit.kernel(with_delay(ticks=3, delay=2))
     kernel.reset()
-    order = kit.decisions(scout_1=kit.says("order", assignee="boat"))
+    order = kit.decisions(scout_1=says("order", assignee="boat"))
     reasons = [[r.reason for r in kernel.step(order).record.receipts] for _ in range(3)]
     assert reasons == [[""], [""], ["expired"]]
 
 
 def test_messages_of_the_last_tick_are_read_at_the_last_boundary():
-    kernel = kit.make_kernel(kit.make_instance(ticks=1))
+    kernel = kit.kernel(kit.instance(ticks=1))
     kernel.reset()
-    assert sorted(read(kernel.step(kit.decisions(scout_1=kit.says("order", assignee="boat"))))) == [
+    assert sorted(read(kernel.step(kit.decisions(scout_1=says("order", assignee="boat"))))) == [
         "scout[2]",
         "skipper",
     ]
 
 
 def test_a_report_is_adjudicated_when_it_is_sent_also_if_its_readers_wait_or_do_not_exist():
-    alone = kit.make_instance()
+    alone = kit.instance()
     alone = msgspec.structs.replace(alone, agents=alone.agents[:1])
     for instance in (alone, with_delay(ticks=2, delay=5)):
-        kernel = kit.make_kernel(instance)
+        kernel = kit.kernel(instance)
         kernel.reset()
-        kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
+        kernel.step(kit.decisions(scout_1=does("takePhoto")))
         record = kernel.step(kit.decisions(scout_1=kit.report("f1-uav[1]-nadir"))).record
         assert [event.kind for event in record.events] == ["matched", "reported"]
         assert [(r.status, r.detail[:11]) for r in record.receipts] == [("accepted", "adjudicated")]
@@ -154,11 +151,9 @@ def test_a_report_is_adjudicated_when_it_is_sent_also_if_its_readers_wait_or_do_
 
 
 def test_a_message_to_oneself_or_to_a_hub_that_is_not_active_is_refused():
-    star = kit.make_instance("star")
+    star = kit.instance("star")
     router = MessageRouter(star)
-    _, (self_addressed,) = router.expand(
-        [("commander", kit.says("order", ("commander",), assignee="b").messages)], 1, ()
-    )
+    _, (self_addressed,) = router.expand([("commander", says("order", ("commander",), assignee="b").messages)], 1, ())
     headless = MessageRouter(msgspec.structs.replace(star, agents=star.agents[:3]))
-    _, (lost,) = headless.expand([("scout[1]", kit.says("order", assignee="b").messages)], 1, ())
+    _, (lost,) = headless.expand([("scout[1]", says("order", assignee="b").messages)], 1, ())
     assert (self_addressed.reason, lost.reason) == ("bad_recipient", "no_recipient")

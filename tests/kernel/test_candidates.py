@@ -6,10 +6,11 @@ import msgspec
 import numpy as np
 import pytest
 
-import tests.kernel.kernel_kit as kit
 from lingjing.kernel.barrier import PolicyBarrier
 from lingjing.kernel.candidates import DECISION_BYTES, THOUGHT_LETTERS, plain_copy
 from lingjing.kernel.sequential import SequentialPolicies
+from lingjing.testing import does, says, together
+from lingjing.testing import rescue as kit
 from lingjing.trace.encoding import to_json
 from lingjing.trace.records import Action, Decision, Outgoing, Usage
 
@@ -17,16 +18,16 @@ NAN, INF = float("nan"), float("inf")
 
 
 def stepped(made, name="scout_1", **options):
-    kernel = kit.make_kernel(**options)
+    kernel = kit.kernel(**options)
     kernel.reset()
-    kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
+    kernel.step(kit.decisions(scout_1=does("takePhoto")))
     return kernel.step(kit.decisions(**{name: made})).record
 
 
 @pytest.mark.parametrize("value", [NAN, INF, -INF, 10**400, -(10**400), 1e308, -1.1e7, 2**63])
 @pytest.mark.parametrize("name", ["x", "z"])
 def test_an_unusable_number_in_a_command_is_refused_and_never_taken_for_one_left_out(name, value):
-    record = stepped(kit.does("go", **{"x": 0.0, "y": 0.0, name: value}))
+    record = stepped(does("go", **{"x": 0.0, "y": 0.0, name: value}))
     (receipt,) = record.receipts
     assert (receipt.status, receipt.reason) == ("rejected", "bad_argument")
     assert name in receipt.detail
@@ -37,14 +38,14 @@ def test_an_unusable_number_in_a_command_is_refused_and_never_taken_for_one_left
 @pytest.mark.parametrize("value", [NAN, INF, 10**400, 1e308])
 def test_an_unusable_number_in_a_message_is_refused_and_the_command_beside_it_goes_on(value):
     frame = "f1-uav[1]-nadir"
-    record = stepped(kit.joined(kit.does("go", x=0.0, y=0.0), kit.report(frame, position=(value, 0.0))))
+    record = stepped(together(does("go", x=0.0, y=0.0), kit.report(frame, position=(value, 0.0))))
     assert [(r.by, r.status, r.reason) for r in record.receipts] == [
         ("bus", "rejected", "bad_field"),
         ("glider", "accepted", ""),
         ("glider", "completed", ""),
     ]
     assert record.messages == ()
-    order = stepped(kit.says("order", assignee="boat", position=(0.0, value)))
+    order = stepped(says("order", assignee="boat", position=(0.0, value)))
     assert [r.reason for r in order.receipts] == ["bad_field"]
 
 
@@ -74,9 +75,9 @@ def test_a_value_that_contains_itself_is_malformed():
 
 
 def test_numpy_values_are_taken_for_what_they_are():
-    record = stepped(kit.does("go", x=np.float32(1.5), y=np.int64(2), z=np.float64(30.0)))
+    record = stepped(does("go", x=np.float32(1.5), y=np.int64(2), z=np.float64(30.0)))
     assert record.commands[0].arguments == {"x": 1.5, "y": 2.0, "z": 30.0}
-    where = stepped(kit.says("order", assignee="boat", position=np.array([1.0, 2.0])))
+    where = stepped(says("order", assignee="boat", position=np.array([1.0, 2.0])))
     assert where.messages[0].body["position"] == (1.0, 2.0)
 
 
@@ -89,7 +90,7 @@ def test_a_lone_surrogate_is_replaced_and_a_long_thought_is_cut():
 
 
 def test_a_decision_made_plain_stays_as_it_is():
-    made = kit.joined(kit.does("go", x=NAN, y=10**30), kit.report("f", position=(INF, -INF)))
+    made = together(does("go", x=NAN, y=10**30), kit.report("f", position=(INF, -INF)))
     assert plain_copy(plain_copy(made)) == plain_copy(made)
 
 
@@ -106,7 +107,7 @@ def test_a_subclass_of_a_decision_counts_as_one_and_an_extended_one_does_not():
 
 def test_an_object_that_a_policy_keeps_changes_nothing_afterwards():
     body = {"assignee": "boat"}
-    kernel = kit.make_kernel()
+    kernel = kit.kernel()
     kernel.reset()
     record = kernel.step(kit.decisions(scout_1=Decision(messages=(Outgoing(kind="order", body=body),)))).record
     body["assignee"] = "uav[1]"

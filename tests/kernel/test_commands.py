@@ -3,13 +3,14 @@
 import msgspec
 import pytest
 
-import tests.kernel.kernel_kit as kit
 from lingjing.mission.instance import ArgumentSpec, VerbSpec
+from lingjing.testing import does
+from lingjing.testing import rescue as kit
 from lingjing.trace.records import Action, Decision
 
 
 def kernel_at_zero(*args, **kwargs):
-    kernel = kit.make_kernel(*args, **kwargs)
+    kernel = kit.kernel(*args, **kwargs)
     kernel.reset()
     return kernel
 
@@ -21,15 +22,15 @@ def refusals(record):
 @pytest.mark.parametrize(
     ("made", "reason", "word"),
     [
-        (kit.does("go", "submarine", x=0.0, y=0.0), "unknown_resource", "uav[1], boat"),
-        (kit.does("go", "victim[1]", x=0.0, y=0.0), "unknown_resource", "uav[1], boat"),
-        (kit.does("go", "uav[2]", x=0.0, y=0.0), "no_authority", "only uav[1], boat"),
-        (kit.does("fly"), "unknown_verb", "go, hop"),
-        (kit.does("go", x=1.0), "bad_argument", "needs `y`"),
-        (kit.does("go", x=1.0, y=1.0, w=1.0), "bad_argument", "no argument `w`"),
-        (kit.does("go", x=1.0, y="north"), "bad_argument", "finite number"),
-        (kit.does("go", x=1.0, y=True), "bad_argument", "finite number"),
-        (kit.does("takePhoto", camera="rear"), "bad_argument", "no camera `rear`: nadir"),
+        (does("go", "submarine", x=0.0, y=0.0), "unknown_resource", "uav[1], boat"),
+        (does("go", "victim[1]", x=0.0, y=0.0), "unknown_resource", "uav[1], boat"),
+        (does("go", "uav[2]", x=0.0, y=0.0), "no_authority", "only uav[1], boat"),
+        (does("fly"), "unknown_verb", "go, hop"),
+        (does("go", x=1.0), "bad_argument", "needs `y`"),
+        (does("go", x=1.0, y=1.0, w=1.0), "bad_argument", "no argument `w`"),
+        (does("go", x=1.0, y="north"), "bad_argument", "finite number"),
+        (does("go", x=1.0, y=True), "bad_argument", "finite number"),
+        (does("takePhoto", camera="rear"), "bad_argument", "no camera `rear`: nadir"),
         (Decision(command=Action(verb="stop", tick=5)), "stale", "now is 0"),
     ],
 )
@@ -45,9 +46,9 @@ def test_the_first_valid_request_wins_and_the_rest_are_told_who_did():
         kernel_at_zero()
         .step(
             kit.decisions(
-                scout_1=kit.does("nonsense", "boat"),
-                scout_2=kit.does("go", "boat", x=5.0, y=5.0),
-                skipper=kit.does("go", x=9.0, y=9.0),
+                scout_1=does("nonsense", "boat"),
+                scout_2=does("go", "boat", x=5.0, y=5.0),
+                skipper=does("go", x=9.0, y=9.0),
             )
         )
         .record
@@ -59,17 +60,17 @@ def test_the_first_valid_request_wins_and_the_rest_are_told_who_did():
 
 def test_a_busy_resource_refuses_everything_but_stop():
     kernel = kernel_at_zero()
-    kernel.step(kit.decisions(skipper=kit.does("go", x=0.0, y=300.0)))
-    busy = kernel.step(kit.decisions(skipper=kit.does("go", x=0.0, y=0.0))).record
+    kernel.step(kit.decisions(skipper=does("go", x=0.0, y=300.0)))
+    busy = kernel.step(kit.decisions(skipper=does("go", x=0.0, y=0.0))).record
     assert refusals(busy) == [("skipper", "busy")]
-    stopped = kernel.step(kit.decisions(skipper=kit.does("stop"))).record
+    stopped = kernel.step(kit.decisions(skipper=does("stop"))).record
     assert [(c.verb, c.resource) for c in stopped.commands] == [("stop", "boat")]
     assert refusals(stopped) == []
 
 
 def test_a_refusal_advises_stop_only_where_the_resource_has_it():
     """Regression: the advice to use `stop` was given for an aeroplane, which has none."""
-    instance = kit.make_instance()
+    instance = kit.instance()
     entities = tuple(
         entity
         if entity.id == "boat"
@@ -77,10 +78,8 @@ def test_a_refusal_advises_stop_only_where_the_resource_has_it():
         for entity in instance.entities
     )
     kernel = kernel_at_zero(msgspec.structs.replace(instance, entities=entities))
-    kernel.step(kit.decisions(scout_1=kit.does("hop", distance=40.0), skipper=kit.does("go", x=0.0, y=300.0)))
-    record = kernel.step(
-        kit.decisions(scout_1=kit.does("hop", distance=40.0), skipper=kit.does("go", x=0.0, y=0.0))
-    ).record
+    kernel.step(kit.decisions(scout_1=does("hop", distance=40.0), skipper=does("go", x=0.0, y=300.0)))
+    record = kernel.step(kit.decisions(scout_1=does("hop", distance=40.0), skipper=does("go", x=0.0, y=0.0))).record
     details = {receipt.sender: receipt.detail for receipt in record.receipts if receipt.reason == "busy"}
     assert details["skipper"].endswith("; `stop` pre-empts it")
     assert details["scout[1]"].startswith("`uav[1]` is still doing") and "stop" not in details["scout[1]"]
@@ -88,13 +87,13 @@ def test_a_refusal_advises_stop_only_where_the_resource_has_it():
 
 def test_a_rejection_by_the_engine_leaves_the_resource_free():
     kernel = kernel_at_zero()
-    record = kernel.step(kit.decisions(skipper=kit.does("go", x=450.0, y=0.0))).record
+    record = kernel.step(kit.decisions(skipper=does("go", x=450.0, y=0.0))).record
     assert refusals(record) == [("skipper", "unreachable")]
     assert kernel.state.registry.pending == {}
 
 
 def test_arguments_are_clipped_and_the_receipt_says_so():
-    record = kernel_at_zero().step(kit.decisions(scout_1=kit.does("hop", distance=80.0))).record
+    record = kernel_at_zero().step(kit.decisions(scout_1=does("hop", distance=80.0))).record
     assert record.commands[0].arguments == {"distance": 50.0}
     (receipt,) = record.receipts  # one answer: the engine's, which says what was changed
     assert (receipt.status, receipt.reason, receipt.by) == ("accepted", "clipped", "glider")
@@ -102,8 +101,8 @@ def test_arguments_are_clipped_and_the_receipt_says_so():
 
 
 def test_a_clipped_command_that_its_engine_rejects_is_rejected_once_and_assigns_nothing():
-    kernel = kernel_at_zero(kit.make_instance(victims=((450.0, 0.0),)))
-    record = kernel.step(kit.decisions(scout_1=kit.does("go", x=450.0, y=0.0, z=400.0))).record
+    kernel = kernel_at_zero(kit.instance(victims=((450.0, 0.0),)))
+    record = kernel.step(kit.decisions(scout_1=does("go", x=450.0, y=0.0, z=400.0))).record
     (receipt,) = record.receipts
     assert (receipt.status, receipt.reason) == ("rejected", "unreachable")
     assert "400 → 160" in receipt.detail
@@ -111,7 +110,7 @@ def test_a_clipped_command_that_its_engine_rejects_is_rejected_once_and_assigns_
     assert kernel.state.registry.pending == {}
 
 
-class Preempting(kit.Glider):
+class Preempting(kit.PointMasses):
     """An engine with a `stop` of ten seconds, in which the old request is reported as pre-empted."""
 
     def reset(self, spec, city, seed):
@@ -133,9 +132,9 @@ class Preempting(kit.Glider):
 
 
 def test_the_end_of_a_pre_empted_request_does_not_release_the_one_that_took_over():
-    kernel = kernel_at_zero(plugin=kit.KitPlugin(glider=Preempting))
-    kernel.step(kit.decisions(skipper=kit.does("go", x=0.0, y=390.0)))
-    stopped = kernel.step(kit.decisions(skipper=kit.does("stop"))).record
+    kernel = kernel_at_zero(plugin=kit.RescueEngines(glider=Preempting))
+    kernel.step(kit.decisions(skipper=does("go", x=0.0, y=390.0)))
+    stopped = kernel.step(kit.decisions(skipper=does("stop"))).record
     assert [(r.request, r.status, r.reason) for r in stopped.receipts] == [
         ("c2-1", "accepted", ""),
         ("c1-1", "rejected", "preempted"),
@@ -146,12 +145,12 @@ def test_the_end_of_a_pre_empted_request_does_not_release_the_one_that_took_over
 
 
 def test_a_stop_without_admission_receipt_leaves_the_old_request_pending():
-    class Deaf(kit.Glider):
+    class Deaf(kit.PointMasses):
         verbs_without_receipt = ("stop",)
 
-    kernel = kernel_at_zero(plugin=kit.KitPlugin(glider=Deaf))
-    kernel.step(kit.decisions(skipper=kit.does("go", x=0.0, y=390.0)))
-    record = kernel.step(kit.decisions(skipper=kit.does("stop"))).record
+    kernel = kernel_at_zero(plugin=kit.RescueEngines(glider=Deaf))
+    kernel.step(kit.decisions(skipper=does("go", x=0.0, y=390.0)))
+    record = kernel.step(kit.decisions(skipper=does("stop"))).record
     assert [(r.request, r.status) for r in record.receipts] == [("c2-1", "timed_out")]
     assert kernel.state.registry.pending["boat"].id == "c1-1"
 
@@ -160,39 +159,39 @@ def test_a_stop_without_admission_receipt_leaves_the_old_request_pending():
     ("status", "reason"), [("dead", "dead"), ("out_of_view", "not_in_view"), ("below_horizon", "not_in_view")]
 )
 def test_what_is_dead_or_does_not_see_its_region_takes_no_pictures(status, reason):
-    class Crashed(kit.Glider):
+    class Crashed(kit.PointMasses):
         def advance(self, until, mirrors):
             boundary = super().advance(until, mirrors)
             dead = tuple(msgspec.structs.replace(state, status=status) for state in boundary.states)
             return msgspec.structs.replace(boundary, states=dead)
 
-    kernel = kernel_at_zero(plugin=kit.KitPlugin(glider=Crashed))
+    kernel = kernel_at_zero(plugin=kit.RescueEngines(glider=Crashed))
     kernel.step(kit.decisions())
-    record = kernel.step(kit.decisions(scout_1=kit.does("takePhoto"))).record
+    record = kernel.step(kit.decisions(scout_1=does("takePhoto"))).record
     assert (refusals(record), record.frames) == ([("scout[1]", reason)], ())
 
 
 def test_a_picture_that_comes_too_late_releases_its_resource():
-    class Lazy(kit.Table):
+    class Lazy(kit.TruthCamera):
         def capture(self, requests):
             return ()
 
-    kernel = kernel_at_zero(plugin=kit.KitPlugin(table=Lazy))
-    published = kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
+    kernel = kernel_at_zero(plugin=kit.RescueEngines(table=Lazy))
+    published = kernel.step(kit.decisions(scout_1=does("takePhoto")))
     assert [(r.status, r.reason) for r in published.record.receipts] == [("accepted", ""), ("timed_out", "not_drawn")]
     assert [item.reason for item in published.observations["scout[1]"].absent] == ["not_drawn"]
     assert kernel.state.registry.pending == {}
 
 
 def test_an_agent_without_resources_is_told_so():
-    kernel = kernel_at_zero(kit.make_instance("star"))
-    record = kernel.step(kit.decisions(commander=kit.does("go", x=0.0, y=0.0))).record
+    kernel = kernel_at_zero(kit.instance("star"))
+    record = kernel.step(kit.decisions(commander=does("go", x=0.0, y=0.0))).record
     assert refusals(record) == [("commander", "unknown_resource")]
     assert "may command nothing" in record.receipts[0].detail
 
 
 def test_destinations_are_clipped_to_the_altitude_band():
-    record = kernel_at_zero().step(kit.decisions(scout_1=kit.does("go", x=0.0, y=0.0, z=400.0))).record
+    record = kernel_at_zero().step(kit.decisions(scout_1=does("go", x=0.0, y=0.0, z=400.0))).record
     assert record.commands[0].arguments["z"] == 160.0
 
 
@@ -200,11 +199,11 @@ def test_the_band_ends_a_climb_and_not_its_speed():
     """A plug-in's verb may have arguments of other dimensions beside a length."""
     arguments = (ArgumentSpec(name="distance", unit="m", maximum=500.0), ArgumentSpec(name="rate", unit="m/s"))
     climb = VerbSpec(name="climb", motion="up", arguments=arguments)
-    made = kit.make_instance()
+    made = kit.instance()
     entities = [msgspec.structs.replace(entity, verbs=(*entity.verbs, climb)) for entity in made.entities]
     record = (
         kernel_at_zero(msgspec.structs.replace(made, entities=tuple(entities)))
-        .step(kit.decisions(scout_1=kit.does("climb", distance=400.0, rate=300.0)))
+        .step(kit.decisions(scout_1=does("climb", distance=400.0, rate=300.0)))
         .record
     )
     assert record.commands[0].arguments == {"distance": 160.0, "rate": 300.0}
@@ -212,12 +211,12 @@ def test_the_band_ends_a_climb_and_not_its_speed():
 
 def test_a_photo_needs_an_idle_resource_and_completes_in_its_boundary():
     kernel = kernel_at_zero()
-    record = kernel.step(kit.decisions(scout_1=kit.does("takePhoto"), scout_2=kit.does("go", x=300.0, y=0.0))).record
+    record = kernel.step(kit.decisions(scout_1=does("takePhoto"), scout_2=does("go", x=300.0, y=0.0))).record
     assert [(r.status, r.detail) for r in record.receipts if r.by == "camera"] == [
         ("accepted", ""),
         ("completed", "f1-uav[1]-nadir"),
     ]
-    flying = kernel.step(kit.decisions(scout_2=kit.does("takePhoto"))).record
+    flying = kernel.step(kit.decisions(scout_2=does("takePhoto"))).record
     assert refusals(flying) == [("scout[2]", "busy")]
     assert flying.frames == ()
 
@@ -233,17 +232,17 @@ def test_a_photo_needs_an_idle_resource_and_completes_in_its_boundary():
     ],
 )
 def test_a_place_in_another_frame_is_refused_with_the_frame_that_holds(x, y, reason):
-    class Narrow(kit.Glider):
+    class Narrow(kit.PointMasses):
         def admit(self, command):
             if abs(command.arguments.get("y", 0.0)) > 400:
                 return self.receipt(command, "rejected", reason="unreachable")
             return super().admit(command)
 
-    kernel = kit.make_kernel(plugin=kit.KitPlugin(glider=Narrow))
+    kernel = kit.kernel(plugin=kit.RescueEngines(glider=Narrow))
     kernel.reset()
-    published = kernel.step(kit.decisions(scout_1=kit.does("go", x=x, y=y)))
+    published = kernel.step(kit.decisions(scout_1=does("go", x=x, y=y)))
     receipts = [r for r in published.inboxes["scout[1]"].receipts if r.request == "c1-1"]
     assert receipts[0].reason == reason
     if reason == "outside_world":
         assert "metres east and north" in receipts[0].detail and "(-500, -500) and (500, 500)" in receipts[0].detail
-        assert kernel.step(kit.decisions(scout_1=kit.does("go", x=100.0, y=100.0))).record.receipts[0].reason == ""
+        assert kernel.step(kit.decisions(scout_1=does("go", x=100.0, y=100.0))).record.receipts[0].reason == ""

@@ -5,7 +5,6 @@ stages.
 import msgspec
 import pytest
 
-import tests.kernel.kernel_kit as kit
 from lingjing.kernel.barrier import PolicyBarrier
 from lingjing.kernel.episode import play
 from lingjing.kernel.rules import evaluate
@@ -20,8 +19,10 @@ from lingjing.mission.instance import (
     RevealSpec,
 )
 from lingjing.mission.model import Constraint, Relation, Stage
+from lingjing.testing import does, says
+from lingjing.testing import rescue as kit
+from lingjing.testing.rescue import decisions
 from lingjing.trace.records import Decision, Route, Usage
-from tests.kernel.kernel_kit import decisions, does, make_instance, make_kernel, says
 
 BOAT = Ref(name="boat", kind="entity")
 NOW = Ref(name="now", kind="clock")
@@ -37,7 +38,7 @@ def refused(published, agent):
 
 
 def started(**changes):
-    kernel = make_kernel(make_instance(**changes))
+    kernel = kit.kernel(kit.instance(**changes))
     kernel.reset()
     return kernel
 
@@ -103,7 +104,7 @@ def test_a_limit_inside_a_stage_counts_while_the_stage_runs():
 
 
 def test_an_agent_without_tokens_is_not_asked_any_more():
-    base = make_instance()
+    base = kit.instance()
     agents = tuple(
         msgspec.structs.replace(entry, budget=Allowance(tokens=100)) if entry.id == "skipper" else entry
         for entry in base.agents
@@ -134,14 +135,14 @@ def test_an_agent_without_tokens_is_not_asked_any_more():
 
 
 def test_a_shared_allowance_of_money_ends_for_all():
-    base = make_instance()
+    base = kit.instance()
     kernel = started(budget=msgspec.structs.replace(base.budget, money_usd=0.10))
     kernel.step(decisions(scout_1=Decision(usage=Usage(cost_usd=0.06)), scout_2=Decision(usage=Usage(cost_usd=0.06))))
     assert list(kernel.exhausted()) == ["scout[1]", "scout[2]", "skipper"]
 
 
 def test_messages_beyond_the_allowance_are_refused():
-    base = make_instance()
+    base = kit.instance()
     kernel = started(budget=msgspec.structs.replace(base.budget, messages=1))
     out = kernel.step(decisions(scout_1=says("order", assignee="skipper"), scout_2=says("order", assignee="skipper")))
     assert refused(out, "scout[2]") == [("rejected", "allowance")]
@@ -166,7 +167,7 @@ def test_a_broken_hard_constraint_fails_the_episode_at_the_macro_step_it_was_bro
 
 def test_who_broke_a_hard_constraint_is_said_and_a_success_at_the_same_boundary_is_none():
     here = Constraint(name="early", kind="hard", condition=ALWAYS_FALSE, variable="u", domain="uav")
-    kernel = make_kernel(make_instance(constraints=(here,), success=after(0.0)))
+    kernel = kit.kernel(kit.instance(constraints=(here,), success=after(0.0)))
     ended = kernel.reset().evaluation
     assert (ended.done, ended.reason) == (True, "constraint")
     assert ended.detail == "the constraint `early` was broken at 0 s by uav[1], at 0 s by uav[2]"
@@ -220,7 +221,7 @@ def test_all_who_are_late_at_once_are_named():
 def test_a_stage_that_is_late_at_the_last_tick_is_what_ended_it(ticks, reason):
     """The stage would also end a longer mission, even if success does not need it."""
     stage = Stage(name="bonus", condition=ALWAYS_FALSE, ticks=Number(value=ticks))
-    kernel = make_kernel(make_instance(stages=(stage,), relations=(), ticks=3))
+    kernel = kit.kernel(kit.instance(stages=(stage,), relations=(), ticks=3))
     outcome = play(kernel, PolicyBarrier({}, 5.0))
     assert (outcome.reason, outcome.ticks, outcome.success) == (reason, min(3, int(ticks)), False)
     assert outcome.detail.startswith("the stage `bonus`") == (reason == "late")
@@ -257,7 +258,7 @@ def test_a_mission_that_is_won_lacks_nothing_even_with_a_stage_skipped():
 # -- inspections
 
 
-class Planner(kit.Glider):
+class Planner(kit.PointMasses):
     """A glider that plans routes: straight on, or by the north if a place is to be avoided."""
 
     def reset(self, spec, city, seed):
@@ -289,9 +290,9 @@ INSPECTED = Call(function="inspected", arguments=(Symbol(name="check"),))
 
 
 def inspecting(**changes):
-    instance = make_instance(inspections=(msgspec.structs.replace(INSPECTION, **changes),))
+    instance = kit.instance(inspections=(msgspec.structs.replace(INSPECTION, **changes),))
     permits = (PermitSpec(resource="boat", verb="go", condition=INSPECTED),)
-    kernel = make_kernel(msgspec.structs.replace(instance, permits=permits), kit.KitPlugin(glider=Planner))
+    kernel = kit.kernel(msgspec.structs.replace(instance, permits=permits), kit.RescueEngines(glider=Planner))
     kernel.reset()
     return kernel
 
@@ -332,7 +333,7 @@ def test_a_replan_begins_the_inspection_again():
 
 
 def test_in_single_mode_a_report_reaches_the_adjudicator_and_nobody_else():
-    base = make_instance()
+    base = kit.instance()
     kernel = started(
         agents=base.agents[:1], comms=CommsSpec(mode="single", hub=None), relations=(), victims=((100.0, 0.0),)
     )
@@ -343,7 +344,7 @@ def test_in_single_mode_a_report_reaches_the_adjudicator_and_nobody_else():
 
 
 def test_a_reference_picture_is_shown_once_to_its_role_without_the_place_and_nothing_may_be_reported_from_it():
-    kernel = make_kernel(make_instance(reveals=(RevealSpec(what="image", entities=("victim[1]",), role="searcher"),)))
+    kernel = kit.kernel(kit.instance(reveals=(RevealSpec(what="image", entities=("victim[1]",), role="searcher"),)))
     out = kernel.reset()
     (picture,) = out.observations["scout[1]"].pictures
     assert (picture.frame, picture.camera, picture.pose.position) == ("r0-victim[1]", "reference", (0.0, 0.0, 0.0))

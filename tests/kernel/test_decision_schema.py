@@ -5,7 +5,6 @@ import pytest
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
-import tests.kernel.kernel_kit as kit
 from lingjing.kernel.bus import MessageRouter
 from lingjing.kernel.commands import CommandValidator
 from lingjing.kernel.registry import Registry
@@ -13,6 +12,7 @@ from lingjing.kernel.visibility import Projector
 from lingjing.mission.instance import ArgumentSpec, MessageSpec, VerbSpec
 from lingjing.mission.model import Field
 from lingjing.plugins.decisions import MESSAGES_PER_CALL, REACH_M, DecisionFormat
+from lingjing.testing import rescue as kit
 from lingjing.trace.records import BodyState, Decision
 
 FRAME = "f1-uav[1]-nadir"
@@ -68,7 +68,7 @@ MESSAGES = st.builds(
 
 @st.composite
 def instances(draw):
-    base = kit.make_instance(draw(st.sampled_from(["star", "broadcast"])))
+    base = kit.instance(draw(st.sampled_from(["star", "broadcast"])))
     entities = []
     for entity in base.entities:
         verbs = tuple(draw(st.lists(VERBS, max_size=3, unique_by=lambda verb: verb.name)))
@@ -151,18 +151,18 @@ def test_the_schema_accepts_what_the_kernel_admits_and_nothing_else(data):
     assert admits(instance, agent, decision) == (not faults), faults
 
 
-@pytest.mark.parametrize("agent", kit.make_instance("star").agents, ids=lambda agent: agent.id)
+@pytest.mark.parametrize("agent", kit.instance("star").agents, ids=lambda agent: agent.id)
 def test_the_schema_is_one_of_draft_2020_12_and_the_same_each_time(agent):
     from jsonschema import Draft202012Validator
 
-    brief = Projector(kit.make_instance("star")).brief(agent, ("person",))
+    brief = Projector(kit.instance("star")).brief(agent, ("person",))
     form = DecisionFormat(brief)
     Draft202012Validator.check_schema(form.schema)
     assert msgspec.json.encode(form.schema) == msgspec.json.encode(DecisionFormat(brief).schema)
 
 
 def test_every_fault_is_told_at_once_with_its_path():
-    instance = kit.make_instance("star")
+    instance = kit.instance("star")
     form = DecisionFormat(Projector(instance).brief(instance.agents[0], ("person",)))
     answer = {
         "command": {"verb": "go", "arguments": {"x": "far", "w": 1}},
@@ -197,14 +197,14 @@ def test_every_fault_is_told_at_once_with_its_path():
     ],
 )
 def test_a_command_that_is_none_says_what_could_stand_there(command, fault):
-    instance = kit.make_instance("star")
+    instance = kit.instance("star")
     form = DecisionFormat(Projector(instance).brief(instance.agents[0], ("person",)))
     (message,) = form.faults(form.completed({"command": command}))
     assert message.startswith(fault)
 
 
 def test_a_box_with_its_edges_in_the_wrong_order_is_a_fault():
-    instance = kit.make_instance()
+    instance = kit.instance()
     form = DecisionFormat(Projector(instance).brief(instance.agents[0], ("person",)))
     body = {"frame": FRAME, "class": "person", "box": [0.5, 0, 0.5, 1], "position": [0, 0], "confidence": 1}
     (fault,) = form.faults(form.completed({"messages": [{"kind": "detection", "body": body}]}))

@@ -5,7 +5,6 @@ from pathlib import Path
 import msgspec
 import pytest
 
-import tests.kernel.kernel_kit as kit
 from lingjing.dsl import compile_text
 from lingjing.kernel.event_visibility import EventVisibility
 from lingjing.kernel.visibility import Projector
@@ -13,6 +12,8 @@ from lingjing.mission.expression import Binary, Call, Number, Point, Quantified,
 from lingjing.mission.instance import ChannelSpec, Instance, InteractionSpec
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Constraint
+from lingjing.testing import CENTRE_BOX, does
+from lingjing.testing import rescue as kit
 from lingjing.trace.records import AdjudicatedEvent, Receipt, TaskEvent
 
 RESCUE = TaskEvent(kind="rescue", entities=("victim[1]", "boat"), time_s=10.0)
@@ -22,7 +23,7 @@ PAST = Binary(
 
 
 def instance(audience=None, **changes):
-    made = kit.make_instance("star", **changes)
+    made = kit.instance("star", **changes)
     rescue = InteractionSpec(name="rescue", by="glider", within_m=50.0, told=audience or "")
     entities = tuple(
         msgspec.structs.replace(entity, interactions=(rescue,)) if entity.role == "target" else entity
@@ -87,7 +88,7 @@ def test_a_receipt_of_an_engine_names_nobody_who_is_hidden():
 def test_numbers_do_not_count_what_was_not_told():
     """A gap in the ids would reveal an invisible event."""
     arrived = TaskEvent(kind="arrived", entities=("boat",), time_s=10.0)
-    rules = (*kit.make_instance().rules, kit.rule("met", PAST))
+    rules = (*kit.instance().rules, kit.rule("met", PAST))
     quiet, busy = (
         told(instance("none", rules=rules), events, verdicts)
         for events, verdicts in (
@@ -122,7 +123,7 @@ def judged(kind, number, *bindings):
     ],
 )
 def test_a_rule_is_told_if_it_reads_nothing_hidden_and_no_message(rule, is_told):
-    made = instance(rules=(*kit.make_instance().rules, rule))
+    made = instance(rules=(*kit.instance().rules, rule))
     assert listeners(told(made, judged=(judged("known", 1),))) == (EVERYBODY if is_told else set())
 
 
@@ -136,10 +137,10 @@ def test_a_broken_constraint_is_told_alike(condition, domain, is_told):
 def test_a_report_that_was_right_looks_like_one_that_was_wrong():
     """The same picture is reported correctly and wrongly. Until a body acts, no agent can distinguish the two."""
     inputs = []
-    for box in (kit.TRUE_BOX, (0.0, 0.0, 0.1, 0.1)):
-        kernel = kit.make_kernel(instance("all"))
+    for box in (CENTRE_BOX, (0.0, 0.0, 0.1, 0.1)):
+        kernel = kit.kernel(instance("all"))
         kernel.reset()
-        kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
+        kernel.step(kit.decisions(scout_1=does("takePhoto")))
         judged_now = kernel.step(kit.decisions(scout_1=kit.report("f1-uav[1]-nadir", box=box)))
         later = kernel.step(kit.decisions())
         inputs.append(([event.kind for event in judged_now.record.events], later.observations, later.inboxes))

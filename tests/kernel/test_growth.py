@@ -4,7 +4,8 @@ import sys
 
 import msgspec
 
-import tests.kernel.kernel_kit as kit
+from lingjing.testing import does, says, together
+from lingjing.testing import rescue as kit
 
 
 def chatter(tick):
@@ -13,13 +14,13 @@ def chatter(tick):
     """
     made = []
     for number, east in ((1, 100.0), (2, -100.0)):
-        order = kit.says("order", assignee="boat", position=(280.0, float(tick % 90)))
+        order = says("order", assignee="boat", position=(280.0, float(tick % 90)))
         frame = f"f{tick - 1}-uav[{number}]-nadir"
         if tick % 2:
-            made.append(kit.joined(kit.does("takePhoto"), order))
+            made.append(together(does("takePhoto"), order))
         else:
             good, bad = kit.report(frame, position=(east, tick * 0.01)), kit.report(frame, box=(0.0, 0.0, 0.1, 0.1))
-            made.append(kit.joined(good, bad, order, kit.does("go", x=east, y=0.0)))
+            made.append(together(good, bad, order, does("go", x=east, y=0.0)))
     return kit.decisions(scout_1=made[0], scout_2=made[1])
 
 
@@ -40,10 +41,8 @@ def calls(kernel, tick):
 
 
 def test_a_late_boundary_costs_no_more_than_an_early_one():
-    instance = kit.make_instance(victims=((100.0, 0.0), (-100.0, 0.0), (250.0, 250.0)), ticks=10_000)
-    kernel = kit.make_kernel(
-        msgspec.structs.replace(instance, clock=msgspec.structs.replace(instance.clock, sync_s=5.0))
-    )
+    instance = kit.instance(victims=((100.0, 0.0), (-100.0, 0.0), (250.0, 250.0)), ticks=10_000)
+    kernel = kit.kernel(msgspec.structs.replace(instance, clock=msgspec.structs.replace(instance.clock, sync_s=5.0)))
     kernel.reset()
     cost = {}
     for tick in range(1, 402):

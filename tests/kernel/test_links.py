@@ -3,8 +3,9 @@
 import msgspec
 import pytest
 
-import tests.kernel.kernel_kit as kit
 from lingjing.kernel.bus import MessageRouter
+from lingjing.testing import does, says
+from lingjing.testing import rescue as kit
 from lingjing.trace.admitted_messages import admitted_at, categories_of
 
 FAR = (("uav[1]", "uav[2]"), ("boat", "uav[1]"))
@@ -28,9 +29,9 @@ class HalfMute(Mute):
 
 
 def kernel_of(shore=Mute, mode="broadcast", **comms):
-    instance = kit.make_instance(mode)
+    instance = kit.instance(mode)
     instance = msgspec.structs.replace(instance, comms=msgspec.structs.replace(instance.comms, **comms))
-    kernel = kit.make_kernel(instance, kit.KitPlugin(shore=shore))
+    kernel = kit.kernel(instance, kit.RescueEngines(shore=shore))
     return kernel, kernel.reset()
 
 
@@ -44,7 +45,7 @@ def bus_receipts(published):
 
 def test_who_is_out_of_range_does_not_read_it_and_the_sender_is_told():
     kernel, _ = kernel_of(HalfMute)
-    published = kernel.step(kit.decisions(scout_1=kit.says("order", assignee="boat")))
+    published = kernel.step(kit.decisions(scout_1=says("order", assignee="boat")))
     assert read(published) == {"skipper": ["m1-1"]}
     assert bus_receipts(published) == [("accepted", "out_of_range", "skipper; out of range: scout[2]")]
     assert published.record.unreachable_links == FAR[:1]
@@ -52,7 +53,7 @@ def test_who_is_out_of_range_does_not_read_it_and_the_sender_is_told():
 
 def test_a_message_that_nobody_hears_is_refused():
     kernel, _ = kernel_of()
-    published = kernel.step(kit.decisions(scout_1=kit.says("order", assignee="boat")))
+    published = kernel.step(kit.decisions(scout_1=says("order", assignee="boat")))
     assert read(published) == {}
     assert bus_receipts(published) == [("rejected", "out_of_range", "out of range: scout[2], skipper")]
     assert published.record.messages == ()
@@ -60,7 +61,7 @@ def test_a_message_that_nobody_hears_is_refused():
 
 def test_a_report_that_nobody_hears_is_adjudicated_all_the_same():
     kernel, _ = kernel_of()
-    kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
+    kernel.step(kit.decisions(scout_1=does("takePhoto")))
     published = kernel.step(kit.decisions(scout_1=kit.report("f1-uav[1]-nadir")))
     assert bus_receipts(published)[0][:2] == ("accepted", "out_of_range")
     assert read(published) == {}
@@ -69,7 +70,7 @@ def test_a_report_that_nobody_hears_is_adjudicated_all_the_same():
 
 def test_under_star_a_coordinator_without_a_body_hears_everybody():
     kernel, _ = kernel_of(mode="star")
-    published = kernel.step(kit.decisions(scout_1=kit.says("order", assignee="boat")))
+    published = kernel.step(kit.decisions(scout_1=says("order", assignee="boat")))
     assert read(published) == {"commander": ["m1-1"]}
 
 
@@ -81,16 +82,16 @@ def test_what_counts_is_the_reach_at_the_boundary_where_it_was_said():
             return msgspec.structs.replace(super().advance(until, mirrors), unreachable_links=FAR)
 
     kernel, _ = kernel_of(Fading)
-    first = kernel.step(kit.decisions(scout_1=kit.says("order", assignee="boat")))
-    second = kernel.step(kit.decisions(scout_1=kit.says("order", assignee="boat")))
+    first = kernel.step(kit.decisions(scout_1=says("order", assignee="boat")))
+    second = kernel.step(kit.decisions(scout_1=says("order", assignee="boat")))
     assert (sorted(read(first)), read(second)) == (["scout[2]", "skipper"], {})
 
 
 def expanded(loss, seed=3, count=400):
-    instance = kit.make_instance()
+    instance = kit.instance()
     comms = msgspec.structs.replace(instance.comms, loss=loss)
     router = MessageRouter(msgspec.structs.replace(instance, comms=comms, seed=seed))
-    candidates = [("scout[1]", kit.says("order", assignee="boat").messages)]
+    candidates = [("scout[1]", says("order", assignee="boat").messages)]
     return [router.expand(candidates, tick, ()) for tick in range(1, count // 2 + 1)]
 
 
@@ -112,8 +113,8 @@ def test_a_lost_edge_is_named_in_the_receipt():
 def test_losses_depend_on_the_seed_and_on_nothing_else():
     assert expanded(0.3) == expanded(0.3)
     assert expanded(0.3) != expanded(0.3, seed=4)
-    more = [(scout, kit.says("order", assignee="boat").messages) for scout in ("scout[1]", "scout[2]")]
-    instance = kit.make_instance()
+    more = [(scout, says("order", assignee="boat").messages) for scout in ("scout[1]", "scout[2]")]
+    instance = kit.instance()
     router = MessageRouter(msgspec.structs.replace(instance, comms=msgspec.structs.replace(instance.comms, loss=0.3)))
     both = [router.expand(more, tick, ()) for tick in range(1, 201)]
     assert [[e for e in edges if e.sender == "scout[1]"] for edges, _ in both] == [list(e) for e, _ in expanded(0.3)]
@@ -121,9 +122,9 @@ def test_losses_depend_on_the_seed_and_on_nothing_else():
 
 def test_a_message_that_is_taken_out_changes_nothing_of_the_others():
     """Ids continue as if the message were there, and losses derive from ids."""
-    instance = kit.make_instance()
+    instance = kit.instance()
     router = MessageRouter(msgspec.structs.replace(instance, comms=msgspec.structs.replace(instance.comms, loss=0.3)))
-    first, second = [(scout, kit.says("order", assignee="boat").messages) for scout in ("scout[1]", "scout[2]")]
+    first, second = [(scout, says("order", assignee="boat").messages) for scout in ("scout[1]", "scout[2]")]
     whole = [router.expand([first, second], tick, ()) for tick in range(1, 101)]
     without = [router.expand([second], tick, (), removed_ids={f"m{tick}-1"}) for tick in range(1, 101)]
     for (edges, receipts), (left, answers) in zip(whole, without, strict=True):
@@ -134,7 +135,7 @@ def test_a_message_that_is_taken_out_changes_nothing_of_the_others():
 def test_what_nobody_hears_is_found_under_the_id_that_the_bus_gave_it():
     kernel, _ = kernel_of(kit.Shore, loss=1.0)
     kernel.removed_ids = frozenset({"m2-1"})
-    kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
+    kernel.step(kit.decisions(scout_1=does("takePhoto")))
     record = kernel.step(kit.decisions(scout_1=kit.report("f1-uav[1]-nadir"))).record
     assert record.messages == ()
     assert [message.id for message in admitted_at(record, categories_of(kernel.instance))] == ["m2-2"]
@@ -145,7 +146,7 @@ def test_what_nobody_hears_is_found_under_the_id_that_the_bus_gave_it():
 )
 def test_whose_receipts_an_agent_sees(shown, scout, skipper):
     kernel, _ = kernel_of(kit.Shore, receipts=shown)
-    published = kernel.step(kit.decisions(scout_1=kit.does("go", x=0.0, y=0.0)))
+    published = kernel.step(kit.decisions(scout_1=does("go", x=0.0, y=0.0)))
     seen = {name: sorted({r.request for r in inbox.receipts}) for name, inbox in published.inboxes.items()}
     assert (seen["scout[1]"], seen["skipper"]) == (scout, skipper)
     assert {r.request for r in published.record.receipts} == {"c1-1"}
@@ -153,7 +154,7 @@ def test_whose_receipts_an_agent_sees(shown, scout, skipper):
 
 def test_unlocks_are_nobodys_to_see_even_when_all_receipts_are_shared():
     kernel, _ = kernel_of(kit.Shore, receipts="all")
-    kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
+    kernel.step(kit.decisions(scout_1=does("takePhoto")))
     kernel.step(kit.decisions(scout_1=kit.report("f1-uav[1]-nadir")))
     published = kernel.step(kit.decisions())
     assert any(receipt.request.startswith("k") for receipt in published.record.receipts)

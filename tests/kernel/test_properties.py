@@ -6,7 +6,8 @@ import msgspec
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import tests.kernel.kernel_kit as kit
+from lingjing.testing import CENTRE_BOX
+from lingjing.testing import rescue as kit
 from lingjing.trace.encoding import from_json, to_json
 from lingjing.trace.records import Action, BoundaryRecord, Decision, DecisionRecord, Outgoing
 
@@ -14,7 +15,7 @@ TICKS = 30
 ODD = (float("nan"), float("inf"), 1e300, 10**30, -0.0, 390.0, 450.0)
 NAMES = ("scout[1]", "scout[2]", "skipper", "commander", "uav[1]", "boat", "ghost", "")
 RESOURCES = (None, None, None, "uav[1]", "uav[2]", "boat", "victim[1]", "ghost")
-BOXES = (kit.TRUE_BOX, kit.TRUE_BOX, (0.0, 0.0, 0.1, 0.1), (0.42, 0.4, 0.6, 0.6), (0.6, 0.4, 0.4, 0.6))
+BOXES = (CENTRE_BOX, CENTRE_BOX, (0.0, 0.0, 0.1, 0.1), (0.42, 0.4, 0.6, 0.6), (0.6, 0.4, 0.4, 0.6))
 
 
 class Whim:
@@ -60,7 +61,7 @@ class Whim:
         return pick((pick(ODD), self.random.uniform(-400.0, 400.0), pick((0.0, 50.0, 100.0, -100.0))))
 
 
-class Stopping(kit.Glider):
+class Stopping(kit.PointMasses):
     """An engine that ends the requests that `stop` pre-empts and completes `stop` itself, as the built-in engines
     do.
     """
@@ -85,9 +86,9 @@ class Stopping(kit.Glider):
 
 
 def make_kernel(mode):
-    instance = kit.make_instance(mode, ticks=TICKS)
+    instance = kit.instance(mode, ticks=TICKS)
     instance = msgspec.structs.replace(instance, clock=msgspec.structs.replace(instance.clock, sync_s=5.0))
-    return kit.make_kernel(instance, kit.KitPlugin(glider=Stopping))
+    return kit.kernel(instance, kit.RescueEngines(glider=Stopping))
 
 
 def played(mode, whim):

@@ -10,7 +10,7 @@ from lingjing.mission.expression import Binary, Expr, Ref, Unary
 from lingjing.mission.instance import Instance
 from lingjing.mission.instance_text import InstanceText
 from lingjing.mission.instantiate import instantiate
-from tests.kernel import kernel_kit as kit
+from lingjing.testing import rescue as kit
 
 
 def played(name: str, mode: str, seed: int = 1) -> Instance:
@@ -78,4 +78,4 @@ def test_instances_that_differ_in_hidden_values_alone_are_told_the_same(name: st
     ],
 )
 def test_signs_and_not_are_of_what_is_in_their_brackets(condition: Expr, text: str) -> None:
-    assert InstanceText(kit.make_instance()).text(condition) == text
+    assert InstanceText(kit.instance()).text(condition) == text

@@ -3,13 +3,13 @@
 import msgspec
 import pytest
 
-import tests.kernel.kernel_kit as kit
 from lingjing.dsl import compile_text
 from lingjing.kernel.barrier import PolicyBarrier
 from lingjing.kernel.episode import play
 from lingjing.kernel.scheduled import ScheduledEvents
 from lingjing.mission.expression import Call, Ref, Symbol
 from lingjing.mission.instance import ChannelSpec, EventSpec, Weather
+from lingjing.testing import rescue as kit
 from lingjing.trace.encoding import from_json, to_json
 from lingjing.trace.foxglove import logs
 from lingjing.trace.records import BoundaryRecord, ObservationRecord, TaskEvent
@@ -21,7 +21,7 @@ FRONT = EventSpec(name="front", tick=2, weather=STORM)
 
 def instance(*events, public=(), dormant=(), **changes):
     """All agents observe events; entities in `public` hide nothing."""
-    made = kit.make_instance(weather=CALM, events=events, **changes)
+    made = kit.instance(weather=CALM, events=events, **changes)
     entities = tuple(
         msgspec.structs.replace(
             entity, hidden=() if entity.id in public else entity.hidden, dormant=entity.id in dormant
@@ -32,7 +32,7 @@ def instance(*events, public=(), dormant=(), **changes):
 
 
 def played(ticks, *events, **changes):
-    kernel = kit.make_kernel(instance(*events, **changes))
+    kernel = kit.kernel(instance(*events, **changes))
     return [kernel.reset(), *(kernel.step(()) for _ in range(ticks))]
 
 
@@ -60,7 +60,7 @@ def test_a_change_of_the_weather_is_a_task_event_of_its_boundary_and_a_line_of_t
 
 def test_an_event_at_boundary_0_is_there_and_in_the_brief():
     now = msgspec.structs.replace(FRONT, tick=0)
-    kernel = kit.make_kernel(instance(now))
+    kernel = kit.kernel(instance(now))
     assert kernel.briefs()["skipper"].weather == STORM
     start = kernel.reset()
     assert [event.name for event in start.record.task_events] == ["front"]
@@ -113,7 +113,7 @@ def test_no_rule_takes_what_happens_by_itself_for_something_done():
     come = EventSpec(name="rescue", tick=1, appear=("victim[2]",), weather=STORM)
     for kind, who in (("appeared", "victim[2]"), ("weather", "victim[2]")):
         done = Call(function="emitted", arguments=(Symbol(name=kind), Ref(name=who, kind="entity")))
-        kernel = kit.make_kernel(instance(come, success=done, dormant=("victim[2]",), ticks=3))
+        kernel = kit.kernel(instance(come, success=done, dormant=("victim[2]",), ticks=3))
         assert play(kernel, PolicyBarrier({}, 5.0)).reason == "budget"
     assert kernel.state.registry.emitted == {}
 
@@ -136,7 +136,7 @@ def test_agents_without_the_channel_of_events_still_feel_the_weather():
     agents = tuple(
         msgspec.structs.replace(agent, observes=(ChannelSpec(source="entity", name="boat"),)) for agent in made.agents
     )
-    kernel = kit.make_kernel(msgspec.structs.replace(made, agents=agents))
+    kernel = kit.kernel(msgspec.structs.replace(made, agents=agents))
     kernel.reset(), kernel.step(())
     out = kernel.step(()).observations["skipper"]
     assert (out.weather, out.events) == (STORM, ())

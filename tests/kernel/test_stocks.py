@@ -3,10 +3,10 @@
 import msgspec
 import pytest
 
-import tests.kernel.kernel_kit as kit
 from lingjing.kernel.stocks import current, stocks
 from lingjing.mission.expression import Aggregate, Attr, Binary, Number
 from lingjing.mission.instance import ChannelSpec, StateSpec
+from lingjing.testing import rescue as kit
 from lingjing.trace.records import BodyState, Route
 
 LOAD = StateSpec(name="load", unit="kg")
@@ -38,7 +38,7 @@ def test_what_is_hidden_or_internal_is_not_in_stock():
     assert stocks(closed, state(load=1.0, battery=0.5)) == {}, "a battery lasts as long as the load lets it"
 
 
-class Porter(kit.Glider):
+class Porter(kit.PointMasses):
     """An engine that unloads 10 kg per tick, keeps an internal account and publishes a route."""
 
     def advance(self, until, mirrors):
@@ -57,7 +57,7 @@ class Porter(kit.Glider):
 def seen(*fields, source="entity", name="boat"):
     """Return the first scout's view of the boat at boundary 1 through channels of these fields."""
     channels = tuple(ChannelSpec(source=source, name=name, fields=(field,)) for field in fields)
-    base = kit.make_instance()
+    base = kit.instance()
     crew = tuple(
         msgspec.structs.replace(agent, observes=channels, commands=("uav[1]",)) if agent.id == "scout[1]" else agent
         for agent in base.agents
@@ -65,7 +65,7 @@ def seen(*fields, source="entity", name="boat"):
     about = {"properties": {"load_kg": 200.0}, "state": (LOAD,)}
     fleet = tuple(msgspec.structs.replace(e, **about) if e.id == "boat" else e for e in base.entities)
     instance = msgspec.structs.replace(base, agents=crew, entities=fleet)
-    kernel = kit.make_kernel(instance, kit.KitPlugin(glider=Porter))
+    kernel = kit.kernel(instance, kit.RescueEngines(glider=Porter))
     first = kernel.reset().observations["scout[1]"].entities
     return first, kernel.step(()).observations["scout[1]"].entities
 
@@ -102,7 +102,7 @@ def test_peers_show_what_their_channel_names():
 
 
 def test_a_privileged_policy_does_not_see_the_books_either():
-    kernel = kit.make_kernel(plugin=kit.KitPlugin(glider=Porter), privileged=frozenset({"scout[1]"}))
+    kernel = kit.kernel(plugin=kit.RescueEngines(glider=Porter), privileged=frozenset({"scout[1]"}))
     kernel.reset()
     truth = kernel.step(()).observations["scout[1]"].privileged
     assert {name for state in truth.states for name in state.resources} == {"load", "battery"}
@@ -111,12 +111,12 @@ def test_a_privileged_policy_does_not_see_the_books_either():
 def test_rules_sum_and_compare_current_states():
     total = Aggregate(function="sum", variable="v", domain="uav", body=Attr(base=kit.local("v"), name="load_kg"))
     empty = Binary(operator="<=", left=total, right=Number(value=380.0, unit="kg"))
-    base = kit.make_instance()
+    base = kit.instance()
     about = {"properties": {"load_kg": 200.0}, "state": (LOAD,)}
     fleet = tuple(msgspec.structs.replace(e, **about) if e.group == "uav" else e for e in base.entities)
     instance = msgspec.structs.replace(base, entities=fleet, rules=(kit.rule("light", empty),), success=empty)
     instance = msgspec.structs.replace(instance, unlocks=(), stages=())
-    kernel = kit.make_kernel(instance, kit.KitPlugin(glider=Porter))
+    kernel = kit.kernel(instance, kit.RescueEngines(glider=Porter))
     assert not kernel.reset().evaluation.done  # 400 kg as declared
     assert kernel.step(()).evaluation.reason == "success"  # 190 and 190
 

@@ -2,10 +2,11 @@
 
 import pytest
 
-import tests.kernel.kernel_kit as kit
 from lingjing.kernel.subtasks import required_groups
 from lingjing.mission.expression import Binary, Call, Flag, Number, Point, Quantified, Ref
 from lingjing.mission.model import Constraint, Stage
+from lingjing.testing import does
+from lingjing.testing import rescue as kit
 
 NEVER = Flag(value=False)
 THREE = ((100.0, 0.0), (0.0, -100.0), (-100.0, 0.0))
@@ -31,10 +32,10 @@ def after(seconds):
 def played(*moves, **changes):
     """Return the boundaries of an episode in which the boat goes from place to place."""
     base = {"rules": (reached(),), "unlocks": (), "stages": (), "relations": (), "victims": THREE}
-    kernel = kit.make_kernel(kit.make_instance(**{**base, **changes}))
+    kernel = kit.kernel(kit.instance(**{**base, **changes}))
     yield kernel.reset()
     for x, y in moves:
-        yield kernel.step(kit.decisions(skipper=kit.does("go", x=x, y=y)))
+        yield kernel.step(kit.decisions(skipper=does("go", x=x, y=y)))
 
 
 def rates(boundaries):
@@ -97,5 +98,5 @@ def test_what_is_won_is_complete_even_with_a_stage_skipped():
 
 def test_only_groups_of_targets_are_required():
     vehicles = Quantified("forall", "u", "uav", after(0.0))
-    assert required_groups(kit.make_instance(success=kit.both(vehicles, SUCCESS))) == (SUCCESS,)
-    assert required_groups(kit.make_instance(success=kit.called("reached", "v"))) == ()
+    assert required_groups(kit.instance(success=kit.both(vehicles, SUCCESS))) == (SUCCESS,)
+    assert required_groups(kit.instance(success=kit.called("reached", "v"))) == ()

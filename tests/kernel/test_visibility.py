@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import tests.kernel.kernel_kit as kit
 from lingjing.mission.instance import ChannelSpec
 from lingjing.mission.seeding import integer
+from lingjing.testing import does
+from lingjing.testing import rescue as kit
 
 
 def inputs(published):
@@ -20,26 +21,26 @@ def inputs(published):
 @given(place=st.tuples(st.floats(-290, 290), st.floats(60, 290)), mode=st.sampled_from(["star", "broadcast"]))
 def test_hidden_positions_do_not_change_a_policy_input_before_a_sensor_does(place, mode):
     first, second = (
-        kit.make_kernel(kit.make_instance(mode)),
-        kit.make_kernel(kit.make_instance(mode, victims=(place, place))),
+        kit.kernel(kit.instance(mode)),
+        kit.kernel(kit.instance(mode, victims=(place, place))),
     )
     assert inputs(first.reset()) == inputs(second.reset())
     assert first.briefs() == second.briefs()
-    fly = kit.decisions(scout_1=kit.does("go", x=90.0, y=0.0), skipper=kit.does("go", x=0.0, y=-90.0))
+    fly = kit.decisions(scout_1=does("go", x=90.0, y=0.0), skipper=does("go", x=0.0, y=-90.0))
     assert inputs(first.step(fly)) == inputs(second.step(fly))
 
 
 def test_a_sensor_makes_the_difference():
-    first, second = kit.make_kernel(), kit.make_kernel(kit.make_instance(victims=((200.0, 200.0), (-100.0, 0.0))))
+    first, second = kit.kernel(), kit.kernel(kit.instance(victims=((200.0, 200.0), (-100.0, 0.0))))
     for kernel in (first, second):
         kernel.reset()
-    before, after = (kernel.step(kit.decisions(scout_1=kit.does("takePhoto"))) for kernel in (first, second))
+    before, after = (kernel.step(kit.decisions(scout_1=does("takePhoto"))) for kernel in (first, second))
     assert inputs(before)["scout[1]"] != inputs(after)["scout[1]"]
     assert inputs(before)["skipper"] == inputs(after)["skipper"]
 
 
 def test_an_agent_sees_its_channels_and_nothing_else():
-    observation = kit.make_kernel(kit.make_instance("star")).reset().observations
+    observation = kit.kernel(kit.instance("star")).reset().observations
     assert [view.id for view in observation["skipper"].entities] == ["boat"]
     assert observation["commander"].entities == ()
     assert [cell.name for cell in observation["commander"].cells] == ["cells-1-1"]
@@ -53,9 +54,9 @@ def test_an_agent_sees_its_channels_and_nothing_else():
 
 
 def test_pictures_go_to_those_who_observe_the_camera():
-    kernel = kit.make_kernel()
+    kernel = kit.kernel()
     kernel.reset()
-    published = kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
+    published = kernel.step(kit.decisions(scout_1=does("takePhoto")))
     assert {name: len(seen.pictures) for name, seen in published.observations.items()} == {
         "scout[1]": 1,
         "scout[2]": 0,
@@ -68,20 +69,20 @@ def test_pictures_go_to_those_who_observe_the_camera():
     [(("position",), 0), (("position", "busy"), 0), (("nadir",), 1), (("*",), 1), (("other",), 0)],
 )
 def test_a_field_of_a_body_is_no_picture_and_a_camera_is_named(fields, pictures):
-    made = kit.make_instance()
+    made = kit.instance()
     channel = ChannelSpec(source="entity", name="uav[1]", fields=fields)
     agents = tuple(
         msgspec.structs.replace(agent, observes=(channel,)) if agent.id == "skipper" else agent for agent in made.agents
     )
-    kernel = kit.make_kernel(msgspec.structs.replace(made, agents=agents))
+    kernel = kit.kernel(msgspec.structs.replace(made, agents=agents))
     kernel.reset()
-    published = kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
+    published = kernel.step(kit.decisions(scout_1=does("takePhoto")))
     assert len(published.observations["skipper"].pictures) == pictures
     assert len(published.observations["scout[1]"].pictures) == 1
 
 
 def test_only_a_privileged_agent_receives_the_truth_and_the_trace_says_so():
-    kernel = kit.make_kernel(privileged=frozenset({"scout[1]"}))
+    kernel = kit.kernel(privileged=frozenset({"scout[1]"}))
     published = kernel.reset()
     assert published.observations["scout[2]"].privileged is None
     truth = published.observations["scout[1]"].privileged
@@ -90,22 +91,22 @@ def test_only_a_privileged_agent_receives_the_truth_and_the_trace_says_so():
 
 
 def test_blank_pictures_are_black():
-    kernel = kit.make_kernel(blank_pictures=True)
+    kernel = kit.kernel(blank_pictures=True)
     kernel.reset()
-    picture = kernel.step(kit.decisions(scout_1=kit.does("takePhoto"))).observations["scout[1]"].pictures[0]
+    picture = kernel.step(kit.decisions(scout_1=does("takePhoto"))).observations["scout[1]"].pictures[0]
     assert not picture.rgb.any()
 
 
 def test_a_cell_is_visited_by_the_first_photograph_from_above_it():
-    kernel = kit.make_kernel()
+    kernel = kit.kernel()
     kernel.reset()
-    kernel.step(kit.decisions(scout_2=kit.does("takePhoto")))
-    cells = kernel.step(kit.decisions(scout_1=kit.does("takePhoto"))).observations["scout[1]"].cells
+    kernel.step(kit.decisions(scout_2=does("takePhoto")))
+    cells = kernel.step(kit.decisions(scout_1=does("takePhoto"))).observations["scout[1]"].cells
     assert [(cell.visited_tick, cell.visited_by) for cell in cells] == [(1, "uav[2]")]
 
 
 def test_a_brief_holds_schema_peers_and_public_settings_but_no_target():
-    brief = kit.make_kernel().briefs()["scout[1]"]
+    brief = kit.kernel().briefs()["scout[1]"]
     assert [(resource.id, resource.embodied) for resource in brief.resources] == [("uav[1]", True), ("boat", False)]
     assert [peer.id for peer in brief.peers] == ["scout[2]", "skipper"]
     assert brief.classes == ("person", "craft")
@@ -114,16 +115,16 @@ def test_a_brief_holds_schema_peers_and_public_settings_but_no_target():
 
 def test_what_a_policy_does_to_its_inputs_reaches_nobody_else():
     def played(spoil):
-        kernel = kit.make_kernel(plugin=kit.KitPlugin(glider=Powered))
+        kernel = kit.kernel(plugin=kit.RescueEngines(glider=Powered))
         kernel.briefs()["skipper"].settings.update(victims=99.0)
         kernel.reset()
-        kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
+        kernel.step(kit.decisions(scout_1=does("takePhoto")))
         output = kernel.step(kit.decisions(scout_1=kit.report("f1-uav[1]-nadir", position=(280.0, 0.0))))
         if spoil:
             output.inboxes["skipper"].messages[0].body.clear()
             output.observations["skipper"].entities[0].resources["battery"] = 99.0
         assert output.inboxes["scout[2]"].messages[0].body["class"] == "person"
-        return kernel.step(kit.decisions(skipper=kit.does("go", x=280.0, y=0.0))).record
+        return kernel.step(kit.decisions(skipper=does("go", x=280.0, y=0.0))).record
 
     spoilt, clean = played(True), played(False)
     assert [change.stage for change in clean.stages] == ["handoff"]  # by the reported position
@@ -131,7 +132,7 @@ def test_what_a_policy_does_to_its_inputs_reaches_nobody_else():
     assert spoilt.snapshots[-1].states[-1].resources == {"battery": 1.0}
 
 
-class Powered(kit.Glider):
+class Powered(kit.PointMasses):
     def advance(self, until, mirrors):
         boundary = super().advance(until, mirrors)
         for name, state in self.states.items():
@@ -140,11 +141,11 @@ class Powered(kit.Glider):
 
 
 def test_receipts_of_the_kernels_own_commands_are_nobodys_whatever_an_agent_is_called():
-    instance = kit.make_instance()
+    instance = kit.instance()
     named = msgspec.structs.replace(instance.agents[2], id="kernel", name="kernel")
-    kernel = kit.make_kernel(msgspec.structs.replace(instance, agents=(*instance.agents[:2], named)))
+    kernel = kit.kernel(msgspec.structs.replace(instance, agents=(*instance.agents[:2], named)))
     kernel.reset()
-    kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
+    kernel.step(kit.decisions(scout_1=does("takePhoto")))
     kernel.step(kit.decisions(scout_1=kit.report("f1-uav[1]-nadir")))
     published = kernel.step(kit.decisions())
     assert [r.resource for r in published.record.receipts] == ["victim[1]"]
@@ -152,29 +153,29 @@ def test_receipts_of_the_kernels_own_commands_are_nobodys_whatever_an_agent_is_c
 
 
 def test_blanked_pictures_are_not_part_of_what_was_seen():
-    there, elsewhere = kit.make_instance(), kit.make_instance(victims=((200.0, 200.0), (-100.0, 0.0)))
+    there, elsewhere = kit.instance(), kit.instance(victims=((200.0, 200.0), (-100.0, 0.0)))
     seen = []
     for instance in (there, elsewhere):
-        kernel = kit.make_kernel(instance, blank_pictures=True)
+        kernel = kit.kernel(instance, blank_pictures=True)
         kernel.reset()
-        seen.append(inputs(kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))))
+        seen.append(inputs(kernel.step(kit.decisions(scout_1=does("takePhoto")))))
     assert seen[0] == seen[1]
 
 
 def test_a_policys_seed_says_nothing_about_the_instances():
     """Equal policy seeds give equal briefs whatever the instance's seed; no instance seed gives a brief's seed."""
-    first = kit.make_kernel(policy_seed=5).briefs()
-    other = kit.make_kernel(msgspec.structs.replace(kit.make_instance(), seed=123_456), policy_seed=5).briefs()
+    first = kit.kernel(policy_seed=5).briefs()
+    other = kit.kernel(msgspec.structs.replace(kit.instance(), seed=123_456), policy_seed=5).briefs()
     assert first == other
     seeds = {brief.seed for brief in first.values()}
     assert len(seeds) == len(first), "every agent has a stream of its own"
-    assert seeds.isdisjoint(brief.seed for brief in kit.make_kernel(policy_seed=6).briefs().values())
+    assert seeds.isdisjoint(brief.seed for brief in kit.kernel(policy_seed=6).briefs().values())
 
 
 def test_an_instances_seed_cannot_be_tried_out_from_a_brief():
     """A search over seeds finds at best the policy seed's own stream, never the instance's."""
-    instance = msgspec.structs.replace(kit.make_instance(), seed=77)
-    for agent, brief in kit.make_kernel(instance).briefs().items():
+    instance = msgspec.structs.replace(kit.instance(), seed=77)
+    for agent, brief in kit.kernel(instance).briefs().items():
         paths = (f"{instance.mission}/policy/{agent}", f"policy/{agent}", agent)
         assert brief.seed not in {integer(77, path) for path in paths}
         tried = [seed for seed in range(2000) if brief.seed in {integer(seed, path) for path in paths}]
@@ -182,14 +183,14 @@ def test_an_instances_seed_cannot_be_tried_out_from_a_brief():
 
 
 def test_a_brief_holds_the_cells_that_its_agent_observes_and_none_over_something_hidden():
-    made = kit.make_instance()
+    made = kit.instance()
     secret = msgspec.structs.replace(made.cells[0], name="near-1-1", grid="near", hidden=True)
     unobserved = msgspec.structs.replace(made.cells[0], name="idle-1-1", grid="idle")
     watching = tuple(
         msgspec.structs.replace(agent, observes=(*agent.observes, ChannelSpec(source="grid", name="near")))
         for agent in made.agents
     )
-    kernel = kit.make_kernel(msgspec.structs.replace(made, cells=(*made.cells, secret, unobserved), agents=watching))
+    kernel = kit.kernel(msgspec.structs.replace(made, cells=(*made.cells, secret, unobserved), agents=watching))
     briefs, seen = kernel.briefs(), kernel.reset().observations
     assert {name: [cell.name for cell in brief.cells] for name, brief in briefs.items()} == {
         "scout[1]": ["cells-1-1"],

@@ -9,7 +9,6 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
-import tests.kernel.kernel_kit as kit
 import tests.kernel.world_toys as toys
 from lingjing.errors import InfrastructureError
 from lingjing.kernel.world import open_world
@@ -17,6 +16,8 @@ from lingjing.kernel.world.boundary_checks import checked_boundary
 from lingjing.kernel.world.selection import select_engines
 from lingjing.plugins.engine import Boundary
 from lingjing.plugins.host import PluginHost
+from lingjing.testing import does
+from lingjing.testing import rescue as kit
 from lingjing.trace.records import BodyState, Route
 
 TOYS = ("tests.kernel.world_toys:plugin", "tests.kernel.world_toys:painter")
@@ -184,7 +185,7 @@ class Busy(kit.Shore):
         return msgspec.structs.replace(boundary, ambient=cars, routes=(route,) if until == 5.0 else ())
 
 
-class Onlooker(kit.Table):
+class Onlooker(kit.TruthCamera):
     seen: ClassVar[list[str]] = []
 
     def draw(self, request):
@@ -193,9 +194,9 @@ class Onlooker(kit.Table):
 
 
 def test_the_kernel_records_and_draws_the_background_and_its_digest_covers_it():
-    kernel = kit.make_kernel(plugin=kit.KitPlugin(shore=Busy, table=Onlooker))
+    kernel = kit.kernel(plugin=kit.RescueEngines(shore=Busy, table=Onlooker))
     kernel.reset()
-    record = kernel.step(kit.decisions(scout_1=kit.does("takePhoto"))).record
+    record = kernel.step(kit.decisions(scout_1=does("takePhoto"))).record
     assert [mover.id for mover in record.snapshots[-1].ambient] == ["traffic/1", "traffic/2"]
     assert not any(snapshot.ambient for snapshot in record.snapshots[:-1])
     assert [route.entity for route in record.routes] == ["victim[1]"]
@@ -206,6 +207,6 @@ def test_the_kernel_records_and_draws_the_background_and_its_digest_covers_it():
     class Blue(Busy):
         colour = "blue"
 
-    other = kit.make_kernel(plugin=kit.KitPlugin(shore=Blue, table=Onlooker))
+    other = kit.kernel(plugin=kit.RescueEngines(shore=Blue, table=Onlooker))
     other.reset()
-    assert other.step(kit.decisions(scout_1=kit.does("takePhoto"))).record.digest != record.digest
+    assert other.step(kit.decisions(scout_1=does("takePhoto"))).record.digest != record.digest

@@ -4,10 +4,10 @@ import msgspec
 import pytest
 
 import lingjing
-import tests.kernel.kernel_kit as kit
 from lingjing.dsl import compile_text
 from lingjing.kernel.world.stocks import Stocks
 from lingjing.mission.instance import StateSpec
+from lingjing.testing import rescue as kit
 from lingjing.trace.reader import read_trace
 from lingjing.trace.records import BodyState
 
@@ -60,7 +60,7 @@ def test_what_an_engine_leaves_out_is_kept(engine):
     state = tuple(StateSpec(name=name, unit=unit) for name, unit in named)
     asset = msgspec.structs.replace(kit.entity("cart", 0.0, 0.0, properties=properties, state=state), engine=engine)
     depot = kit.entity("depot", 0.0, 0.0, role="target")
-    stocks = Stocks(msgspec.structs.replace(kit.make_instance(), entities=(asset, depot)))
+    stocks = Stocks(msgspec.structs.replace(kit.instance(), entities=(asset, depot)))
     accounts = {"water@cart": 3.0, "water@other": 9.0, "load@cart": -8.0}
     states = {"cart": body("cart", battery=0.5, load_kg=1.0), "depot": body("depot", **accounts)}
     (kept,) = stocks.kept(states).values()
@@ -73,7 +73,7 @@ def test_a_target_of_an_engine_that_leaves_its_states_out_keeps_them():
     target = kit.entity(
         "well", 0.0, 0.0, role="target", properties={"water_kg": 5.0}, state=(StateSpec(name="water", unit="kg"),)
     )
-    stocks = Stocks(msgspec.structs.replace(kit.make_instance(), entities=(target,)))
+    stocks = Stocks(msgspec.structs.replace(kit.instance(), entities=(target,)))
     assert stocks.kept({"well": body("well")})["well"].resources == {"water": 5.0}
     assert stocks.kept({"well": body("well", water=1.0)}) == {}
 

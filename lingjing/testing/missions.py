@@ -1,0 +1,122 @@
+"""Missions, instances and cities for tests: from a text, a file or the name of a shipped mission.
+
+A *source* is a compiled mission, the text of a mission, a file, or the name of a shipped mission (`ssr`). A string with
+a line break is a text.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from os import PathLike
+from pathlib import Path
+
+import msgspec
+
+from lingjing.data import data_path
+from lingjing.dsl import Compilation, compile_text
+from lingjing.dsl.loading.load import load_mission, mission_of
+from lingjing.dsl.loading.shipped import find_mission
+from lingjing.kernel.cities import CityBuilder
+from lingjing.mission.expression import Flag
+from lingjing.mission.instance import Budget, Clock, CommsSpec, Entity, Instance, SceneSpec, Weather
+from lingjing.mission.instantiate import instantiate
+from lingjing.mission.model import Mission
+from lingjing.plugins.host import PluginHost
+from lingjing.scene.city import City
+
+MissionSource = Mission | str | PathLike[str]
+"""A compiled mission, a text with a line break, the path of a file, or the name of a shipped mission."""
+
+
+def mission(source: MissionSource) -> Mission:
+    """Return the compiled mission of a source.
+
+    Raises `MissionError` with the rendered diagnostics if the mission has errors, `UsageError` if there is no mission.
+    """
+    if isinstance(source, Mission):
+        return source
+    if isinstance(source, str) and "\n" in source:
+        return mission_of(compile_text(source))
+    return load_mission(source)
+
+
+def instance(
+    source: MissionSource, *, seed: int = 0, mode: str | None = None, settings: Mapping[str, float] | None = None
+) -> Instance:
+    """Return an instance: every random value is drawn with `seed`, and no entity is placed in a city yet.
+
+    `mode` is a communication mode of the mission, None for its default; `settings` are values of its parameters in SI
+    units. Raises the errors of `mission`, and `UsageError` for a mode, parameter or value that the mission excludes.
+    """
+    return instantiate(mission(source), seed=seed, mode=mode, settings=settings)
+
+
+def placed(
+    source: MissionSource | Instance,
+    *,
+    seed: int = 0,
+    mode: str | None = None,
+    settings: Mapping[str, float] | None = None,
+    host: PluginHost | None = None,
+) -> tuple[Instance, City]:
+    """Return an instance with its entities on the roads, roofs and ground of its city, and the city, as an episode has
+    them.
+
+    The other arguments are those of `instance`; an instance as the source ignores them. `host` offers the scenes; None
+    for the installed ones. Raises the errors of `instance`, `PluginError` if the city cannot be built, `MissionError`
+    if an entity has no place.
+    """
+    builder = CityBuilder(host or PluginHost())
+    if isinstance(source, Instance):
+        return builder.place(source)
+    compiled = mission(source)
+    drawn = instance(compiled, seed=seed, mode=mode, settings=settings)
+    return builder.place(drawn, imported=bool(compiled.origin.places))
+
+
+def bare_instance(entities: Iterable[Entity], **fields: object) -> Instance:
+    """Return an instance with these entities and nothing else: no agent, no message, no rule; it is won at once.
+
+    The defaults are a scene `bay`, a tick of 10 s with macro-steps of 0.5 s, 60 ticks, 1 s of wall clock for each
+    policy, engine and picture, and calm weather. `fields` replaces fields of the instance; an unknown one raises
+    `TypeError`.
+    """
+    bare = Instance(
+        mission="test",
+        title="",
+        goal="",
+        seed=1,
+        settings={},
+        scene=SceneSpec(kind="bay"),
+        clock=Clock(tick_s=10.0, sync_s=0.5),
+        budget=Budget(ticks=60, policy_s=1.0, engine_s=1.0, capture_s=1.0),
+        weather=Weather(),
+        regions=(),
+        cells=(),
+        entities=tuple(entities),
+        agents=(),
+        messages=(),
+        comms=CommsSpec(mode="broadcast", hub=None),
+        rules=(),
+        unlocks=(),
+        stages=(),
+        relations=(),
+        success=Flag(value=True),
+    )
+    return msgspec.structs.replace(bare, **fields)
+
+
+def mission_file(name: str) -> Path:
+    """Return the file of a shipped mission. Raises `UsageError` for an unknown name, with suggestions."""
+    return find_mission(name)
+
+
+def shipped_missions() -> tuple[Path, ...]:
+    """Return the files of all shipped missions, sorted by name."""
+    return tuple(sorted(data_path("scenarios").glob("*.ljs")))
+
+
+__all__ = [
+    "Compilation", "MissionSource", "PluginHost", "bare_instance", "compile_text", "instance", "mission",
+    "mission_file", "placed", "shipped_missions",
+]  # fmt: skip
