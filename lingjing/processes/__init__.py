@@ -18,7 +18,7 @@ In the order of a call:
 - `fork_requests`    the requests to a fork server
 - `fork_server`      `python -m lingjing.processes.fork_server` ← `forks` (its forked processes), `becoming` (the first
   steps of a fork), `idle_processes` (processes that are used again), `templates` (forks that hold a prepared object),
-  `layers` (forks that have imported more modules)
+  `layers` (forks that have imported more modules), `kept_results` (results for later forks)
 - `channel`, `deadlines`, `output`   packets, limits of time, and the output of a process
 - `signals`          signals that are blocked, deferred or ignored, and the end at the second interrupt
 - `descendants`      the processes below this one ← `linux`, the system calls

@@ -26,11 +26,13 @@ from lingjing.processes.channel import Channel, ChannelClosedError, NoMemoryErro
 from lingjing.processes.fork_requests import (
     CallFunction,
     ForkRequest,
+    KeepResult,
     RunModule,
     StartFunction,
     Surroundings,
     Template,
 )
+from lingjing.processes.kept_results import keep_result
 
 HASH_SEED = "0"
 """`PYTHONHASHSEED` of every started process: the iteration order of a set of strings is the same in each of them."""
@@ -138,6 +140,11 @@ class ForkServerClient:
             return _start(self._channel, request, (*ends, output, own))
         finally:
             os.close(own)
+
+    def keep_result(self, key: bytes, result: bytes) -> None:
+        """Keep a result in this process, and in the server for its later forks (`kept_results.find_result`)."""
+        keep_result(key, result)
+        send_request(self._channel, KeepResult(key, result), ())
 
     def close(self) -> None:
         """Close this end."""

@@ -39,6 +39,13 @@ class CallFunction(msgspec.Struct, frozen=True, tag=True):
     """True to call it in the server's layers too (`layers`)."""
 
 
+class KeepResult(msgspec.Struct, frozen=True, tag=True):
+    """Keep a result for later forks (`kept_results`). It has no descriptors."""
+
+    key: bytes
+    result: bytes
+
+
 class Template(msgspec.Struct, frozen=True):
     """A fork that has prepared an object, and from which the processes that need the object are forked.
 
@@ -71,6 +78,8 @@ class StartFunction(msgspec.Struct, frozen=True, tag=True):
     """The name of the layer to fork from, if the server has it (`layers`); "" for the server itself."""
 
 
-ForkRequest = RunModule | StartFunction | CallFunction
+ForkRequest = RunModule | StartFunction | CallFunction | KeepResult
 
-__all__ = ["CallFunction", "ForkRequest", "Function", "RunModule", "StartFunction", "Surroundings", "Template"]
+__all__ = [
+    "CallFunction", "ForkRequest", "Function", "KeepResult", "RunModule", "StartFunction", "Surroundings", "Template",
+]  # fmt: skip

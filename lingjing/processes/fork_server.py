@@ -28,9 +28,10 @@ from typing import NoReturn
 from lingjing.numerics import pins
 from lingjing.processes.becoming import become_function, become_module, keep_only, named_function
 from lingjing.processes.channel import Channel
-from lingjing.processes.fork_requests import CallFunction, ForkRequest, RunModule, StartFunction
+from lingjing.processes.fork_requests import CallFunction, ForkRequest, KeepResult, RunModule, StartFunction
 from lingjing.processes.forks import Forks, close_all, receive_request
 from lingjing.processes.idle_processes import ProcessPool
+from lingjing.processes.kept_results import keep_result
 from lingjing.processes.layers import Layers
 from lingjing.processes.linux import adopt_orphans, end_with_parent, keep_freed_memory
 from lingjing.processes.templates import Templates
@@ -75,20 +76,27 @@ class _Server:
             _call(request)
             self.layers.call(request)
         else:
-            self.start(request, descriptors)
+            self.answer_client(request, descriptors)
         close_all(descriptors)
         return True
 
     def answer_module(self, module: Channel) -> None:
-        """Handle a request of a running module, which may request functions only."""
+        """Handle a request of a running module."""
         try:
             request, descriptors = receive_request(module)
         except EOFError:
             self.forks.selector.unregister(module)
             module.close()
             return
-        self.start(request, descriptors)
+        self.answer_client(request, descriptors)
         close_all(descriptors)
+
+    def answer_client(self, request: ForkRequest | None, descriptors: tuple[int, ...]) -> None:
+        """Handle a request of a `ForkServerClient`, which may start functions and keep results only."""
+        if isinstance(request, KeepResult):
+            keep_result(request.key, request.result)
+        else:
+            self.start(request, descriptors)
 
     def run_module(self, request: RunModule, descriptors: tuple[int, ...]) -> None:
         """Fork a process for a module."""

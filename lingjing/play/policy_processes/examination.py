@@ -1,16 +1,22 @@
 """The declarations of policies in files, read in separate processes that their code may damage.
 
-`examine` loads the policies of an episode in one process and shares the options among them. `PolicyDeclarations` reads
+`examine` loads the policies of an episode in one process and shares the options among them. A fork server keeps the
+result, and the later episodes of a run need no such process. `PolicyDeclarations` reads
 policies one by one. Each file has a process of its own, which then also checks options.
 """
 
 from __future__ import annotations
 
+import hashlib
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, closing
+from pathlib import Path
 from types import TracebackType
 from typing import NoReturn, Self
+
+import msgspec
+from msgspec.structs import replace
 
 from lingjing.errors import Fault, ForeignCodeError, InfrastructureError, LingjingError
 from lingjing.mission.instance import GivenOption
@@ -27,6 +33,7 @@ from lingjing.play.policy_processes.messages import (
     PolicyAnswerMessage,
     PolicyDeclared,
     PolicyRequest,
+    encoded,
     own_failure,
 )
 from lingjing.play.policy_processes.preloading import SERVES
@@ -38,6 +45,9 @@ from lingjing.plugins.policy import PolicyPlugin
 from lingjing.processes.deadlines import OwnDeadline
 from lingjing.processes.descendants import adopting
 from lingjing.processes.fork_client import ForkServer, ForkServerClient
+from lingjing.processes.kept_results import find_result
+
+_KEPT = msgspec.msgpack.Decoder(PoliciesExamined)
 
 
 def examine(
@@ -45,9 +55,23 @@ def examine(
 ) -> PoliciesExamined:
     """Load the policies in a process of its own, share the options among them, and end it.
 
-    `whole`: these are all policies that the options may belong to. Raises `ForeignCodeError` if the process ends or
-    exceeds its time; other errors are in the result.
+    The result without errors of an earlier episode is used again if the files are unchanged. `whole`: these are all
+    policies that the options may belong to. Raises `ForeignCodeError` if the process ends or exceeds its time; other
+    errors are in the result.
     """
+    key = _examination_key(specs, arguments, whole=whole)
+    known = find_result(key) if key else None
+    if known is not None:
+        return _with_values(_KEPT.decode(known), arguments)
+    examined = _examined(specs, arguments, server, whole=whole)
+    if key and not examined.errors:
+        server.keep_result(key, encoded(_without_values(examined)))
+    return examined
+
+
+def _examined(
+    specs: Sequence[str], arguments: Mapping[str, GivenOption], server: ForkServerClient, *, whole: bool
+) -> PoliciesExamined:
     process = PolicyProcess("the mission", server, UNRECORDED)
     names = ", ".join(f"`{spec}`" for spec in specs)
     try:
@@ -56,6 +80,39 @@ def examine(
         return answer if isinstance(answer, PoliciesExamined) else _raise_invalid(names)
     finally:
         process.end()
+
+
+def _examination_key(specs: Sequence[str], arguments: Mapping[str, GivenOption], *, whole: bool) -> bytes:
+    """Return the hash of a request and of the states of its files; b"" if a file cannot be found."""
+    try:
+        files = [_file_state(Path(spec.partition(":")[0])) for spec in specs if is_file(spec)]
+        request = msgspec.msgpack.encode(("examination", specs, arguments, whole, files))
+    except (OSError, ValueError, OverflowError):  # the examination reports the fault
+        return b""
+    return hashlib.sha256(request).digest()
+
+
+def _file_state(path: Path) -> tuple[str, int, int, int, int]:
+    place = path.resolve(strict=True)
+    state = place.stat()
+    return str(place), state.st_dev, state.st_ino, state.st_size, state.st_mtime_ns
+
+
+def _without_values(examined: PoliciesExamined) -> PoliciesExamined:
+    """Return a result without the values of options, because the processes of all policies can read kept results."""
+    policies = {
+        spec: replace(policy, arguments=dict.fromkeys(policy.arguments)) for spec, policy in examined.found.items()
+    }
+    return replace(examined, found=policies)
+
+
+def _with_values(examined: PoliciesExamined, arguments: Mapping[str, GivenOption]) -> PoliciesExamined:
+    """Return a result of `_without_values` with the values of options."""
+    policies = {
+        spec: replace(policy, arguments={name: arguments[name] for name in policy.arguments})
+        for spec, policy in examined.found.items()
+    }
+    return replace(examined, found=policies)
 
 
 class PolicyDeclarations:
