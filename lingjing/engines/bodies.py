@@ -9,9 +9,10 @@ from __future__ import annotations
 from math import hypot
 
 from lingjing.mission.instance import Entity, Vector
+from lingjing.mission.vocabulary import CLEARED, DORMANT
 from lingjing.plugins.bodies import solid_size
 from lingjing.scene.sizes import SIZES, Size
-from lingjing.trace.records import CLEARED, DORMANT, BodyState
+from lingjing.trace.records import BodyState
 
 
 def is_absent(state: BodyState, entity: Entity | None) -> bool:

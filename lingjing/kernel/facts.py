@@ -12,7 +12,8 @@ from lingjing.kernel.budgets import limit_key
 from lingjing.kernel.context import RuntimeContext
 from lingjing.mission.instance import Entity
 from lingjing.mission.values import Value
-from lingjing.trace.records import CLEARED, DEAD, DORMANT
+from lingjing.mission.vocabulary import CLEARED, DORMANT
+from lingjing.trace.records import DEAD
 
 HANDOFF_M = 50.0
 """Largest distance in metres between a destination and a target that it refers to in `assigned` (the paper's vessel

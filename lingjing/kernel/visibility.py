@@ -23,10 +23,10 @@ from lingjing.mission.instance import AgentSpec, Cell, ChannelSpec, Entity, Inst
 from lingjing.mission.kinds import admitted, engine_kind
 from lingjing.mission.schedule import Schedule
 from lingjing.mission.seeding import integer
+from lingjing.mission.vocabulary import DORMANT
 from lingjing.plugins.policy import Brief, Observation, Peer, Picture, Privileged, Resource, RouteEnds
 from lingjing.scene.city import City
 from lingjing.trace.records import (
-    DORMANT,
     Absent,
     AdjudicatedEvent,
     BodyState,

@@ -16,6 +16,7 @@ Modules in control-flow order:
 - `expression_text`, `instance_text`: expressions and the rules of an instance in the language's own spelling.
 - `interactions`: errors of interactions, and their permissions at the start. `kinds`: the features of scenes and
   engines, as data; `kinds_format`: the file format of these; `kinds_file`: the checked reader of a plug-in's file.
+- `natures`: the behaviour of targets without interaction, and their status words.
 - `document`: reads and writes `mission.json` and the generated JSON Schemas. `faults`: errors of a JSON value against
   its schema. `strict_schema`: schemas in the form that strict validators accept.
 - `frames`, `jsontext`, `weather_words`, `elements`: coordinate frames of `resetScenario` documents, JSON with

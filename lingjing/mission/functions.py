@@ -47,6 +47,7 @@ Kind = Literal[
     "velocity",
     "inspection",
     "limit",
+    "status",
     "any",
 ]
 
@@ -138,6 +139,7 @@ DEGREES = Type("quantity", ANGLE)
 FLAG = Type("flag")
 TEXT = Type("text")
 NAME = Type("name")
+STATUS = Type("status")
 POSITION = Type("position")
 REGION = Type("region")
 ENTITY = Type("entity")
@@ -156,7 +158,7 @@ STATE_FIELDS: dict[str, tuple[str, Type]] = {
     "position": ("position", POSITION),
     "velocity": ("velocity", Type("velocity")),
     "heading": ("heading_deg", DEGREES),
-    "status": ("status", NAME),
+    "status": ("status", STATUS),
 }
 """State of every entity during a mission: the author's name → its name in the graph, and its type."""
 

@@ -141,6 +141,9 @@ class EngineKind(_Record, frozen=True, kw_only=True):
     name: str
     verbs: dict[str, VerbKind] = {}
     """Its verbs besides `stop` and `takePhoto`."""
+    words: tuple[str, ...] | None = None
+    """The status words that the engine gives to its bodies; interactions and absence add theirs. None if they are not
+    described: then a mission may compare a status with any word."""
     acts: bool = True
     """True if its entities can perform interactions."""
     landbound: bool = False

@@ -26,6 +26,12 @@ VerbMotion = Literal["", "straight", "route", "step", "up", "down", "turn"]
 or across its heading, `up` or `down`: by the first argument. A `turn` changes its heading. "": none of these.
 """
 
+DORMANT = "dormant"
+"""The status of an entity that has not appeared yet or has vanished. It is not drawn, hit or observed."""
+
+CLEARED = "cleared"
+"""The status of a road blockage that has been removed."""
+
 UNLOCK = "unlock."
 """Prefix of the kernel's own command for an interaction: `unlock.rescue`."""
 

@@ -30,12 +30,10 @@ from lingjing.mission.instance import (
     Weather,
 )
 from lingjing.mission.model import Field
-from lingjing.mission.vocabulary import PHOTO, STOP, VerbMotion
+from lingjing.mission.vocabulary import CLEARED, DORMANT, PHOTO, STOP, VerbMotion
 from lingjing.scene.city import City
 from lingjing.trace.records import (
-    CLEARED,
     DEAD,
-    DORMANT,
     Absent,
     Action,
     BodyState,

@@ -38,20 +38,17 @@ Reason = Literal["success", "failure", "constraint", "late", "budget", "infrastr
 CUT_SHORT: tuple[Reason, ...] = ("infrastructure-abort", "interrupted", "error")
 """Reasons of episodes that did not end by themselves. Such an episode counts neither for nor against a policy."""
 
-DORMANT = "dormant"
-"""The status of an entity that has not appeared yet or has vanished. It is not drawn, hit or observed."""
-
-CLEARED = "cleared"
-"""The status of a road blockage that has been removed."""
-
-DEAD = "dead"
+DEAD: Final = "dead"
 """The status of a body that is out of action: it obeys no command and takes part in no interaction."""
 
-GROUNDED = "grounded"
+GROUNDED: Final = "grounded"
 """The status of an aircraft on the ground, before take-off or after landing."""
 
-FALLEN, AGROUND = "fallen", "aground"
-"""The status of a body that must get up before it can act, and of a hull that is stuck."""
+FALLEN: Final = "fallen"
+"""The status of a body that must get up before it can act."""
+
+AGROUND: Final = "aground"
+"""The status of a hull that is stuck."""
 
 UnitBox = tuple[float, float, float, float]
 """A box in a picture: left, top, right, bottom as shares of its width and height, origin top left."""

@@ -76,7 +76,7 @@ def test_types_and_records_of_the_file_itself_are_written_out(small: str) -> Non
 def test_rules_keep_their_brackets(small: str) -> None:
     conditions = [
         "not (matched(v, r) and tick > 3 s) or boat.heading - (3 deg - 2 deg) * 2 in 0 deg..9 deg",
-        "(exists q in detection: matched(v, q)) and boat.status in { searcher, rescuer } or not matched(v, r)",
+        "(exists q in detection: matched(v, q)) and boat.status in { moving, idle } or not matched(v, r)",
         "-(boat.position.x - -3 m) / (2 * 3) <= - 2 m and 2 m - (1 m - 1 m) > 1 m / 3",
         "forall q in detection: matched(v, q) and exists w in victim: matched(w, q) or matched(w, r)",
     ]

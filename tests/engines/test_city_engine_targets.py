@@ -5,7 +5,7 @@ import pytest
 from pytest import approx
 
 from lingjing.engines.city.engine import CityEngine
-from lingjing.engines.city.nature import nature_of
+from lingjing.engines.city.target import entity_nature
 from lingjing.errors import UsageError
 from lingjing.mission.instance import AgentSpec, Clock, Entity, EventSpec, InteractionSpec, StateSpec, Weather
 from lingjing.plugins.engine import EngineSpec
@@ -308,8 +308,8 @@ def test_a_broken_span_stays_broken_where_it_is(play, open_sea):
 
 
 def test_a_type_may_name_its_first_status_word():
-    assert nature_of(target("hydrant", status="frozen")).word == "frozen"
-    assert nature_of(target("goal")).word == "waiting"
+    assert entity_nature(target("hydrant", status="frozen")).word == "frozen"
+    assert entity_nature(target("goal")).word == "waiting"
 
 
 def test_a_turn_of_the_weather_turns_the_drift(play, open_sea):

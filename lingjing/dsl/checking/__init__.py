@@ -8,9 +8,10 @@ The modules in control-flow order:
 
 - `library`: the files that `use` names. `toplevel`: the top of a file. `inherit`: the statements that `extends` adds.
 - `values`: checked expressions. `keys`: the properties that a block may have.
-- `scope`: the tables of declared names. `unknown`: names without a declaration. `typenames`: types in words.
+- `scope`: the tables of declared names. `typenames`: types in words.
+- `unknown`: names without a declaration. `shipped_names`: the names that the standard library declares.
 - `expressions`: the base of the checkers of expressions, and the numbers that expressions always equal.
-- `calls`, `aggregates`, `elaborate`: expressions with their types and taints.
+- `calls`, `aggregates`, `status_words`, `elaborate`: expressions with their types and taints.
 - `blocks`: the properties of a block against its keys. `properties`: their form in the mission.
 - `types`, `bodies`, `interactions`, `settings`, `entities`, `equipment`, `agents`, `wording`, `rules`, `conduct`,
   `events`, `studies`: a checker for each kind of declaration.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from lingjing.dsl.checking.expressions import ExpressionChecker
+from lingjing.dsl.checking.scope import GroupInfo
 from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.checking.values import UNKNOWN, Environment, Taint, TypedExpression
 from lingjing.dsl.syntax import tree as s
@@ -17,6 +18,7 @@ from lingjing.mission.functions import (
     Type,
 )
 from lingjing.mission.units import Dimension
+from lingjing.suggest import did_you_mean
 
 
 class CallChecker:
@@ -46,6 +48,8 @@ class CallChecker:
         if checked is None:
             return UNKNOWN
         arguments, named, dimension, taint = checked
+        if name == "emitted" and not self._is_offered(node, environment):
+            return UNKNOWN
         result = Type("quantity", dimension) if signature.same else signature.result
         if name == "at":
             result = self._item_type(node, environment)
@@ -267,6 +271,23 @@ class CallChecker:
         self.report.at("LJ0201", node, "an interaction's name is due here")
         return UNKNOWN
 
+    def _is_offered(self, node: s.CallExpr, environment: Environment) -> bool:
+        """True if the entity of `emitted(…)` has the interaction. Reports an entity of a type without it."""
+        interaction, *entities = [argument.value for argument in node.arguments]
+        if not entities:
+            return True
+        group = self.scope.groups.get(self.of.value(entities[0], environment).type.of)
+        if group is None or group.type is None or not isinstance(interaction, s.Name) or self.scope.incomplete:
+            return True
+        own = group.type.interactions
+        if interaction.text in own:
+            return True
+        message = f"`{interaction.text}` is no interaction of `{group.name}`"
+        offering = [info.name for info in self.scope.groups.values() if _offers(info, interaction.text)]
+        hint = f"groups with it: {', '.join(f'`{name}`' for name in offering)}" if offering else ""
+        self.report.at("LJ0201", interaction, message, did_you_mean(interaction.text, own) if own else hint)
+        return False
+
     def _option_value(
         self, argument: s.CallArgument, option: FunctionOption, environment: Environment
     ) -> TypedExpression | None:
@@ -342,6 +363,10 @@ def _mentions_unknown(node: s.Expression, rules: dict[str, object] | object) -> 
             unknown = unknown or part.function.text not in rules  # type: ignore[operator]
         waiting.extend(children(part))
     return unknown
+
+
+def _offers(group: GroupInfo, interaction: str) -> bool:
+    return group.type is not None and interaction in group.type.interactions
 
 
 def _option(argument: s.CallArgument, options: dict[str, FunctionOption]) -> FunctionOption | None:

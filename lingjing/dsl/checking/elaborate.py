@@ -14,6 +14,7 @@ from lingjing.dsl.checking.aggregates import aggregate, is_aggregate
 from lingjing.dsl.checking.calls import CallChecker
 from lingjing.dsl.checking.expressions import ExpressionChecker
 from lingjing.dsl.checking.scope import SymbolTables
+from lingjing.dsl.checking.status_words import status_side
 from lingjing.dsl.checking.typenames import dimension_of, of_type, with_article
 from lingjing.dsl.checking.values import UNKNOWN, Environment, Taint, TypedExpression
 from lingjing.dsl.source.reporter import Reporter
@@ -21,6 +22,7 @@ from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission.functions import (
     DISTRIBUTIONS,
+    ENTITY,
     FIELD_TYPES,
     FLAG,
     METRES,
@@ -28,6 +30,7 @@ from lingjing.mission.functions import (
     NUMBER,
     POSITION,
     STATE_FIELDS,
+    STATUS,
     TEXT,
     TRUTH_FIELDS,
     Type,
@@ -47,7 +50,7 @@ from lingjing.suggest import nearest
 
 _COMPARISONS = frozenset(("<", "<=", ">", ">="))
 """Operators of comparison."""
-_NAMELIKE = frozenset(("name", "names", "entity", "role", "text"))
+_NAMELIKE = frozenset(("name", "names", "entity", "role", "text", "status"))
 """Kinds of types that can be compared as names."""
 _POINT_FIELDS = {"east": METRES, "north": METRES, "elevation": METRES, "x": METRES, "y": METRES, "z": METRES}
 """Fields of a position."""
@@ -203,6 +206,7 @@ class Elaborator(ExpressionChecker):
         base = self.value(node.base, environment)
         index = self.expect(node.index, environment, NUMBER, "an index")
         if base.type.kind == "any":
+            self.names.needed(node.base, Type("group"))
             return UNKNOWN
         if base.type.kind != "group":
             self.report.at("LJ0201", node.base, f"{with_article(base.type)} has no members to pick from")
@@ -225,6 +229,7 @@ class Elaborator(ExpressionChecker):
         base = self.value(node.base, environment)
         kind, name = base.type.kind, node.name
         if kind == "any":
+            self.names.needed(node.base, ENTITY)
             return UNKNOWN
         if kind == "entity":
             return self._entity_field(base, node, environment)
@@ -248,6 +253,8 @@ class Elaborator(ExpressionChecker):
         group, name = self.scope.groups[base.type.of], node.name
         attribute = group.attributes.get(name.text)
         lowered, kind = STATE_FIELDS.get(name.text, ("", None))
+        if kind == STATUS:
+            kind = of_type(STATUS, group.name)
         if kind is None:
             if attribute is None:
                 return self._no_field(name, f"`{group.name}`", [*STATE_FIELDS, *group.attributes])
@@ -290,7 +297,7 @@ class Elaborator(ExpressionChecker):
         while isinstance(left_node, s.BinaryExpr):
             spine.append(left_node)
             left_node = left_node.left
-        left = self.value(left_node, environment)
+        left = self._first(left_node, spine[-1], environment)
         known = self.constant(left.ir)
         for part in reversed(spine):
             left = self._combine(part, left, environment)
@@ -299,15 +306,23 @@ class Elaborator(ExpressionChecker):
                 left = self._too_large(part)
         return left
 
+    def _first(self, node: s.Expression, first: s.BinaryExpr, environment: Environment) -> TypedExpression:
+        """The leftmost operand of a chain. A word before `==` is looked up by the type of the other side."""
+        other = first.right if first.operator in ("==", "!=") else None
+        if isinstance(node, s.Name | s.TextLiteral) and isinstance(other, s.FieldExpr) and other.name.text == "status":
+            status = self.value(other, environment)
+            if status.type.kind == "status":
+                return status_side(self, status, node, environment)
+        return self.value(node, environment)
+
     def _combine(self, node: s.BinaryExpr, left: TypedExpression, environment: Environment) -> TypedExpression:
         operator = node.operator
-        if operator in ("==", "!=", "in") and left.type.kind == "name":
+        if operator in ("==", "!=", "in") and left.type.kind in ("name", "status"):
             right = self._name_side(left, node.right, environment)
-        elif operator in ("==", "!=") and isinstance(node.left, s.Name) and left.type.kind == "any":
-            right = self.value(node.right, environment)
         else:
             right = self.value(node.right, environment)
         if left.type.kind == "any" or right.type.kind == "any":
+            self._note_due(node, left, right)
             return UNKNOWN
         if operator in ("and", "or"):
             return self._logic(node, left, right)
@@ -324,16 +339,38 @@ class Elaborator(ExpressionChecker):
             return UNKNOWN
         return self._arithmetic(node, left, right)
 
+    def _note_due(self, node: s.BinaryExpr, left: TypedExpression, right: TypedExpression) -> None:
+        """Store the type that an unknown operand must have according to the operator and the other operand."""
+        for part, other in ((node.left, right), (node.right, left)):
+            if node.operator in ("and", "or"):
+                self.names.needed(part, FLAG)
+            elif node.operator in (*_COMPARISONS, "==", "!=", "+", "-", "..") and other.type.kind == "quantity":
+                self.names.needed(part, other.type)
+
     def _name_side(self, left: TypedExpression, node: s.Expression, environment: Environment) -> TypedExpression:
         """The right side of a comparison with a name. A bare word is looked up among the names of the same kind."""
+        if left.type.kind == "status":
+            return status_side(self, left, node, environment)
         if left.type.of == "mode" and isinstance(node, s.Name):
             return self._one_of(node, self.scope.modes, "mode")
         if left.type.of == "mode" and isinstance(node, s.NameSet):
             items = [self._one_of(name, self.scope.modes, "mode") for name in node.names]
             return TypedExpression(ex.Sequence(tuple(i.ir for i in items)), Type("list", item="name"))
+        if left.type == NAME and isinstance(node, s.Name) and not self._is_known(node.text, environment):
+            text = f'"{node.text}"'
+            known = [*environment.locals, *self.scope.known_names()]
+            return self.unknown_name(node, known, hint=f"a text stands in quotes: `{text}`", replace=text)
         if left.type.of == "type" and isinstance(node, s.Name) and node.text not in environment.locals:
             return self._one_of(node, tuple(self.scope.types), "type")
         return self.value(node, environment)
+
+    def _is_known(self, name: str, environment: Environment) -> bool:
+        return (
+            name in environment.locals
+            or name in ("mode", "now", "tick")
+            or name in self.scope.known_names()
+            or (name in self.scope.stages)
+        )
 
     def _one_of(self, node: s.Name, known: tuple[str, ...], what: str) -> TypedExpression:
         if node.text in known:

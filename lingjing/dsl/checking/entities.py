@@ -57,7 +57,9 @@ class EntityChecker(DeclarationChecker):
         self.settings.declare(node.name, DeclaredName(kind, Type(kind, of=node.name.text), span))
         if node.name.text not in self.scope.groups:
             most = None if node.index is None else self._most(node.index)
-            self.scope.groups[node.name.text] = GroupInfo(node.name.text, node.keyword, decl, attributes, most)
+            items = node.block.items if node.block else ()
+            lines = {item.name.text: item.value for item in items if isinstance(item, s.PropertyLine)}
+            self.scope.groups[node.name.text] = GroupInfo(node.name.text, node.keyword, decl, attributes, lines, most)
 
     def propagate_taints(self, node: s.EntityBlock) -> None:
         """Hide properties that are computed from hidden ones. It runs over all entities until nothing changes."""

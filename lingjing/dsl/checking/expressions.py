@@ -42,6 +42,8 @@ class ExpressionChecker:
 
     def fits(self, value: TypedExpression, due: Type, node: s.SyntaxNode, what: str = "") -> bool:
         """True if the value fits. Reports one that does not."""
+        if value is UNKNOWN:
+            self.names.needed(node, due)
         if fits(value.type, due):
             return True
         where = f" for {what}" if what else " here"
@@ -66,11 +68,13 @@ class ExpressionChecker:
         else:
             self.report.at("LJ0201", node, message)
 
-    def unknown_name(self, node: s.Name, known: list[str], what: str = "nothing") -> TypedExpression:
+    def unknown_name(
+        self, node: s.Name, known: list[str], what: str = "nothing", hint: str = "", replace: str | None = None
+    ) -> TypedExpression:
         """Store a name without a declaration. It is reported at the end, unless a faulty statement may have declared
-        it.
+        it. `hint`, `replace`: the way out and the fix if no known name is near.
         """
-        self.names.note(node, known, what)
+        self.names.note(node, known, what, hint, replace)
         return UNKNOWN
 
     def step(self, name: str, node: s.SyntaxNode) -> FlowStep:

@@ -125,6 +125,8 @@ class GroupInfo(msgspec.Struct, frozen=True):
     role: str
     type: TypeDecl | None
     attributes: dict[str, PropertyType]
+    lines: dict[str, s.Expression] = {}
+    """Values that the entity's own block declares, by name, before they are checked."""
     most: float | None = None
     """Most members, if the text states them as a number or as a param with bounds; else None."""
 

@@ -13,6 +13,10 @@ MOST = 1000
 """Most diagnostics of one file (chosen): more are of no use, and a file that is no mission could give any number."""
 
 
+Change = tuple[int, int, str]
+"""A part of a fix: the offsets that it replaces, and the new text."""
+
+
 class Placed(Protocol):
     """A node or token with a place in a text."""
 
@@ -51,19 +55,26 @@ class Reporter:
         safe: bool = False,
         severity: Severity = "error",
         also: Iterable[tuple[int, int]] = (),
+        edits: Iterable[Change] = (),
     ) -> None:
-        """Report a diagnostic. `replace`: text that a fix writes over the span and over the spans in `also`."""
+        """Report a diagnostic. `replace`: text that a fix writes over the span and over the spans in `also`. `edits`:
+        a fix at other places.
+        """
         if len(self.diagnostics) >= MOST:
             return
         if len(self.diagnostics) == MOST - 1:
             code, message, hint = "LJ0008", f"there are more than {MOST} errors", "the rest is not shown"
-            related, replace = (), None
+            related, replace, edits = (), None, ()
         span = self.source.span(start, end)
         if isinstance(self.source, JoinedSource) and self.source.inner(start, end) is not None:
-            related, replace = (Related(span, "the error is here"), *related), None
+            related, replace, edits = (Related(span, "the error is here"), *related), None, ()
             span = self.source.place
-        spans = (span, *(self.source.span(*place) for place in also))
-        fix = None if replace is None else Fix(_title(span, replace), tuple(Edit(at, replace) for at in spans), safe)
+        fix = None
+        if replace is not None:
+            spans = (span, *(self.source.span(*place) for place in also))
+            fix = Fix(_title(span, replace), tuple(Edit(at, replace) for at in spans), safe)
+        elif changes := tuple(edits):
+            fix = self._fix(changes, safe=safe)
         self.diagnostics.append(Diagnostic(code, span, message, hint, severity, related, fix))
 
     def at(
@@ -105,6 +116,11 @@ class Reporter:
         """Report a second declaration of a name, with the place of the first."""
         related = (Related(first, "first declared here"),)
         self.at("LJ0104", place, f"{what} is declared twice", "choose another name", related=related)
+
+    def _fix(self, changes: tuple[Change, ...], *, safe: bool) -> Fix:
+        made = tuple(Edit(self.source.span(start, end), text) for start, end, text in changes)
+        words = " and ".join(_title(edit.span, edit.text.strip()) for edit in made)
+        return Fix(words, made, safe)
 
     @property
     def full(self) -> bool:

@@ -8,8 +8,7 @@ actor. The engine reads only declared properties, never the mission's names of t
 Modules:
 
 - `engine`: the engine contract, and the actors within reach of a target.
-- `target`: the state of one target.
-- `nature`: the behaviour of a target without interaction, derived from its properties.
+- `target`: the state of one target, and its nature (`lingjing.mission.natures`).
 - `target_body`: the motion of a target, fixed or adrift.
 - `arrivals`: queues of people that grow and shrink.
 - `goods`: the stocks of all entities and transfers between them.

@@ -11,8 +11,6 @@ import math
 from lingjing.mission.instance import Entity
 from lingjing.mission.seeding import Stream
 
-PEOPLE = "people"
-"""Name of the state that counts the people of a queue."""
 _NEVER = math.inf
 
 

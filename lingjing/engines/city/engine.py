@@ -6,20 +6,20 @@ import math
 from collections.abc import Sequence
 
 from lingjing.engines.bodies import extrapolate
-from lingjing.engines.city.arrivals import PEOPLE
 from lingjing.engines.city.goods import Goods, check_exchange
 from lingjing.engines.city.radio import Coverage
 from lingjing.engines.city.target import CityTarget, Level, target_of
 from lingjing.engines.city.target_body import STEP_S, body_of
 from lingjing.mission.instance import InteractionSpec, Vector
+from lingjing.mission.natures import PEOPLE
 from lingjing.mission.schedule import Schedule
-from lingjing.mission.vocabulary import UNLOCK
+from lingjing.mission.vocabulary import DORMANT, UNLOCK
 from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
 from lingjing.plugins.requests import Refusal, Requests
 from lingjing.plugins.step_clock import StepClock
 from lingjing.scene.city import City
 from lingjing.scene.terrain import Terrain
-from lingjing.trace.records import DEAD, DORMANT, BodyState, Command, Receipt, TaskEvent
+from lingjing.trace.records import DEAD, BodyState, Command, Receipt, TaskEvent
 
 _IDLE = (DORMANT, DEAD)
 """Statuses of actors that take no part in interactions: absent bodies and wrecks."""

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from lingjing.engines.city.arrivals import PEOPLE, PeopleQueue, rates
+from lingjing.engines.city.arrivals import PeopleQueue, rates
 from lingjing.engines.city.goods import DUST, first_amounts
-from lingjing.engines.city.nature import TargetNature, nature_of
 from lingjing.engines.city.target_body import TargetBody
 from lingjing.mission.instance import Entity, InteractionSpec
-from lingjing.trace.records import DORMANT
+from lingjing.mission.natures import PEOPLE, TargetNature, TargetTraits, nature_of, worked_levels
+from lingjing.mission.vocabulary import DORMANT
 
 
 @dataclass(slots=True)
@@ -125,7 +125,7 @@ class CityTarget:
 
 def target_of(entity: Entity, body: TargetBody, seed: int) -> CityTarget:
     """Return the target that an entity's properties describe."""
-    nature, possible = nature_of(entity), {interaction.name: interaction for interaction in entity.interactions}
+    nature, possible = entity_nature(entity), {interaction.name: interaction for interaction in entity.interactions}
     return CityTarget(
         entity=entity,
         nature=nature,
@@ -137,23 +137,23 @@ def target_of(entity: Entity, body: TargetBody, seed: int) -> CityTarget:
     )
 
 
-def _levels(entity: Entity, nature: TargetNature, possible: dict[str, InteractionSpec]) -> dict[str, Level]:
-    """Return the levels of all interactions that work off a state.
-
-    An interaction works off the state that it takes. The nature's own level belongs to the first interaction that takes
-    and gives nothing, if no other one takes it.
-    """
-    values = first_amounts(entity)
-    workers = {
-        interaction.name: interaction.takes
-        for interaction in possible.values()
-        if interaction.works_off and interaction.takes in values
-    }
-    idle = next(
-        (interaction.name for interaction in possible.values() if not interaction.takes and not interaction.gives), ""
+def entity_nature(entity: Entity) -> TargetNature:
+    """Return the nature of a target, with its own first status word if it declares one."""
+    traits = TargetTraits(
+        states=[spec.field for spec in entity.state],
+        properties=entity.properties,
+        interactions=entity.interactions,
+        surface=str(entity.properties.get("on", "")),
+        blocks=entity.blocked_m is not None,
     )
-    if nature.level in values and nature.level not in workers.values() and idle:
-        workers[idle] = nature.level
+    nature, word = nature_of(traits), entity.properties.get("status")
+    return replace(nature, word=word) if isinstance(word, str) else nature
+
+
+def _levels(entity: Entity, nature: TargetNature, possible: dict[str, InteractionSpec]) -> dict[str, Level]:
+    """Return the levels of all interactions that work off a state."""
+    values = first_amounts(entity)
+    workers = worked_levels(nature, possible.values(), values)
     growing = next((name for name, state in workers.items() if state == nature.level), "")
     made = {}
     for name, state in workers.items():

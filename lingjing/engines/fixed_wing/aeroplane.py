@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Literal
 
 from lingjing.engines.aircraft import DONE, PERIOD_S, STEPS, Aircraft, AircraftEngine, FlightNotice, FlightPhase
 from lingjing.engines.fixed_wing import guidance
@@ -47,6 +48,9 @@ _LEVEL_M = 15.0
 _LEAST_FLOW_SHARE = 0.5
 """Least fuel flow of any flight as a share of that in cruise: a bound for refusals (chosen)."""
 
+AeroplaneStatus = Literal["grounded", "moving", "loitering", "dead"]
+"""The status words of an aeroplane; `kinds.json` lists them for the checker."""
+
 
 class Aeroplane(Aircraft):
     """A fixed-wing aircraft, in flight or before its launch."""
@@ -79,8 +83,8 @@ class Aeroplane(Aircraft):
         return self._fuel_kg <= 0.0
 
     @property
-    def status(self) -> str:
-        """`grounded`, `moving`, `loitering` or `dead`."""
+    def status(self) -> AeroplaneStatus:
+        """Present status word."""
         if self.phase is FlightPhase.GROUNDED:
             return GROUNDED
         if not self.alive:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Literal
 
 from lingjing.engines.aircraft import DONE, PERIOD_S, STEPS, Aircraft, AircraftEngine, FlightNotice, FlightPhase
 from lingjing.engines.battery import Battery
@@ -49,6 +50,9 @@ _RESERVE = 1.25
 _TOUCH_M = 0.5
 """Height above the underside up to which a solid counts as landing surface and not as a wall, metres (chosen)."""
 
+DroneStatus = Literal["grounded", "hovering", "moving", "dead"]
+"""The status words of a drone; `kinds.json` lists them for the checker."""
+
 
 class Drone(Aircraft):
     """A multirotor in flight or on the ground."""
@@ -82,8 +86,8 @@ class Drone(Aircraft):
         return self._battery.empty
 
     @property
-    def status(self) -> str:
-        """`grounded`, `hovering`, `moving` or `dead`."""
+    def status(self) -> DroneStatus:
+        """Present status word."""
         if not self.alive:
             return DEAD
         if self.phase is FlightPhase.GROUNDED:

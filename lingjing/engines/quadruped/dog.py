@@ -16,7 +16,7 @@ from lingjing.engines.quadruped.dog_model import DogModel, DogState
 from lingjing.engines.quadruped.gait import PERIOD_S
 from lingjing.engines.quadruped.ground_ahead import GroundAhead
 from lingjing.engines.quadruped.physics import Touch
-from lingjing.engines.quadruped.tasks import DogTask, HaltTask, TurnTask, Velocity, WalkTask, stopping
+from lingjing.engines.quadruped.tasks import DogStatus, DogTask, HaltTask, TurnTask, Velocity, WalkTask, stopping
 from lingjing.mission.instance import Entity, Vector
 from lingjing.mission.kinds import builtin_engines
 from lingjing.mission.kinds_format import TopSpeed
@@ -166,11 +166,13 @@ class Dog:
         return self.task.share if self.task is not None else 0.0
 
     @property
-    def status(self) -> str:
-        """`standing`, `walking`, `turning`, `fallen` or `dead`."""
-        if self.phase is _DogPhase.MOVING and self.task is not None:
-            return self.task.status
-        return self.phase.value if self.phase is not _DogPhase.MOVING else "standing"
+    def status(self) -> DogStatus:
+        """Present status word."""
+        if self.phase is _DogPhase.DEAD:
+            return DEAD
+        if self.phase is _DogPhase.FALLEN:
+            return FALLEN
+        return self.task.status if self.phase is _DogPhase.MOVING and self.task is not None else "standing"
 
     def start(self, command: Command, here: DogState, model: DogModel, ground: GroundAhead) -> None:
         """Begin a command.

@@ -19,7 +19,7 @@ from lingjing.engines.quadruped.moving_boxes import POOL, MirroredBodies
 from lingjing.engines.quadruped.physics import MovingBox, Touch
 from lingjing.mission.instance import Vector
 from lingjing.mission.schedule import Schedule
-from lingjing.mission.vocabulary import BATTERY_EMPTY, COLLIDED
+from lingjing.mission.vocabulary import BATTERY_EMPTY, COLLIDED, DORMANT
 from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.fleet import FleetEngine
 from lingjing.plugins.requests import Refusal
@@ -27,7 +27,7 @@ from lingjing.plugins.stock import booked
 from lingjing.scene.city import City
 from lingjing.scene.outlines import compass
 from lingjing.scene.terrain import Terrain
-from lingjing.trace.records import DORMANT, BodyState, Command
+from lingjing.trace.records import BodyState, Command
 
 _ZONE_PERIODS = 25
 """Control periods between two checks whether the model holds all shapes near the dogs (chosen)."""

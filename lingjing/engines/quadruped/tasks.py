@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 from lingjing.engines.quadruped.dog_model import DogState
 from lingjing.engines.quadruped.gait import PERIOD_S
@@ -25,6 +26,9 @@ CLIMBING_PATIENCE_S = 24.0
 
 WAIT_S = 1.0
 """Time that a walk waits after a contact ahead, seconds (chosen)."""
+
+DogStatus = Literal["standing", "walking", "turning", "fallen", "dead"]
+"""The status words of a dog; `kinds.json` lists them for the checker."""
 
 Velocity = tuple[float, float, float]
 """Forward and left speed in m/s, anticlockwise turning speed in rad/s."""
@@ -136,7 +140,7 @@ class WalkTask(_Way):
     """Speed, m/s."""
     waiting_s: float = 0.0
     """Time still to wait after a contact, seconds."""
-    status: str = "walking"
+    status: DogStatus = "walking"
     """Status word of the dog."""
 
     def __post_init__(self) -> None:
@@ -189,7 +193,7 @@ class TurnTask(_Way):
     """Angle still to turn, radians anticlockwise."""
     last_yaw: float | None = None
     """Heading in the last period, rad; None before the first."""
-    status: str = "turning"
+    status: DogStatus = "turning"
     """Status word of the dog."""
 
     def __post_init__(self) -> None:
@@ -235,7 +239,7 @@ class HaltTask:
     """Always False: a halt ends by itself."""
     done: bool = False
     """True once the dog is at rest, or too late."""
-    status: str = "standing"
+    status: DogStatus = "standing"
     """Status word of the dog."""
 
     def bump(self) -> None:

@@ -19,13 +19,13 @@ from lingjing.errors import InfrastructureError
 from lingjing.mission.instance import Entity
 from lingjing.mission.schedule import Schedule
 from lingjing.mission.seeding import integer
-from lingjing.mission.vocabulary import ARRIVED, COLLIDED
+from lingjing.mission.vocabulary import ARRIVED, CLEARED, COLLIDED
 from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.fleet import FleetEngine
 from lingjing.plugins.stock import booked
 from lingjing.scene.city import City
 from lingjing.scene.tiles import Tiles
-from lingjing.trace.records import CLEARED, BodyState, Command
+from lingjing.trace.records import BodyState, Command
 
 WARM_UP_STEPS = 100
 """Steps before time 0 in which background traffic starts to drive while the mission's vehicles stand (chosen)."""

@@ -83,6 +83,8 @@ _KEEP_LANE, _CHANGE_LANES = 0, 1621
 """SUMO's lane change modes: no changes at all, and the default."""
 
 VehicleStatus = Literal["parked", "driving", "waiting", "arrived"]
+"""The status words of a vehicle; `kinds.json` lists them for the checker."""
+
 TaskEnd = Literal["", "done", "arrived"]
 
 

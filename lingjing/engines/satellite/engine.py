@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from typing import Literal
 
 from lingjing.engines.satellite.earth import Horizon
 from lingjing.engines.satellite.orbit import DAY_S, JulianDate, Orbit, from_lines, instant
@@ -22,6 +23,9 @@ DEFAULT_EPOCH = "2026-03-20T12:00:00Z"
 
 SWATH_M = 20_000.0
 """Swath of an entity without the property `swath_m`, metres (chosen)."""
+
+SatelliteStatus = Literal["in_view", "out_of_view", "below_horizon"]
+"""The status words of a satellite; `kinds.json` lists them for the checker."""
 
 
 class SatelliteEngine(FleetEngine):
@@ -88,6 +92,7 @@ class SatelliteEngine(FleetEngine):
         east, north, up = view.region
         risen = view.elevation_deg > 0.0
         course = math.atan2(-east, -north) if risen else math.atan2(view.velocity[0], view.velocity[1])
+        status: SatelliteStatus = "in_view" if watch.sees(view) else "out_of_view" if risen else "below_horizon"
         x, y, z = (1000.0 * part for part in view.position)
         vx, vy, vz = (1000.0 * part for part in view.velocity)
         return BodyState(
@@ -96,7 +101,7 @@ class SatelliteEngine(FleetEngine):
             velocity=(vx, vy, vz),
             heading_deg=compass(math.degrees(course)),
             pitch_deg=-view.elevation_deg if risen else 0.0,
-            status="in_view" if watch.sees(view) else "out_of_view" if risen else "below_horizon",
+            status=status,
             resources={
                 "elevation_deg": view.elevation_deg,
                 "range_m": 1000.0 * math.hypot(east, north, up),

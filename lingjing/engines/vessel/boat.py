@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 from lingjing.engines import sea
 from lingjing.engines.vessel import hull
@@ -41,6 +42,9 @@ _ADMIRALTY = 2.0 / 9.0
 """Exponent of the displacement: at constant power `v^3 * displacement^(2/3)` is constant (Admiralty coefficient)."""
 _COMPASS_POINTS = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 """Points around a goal, in units of `_BERTH_M`, that must be water."""
+
+BoatStatus = Literal["idle", "moving", "aground"]
+"""The status words of a vessel; `kinds.json` lists them for the checker."""
 
 
 class Boat:
@@ -170,8 +174,8 @@ class Boat:
         )
 
     @property
-    def status(self) -> str:
-        """`moving`, `idle` or `aground`."""
+    def status(self) -> BoatStatus:
+        """Present status word."""
         if self.aground:
             return AGROUND
         return "idle" if self.goal is None and not self.stopping else "moving"

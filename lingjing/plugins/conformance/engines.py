@@ -11,6 +11,8 @@ import msgspec
 import numpy as np
 
 from lingjing.mission.instance import CameraSpec, Instance
+from lingjing.mission.kinds import engine_kind
+from lingjing.mission.vocabulary import DORMANT
 from lingjing.plugins.conformance.boundaries import check_boundary, check_events, check_route_numbers
 from lingjing.plugins.conformance.case import EngineCase, Run, advance, drive, engine_of, play, require, run_all
 from lingjing.plugins.conformance.requests import (
@@ -132,11 +134,26 @@ def check_cuts(case: EngineCase) -> None:
 
 
 def check_values(case: EngineCase) -> None:
-    """Check that boundaries stay equal when they are encoded and decoded (msgpack)."""
+    """Check that boundaries stay equal when they are encoded and decoded (msgpack), and that the engine gives its
+    bodies only the status words that its `kinds.json` lists, if it lists any."""
     run = play(case)
+    _check_words(case, run)
     for boundary in (run.ready, *run.boundaries):
         packed = msgspec.msgpack.encode(boundary)
         require(msgspec.msgpack.decode(packed, type=Boundary) == boundary, "a boundary changes when it is packed")
+
+
+def _check_words(case: EngineCase, run: Run) -> None:
+    words = engine_kind(case.plugin.name).words
+    if words is None:
+        return
+    owned = {entity.id: entity for entity in case.owned}
+    for state in (state for boundary in (run.ready, *run.boundaries) for state in boundary.states):
+        entity = owned.get(state.id)
+        if entity is not None and state.status not in ("", *words, DORMANT):
+            done = {interaction.done_word for interaction in entity.interactions}
+            known = f"`kinds.json` lists {', '.join(words)}"
+            require(state.status in done, f"`{state.id}` has the status `{state.status}`: {known}")
 
 
 def check_fork(case: EngineCase) -> None:
