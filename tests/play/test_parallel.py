@@ -100,7 +100,7 @@ def test_forked_episodes_are_those_of_fresh_processes_and_know_nothing_of_one_an
     users = sorted(len(path.read_text().split()) for path in tmp_path.glob("holder-*"))
     assert users == [1, 2], "the worlds of one instance are forks of one holder"
     loaded = {path.name.partition("-")[2]: path.read_text() for path in tmp_path.glob("loaded-*")}
-    assert len(loaded) == 4 * (3 + 1), "a process for each agent, and one that reads the declaration"
+    assert len(loaded) == 4 * 3 + 2, "a process for each agent, and one in each run that reads the declaration"
     streams = 3 * 3 + 1  # the fresh episode has those of the second
     assert len(set(loaded.values())) == streams, "global random streams start from policy seed and agent"
     servers = {path.name.partition("-")[2] for path in tmp_path.glob("server-*")}
