@@ -15,10 +15,10 @@ from lingjing.plugins.policy import PolicyPlugin
 from lingjing.plugins.prompts import PromptPlugin
 from lingjing.plugins.scaffold import ScaffoldPlugin
 
-_RULES = ("lingjing_agents.heuristic.policy", "cv2")
+_RULES = ("lingjing_agents.heuristic.policy", "cv2", "numpy.ma")
 _TRUTH = ("lingjing_agents.oracle",)
-_MODEL = ("lingjing_agents.react.policy", "jsonschema", "cv2")
-"""The modules that every agent of these policies imports."""
+_MODEL = ("lingjing_agents.react.policy", "jsonschema", "cv2", "numpy.ma")
+"""The modules that every agent of these policies imports. `numpy.unique` imports `numpy.ma` at its first call."""
 
 
 @hookimpl

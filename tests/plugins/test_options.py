@@ -52,6 +52,18 @@ def test_texts_are_read_as_what_they_are_declared_to_be():
     assert (read.height_m, read.rounds, read.quick, read.pattern, read.place) == (60.0, 3, True, "lawn", "pier")
 
 
+def test_the_model_of_parameters_is_built_once() -> None:
+    def scout(height: int = 80) -> None: ...
+
+    class Unhashable:
+        __hash__ = None  # type: ignore[assignment]
+
+        def __call__(self, height: int = 80) -> None: ...
+
+    assert model_of_parameters(scout) is model_of_parameters(scout)
+    assert model_of_parameters(Unhashable()).model_fields["option_0"].alias == "height"
+
+
 def test_every_fault_is_told_at_once_at_the_options_spelling():
     given = {"height": "10", "rounds": "often", "pattern": "zigzag", "qiuck": "yes", "names": "a"}
     with pytest.raises(UsageError) as caught:

@@ -13,6 +13,8 @@ from importlib import import_module
 
 from lingjing.installed_plugins.entry_points import PLUGINS, find_entries
 from lingjing.plugins.host import PluginHost
+from lingjing.plugins.loading import options_model
+from lingjing.plugins.policy import PolicyPlugin
 
 PRELOAD = "lingjing.play.policy_processes.preloading:preload"
 """The function that the fork server calls."""
@@ -27,15 +29,28 @@ _prepared: dict[frozenset[str], PluginHost] = {}
 
 
 def preload(names: str) -> None:
-    """Import the modules of the named policies (a JSON list). A failed import is left to the policy's own process."""
+    """Import the modules of the named policies (a JSON list), and build the models of their options.
+
+    A failure is left to the policy's own process.
+    """
     points = [point for point in find_entries(PLUGINS).points if point.module.partition(".")[0] in _SHIPPED]
     host = PluginHost(entry_points=False, extra=[point.load() for point in points])
     for plugins in (frozenset[str](), *(frozenset((point.name,)) for point in points)):
         _prepared[plugins] = policy_host(plugins)
     for name in json.loads(names):
-        for module in host.policies[name].imports if name in host.policies else ():
-            with contextlib.suppress(Exception):
-                import_module(module)
+        if name in host.policies:
+            _preload(host.policies[name], host)
+
+
+def _preload(policy: PolicyPlugin, host: PluginHost) -> None:
+    for module in policy.imports:
+        with contextlib.suppress(Exception):
+            import_module(module)
+    with contextlib.suppress(Exception):
+        options_model(policy)
+    if policy.calls:
+        with contextlib.suppress(Exception):
+            _ = host.models  # reads the shipped list, which the module of the hook then keeps
 
 
 def policy_host(names: Iterable[str]) -> PluginHost:
