@@ -6,10 +6,12 @@ For each column, with the oracle's kinds of engines and `stopping.py` as the pol
 - *alone*: the same on a city seen before;
 - *forked*: each further episode of a study (`play_apart`) on another seed, up to the first decision and to the second
   one with a picture between them; this one holds a tick of simulation and a picture, which are no part of starting;
-- *seen before*: each further episode on the same seed, up to the first decision.
+- *seen before*: each further episode on the same seed, up to the first decision;
+- *environment*: each further `reset` of an environment (`lingjing.envs`) on the same seed, with `--seen`.
 
-`--oracle` also plays oracles' episodes and prints the share of the start. `--many N` plays N episodes in one run and
-prints what they leave: memory of the process from which they are forked, descriptors, processes.
+The first episode and the first reset of a run, which fill caches and start servers, are not counted. `--oracle` also
+plays oracles' episodes and prints the share of the start. `--many N` plays N episodes in one run and prints what they
+leave: memory of the process from which they are forked, descriptors, processes.
 """
 
 from __future__ import annotations
@@ -20,11 +22,13 @@ import resource
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from lingjing.dsl.loading.shipped import find_mission
+from lingjing.envs import parallel_env
 from lingjing.play import parallel
 from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeTask, play_apart
@@ -47,6 +51,8 @@ COLUMNS = (
     "vdn-single",
 )
 FURTHER = 6
+SETTLE_S = 0.3
+"""The time in which the processes of a stopped episode end, seconds. Chosen."""
 
 
 def main() -> None:
@@ -54,7 +60,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--columns", nargs="+", default=COLUMNS, metavar="COLUMN")
     parser.add_argument("--oracle", action="store_true", help="play oracles' episodes as well")
-    parser.add_argument("--seen", action="store_true", help="measure nothing but `seen before`")
+    parser.add_argument("--seen", action="store_true", help="measure nothing but `seen before` and `environment`")
     parser.add_argument("--many", type=int, metavar="N", help="play N episodes in one run, and nothing else")
     args = parser.parse_args()
     with caches():
@@ -62,11 +68,10 @@ def main() -> None:
             many(args.columns[0], args.many)
             return
         if args.seen:
-            print_row("column", "seen before")
-            print_row("---", "---")
+            print_row("column", "seen before", "environment")
+            print_row(*["---"] * 3)
             for column in args.columns:
-                forked(column, "decision", 1, same=True)  # this fills the caches
-                print_row(column, f"{further(column, 'decision', same=True):.2f}")
+                print_row(column, f"{further(column, 'decision', same=True):.2f}", f"{further_resets(column):.2f}")
             return
         head = [
             "column",
@@ -101,16 +106,24 @@ def further(column: str, until: str, *, same: bool = False) -> float:
 
     Without `until` they are those of a whole episode of the oracle.
     """
-    return (forked(column, until, 1 + FURTHER, same=same) - forked(column, until, 1, same=same)) / FURTHER
-
-
-def forked(column: str, until: str, count: int, *, same: bool = False) -> float:
-    """Return the CPU seconds of `count` episodes in one run."""
-    before = spent()
+    seconds = []
     with tempfile.TemporaryDirectory() as folder:
-        for _ in play_apart(tasks(column, until, count, Path(folder), same=same), jobs=1):
-            pass
-    return spent() - before
+        for _ in play_apart(tasks(column, until, 1 + FURTHER, Path(folder), same=same), jobs=1):
+            time.sleep(SETTLE_S)
+            seconds.append(time.process_time() + spent_below(os.getpid()))
+    return (seconds[-1] - seconds[0]) / FURTHER
+
+
+def further_resets(column: str) -> float:
+    """Return the CPU seconds of each reset of an environment after the first, on the same seed."""
+    mission, _, mode = column.rpartition("-")
+    environment = parallel_env(mission, mode=mode)
+    seconds = []
+    for _ in range(1 + FURTHER):
+        environment.reset(seed=1)
+        seconds.append(time.process_time() + spent_below(os.getpid()))
+    environment.close()
+    return (seconds[-1] - seconds[0]) / FURTHER
 
 
 def tasks(column: str, until: str, count: int, folder: Path, *, same: bool = False) -> Iterator[EpisodeTask]:
@@ -154,6 +167,22 @@ def memory_mb(pid: int) -> int:
 
 def descriptors(pid: int) -> int:
     return sum(1 for _ in Path(f"/proc/{pid}/fd").iterdir())
+
+
+def spent_below(pid: int) -> float:
+    """Return the CPU seconds of the descendants of a process, those included that they have waited for."""
+    seconds = 0.0
+    for thread in Path(f"/proc/{pid}/task").iterdir():
+        for child in (thread / "children").read_text().split():
+            with suppress(OSError):  # it has just ended
+                seconds += used_by(child) + spent_below(int(child))
+    return seconds
+
+
+def used_by(pid: str) -> float:
+    """Return the CPU seconds of a process and of its ended children."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")
 
 
 def spent() -> float:
