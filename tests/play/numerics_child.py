@@ -15,10 +15,10 @@ if "unpinned" in sys.argv:
     numerics.pins = lambda flags=None: {}
     numerics.worker_environment = dict
 
+from lingjing import read_trace
 from lingjing.data import data_path
 from lingjing.play import selfcheck
 from lingjing.play.episode import Session
-from lingjing.trace.reader import read_trace
 
 
 def main() -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import types
 import typing
 
+from lingjing import EpisodeReport
 from lingjing.analysis.metrics import Metrics
-from lingjing.play.report import EpisodeReport
 
 
 def blank_metrics(**changes: object) -> Metrics:

@@ -7,13 +7,12 @@ from pathlib import Path
 import pytest
 
 import lingjing
+from lingjing import PlayOptions, read_trace
 from lingjing.cli.progress import LiveProgress
 from lingjing.cli.scorecard import plain, scorecard
 from lingjing.dsl import compile_text
 from lingjing.kernel.episode import LOST_AT_START, WON_AT_START
-from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import play_here
-from lingjing.trace.reader import read_trace
 
 MISSION = """\
 ljs 1

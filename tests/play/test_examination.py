@@ -7,15 +7,14 @@ from pathlib import Path
 
 import pytest
 
+from lingjing import PlayOptions, read_trace
 from lingjing.errors import ForeignCodeError
-from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeTask, play_apart
 from lingjing.play.policy_processes.examination import examine
 from lingjing.play.policy_processes.messages import PoliciesExamined
 from lingjing.play.policy_processes.preloading import SERVES
 from lingjing.processes import kept_results
 from lingjing.processes.fork_client import ForkServer, ForkServerClient
-from lingjing.trace.reader import read_trace
 from tests.play.test_policy_options import MISSION
 
 POLICY = """\

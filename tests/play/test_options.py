@@ -14,8 +14,8 @@ from lingjing.play.episode import Session
 from lingjing.play.options import Changes, PlayOptions, checked_options, options_of, read_options
 from lingjing.plugins.engine import EnginePlugin
 from lingjing.plugins.hookspecs import hookimpl
-from lingjing.plugins.host import PluginHost
 from lingjing.plugins.options import PluginOptions
+from lingjing.testing import PluginHost
 
 EXAMPLE = Path(__file__).parents[2] / "scenarios" / "ssr.ljs"
 

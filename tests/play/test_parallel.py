@@ -9,8 +9,8 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
+from lingjing import PlayOptions
 from lingjing.play import selfcheck
-from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeTask, play_apart
 from lingjing.play.report import ABORTED
 from tests.kernel.test_world_process import await_gone

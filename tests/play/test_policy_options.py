@@ -8,12 +8,11 @@ from typing import Any
 
 import pytest
 
+from lingjing import PlayOptions, read_trace
 from lingjing.errors import UsageError
-from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeTask, play_apart
 from lingjing.plugins.loading import build_policy, policy_of, takes_as_given
 from lingjing.plugins.options import PluginOptions
-from lingjing.trace.reader import read_trace
 
 MISSION = """\
 ljs 1

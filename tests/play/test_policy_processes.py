@@ -20,9 +20,9 @@ import numpy as np
 import pytest
 
 import lingjing
+from lingjing import PlayOptions, Trace, read_trace
 from lingjing.errors import LingjingError, UsageError
 from lingjing.kernel.ambient_random import generator_states, generators_advanced
-from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeTask, play_apart
 from lingjing.play.policy_processes.barrier import LOAD_VARIABLE, AgentPolicy, ProcessBarrier
 from lingjing.play.policy_processes.examination import examine
@@ -31,7 +31,6 @@ from lingjing.play.policy_processes.output import MOST_BYTES
 from lingjing.play.policy_processes.preloading import SERVES
 from lingjing.plugins.loading import UNRECORDED
 from lingjing.processes.fork_client import ForkServer, ForkServerClient
-from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import DecisionRecord
 
 POLICIES = Path(__file__).with_name("hostile_policies.py")

@@ -7,6 +7,13 @@ import random
 import sys
 import time
 from pathlib import Path
+from typing import Any
+
+
+def client() -> Any:
+    from lingjing.processes.fork_client import ForkServerClient
+
+    return ForkServerClient(int(sys.argv[-1]))
 
 
 def told() -> None:
@@ -36,10 +43,9 @@ def worlds() -> None:
     """Play twice on the server's workers and once in this process; tell whether all is the same, and by whom."""
     import tests.kernel.world_toys as toys
     from lingjing.kernel.world import open_world
-    from lingjing.processes.fork_client import ForkServerClient
     from tests.kernel.test_world_process import TOYS, opened, pids, played
 
-    fork_server = ForkServerClient(int(sys.argv[-1]))
+    fork_server = client()
     inline = opened("inline")
     expected, seen = played(inline, toys.trio()), []
     inline.close()
@@ -62,10 +68,9 @@ def lingering() -> None:
     import tests.kernel.world_toys as toys
     from lingjing.errors import InfrastructureError
     from lingjing.kernel.world import open_world
-    from lingjing.processes.fork_client import ForkServerClient
     from tests.kernel.test_world_process import TOYS, pids, played
 
-    world = open_world("process", plugins=TOYS, installed=False, fork_server=ForkServerClient(int(sys.argv[-1])))
+    world = open_world("process", plugins=TOYS, installed=False, fork_server=client())
     played(world, toys.trio())
     print(json.dumps(pids(world)), flush=True)
     try:
@@ -79,11 +84,10 @@ def lingering() -> None:
 
 def keeping() -> None:
     """Print the result that an earlier process has kept, and keep another one."""
-    from lingjing.processes.fork_client import ForkServerClient
     from lingjing.processes.kept_results import find_result
 
     print(json.dumps((find_result(b"key") or b"").decode()), flush=True)
-    ForkServerClient(int(sys.argv[-1])).keep_result(b"key", sys.argv[2].encode())
+    client().keep_result(b"key", sys.argv[2].encode())
 
 
 if __name__ == "__main__":

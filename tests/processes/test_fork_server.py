@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from lingjing.errors import InfrastructureError
-from lingjing.processes import fork_server
+from lingjing.processes import fork_server, kept_results
 from lingjing.processes.fork_client import ForkedProcess, ForkServer
 from tests.kernel.test_world_process import ROOT, await_gone, is_running, open_descriptors
 
@@ -252,3 +252,41 @@ end_after(work)
     assert done.returncode == 1
     assert done.stderr.splitlines()[-1] == said
     assert ("Traceback" in done.stderr) == raised.startswith("ValueError")
+
+
+def run_keeping(server: ForkServer, folder: Path, result: str) -> str:
+    """Run a module that prints the kept result and keeps another one."""
+    process, output = started(server, folder, "keeping", result)
+    assert process.wait(600) == 0, (folder / "err").read_text()
+    process.close()
+    kept: str = json.loads(output.read_text())
+    return kept
+
+
+@pytest.fixture
+def no_results(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kept_results, "_results", {})
+
+
+@pytest.mark.usefixtures("no_results")
+def test_later_modules_find_the_results_of_earlier_ones(server: ForkServer, tmp_path: Path) -> None:
+    assert [run_keeping(server, tmp_path, result) for result in ("one", "two", "three")] == ["", "one", "two"]
+    assert kept_results.find_result(b"key") is None
+
+
+@pytest.mark.usefixtures("no_results")
+def test_the_caller_keeps_results_for_itself_and_for_its_modules(server: ForkServer, tmp_path: Path) -> None:
+    client = server.client()
+    client.keep_result(b"key", b"from the caller")
+    client.close()
+    assert kept_results.find_result(b"key") == b"from the caller"
+    assert run_keeping(server, tmp_path, "one") == "from the caller"
+
+
+@pytest.mark.usefixtures("no_results")
+def test_the_number_and_the_size_of_results_are_limited() -> None:
+    for number in range(kept_results.MOST_RESULTS + 1):
+        kept_results.keep_result(b"%d" % number, b"x")
+    assert kept_results.find_result(b"0") is None and kept_results.find_result(b"1") == b"x"
+    kept_results.keep_result(b"large", bytes(kept_results.MOST_BYTES))
+    assert kept_results.find_result(b"large") is None and kept_results.find_result(b"1") == b"x"
