@@ -13,12 +13,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from lingjing.dsl import Compilation, compile_source, compile_text
+from lingjing.dsl import compile_source
 from lingjing.dsl.diagnostics.codes import CODES
 from lingjing.dsl.source.text import decode_source
 from lingjing.dsl.syntax.tables import load_tables
 from lingjing.dsl.syntax.tokens import INNER, STATEMENTS, SYMBOLS
 from lingjing.errors import UsageError
+from lingjing.testing import Compilation, compile_text
 
 CHECKED = settings(max_examples=120, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 SPELT = {
@@ -234,7 +235,7 @@ def test_import_cycles_end(tmp_path: Path, small: str) -> None:
         (tmp_path / f"{name}.ljs").write_text(f"ljs 1\nuse .{other}\nasset kind_{name} {{ engine = vessel }}\n")
     main = tmp_path / "m.ljs"
     main.write_text(small.replace("ljs 1\n", "ljs 1\nuse .a\n", 1))
-    from lingjing.dsl import compile_file
+    from lingjing.testing import compile_file
 
     compilation = compile_file(str(main))
     assert {item.code for item in compilation.diagnostics} <= {"LJ0119", "LJ0120"} and compilation.mission is None
@@ -247,7 +248,7 @@ def test_paths_cannot_leave_the_project(tmp_path: Path, small: str) -> None:
     os.symlink(tmp_path / "secret.ljs", inner / "link.ljs")
     for path in ("..secret", ".link", "...secret", "./../secret", '"../secret"'):
         (inner / "m.ljs").write_text(small.replace("ljs 1\n", f"ljs 1\nuse {path}\n", 1))
-        from lingjing.dsl import compile_file
+        from lingjing.testing import compile_file
 
         assert compile_file(str(inner / "m.ljs")).mission is None, path
 
