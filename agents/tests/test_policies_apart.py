@@ -15,10 +15,12 @@ import pytest
 import lingjing
 from agents.tests.chat_server import serve
 from agents.tests.test_recorded_calls import ARGUMENTS, TEXT, decisions, looking, play
-from lingjing import EpisodeReport, Session
+from lingjing.data import data_path
+from lingjing.play.episode import Session
 from lingjing.play.policy_processes.preloading import PRELOAD, SERVES
+from lingjing.play.report import EpisodeReport
 from lingjing.processes.fork_client import ForkServer, ForkServerClient
-from lingjing.testing import mission_file, recorded_calls
+from lingjing.trace.call_store import CALLS_NAME, CallReader
 
 
 @pytest.fixture(scope="module")
@@ -30,27 +32,13 @@ def server() -> Iterator[ForkServerClient]:
         client.close()
 
 
-@pytest.fixture(scope="module")
-def apart(server: ForkServerClient) -> Iterator[Session]:
-    """A session with policies in processes of their own. All episodes share its workers."""
-    with Session(policy_server=server) as session:
-        yield session
-
-
-@pytest.fixture(scope="module")
-def here() -> Iterator[Session]:
-    """A session with policies in the process of the tests. All episodes share its workers."""
-    with Session() as session:
-        yield session
-
-
 @pytest.fixture(autouse=True)
 def key(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TEST_KEY", "sk-a-planted-key-4711-0815")
 
 
 def short(folder: Path, mission: str, ticks: int) -> Path:
-    text = mission_file(mission).read_text("utf-8")
+    text = data_path("scenarios", f"{mission}.ljs").read_text("utf-8")
     file = folder / f"{mission}.ljs"
     file.write_text(re.sub(r"ticks <= \d+", f"ticks <= {ticks}", text, count=1), "utf-8")
     return file
@@ -67,16 +55,18 @@ COLUMNS = [
 
 @pytest.mark.parametrize(("mission", "mode", "policy"), COLUMNS)
 def test_one_digest_here_and_apart(
-    mission: str, mode: str, policy: str, apart: Session, here: Session, tmp_path: Path
+    mission: str, mode: str, policy: str, server: ForkServerClient, tmp_path: Path
 ) -> None:
     if mission in ("cd", "ld") and find_spec("libsumo") is None:
         pytest.skip("the road engine is an optional extra")
     text = lingjing.compile(short(tmp_path, mission, 6 if mission == "ssr" else 4))
     options = {"policy": policy, "mode": mode, "seed": 1, "overview": False}
-    first = apart.run(text, out=tmp_path / "apart", **options)
-    second = here.run(text, out=tmp_path / "here", **options)
-    assert first.metrics is not None and first.metrics.substitutions == 0
-    assert (first.digest, first.frames_digest, first.ticks) == (second.digest, second.frames_digest, second.ticks)
+    with Session(policy_server=server) as session:
+        apart = session.run(text, out=tmp_path / "apart", **options)
+    with Session() as session:
+        here = session.run(text, out=tmp_path / "here", **options)
+    assert apart.metrics is not None and apart.metrics.substitutions == 0
+    assert (apart.digest, apart.frames_digest, apart.ticks) == (here.digest, here.frames_digest, here.ticks)
 
 
 @pytest.fixture
@@ -86,14 +76,15 @@ def glance(tmp_path: Path) -> Path:
     return mission
 
 
-def test_a_script_decides_the_same_apart(apart: Session, here: Session, glance: Path, tmp_path: Path) -> None:
+def test_a_script_decides_the_same_apart(server: ForkServerClient, glance: Path, tmp_path: Path) -> None:
     script = tmp_path / "script.json"
     commands = {"0": {"command": {"verb": "takeoff"}}, "1": {"command": {"verb": "takePhoto"}}}
     script.write_text(json.dumps({"scout[1]": commands}))
     options = {"policy": "scripted", "policy_args": {"script": str(script)}, "overview": False, "seed": 1}
-    first = apart.run(glance, out=tmp_path / "apart", **options)
-    second = here.run(glance, out=tmp_path / "here", **options)
-    assert (first.digest, first.frames_digest) == (second.digest, second.frames_digest)
+    with Session(policy_server=server) as session:
+        apart = session.run(glance, out=tmp_path / "apart", **options)
+    here = lingjing.run(glance, out=tmp_path / "here", **options)
+    assert (apart.digest, apart.frames_digest) == (here.digest, here.frames_digest)
 
 
 @dataclass
@@ -111,10 +102,10 @@ class Asking:
 
 
 @pytest.fixture
-def asking(apart: Session, glance: Path) -> Iterator[Asking]:
-    with ExitStack() as stack:
+def asking(server: ForkServerClient, glance: Path) -> Iterator[Asking]:
+    with ExitStack() as stack, Session(policy_server=server) as session:
         service = stack.enter_context(serve(looking()))
-        yield Asking(glance, apart, service.url, stack.close)
+        yield Asking(glance, session, service.url, stack.close)
 
 
 def test_model_calls_cross_the_border(asking: Asking, tmp_path: Path) -> None:
@@ -127,7 +118,7 @@ def test_model_calls_cross_the_border(asking: Asking, tmp_path: Path) -> None:
     assert apart.digest == here.digest == again.digest
     assert decisions(apart) == decisions(here) == decisions(again)
     assert again.warnings == here.warnings
-    counts = [len(recorded_calls(tmp_path / name)) for name in ("apart", "here", "again")]
+    counts = [len(list(CallReader(tmp_path / name / CALLS_NAME).calls())) for name in ("apart", "here", "again")]
     assert len(set(counts)) == 1 and counts[0] > 8
 
 

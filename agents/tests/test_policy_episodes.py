@@ -4,22 +4,26 @@ import itertools
 import math
 from pathlib import Path
 
+import msgspec
 import pytest
 
 import lingjing
-from lingjing import Session, Trace, read_trace
-from lingjing.testing import shortened
+from lingjing.mission.expression import Number
+from lingjing.trace.reader import Trace, read_trace
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "ssr.ljs"
 
 
+def shortened(ticks: int):
+    mission = lingjing.compile(SCENARIO)
+    return msgspec.structs.replace(
+        mission, budget=msgspec.structs.replace(mission.budget, ticks=Number(value=float(ticks)))
+    )
+
+
 @pytest.mark.slow
 def test_the_heuristic_breaks_no_rule_and_without_its_eyes_it_reports_nobody(tmp_path: Path):
-    with Session() as session:
-        first = session.run(shortened(SCENARIO, 14), seed=7, out=tmp_path / "seeing", overview=False, world="inline")
-        blank = session.run(
-            shortened(SCENARIO, 14), seed=7, out=tmp_path / "blank", overview=False, world="inline", blank_pictures=True
-        )
+    first = lingjing.run(shortened(14), seed=7, out=tmp_path / "seeing", overview=False)
     trace = read_trace(first.trace)
     assert {binding.privileged for binding in trace.header.bindings} == {False}
     refused = [
@@ -32,6 +36,9 @@ def test_the_heuristic_breaks_no_rule_and_without_its_eyes_it_reports_nobody(tmp
     assert len(trace.frames) >= 6
     assert any(message.kind == "progress" for record in trace.boundaries for message in record.messages)
     assert reports(trace) > 0
+    blank = lingjing.run(
+        shortened(14), seed=7, out=tmp_path / "blank", overview=False, world="inline", blank_pictures=True
+    )
     assert read_trace(blank.trace).frames
     assert reports(read_trace(blank.trace)) == 0
 

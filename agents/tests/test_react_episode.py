@@ -4,12 +4,13 @@ import json
 from importlib.util import find_spec
 from pathlib import Path
 
+import msgspec
 import pytest
 
 import lingjing
 from agents.tests.chat_server import NOOP, Reply, serve
-from lingjing import read_trace
-from lingjing.testing import shortened
+from lingjing.mission.expression import Number
+from lingjing.trace.reader import read_trace
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "ssr.ljs"
 TICKS = 8
@@ -55,7 +56,10 @@ def test_an_episode_survives_every_failure_and_tells_each(client: str, tmp_path:
     if client == "litellm" and find_spec("litellm") is None:
         pytest.skip("litellm is an optional extra")
     monkeypatch.setenv("REACT_TEST_KEY", "a-key")
-    mission = shortened(SCENARIO, TICKS)
+    mission = lingjing.compile(SCENARIO)
+    mission = msgspec.structs.replace(
+        mission, budget=msgspec.structs.replace(mission.budget, ticks=Number(value=float(TICKS)))
+    )
     with serve(answer) as server:
         result = lingjing.run(
             mission,

@@ -12,9 +12,11 @@ import pytest
 
 import lingjing
 from agents.tests.chat_server import NOOP, Reply, completion, serve
-from lingjing import EpisodeReport, read_trace
+from lingjing.cli.main import main
 from lingjing.errors import UsageError
-from lingjing.testing import recorded_calls, run_command
+from lingjing.play.report import EpisodeReport
+from lingjing.trace.call_store import CALLS_NAME, CallReader
+from lingjing.trace.reader import read_trace
 
 TEXT = """\
 ljs 1
@@ -118,7 +120,7 @@ def test_an_episode_is_replayed_without_its_service_byte_for_byte(tmp_path, miss
     assert played.metrics.calls == 9
 
     def recorded(name: str) -> list[object]:
-        return recorded_calls(tmp_path / name)
+        return list(CallReader(tmp_path / name / CALLS_NAME).calls())
 
     assert recorded("a") == recorded("b") == recorded("c")
     assert len(server.requests) == count
@@ -128,35 +130,35 @@ def test_the_record_can_be_listed_and_read(tmp_path, mission, capsys):
     with serve(looking()) as server:
         report = play(mission, tmp_path / "a", server.url)
         shown = set(re.findall(r"data:image/jpeg;base64,[^\"]*", json.dumps(server.requests)))
-    assert run_command(["calls", report.trace]) == 0
+    assert main(["calls", report.trace]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 1 + 9
     assert lines[0].split()[:3] == ["tick", "agent", "call"]
     assert lines[1].split()[:6] == ["0", "scout[1]", "0", "0", "1", "100"]
-    assert run_command(["calls", str(tmp_path / "a"), "--agent", "scout[1]", "--tick", "1", "--full"]) == 0
+    assert main(["calls", str(tmp_path / "a"), "--agent", "scout[1]", "--tick", "1", "--full"]) == 0
     text = capsys.readouterr().out
     assert "=== tick 1, scout[1], call 1: " in text
     assert "--- user\nYour answer cannot be used: " in text
     assert "--- answer (stop)\nso I look down" in text
     pictures = tmp_path / "pictures"
-    assert run_command(["calls", report.trace, "--output-format", "json", "--pictures", str(pictures)]) == 0
+    assert main(["calls", report.trace, "--output-format", "json", "--pictures", str(pictures)]) == 0
     calls = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert [call["request"]["model"] for call in calls] == ["m"] * 9
     files = list(pictures.iterdir())
     assert files
     assert all(path.read_bytes()[:2] == b"\xff\xd8" for path in files)
     assert len(files) == len(shown)
-    assert run_command(["calls", report.trace, "--pictures", str(mission)]) == 2
+    assert main(["calls", report.trace, "--pictures", str(mission)]) == 2
     assert f"cannot write into `{mission}`" in capsys.readouterr().err
-    assert run_command(["calls", str(tmp_path / "nowhere")]) == 2
-    assert run_command(["calls", str(mission)]) == 2
+    assert main(["calls", str(tmp_path / "nowhere")]) == 2
+    assert main(["calls", str(mission)]) == 2
 
 
 def test_no_key_is_in_anything_that_is_left(tmp_path, mission):
     with serve(lambda request: Reply({**NOOP, "thought": f"your key is {KEY}"})) as server:
         report = play(mission, tmp_path / "a", server.url)
     assert read_trace(report.trace).boundaries
-    assert "***" in Path(report.trace).with_name("calls.sqlite").read_bytes().decode("latin-1")
+    assert "***" in Path(report.trace).with_name(CALLS_NAME).read_bytes().decode("latin-1")
     for path in (tmp_path / "a").iterdir():
         assert KEY[3:].encode() not in path.read_bytes(), path
 
@@ -236,7 +238,7 @@ def test_live_leaves_no_record_and_who_asks_nobody_neither(tmp_path, mission):
     with serve([Reply()]) as server:
         play(mission, tmp_path / "a", server.url, calls="live")
     lingjing.run(mission, policy="random", overview=False, world="inline", out=tmp_path / "b")
-    assert not list(tmp_path.glob("*/calls.sqlite"))
+    assert not list(tmp_path.glob(f"*/{CALLS_NAME}"))
 
 
 def test_money_is_never_passed(tmp_path, mission):
@@ -255,7 +257,7 @@ def test_processes_of_one_command_share_the_limit(tmp_path, mission, capsys):
     with serve([Reply(body=json.dumps(answer))]) as server:
         options = [f"--policy-arg={name}={value}" for name, value in {**ARGUMENTS, "base_url": server.url}.items()]
         command = ["run", str(mission), "--policy=react", *options, "--seeds=0-3", "-j2", "--no-overview"]
-        code = run_command([*command, "--max-tokens=40000", "--json", f"-o{tmp_path / 'runs'}"])
+        code = main([*command, "--max-tokens=40000", "--json", f"-o{tmp_path / 'runs'}"])
         assert 1 <= len(server.requests) <= 10  # one too many is the fault; how many are set aside at once is chance
     assert code == 3
     assert "tokens: the limit of 40000 does not cover another call" in capsys.readouterr().err

@@ -7,6 +7,7 @@ members of a group a rule can be true of, and in which modes a declaration exist
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 from lingjing.errors import MissionError
@@ -16,7 +17,7 @@ from lingjing.mission.evaluate import Scope
 from lingjing.mission.fold import Composite, Literal, Meaning, Meanings
 from lingjing.mission.functions import operation
 from lingjing.mission.intervals import ANYTHING, Bounds, Estimate, both, either, exactly, greatest, least, total
-from lingjing.mission.values import Area, EvaluationContext, Interval, Place, Value, is_number
+from lingjing.mission.values import Area, EvaluationContext, Interval, Members, Place, Value, is_number
 
 
 class Knowledge:
@@ -36,6 +37,14 @@ class Knowledge:
     def members(self, domain: str) -> Sequence[Value] | None:
         """Return the members of a group or the messages of a kind; None if they are unknown."""
         return None
+
+    def any_member(self, domain: str) -> Value:
+        """Return an arbitrary member of a domain with unknown members; None if nothing is known of it."""
+        return None
+
+    def defined(self, expr: ex.Expr) -> bool:
+        """Return whether every value in the expression exists, so that a condition that is not true is false."""
+        return True
 
     def spot(self, value: Value) -> Estimate | None:
         """Return the position of an entity."""
@@ -94,7 +103,7 @@ class _Certain:
                 left, right = operands
                 return lambda names, known: joined(_flag(left(names, known)), _flag(right(names, known)))
             case ex.Unary(operator="not"):
-                return _negation(operands[0])
+                return _negation(node.operand, operands[0])
             case ex.Call(rule=True):
                 return lambda names, known: known.answer(node, [operand(names, known) for operand in operands])
         operation_entry = operation(node)
@@ -117,7 +126,7 @@ class _Certain:
         def each(names: Mapping[str, Value], knowledge: Knowledge) -> Value:
             members = knowledge.members(node.domain)
             if members is None:
-                return None
+                return _unlisted(node, body, names, knowledge)
             values = [body({**names, node.variable: member}, knowledge) for member in members]
             return _joined(node, values) if isinstance(node, ex.Quantified) else _aggregated(node.function, values)
 
@@ -131,10 +140,12 @@ def _flag(value: Value) -> bool | None:
     return value if isinstance(value, bool) else None
 
 
-def _negation(operand: Meaning) -> Meaning:
+def _negation(node: ex.Expr, operand: Meaning) -> Meaning:
     def negated(names: Mapping[str, Value], knowledge: Knowledge) -> Value:
         value = _flag(operand(names, knowledge))
-        return None if value is None else not value
+        if value is None or (value and not knowledge.defined(node)):
+            return None
+        return not value
 
     return negated
 
@@ -148,16 +159,31 @@ def _estimate(value: Value, knowledge: Knowledge) -> Value:
     return value if isinstance(value, Bounds) else knowledge.spot(value)
 
 
+_PLAIN = (bool, int, float, str, Place, Area, Interval, Members, tuple)
+"""Types of exact values."""
+
+
 def exact(function: operations.Function, context: EvaluationContext, values: Sequence[Value]) -> Value:
-    """The value of a function of exact operands; None if an operand is not exact or the function has no value for these
-    operands."""
-    if any(value is None or (isinstance(value, Bounds) and not value.exact) for value in values):
+    """The value of a function of exact operands; None if an operand is not exact, or stands for something of a running
+    mission, or if the function has no value for these operands."""
+    if not all(value.exact if isinstance(value, Bounds) else isinstance(value, _PLAIN) for value in values):
         return None
     plain = [value.low if isinstance(value, Bounds) else value for value in values]
     try:
         return known(function(context, *plain))
     except MissionError:
         return None
+
+
+def _unlisted(
+    node: ex.Quantified | ex.Aggregate, body: Meaning, names: Mapping[str, Value], knowledge: Knowledge
+) -> Value:
+    """The value over a domain with unknown members: a condition that no member can meet is met by none of them."""
+    if isinstance(node, ex.Quantified):
+        member = knowledge.any_member(node.domain) if node.quantifier == "exists" else None
+        met = None if member is None else _flag(body({**names, node.variable: member}, knowledge))
+        return False if met is False else None
+    return Bounds(0.0, math.inf) if node.function == "count" else None
 
 
 def _joined(node: ex.Quantified, values: Sequence[Value]) -> bool | None:

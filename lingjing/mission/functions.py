@@ -359,7 +359,7 @@ OPERATIONS: Mapping[str, Operation] = {
         _plain("floor", math.floor, intervals.monotone(math.floor)),
         _plain("ceil", math.ceil, intervals.monotone(math.ceil)),
         _plain("round", round, intervals.monotone(round)),
-        Operation("iou", operations.iou, words="the overlap of {0} with {1}", measure="IoU "),
+        Operation("iou", operations.iou, intervals.share, words="the overlap of {0} with {1}", measure="IoU "),
         _fact("truth", words="the true box of {0} in {1}", secret=True, stable=True),
         _fact("emitted", words="an engine has performed {0}[ on {1}]", of_time=True, about=("event",), at_start=False),
         _fact("assigned", words="{0} is assigned to {1}", at_start=False),

@@ -99,6 +99,11 @@ def distance(first: Estimate | Bounds, second: Estimate | Bounds) -> Bounds:
     return Bounds(max(0.0, apart - off), apart + off)
 
 
+def share(first: Estimate | Bounds, second: Estimate | Bounds) -> Bounds:
+    """A part of a whole: the overlap of two boxes, whatever they are."""
+    return Bounds(0.0, 1.0)
+
+
 def monotone(function: Callable[[float], float]) -> Callable[[Bounds], Bounds]:
     """A non-decreasing function over bounds; anything if it has no value at an end."""
 

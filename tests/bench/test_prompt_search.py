@@ -6,17 +6,17 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing import EpisodeReport, PlayOptions
 from lingjing.bench import prompt_search
 from lingjing.bench.folder import lock_folder
 from lingjing.bench.prompt_search import RESULTS, KeptSearch, PromptSearch
+from lingjing.cli.main import main
 from lingjing.errors import ExitCode, InfrastructureError, UsageError
-from lingjing.play.parallel import EpisodeProcesses
+from lingjing.play.options import PlayOptions
+from lingjing.play.parallel import EpisodeTask
+from lingjing.play.report import ABORTED, EpisodeReport
 from lingjing.plugins.calls import CallRequest, CallResult, ModelCalls, SpendingLimitError
 from lingjing.plugins.prompts import Revision, TriedPrompt
-from lingjing.testing import run_command
-from tests.bench.suite_kit import EpisodeTask
-from tests.play.report_kit import ABORTED, blank_metrics
+from tests.play.report_kit import blank_metrics
 
 WON = {"first": (), "worse": (), "better": (1, 2), "equal": (1, 3), "all": (1, 2, 3), "aborting": (), "dear": ()}
 """Which seeds a prompt wins."""
@@ -54,7 +54,7 @@ def played(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
     """Replaces episodes: a prompt's text names the seeds that it wins. Returns the list of played episodes."""
     done: list[tuple[str, int]] = []
 
-    def play(processes: EpisodeProcesses, tasks: Sequence[EpisodeTask], jobs: int):
+    def play(tasks: Sequence[EpisodeTask], jobs: int):
         for task in tasks:
             text = Path(str(task.options.policy_args["prompt"])).read_text()
             seed = task.options.seed
@@ -70,7 +70,7 @@ def played(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
                 metrics=blank_metrics(answers=seed, json_compliance=1.0),
             )  # fmt: skip
 
-    monkeypatch.setattr(EpisodeProcesses, "play", play)
+    monkeypatch.setattr(prompt_search, "play_apart", play)
     monkeypatch.setattr(prompt_search, "read_trace", lambda path: path)
     monkeypatch.setattr(prompt_search, "_failed_episode", lambda trace: f"failed in {trace}")
     return done
@@ -195,7 +195,7 @@ def test_a_round_whose_answer_is_no_prompt_is_over_and_the_next_one_is_told(tmp_
 
 def test_seeds_of_the_evaluation_are_refused(capsys: pytest.CaptureFixture[str]):
     command = ["prompts", "improve", "ssr", "-o", "x.txt", "--seeds", "150-160", "--held-out", "0-199"]
-    assert run_command(command) == ExitCode.USAGE
+    assert main(command) == ExitCode.USAGE
     assert "150 is both" in capsys.readouterr().err
 
 
@@ -204,19 +204,19 @@ def test_a_paid_search_says_what_it_costs_and_starts_with_a_limit_alone(
 ):
     monkeypatch.setenv("OPENAI_API_KEY", "sk-something-long-enough")
     command = ["prompts", "improve", "ssr", "-o", str(tmp_path / "x.txt"), "--policy-arg", "model=gpt-5.5"]
-    assert run_command(command) == ExitCode.USAGE
+    assert main(command) == ExitCode.USAGE
     errors = capsys.readouterr().err
     assert "100 episodes" in errors
     assert "--max-cost" in errors
     assert not list(tmp_path.iterdir())
     command[-1] = "model=unheard-of"
-    assert run_command([*command, "--max-cost", "5"]) == ExitCode.USAGE
+    assert main([*command, "--max-cost", "5"]) == ExitCode.USAGE
     assert "those of unheard-of are unknown" in capsys.readouterr().err
 
 
 def test_shipped_prompts_are_listed_and_shown(capsys: pytest.CaptureFixture[str]):
-    assert run_command(["prompts", "list"]) == ExitCode.OK
+    assert main(["prompts", "list"]) == ExitCode.OK
     assert [line.split()[1] for line in capsys.readouterr().out.splitlines()] == ["P0", "P1"]
-    assert run_command(["prompts", "show", "P0"]) == ExitCode.OK
+    assert main(["prompts", "show", "P0"]) == ExitCode.OK
     assert capsys.readouterr().out.startswith("You are `$agent`, $role: $goal")
-    assert run_command(["prompts", "show", "P9"]) == ExitCode.USAGE
+    assert main(["prompts", "show", "P9"]) == ExitCode.USAGE

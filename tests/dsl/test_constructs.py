@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from lingjing import Mission
+from lingjing.dsl import compile_text
 from lingjing.mission import expression as ex
 from lingjing.mission.instance import Instance, StateSpec
-from lingjing.testing import compile_text, instantiate
+from lingjing.mission.instantiate import instantiate
+from lingjing.mission.model import Mission
 
 
 def added(small: str, *lines: str, use: str = "") -> Mission:

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import pytest
 
+from lingjing.dsl import compile_text
 from lingjing.dsl.diagnostics.codes import CODES
-from lingjing.testing import compile_text
 
+NEVER_RESCUED = "constraint hard calm { always not emitted(rescue, victim[1]) }"
 # code, what is replaced in the small mission, by what, line, column, a part of the message
 CASES = [
     ("LJ0601", "-51.8 m", "-2951.8 m", 34, 14, "2,901.8 m at 3.5 m/s at most, margins included, take at least 829 s"),
     ("LJ0601", "ticks <= 60", "ticks <= 2", 34, 14, "the budget is 2 ticks of 10 s = 20 s"),
     ("LJ0602", "ticks <= 60", "ticks <= 1", 38, 3, "takes at least 2 ticks, the budget is 1 tick"),
     ("LJ0605", "report from searcher", "report from coordinator", 33, 10, "in broadcast mode, no agent can send"),
-    ("LJ0606", "per v\n  success", "per v\n  relation dependency execute -> detect\n  success", 37, 23, "`detect` ->"),
+    ("LJ0606", "exists r: matched(v, r)\n  adj", "rescued(v)\n  adj", 33, 10, "that for `rescued(victim[1])` again"),
     ("LJ0607", "emitted(rescue, v)", "emitted(rescue, v) and assigned(uav[1], v)", 34, 14, "no agent can assign"),
     ("LJ0608", "    camera", "    band = 2 km..3 km\n    camera", 33, 14, "1.007 px at most, 2 px are needed"),
     ("LJ0609", ", takePhoto }", " }", 32, 14, "`takePhoto` is not among its actions"),
@@ -23,6 +24,8 @@ CASES = [
     ("LJ0612", "forall v in victim: rescued(v)", "rescued(victim[1]) and 1 > 2", 38, 3, "`1 > 2` never holds"),
     ("LJ0612", "forall v in victim: rescued(v)", "now < 0 s", 38, 3, "`now < 0 s` never holds"),
     ("LJ0612", "forall v in victim: rescued(v)", "not (uavs <= 10)", 38, 3, "`not uavs <= 10` never holds"),
+    ("LJ0613", "  success", "  event g at 60 tick { appear victim[1] }\n  success", 18, 10, "appears at 600 s"),
+    ("LJ0614", "  success", f"  {NEVER_RESCUED}\n  success", 34, 14, "a hard constraint forbids what it needs"),
 ]  # fmt: skip
 FAR = """\
 ljs 1
@@ -70,9 +73,26 @@ def test_code(small: str, code: str, old: str, new: str, line: int, column: int,
     (diagnostic,) = compilation.diagnostics
     assert (diagnostic.code, diagnostic.span.line, diagnostic.span.column) == (code, line, column)
     assert part in diagnostic.message
-    lost_in_one_mode_alone = " mode, " in diagnostic.message
-    assert diagnostic.severity == ("warning" if lost_in_one_mode_alone else "error")
-    assert (compilation.mission is not None) == lost_in_one_mode_alone
+    assert diagnostic.severity == "error" and compilation.mission is None
+
+
+def test_a_proof_of_another_mode_than_the_missions_own_is_a_warning(small: str) -> None:
+    def severity(text: str) -> tuple[str, ...]:
+        return tuple(item.severity for item in compile_text(text).diagnostics)
+
+    closed = small.replace(
+        "message detection : report from searcher to all",
+        "message detection : report from searcher to all when mode == MODE",
+    )
+    assert severity(closed.replace("MODE", "star")) == ("error",)
+    assert severity(closed.replace("MODE", "broadcast")) == ("warning",)
+
+
+def test_stages_that_wait_for_each_other_are_a_warning(small: str) -> None:
+    text = small.replace("per v\n  success", "per v\n  relation dependency execute -> detect\n  success")
+    (diagnostic,) = compile_text(text).diagnostics
+    assert (diagnostic.code, diagnostic.severity) == ("LJ0606", "warning")
+    assert "these stages wait for each other: `detect` -> `execute` -> `detect`" in diagnostic.message
 
 
 @pytest.mark.parametrize(

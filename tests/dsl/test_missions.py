@@ -11,10 +11,11 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing import Mission
+from lingjing.dsl import compile_file
 from lingjing.mission.document import decode, encode
 from lingjing.mission.instance import Instance, StateSpec
-from lingjing.testing import compile_file, instantiate
+from lingjing.mission.instantiate import instantiate
+from lingjing.mission.model import Mission
 
 ROOT = Path(__file__).parents[2]
 GOLDEN = Path(__file__).with_name("golden") / "missions.txt"

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-import lingjing
-from lingjing.testing import instantiate
+from lingjing.dsl.loading.load import load_mission
+from lingjing.mission.instantiate import instantiate
 
 STORED = sorted((Path(__file__).parent / "data" / "ljs-1").glob("*.ljs"))
 
@@ -16,5 +16,5 @@ def test_there_are_stored_missions() -> None:
 
 @pytest.mark.parametrize("path", STORED, ids=lambda path: path.stem)
 def test_a_stored_mission_compiles_and_can_be_drawn(path: Path) -> None:
-    mission = lingjing.compile(str(path))
+    mission = load_mission(str(path))
     assert instantiate(mission, seed=1).entities

@@ -8,19 +8,19 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
-import numpy.typing as npt
 import pytest
 
-from lingjing.engines.camera import array_cache, cityscape
-from lingjing.engines.camera.array_cache import cached_array
+from lingjing.data import CACHE_OFF
+from lingjing.engines.camera import cityscape, mesh_cache
 from lingjing.engines.camera.building_meshes import building
+from lingjing.engines.camera.engine import CameraEngine
 from lingjing.engines.camera.instances import ROW, matrix, mesh_radius, prop_batches
-from lingjing.engines.camera.mesh_cache import MeshCache
+from lingjing.engines.camera.mesh_cache import MeshCache, Texture, cached_texture
 from lingjing.engines.camera.noise import grain_texture
 from lingjing.engines.camera.structure_meshes import solid
 from lingjing.engines.camera.tile_mesh import TileMesh, mesh_tile
 from lingjing.scene.city import City, Prop
-from tests.engines.camera_town import WHY_NOT, CameraEngine, look, pieces, ready
+from tests.engines.camera_town import WHY_NOT, look, pieces, ready
 
 CITY = City(id="c", origin=(0.0, 0.0), bounds=(-400.0, -400.0, 400.0, 400.0))
 
@@ -28,7 +28,7 @@ CITY = City(id="c", origin=(0.0, 0.0), bounds=(-400.0, -400.0, 400.0, 400.0))
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.delenv("LINGJING_NO_CACHE", raising=False)
+    monkeypatch.delenv(CACHE_OFF, raising=False)
     return tmp_path / "lingjing" / "meshes"
 
 
@@ -63,27 +63,27 @@ def test_a_tile_that_is_made_again_is_made_of_the_meshes_that_the_process_holds(
 def test_a_kept_texture_is_the_made_one_and_a_damaged_one_is_made_again(folder: Path) -> None:
     made: list[int] = []
 
-    def make() -> npt.NDArray[np.uint8]:
+    def make() -> Texture:
         made.append(1)
         return grain_texture()
 
-    first, second = cached_array("grain", make), cached_array("grain", make)
+    first, second = cached_texture("grain", make), cached_texture("grain", make)
     assert (first.shape, first.dtype, first.tobytes()) == (second.shape, second.dtype, second.tobytes())
     assert len(made) == 1
     (file,) = folder.iterdir()
     file.write_bytes(file.read_bytes()[:-1] + b"?")
-    assert cached_array("grain", make).tobytes() == first.tobytes()
+    assert cached_texture("grain", make).tobytes() == first.tobytes()
     assert len(made) == 2
-    assert cached_array("another", make).tobytes() == first.tobytes()
+    assert cached_texture("another", make).tobytes() == first.tobytes()
     assert len(list(folder.iterdir())) == 2
 
 
 def test_a_texture_is_made_where_nothing_can_be_kept(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder.parent.write_bytes(b"no folder")
     # The name is unique to this test: the temporary folder belongs to the process, and other tests keep textures there.
-    assert cached_array("nowhere", lambda: np.zeros((2, 2, 1), np.uint8)).shape == (2, 2, 1)
-    monkeypatch.setenv("LINGJING_NO_CACHE", "1")
-    assert cached_array("grain", lambda: np.ones((2, 2, 1), np.uint8)).all()
+    assert cached_texture("nowhere", lambda: np.zeros((2, 2, 1), np.uint8)).shape == (2, 2, 1)
+    monkeypatch.setenv(CACHE_OFF, "1")
+    assert cached_texture("grain", lambda: np.ones((2, 2, 1), np.uint8)).all()
 
 
 def test_a_kept_mesh_is_the_made_one_and_is_not_made_again(folder: Path) -> None:
@@ -101,7 +101,7 @@ def test_another_city_other_code_and_other_tiles_are_not_mixed_up(monkeypatch: p
     MeshCache(CITY).tile((0, 0), make)
     MeshCache(CITY).tile((0, 1), make)
     MeshCache(msgspec.structs.replace(CITY, datum_m=1.0)).tile((0, 0), make)
-    monkeypatch.setattr(array_cache, "_code_sha256", lambda: "of another version")
+    monkeypatch.setattr(mesh_cache, "_code_sha256", lambda: "of another version")
     MeshCache(CITY).tile((0, 0), make)
     assert len(made) == 4
 
@@ -145,7 +145,7 @@ def test_a_damaged_file_is_made_anew(folder: Path, damage: Callable[[bytes], byt
 def test_where_the_cache_is_off_nothing_is_read_or_kept(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     make, made = counted()
     MeshCache(CITY).tile((0, 0), make)
-    monkeypatch.setenv("LINGJING_NO_CACHE", "1")
+    monkeypatch.setenv(CACHE_OFF, "1")
     before = sorted(folder.iterdir())
     MeshCache(CITY).tile((0, 0), make)
     MeshCache(CITY).tile((0, 1), make)

@@ -7,7 +7,7 @@ import signal
 
 import pytest
 
-import lingjing
+from lingjing.dsl.loading.load import load_mission
 from lingjing.envs.stepping import SteppedEpisodes
 from lingjing.kernel.world.process import ProcessWorld
 from lingjing.play import selfcheck
@@ -20,7 +20,7 @@ MOVES = {"flyer": "takeoff", "walker": "takePhoto"}
 
 @pytest.fixture
 def game() -> SteppedEpisodes:
-    return SteppedEpisodes(lingjing.compile(str(selfcheck.MISSION)), None, {}, "random", "process")
+    return SteppedEpisodes(load_mission(str(selfcheck.MISSION)), None, {}, "random", "process")
 
 
 def played(game: SteppedEpisodes, seed: int) -> list[str]:

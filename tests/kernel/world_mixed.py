@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from lingjing.mission.expression import Flag
 from lingjing.mission.instance import (
     AgentSpec,
     Budget,
@@ -17,8 +18,9 @@ from lingjing.mission.instance import (
 )
 from lingjing.scene.city import Building, City, Water
 from lingjing.scene.network import StreetEdge, StreetNode, build_network
-from lingjing.testing import bare_instance, declared
 from lingjing.trace.records import Command
+from tests.bare_instance import bare_instance
+from tests.declared import declared
 
 SPAN_M = 200.0
 VERBS = ("takeoff", "setDestination", "forward", "left", "right", "stop", "moveTo")
@@ -125,7 +127,7 @@ def instance(uavs: int = 2, dogs: int = 1, vans: int = 1, traffic: int = 20, syn
         weather=Weather(wind_mps=3.0, wind_from_deg=200.0, turbulence=0.1, wave_height_m=0.4, visibility_m=10_000.0),
         agents=agents,
         comms=CommsSpec(mode="broadcast", hub=None, range_m=600.0),
-        won=False,
+        success=Flag(value=False),
     )
 
 

@@ -10,7 +10,6 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing import testing
 from lingjing.data import data_path
 from lingjing.plugins.engine import Boundary
 
@@ -27,7 +26,7 @@ def shipped_types() -> frozenset[str]:
 
 def shipped_missions() -> frozenset[str]:
     """The missions by name."""
-    return frozenset(path.stem for path in testing.shipped_missions())
+    return frozenset(path.stem for path in data_path("scenarios").glob("*.ljs"))
 
 
 def identifiers(tree: ast.AST) -> set[str]:

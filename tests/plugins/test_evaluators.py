@@ -12,14 +12,16 @@ from types import SimpleNamespace
 
 import pytest
 
-from lingjing import Session, builtin, read_trace
-from lingjing import run as lingjing_run
+from lingjing import builtin
 from lingjing.errors import PluginError, UsageError
 from lingjing.kernel.adjudication import Adjudicator
+from lingjing.play.episode import Session
+from lingjing.play.episode import run as lingjing_run
 from lingjing.plugins.evaluator import EpisodeState, Evaluation, EvaluatorPlugin
 from lingjing.plugins.hookspecs import hookimpl
+from lingjing.plugins.host import PluginHost
 from lingjing.plugins.options import Field, PluginOptions
-from lingjing.testing import PluginHost
+from lingjing.trace.reader import read_trace
 
 MISSION = """\
 ljs 1

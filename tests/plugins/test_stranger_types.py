@@ -9,15 +9,17 @@ import msgspec
 import numpy as np
 import pytest
 
-from lingjing import Mission
+from lingjing.dsl import compile_text
 from lingjing.engines.camera.engine import CameraEngine
 from lingjing.mission.appearance import COLOURS
 from lingjing.mission.instance import Instance
+from lingjing.mission.instantiate import instantiate
+from lingjing.mission.model import Mission
 from lingjing.plugins.bodies import solid_size
 from lingjing.plugins.conformance import BodyCase, ConformanceError, check_body, check_can_be_hit, check_is_seen
 from lingjing.plugins.engine import CaptureRequest, EngineSpec
 from lingjing.plugins.geometry import world_to_pixel
-from lingjing.testing import brief_of, city_of, compile_text, instantiate
+from lingjing.scene.bay import build
 from lingjing.trace.records import BodyState, CameraPose
 
 TYPES = """ljs 1
@@ -105,8 +107,9 @@ def test_mission_and_instance_carry_the_body(strange: Mission, instance: Instanc
 
 
 def test_agents_are_not_told_what_engines_alone_need(instance: Instance) -> None:
+    from lingjing.kernel.visibility import Projector
 
-    brief = brief_of(instance, instance.agents[0].id)
+    brief = Projector(instance).brief(instance.agents[0], ())
     (balloon,) = brief.resources
     assert balloon.id == "balloon" and not {"length_m", "colour", "shape"} & balloon.properties.keys()
 
@@ -116,7 +119,7 @@ def test_a_balloon_of_six_metres_is_drawn_six_metres_large_in_its_colour(instanc
                       height=640)  # fmt: skip
     engine = CameraEngine()
     try:
-        engine.reset(EngineSpec(engine="camera", instance=instance, owns=()), city_of(instance.scene), 1)
+        engine.reset(EngineSpec(engine="camera", instance=instance, owns=()), build(instance.scene), 1)
         request = CaptureRequest(frame="f", entity="balloon", camera="c", tick=0, time_s=0.0, pose=pose)
         (frame,) = engine.capture((request,))
         look = CaptureRequest(frame="g", entity="balloon", camera="front", tick=0, time_s=0.0)
@@ -149,7 +152,7 @@ def test_what_is_nothing_to_be_seen_fails_it(strange: Mission, instance: Instanc
 
 def test_the_kit_finds_a_body_of_another_size_than_it_says(instance: Instance) -> None:
     rig = next(one for one in instance.entities if one.id == "rig")
-    city = city_of(instance.scene)
+    city = build(instance.scene)
     parts = tuple(msgspec.structs.replace(part, height_m=9.0) for part in rig.parts)
     tall = msgspec.structs.replace(rig, parts=parts)
     entities = tuple(tall if one.id == "rig" else one for one in instance.entities)
@@ -161,7 +164,7 @@ def test_nobody_collides_with_a_shape_of_none(instance: Instance) -> None:
     kiosk = next(one for one in instance.entities if one.id == "kiosk")
     ghost = msgspec.structs.replace(kiosk, properties={**kiosk.properties, "shape": "none"})
     assert solid_size(ghost) is None and solid_size(kiosk) is not None
-    check_can_be_hit(BodyCase(instance, city_of(instance.scene), ghost))
+    check_can_be_hit(BodyCase(instance, build(instance.scene), ghost))
 
 
 def test_a_sphere_is_not_hit_beside_where_its_box_would_be(instance: Instance) -> None:

@@ -12,7 +12,8 @@ from lingjing.mission.instance import Entity
 from lingjing.scene.city import Building, City, Prop
 from lingjing.scene.plan import PlanShape
 from lingjing.scene.surroundings import city_meshes, shapes_around, surroundings
-from lingjing.testing import bare_instance, declared
+from tests.bare_instance import bare_instance
+from tests.declared import declared
 
 OUTLINE = ((0.0, 0.0), (10.0, 0.0), (10.0, 20.0), (0.0, 20.0))
 YARD = ((2.0, 2.0), (2.0, 6.0), (6.0, 6.0), (6.0, 2.0))

@@ -94,5 +94,7 @@ CODES: dict[str, str] = {
     "LJ0610": "a counted budget below what is needed",
     "LJ0611": "more places than fit into their region",
     "LJ0612": "more is required than there is",
+    "LJ0613": "success that comes too late",
+    "LJ0614": "a hard constraint that bars success",
 }
 """Code → meaning."""

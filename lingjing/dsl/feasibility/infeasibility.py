@@ -1,7 +1,8 @@
 """`report_infeasibility`: the proofs of `lingjing.mission.feasibility` as diagnostics at the declarations concerned.
 
-It runs over a mission without errors. Hints (`feasibility.wide`, `feasibility.start`), and proofs that hold only in
-some modes, become warnings. A declaration in a base mission is reported at the base's name.
+It runs over a mission without errors. Hints (`feasibility.wide`, `feasibility.start`, `feasibility.order`), and proofs
+that do not hold in the mission's own mode, become warnings. A declaration in a base mission is reported at the base's
+name.
 """
 
 from __future__ import annotations
@@ -10,7 +11,8 @@ from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission.diagnostics import Related, Severity
 from lingjing.mission.feasibility import Proof, prove
-from lingjing.mission.feasibility.start import lost_at_start, won_at_start
+from lingjing.mission.feasibility.order import circular_stages
+from lingjing.mission.feasibility.start import won_at_start
 from lingjing.mission.feasibility.wide import too_wide
 from lingjing.mission.model import Mission
 
@@ -19,7 +21,7 @@ _Place = tuple[int, int]
 
 def report_infeasibility(mission: Mission, tree: s.File, report: Reporter) -> None:
     """Report every proof that the mission cannot be won, and every hint."""
-    proofs, hints = prove(mission), (*too_wide(mission), *won_at_start(mission), *lost_at_start(mission))
+    proofs, hints = prove(mission), (*too_wide(mission), *won_at_start(mission), *circular_stages(mission))
     node = next((item for item in tree.items if isinstance(item, s.MissionBlock)), None)
     if not (proofs or hints) or node is None:
         return
@@ -46,32 +48,46 @@ def _places(node: s.MissionBlock) -> dict[str, _Place]:
     return places
 
 
+_KINDS: tuple[tuple[type[s.Statement], str], ...] = (
+    (s.RuleBlock, "rule"),
+    (s.UnlockLine, "unlock"),
+    (s.MessageLine, "message"),
+    (s.LimitLine, "limit"),
+    (s.ConstraintBlock, "constraint"),
+    (s.EventBlock, "event"),
+)
+"""Declarations with a name, and the first part of their paths."""
+
+
 def _named(item: s.Statement) -> list[tuple[str, _Place]]:
     match item:
         case s.EntityBlock():
             return [(f"{item.keyword}/{item.name.text}", _at(item.name))]
-        case s.RuleBlock():
-            return [(f"rule/{item.name.text}", _at(item.name))]
-        case s.UnlockLine():
-            return [(f"unlock/{item.name.text}", _at(item.name))]
-        case s.MessageLine():
-            return [(f"message/{item.name.text}", _at(item.name))]
-        case s.LimitLine():
-            return [(f"limit/{item.name.text}", _at(item.name))]
         case s.StageBlock():
             inner = [pair for part in item.block.items for pair in _named(part)]
             return [(f"stage/{item.name.text}", _at(item.name)), *inner]
-        case s.ConstraintBlock():
-            return [(f"constraint/{item.name.text}", _at(item.name))]
         case s.RelationLine():
             return [(f"{item.kind.text}/{item.source.text}/{item.target.text}", (item.source.start, item.target.end))]
+        case s.PermitLine():
+            return [(f"permit/{_permitted(item.resource)}", (item.resource.start, item.resource.end))]
         case s.OutcomeLine():
             return [(item.keyword, (item.start, item.start + len(item.keyword)))]
         case s.SettingsBlock(keyword="budget"):
             return [
                 (f"budget/{p.name.text}", (p.start, p.end)) for p in item.block.items if isinstance(p, s.PropertyLine)
             ]
-    return []
+    kind = next((kind for node, kind in _KINDS if isinstance(item, node)), "")
+    name = getattr(item, "name", None)
+    return [(f"{kind}/{name.text}", _at(name))] if kind and isinstance(name, s.Name) else []
+
+
+def _permitted(channel: s.ObservedChannel) -> str:
+    """The group and the verb of a permit, `uav/takePhoto`; no verb after `uav.*`."""
+    source = channel.source
+    verb = source.name.text if isinstance(source, s.FieldExpr) and not channel.everything else ""
+    owner = source.base if isinstance(source, s.FieldExpr) and verb else source
+    owner = owner.base if isinstance(owner, s.Subscript) else owner
+    return f"{owner.text if isinstance(owner, s.Name) else ''}/{verb}"
 
 
 def _at(name: s.Name) -> _Place:

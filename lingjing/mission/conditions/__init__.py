@@ -13,5 +13,6 @@ Modules in control-flow order:
 - `reads`: the leaves of one condition. `survey`: all conditions with their leaves and gates.
 - `spread`: places and numbers before the seed is known. `motion`: upper bounds of speed and flight time.
 - `outline`: a mission (every seed) or an instance (one seed) in the form that the builder of needs and proofs read.
+- `episode`: bounds of every quantity that hold during the whole episode.
 - `needs`: the tree of needs. `condition_needs`: its construction from a condition.
 """

@@ -18,7 +18,8 @@ import msgspec
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
 from lingjing.mission import operations
-from lingjing.mission.certain import Knowledge, exact, known, truth
+from lingjing.mission.certain import exact, known, truth
+from lingjing.mission.conditions.episode import EpisodeKnowledge
 from lingjing.mission.conditions.needs import (
     NOTHING,
     AtLeast,
@@ -75,22 +76,6 @@ def mentions(expr: ex.Expr, outline: Outline, domains: Mapping[str, str] | None 
     return tuple(leaves(of_groups(expr, outline, domains)))
 
 
-class _Declared(Knowledge):
-    """Facts that hold at all times: declared values, and that time is not negative."""
-
-    def __init__(self, outline: Outline) -> None:
-        self._outline = outline
-
-    def name(self, ref: ex.Ref) -> Value:
-        """A parameter, the mode, or a duration of the clock."""
-        if ref.name == "now":
-            return Bounds(0.0, math.inf)
-        try:
-            return None if ref.kind in ("group", "entity") else known(self._outline.scope.refer(ref))
-        except MissionError:
-            return None
-
-
 class _ConditionNeeds:
     """Builds the needs of one condition of an outline. Rules are expanded, and unlocks too, unless `whole_groups` is
     set."""
@@ -103,7 +88,7 @@ class _ConditionNeeds:
         for unlock in outline.instance.unlocks:
             if unlock.condition != ex.Flag(value=True):  # `true` has no needs
                 self.unlocks.setdefault(unlock.interaction, []).append(unlock)
-        self.declared = _Declared(outline)
+        self.declared = EpisodeKnowledge(outline)
         self.meanings = Meanings(_SEMANTICS)  # not shared: every trace has its own expressions, which are kept alive
         self.at = ""
         self._left = _MAX_NODES
@@ -279,7 +264,7 @@ def _applied(node: Composite, operands: tuple[Meaning, ...]) -> Meaning:
             return lambda names, on: _never(node, on) or _mentioned((_as_need(operands[0](names, on)),))
         case ex.Binary(operator="in" | "==" | "!=" | "<" | "<=" | ">" | ">=" as symbol):
             left, right = operands
-            return lambda names, on: _never(node, on) or _compared(symbol, left(names, on), right(names, on), on)
+            return lambda names, on: _compared_or_never(node, symbol, left(names, on), right(names, on), on)
         case ex.Index(base=ex.Ref(name=group)):
             return lambda names, on: _picked(group, operands[1](names, on), on)
         case ex.Call(rule=True):
@@ -453,6 +438,11 @@ def _compared(symbol: str, left: Value, right: Value, on: _ConditionNeeds) -> Ne
     if symbol == "==":
         return _all((_at_most(left, right, on), _at_most(right, left, on)))
     return _at_most(left, right, on)
+
+
+def _compared_or_never(node: Composite, symbol: str, left: Value, right: Value, on: _ConditionNeeds) -> Need:
+    need = _compared(symbol, left, right, on)
+    return need if isinstance(need, Impossible) else _never(node, on) or need
 
 
 def _never(node: Composite, on: _ConditionNeeds) -> Need | None:

@@ -24,10 +24,12 @@ _DRIFT = "drift_mps"
 
 
 class Air(msgspec.Struct, frozen=True):
-    """The strongest wind and current of the whole mission, m/s."""
+    """The strongest wind and current of the whole mission, m/s, and its highest waves."""
 
     wind_mps: float = 0.0
     current_mps: float = 0.0
+    wave_m: float = 0.0
+    """The highest waves, metres."""
 
 
 def bounds(entity: Entity, drawn: dict[str, Bounds], name: str) -> Bounds:
@@ -68,3 +70,16 @@ def flight_s(entity: Entity, drawn: dict[str, Bounds]) -> float:
 def drives(entity: Entity) -> bool:
     """True if the entity has a command that moves it."""
     return any(verb.name not in IDLE_VERBS for verb in entity.verbs)
+
+
+def roaming_verbs(entity: Entity) -> tuple[str, ...]:
+    """The commands that move the entity away from its place in the plane: none that only raises it or turns it on the
+    spot."""
+    kind = engine_kind(entity.engine)
+    return tuple(
+        verb.name
+        for verb in entity.verbs
+        if verb.name not in IDLE_VERBS
+        and verb.motion not in ("up", "down", "turn")
+        and not any(kind.is_above_start(verb.name, argument.name) for argument in verb.arguments)
+    )

@@ -6,17 +6,20 @@ draw open: a proof holds for every seed. Checks read only outlines.
 
 from __future__ import annotations
 
+import math
+
 import msgspec
 
 from lingjing.mission import expression as ex
 from lingjing.mission import model
-from lingjing.mission.conditions.motion import Air, bounds, ceiling, drives, flight_s
+from lingjing.mission.conditions.motion import Air, bounds, ceiling, drives, flight_s, roaming_verbs
 from lingjing.mission.conditions.spread import PossiblePlaces, numbers, places, point
 from lingjing.mission.evaluate import Area, Scope, number
-from lingjing.mission.instance import Entity, Instance, InteractionSpec
+from lingjing.mission.instance import AgentSpec, Allowance, Budget, Entity, Instance, InteractionSpec
 from lingjing.mission.instance_entities import GROUND_REACH_M, count_of
 from lingjing.mission.instantiate import instantiate, parameters
 from lingjing.mission.intervals import Bounds
+from lingjing.mission.kinds import engine_kind
 
 ENTITIES_MOST = 150
 """A mission with more entities or agents is not checked, because compilation must stay fast (chosen)."""
@@ -26,6 +29,11 @@ _MAX_DISPLACEMENT_M = {"ground": GROUND_REACH_M} | dict.fromkeys(
 )
 """The largest distance, metres, by which the scene moves an entity declared `on` a surface: only the built city has the
 surface's position."""
+
+
+_SWAY_M = 20.0
+"""Metres by which a body may leave its place that no command moves in the plane (chosen): it sways as it climbs or
+turns."""
 
 
 class Body(msgspec.Struct, frozen=True):
@@ -42,6 +50,10 @@ class Body(msgspec.Struct, frozen=True):
     """Upper bound of its flight time on one battery, seconds."""
     driven: bool
     """True if some agent may command it to move."""
+    idle_mps: float = math.inf
+    """Upper bound of its speed before its first command, m/s."""
+    tether_m: float = math.inf
+    """The largest distance from its start at which its own commands can bring it, metres."""
     aboard: frozenset[str] = frozenset()
     """Ids of the entities that may carry it away."""
     aboard_m: float = 0.0
@@ -74,6 +86,10 @@ class Outline(msgspec.Struct, frozen=True):
     """The declared message kinds, including those without a sender in this mode."""
     drawn_sites: tuple[tuple[str, int, PossiblePlaces], ...] = ()
     """(name, number of members, region) of each group with drawn places."""
+    wave_m: float = 0.0
+    """The highest waves of the mission, metres."""
+    drawn_events: bool = False
+    """True if the time of an event is drawn."""
 
     @property
     def ticks(self) -> int:
@@ -92,7 +108,11 @@ class Outline(msgspec.Struct, frozen=True):
 def of_instance(instance: Instance) -> Outline:
     """The exact outline of one instance."""
     weathers = (instance.weather, *(event.weather for event in instance.events if event.weather is not None))
-    air = Air(max(weather.wind_mps for weather in weathers), max(weather.current_mps for weather in weathers))
+    air = Air(
+        max(weather.wind_mps for weather in weathers),
+        max(weather.current_mps for weather in weathers),
+        max(weather.wave_height_m for weather in weathers),
+    )
     return _outline(instance, _scope(instance), air, {}, frozenset(message.kind for message in instance.messages))
 
 
@@ -102,7 +122,9 @@ def of_mission(mission: model.Mission, mode: str) -> Outline:
     instance = instantiate(_without_draws(mission), mode=mode)
     scope = _scope(instance, _open_regions(mission))
     opened = {group.name: _opened(group, scope) for group in mission.groups if _is_there(group.name, instance)}
-    return _outline(instance, scope, _air(mission, scope), opened, frozenset(kind.name for kind in mission.messages))
+    kinds = frozenset(kind.name for kind in mission.messages)
+    drawn_events = any(isinstance(event.at, ex.Draw) for event in mission.events)
+    return _outline(instance, scope, _air(mission, scope), opened, kinds, drawn_events=drawn_events)
 
 
 def too_large(mission: model.Mission, mode: str) -> bool:
@@ -120,15 +142,35 @@ _Opened = tuple[PossiblePlaces | None, dict[str, Bounds]]
 """For a group: the possible places of its members if they are drawn, and the bounds of its drawn numbers."""
 
 
-def _outline(instance: Instance, scope: Scope, air: Air, opened: dict[str, _Opened], kinds: frozenset[str]) -> Outline:
-    driven = {name for agent in instance.agents for name in agent.commands}
+def _outline(
+    instance: Instance,
+    scope: Scope,
+    air: Air,
+    opened: dict[str, _Opened],
+    kinds: frozenset[str],
+    *,
+    drawn_events: bool = False,
+) -> Outline:
+    driven = {name for agent in able_agents(instance) for name in agent.commands}
+    driven |= {inspection.asset for inspection in instance.inspections}  # the kernel commands their routes
     bodies = {entity.id: _body(entity, air, opened, driven, instance) for entity in instance.entities}
     groups: dict[str, list[Body]] = {}
     for body in bodies.values():
         groups.setdefault(body.entity.group, []).append(body)
     whole = {name: tuple(bodies_of_group) for name, bodies_of_group in groups.items()}
     sites = tuple((name, len(whole.get(name, ())), where) for name, (where, _) in opened.items() if where)
-    return Outline(instance, scope, bodies, whole, kinds, sites)
+    return Outline(instance, scope, bodies, whole, kinds, sites, air.wave_m, drawn_events)
+
+
+def able_agents(instance: Instance) -> tuple[AgentSpec, ...]:
+    """The agents that are called at all: none without an allowance of tokens or money from the start."""
+    if _spent(instance.budget):
+        return ()
+    return tuple(agent for agent in instance.agents if agent.budget is None or not _spent(agent.budget))
+
+
+def _spent(bound: Budget | Allowance) -> bool:
+    return any(most is not None and most <= 0 for most in (bound.tokens, bound.money_usd))
 
 
 def _body(entity: Entity, air: Air, opened: dict[str, _Opened], driven: set[str], instance: Instance) -> Body:
@@ -143,6 +185,8 @@ def _body(entity: Entity, air: Air, opened: dict[str, _Opened], driven: set[str]
         speed_mps=ceiling(entity, drawn, air, driven=moves),
         flight_s=flight_s(entity, drawn),
         driven=moves,
+        idle_mps=ceiling(entity, drawn, air, driven=False),
+        tether_m=_SWAY_M if engine_kind(entity.engine).stays and not roaming_verbs(entity) else math.inf,
         aboard=frozenset(actor.id for interaction in carrying for actor in instance.actors(interaction)),
         aboard_m=max((interaction.within_m for interaction in carrying), default=0.0),
     )
@@ -199,11 +243,12 @@ def _opened(group: model.Group, scope: Scope) -> _Opened:
 
 def _air(mission: model.Mission, scope: Scope) -> Air:
     weathers = [mission.weather, *(change.weather for event in mission.events for change in event.changes)]
-    wind, current = (
-        max((_upper_bound(prop, scope) for weather in weathers for prop in weather if prop.name == name), default=0.0)
-        for name in ("wind_mps", "current_mps")
+    return Air(
+        *(
+            max((_upper_bound(prop, scope) for weather in weathers for prop in weather if prop.name == name), default=0)
+            for name in ("wind_mps", "current_mps", "wave_height_m")
+        )
     )
-    return Air(wind, current)
 
 
 def _upper_bound(prop: model.Property, scope: Scope) -> float:

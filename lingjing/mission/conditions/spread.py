@@ -47,6 +47,21 @@ def gap(first: PossiblePlaces, second: PossiblePlaces) -> float:
     return max(0.0, nearest - first.loose_m - second.loose_m)
 
 
+def farthest(first: PossiblePlaces, second: PossiblePlaces) -> float:
+    """The largest possible distance in metres; infinity if it is not known."""
+    if not first.outlines or not second.outlines:
+        return math.inf
+    corners = [corner for outline in second.outlines for corner in outline]
+    most = max(math.dist(corner, other) for outline in first.outlines for corner in outline for other in corners)
+    return most + first.loose_m + second.loose_m
+
+
+def extent(where: PossiblePlaces, axis: int) -> Bounds:
+    """The bounds of the east (axis 0) or north (axis 1) coordinate of the places, metres."""
+    numbers = [corner[axis] for outline in where.outlines for corner in outline]
+    return Bounds(min(numbers), max(numbers)) if numbers else ANYTHING
+
+
 def places(draw: ex.Draw, scope: Scope, group: str) -> PossiblePlaces:
     """Every place that a draw of positions can give."""
     if draw.distribution == "sites" and len(draw.arguments) == 1:

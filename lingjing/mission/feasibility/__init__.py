@@ -10,10 +10,13 @@ Modules in control-flow order:
 
 - `proof`: the result, and comparisons with slack. `limits`: the available time.
 - `travel`, `tour`: time and energy of one visit and of several. `seeing`: pictures. `payload`: loads and trips.
-  `counting`: counted budgets. `order`: cyclic dependencies. `start_places`: errors in
-  start positions.
+  `counting`: counted budgets. `message_size`: the smallest message of a kind. `start_places`: errors in start
+  positions.
 - `refutation`: all checks of one tree of needs, with those of messages and assignments.
-- `wide`, `start`: hints, not proofs: satellite pictures much wider than the scene; success or failure at the start.
+- `steps`, `truths`: macro-steps at which a condition may hold or certainly holds. `readings`: conditions in this form.
+  `milestones`: the earliest moments of the facts that they wait for. `deadlines`: success after the episode's end.
+- `start`: missions that are won or lost at the start. `wide`, `order`: hints, not proofs: satellite pictures much
+  wider than the scene, stages that wait for each other.
 
 Only needs of success count. A stage that cannot end matters if its own budget of ticks ends the episode before success
 can hold. Missions are checked at their default settings, in each of their modes; other settings are checked when their
@@ -31,10 +34,11 @@ from lingjing.mission.conditions.condition_needs import needs, some_member
 from lingjing.mission.conditions.needs import Need
 from lingjing.mission.conditions.outline import ENTITIES_MOST, Outline, of_instance, of_mission, too_large
 from lingjing.mission.evaluate import number
+from lingjing.mission.feasibility.deadlines import deadline
 from lingjing.mission.feasibility.limits import TimeLimit, episode, of_stage
-from lingjing.mission.feasibility.order import refute_order
 from lingjing.mission.feasibility.proof import Proof, gathered
 from lingjing.mission.feasibility.refutation import refute
+from lingjing.mission.feasibility.start import lost_at_boundary_0
 from lingjing.mission.feasibility.start_places import OVERLAP, refute_overlaps, refute_places, refute_standing
 from lingjing.mission.instance import Instance
 
@@ -44,8 +48,8 @@ __all__ = ["Proof", "prove", "prove_instance", "prove_outline"]
 def prove(mission: model.Mission) -> tuple[Proof, ...]:
     """Proofs that the mission cannot be won at its default settings, for any seed, in at least one of its modes.
 
-    A proof is `partly` one if another mode may be winnable. The result is empty if nothing is proved, if the mission
-    cannot be evaluated, or if it is too large.
+    A proof is `partly` one if it does not hold in the mission's own mode. The result is empty if nothing is proved, if
+    the mission cannot be evaluated, or if it is too large.
     """
     modes = mission.modes.allowed
     modes_of_proof: dict[Proof, list[str]] = {}
@@ -62,7 +66,8 @@ def prove(mission: model.Mission) -> tuple[Proof, ...]:
                 continue  # bodies of an imported document are kept apart when the city is there
             modes_of_proof.setdefault(proof, []).append(mode)
             lost.add(mode)
-    return tuple(_in_modes(proof, where, modes, len(lost)) for proof, where in modes_of_proof.items())
+    partly = mission.modes.default not in lost
+    return tuple(_in_modes(proof, where, modes, partly=partly) for proof, where in modes_of_proof.items())
 
 
 def prove_instance(instance: Instance) -> tuple[Proof, ...]:
@@ -75,9 +80,15 @@ def prove_outline(outline: Outline) -> tuple[Proof, ...]:
     places = [*refute_places(outline), *refute_standing(outline), *refute_overlaps(outline)]
     if places:
         return gathered(places)
-    success = needs(outline.instance.success, outline, "success")
-    whole = episode(outline)
-    return gathered([*refute_order(outline), *refute(success, whole, outline, "success"), *_stages(outline, success)])
+    lost = lost_at_boundary_0(outline)
+    if lost:
+        return gathered(lost)
+    timing, success = deadline(outline), needs(outline.instance.success, outline, "success")
+    if timing.is_lost_at_start:
+        return timing.proofs
+    late = _stages(outline, success)
+    limit = episode(outline) if late else timing.limit(outline)
+    return gathered([*refute(success, limit, outline, "success"), *late] or timing.proofs)
 
 
 def _stages(outline: Outline, success: Need) -> list[Proof]:
@@ -105,9 +116,9 @@ def _own(stage: model.Stage, outline: Outline) -> TimeLimit:
         return episode(outline)
 
 
-def _in_modes(proof: Proof, where: list[str], modes: tuple[str, ...], lost: int) -> Proof:
-    """The proof with the modes in which it holds, if the mission has others. `lost` counts modes that cannot be won."""
+def _in_modes(proof: Proof, where: list[str], modes: tuple[str, ...], *, partly: bool) -> Proof:
+    """The proof with the modes in which it holds, if the mission has others."""
     if len(where) == len(modes):
         return proof
     message = f"in {' and '.join(where)} mode, {proof.message}"
-    return msgspec.structs.replace(proof, message=message, partly=lost < len(modes))
+    return msgspec.structs.replace(proof, message=message, partly=partly)

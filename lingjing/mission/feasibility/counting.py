@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-from lingjing.mission.conditions.motion import IDLE_VERBS
+from lingjing.mission.conditions.episode import EpisodeKnowledge
+from lingjing.mission.conditions.motion import IDLE_VERBS, roaming_verbs
 from lingjing.mission.conditions.needs import AtLeast, Need, NeedLeaf, PictureNeed, ReportNeed, VisitNeed
 from lingjing.mission.conditions.outline import Body, Outline
+from lingjing.mission.conditions.spread import PossiblePlaces, gap
 from lingjing.mission.feasibility.limits import TimeLimit
 from lingjing.mission.feasibility.proof import Proof, exceeds, spelled
-from lingjing.mission.feasibility.seeing import takes_pictures_by_itself
+from lingjing.mission.feasibility.seeing import as_drawn, sight_m, takes_pictures_by_itself
 from lingjing.mission.feasibility.tour import length
-from lingjing.mission.instance import LimitSpec, VerbSpec
+from lingjing.mission.instance import CameraSpec, LimitSpec, VerbSpec
 from lingjing.mission.kinds import engine_kind
+from lingjing.mission.vocabulary import PHOTO
 
 _SWING_M = 2.0
 """Metres added to the displacement of a command for the vehicle's turn (chosen). The engine's overshoot comes
@@ -39,7 +42,11 @@ def refute_counts(leaves: Sequence[NeedLeaf], limit: TimeLimit, outline: Outline
     """Proofs that a counted budget of the episode, or its budget of messages, is below the needed number."""
     reports = _reports(leaves)
     proofs = [_messages(counted, reports) for counted in outline.instance.limits if not counted.stage]
-    proofs += [_commands(counted, leaves, limit, outline) for counted in outline.instance.limits if not counted.stage]
+    proofs += [
+        _commands(counted, leaves, limit, outline) or _orders(counted, leaves, outline)
+        for counted in outline.instance.limits
+        if not counted.stage
+    ]
     most, needed = outline.instance.budget.messages, sum(reports.values())
     if most is not None and needed > most:
         proofs.append(
@@ -116,7 +123,7 @@ def _commands(counted: LimitSpec, leaves: Sequence[NeedLeaf], limit: TimeLimit, 
 def _longest_step(body: Body, counted: LimitSpec) -> float:
     """The longest displacement of one counted command, metres; infinity if it has no bound or not all commands are
     counted."""
-    names = {item.name for item in counted.counts if item.kind == "command" and item.resource == body.id}
+    names = _counted_verbs(counted, body)
     moving = [verb for verb in body.entity.verbs if verb.name not in IDLE_VERBS]
     overshoot = engine_kind(body.entity.engine).overshoot
     if overshoot is None or not names or not moving:
@@ -134,3 +141,87 @@ def _step(verb: VerbSpec, overshoot: float) -> float:
     if verb.motion in ("straight", "route") or length is None or length.maximum is None:
         return math.inf
     return length.maximum * overshoot + _SWING_M
+
+
+# -- one command at least
+
+
+def _orders(counted: LimitSpec, leaves: Sequence[NeedLeaf], outline: Outline) -> Proof | None:
+    """A proof that the limit allows fewer commands than bodies that must be moved and pictures that must be requested.
+
+    Each body that must move takes one counted command at least, and a picture on request takes another one.
+    """
+    if not any(item.kind == "command" for item in counted.counts):
+        return None
+    knowledge = EpisodeKnowledge(outline)
+    moved = {
+        leaf.movers[0].id: leaf.movers[0]
+        for leaf in leaves
+        if isinstance(leaf, VisitNeed) and len(leaf.movers) == 1
+        if _must_move(leaf.movers[0], leaf.goal, leaf.radius_m, knowledge, counted)
+    }
+    costs = [
+        min((_shot(counted, moved, leaf.target, mount, knowledge) for mount in _mounts(outline)), default=(0, ""))
+        for leaf in leaves
+        if isinstance(leaf, PictureNeed)
+    ]
+    needed, shot = max([*costs, (0, "")])
+    needed += len(moved)
+    if needed <= counted.most:
+        return None
+    parts = [*(f"a motion of `{name}`" for name in moved), *([shot] if shot else [])]
+    return Proof(
+        "LJ0610",
+        f"limit/{counted.name}",
+        f"success takes at least {needed} commands ({', '.join(parts)}), and `{counted.name}` allows {counted.most}",
+        "raise the limit",
+    )
+
+
+def _mounts(outline: Outline) -> list[tuple[Body, CameraSpec]]:
+    return [(body, camera) for body in outline.bodies.values() for camera in body.entity.cameras]
+
+
+def _shot(
+    counted: LimitSpec,
+    moved: Mapping[str, Body],
+    target: Body,
+    mount: tuple[Body, CameraSpec],
+    knowledge: EpisodeKnowledge,
+) -> tuple[int, str]:
+    """The number of counted commands, besides those of `moved` bodies, that a picture with this camera takes at least,
+    and their description."""
+    carrier, camera = mount
+    names = _counted_verbs(counted, carrier)
+    on_request = camera.capture != "each_tick" and ("" in names or PHOTO in names)
+    radius = sight_m(carrier, camera, target, knowledge)
+    must_move = (
+        carrier.id not in moved
+        and math.isfinite(radius)
+        and _must_move(carrier, as_drawn(target), radius, knowledge, counted)
+    )
+    parts = [f"a motion of `{carrier.id}`"] * must_move + [f"`{PHOTO}` of `{carrier.id}`"] * on_request
+    return len(parts), ", ".join(parts)
+
+
+def _must_move(
+    body: Body, goal: Body | PossiblePlaces, radius: float, knowledge: EpisodeKnowledge, counted: LimitSpec
+) -> bool:
+    """True if the body comes within the radius of the goal only by a counted command."""
+    outline, names = knowledge.outline, _counted_verbs(counted, body)
+    verbs = roaming_verbs(body.entity)
+    if body.aboard or not names or not ("" in names or all(verb in names for verb in verbs)):
+        return False
+    if any(inspection.asset == body.id for inspection in outline.instance.inspections):
+        return False
+    near = knowledge.drift_m(body)
+    if isinstance(goal, Body):
+        radius = max(radius, goal.aboard_m)
+        near += knowledge.drift_m(goal) if goal.aboard <= {body.id} else knowledge.reach_m(goal)
+        goal = goal.where
+    return gap(body.where, goal) - radius - near > _SWING_M
+
+
+def _counted_verbs(counted: LimitSpec, body: Body) -> set[str]:
+    """The counted verbs of a body; "" stands for all of them."""
+    return {item.name for item in counted.counts if item.kind == "command" and item.resource == body.id}

@@ -28,7 +28,7 @@ class Proof(msgspec.Struct, frozen=True):
     subject: str = ""
     """The entity or message that the proof is about."""
     partly: bool = False
-    """True if it holds in some modes of the mission and not in others."""
+    """True if it holds in some modes of the mission, but not in its own one."""
 
 
 def gathered(proofs: Iterable[Proof]) -> tuple[Proof, ...]:

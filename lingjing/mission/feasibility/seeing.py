@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 
+import msgspec
+
 from lingjing.mission.appearance import UNSAID_M
+from lingjing.mission.conditions.episode import EpisodeKnowledge
 from lingjing.mission.conditions.needs import PictureNeed
 from lingjing.mission.conditions.outline import Body, Outline
 from lingjing.mission.feasibility.proof import Proof, both, exceeds, spelled
 from lingjing.mission.instance import CameraSpec
-from lingjing.mission.kinds import engine_kind
+from lingjing.mission.kinds import engine_kind, scene_kind
 from lingjing.mission.vocabulary import PHOTO
 
 _RESOLVED_PX = 2.0
@@ -21,6 +24,9 @@ _EXTENTS = ("length_m", "width_m", "height_m")
 
 _MAX_EXTENTS_M = {"person_in_water": 2.5}
 """Upper bounds of the extents of models, metres. Other models may show flames, spray or people at any distance."""
+
+_SUNK_M = 10.0
+"""Metres by which a target may lie below its surface or beside its place, beyond its declared place (chosen)."""
 
 _RAISED_M = {"ground": 100.0, "road": 100.0, "water": 0.0, "None": 0.0}
 """Upper bound of the height by which the scene raises a body on a surface, metres; others have no bound."""
@@ -48,6 +54,37 @@ def _takes_pictures(body: Body, camera: CameraSpec, outline: Outline) -> bool:
 def takes_pictures_by_itself(outline: Outline) -> bool:
     """True if some camera takes a picture at each tick."""
     return any(c.capture == "each_tick" for body in outline.bodies.values() for c in body.entity.cameras)
+
+
+def as_drawn(target: Body) -> Body:
+    """The target as pictures show it: without carriers, if it is not drawn while it is aboard.
+
+    A target that drifts takes the status word of the interaction that takes it aboard, and is absent then
+    (`lingjing.engines.bodies.is_absent`). Another interaction or a nature of its own could give it another word.
+    """
+    entity = target.entity
+    unseen = "drift_mps" in entity.properties and not entity.state and entity.blocked_m is None
+    if unseen and all(interaction.aboard for interaction in entity.interactions):
+        return msgspec.structs.replace(target, aboard=frozenset())
+    return target
+
+
+def sight_m(carrier: Body, camera: CameraSpec, target: Body, knowledge: EpisodeKnowledge) -> float:
+    """The largest distance in the plane from which a camera can show a target, metres; infinity if there is none.
+
+    Only a camera that looks straight down has one: its carrier cannot rise higher than its altitude band.
+    """
+    size, scene = _extent_m(target), knowledge.outline.instance.scene
+    mount = next((mount for mount in carrier.entity.mounts if mount.view == camera.view), None)
+    ahead_m = abs(mount.ahead_m) if mount is not None else 0.0
+    straight_down = camera.view == "nadir" and (mount is None or (mount.gimbal and mount.tilt_deg >= 90.0))
+    highest = knowledge.coordinate(carrier, 2).high
+    if not straight_down or math.isinf(size) or math.isinf(highest) or scene_kind(scene.kind) is None:
+        return math.inf
+    lowest = min(0.0, scene.datum_m, target.entity.position[2]) - _SUNK_M
+    focal = camera.width / (2.0 * math.tan(math.radians(camera.hfov_deg) / 2.0))
+    corner = math.hypot(camera.width / 2.0, camera.height / 2.0) / focal
+    return (highest - lowest) * corner + size + ahead_m + _SUNK_M
 
 
 def _extent_m(target: Body) -> float:

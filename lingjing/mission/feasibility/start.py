@@ -1,4 +1,4 @@
-"""Hints for missions that are won or lost at boundary 0, before any agent acts. Such a mission measures nothing.
+"""Missions that are won or lost at boundary 0, before any agent acts. Such a mission measures nothing.
 
 Every result is certain: True and False hold for every seed, and unknown values are None. At the start, states and
 properties of targets have their declared values; nothing was reported, assigned or performed.
@@ -41,10 +41,9 @@ def won_at_start(mission: model.Mission) -> tuple[Proof, ...]:
     return _hints(mission, lambda start: (("success", message),) if start.success() else (), _WON)
 
 
-def lost_at_start(mission: model.Mission) -> tuple[Proof, ...]:
-    """Hints at the failure condition and at each hard constraint that decide the episode at the start in every seed,
-    with the modes."""
-    return _hints(mission, lambda start: tuple(start.losses()), _LOST)
+def lost_at_boundary_0(outline: Outline) -> list[Proof]:
+    """Proofs at the failure condition and at each hard constraint that decide the episode at the start."""
+    return [Proof(_LOST.code, at, message, _LOST.hint) for at, message in _StartKnowledge(outline).losses()]
 
 
 def _hints(
@@ -144,7 +143,7 @@ class _StartKnowledge(Knowledge):
         """The value of a function at the start. A rule about a message is false; another rule is evaluated."""
         if not call.rule:
             operation_entry = operation(call)
-            return None if operation_entry is None else operation_entry.at_start
+            return None if operation_entry is None or _differs_at_start(arguments) else operation_entry.at_start
         rule = self._rules.get(call.function)
         if rule is None or rule.name in self._open or len(rule.parameters) != len(arguments):
             return None
@@ -159,3 +158,9 @@ class _StartKnowledge(Knowledge):
         value = truth(rule.condition, names, self)
         self._open.pop()
         return value
+
+
+def _differs_at_start(arguments: Sequence[Value]) -> bool:
+    """True if an argument is a body that is absent at the start, or takes pictures by then."""
+    bodies = [argument.entity for argument in arguments if isinstance(argument, Body)]
+    return any(body.dormant or any(camera.capture == "each_tick" for camera in body.cameras) for body in bodies)
