@@ -1,4 +1,7 @@
-"""`lingjing fmt`: format mission files; comments, units and the digits of numbers are kept."""
+"""`lingjing fmt`: format mission files, and upgrade them to the newest version of the language.
+
+Comments, units and the digits of numbers are kept.
+"""
 
 from __future__ import annotations
 
@@ -25,13 +28,17 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--diff", action="store_true", help="write nothing; print the changes, and exit with 1 if there are any"
     )
+    parser.add_argument(
+        "--upgrade", action="store_true", help="rewrite files of an earlier version of the language in the newest one"
+    )
 
 
 def handler(args: argparse.Namespace) -> int:
     """Format the files. Exit codes: 0 done, 1 syntax errors or a file would change, 2 a file cannot be read (others
     are formatted).
     """
-    codes = [_file(name, check=args.check, diff=args.diff) for word in args.files for name in _files(word)]
+    names = [name for word in args.files for name in _files(word)]
+    codes = [_file(name, check=args.check, diff=args.diff, upgrade=args.upgrade) for name in names]
     return max(codes, default=ExitCode.OK)
 
 
@@ -48,22 +55,23 @@ def _files(word: str) -> list[str]:
     return files
 
 
-def _file(name: str, *, check: bool, diff: bool) -> int:
+def _file(name: str, *, check: bool, diff: bool, upgrade: bool) -> int:
     from lingjing.dsl.diagnostics.fixes import unified_diff
     from lingjing.dsl.diagnostics.render import render_text, summary
     from lingjing.dsl.formatting.formatter import format_source
     from lingjing.dsl.loading.load import source_of
+    from lingjing.dsl.upgrade import upgrade_source
 
     try:
         source = source_of(name)
     except UsageError as error:
         say_error(error)
         return ExitCode.USAGE
-    formatted = format_source(source)
+    formatted = upgrade_source(source) if upgrade else format_source(source)
     if formatted.text is None:
         color = sys.stderr.isatty() and "NO_COLOR" not in os.environ
         write_styled(sys.stderr, render_text(formatted.diagnostics, source, color=color))
-        say(f"{name}: not formatted: {summary(formatted.diagnostics)}")
+        say(f"{name}: not {'upgraded' if upgrade else 'formatted'}: {summary(formatted.diagnostics)}")
         return ExitCode.MISSION
     changes = name != "-" and formatted.text.encode() != Path(name).read_bytes()
     if diff:

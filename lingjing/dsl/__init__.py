@@ -14,6 +14,7 @@ The packages are phases. Each uses only those before it, in the order in which a
 - `formatting`: text → the same text in the standard layout.
 - `printing`: `Mission` → text that compiles to it. `pages`: `Mission` → documentation page.
 - `diagnostics`: diagnostics for users and programs, and the application of fixes.
+- `upgrade`: a text of an earlier version of the language → one of the newest.
 - `loading`: a file or the name of a shipped mission → `Mission`, cached by content.
 
 Invariants: one run reports every error of a file, in source order. A faulty part is left out of later checks; the parts

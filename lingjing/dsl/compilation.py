@@ -49,6 +49,7 @@ def compile_source(source: SourceText, *, offers: Offers | None = None) -> Compi
 
 def _compile(source: SourceText, offers: Offers | None) -> Compilation:
     from lingjing.dsl.checking.checker import check
+    from lingjing.dsl.checking.leaks import check_leaks
     from lingjing.dsl.feasibility.infeasibility import report_infeasibility
     from lingjing.dsl.feasibility.playability import check_playability
     from lingjing.dsl.source.reporter import Reporter
@@ -57,12 +58,13 @@ def _compile(source: SourceText, offers: Offers | None) -> Compilation:
 
     report = Reporter(source)
     if not source.text.strip():
-        report("LJ0007", 0, 0, "the file is empty", "begin with `ljs 1`; the shipped mission `ssr` is an example")
+        report("LJ0007", 0, 0, "the file is empty", "begin with `ljs 2`; the shipped mission `ssr` is an example")
         return Compilation(None, tuple(report.diagnostics), source)
     tree = parse(report)
     mission = check(tree, report)
     if mission is None:
         return Compilation(None, in_source_order(tuple(report.diagnostics)), source)
+    mission = check_leaks(mission, tree, report)
     report_infeasibility(mission, tree, report)
     check_playability(mission, tree, report)
     if offers is not None:

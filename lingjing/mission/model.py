@@ -536,6 +536,15 @@ class Reveal(Record, frozen=True, kw_only=True):
     role: str
 
 
+class Declassification(Record, frozen=True, kw_only=True):
+    """`declassify dog.forward because "…"`: agents may infer hidden values from what a condition decides."""
+
+    what: str
+    """`end`, a command `asset.verb` (`asset.*` for all verbs), or the name of a constraint, a stage or a limit."""
+    reason: str
+    """The author's reason."""
+
+
 class Origin(Record, frozen=True, kw_only=True):
     """The source of the mission."""
 
@@ -586,6 +595,7 @@ class Mission(Record, frozen=True, kw_only=True):
     inspections: tuple[Inspection, ...] = ()
     events: tuple[EventDeclaration, ...] = ()
     sweeps: tuple[Sweep, ...] = ()
+    declassified: tuple[Declassification, ...] = ()
 
     def __repr__(self) -> str:
         """One line; `lingjing.mission.document.encode` writes the complete mission."""

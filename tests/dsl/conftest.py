@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 SMALL = """\
-ljs 1
+ljs 2
 use std.air { quadrotor }
 use std.sea { lifeboat, person_in_water }
 use std.messages { report, assignment }
@@ -43,6 +43,7 @@ mission small "A small mission" {
   stage execute per v in victim { done when rescued(v) }
   relation dependency detect -> execute per v
   success when forall v in victim: rescued(v)
+  declassify end because "it ends when all are rescued"
 }
 """
 

@@ -50,7 +50,7 @@ CASES = [
     ("LJ0114", "may command boat", "may command victim", 30, 34, "agents cannot command it"),
     ("LJ0115", "as coordinator when", "as coordinator controls boat when", 29, 43, "controlled by two agents"),
     ("LJ0116", "observes cells }", "observes search }", 29, 63, "cannot be observed"),
-    ("LJ0117", "ljs 1", "ljs 9", 1, 5, "version 9"),
+    ("LJ0117", "ljs 2", "ljs 9", 1, 5, "version 9"),
     ("LJ0118", "use std.sea", "use std.see", 3, 5, "no library `std.see`"),
     ("LJ0121", "Find everybody.", "Find {uav[}.", 7, 14, "is no name"),
     ("LJ0122", "{ datum = sea", '{ map = "../a.osm", datum = sea', 8, 21, "leads out of the project"),
@@ -90,6 +90,13 @@ CASES = [
     ("LJ0402", "tick = 10 s", "hidden tick = 10 s", 9, 11, "cannot be hidden"),
     ("LJ0403", "observes cells }", "observes cells, uav.position }", 29, 70, "receives no picture of its cameras"),
     ("LJ0403", "observes uav[i].*, ", "observes uav[i].position, ", 27, 68, "`scout` observes fields of `uav[i]`"),
+    ("LJ0404", "\n  declassify end", "\n  # declassify end", 38, 3, "depends on `victim`, which hides its `position`"),
+    ("LJ0404", "  success", "  permit boat.moveTo when exists r: matched(victim[1], r)\n  success", 38, 10,
+     "receipts show whether `boat.moveTo` is permitted, which depends on `victim`, which hides"),
+    ("LJ0404", "  success", "  constraint hard far { always distance_xy(boat, victim[1]) >= 1 m }\n  success", 38, 19,
+     "the episode ends when `far` is broken, which depends on `victim`"),
+    ("LJ0404", "{ done when rescued(v) }", "{ done when rescued(v), ticks <= 40 }", 36, 9, "stage `execute` is late"),
+    ("LJ0406", "  success", '  declassify boat.stop because "x"\n  success', 38, 14, "there is nothing to declassify"),
     ("LJ0501", "sync = 500 ms", "sync = 3 s", 9, 31, "no whole multiple"),
     ("LJ0501", "sync = 500 ms", "sync = 1e-9 ms", 9, 31, "at most 100,000 are possible"),
     ("LJ0503", "  success", "  sweep s over uavs in 1..10000000\n  success", 38, 24, "10,000,000 values"),
@@ -101,7 +108,7 @@ CASES = [
     ("LJ0511", "  success", f"  {HARD.replace('>= 0', '> 0')}\n  success", 38, 19, "`dry` does not hold at the start"),
     ("LJ0502", "hub = commander when mode == star, ", "", 15, 3, "star mode has no hub"),
 ]  # fmt: skip
-ELSEWHERE = {"LJ0007", "LJ0008", "LJ0009", "LJ0119", "LJ0120", "LJ0124", "LJ0505", "LJ0506", "LJ0509"} | {
+ELSEWHERE = {"LJ0405", "LJ0007", "LJ0008", "LJ0009", "LJ0119", "LJ0120", "LJ0124", "LJ0505", "LJ0506", "LJ0509"} | {
     code for code in CODES if code.startswith("LJ06") or code in ("LJ0125", "LJ0126", "LJ0210")
 }
 """Codes with examples in separate files; tested below, in `test_infeasibility`, `test_inputs`,

@@ -94,7 +94,7 @@ def test_counted_budgets(small: str) -> None:
 def test_a_stage_has_limits_of_its_own(small: str) -> None:
     text = small.replace(
         "{ done when rescued(v) }", "{ done when rescued(v), ticks <= 40, weight = 2\n limit tries <= 3 counts boat.* }"
-    )
+    ).replace("declassify end", "declassify end, execute, tries")
     mission = compile_text(text).mission
     assert mission is not None
     instance = instantiate(mission)
@@ -104,7 +104,11 @@ def test_a_stage_has_limits_of_its_own(small: str) -> None:
 
 
 def test_permits(small: str) -> None:
-    (permit,) = made(small, "permit boat.moveTo when exists r: matched(victim[1], r)").permits
+    (permit,) = made(
+        small,
+        "permit boat.moveTo when exists r: matched(victim[1], r)",
+        'declassify boat.moveTo because "it waits for a report"',
+    ).permits
     assert (permit.resource, permit.verb) == ("boat", "moveTo")
     assert [p.resource for p in made(small, "permit uav when now > 60 s").permits] == ["uav[1]", "uav[2]"]
 
@@ -128,6 +132,7 @@ def test_inspections(small: str) -> None:
         "inspection check of van by uav { within = 25 m, replan = detection }",
         "limit again <= 3 counts detection",
         "permit van.setDestination when inspected(check) and clear(check) and replans(check) <= 3 and used(again) < 3",
+        'declassify van.setDestination because "the van waits until its route is clear"',
     )
     (inspection,) = made(in_town(small), *lines, use=use).inspections
     assert (inspection.asset, inspection.by, inspection.within_m, inspection.order, inspection.replan) == (

@@ -17,7 +17,7 @@ PAGE = (Path(__file__).parents[2] / "docs" / "language.md").read_text(encoding="
 BLOCK = re.compile(r"^```ljs(?P<kind>[^\n]*)\n(?P<text>.*?)\n```$", re.MULTILINE | re.DOTALL)
 BLOCKS = [(match["kind"].strip(), match["text"]) for match in BLOCK.finditer(PAGE)]
 USES = """\
-ljs 1
+ljs 2
 use std.air { quadrotor }
 use std.ground { car }
 use std.sea { lifeboat, person_in_water }
@@ -50,16 +50,17 @@ REST = {
     "stage detect": "stage detect per v in victim { done when exists r: matched(v, r) }",
     "stage execute": "stage execute per v in victim { done when rescued(v) }",
     "success": "success when forall v in victim: rescued(v)",
+    "declassify end": 'declassify end because "it ends when all are rescued"',
 }
 
 
 def compiled(kind: str, text: str, folder: Path) -> Compilation:
     if kind.startswith("beside"):
-        first = next(block for _, block in BLOCKS if block.startswith("ljs 1"))
+        first = next(block for _, block in BLOCKS if block.startswith("ljs 2"))
         (folder / f"{kind.split()[1]}.ljs").write_text(first)
         (folder / "example.ljs").write_text(text)
         return compile_file(str(folder / "example.ljs"))
-    if text.startswith("ljs 1"):
+    if text.startswith("ljs 2"):
         return compile_text(text)
     statements = [re.sub(r"\s+", " ", line) for line in text.splitlines()]
     rest = [

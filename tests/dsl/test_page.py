@@ -52,11 +52,13 @@ def test_hidden_values_and_reveals_are_listed(file: Path) -> None:
 def test_noticeable_consequences_of_hidden_values_are_listed(small: str) -> None:
     heading = "Consequences of hidden values, or of correct reports, that agents can notice:"
     plain = compile_text(small).mission
-    assert plain is not None and heading not in page(plain)
+    assert plain is not None
+    assert '- the episode ends on success: "it ends when all are rescued"\n' in page(plain).partition(heading)[2]
     binding = """  permit boat.moveTo when exists r: matched(victim[1], r)
   permit uav[1].forward when distance_xy(uav[1], boat) <= 900 m
   constraint hard apart { always distance_xy(boat, victim[1]) >= 1 m }
   constraint soft near { always distance_xy(boat, victim[1]) <= 900 m, penalty = 10 % }
+  declassify boat.moveTo, apart, execute, calls because "a test"
   success"""
     bound = small.replace("  success", binding).replace(
         "{ done when rescued(v) }", "{ done when rescued(v), ticks <= 40\n limit calls <= 30 counts detection }"
@@ -65,10 +67,11 @@ def test_noticeable_consequences_of_hidden_values_are_listed(small: str) -> None
     assert mission is not None
     listed = page(mission).partition(heading)[2].partition("\n## ")[0].strip().splitlines()
     assert listed == [
-        "- the receipts of `boat.moveTo` show whether it is permitted",
-        "- the episode ends when **apart** is broken",
-        "- the episode ends when stage **execute** is late",
-        "- receipts show that the limit **calls** counts while stage **execute** runs",
+        '- the episode ends on success: "it ends when all are rescued"',
+        '- receipts show whether `boat.moveTo` is permitted: "a test"',
+        '- the episode ends when `apart` is broken: "a test"',
+        '- the episode ends when stage `execute` is late: "a test"',
+        '- receipts show that `calls` counts while stage `execute` runs: "a test"',
     ]
 
 

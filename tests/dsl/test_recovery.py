@@ -41,7 +41,7 @@ def test_what_a_faulty_block_holds_is_still_read(small: str) -> None:
 
 def test_an_unclosed_block_is_reported_where_it_should_end(small: str) -> None:
     diagnostics = compile_text(small.rstrip()[:-1]).diagnostics
-    assert codes(diagnostics) == [("LJ0003", 38)]
+    assert codes(diagnostics) == [("LJ0003", 39)]
     assert diagnostics[0].related[0].span.line == 6
 
 

@@ -16,5 +16,5 @@ The modules in control-flow order:
 - `types`, `bodies`, `interactions`, `settings`, `entities`, `equipment`, `agents`, `wording`, `rules`, `conduct`,
   `events`, `studies`: a checker for each kind of declaration.
 - `unseen_pictures`: the warning for agents that observe fields of an asset but not its cameras.
-- `checker`: a whole mission.
+- `checker`: a whole mission. `leaks`: hidden values that decide something which agents notice.
 """

@@ -293,6 +293,7 @@ _CHECKS: dict[str, Callable[[_MissionChecker, Any], object]] = {
     "stages": lambda mission, node: mission.rules.stage(node, mission.conduct.limit),
     "relations": lambda mission, node: mission.agents.relation(node),
     "reveals": lambda mission, node: mission.agents.reveal(node),
+    "declassified": lambda mission, node: mission.conduct.declassified(node),
     "limits": lambda mission, node: mission.conduct.limit(node),
     "permits": lambda mission, node: mission.conduct.permit(node),
     "constraints": lambda mission, node: mission.conduct.constraint(node),

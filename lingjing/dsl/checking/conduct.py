@@ -9,6 +9,7 @@ from typing import Literal
 
 from lingjing.dsl.checking.blocks import BlockReader, DeclarationChecker
 from lingjing.dsl.checking.keys import PropertyEntry, word_of
+from lingjing.dsl.checking.leaks import declassified_name
 from lingjing.dsl.checking.rules import RuleChecker
 from lingjing.dsl.checking.settings import SettingsChecker
 from lingjing.dsl.checking.values import RULE, STATIC, UNKNOWN, TypedExpression
@@ -55,6 +56,13 @@ class ConductChecker(DeclarationChecker):
         if resource is None or condition is UNKNOWN:
             return None
         return model.Permit(resource=resource.ir, verb=verb, condition=condition.ir)
+
+    def declassified(self, node: s.DeclassifyLine) -> tuple[model.Declassification, ...]:
+        """`declassify end, dog.forward because "…"`."""
+        reason = node.reason.value.strip()
+        if not reason:
+            self.report.at("LJ0106", node.reason, "a declassification needs a reason", "say why agents may know it")
+        return tuple(model.Declassification(what=declassified_name(item), reason=reason) for item in node.what)
 
     def constraint(self, node: s.ConstraintBlock) -> model.Constraint | None:
         """`constraint hard name per v in group { always … }`."""

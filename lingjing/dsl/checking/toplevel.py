@@ -20,11 +20,9 @@ from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.source.text import SourceText, read_source
 from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.parser import parse
+from lingjing.dsl.syntax.statements import LANGUAGE_VERSION
 from lingjing.mission.diagnostics import Diagnostic, Related
 from lingjing.suggest import did_you_mean, nearest
-
-VERSION = 1
-"""The supported version of the language."""
 
 LONGEST_CHAIN = 32
 """Most files that use each other in a row (chosen): each takes a few Python frames, and real chains have two or
@@ -144,15 +142,23 @@ class FileChecker:
         first = tree.items[0] if tree.items else None
         if not isinstance(first, s.Version):
             if first is not None and not isinstance(first, s.Faulty):
-                self.report("LJ0106", first.start, first.start + 1, "the file lacks its version", "begin with `ljs 1`")
+                self.report(
+                    "LJ0106",
+                    first.start,
+                    first.start + 1,
+                    "the file lacks its version",
+                    f"begin with `ljs {LANGUAGE_VERSION}`",
+                )
             return
         number = first.number
-        if isinstance(number, s.NumberLiteral) and number.value != VERSION:
+        if isinstance(number, s.NumberLiteral) and number.value not in range(1, LANGUAGE_VERSION + 1):
             self.report.at(
                 "LJ0117",
                 number,
-                f"this is version {number.value:g} of the language, known is {VERSION}",
-                f"write `ljs {VERSION}`" if number.value < VERSION else "install a newer lingjing-sim",
+                f"this is version {number.value:g} of the language, known are 1 to {LANGUAGE_VERSION}",
+                "install a newer lingjing-sim"
+                if number.value > LANGUAGE_VERSION
+                else f"write `ljs {LANGUAGE_VERSION}`",
             )
         for item in tree.items[1:]:
             if isinstance(item, s.Version):

@@ -69,6 +69,9 @@ CODES: dict[str, str] = {
     "LJ0401": "a hidden value becomes visible",
     "LJ0402": "this cannot be hidden",
     "LJ0403": "pictures that an agent does not receive",
+    "LJ0404": "a hidden value decides something that agents notice",
+    "LJ0405": "version 1 of the language, which does not declare what hidden values decide",
+    "LJ0406": "a `declassify` without need",
     # the mission as a whole
     "LJ0501": "tick and sync do not fit",
     "LJ0502": "star mode without a hub",

@@ -14,7 +14,7 @@ from lingjing.dsl.printing.printer import Printer
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.condition_words import ConditionWords
-from lingjing.mission.conditions.survey import survey_mission
+from lingjing.mission.conditions.leaks import leaks
 from lingjing.mission.draw.mermaid import mermaid
 from lingjing.mission.graph import graph
 
@@ -153,22 +153,11 @@ class _Page:
             yield from noticed
 
     def _noticed(self) -> Iterator[str]:
-        """Consequences of hidden values that agents can notice through the kernel."""
-        survey = survey_mission(self.mission)
-        for condition in survey.of_kind("permit", "constraint", "stage"):
-            if not condition.hidden and not condition.private:
-                continue
-            if condition.kind == "permit":
-                yield f"- the receipts of `{condition.name}` show whether it is permitted"
-            for gate in condition.gates:
-                if gate.kind == "end" and condition.kind == "constraint":
-                    yield f"- the episode ends when **{condition.name}** is broken"
-                elif gate.kind == "end":
-                    yield f"- the episode ends when stage **{condition.name}** is late"
-                elif gate.kind == "count":
-                    yield (
-                        f"- receipts show that the limit **{gate.name}** counts while stage **{condition.name}** runs"
-                    )
+        """Hidden values that agents may infer from what the kernel decides, with the author's reasons."""
+        reasons = {item.what: item.reason for item in self.mission.declassified}
+        for leak in leaks(self.mission):
+            reason = f': "{reasons[leak.what]}"' if leak.what in reasons else ""
+            yield f"- {leak.notice}{reason}"
 
     def rules(self) -> Iterator[str]:
         """Adjudication rules, in words and in code."""

@@ -2,7 +2,8 @@
 
 `{field}` in a template is the text of a field of the mission's part: a name, an expression, a condition, or a list of
 them. Forms change it: `range` and `sum` put an expression in brackets if it binds looser than a range or a sum; `arrow`
-writes a flag as `<->` or `->`; `all` writes an empty name as `*`; `nonzero` is empty for the number 0. A part in `[…]`
+writes a flag as `<->` or `->`; `all` writes an empty name as `*`; `quoted` writes a text with its quotes; `nonzero` is
+empty for the number 0. A part in `[…]`
 is left out if one of its fields is empty or has its default.
 """
 
@@ -13,6 +14,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 import msgspec
 
+from lingjing.dsl.printing.phrases import quoted
 from lingjing.dsl.syntax.statements import STATEMENTS
 from lingjing.mission import expression as ex
 from lingjing.mission import model
@@ -92,6 +94,8 @@ class _ItemWriter:
             return "<->" if value else "->"
         if form == "all":
             return value or "*"
+        if form == "quoted":
+            return quoted(value)
         if form == "nonzero" and value == ex.Number(0.0):
             return ""
         return self._phrase(value, _RANKS.get(form or "", 0))

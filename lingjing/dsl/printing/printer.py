@@ -16,11 +16,12 @@ from lingjing.dsl.formatting.formatter import format_text
 from lingjing.dsl.printing.imports import Imports, find_imports
 from lingjing.dsl.printing.layouts import block, has_layout, lay_out
 from lingjing.dsl.printing.phrases import Phrases, long_text, number_text, quoted
-from lingjing.dsl.syntax.statements import KINDS, PARAGRAPHS, STATEMENTS
+from lingjing.dsl.syntax.statements import KINDS, LANGUAGE_VERSION, PARAGRAPHS, STATEMENTS
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.appearance import MEASURES
+from lingjing.mission.conditions.leaks import declared_as_before
 from lingjing.mission.expression_text import RANGE, SUM, LocalNames
 from lingjing.mission.units import BY_NAME
 
@@ -62,7 +63,7 @@ def canonical(mission: model.Mission) -> model.Mission:
         msgspec.structs.replace(group, properties=tuple(sorted(group.properties, key=lambda prop: prop.inherited)))
         for group in mission.groups
     )
-    return msgspec.structs.replace(mission, groups=groups, origin=model.Origin())
+    return msgspec.structs.replace(declared_as_before(mission), groups=groups, origin=model.Origin())
 
 
 def round_trip_losses(mission: model.Mission, text: str) -> tuple[str, ...]:
@@ -85,7 +86,7 @@ class Printer:
     """Writes one mission. Each method yields the lines of one statement or of one family of statements."""
 
     def __init__(self, mission: model.Mission) -> None:
-        self.mission = mission
+        self.mission = mission = declared_as_before(mission)
         self.phrases = Phrases(mission)
         self.imports: Imports = find_imports(mission)
 
@@ -94,7 +95,7 @@ class Printer:
         uses = [f"use {path} {{ {', '.join(names)} }}" for path, names in self.imports.uses.items()]
         types = [self._type(local) for local in self.imports.types]
         records = [self._record(kind) for kind in self.imports.records]
-        head = "\n".join(["ljs 1", *uses])
+        head = "\n".join([f"ljs {LANGUAGE_VERSION}", *uses])
         paragraphs = [lines for name in PARAGRAPHS if (lines := "\n".join(self.paragraph(name)))]
         mission = f"mission {self.mission.name} {quoted(self.mission.title)} {{\n" + "\n\n".join(paragraphs) + "\n}"
         return "\n\n".join([head, *types, *records, mission]) + "\n"

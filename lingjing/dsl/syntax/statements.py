@@ -15,6 +15,9 @@ from lingjing.mission.functions import DEGREES, ENTITY, FLAG, METRES, NUMBER, Ty
 from lingjing.mission.units import DATA, MONEY, TICKS, TIME, TOKENS
 from lingjing.mission.vocabulary import EVERYONE, MODES
 
+LANGUAGE_VERSION = 2
+"""The newest version of the language. Version 2 added `declassify`; texts of version 1 compile."""
+
 SECONDS = Type("quantity", TIME)
 DRAWN = ("=", "~")
 """Relations of a property that may be drawn."""
@@ -51,7 +54,7 @@ _WHEN = "[ when {when}]"
 STATEMENTS = (
     StatementKind(
         "ljs", s.Version, (Form("number:NUMBER", "version"),), (FILE,),
-        example="ljs 1", doc="the version of the language",
+        example="ljs 2", doc="the version of the language",
     ),
     StatementKind(
         "use", s.UseLine, (Form("[relative:.] path [names:block]"),), (FILE,),
@@ -345,6 +348,12 @@ STATEMENTS = (
         example="reveal image(victim) to searcher", doc="the audited exception from `hidden`",
         names={"what": NamePlace(spaces=(), choices=("image",)), "role": _ROLE},
         part="reveals", paragraph="relations", layout=Layout("reveal {what}({entity}) to {role}"),
+    ),
+    StatementKind(
+        "declassify", s.DeclassifyLine, (Form("what:channels because reason:STRING"),), ("mission",),
+        example='declassify end because "the end of an episode tells that all are rescued"',
+        doc="agents may infer hidden values from the episode's end, a permit, a constraint, a stage or a limit",
+        part="declassified", paragraph="relations", layout=Layout("declassify {what} because {reason:quoted}"),
     ),
     StatementKind(
         "prompt", s.TextLine, (Form("text:STRING", "text_line"),), ("agent",),

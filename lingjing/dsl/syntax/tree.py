@@ -170,7 +170,7 @@ class BracedBlock(SyntaxNode, frozen=True, gc=False):
 
 
 class Version(Statement, frozen=True, gc=False):
-    """`ljs 1`."""
+    """`ljs 2`."""
 
     number: NumberLiteral | Broken
 
@@ -493,6 +493,13 @@ class RevealLine(Statement, frozen=True, gc=False):
     what: Name
     entity: Expression
     role: Name
+
+
+class DeclassifyLine(Statement, frozen=True, gc=False):
+    """`declassify end, dog.forward because "…"`."""
+
+    what: tuple[ObservedChannel, ...]
+    reason: TextLiteral
 
 
 class PropertyLine(Statement, frozen=True, gc=False):

@@ -11,6 +11,7 @@ Modules in control-flow order:
 - `quantities`: quantities and causes. `declarations`: the declarations that conditions refer to, of a mission or an
   instance.
 - `reads`: the leaves of one condition. `survey`: all conditions with their leaves and gates.
+- `leaks`: hidden values that decide something which agents notice.
 - `spread`: places and numbers before the seed is known. `motion`: upper bounds of speed and flight time.
 - `outline`: a mission (every seed) or an instance (one seed) in the form that the builder of needs and proofs read.
 - `episode`: bounds of every quantity that hold during the whole episode.

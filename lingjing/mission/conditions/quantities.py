@@ -74,11 +74,11 @@ class Quantity(Record, frozen=True, kw_only=True):
 
     @property
     def key(self) -> str:
-        """Its name in listings: `victim.position`, `emitted(rescue)`."""
+        """Its name in listings: `victim.position`, `event victim.rescue`, `now`."""
         if self.kind == "time":
             return "now"
         dotted = ".".join(part for part in (self.owner, self.name) if part)
-        return dotted if self.kind in _DOTTED else f"{self.kind} {dotted}".strip()
+        return dotted if self.kind in _DOTTED else f"{self.kind} {dotted}"
 
 
 _DOTTED = frozenset(("position", "velocity", "heading", "status", "state", "property"))

@@ -1,0 +1,117 @@
+"""Leaks: hidden values that decide something which agents notice, and the declarations that allow it.
+
+Agents notice the end of the episode, and receipts of commands and messages. A hidden value that decides one of these
+can be inferred from it. Events, and the state that an interaction changes, are no leaks: the kernel shows them as
+their rule and their type allow (`lingjing.kernel.event_visibility`). A soft constraint changes the score alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import msgspec
+
+from lingjing.mission import model
+from lingjing.mission.conditions.survey import Condition, Survey, survey_mission
+
+END = "end"
+"""The name under which a mission declassifies its success and failure."""
+
+AS_BEFORE = "as in ljs 1"
+"""The reason of a declassification that version 1 of the language did not ask for."""
+
+
+class Leak(NamedTuple):
+    """One thing that agents notice and that a hidden value decides."""
+
+    what: str
+    """The name to declassify: `end`, `dog.forward`, or a constraint, a stage or a limit."""
+    at: str
+    """The path of the declaration with the condition."""
+    notice: str
+    """The thing that agents notice, as a clause."""
+    way: str
+    """The hidden value and the rules through which the condition reads it, as the object of "depends on"."""
+
+
+def leaks(mission: model.Mission) -> tuple[Leak, ...]:
+    """Every leak of a mission, declassified or not, once for each name, in the order of declaration."""
+    leak_of: dict[str, Leak] = {}
+    for leak in _leaks(mission, survey_mission(mission)):
+        leak_of.setdefault(leak.what, leak)
+    return tuple(leak_of.values())
+
+
+def undeclared(mission: model.Mission) -> tuple[Leak, ...]:
+    """The leaks that the mission does not declassify."""
+    declared = {item.what for item in mission.declassified}
+    return tuple(leak for leak in leaks(mission) if leak.what not in declared)
+
+
+def declared_as_before(mission: model.Mission) -> model.Mission:
+    """The mission with all its leaks declassified: those without a declaration are as version 1 had them."""
+    implied = tuple(model.Declassification(what=leak.what, reason=AS_BEFORE) for leak in undeclared(mission))
+    return msgspec.structs.replace(mission, declassified=(*mission.declassified, *implied)) if implied else mission
+
+
+# -- private
+
+
+def _leaks(mission: model.Mission, survey: Survey) -> Iterator[Leak]:
+    for condition in survey.conditions:
+        match condition.kind:
+            case "success" | "failure" if condition.hidden:
+                yield Leak(END, condition.at, f"the episode ends on {condition.kind}", _way(condition, survey))
+            case "permit" if condition.hidden:
+                notice = f"receipts show whether `{condition.name}` is permitted"
+                yield Leak(condition.name, condition.at, notice, _way(condition, survey))
+            case "constraint" if condition.hidden and any(gate.kind == "end" for gate in condition.gates):
+                notice = f"the episode ends when `{condition.name}` is broken"
+                yield Leak(condition.name, condition.at, notice, _way(condition, survey))
+            case "stage":
+                yield from _stage_leaks(condition, mission, survey)
+
+
+def _stage_leaks(stage: Condition, mission: model.Mission, survey: Survey) -> Iterator[Leak]:
+    """The leaks of a stage with a deadline or with limits. Such a stage begins when the stages that it depends on have
+    ended, so that a hidden value in one of them leaks as well."""
+    stages = {condition.name: condition for condition in survey.of_kind("stage")}
+    deciding = next((earlier for earlier in _until(stage.name, stages, mission) if earlier.hidden), None)
+    if deciding is None:
+        return
+    for gate in stage.gates:
+        if gate.kind == "end":
+            yield Leak(
+                stage.name, stage.at, f"the episode ends when stage `{stage.name}` is late", _way(deciding, survey)
+            )
+        elif gate.kind == "count":
+            notice = f"receipts show that `{gate.name}` counts while stage `{stage.name}` runs"
+            yield Leak(gate.name, stage.at, notice, _way(deciding, survey))
+
+
+def _until(name: str, stages: dict[str, Condition], mission: model.Mission) -> Iterator[Condition]:
+    """A stage and every stage that must have ended before it begins."""
+    reached, queue = {name}, [name]
+    while queue:
+        stage = queue.pop(0)
+        if stage in stages:
+            yield stages[stage]
+        for relation in mission.relations:
+            before = {relation.source} if relation.target == stage else set()
+            before |= {relation.target} if relation.mutual and relation.source == stage else set()
+            for source in sorted(before - reached) if relation.kind == "dependency" else ():
+                reached.add(source)
+                queue.append(source)
+
+
+def _way(condition: Condition, survey: Survey) -> str:
+    """The hidden value that the condition reads through the fewest rules, as the object of "depends on"."""
+    pairs = [(leaf, quantity) for leaf in condition.leaves for quantity in leaf.quantities if quantity.hidden]
+    leaf, quantity = min(pairs, key=lambda pair: len(pair[0].via))
+    through = ", through " + " → ".join(f"`{rule}`" for rule in leaf.via) if leaf.via else ""
+    group = survey.declarations.group(quantity.owner)
+    if group is None:
+        return f"the hidden {quantity.kind} `{quantity.name or quantity.owner}`{through}"
+    hidden = " and ".join(f"`{name}`" for name in sorted(group.hidden))
+    return f"`{group.name}`, which hides its {hidden}{through}"
