@@ -40,6 +40,10 @@ _BAND_SLACK_M = 15.0
 _SURFACE_SLACK_M = 10.0
 """Metres by which a body may lie above or below the level of its surface, besides waves (chosen)."""
 
+_ROOF_FACTOR, _ROOF_SLACK_M = 2.0, 50.0
+"""Bound of the height of roofs: the scene's greatest height of buildings times the first, plus the second value, metres
+(chosen: generous)."""
+
 _PARTIAL = frozenset(("truth", "iou", "sqrt", "min", "max", "distance", "replans", "used", "at"))
 """Functions that may have no value in a run."""
 
@@ -70,6 +74,7 @@ class EpisodeKnowledge(Knowledge):
         self._rules = {rule.name: rule for rule in outline.instance.rules}
         self._fields = {spec.kind: {field.name: field for field in spec.fields} for spec in outline.instance.messages}
         self._open: list[str] = []
+        self._amounts: dict[tuple[str, str], Value] = {}
         self._last_s = outline.seconds(outline.ticks)
 
     def name(self, ref: ex.Ref) -> Value:
@@ -128,10 +133,16 @@ class EpisodeKnowledge(Knowledge):
     # -- bounds of single quantities
 
     def amount(self, body: Body, name: str) -> Value:
-        """The bounds of a property, state, heading or counter of a body; None if unknown."""
+        """The bounds of a property, state or heading of a body; None if unknown."""
+        key = body.id, name
+        if key not in self._amounts:
+            self._amounts[key] = self._amount(body, name)
+        return self._amounts[key]
+
+    def _amount(self, body: Body, name: str) -> Value:
         entity = body.entity
         if name == "heading_deg":
-            return Bounds(0.0, 360.0)
+            return None if body.drawn else Bounds(min(0.0, entity.heading_deg), max(360.0, entity.heading_deg))
         state = entity.state_of(name)
         if entity.engine not in builtin_engines():
             return None
@@ -147,7 +158,12 @@ class EpisodeKnowledge(Knowledge):
     def _stock(self, body: Body, name: str, plain: str) -> Value:
         """The bounds of a state: between its start value and the limits of the interactions that change it."""
         start, entity = body.bounds(name), body.entity
-        if plain == "people" or not math.isfinite(start.low) or not math.isfinite(start.high):
+        if (
+            plain == "people"
+            or {name, plain} & (_MEASURED - {"load_kg"})
+            or not math.isfinite(start.low)
+            or not math.isfinite(start.high)
+        ):
             return None
         low, high = start
         if any(spec.own == plain for spec in entity.interactions):
@@ -217,18 +233,25 @@ class EpisodeKnowledge(Knowledge):
         entity, kind = body.entity, engine_kind(body.entity.engine)
         scene = self.outline.instance.scene
         described = scene_kind(scene.kind)
-        low = high = entity.position[2]
         if kind.stands_on == "water" and (levels := levels_m(scene, "water")) is not None:
             slack = _SURFACE_SLACK_M + 2.0 * self.outline.wave_m
             return Bounds(levels[0] - slack, levels[1] + slack)
+        levelled = described is not None and bool(described.level)
+        low = min(0.0, scene.datum_m) - _SURFACE_SLACK_M if kind.landbound and levelled else -math.inf
         band = body.bounds("band_high_m").high
-        flies = kind.in_band and math.isfinite(band) and "on" not in entity.properties
-        low = (
-            min(0.0, scene.datum_m) - _SURFACE_SLACK_M
-            if kind.landbound and described and described.level
-            else -math.inf
-        )
-        return Bounds(low, max(high, band) + _BAND_SLACK_M if flies else math.inf)
+        if not (kind.in_band and levelled and math.isfinite(band)) or "on" in entity.properties:
+            return Bounds(low, math.inf)
+        return Bounds(low, max(entity.position[2], band, self._roof_m()) + _BAND_SLACK_M)
+
+    def _roof_m(self) -> float:
+        """Upper bound of the elevation of a roof on which the scene can place a body, metres."""
+        scene = self.outline.instance.scene
+        described = scene_kind(scene.kind)
+        if described is not None and "roof" in described.lacks:
+            return 0.0
+        usual = described.default("height") if described is not None else ()
+        height = scene.options.get("height_high_m", usual[-1] if usual else math.inf)
+        return _ROOF_FACTOR * height + _ROOF_SLACK_M if isinstance(height, int | float) else math.inf
 
     def _counter(self, call: ex.Call, arguments: Sequence[Value]) -> Value:
         if call.function == "used" and arguments:

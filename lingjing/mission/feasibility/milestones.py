@@ -64,6 +64,9 @@ _MAX_PASSES = 40
 _MIRROR_S = 2.0
 """Seconds of motion by which an engine may know the place of another engine's body too late, besides a macro-step."""
 
+_LEVELS = ("heat", "flow")
+"""States that an interaction works off from their present value, so that it may take less than its declared time."""
+
 Fact = tuple[str, ...]
 """A fact that can happen: its kind, and the names that it is about."""
 
@@ -263,7 +266,7 @@ class Milestones:
         body_1, body_2 = _body_of(first), _body_of(second)
         if body_1 is not None and body_2 is not None:
             body_1, body_2 = _met(body_1, body_2), _met(body_2, body_1)
-            radius = max(radius, *(met.aboard_m for met in (body_1, body_2) if not met.aboard))
+            radius = max((radius, *(met.aboard_m for met in (body_1, body_2) if not met.aboard)))
         for body, goal, where in ((body_1, body_2, places[1]), (body_2, body_1, places[0])):
             barred = self._keeps_out(body, goal, where, radius + slack_m)
             if barred is not None:
@@ -525,7 +528,8 @@ class Milestones:
 
     def _finished(self, spec: InteractionSpec, target: str) -> Moment:
         reached = self.moment(("reached", spec.name, target))
-        lasting = 0.0 if spec.works_off or spec.lasting_s is None else spec.lasting_s
+        levelled = spec.works_off or any(state.name in _LEVELS for state in self.outline.bodies[target].entity.state)
+        lasting = 0.0 if levelled or spec.lasting_s is None else spec.lasting_s
         step = self.clock.after(reached.step, lasting)
         if step <= self.clock.last and not any(step <= high for _, high in self.present(target)):
             return self._absent(target, NEVER)
@@ -581,7 +585,7 @@ class Milestones:
         if state is None or (start.high >= low and start.low <= high):
             return AT_ONCE
         raised = low > start.high
-        if raised and state.name in ("heat", "flow"):
+        if raised and state.name in _LEVELS:
             return AT_ONCE
         ways = [
             self.moment(("reached", spec.name, body.id))
@@ -593,7 +597,7 @@ class Milestones:
                 changes = spec.gives == state.name if raised else spec.takes and spec.source == state.name
                 if changes and any(actor.id == body.id for actor in self.outline.actors(spec)):
                     ways.append(self.moment(("reached", spec.name, owner.id)))
-        if not raised and state.name in ("heat", "flow"):
+        if not raised and state.name in _LEVELS:
             ways += [
                 self.moment(("reached", spec.name, body.id)) for spec in body.entity.interactions if not spec.carried
             ]

@@ -521,9 +521,11 @@ def _ordered(node: ex.Binary, left: Value, right: Value, on: World, *, strict: b
         case _, Gauge():
             return _measured(right, _end(bounds_of(left).low, strict, 1), math.inf, bounds_of(left), on)
         case _, Tally():
-            return _counted(right, bounds_of(left).low, on, strict=strict)
+            counted = _counted(right, bounds_of(left).low, on, strict=strict)
+            return counted if bounds_of(left).exact else msgspec.structs.replace(counted, must=(), if_false={})
         case Tally(), _:
-            return opposite(_counted(left, bounds_of(right).high, on, strict=not strict), on.clock)
+            counted = opposite(_counted(left, bounds_of(right).high, on, strict=not strict), on.clock)
+            return counted if bounds_of(right).exact else msgspec.structs.replace(counted, must=(), if_false={})
         case _, MessageTally():
             needs_one = bounds_of(left).low > 0 or (strict and bounds_of(left).low == 0)
             return msgspec.structs.replace(right.some, if_false={}) if needs_one else unknown(on.clock)
