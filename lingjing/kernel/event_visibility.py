@@ -71,7 +71,7 @@ class EventVisibility:
                 continue
             if target.id == entity.id:
                 fields |= {"status", interaction.own}
-            elif entity.id in actors and entity.id not in agent.commands:
+            elif entity.id in actors:
                 fields.add(interaction.carried)
         return frozenset(fields - {""})
 
