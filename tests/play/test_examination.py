@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lingjing import PlayOptions, read_trace
-from lingjing.errors import ForeignCodeError
+from lingjing.errors import ForeignCodeError, InfrastructureError
 from lingjing.play.parallel import EpisodeTask, play_apart
 from lingjing.play.policy_processes.examination import examine
 from lingjing.play.policy_processes.messages import PoliciesExamined
@@ -120,3 +120,13 @@ def test_an_examination_with_errors_is_repeated(policy: Path, server: ForkServer
 def test_a_missing_file_is_examined_and_refused(server: ForkServerClient, tmp_path: Path) -> None:
     (error,) = examined(tmp_path / "missing.py", server).errors
     assert error.message.startswith("there is no policy file")
+
+
+def test_an_examination_that_cannot_be_kept_is_used(
+    policy: Path, server: ForkServerClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(key: bytes, result: bytes) -> None:
+        raise InfrastructureError("no memory")
+
+    monkeypatch.setattr(server, "keep_result", fail)
+    assert [*examined(policy, server).found] == [str(policy)]

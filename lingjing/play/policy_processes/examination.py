@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import sys
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import NoReturn, Self
@@ -65,7 +65,8 @@ def examine(
         return _with_values(_KEPT.decode(known), arguments)
     examined = _examined(specs, arguments, server, whole=whole)
     if key and not examined.errors:
-        server.keep_result(key, encoded(_without_values(examined)))
+        with suppress(InfrastructureError):  # a server that has ended is reported by the next request
+            server.keep_result(key, encoded(_without_values(examined)))
     return examined
 
 
