@@ -24,7 +24,7 @@ mission boat "A boat that waits" {
   budget { ticks <= 1, policy <= 600 s }
   asset boat : lifeboat { position = (0 m, -900 m) }
   agent skipper as skipper controls boat { observes boat.* }
-  success when now > 3600 s
+  success when boat.status == "aground"
 }
 """
 

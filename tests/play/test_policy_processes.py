@@ -45,7 +45,7 @@ mission crew "Boats that wait" {{
   budget {{ ticks <= {ticks}, policy <= {policy_s} s }}
   asset boat[1..{boats}] : lifeboat {{ position = at(i, [{places}]) }}
   agent skipper[i in 1..{boats}] as skipper controls boat[i] {{ observes boat[i].* }}
-  success when now > 3600 s
+  success when exists b in boat: b.status == "aground"
 }}
 """
 
