@@ -1,4 +1,4 @@
-"""`lingjing graph`: draw the mission graph, or write it as JSON."""
+"""`lingjing graph`: draw the mission graph, write it as JSON, or print the conditions of the mission."""
 
 from __future__ import annotations
 
@@ -24,14 +24,40 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--mode", metavar="MODE", help="only the graph of this mode, such as star or broadcast (default: all)"
     )
+    parser.add_argument(
+        "--conditions",
+        action="store_true",
+        help="print each condition: its parts, what they read, what changes that, its bounds, and what is hidden",
+    )
 
 
 def handler(args: argparse.Namespace) -> int:
     """Draw and write; the output file is complete or absent."""
+    if args.conditions:
+        return _conditions(args)
     from lingjing.mission.graph import graph
 
     chosen = args.format or _format_of(args.output)
     write_output(render(graph(read_mission(args.file), args.mode), chosen), args.output, [args.file])
+    return ExitCode.OK
+
+
+def _conditions(args: argparse.Namespace) -> int:
+    from lingjing.cli.conditions import as_json, as_text, print_conditions
+    from lingjing.mission.conditions.listing import list_conditions
+
+    named_json = PurePath(args.output or "").suffix.lower() == ".json"
+    if args.format not in (None, "json"):
+        raise UsageError(
+            f"conditions are text or JSON, not {args.format}", hint="remove --format, or choose --format json"
+        )
+    listed = list_conditions(read_mission(args.file), args.mode)
+    if args.format == "json" or named_json:
+        write_output(as_json(listed), args.output, [args.file])
+    elif args.output in (None, "-"):
+        print_conditions(listed)
+    else:
+        write_output(as_text(listed), args.output, [args.file])
     return ExitCode.OK
 
 

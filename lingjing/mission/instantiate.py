@@ -94,13 +94,13 @@ def choose_settings(
 ) -> tuple[str, dict[str, float]]:
     """The mode and every parameter's value. Raises `UsageError` and `MissionError` like `instantiate`."""
     errors = ErrorCollector()
-    chosen = errors.attempt(lambda: _choose_mode(mission, mode), mission.modes.default)
+    chosen = errors.attempt(lambda: choose_mode(mission, mode), mission.modes.default)
     values = errors.attempt(lambda: parameters(mission, chosen, settings), {})
     errors.check()
     return chosen, values
 
 
-def _choose_mode(mission: model.Mission, mode: str | None) -> str:
+def choose_mode(mission: model.Mission, mode: str | None) -> str:
     """The mode to play in. Raises `UsageError` if the mission does not have it."""
     chosen = mission.modes.default if mode is None else mode
     if chosen not in mission.modes.allowed:

@@ -11,10 +11,13 @@ import msgspec
 import pytest
 
 from lingjing.cli.main import main
+from lingjing.dsl.loading.load import load_mission
 from lingjing.errors import ExitCode
+from lingjing.mission.conditions.listing import ConditionList, list_conditions
 from lingjing.mission.graph import MissionGraph
 
 SSR = str(Path(__file__).parents[2] / "scenarios" / "ssr.ljs")
+UPR = str(Path(__file__).parents[2] / "scenarios" / "upr.ljs")
 STARTS = {"svg": "<svg ", "mermaid": "---\ntitle:", "dot": "digraph ", "json": "{"}
 
 
@@ -86,6 +89,51 @@ def test_a_mistake_is_one_message_with_a_way_out(
     assert message in captured.err
     assert "hint: " in captured.err
     assert "Traceback" not in captured.err
+    assert captured.out == ""
+
+
+def test_conditions_are_lines_with_tabs_in_a_pipe(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["graph", UPR, "--conditions"]) == ExitCode.OK
+    captured = capsys.readouterr()
+    blocks = {block.partition("]")[0].lstrip("["): block.splitlines() for block in captured.out.split("\n\n")}
+    assert captured.err == ""
+    assert {"success", "rule/sealed", "unlock/seal", "permit/dog.forward"} <= set(blocks)
+    permit = blocks["permit/dog.forward"]
+    assert "decides: the command dog.forward" in permit
+    assert any(line.startswith("declassified: dog.forward because ") for line in permit)
+    assert any(line.startswith("hidden: ") and "leak.position" in line for line in permit)
+    near = "distance_xy(dog, k) <= 5 m\tdog.position\tverb forward, left, right by executor\t\tpublic"
+    assert near in blocks["rule/sealed"]
+    assert "\tleak.position\tnothing\t\thidden" in blocks["rule/sealed"]
+    assert any("\tnow\ttime\t0..1500\tpublic" in line for block in blocks.values() for line in block)
+
+
+@pytest.mark.parametrize("arguments", [["--format", "json"], ["-o", "OUT.json"]])
+def test_conditions_are_json_by_format_and_by_name(
+    arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["graph", SSR, "--conditions", "--mode", "star", *arguments]) == ExitCode.OK
+    text = capsys.readouterr().out or (tmp_path / "OUT.json").read_text(encoding="utf-8")
+    listed = msgspec.json.decode(text, type=ConditionList)
+    assert (listed.mission, listed.modes) == ("ssr", ("star",))
+    assert listed == list_conditions(load_mission(SSR), "star")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--mode", "mesh"], "no mode 'mesh'"),
+        (["--format", "svg"], "conditions are text or JSON, not svg"),
+        (["-o", "nowhere/at/all/conditions.txt"], "cannot write `nowhere/at/all/conditions.txt`"),
+    ],
+)
+def test_a_mistake_with_conditions_is_one_message(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["graph", SSR, "--conditions", *arguments]) == ExitCode.USAGE
+    captured = capsys.readouterr()
+    assert message in captured.err
     assert captured.out == ""
 
 

@@ -15,5 +15,6 @@ Modules in control-flow order:
 - `spread`: places and numbers before the seed is known. `motion`: upper bounds of speed and flight time.
 - `outline`: a mission (every seed) or an instance (one seed) in the form that the builder of needs and proofs read.
 - `episode`: bounds of every quantity that hold during the whole episode.
+- `listing`: the survey with bounds and declassifications, for people and other programs.
 - `needs`: the tree of needs. `condition_needs`: its construction from a condition.
 """

@@ -10,7 +10,9 @@ from collections.abc import Iterable, Mapping
 
 import msgspec
 
+from lingjing.errors import MissionError
 from lingjing.mission import model
+from lingjing.mission.evaluate import Scope, number
 from lingjing.mission.expression import Attr, Expr, Index, Ref, parts
 from lingjing.mission.instance import Entity, Instance
 from lingjing.mission.kinds import engine_kind
@@ -70,6 +72,8 @@ class Declarations(msgspec.Struct, frozen=True):
     presences: Mapping[str, tuple[str, ...]]
     """Group → the events that make members of it appear or vanish."""
     roles: tuple[str, ...]
+    scope: Scope = Scope()
+    """The settings that radii depend on."""
 
     def group(self, name: str) -> Group | None:
         """The group of this name, or of the entity with this id."""
@@ -116,6 +120,7 @@ def of_mission(mission: model.Mission) -> Declarations:
             for event in mission.events
         ),
         roles=tuple(dict.fromkeys(agent.role for agent in mission.agents)),
+        scope=default_scope(mission, mission.modes.default),
     )
 
 
@@ -159,7 +164,19 @@ def of_instance(instance: Instance) -> Declarations:
             for event in instance.events
         ),
         roles=tuple(dict.fromkeys(agent.role for agent in instance.agents)),
+        scope=Scope(parameters=instance.settings, mode=instance.mode),
     )
+
+
+def default_scope(mission: model.Mission, mode: str) -> Scope:
+    """A scope with the parameters that have a value before any draw."""
+    values: dict[str, float] = {}
+    for parameter in mission.parameters:
+        try:
+            values[parameter.name] = number(parameter.default, Scope(parameters=values))
+        except MissionError:
+            continue  # drawn in a run: expressions with this parameter have no value here
+    return Scope(parameters=values, mode=mode)
 
 
 # -- private

@@ -38,7 +38,7 @@ class Leak(NamedTuple):
 def leaks(mission: model.Mission) -> tuple[Leak, ...]:
     """Every leak of a mission, declassified or not, once for each name, in the order of declaration."""
     leak_of: dict[str, Leak] = {}
-    for leak in _leaks(mission, survey_mission(mission)):
+    for leak in every_leak(mission, survey_mission(mission)):
         leak_of.setdefault(leak.what, leak)
     return tuple(leak_of.values())
 
@@ -55,10 +55,8 @@ def declared_as_before(mission: model.Mission) -> model.Mission:
     return msgspec.structs.replace(mission, declassified=(*mission.declassified, *implied)) if implied else mission
 
 
-# -- private
-
-
-def _leaks(mission: model.Mission, survey: Survey) -> Iterator[Leak]:
+def every_leak(mission: model.Mission, survey: Survey) -> Iterator[Leak]:
+    """Every leak of every condition of a surveyed mission; a name may occur more than once."""
     for condition in survey.conditions:
         match condition.kind:
             case "success" | "failure" if condition.hidden:
@@ -71,6 +69,9 @@ def _leaks(mission: model.Mission, survey: Survey) -> Iterator[Leak]:
                 yield Leak(condition.name, condition.at, notice, _way(condition, survey))
             case "stage":
                 yield from _stage_leaks(condition, mission, survey)
+
+
+# -- private
 
 
 def _stage_leaks(stage: Condition, mission: model.Mission, survey: Survey) -> Iterator[Leak]:

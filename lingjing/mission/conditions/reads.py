@@ -7,13 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 
+from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.conditions.declarations import Declarations, Group
 from lingjing.mission.conditions.quantities import Cause, Quantity, QuantityKind, Record
+from lingjing.mission.evaluate import Scope, number
 from lingjing.mission.expression_text import spell
 from lingjing.mission.functions import OPERATIONS
 from lingjing.mission.vocabulary import PHOTO
+
+_DISTANCES = ("distance", "distance_xy")
 
 Names = Mapping[str, str]
 """Bound names → the group or message kind that each ranges over."""
@@ -38,6 +42,9 @@ class Leaf(Record, frozen=True, kw_only=True):
     """The rules through which the condition reads it, outermost first; empty for a part of its own text."""
     quantities: tuple[Quantity, ...] = ()
     """The quantities that it reads, each once."""
+
+    radius_m: float | None = None
+    """The distance that it compares a distance with, metres, at the default settings; None for another part."""
 
     @property
     def hidden(self) -> bool:
@@ -69,7 +76,8 @@ class Reader:
                 yield from self._called(expr, names, negated, via)
             case _:
                 quantities = tuple(dict.fromkeys(self._read(expr, names)))
-                yield Leaf(text=spell(expr), negated=negated, via=via, quantities=quantities)
+                radius_m = _radius_m(expr, self._of.scope)
+                yield Leaf(text=spell(expr), negated=negated, via=via, quantities=quantities, radius_m=radius_m)
                 for call in _rules_in(expr):  # inside of `count(…)` and the like
                     yield from self._called(call, {**names, **_bound_in(expr)}, negated, via)
 
@@ -341,6 +349,25 @@ _CAUSES: Mapping[QuantityKind, Callable[[Declarations, Group, str], Iterator[Cau
     "presence": _presence_causes,
     "picture": _picture_causes,
 }
+
+
+def _radius_m(expr: ex.Expr, scope: Scope) -> float | None:
+    """The number on the other side of a distance, if it is known before a run."""
+    match expr:
+        case ex.Binary(operator="<" | "<=" | ">" | ">=", left=ex.Call(function=function), right=bound) if (
+            function in _DISTANCES
+        ):
+            pass
+        case ex.Binary(operator="<" | "<=" | ">" | ">=", left=bound, right=ex.Call(function=function)) if (
+            function in _DISTANCES
+        ):
+            pass
+        case _:
+            return None
+    try:
+        return number(bound, scope)
+    except MissionError:
+        return None
 
 
 def _rules_in(expr: ex.Expr) -> Iterator[ex.Call]:

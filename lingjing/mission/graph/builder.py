@@ -9,7 +9,8 @@ import msgspec
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
 from lingjing.mission import model
-from lingjing.mission.evaluate import Scope, number, whole
+from lingjing.mission.conditions.declarations import default_scope
+from lingjing.mission.evaluate import number, whole
 from lingjing.mission.expression_text import spell
 from lingjing.mission.graph.guards import Presence, presence
 from lingjing.mission.graph.types import EdgeKind, GraphEdge, GraphNode, MissionGraph, NodeKind
@@ -21,7 +22,7 @@ class GraphBuilder:
     def __init__(self, mission: model.Mission, modes: tuple[str, ...]) -> None:
         self.modes = modes
         self._mission = mission
-        self._defaults = _defaults(mission, modes)
+        self._defaults = default_scope(mission, modes[0] if len(modes) == 1 else mission.modes.default)
         self._nodes: dict[str, GraphNode] = {}
         self._edges: dict[str, GraphEdge] = {}
 
@@ -164,17 +165,6 @@ class GraphBuilder:
     def _shared(self, modes: tuple[str, ...], others: Iterable[str]) -> tuple[str, ...]:
         limits = [self._nodes[identity].modes for identity in others]
         return tuple(mode for mode in modes if all(mode in limit for limit in limits))
-
-
-def _defaults(mission: model.Mission, modes: tuple[str, ...]) -> Scope:
-    """A scope with the parameters that have a value before any draw."""
-    values: dict[str, float] = {}
-    for parameter in mission.parameters:
-        try:
-            values[parameter.name] = number(parameter.default, Scope(parameters=values))
-        except MissionError:
-            continue  # drawn in a run: expressions with this parameter are shown as written
-    return Scope(parameters=values, mode=modes[0] if len(modes) == 1 else mission.modes.default)
 
 
 def _same(first: GraphEdge, second: GraphEdge) -> bool:

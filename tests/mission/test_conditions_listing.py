@@ -1,0 +1,101 @@
+"""The list of conditions: bounds of quantities over the episode, radii, and declassifications."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from lingjing.dsl import compile_text
+from lingjing.dsl.loading.load import load_mission
+from lingjing.dsl.loading.shipped import find_mission
+from lingjing.errors import UsageError
+from lingjing.mission import expression as ex
+from lingjing.mission.conditions.listing import ConditionList, list_conditions
+from lingjing.mission.conditions.survey import survey_mission
+
+YARD = (Path(__file__).parents[1] / "kernel" / "data" / "locker.ljs").read_text()
+NINE = ("bi", "cd", "cr", "idf", "ld", "ssr", "ufr", "upr", "vdn")
+
+
+def listed(name: str, mode: str | None = None) -> ConditionList:
+    return list_conditions(load_mission(str(find_mission(name))), mode)
+
+
+def bounds(of: ConditionList) -> dict[str, tuple[float | None, float | None]]:
+    quantities = (q for c in of.conditions for leaf in c.leaves for q in leaf.quantities)
+    return {q.key: (q.least, q.most) for q in quantities if (q.least, q.most) != (None, None)}
+
+
+def test_time_ends_with_the_budget_and_amounts_stay_within_what_interactions_permit() -> None:
+    assert bounds(listed("cr"))["now"] == (0.0, 1200.0)
+    cargo = bounds(listed("cd"))
+    assert cargo["point.demand_kg"] == (0.0, 250.0), "drawn, and lowered to nothing by deliveries"
+    assert cargo["van.load_kg"] == (0.0, 200.0)
+    assert cargo["van.payload_kg"] == (200.0, 200.0), "a constant"
+
+
+@pytest.mark.parametrize(
+    ("condition", "key", "interval"),
+    [
+        ("now > 20 s", "now", (0.0, 300.0)),
+        ("boat.heading > 9 deg", "boat.heading_deg", (0.0, 360.0)),
+        ("used(words) > 2", "counter words", (0.0, 7.0)),
+        ("exists r in detection: r.confidence > 0.5", "message detection.confidence", (0.0, 1.0)),
+    ],
+)
+def test_each_kind_of_number_has_its_bounds(condition: str, key: str, interval: tuple[float, float]) -> None:
+    limited = YARD.replace("CONDITION", condition).replace(
+        "success when", "limit words <= 7 counts detection\n  success when"
+    )
+    compilation = compile_text(limited)
+    assert compilation.mission is not None, compilation.diagnostics
+    ticks = bounds(list_conditions(compilation.mission))
+    assert ticks[key] == interval
+
+
+def test_a_radius_is_a_number_at_the_default_settings() -> None:
+    radii = {leaf.text: leaf.radius_m for c in listed("ld").conditions for leaf in c.leaves if leaf.radius_m}
+    assert radii == {"distance_xy(van, s) <= 30 m": 30.0, "distance_xy(dog, house) <= 40 m": 40.0}
+
+
+def test_declassifications_stand_with_the_conditions_that_leak() -> None:
+    declassified = {c.at: tuple(c.declassified) for c in listed("vdn").conditions if c.declassified}
+    assert declassified == {
+        "success": ("end",),
+        "stage/approach": ("approach",),
+        "stage/arrive": ("arrive",),
+    }
+
+
+@pytest.mark.parametrize("name", NINE)
+def test_the_list_is_the_survey_with_bounds(name: str) -> None:
+    mission = load_mission(str(find_mission(name)))
+    whole = list_conditions(mission)
+    survey = survey_mission(mission)
+    assert [c.at for c in whole.conditions] == [c.at for c in survey.conditions]
+    assert [len(c.leaves) for c in whole.conditions] == [len(c.leaves) for c in survey.conditions]
+    for mode in mission.modes.allowed:
+        for key, (least, most) in bounds(list_conditions(mission, mode)).items():
+            low, high = bounds(whole).get(key, (None, None))
+            assert low is None or (least is not None and least >= low)
+            assert high is None or (most is not None and most <= high)
+
+
+def test_a_mission_too_large_for_bounds_has_its_list_without_them() -> None:
+    mission = load_mission(str(find_mission("cr")))
+    parameters = tuple(
+        msgspec.structs.replace(parameter, default=ex.Number(400.0), bounds=None) for parameter in mission.parameters
+    )
+    large = msgspec.structs.replace(
+        mission,
+        parameters=parameters,
+        groups=tuple(msgspec.structs.replace(group, count=ex.Number(400.0)) for group in mission.groups),
+    )
+    assert bounds(list_conditions(large)) == {"now": (0.0, None)}
+
+
+def test_an_unknown_mode_is_refused() -> None:
+    with pytest.raises(UsageError, match="no mode 'mesh'"):
+        listed("cr", "mesh")
