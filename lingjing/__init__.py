@@ -29,27 +29,38 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from lingjing.analysis.metrics import Metrics, metrics
+    from lingjing.causal.replay import replay
     from lingjing.dsl.loading.load import load_mission as compile  # noqa: A004 - `lingjing.compile` is the public name
     from lingjing.mission.model import Mission
     from lingjing.numerics import pin
-    from lingjing.play.episode import run
+    from lingjing.play.episode import Session, run
     from lingjing.play.options import PlayOptions
     from lingjing.play.report import EpisodeReport
     from lingjing.trace.reader import Trace, read_trace
+    from lingjing.trace.verification import verify_file as verify
 
     __version__: str
 
-__all__ = ["EpisodeReport", "Mission", "PlayOptions", "Trace", "__version__", "compile", "pin", "read_trace", "run"]
+__all__ = [
+    "EpisodeReport", "Metrics", "Mission", "PlayOptions", "Session", "Trace", "__version__", "compile", "metrics",
+    "pin", "read_trace", "replay", "run", "verify",
+]  # fmt: skip
 
 _EXPORTS = {
     "EpisodeReport": ("lingjing.play.report", "EpisodeReport"),
+    "Metrics": ("lingjing.analysis.metrics", "Metrics"),
     "Mission": ("lingjing.mission.model", "Mission"),
     "PlayOptions": ("lingjing.play.options", "PlayOptions"),
+    "Session": ("lingjing.play.episode", "Session"),
     "Trace": ("lingjing.trace.reader", "Trace"),
     "compile": ("lingjing.dsl.loading.load", "load_mission"),
+    "metrics": ("lingjing.analysis.metrics", "metrics"),
     "pin": ("lingjing.numerics", "pin"),
     "read_trace": ("lingjing.trace.reader", "read_trace"),
+    "replay": ("lingjing.causal.replay", "replay"),
     "run": ("lingjing.play.episode", "run"),
+    "verify": ("lingjing.trace.verification", "verify_file"),
 }
 
 

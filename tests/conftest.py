@@ -7,20 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.data import data_path
-from lingjing.mission.instance import (
-    Clock,
-    Entity,
-    Instance,
-    InteractionSpec,
-    VerbSpec,
-    Weather,
-)
-from lingjing.plugins.engine import Boundary, Engine, EngineSpec
-from lingjing.scene.city import City, Land, Solid, Water
-from lingjing.trace.records import BodyState, Command, Receipt, TaskEvent
-from tests.bare_instance import bare_instance
-from tests.declared import declared
+from lingjing import testing
+from lingjing.mission.instance import Clock, Entity, Instance, InteractionSpec, VerbSpec, Weather
+from lingjing.scene.city import City
+from lingjing.testing import EngineRun, bare_instance, declared, mission_file
+from lingjing.testing.engines import WATER_LEVEL_M
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -28,12 +19,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--update", action="store_true", help="rewrite the golden files")
 
 
-LEVEL_M = -3.5
 MOVES = ("takeoff", "setDestination", "forward", "backward", "left", "right", "up", "down", "stop")
-
-
-def square(x: float, y: float, half: float) -> tuple[tuple[float, float], ...]:
-    return ((x - half, y - half), (x + half, y - half), (x + half, y + half), (x - half, y + half))
 
 
 def build_instance(entities: Sequence[Entity], weather: Weather | None = None, sync_s: float = 0.5) -> Instance:
@@ -56,7 +42,7 @@ def build_uav(index: int = 1, position: tuple[float, float, float] = (0.0, 0.0, 
     )
 
 
-def build_boat(position: tuple[float, float, float] = (0.0, 0.0, LEVEL_M), heading_deg: float = 0.0) -> Entity:
+def build_boat(position: tuple[float, float, float] = (0.0, 0.0, WATER_LEVEL_M), heading_deg: float = 0.0) -> Entity:
     return declared(
         Entity(
             id="boat",
@@ -73,7 +59,9 @@ def build_boat(position: tuple[float, float, float] = (0.0, 0.0, LEVEL_M), headi
     )
 
 
-def build_victim(index: int = 1, position: tuple[float, float, float] = (0.0, 0.0, LEVEL_M), **more: object) -> Entity:
+def build_victim(
+    index: int = 1, position: tuple[float, float, float] = (0.0, 0.0, WATER_LEVEL_M), **more: object
+) -> Entity:
     return declared(
         Entity(
             id=f"victim[{index}]",
@@ -90,81 +78,14 @@ def build_victim(index: int = 1, position: tuple[float, float, float] = (0.0, 0.
     )
 
 
-class Player:
-    """Drives one engine by macro-steps and keeps what it said."""
-
-    def __init__(self, engine: Engine, instance: Instance, city: City, name: str, seed: int = 1) -> None:
-        owned = tuple(entity.id for entity in instance.entities if entity.engine == name)
-        self.engine = engine
-        self.sync_s = instance.clock.sync_s
-        self.boundary: Boundary = engine.reset(EngineSpec(engine=name, instance=instance, owns=owned), city, seed)
-        self.history: list[Boundary] = [self.boundary]
-        self.receipts: list[Receipt] = []
-        self.events: list[TaskEvent] = []
-        self.time_s = 0.0
-        self._count = 0
-
-    def command(self, resource: str, verb: str, origin: str = "agent", **arguments: object) -> Receipt:
-        self._count += 1
-        command = Command(
-            id=f"c0-{self._count}",
-            tick=0,
-            sender="test",
-            resource=resource,
-            verb=verb,
-            arguments=arguments,
-            origin=origin,
-        )
-        (receipt,) = self.engine.submit((command,))
-        return receipt
-
-    def run(self, seconds: float, mirrors: Sequence[BodyState] = ()) -> Boundary:
-        for _ in range(round(seconds / self.sync_s)):
-            self.step(mirrors)
-        return self.boundary
-
-    def until_ended(self, request: str, limit_s: float = 120.0) -> Receipt:
-        while self.time_s < limit_s:
-            for receipt in self.step().receipts:
-                if receipt.request == request and receipt.status != "running":
-                    return receipt
-        raise AssertionError(f"{request} did not end within {limit_s} s: {self.boundary.states}")
-
-    def step(self, mirrors: Sequence[BodyState] = ()) -> Boundary:
-        self.time_s += self.sync_s
-        self.boundary = self.engine.advance(self.time_s, mirrors)
-        self.history.append(self.boundary)
-        self.receipts += self.boundary.receipts
-        self.events += self.boundary.events
-        return self.boundary
-
-    @property
-    def state(self) -> BodyState:
-        return self.boundary.states[0]
-
-
 @pytest.fixture
 def open_sea() -> City:
-    water = Water(polygon=square(0.0, 0.0, 5000.0), level_m=LEVEL_M)
-    return City(
-        id="sea", origin=(31.0, 121.5), bounds=(-5000.0, -5000.0, 5000.0, 5000.0), datum_m=LEVEL_M, waters=(water,)
-    )
+    return testing.open_sea()
 
 
 @pytest.fixture
-def quay(open_sea: City) -> City:
-    """The sea with a quay (top 0.9 m) of 40 m to each side of the origin and a tower of 60 m, 100 m to the east."""
-    tower = Solid(id="tower", polygon=square(100.0, 0.0, 5.0), base_m=LEVEL_M, top_m=60.0)
-    land = Land(polygon=square(0.0, 0.0, 40.0), top_m=0.9, surface="concrete")
-    return City(
-        id="quay",
-        origin=open_sea.origin,
-        bounds=open_sea.bounds,
-        datum_m=LEVEL_M,
-        waters=open_sea.waters,
-        lands=(land,),
-        solids=(tower,),
-    )
+def quay() -> City:
+    return testing.quay()
 
 
 @pytest.fixture
@@ -188,14 +109,14 @@ def victim() -> Callable[..., Entity]:
 
 
 @pytest.fixture
-def player() -> type[Player]:
-    return Player
+def player() -> type[EngineRun]:
+    return EngineRun
 
 
 @pytest.fixture(scope="session")
 def endless(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The sea rescue with more ticks than anybody will wait for: it is in the middle whenever it is looked at."""
-    text = data_path("scenarios", "ssr.ljs").read_text(encoding="utf-8")
+    text = mission_file("ssr").read_text(encoding="utf-8")
     assert "ticks <= 60," in text
     path = tmp_path_factory.mktemp("endless") / "ssr.ljs"
     path.write_text(text.replace("ticks <= 60,", "ticks <= 1000000,"), encoding="utf-8")

@@ -6,7 +6,7 @@ import pytest
 
 from lingjing.builtin import _extra
 from lingjing.errors import InfrastructureError
-from lingjing.plugins.host import PluginHost
+from lingjing.testing import PluginHost
 
 
 @pytest.mark.parametrize("name", ["camera", "city", "multirotor", "plane", "quadruped", "road", "satellite", "vessel"])

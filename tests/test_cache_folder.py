@@ -13,8 +13,9 @@ import pytest
 
 from lingjing import data
 from lingjing.cli import doctor
-from lingjing.data import cache_folder, choose_cache, data_path, kept_path
+from lingjing.data import cache_folder, choose_cache, kept_path
 from lingjing.scene.network import Network, StreetEdge, StreetNode, build_network
+from lingjing.testing import mission_file
 
 NODES = (StreetNode(id="a", east=0.0, north=0.0), StreetNode(id="b", east=100.0, north=0.0))
 EDGES = (StreetEdge(id="ab", start="a", end="b"),)
@@ -232,7 +233,7 @@ def test_a_hint_arrives_where_it_is_read(
     (info / "entry_points.txt").write_text("[lingjing]\ncanyon = canyon\n")
     (tmp_path / "site" / "canyon.py").write_text(SCENE.format(kind=kind))
     monkeypatch.setenv("PYTHONPATH", str(tmp_path / "site"))
-    text = data_path("scenarios", "ssr.ljs").read_text(encoding="utf-8")
+    text = mission_file("ssr").read_text(encoding="utf-8")
     assert "scene bay" in text
     (tmp_path / "m.ljs").write_text(text.replace("scene bay", "scene canyon", 1), encoding="utf-8")
     done = run("run", "m.ljs", "--policy", "random", *several, cwd=tmp_path)

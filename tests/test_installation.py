@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from lingjing.cli import doctor
-from lingjing.cli.main import main
 from lingjing.installation import CORE, EarlierRequirement, earlier_requirements, name_of, requirements
+from lingjing.testing import run_command
 
 ROOT = Path(__file__).resolve().parents[1]
 BUILTIN = "[lingjing]\nbuiltin = lingjing.builtin\n"
@@ -124,7 +124,7 @@ def test_a_plugin_that_requires_an_earlier_name_is_named_with_the_line_to_change
     assert list(earlier_requirements()) == [expected]
     finding = doctor.check_installation()
     assert finding.ok and finding.advice.endswith(advice) and "plug-in `hovercraft` requires" in finding.advice
-    assert main(["plugins"]) == 0
+    assert run_command(["plugins"]) == 0
     printed = capsys.readouterr()
     assert "multirotor" in printed.out
     assert "plug-in `hovercraft` (lingjing-hovercraft) requires `lingjing`" in printed.err and advice in printed.err

@@ -35,16 +35,14 @@ OPEN_PACKAGES = ("lingjing.testing", "lingjing.plugins.conformance")
 def internals(source: str, public: Collection[str] = PUBLIC) -> Iterator[tuple[int, str]]:
     """Yield the line and the module of each statement that imports an internal module of `lingjing`.
 
-    `from lingjing import NAME` counts if `NAME` is a module. Raises `SyntaxError` for what is not Python.
+    `from PACKAGE import NAME` imports `PACKAGE.NAME` if that is a module. Raises `SyntaxError` for what is not Python.
     """
     for node in ast.walk(ast.parse(source)):
         match node:
             case ast.Import(names=names):
                 modules = [alias.name for alias in names]
-            case ast.ImportFrom(module="lingjing", names=names):
-                modules = [f"lingjing.{alias.name}" for alias in names if _is_module(alias.name)]
-            case ast.ImportFrom(module=str(module), level=0):
-                modules = [module]
+            case ast.ImportFrom(module=str(package), names=names, level=0):
+                modules = [_module(package, alias.name) for alias in names]
             case _:
                 continue
         for module in modules:
@@ -53,8 +51,10 @@ def internals(source: str, public: Collection[str] = PUBLIC) -> Iterator[tuple[i
                 break
 
 
-def _is_module(name: str) -> bool:
-    return (ROOT / "lingjing" / f"{name}.py").is_file() or (ROOT / "lingjing" / name / "__init__.py").is_file()
+def _module(package: str, name: str) -> str:
+    """Return the module that `from package import name` imports: `package.name` if it is one, else `package`."""
+    path = ROOT.joinpath(*package.split("."), name)
+    return f"{package}.{name}" if path.with_suffix(".py").is_file() or path.is_dir() else package
 
 
 def _is_public(module: str, public: Collection[str]) -> bool:

@@ -8,8 +8,6 @@ import numpy as np
 from lingjing.mission.kinds import builtin_engines
 from lingjing.mission.kinds_format import VerbKind
 from lingjing.plugins.geometry import camera_pose
-from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import build_policy
 from lingjing.plugins.policy import (
     ArgumentSpec,
     Brief,
@@ -32,6 +30,7 @@ from lingjing.plugins.policy import (
     VerbSpec,
     Weather,
 )
+from lingjing.testing import PluginHost, build_policy
 
 
 def react(**options: object) -> Policy:

@@ -9,13 +9,13 @@ import pytest
 
 import lingjing
 from agents.tests.chat_server import NOOP, ChatServer, Reply, serve
+from lingjing import Trace, read_trace
 from lingjing.causal.branch_host import BranchHost
 from lingjing.causal.interventions import BranchPlan
 from lingjing.causal.redriven import BranchOptions
-from lingjing.cli.main import main
 from lingjing.errors import ExitCode, UsageError
+from lingjing.testing import run_command
 from lingjing.trace.call_store import CALLS_NAME
-from lingjing.trace.reader import Trace, read_trace
 
 TEXT = """\
 ljs 1
@@ -91,7 +91,7 @@ def test_unsaid_no_model_is_asked_and_without_a_record_nothing_is_branched(
     server: ChatServer, seen: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     recorded = len(server.requests)
-    assert main(["fork", str(seen.path), "--at", "2"]) == ExitCode.USAGE
+    assert run_command(["fork", str(seen.path), "--at", "2"]) == ExitCode.USAGE
     printed = capsys.readouterr().err
     assert (
         "`scout` called chat models, and no answers are recorded after the branch point" in printed

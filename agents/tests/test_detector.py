@@ -11,11 +11,9 @@ from lingjing_agents.perception.people_at_sea import find_people
 import lingjing
 from agents.tests.agent_kit import NADIR
 from lingjing.errors import InfrastructureError
-from lingjing.mission.instantiate import instantiate
 from lingjing.plugins.engine import BodyState, CaptureRequest, EngineSpec
 from lingjing.plugins.geometry import box_to_plane, camera_pose, offset_xy
-from lingjing.plugins.host import PluginHost
-from lingjing.trace.images import decode_jpeg, encode_jpeg
+from lingjing.testing import PluginHost, decode_jpeg, encode_jpeg, instantiate
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "ssr.ljs"
 LEVEL = -3.5

@@ -6,18 +6,17 @@ import pytest
 from lingjing_agents.heuristic.errand_rules import GoalFlyer, PictureTaker
 from lingjing_agents.heuristic.policy import rules_for
 
-from lingjing.cli.main import main
-from lingjing.dsl.loading.load import load_mission
+import lingjing
 from lingjing.errors import ExitCode
 from lingjing.kernel.visibility import Projector
-from lingjing.mission.instantiate import instantiate
+from lingjing.testing import instantiate, run_command
 
 RESET = Path(__file__).parents[2] / "scenarios" / "reset"
 
 
 @pytest.mark.parametrize(("mission", "rules"), [("free", PictureTaker), ("goals", GoalFlyer)])
 def test_rules_are_chosen_by_what_wins(mission: str, rules: type) -> None:
-    instance = instantiate(load_mission(RESET / f"{mission}.ljs"))
+    instance = instantiate(lingjing.compile(RESET / f"{mission}.ljs"))
     for agent in instance.agents:
         chosen = rules_for(Projector(instance).brief(agent, ("quadrotor",)))
         assert isinstance(chosen, rules) and agent.role in rules.roles
@@ -26,5 +25,5 @@ def test_rules_are_chosen_by_what_wins(mission: str, rules: type) -> None:
 @pytest.mark.parametrize(("mission", "policy"), [("free", "heuristic"), ("goals", "heuristic"), ("goals", "oracle")])
 def test_it_is_won(mission: str, policy: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["run", str(RESET / f"{mission}.ljs"), "--policy", policy, "--no-overview", "-o", str(tmp_path / "out")]
-    assert main(arguments) == ExitCode.OK
+    assert run_command(arguments) == ExitCode.OK
     assert "success: yes" in capsys.readouterr().out

@@ -9,9 +9,8 @@ from lingjing_agents.faulty.options import FaultyOptions
 from lingjing_agents.faulty.policy import FaultyPolicy
 
 from agents.tests.agent_kit import ASSIGNMENT, REPORT, Inbox, brief, dog, observe, picture, sent_by
-from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import build_policy
 from lingjing.plugins.policy import Action, Brief, Decision, Observation, Outgoing, UsageError
+from lingjing.testing import PluginHost, build_policy
 
 SIGHTING = Outgoing(kind=REPORT.kind, body={"frame": "f1-uav[1]-nadir", "position": (10.0, 20.0, 0.0)})
 ORDER = Outgoing(kind=ASSIGNMENT.kind, body={"assignee": "skipper", "task": "rescue"}, to=("skipper",))

@@ -13,7 +13,7 @@ from agents.tests.chat_server import Reply, serve
 from lingjing.errors import UsageError
 from lingjing.plugins.frame_detector import FrameQuestion
 from lingjing.plugins.geometry import camera_pose
-from lingjing.trace.images import decode_jpeg, encode_jpeg
+from lingjing.testing import decode_jpeg, encode_jpeg
 
 POSE = camera_pose((0.0, 0.0, 96.5), 0.0, NADIR)
 SEA = np.full((1080, 1920, 3), (36, 76, 90), np.uint8)

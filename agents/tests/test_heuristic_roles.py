@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 from lingjing_agents.heuristic.policy import ROLE_RULES, rules_for
 
-from lingjing.dsl.loading.load import load_mission
+import lingjing
 from lingjing.kernel.visibility import Projector
-from lingjing.mission.instantiate import instantiate
 from lingjing.plugins.decisions import sendable
+from lingjing.testing import instantiate
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 MISSIONS = sorted(SCENARIOS.glob("*.ljs"))
@@ -25,7 +25,7 @@ def test_records_are_those_of_the_standard_library():
 
 @pytest.mark.parametrize("path", MISSIONS, ids=lambda path: path.stem)
 def test_rules_serve_the_roles_and_records_of_a_mission(path: Path):
-    mission = load_mission(path)
+    mission = lingjing.compile(path)
     for mode in mission.modes.allowed or ("",):
         instance = instantiate(mission, mode=mode or None)
         classes = tuple(dict.fromkeys(entity.type for entity in instance.entities))

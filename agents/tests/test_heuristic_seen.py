@@ -13,13 +13,11 @@ from lingjing_agents.perception.road_queues import corners, find_queues
 import lingjing
 from agents.tests.agent_kit import NADIR
 from lingjing.errors import InfrastructureError
-from lingjing.mission.instantiate import instantiate
 from lingjing.plugins.engine import BodyState, CaptureRequest, EngineSpec
 from lingjing.plugins.geometry import camera_pose, offset_xy
-from lingjing.plugins.host import PluginHost
 from lingjing.plugins.policy import CameraPose
 from lingjing.scene.anchor import anchor
-from lingjing.trace.images import decode_jpeg, encode_jpeg
+from lingjing.testing import PluginHost, decode_jpeg, encode_jpeg, instantiate
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 PICTURES = Path(__file__).with_name("pictures")

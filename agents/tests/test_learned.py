@@ -27,9 +27,8 @@ from lingjing_agents.perception.people_at_sea import FoundBox
 
 from agents.tests.agent_kit import EYE, NADIR, brief, observe, picture, view
 from lingjing.plugins.geometry import camera_pose
-from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import build_policy
 from lingjing.plugins.policy import Inbox
+from lingjing.testing import PluginHost, build_policy
 
 WEIGHTS = resources.files("lingjing_agents.perception.learned") / "weights"
 POSE = camera_pose((0.0, 0.0, 100.0), 0.0, NADIR)

@@ -18,8 +18,7 @@ from agents.tests.agent_kit import Inbox, brief, observe, react
 from agents.tests.hostile_server import answered
 from lingjing.plugins.backbone import ChatMessage, ChatRequest, ModelError
 from lingjing.plugins.calls import CallResult
-from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import build_policy
+from lingjing.testing import PluginHost, build_policy
 
 RESET, PLAIN, GZIP, CUT = (
     "Connection reset by peer",

@@ -11,13 +11,12 @@ from lingjing_agents.llm.options import ModelOptions
 from lingjing_agents.llm.retry import CallDeadline
 
 from agents.tests.chat_server import Reply, completion, serve
-from lingjing.cli.main import main
 from lingjing.errors import ExitCode
 from lingjing.plugins.backbone import ChatMessage, ChatRequest
 from lingjing.plugins.calls import UnrecordedCalls
-from lingjing.plugins.host import PluginHost
 from lingjing.plugins.options import read_options
 from lingjing.plugins.policy import UsageError
+from lingjing.testing import PluginHost, run_command
 
 PAPER = [
     "gpt-5.5", "gpt-5.4", "gemini-3.1-pro", "kimi-k2.5", "qwen3-vl-flash", "qwen3-vl-2b", "qwen3-vl-4b", "qwen3-vl-8b",
@@ -315,14 +314,14 @@ def test_plugins_lists_the_rest_where_the_own_list_of_models_is_faulty(
 ):
     (tmp_path / "own.toml").write_text("[models.mine]\nserved = 3\nprice_in = 1.0\n")
     monkeypatch.setenv("LINGJING_MODELS", str(tmp_path / "own.toml"))
-    assert main(["plugins"]) == ExitCode.USAGE
+    assert run_command(["plugins"]) == ExitCode.USAGE
     told = capsys.readouterr()
     assert {line.split()[0] for line in told.out.splitlines()} == {
         "engine", "policy", "scene", "evaluator", "detector", "backbone", "scaffold",
     }  # fmt: skip
     assert "models.mine.service: is missing" in told.err
     assert "hint: models.toml" in told.err
-    assert main(["plugins", "react"]) == ExitCode.OK
+    assert run_command(["plugins", "react"]) == ExitCode.OK
     assert "max_tokens" in capsys.readouterr().out
-    assert main(["plugins", "gpt-5.5"]) == ExitCode.USAGE
+    assert run_command(["plugins", "gpt-5.5"]) == ExitCode.USAGE
     assert "models.mine.service: is missing" in capsys.readouterr().err

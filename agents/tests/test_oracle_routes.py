@@ -12,8 +12,8 @@ from lingjing_agents.oracle.routes import PATIENCE_S
 import lingjing
 from lingjing.kernel.visibility import Projector
 from lingjing.mission.instance import Vector
-from lingjing.mission.instantiate import instantiate
 from lingjing.plugins.policy import BodyState, Decision, Envelope, Inbox, Observation, Privileged, Route
+from lingjing.testing import instantiate
 
 MISSION = """ljs 1
 use std.air { quadrotor }

@@ -21,12 +21,11 @@ from msgspec.structs import replace
 from lingjing.dsl.loading.load import templates_beside
 from lingjing.kernel.cities import CityBuilder
 from lingjing.mission.instance import ArgumentSpec, VerbSpec
-from lingjing.mission.instantiate import instantiate
 from lingjing.mission.kinds_format import VerbMotion
-from lingjing.plugins.host import PluginHost
 from lingjing.plugins.policy import BodyState
 from lingjing.plugins.tasks import Task
 from lingjing.plugins.terrain import ObstacleMap
+from lingjing.testing import PluginHost, instantiate
 
 
 def ground(*walls: tuple[float, float, float, float], side_m: int = 60) -> ObstacleMap:

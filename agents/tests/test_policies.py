@@ -11,9 +11,8 @@ from lingjing_agents.plugin import lingjing_policies
 
 from agents.tests.agent_kit import ASSIGNMENT, REPORT, STATUS, EventView, Inbox, brief, envelope, observe, picture, view
 from lingjing.plugins.conformance import check_policy
-from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import build_policy
 from lingjing.plugins.policy import Absent, Decision, EntityView, Observation, PolicyPlugin, UsageError
+from lingjing.testing import PluginHost, build_policy
 
 PLUGINS = {plugin.name: plugin for plugin in lingjing_policies()}
 AGENTS = [("scout[1]", "broadcast"), ("scout[2]", "star"), ("skipper", "broadcast"), ("commander", "star")]

@@ -15,11 +15,10 @@ import pytest
 import lingjing
 from agents.tests.chat_server import serve
 from agents.tests.test_recorded_calls import ARGUMENTS, TEXT, decisions, looking, play
-from lingjing.data import data_path
-from lingjing.play.episode import Session
+from lingjing import EpisodeReport, Session
 from lingjing.play.policy_processes.preloading import PRELOAD, SERVES
-from lingjing.play.report import EpisodeReport
 from lingjing.processes.fork_client import ForkServer, ForkServerClient
+from lingjing.testing import mission_file
 from lingjing.trace.call_store import CALLS_NAME, CallReader
 
 
@@ -38,7 +37,7 @@ def key(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def short(folder: Path, mission: str, ticks: int) -> Path:
-    text = data_path("scenarios", f"{mission}.ljs").read_text("utf-8")
+    text = mission_file(mission).read_text("utf-8")
     file = folder / f"{mission}.ljs"
     file.write_text(re.sub(r"ticks <= \d+", f"ticks <= {ticks}", text, count=1), "utf-8")
     return file

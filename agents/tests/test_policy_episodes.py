@@ -8,8 +8,8 @@ import msgspec
 import pytest
 
 import lingjing
+from lingjing import Trace, read_trace
 from lingjing.mission.expression import Number
-from lingjing.trace.reader import Trace, read_trace
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "ssr.ljs"
 

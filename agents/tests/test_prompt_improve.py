@@ -7,11 +7,11 @@ import pytest
 from lingjing_agents.react.prompt_reviser import ModelReviser, make_reviser, revised_prompt
 
 from agents.tests.chat_server import NOOP, Reply, serve
-from lingjing.cli.main import main
+from lingjing import read_trace
 from lingjing.errors import ExitCode, InfrastructureError
 from lingjing.plugins.calls import CallResult, UnrecordedCalls
 from lingjing.plugins.prompts import TriedPrompt
-from lingjing.trace.reader import read_trace
+from lingjing.testing import run_command
 
 MISSION = """
 ljs 1
@@ -46,7 +46,7 @@ def answer(request: dict) -> Reply:
 def test_a_prompt_is_improved_from_failed_traces(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     (tmp_path / "tiny.ljs").write_text(MISSION)
     with serve(answer) as server:
-        code = main([
+        code = run_command([
             "prompts", "improve", str(tmp_path / "tiny.ljs"), "-o", str(tmp_path / "P2.txt"), "--rounds", "1",
             "--seeds", "1000-1000", "--policy-arg", "model=player", "--policy-arg", f"base_url={server.url}",
             "--policy-arg", "price_in=0", "--policy-arg", "price_out=0",

@@ -36,9 +36,9 @@ from agents.tests.agent_kit import (
 )
 from agents.tests.chat_server import NOOP, Reply, serve
 from lingjing.plugins.decisions import decision_schema
-from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import options_fingerprint
 from lingjing.plugins.policy import UsageError
+from lingjing.testing import PluginHost
 
 STEP = {
     "thought": "go east",

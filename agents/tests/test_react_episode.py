@@ -9,8 +9,8 @@ import pytest
 
 import lingjing
 from agents.tests.chat_server import NOOP, Reply, serve
+from lingjing import read_trace
 from lingjing.mission.expression import Number
-from lingjing.trace.reader import read_trace
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "ssr.ljs"
 TICKS = 8

@@ -7,9 +7,8 @@ import pytest
 import lingjing
 from agents.tests.chat_server import serve
 from agents.tests.text_reader import ReadingModel
-from lingjing.analysis.metrics import metrics
-from lingjing.data import data_path
-from lingjing.trace.reader import read_trace
+from lingjing import metrics, read_trace
+from lingjing.testing import mission_file
 
 
 @pytest.mark.study
@@ -24,7 +23,7 @@ from lingjing.trace.reader import read_trace
 def test_what_requests_say_suffices_to_act(name: str, mode: str, done: set[str], tmp_path: Path):
     with serve(ReadingModel()) as server:
         result = lingjing.run(
-            data_path("scenarios") / f"{name}.ljs",
+            mission_file(name),
             mode=mode,
             seed=1,
             policy="react",

@@ -22,19 +22,17 @@ from lingjing_agents.react.policy import ReactPolicy
 import lingjing
 from agents.tests.agent_kit import react
 from agents.tests.chat_server import NOOP, Reply, serve
-from lingjing.data import data_path
-from lingjing.kernel.cities import CityBuilder
+from lingjing import testing
 from lingjing.kernel.commands import CommandValidator
 from lingjing.kernel.registry import Registry, initial
 from lingjing.kernel.visibility import Projector
 from lingjing.mission.instance import AgentSpec, Entity, Instance
-from lingjing.mission.instantiate import instantiate
 from lingjing.plugins.decisions import sendable
 from lingjing.plugins.geometry import mounted_camera_pose, pixel_to_plane
-from lingjing.plugins.host import PluginHost
 from lingjing.plugins.policy import REFERENCE, Action, Brief, Inbox, Observation, Picture
 from lingjing.plugins.roads import read_road_map
 from lingjing.scene.city import City
+from lingjing.testing import mission_file
 from lingjing.trace.records import BodyState, CameraPose, Envelope, Receipt, Route
 
 COLUMNS = (
@@ -51,8 +49,8 @@ _NAMED = re.compile(r"\b[a-z]+[A-Z]\w*|(?<=`)\w+(?=`)")
 @cache
 def placed(column: str) -> tuple[Instance, City]:
     name, _, mode = column.partition("-")
-    mission = lingjing.compile(data_path("scenarios") / f"{name}.ljs")
-    return CityBuilder(PluginHost()).place(instantiate(mission, seed=1, mode=mode))
+    mission = lingjing.compile(mission_file(name))
+    return testing.placed(mission, seed=1, mode=mode)
 
 
 def brief_of(column: str, agent: AgentSpec) -> Brief:

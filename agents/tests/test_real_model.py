@@ -14,9 +14,9 @@ import msgspec
 import pytest
 
 import lingjing
+from lingjing import read_trace
 from lingjing.mission.expression import Number
 from lingjing.trace.call_store import CALLS_NAME, CallReader
-from lingjing.trace.reader import read_trace
 
 PYTHON = os.environ.get("LINGJING_MODEL_PYTHON", "")
 TICKS = 6

@@ -12,11 +12,10 @@ import pytest
 
 import lingjing
 from agents.tests.chat_server import NOOP, Reply, completion, serve
-from lingjing.cli.main import main
+from lingjing import EpisodeReport, read_trace
 from lingjing.errors import UsageError
-from lingjing.play.report import EpisodeReport
+from lingjing.testing import run_command
 from lingjing.trace.call_store import CALLS_NAME, CallReader
-from lingjing.trace.reader import read_trace
 
 TEXT = """\
 ljs 1
@@ -130,28 +129,28 @@ def test_the_record_can_be_listed_and_read(tmp_path, mission, capsys):
     with serve(looking()) as server:
         report = play(mission, tmp_path / "a", server.url)
         shown = set(re.findall(r"data:image/jpeg;base64,[^\"]*", json.dumps(server.requests)))
-    assert main(["calls", report.trace]) == 0
+    assert run_command(["calls", report.trace]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 1 + 9
     assert lines[0].split()[:3] == ["tick", "agent", "call"]
     assert lines[1].split()[:6] == ["0", "scout[1]", "0", "0", "1", "100"]
-    assert main(["calls", str(tmp_path / "a"), "--agent", "scout[1]", "--tick", "1", "--full"]) == 0
+    assert run_command(["calls", str(tmp_path / "a"), "--agent", "scout[1]", "--tick", "1", "--full"]) == 0
     text = capsys.readouterr().out
     assert "=== tick 1, scout[1], call 1: " in text
     assert "--- user\nYour answer cannot be used: " in text
     assert "--- answer (stop)\nso I look down" in text
     pictures = tmp_path / "pictures"
-    assert main(["calls", report.trace, "--output-format", "json", "--pictures", str(pictures)]) == 0
+    assert run_command(["calls", report.trace, "--output-format", "json", "--pictures", str(pictures)]) == 0
     calls = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert [call["request"]["model"] for call in calls] == ["m"] * 9
     files = list(pictures.iterdir())
     assert files
     assert all(path.read_bytes()[:2] == b"\xff\xd8" for path in files)
     assert len(files) == len(shown)
-    assert main(["calls", report.trace, "--pictures", str(mission)]) == 2
+    assert run_command(["calls", report.trace, "--pictures", str(mission)]) == 2
     assert f"cannot write into `{mission}`" in capsys.readouterr().err
-    assert main(["calls", str(tmp_path / "nowhere")]) == 2
-    assert main(["calls", str(mission)]) == 2
+    assert run_command(["calls", str(tmp_path / "nowhere")]) == 2
+    assert run_command(["calls", str(mission)]) == 2
 
 
 def test_no_key_is_in_anything_that_is_left(tmp_path, mission):
@@ -257,7 +256,7 @@ def test_processes_of_one_command_share_the_limit(tmp_path, mission, capsys):
     with serve([Reply(body=json.dumps(answer))]) as server:
         options = [f"--policy-arg={name}={value}" for name, value in {**ARGUMENTS, "base_url": server.url}.items()]
         command = ["run", str(mission), "--policy=react", *options, "--seeds=0-3", "-j2", "--no-overview"]
-        code = main([*command, "--max-tokens=40000", "--json", f"-o{tmp_path / 'runs'}"])
+        code = run_command([*command, "--max-tokens=40000", "--json", f"-o{tmp_path / 'runs'}"])
         assert 1 <= len(server.requests) <= 10  # one too many is the fault; how many are set aside at once is chance
     assert code == 3
     assert "tokens: the limit of 40000 does not cover another call" in capsys.readouterr().err

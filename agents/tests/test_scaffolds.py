@@ -14,14 +14,14 @@ from lingjing_agents import plugin
 import lingjing
 from agents.tests.agent_kit import Inbox, brief, observe, react, view
 from agents.tests.chat_server import NOOP, Reply, serve
+from lingjing import read_trace
 from lingjing.mission.expression import Number
 from lingjing.plugins.conformance import SCAFFOLD_CHECKS, ScaffoldCase, check_name, sample_brief, sample_observations
 from lingjing.plugins.conformance.scaffolds import NO_OP
 from lingjing.plugins.contract import CONTRACT_MODULES
-from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import options_fingerprint
 from lingjing.plugins.policy import Receipt, UsageError
-from lingjing.trace.reader import read_trace
+from lingjing.testing import PluginHost
 
 ROOT = Path(__file__).parents[1]
 SCENARIO = ROOT.parent / "scenarios" / "ssr.ljs"

@@ -1,6 +1,6 @@
 """A kit for tests: instances, episodes and traces in one line, for this project's tests and those of plug-in authors.
 
-A test needs a mission (`mission`, `instance`, `placed`), plays it to its end (`play`) or boundary by boundary
+A test needs a mission (`compiled`, `instantiate`, `placed`), plays it to its end (`play`) or boundary by boundary
 (`episode`), and reads decisions, receipts, events and records. An engine alone is driven by `EngineRun`. Nothing here
 needs pytest. `docs/testing.md` shows a test of each kind of plug-in; the checks of a plug-in's promises are those of
 `lingjing.plugins.conformance`.
@@ -9,10 +9,13 @@ needs pytest. `docs/testing.md` shows a test of each kind of plug-in; the checks
 - `decisions`, `policies`: decisions in one line, and a policy that makes scripted ones
 - `engines`: one engine, driven by macro-steps, and small worlds for it
 - `stand_ins`: bodies and a camera that do exactly what a test sets
+- `worlds`: several engines in one world, without agents
 - `episodes`: an episode of the kernel, boundary by boundary
 - `playing`: a whole episode, and a command of the command line, in one call
 - `traces`: traces of chosen records
+- `pictures`: JPEG pictures as cameras store them
 - `rescue`: a small rescue by hand, with engines of point masses
+- `sea_rescue`: the records and pictures of a sea rescue that was not played
 """
 
 from lingjing.testing.decisions import CENTRE_BOX, does, reports, says, together
@@ -23,21 +26,25 @@ from lingjing.testing.missions import (
     MissionSource,
     PluginHost,
     bare_instance,
+    city_of,
+    compile_file,
     compile_text,
-    instance,
-    mission,
+    compiled,
+    instantiate,
     mission_file,
     placed,
     shipped_missions,
 )
+from lingjing.testing.pictures import decode_jpeg, encode_jpeg
 from lingjing.testing.playing import PlayedEpisode, play, run_command
-from lingjing.testing.policies import ScriptedPolicy, scripted
+from lingjing.testing.policies import ScriptedPolicy, build_policy, scripted
 from lingjing.testing.stand_ins import Stage, StandIns
-from lingjing.testing.traces import header_of, outcome_of, write_trace
+from lingjing.testing.traces import TraceWriter, header_of, outcome_of, write_trace
 
 __all__ = [
     "CENTRE_BOX", "Compilation", "EngineRun", "Episode", "MissionSource", "PlayedEpisode", "PluginHost",
-    "ScriptedPolicy", "Stage", "StandIns", "bare_instance", "compile_text", "declared", "does", "drive", "episode",
-    "header_of", "instance", "mission", "mission_file", "open_sea", "outcome_of", "placed", "play", "quay", "reports",
-    "run_command", "says", "scripted", "shipped_missions", "square", "together", "write_trace",
+    "ScriptedPolicy", "Stage", "StandIns", "TraceWriter", "bare_instance", "build_policy", "city_of", "compile_file",
+    "compile_text", "compiled", "declared", "decode_jpeg", "does", "drive", "encode_jpeg", "episode", "header_of",
+    "instantiate", "mission_file", "open_sea", "outcome_of", "placed", "play", "quay", "reports", "run_command",
+    "says", "scripted", "shipped_missions", "square", "together", "write_trace",
 ]  # fmt: skip

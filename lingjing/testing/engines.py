@@ -128,7 +128,7 @@ def declared(entity: Entity) -> Entity:
     The kinds of the background traffic are no types: such a body gets its kind's look and size. Properties of the
     entity stay.
     """
-    declaration = _library_types().get(entity.type)
+    declaration = library_types().get(entity.type)
     if declaration is None:
         return msgspec.structs.replace(entity, properties={**_of_kind(entity.type), **entity.properties})
     measures = {
@@ -143,8 +143,8 @@ def declared(entity: Entity) -> Entity:
 
 
 @cache
-def _library_types() -> dict[str, TypeDecl]:
-    """Every asset and target type of the standard library, by name."""
+def library_types() -> dict[str, TypeDecl]:
+    """Return the declarations of all asset and target types of the standard library, by name."""
     types: dict[str, TypeDecl] = {}
     for path in library.known_paths("std"):
         file = library.find_file(tuple(path.split(".")))
@@ -159,4 +159,4 @@ def _of_kind(kind: str) -> dict[str, float | str]:
     return {**sizes, **({"look": kind} if kind in MODELS else {})}
 
 
-__all__ = ["WATER_LEVEL_M", "EngineRun", "declared", "drive", "open_sea", "quay", "square"]
+__all__ = ["WATER_LEVEL_M", "EngineRun", "declared", "drive", "library_types", "open_sea", "quay", "square"]

@@ -13,22 +13,24 @@ from pathlib import Path
 import msgspec
 
 from lingjing.data import data_path
-from lingjing.dsl import Compilation, compile_text
+from lingjing.dsl import Compilation, compile_file, compile_text
 from lingjing.dsl.loading.load import load_mission, mission_of
-from lingjing.dsl.loading.shipped import find_mission
+from lingjing.errors import UsageError
 from lingjing.kernel.cities import CityBuilder
+from lingjing.mission import instantiate as instantiation
 from lingjing.mission.expression import Flag
 from lingjing.mission.instance import Budget, Clock, CommsSpec, Entity, Instance, SceneSpec, Weather
-from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Mission
+from lingjing.plugins.building import build_city
 from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import City
+from lingjing.suggest import nearest_or
 
 MissionSource = Mission | str | PathLike[str]
 """A compiled mission, a text with a line break, the path of a file, or the name of a shipped mission."""
 
 
-def mission(source: MissionSource) -> Mission:
+def compiled(source: MissionSource) -> Mission:
     """Return the compiled mission of a source.
 
     Raises `MissionError` with the rendered diagnostics if the mission has errors, `UsageError` if there is no mission.
@@ -40,15 +42,15 @@ def mission(source: MissionSource) -> Mission:
     return load_mission(source)
 
 
-def instance(
+def instantiate(
     source: MissionSource, *, seed: int = 0, mode: str | None = None, settings: Mapping[str, float] | None = None
 ) -> Instance:
     """Return an instance: every random value is drawn with `seed`, and no entity is placed in a city yet.
 
     `mode` is a communication mode of the mission, None for its default; `settings` are values of its parameters in SI
-    units. Raises the errors of `mission`, and `UsageError` for a mode, parameter or value that the mission excludes.
+    units. Raises the errors of `compiled`, and `UsageError` for a mode, parameter or value that the mission excludes.
     """
-    return instantiate(mission(source), seed=seed, mode=mode, settings=settings)
+    return instantiation.instantiate(compiled(source), seed=seed, mode=mode, settings=settings)
 
 
 def placed(
@@ -62,16 +64,24 @@ def placed(
     """Return an instance with its entities on the roads, roofs and ground of its city, and the city, as an episode has
     them.
 
-    The other arguments are those of `instance`; an instance as the source ignores them. `host` offers the scenes; None
-    for the installed ones. Raises the errors of `instance`, `PluginError` if the city cannot be built, `MissionError`
-    if an entity has no place.
+    The other arguments are those of `instantiate`; an instance as the source ignores them. `host` offers the scenes;
+    None for the installed ones. Raises the errors of `instantiate`, `PluginError` if the city cannot be built,
+    `MissionError` if an entity has no place.
     """
     builder = CityBuilder(host or PluginHost())
     if isinstance(source, Instance):
         return builder.place(source)
-    compiled = mission(source)
-    drawn = instance(compiled, seed=seed, mode=mode, settings=settings)
-    return builder.place(drawn, imported=bool(compiled.origin.places))
+    mission = compiled(source)
+    drawn = instantiate(mission, seed=seed, mode=mode, settings=settings)
+    return builder.place(drawn, imported=bool(mission.origin.places))
+
+
+def city_of(scene: SceneSpec, host: PluginHost | None = None) -> City:
+    """Return the city of a scene. `host` offers the scenes; None for the installed ones.
+
+    Raises `UsageError` for a kind of scene that no plug-in offers, `PluginError` if the scene cannot be built.
+    """
+    return build_city(scene, host or PluginHost())
 
 
 def bare_instance(entities: Iterable[Entity], **fields: object) -> Instance:
@@ -107,8 +117,13 @@ def bare_instance(entities: Iterable[Entity], **fields: object) -> Instance:
 
 
 def mission_file(name: str) -> Path:
-    """Return the file of a shipped mission. Raises `UsageError` for an unknown name, with suggestions."""
-    return find_mission(name)
+    """Return the file of a shipped mission (`ssr`, `reset/ssr-001.json`). Raises `UsageError` for an unknown name."""
+    path = data_path("scenarios", *name.split("/"))
+    file = path if path.suffix else path.with_suffix(".ljs")
+    if not file.is_file():
+        names = [shipped.stem for shipped in shipped_missions()]
+        raise UsageError(f"there is no shipped mission `{name}`", hint=nearest_or(name, names, ", ".join(names)))
+    return file
 
 
 def shipped_missions() -> tuple[Path, ...]:
@@ -117,6 +132,6 @@ def shipped_missions() -> tuple[Path, ...]:
 
 
 __all__ = [
-    "Compilation", "MissionSource", "PluginHost", "bare_instance", "compile_text", "instance", "mission",
-    "mission_file", "placed", "shipped_missions",
+    "Compilation", "MissionSource", "PluginHost", "bare_instance", "city_of", "compile_file", "compile_text",
+    "compiled", "instantiate", "mission_file", "placed", "shipped_missions",
 ]  # fmt: skip

@@ -11,7 +11,7 @@ from lingjing.play.episode import Session
 from lingjing.play.options import Changes
 from lingjing.play.report import EpisodeReport
 from lingjing.plugins.host import PluginHost
-from lingjing.testing.missions import MissionSource, mission
+from lingjing.testing.missions import MissionSource, compiled
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import AdjudicatedEvent, Receipt
 
@@ -53,7 +53,7 @@ def play(
     """
     chosen: Changes = {"world": "inline", "overview": False, **options}
     with Session(PluginHost(extra=plugins)) as session:
-        report = session.run(mission(source), out=folder / "episode", **chosen)
+        report = session.run(compiled(source), out=folder / "episode", **chosen)
     return PlayedEpisode(report, read_trace(report.trace))
 
 

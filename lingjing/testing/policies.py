@@ -1,9 +1,10 @@
-"""Policies with scripted decisions, to play a mission in which one agent is under test."""
+"""Policies for tests: scripted ones, and `build_policy`, which makes the policy of a declaration with options."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from lingjing.plugins.loading import build_policy
 from lingjing.plugins.policy import Brief, Inbox, Observation, Policy
 from lingjing.trace.records import Decision
 
@@ -44,4 +45,4 @@ def scripted(script: Script) -> Callable[[], Policy]:
     return make
 
 
-__all__ = ["Script", "ScriptedPolicy", "scripted"]
+__all__ = ["Script", "ScriptedPolicy", "build_policy", "scripted"]

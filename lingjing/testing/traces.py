@@ -1,4 +1,4 @@
-"""Traces of chosen records, for tests of what reads traces."""
+"""Traces of chosen records, for tests of what reads traces; `TraceWriter` writes one with pictures, step by step."""
 
 from __future__ import annotations
 
@@ -53,4 +53,4 @@ def write_trace(path: Path, header: Header, records: Iterable[BoundaryRecord], *
     return read_trace(writer.finish(outcome_of(written)) if finish and written else writer.abandon())
 
 
-__all__ = ["header_of", "outcome_of", "write_trace"]
+__all__ = ["TraceWriter", "header_of", "outcome_of", "write_trace"]

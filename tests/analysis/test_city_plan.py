@@ -7,17 +7,15 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import lingjing
+from lingjing import Trace
 from lingjing.analysis.completion import required_target_groups
 from lingjing.analysis.history import history_of
 from lingjing.analysis.overview import draw_overview
 from lingjing.analysis.played_city import city_of, credit
-from lingjing.dsl.loading.load import load_mission
-from lingjing.dsl.loading.shipped import find_mission
-from lingjing.mission.instantiate import instantiate
-from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import Bridge, Building, City, Lane, PaintedArea, Road, Solid, Water, content_sha256
 from lingjing.scene.plan import PLAN, PlanShape, ground_plan, is_sea
-from lingjing.trace.reader import Trace
+from lingjing.testing import PluginHost, instantiate, mission_file
 
 replace = msgspec.structs.replace
 SQUARE = ((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0))
@@ -112,7 +110,7 @@ def test_the_city_and_its_credit_are_on_the_overview(trace: Trace, tmp_path: Pat
     ("mission", "expected"), [("ufr", {"fire"}), ("cd", {"point"}), ("vdn", {"home"}), ("cr", set())]
 )
 def test_the_groups_that_success_requires(mission: str, expected: set[str]) -> None:
-    required = required_target_groups(instantiate(load_mission(find_mission(mission)), seed=0))
+    required = required_target_groups(instantiate(lingjing.compile(mission_file(mission)), seed=0))
     assert required >= expected
     assert "jam" not in required and "depot" not in required
 

@@ -6,23 +6,22 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from lingjing import Trace, read_trace
 from lingjing.analysis.clauses import condition_text, unmet_parts
 from lingjing.analysis.ending import why
 from lingjing.analysis.registries import registries
-from lingjing.cli.main import main
 from lingjing.mission.expression import Attr, Binary, Call, Number, Quantified, Ref
-from lingjing.trace.reader import Trace, read_trace
+from lingjing.testing import run_command, sea_rescue
 from lingjing.trace.records import BoundaryRecord, Decision, DecisionRecord, Outcome
-from tests.trace import synthetic
 
 replace = msgspec.structs.replace
 
 
 @pytest.fixture(scope="module")
 def lost(tmp_path_factory: pytest.TempPathFactory) -> Trace:
-    """Thirty ticks of the synthetic rescue, in which the boat has reached one of three targets."""
+    """Thirty ticks of the sea rescue, in which the boat has reached one of three targets."""
     path = tmp_path_factory.mktemp("lost") / "trace.mcap"
-    synthetic.write_episode(path, ticks=30, width=32, height=18)
+    sea_rescue.write_episode(path, ticks=30, width=32, height=18)
     return read_trace(path)
 
 
@@ -151,9 +150,9 @@ def test_the_text_of_a_policy_stays_on_one_line(lost: Trace) -> None:
 
 
 def test_the_verb_prints_a_screenful(lost: Trace, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["why", str(lost.path)]) == 0
+    assert run_command(["why", str(lost.path)]) == 0
     out = capsys.readouterr().out.splitlines()
     assert len(out) <= 24 and out[1].startswith("ended by: ") and "unmet parts of success:" in out
-    assert main(["why", "--output-format", "json", str(lost.path)]) == 0
+    assert run_command(["why", "--output-format", "json", str(lost.path)]) == 0
     assert '"cause"' in capsys.readouterr().out
-    assert main(["why", str(Path("nothing.mcap"))]) == 2
+    assert run_command(["why", str(Path("nothing.mcap"))]) == 2

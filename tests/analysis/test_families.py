@@ -7,17 +7,16 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from lingjing import Session, Trace, read_trace
 from lingjing.analysis import families
 from lingjing.analysis.ending import why
 from lingjing.analysis.families import FAMILIES, Attribution, attribute
-from lingjing.bench.columns import shipped
 from lingjing.bench.played import Played
 from lingjing.mission.expression import Attr, Binary, Call, Quantified, Ref
 from lingjing.mission.instance import MessageSpec
 from lingjing.mission.model import Field, Rule, RuleParameter
-from lingjing.play.episode import Session
 from lingjing.play.report import report_of
-from lingjing.trace.reader import Trace, read_trace
+from lingjing.testing import bare_instance, shipped_missions
 from lingjing.trace.records import (
     Action,
     AdjudicatedEvent,
@@ -32,7 +31,6 @@ from lingjing.trace.records import (
     StageChange,
 )
 from tests.analysis.test_metrics import at, boundary, frame, matched, report
-from tests.bare_instance import bare_instance
 
 replace = msgspec.structs.replace
 LABELS = Path(__file__).with_name("family_labels.toml")
@@ -119,11 +117,11 @@ def test_an_earlier_report_of_another_object_is_a_confusion(lost) -> None:  # ty
 @pytest.fixture
 def real_rules(trace: Trace):  # type: ignore[no-untyped-def]
     """Return a synthetic trace with the rules, messages and stages of the shipped mission."""
-    from lingjing.dsl.loading.load import load_mission
-    from lingjing.mission.instantiate import instantiate
+    import lingjing
+    from lingjing.testing import instantiate
 
     instance = instantiate(
-        load_mission(next(path for path in shipped() if path.stem == "ssr")), seed=1, mode="broadcast"
+        lingjing.compile(next(path for path in shipped_missions() if path.stem == "ssr")), seed=1, mode="broadcast"
     )
 
     def with_rules(there: Trace) -> Trace:
@@ -217,7 +215,7 @@ def test_the_explanation_has_the_family_with_its_records(lost) -> None:  # type:
 def test_the_agreement_of_rules_and_reader_is_as_documented(tmp_path: Path) -> None:
     """All labelled episodes are played. `docs/traces.md` has the numbers."""
     labels = tomllib.loads(LABELS.read_text(encoding="utf-8"))
-    missions = {path.stem: path for path in shipped()}
+    missions = {path.stem: path for path in shipped_missions()}
     pairs = []
     with Session() as session:
         for name, label in labels.items():

@@ -7,11 +7,11 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from lingjing import Trace
 from lingjing.analysis.idleness import idle_fraction
 from lingjing.mission.expression import Flag, Quantified
 from lingjing.mission.instance import AgentSpec, Entity, InteractionSpec
 from lingjing.mission.model import Stage
-from lingjing.trace.reader import Trace
 from lingjing.trace.records import (
     BoundaryRecord,
     Command,

@@ -11,16 +11,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 import lingjing
+from lingjing import Trace, metrics, read_trace
 from lingjing.analysis.history import history_of
 from lingjing.analysis.incidents import incidents
-from lingjing.analysis.metrics import metrics
 from lingjing.analysis.overview.mapview import draw_map
 from lingjing.analysis.overview.timeline import draw_events
 from lingjing.cli.scorecard import MOST_ROWS, plain, scorecard
-from lingjing.dsl.loading.load import load_mission
 from lingjing.mission.instance import Entity, InteractionSpec
 from lingjing.plugins.policy import Action, Brief, Decision, Inbox, Observation
-from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import BodyState, Snapshot, TaskEvent
 
 replace = msgspec.structs.replace
@@ -216,7 +214,7 @@ def test_incidents_are_drawn_on_the_map_and_in_the_timeline(report) -> None:  # 
 def test_the_report_of_an_episode_has_scheduled_events_too(tmp_path: Path) -> None:
     file = tmp_path / "crash.ljs"
     file.write_text(MISSION.replace("now >= 10 s", "now >= 500 s"))
-    result = lingjing.run(load_mission(file), policy=Collider, world="inline", out=tmp_path / "run", overview=False)
+    result = lingjing.run(lingjing.compile(file), policy=Collider, world="inline", out=tmp_path / "run", overview=False)
     crash, empty = result.incidents
     assert (crash.kind, empty.text) == ("collided", "the battery of kite is empty")
     landed = {state.id: state.status for state in read_trace(result.trace).boundaries[-1].snapshots[-1].states}

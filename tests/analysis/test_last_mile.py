@@ -8,16 +8,13 @@ import msgspec
 import pytest
 
 import lingjing
+from lingjing import Trace, testing
 from lingjing.analysis.last_mile import LastMile, last_mile
-from lingjing.data import data_path
-from lingjing.kernel.cities import CityBuilder
 from lingjing.mission.expression import Call, Symbol
 from lingjing.mission.instance import Instance
-from lingjing.mission.instantiate import instantiate
-from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import City, content_sha256
 from lingjing.scene.road_map import read_road_map
-from lingjing.trace.reader import Trace
+from lingjing.testing import mission_file
 from lingjing.trace.records import (
     AdjudicatedEvent,
     AgentBinding,
@@ -33,8 +30,8 @@ GOOD = {"start": (-120.0, -182.0), "target": (255.0, 185.0)}
 
 @cache
 def placed(name: str = "ld") -> tuple[Instance, City]:
-    mission = lingjing.compile(data_path("scenarios") / f"{name}.ljs")
-    return CityBuilder(PluginHost()).place(instantiate(mission, seed=1))
+    mission = lingjing.compile(mission_file(name))
+    return testing.placed(mission, seed=1)
 
 
 def trace(

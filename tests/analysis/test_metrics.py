@@ -3,18 +3,17 @@
 import dataclasses
 import math
 from pathlib import Path
-from types import ModuleType
 
 import msgspec
 import pytest
 
+from lingjing import Metrics, Trace, metrics
 from lingjing.analysis.detection import detect, numbers
-from lingjing.analysis.metrics import GROUPS, Metrics, groups_and_units, metrics, table
+from lingjing.analysis.metrics import GROUPS, groups_and_units, table
 from lingjing.analysis.repetition import ServiceRadius, repeated_target_rate, service_radii, target_events
 from lingjing.mission.expression import Attr, Binary, Call, Number, Quantified, Ref
 from lingjing.mission.instance import AgentSpec, Entity, InteractionSpec, StateSpec
 from lingjing.mission.model import Rule, RuleParameter, Unlock
-from lingjing.trace.reader import Trace
 from lingjing.trace.records import (
     Absent,
     AdjudicatedEvent,
@@ -295,7 +294,7 @@ def test_a_message_and_a_command_of_one_sender_are_one_request(of) -> None:  # t
     assert repeated_target_rate(of(boundary(1, snapshots=(far,), commands=(command,), messages=(message,)))) == 0.0
 
 
-def test_a_mission_without_targets_has_no_gap(of, trace: Trace, synthetic: ModuleType) -> None:  # type: ignore[no-untyped-def]
+def test_a_mission_without_targets_has_no_gap(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
     instance = trace.header.instance
     bare = replace(instance, entities=tuple(e for e in instance.entities if e.role == "asset"), cells=(), stages=())
     cut = Trace(trace.path, replace(trace.header, instance=bare), (), trace.outcome, False)

@@ -12,19 +12,19 @@ import msgspec
 import numpy as np
 import pytest
 
+from lingjing import EpisodeReport, Trace
 from lingjing.analysis.attention import attention_iou, box_iou, read_attention
 from lingjing.analysis.behaviour import TERCILES, actions, behaviour, count_by_tercile
 from lingjing.analysis.detection import calibration_error, confused_with, detect, iou
 from lingjing.analysis.metrics import StageMetric
 from lingjing.analysis.search_marks import communication_at_discovery, discoveries, redundant_revisit_rate
 from lingjing.bench.played import Played
-from lingjing.cli.main import main
 from lingjing.cli.metrics import as_csv, domain_difference, retained, together
 from lingjing.errors import UsageError
 from lingjing.mission.expression import Flag
 from lingjing.mission.model import Constraint
-from lingjing.play.report import EpisodeReport, report_of
-from lingjing.trace.reader import Trace
+from lingjing.play.report import report_of
+from lingjing.testing import run_command
 from lingjing.trace.records import (
     Action,
     AdjudicatedEvent,
@@ -355,22 +355,22 @@ def test_relative_cost_divides_tokens(of, trace: Trace) -> None:  # type: ignore
 def test_the_command_prints_a_table_json_and_csv(
     trace: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["metrics", str(trace.path)]) == 0
+    assert run_command(["metrics", str(trace.path)]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "mission: ssr" and "tsr: 1" in lines and "json_compliance: N/A" in lines
     copy = shutil.copy(trace.path, tmp_path / "copy.mcap")
-    assert main(["metrics", "-j", "2", "--output-format", "json", str(trace.path), str(copy)]) == 0
+    assert run_command(["metrics", "-j", "2", "--output-format", "json", str(trace.path), str(copy)]) == 0
     document = json.loads(capsys.readouterr().out)
     assert len(document["episodes"]) == 2 and document["together"]["tsr"] == 1.0
     assert set(document["together"]["terciles"]) == {"early", "mid", "late"}
-    assert main(["metrics", "--output-format", "csv", "-o", str(tmp_path / "m.csv"), str(trace.path)]) == 0
+    assert run_command(["metrics", "--output-format", "csv", "-o", str(tmp_path / "m.csv"), str(trace.path)]) == 0
     (row,) = csv.DictReader((tmp_path / "m.csv").open(encoding="utf-8"))
     assert row["mission"] == "ssr" and row["stages"].startswith("detect 3/3; ") and row["json_compliance"] == ""
     assert document["together"]["repeated_target_rate"] == document["episodes"][0]["rep"]
     assert document["together"]["perception"]["f1"] == document["episodes"][0]["f1"]
     assert document["together"]["stages"]["ssr"]["detect"] == 1.0
-    assert main(["metrics", "--attention", "x.npz", str(trace.path), str(trace.path)]) == 2
-    assert main(["metrics", str(trace.path), "--baseline", "none.mcap"]) == 2
+    assert run_command(["metrics", "--attention", "x.npz", str(trace.path), str(trace.path)]) == 2
+    assert run_command(["metrics", str(trace.path), "--baseline", "none.mcap"]) == 2
 
 
 def test_a_formula_in_a_name_remains_text() -> None:

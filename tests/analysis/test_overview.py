@@ -11,10 +11,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
+from lingjing import Trace, metrics
 from lingjing.analysis import fonts
 from lingjing.analysis.detection import detect
 from lingjing.analysis.history import History, HistoryEvent, history_of
-from lingjing.analysis.metrics import metrics
 from lingjing.analysis.overview import draw_overview, style
 from lingjing.analysis.overview.mapview import draw_map
 from lingjing.analysis.overview.pictures import best_views, draw_whole, whole_frame
@@ -22,7 +22,6 @@ from lingjing.analysis.overview.score import draw_score
 from lingjing.analysis.overview.timeline import draw_batteries, draw_events, draw_messages
 from lingjing.errors import UsageError
 from lingjing.mission.instance import InteractionSpec
-from lingjing.trace.reader import Trace
 from lingjing.trace.records import Outcome, TaskEvent
 
 replace = msgspec.structs.replace

@@ -6,8 +6,8 @@ import msgspec
 import numpy as np
 from PIL import Image
 
+from lingjing import Trace
 from lingjing.analysis.page_pictures import BEST_SHARE, FRAME_WIDTH, best_frames, draw_trails, write_frame
-from lingjing.trace.reader import Trace
 
 replace = msgspec.structs.replace
 

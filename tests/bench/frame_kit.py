@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from lingjing.bench.frame_sets.labelled import LabelledFrame
-from lingjing.trace.images import encode_jpeg
+from lingjing.testing import encode_jpeg
 from lingjing.trace.records import Box, CameraPose
 
 POSE = CameraPose(position=(0.0, 0.0, 50.0), heading_deg=0.0, tilt_deg=90.0, width=64, height=48)

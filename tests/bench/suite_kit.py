@@ -6,10 +6,9 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from lingjing import EpisodeReport, PlayOptions
 from lingjing.bench.rows import SuiteRow
-from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeTask
-from lingjing.play.report import EpisodeReport
 from tests.play.report_kit import blank_metrics, made_report
 
 SMALL = """

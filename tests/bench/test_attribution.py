@@ -7,6 +7,8 @@ from pathlib import Path
 import msgspec
 import pytest
 
+import lingjing
+from lingjing import EpisodeReport, Trace, read_trace, run
 from lingjing.bench import planting
 from lingjing.bench.attribution import (
     METHODS,
@@ -18,20 +20,16 @@ from lingjing.bench.attribution import (
     find_method,
     read_attribution_suite,
 )
-from lingjing.bench.columns import columns, shipped
+from lingjing.bench.columns import columns
 from lingjing.bench.executors import LocalExecutor
 from lingjing.bench.planted import FACULTIES, FaultLabel, PlantedEpisode, encode_planted, read_planted
 from lingjing.bench.planting import Planting, PlantingPlan, first_change, occasions
 from lingjing.bench.suite import attribution_suites, find_suite, shipped_suites
-from lingjing.cli.main import main
 from lingjing.errors import ExitCode, UsageError
-from lingjing.play.episode import run
-from lingjing.play.parallel import EpisodeTask
-from lingjing.play.report import EpisodeReport
+from lingjing.testing import run_command, shipped_missions
 from lingjing.trace.digest import last_digest
-from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import DIGEST_VERSION
-from lingjing.trace.verification import verify_file
+from tests.bench.suite_kit import EpisodeTask
 
 SHIPPED = find_suite("planted")
 FAULT = FaultLabel(agent="scout[1]", faculty="perception", boundary=7, way="blind")
@@ -81,10 +79,10 @@ def test_an_episode_may_have_settings_of_its_own() -> None:
 def test_a_setting_that_the_mission_does_not_have_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "mine.jsonl"
     command = ["bench", "plant", "-o", str(out), "--plays", "0", "--columns", "idf-broadcast", "--policies", "oracle"]
-    assert main([*command, "--set", "vans=1"]) == ExitCode.USAGE
+    assert run_command([*command, "--set", "vans=1"]) == ExitCode.USAGE
     assert "vans" in capsys.readouterr().err
     assert not out.exists()
-    assert main([*command, "--set", "dogs=1"]) == ExitCode.OK
+    assert run_command([*command, "--set", "dogs=1"]) == ExitCode.OK
     assert read_planted(out) == ()
 
 
@@ -92,7 +90,7 @@ def test_the_shipped_episodes_are_what_they_are_said_to_be() -> None:
     suite, episodes = read_attribution_suite(SHIPPED)
     assert suite.name == "planted"
     assert len({planted.name for planted in episodes}) == len(episodes)
-    known = {(column.mission, column.mode) for column in columns(shipped())}
+    known = {(column.mission, column.mode) for column in columns(shipped_missions())}
     for planted in episodes:
         assert (planted.mission, planted.mode) in known
         assert len(planted.faults) == {"one": 1, "two": 2, "harmless": 1, "none": 0}[planted.kind]
@@ -106,11 +104,11 @@ def test_the_shipped_episodes_are_what_they_are_said_to_be() -> None:
 def test_it_is_no_suite_of_the_usual_form(capsys: pytest.CaptureFixture[str]) -> None:
     assert attribution_suites() == ("planted",)
     assert "planted" not in shipped_suites()
-    assert main(["bench", "list"]) == ExitCode.OK
+    assert run_command(["bench", "list"]) == ExitCode.OK
     assert "Attribution of planted faults" in capsys.readouterr().out
-    assert main(["bench", "planted", "--check", "--missions", "ssr"]) == ExitCode.OK
+    assert run_command(["bench", "planted", "--check", "--missions", "ssr"]) == ExitCode.OK
     assert "methods: families" in capsys.readouterr().err
-    assert main(["bench", "reference", "--check", "--method", "families"]) == ExitCode.USAGE
+    assert run_command(["bench", "reference", "--check", "--method", "families"]) == ExitCode.USAGE
     assert "measures no attribution methods" in capsys.readouterr().err
 
 
@@ -193,7 +191,7 @@ def test_labels_are_not_in_what_a_method_gets(report: EpisodeReport, tmp_path: P
             seen[name] = trace.header.bindings[0].arguments
             assert read_trace(trace.path).header == trace.header
             assert [planted.digest for planted in trace.boundaries] == [planted.digest for planted in whole.boundaries]
-            assert verify_file(trace.path).state == "ok"
+            assert lingjing.verify(trace.path).state == "ok"
             beside[name] = {path.name for path in trace.path.parent.iterdir()}
             return [named("skipper[1]", "execution", 2)]
 
@@ -237,7 +235,7 @@ def test_an_episode_that_was_cut_short_is_not_counted_and_played_again(report: E
 
 
 def test_a_mission_that_is_not_among_the_planted_is_named(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["bench", "planted", "--check", "--missions", "ssx"]) == ExitCode.USAGE
+    assert run_command(["bench", "planted", "--check", "--missions", "ssx"]) == ExitCode.USAGE
     assert "no episode of the suite matches" in capsys.readouterr().err
 
 
@@ -273,7 +271,7 @@ def test_occasions_are_where_faculties_were_used(tmp_path: Path) -> None:
 def test_what_was_not_played_is_left_out(tmp_path: Path) -> None:
     (tmp_path / "tried.jsonl").write_bytes(b'{"cut')
     plan = PlantingPlan("oracle", [1], plays=0)
-    column = next(item for item in columns(shipped()) if item.name == "ssr-star")
+    column = next(item for item in columns(shipped_missions()) if item.name == "ssr-star")
     assert Planting(plan, tmp_path, LocalExecutor(), lambda line: None).run([column]) == []
 
 
@@ -304,7 +302,7 @@ def test_decoys_are_made_of_several_seeds_and_no_episode_twice(
     executor = Lost(report)
     monkeypatch.setattr(planting, "occasions", lambda trace: (FAULT, OTHER))
     monkeypatch.setattr(planting, "first_change", lambda whole, changed: executor.changed)
-    column = next(item for item in columns(shipped()) if item.name == "ssr-star")
+    column = next(item for item in columns(shipped_missions()) if item.name == "ssr-star")
     plan = PlantingPlan("oracle", [1, 5, 2, 3])  # 5 gives the same episode as 1
     episodes = Planting(plan, tmp_path, executor, lambda line: None).run([column])
     assert [(item.kind, item.seed) for item in episodes if item.kind != "one"] == [("none", 1), ("two", 1), ("two", 2)]

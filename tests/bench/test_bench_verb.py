@@ -9,8 +9,8 @@ import pytest
 
 from lingjing.bench.folder import read_results
 from lingjing.cli.bench import _report_lost
-from lingjing.cli.main import main
 from lingjing.errors import ExitCode
+from lingjing.testing import run_command
 from tests.bench.suite_kit import SMALL, TRIP, made_row
 from tests.play.report_kit import made_report
 
@@ -23,7 +23,7 @@ def test_a_small_suite_is_played_for_real(tmp_path: Path, capsys: pytest.Capture
     (tmp_path / "trip.ljs").write_text(won)
     (tmp_path / "tour.ljs").write_text(won.replace("mission trip", "mission tour"))
     command = ["bench", str(suite), "--entrants", "oracle", "-j", "2", "-o", str(tmp_path / "out")]
-    assert main(command) == ExitCode.OK
+    assert run_command(command) == ExitCode.OK
     captured = capsys.readouterr()
     assert "| oracle † | 100 | 100 | 100 |" in captured.out
     assert re.search(
@@ -36,7 +36,7 @@ def test_a_small_suite_is_played_for_real(tmp_path: Path, capsys: pytest.Capture
     assert all(row.report.digest and row.report.metrics and row.wall_s > 0 for row in rows)
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert {"results.parquet", "salt", "suite.toml", "tables.csv", "tables.html", "tables.md", "tables.tex"} <= names
-    assert main(command) == ExitCode.OK
+    assert run_command(command) == ExitCode.OK
     assert "small: 2 episodes done, 0 to play" in capsys.readouterr().err
 
 
@@ -60,7 +60,7 @@ def test_a_policy_that_ends_its_process_loses_its_turns(tmp_path: Path, capsys: 
     suite.write_text(SMALL.replace('"bi", "cd"', '"trip.ljs"').replace("seeds = 2", "seeds = [3]"))
     (tmp_path / "trip.ljs").write_text(TRIP.replace("ticks <= 3", "ticks <= 4"))
     out = tmp_path / "out"
-    assert main(["bench", str(suite), "--policy", str(tmp_path / "quits.py"), "-o", str(out)]) == ExitCode.OK
+    assert run_command(["bench", str(suite), "--policy", str(tmp_path / "quits.py"), "-o", str(out)]) == ExitCode.OK
     (row,) = read_results(out)
     assert (row.standing, row.tries, row.report.reason, row.report.success) == ("counted", 1, "budget", False)
     assert row.report.ticks == 4 and row.report.metrics is not None and row.report.metrics.success is False
@@ -89,26 +89,28 @@ def test_nonsense_is_a_usage_error(
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
-    assert main(["bench", *arguments]) == ExitCode.USAGE
+    assert run_command(["bench", *arguments]) == ExitCode.USAGE
     assert message in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
 
 def test_the_word_play_may_be_left_out_and_help_names_the_actions(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["bench", "reference", "--check"]) == main(["bench", "play", "reference", "--check"]) == 0
+    assert run_command(["bench", "reference", "--check"]) == run_command(["bench", "play", "reference", "--check"]) == 0
     first, second = capsys.readouterr().err.splitlines()
     assert first == second
     with pytest.raises(SystemExit):
-        main(["bench", "--help"])
+        run_command(["bench", "--help"])
     assert {"play", "table", "list"} <= set(re.findall(r"^    (\w+)", capsys.readouterr().out, re.M))
-    assert main(["bench", "list"]) == 0
+    assert run_command(["bench", "list"]) == 0
     assert "reference" in capsys.readouterr().out
 
 
 def test_a_check_of_a_part_tells_the_episodes_of_that_part(capsys: pytest.CaptureFixture[str]) -> None:
     counts = []
     for part in ("1/3", "2/3", "3/3"):
-        assert main(["bench", "reference", "--policy", "oracle", "--limit", "2", "--check", "--shard", part]) == 0
+        assert (
+            run_command(["bench", "reference", "--policy", "oracle", "--limit", "2", "--check", "--shard", part]) == 0
+        )
         errors = capsys.readouterr().err
         assert f"14 columns, 2 seeds: part {part[0]} of 3, " in errors
         counts.append(int(errors.split()[-2]))

@@ -10,7 +10,7 @@ import pytest
 
 from lingjing.bench.frame_sets.balance import class_set
 from lingjing.bench.frame_sets.folder import write_set
-from lingjing.trace.images import encode_jpeg
+from lingjing.testing import encode_jpeg
 from lingjing.trace.records import Box, CameraPose
 from tests.bench.frame_kit import made_frame
 

@@ -11,16 +11,15 @@ import pytest
 from lingjing.bench.exports import to_markdown
 from lingjing.bench.folder import read_results
 from lingjing.bench.leaderboard import leaderboard
-from lingjing.bench.rows import SuiteRow
 from lingjing.bench.tables import make_tables
 from lingjing.bench.unresolved import unresolved_entrants
 from lingjing.cli.bench import KINDS
-from lingjing.cli.main import main
 from lingjing.errors import ExitCode
 from lingjing.play.policy_processes.barrier import LOAD_VARIABLE
-from lingjing.play.report import POLICY_FAILED
 from lingjing.processes.descendants import children
-from tests.bench.suite_kit import TRIP
+from lingjing.testing import run_command
+from tests.bench.suite_kit import TRIP, SuiteRow
+from tests.play.report_kit import POLICY_FAILED
 
 ENTRANTS = """\
 import os
@@ -144,7 +143,7 @@ def test_entrants_that_fail_lose_their_own_episodes(folder: Path, capsys: pytest
         suite += f'[[entrants]]\nname = "{name}"\npolicy = "{spec}"\n'
     (folder / "suite.toml").write_text(suite)
     known = set(children())
-    assert main(["bench", "suite.toml", "-o", "out"]) == ExitCode.OK
+    assert run_command(["bench", "suite.toml", "-o", "out"]) == ExitCode.OK
     assert set(children()) == known
     shown = capsys.readouterr()
     rows = {row.entrant: row for row in read_results(folder / "out")}
@@ -160,12 +159,12 @@ def test_entrants_that_fail_lose_their_own_episodes(folder: Path, capsys: pytest
         assert f"{name}, trip-broadcast, seed 0: policy-failure: {report.detail}\n" in shown.err
     assert "| Drives | **100** | **100** |" in shown.out
     assert f"{len(DETAILS)} did not begin, because a policy failed, and count as failures: BuildBlames" in shown.out
-    assert main(["bench", "table", "out", "--kind", *KINDS]) == ExitCode.OK
+    assert run_command(["bench", "table", "out", "--kind", *KINDS]) == ExitCode.OK
     page = leaderboard(tuple(rows.values()))
     assert page.index("Drives") < min(page.index(name) for name in names if name != "Drives")
     capsys.readouterr()
     (folder / "read").unlink()
-    assert main(["bench", "suite.toml", "-o", "out"]) == ExitCode.OK
+    assert run_command(["bench", "suite.toml", "-o", "out"]) == ExitCode.OK
     assert f"trips: {len(names)} episodes done, 0 to play" in capsys.readouterr().err
 
 
@@ -253,7 +252,7 @@ def test_who_ends_its_own_episode_gains_no_second_try(folder: Path) -> None:
     for name in ("Strikes", *STRIKES):
         suite += f'[[entrants]]\nname = "{name}"\npolicy = "striking.py:{name}"\n'
     (folder / "suite.toml").write_text(suite)
-    assert main(["bench", "suite.toml", "-o", "out"]) == ExitCode.OK
+    assert run_command(["bench", "suite.toml", "-o", "out"]) == ExitCode.OK
     rows = read_results(folder / "out")
     tries = {name: [row for row in rows if row.entrant == name] for name in ("Strikes", *STRIKES)}
     assert [row.standing for row in tries["Strikes"]] == ["counted"]
@@ -290,7 +289,7 @@ def test_an_entrant_is_marked_by_each_policy_that_sees_the_truth(folder: Path) -
         '[[entrants]]\npolicy = "later.py"\n'
         '[[entrants]]\nname = "fair"\npolicy = "entrants.py:Drives"\n'
     )
-    assert main(["bench", "suite.toml", "-o", "out"]) == ExitCode.OK
+    assert run_command(["bench", "suite.toml", "-o", "out"]) == ExitCode.OK
     marked = {row.entrant: row.privileged for row in read_results(folder / "out")}
     assert marked == {"helped": True, "later.py:Later": True, "fair": False}
 
@@ -306,14 +305,14 @@ def test_a_file_that_only_ever_fails_is_told_before_anything_is_played(
     (folder / "suite.toml").write_text(
         'suite = 1\nname = "t"\nmissions = ["trip.ljs"]\nseeds = 1\n[[entrants]]\npolicy = "second.py"\n'
     )
-    assert main(["bench", "suite.toml", "-o", "out"]) == ExitCode.USAGE
+    assert run_command(["bench", "suite.toml", "-o", "out"]) == ExitCode.USAGE
     assert f"entrants[0].policy: policy `{folder}/second.py` could not be loaded" in capsys.readouterr().err
     assert not (folder / "out").exists()
 
 
 def test_of_several_seeds_one_that_does_not_begin_is_lost(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     command = ["run", "trip.ljs", "--policy", "entrants.py:SecondReset", "--no-overview"]
-    assert main([*command, "--seeds", "1-2", "-o", "out"]) == ExitCode.USAGE
+    assert run_command([*command, "--seeds", "1-2", "-o", "out"]) == ExitCode.USAGE
     shown = capsys.readouterr()
     assert "TSR 0.50 (1 of 2), SCR 0.50" in shown.out
     assert re.search(r"^\d\tno\tpolicy-failure\t0.00\t0\t-$", shown.out, re.M)
@@ -326,7 +325,7 @@ def test_the_first_seed_that_does_not_begin_ends_the_command(
     jobs: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     command = ["run", "trip.ljs", "--policy", "entrants.py:BuildRaises", "--no-overview", "-j", jobs]
-    assert main([*command, "--seeds", "1-9", "-o", "out"]) == ExitCode.USAGE
+    assert run_command([*command, "--seeds", "1-9", "-o", "out"]) == ExitCode.USAGE
     shown = capsys.readouterr()
     assert shown.out == ""
     assert shown.err.startswith("error: policy `entrants.py:BuildRaises` cannot be built: ")
@@ -335,7 +334,7 @@ def test_the_first_seed_that_does_not_begin_ends_the_command(
 
 def test_json_names_an_episode_that_did_not_begin(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     command = ["run", "trip.ljs", "--policy", "entrants.py:BuildBlames", "--no-overview", "--json"]
-    assert main([*command, "-o", "out"]) == ExitCode.USAGE
+    assert run_command([*command, "-o", "out"]) == ExitCode.USAGE
     shown = capsys.readouterr()
     report = json.loads(shown.out)
     assert (report["reason"], report["success"], report["detail"]) == (POLICY_FAILED, False, "the network is gone")

@@ -13,10 +13,9 @@ from lingjing.bench.frame_sets.balance import class_set
 from lingjing.bench.frame_sets.folder import read_class, write_set
 from lingjing.bench.frame_sets.probe import Confusion, ProbedFrame, probe_cell, probe_table, probed
 from lingjing.bench.frame_sets.twins import TWINS, import_twins, read_twins, twin_picture
-from lingjing.cli.main import main
 from lingjing.errors import ExitCode, UsageError
 from lingjing.plugins.frame_detector import FrameAnswer, FrameQuestion
-from lingjing.trace.images import encode_jpeg
+from lingjing.testing import encode_jpeg, run_command
 from lingjing.trace.records import Box
 from tests.bench.frame_kit import POSE, made_frame
 
@@ -106,7 +105,7 @@ def test_edits_that_changed_more_than_the_looks_are_refused_with_the_reason(
 
 
 def test_an_edit_that_changed_nothing_and_one_that_is_not_there_are_refused(made: Path) -> None:
-    from lingjing.trace.images import decode_jpeg
+    from lingjing.testing import decode_jpeg
 
     same = decode_jpeg(encode_jpeg(drawn(1)))
     assert refused(made, **{**good(), "e1": same, "e3": None}) == {1: "unchanged", 3: "missing"}  # type: ignore[arg-type]
@@ -119,11 +118,11 @@ def test_a_list_of_rejections_counts_with_its_reasons_and_must_name_frames(made:
     listed.write_text(f'{name},"a second person, added"\n')
     out = made.parent / "twins"
     command = ["frames", "twins", str(made), str(folder), "-o", str(out), "--refuse", str(listed)]
-    assert main(command) == ExitCode.OK
+    assert run_command(command) == ExitCode.OK
     assert "3 twins imported, 1 edits rejected: 1 a second person, added" in capsys.readouterr().out
     assert [item.reason for item in read_twins(out).refused] == ["a second person, added"]
     listed.write_text("another.jpg,why\n")
-    assert main([*command[:-3], str(made.parent / "more"), *command[-2:]]) == ExitCode.USAGE
+    assert run_command([*command[:-3], str(made.parent / "more"), *command[-2:]]) == ExitCode.USAGE
     assert "is not a frame of the set" in capsys.readouterr().err
     assert not (made.parent / "more").exists()
 
@@ -206,14 +205,14 @@ def test_a_detector_is_asked_of_frames_and_twins_and_its_boxes_are_judged(made: 
 
 def test_the_verb_asks_the_shipped_detectors_and_writes_what_they_said(made: Path, tmp_path: Path, capsys) -> None:  # type: ignore[no-untyped-def]
     out = tmp_path / "probe"
-    assert main(["frames", "probe", str(made), "--detector", "colours", "-o", str(out)]) == ExitCode.OK
+    assert run_command(["frames", "probe", str(made), "--detector", "colours", "-o", str(out)]) == ExitCode.OK
     assert "| colours |" in capsys.readouterr().out
     assert sorted(path.name for path in out.iterdir()) == [
         "answers.jsonl", "counts.json", "table.csv", "table.html", "table.md", "table.tex",
     ]  # fmt: skip
     (counts,) = json.loads((out / "counts.json").read_text())
     assert sum(counts["frames"].values()) == 4
-    assert main(["frames", "probe", str(made), "--detector", "colours", "-o", str(out)]) == ExitCode.USAGE
+    assert run_command(["frames", "probe", str(made), "--detector", "colours", "-o", str(out)]) == ExitCode.USAGE
     assert "already exists" in capsys.readouterr().err
 
 
@@ -229,5 +228,5 @@ def test_the_verb_asks_the_shipped_detectors_and_writes_what_they_said(made: Pat
     ],
 )
 def test_what_the_probe_refuses(made: Path, capsys, options: list[str], message: str) -> None:  # type: ignore[no-untyped-def]
-    assert main(["frames", "probe", str(made), *options]) == ExitCode.USAGE
+    assert run_command(["frames", "probe", str(made), *options]) == ExitCode.USAGE
     assert message in capsys.readouterr().err

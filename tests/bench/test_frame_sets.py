@@ -8,15 +8,14 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from lingjing import Trace, read_trace
 from lingjing.bench.frame_sets.balance import class_set, validation_seeds
 from lingjing.bench.frame_sets.folder import read_class, read_picture, set_classes, write_set
 from lingjing.bench.frame_sets.labelled import labelled_frames, seen_targets
 from lingjing.bench.frame_sets.sources import found_traces
-from lingjing.cli.main import main
 from lingjing.errors import ExitCode, UsageError
-from lingjing.trace.reader import Trace, read_trace
+from lingjing.testing import run_command, sea_rescue
 from tests.bench.frame_kit import BOAT, VICTIM, made_frame, picture, pictures_of
-from tests.trace import synthetic
 
 PERSON = "person_in_water"
 replace = msgspec.structs.replace
@@ -24,9 +23,9 @@ replace = msgspec.structs.replace
 
 @pytest.fixture(scope="module")
 def episode(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The synthetic sea rescue of seed 7."""
+    """The sea rescue of seed 7."""
     path = tmp_path_factory.mktemp("episode") / "trace.mcap"
-    synthetic.write_episode(path, ticks=60)
+    sea_rescue.write_episode(path, ticks=60)
     return path
 
 
@@ -222,9 +221,9 @@ def test_a_set_is_never_written_over_another(written: Path) -> None:
 
 def test_the_verb_writes_the_same_bytes_whatever_the_order_and_number_of_names(episode: Path, tmp_path: Path) -> None:
     every = ["--held-out", "none"]
-    assert main(["frames", "export", str(episode), "-o", str(tmp_path / "one"), *every]) == ExitCode.OK
+    assert run_command(["frames", "export", str(episode), "-o", str(tmp_path / "one"), *every]) == ExitCode.OK
     assert (
-        main(["frames", "export", str(episode.parent), str(episode), "-o", str(tmp_path / "two"), *every])
+        run_command(["frames", "export", str(episode.parent), str(episode), "-o", str(tmp_path / "two"), *every])
         == ExitCode.OK
     )
     assert files(tmp_path / "one") == files(tmp_path / "two")
@@ -244,7 +243,7 @@ def test_the_verb_writes_the_same_bytes_whatever_the_order_and_number_of_names(e
 )
 def test_what_is_refused(episode: Path, tmp_path: Path, capsys, options: list[str], message: str) -> None:  # type: ignore[no-untyped-def]
     out = tmp_path / "set"
-    assert main(["frames", "export", str(episode), "-o", str(out), *options]) == ExitCode.USAGE
+    assert run_command(["frames", "export", str(episode), "-o", str(out), *options]) == ExitCode.USAGE
     assert message in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 

@@ -9,16 +9,15 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from lingjing import PlayOptions
 from lingjing.bench.dataset_card import dataset_card
 from lingjing.bench.folder import read_results
 from lingjing.bench.leaderboard import leaderboard, ranking
 from lingjing.bench.merging import merge_results
 from lingjing.bench.parquet import encode_rows
-from lingjing.bench.rows import SuiteRow
-from lingjing.cli.main import main
 from lingjing.errors import ExitCode, UsageError
-from lingjing.play.options import PlayOptions
-from tests.bench.suite_kit import made_row
+from lingjing.testing import run_command
+from tests.bench.suite_kit import SuiteRow, made_row
 from tests.play.report_kit import blank_metrics
 
 
@@ -32,10 +31,10 @@ def test_shards_are_joined_each_episode_once(tmp_path: Path, capsys: pytest.Capt
     rows = [made_row(seed=seed) for seed in range(6)]
     parts = [written(tmp_path, "a", *rows[:4]), written(tmp_path, "b", *rows[2:])]
     out = tmp_path / "all.parquet"
-    assert main(["bench", "merge", *map(str, parts), "-o", str(out)]) == 0
+    assert run_command(["bench", "merge", *map(str, parts), "-o", str(out)]) == 0
     assert read_results(out) == rows
     assert "6 rows of 2 results" in capsys.readouterr().err
-    assert main(["bench", "merge", *map(str, parts), "-o", str(out)]) == ExitCode.USAGE
+    assert run_command(["bench", "merge", *map(str, parts), "-o", str(out)]) == ExitCode.USAGE
     assert "already exists" in capsys.readouterr().err
 
 
@@ -146,5 +145,5 @@ def test_the_card_says_what_was_run_and_escapes_it() -> None:
 def test_pages_are_written_by_the_verb(tmp_path: Path) -> None:
     file = written(tmp_path, "a", *entrant("e", 5))
     for action, name in (("leaderboard", "board.html"), ("card", "README.md")):
-        assert main(["bench", action, str(file), "-o", str(tmp_path / name)]) == 0
+        assert run_command(["bench", action, str(file), "-o", str(tmp_path / name)]) == 0
         assert (tmp_path / name).stat().st_size > 1000

@@ -7,17 +7,15 @@ from pathlib import Path
 
 import pytest
 
+from lingjing import EpisodeReport
 from lingjing.bench.folder import open_results, read_results
 from lingjing.bench.money import estimates, is_paid, prices_of
 from lingjing.bench.planning import SuitePlan, read_plan
 from lingjing.bench.running import SuiteEpisode, SuiteRun
-from lingjing.cli.main import main
 from lingjing.errors import ExitCode, UsageError
-from lingjing.play.parallel import EpisodeTask
-from lingjing.play.report import ABORTED, EpisodeReport
-from lingjing.plugins.host import PluginHost
-from tests.bench.suite_kit import SMALL, AnsweringExecutor, answered, made_row
-from tests.play.report_kit import blank_metrics
+from lingjing.testing import PluginHost, run_command
+from tests.bench.suite_kit import SMALL, AnsweringExecutor, EpisodeTask, answered, made_row
+from tests.play.report_kit import ABORTED, blank_metrics
 
 PAID = SMALL.replace('policy = "oracle"', 'model = "gpt-5.5"').replace('["bi", "cd"]', '["bi"]')
 
@@ -84,24 +82,24 @@ def test_it_does_not_start_without_a_limit_a_key_or_a_price(
 ) -> None:
     out = suite.parent / "out"
     command = ["bench", str(suite), "-o", str(out)]
-    assert main(command) == ExitCode.USAGE
+    assert run_command(command) == ExitCode.USAGE
     assert capsys.readouterr().err.startswith("error: models cannot be called: GPT-5.5: OPENAI_API_KEY is not set")
     suite.write_text(PAID.replace('model = "gpt-5.5"', 'model = "gpt-5.5"\nargs = { api_key_env = "OWN_KEY" }'))
-    assert main(command) == ExitCode.USAGE
+    assert run_command(command) == ExitCode.USAGE
     assert capsys.readouterr().err.startswith("error: models cannot be called: GPT-5.5: OWN_KEY is not set")
     suite.write_text(PAID)
     monkeypatch.setenv("OPENAI_API_KEY", "a-key-that-nobody-may-see-1234")
-    assert main(command) == ExitCode.USAGE
+    assert run_command(command) == ExitCode.USAGE
     errors = capsys.readouterr().err
     assert re.search(r"^GPT-5.5: 2 episodes, at most 240 calls: about \$[\d.]+, at most \$[\d.]+$", errors, re.M)
     assert "set a limit with --max-cost USD" in errors and "a-key-that" not in errors
     for wrong in ("0", "-3", "nan", "inf"):
-        assert main([*command, "--max-cost", wrong]) == ExitCode.USAGE
+        assert run_command([*command, "--max-cost", wrong]) == ExitCode.USAGE
         assert "must be an amount of US dollars above 0" in capsys.readouterr().err
     models = suite.parent / "none" / "lingjing" / "models.toml"
     models.parent.mkdir(parents=True)
     models.write_text('[models."gpt-5.5"]\nservice = "openai"\nserved = "gpt-5.5"\n')
-    assert main([*command, "--max-cost", "3"]) == ExitCode.USAGE
+    assert run_command([*command, "--max-cost", "3"]) == ExitCode.USAGE
     assert "--max-cost needs prices, and those of gpt-5.5 are unknown" in capsys.readouterr().err
     assert not out.exists()
 
@@ -169,7 +167,7 @@ def test_episodes_without_a_record_are_told_before_any_is_replayed(
     (recorded / "runs" / "GPT-5.5-bi-single-0" / "calls.sqlite").touch()
     (recorded / "salt").write_text("salt\n")
     command = ["bench", str(suite), "--seeds", "0-2", "-o", str(tmp_path / "out")]
-    assert main([*command, "--calls", "replay", "--calls-from", str(recorded)]) == ExitCode.USAGE
+    assert run_command([*command, "--calls", "replay", "--calls-from", str(recorded)]) == ExitCode.USAGE
     errors = capsys.readouterr().err
     assert "2 of 3 episodes have no record of model calls" in errors
     assert "the first is GPT-5.5-bi-single-1" in errors
@@ -187,5 +185,5 @@ def test_episodes_without_a_record_are_told_before_any_is_replayed(
 def test_what_cannot_be_replayed_is_said(
     arguments: tuple[str, ...], message: str, suite: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["bench", str(suite), *arguments]) == ExitCode.USAGE
+    assert run_command(["bench", str(suite), *arguments]) == ExitCode.USAGE
     assert message in capsys.readouterr().err

@@ -11,17 +11,14 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from lingjing import PlayOptions
 from lingjing.bench.folder import open_results, read_results
 from lingjing.bench.on_ray import RayExecutor, RayTask, play_on_node
 from lingjing.bench.planning import read_plan
-from lingjing.bench.rows import SuiteRow
 from lingjing.bench.running import SuiteRun
-from lingjing.cli.main import main
 from lingjing.errors import UsageError
-from lingjing.play.options import PlayOptions
-from lingjing.play.parallel import EpisodeTask
-from lingjing.plugins.host import PluginHost
-from tests.bench.suite_kit import SMALL
+from lingjing.testing import PluginHost, run_command
+from tests.bench.suite_kit import SMALL, EpisodeTask, SuiteRow
 
 pytest.importorskip("ray", reason="Ray is installed by `make ray`")
 pytestmark = [
@@ -68,7 +65,7 @@ def test_the_same_rows_whoever_plays(address: str, tmp_path: Path) -> None:
     for name, more in (("local", ("-j", "2")), ("ray", ("--executor", "ray", "--ray-address", address))):
         (tmp_path / name).mkdir()
         (tmp_path / name / "salt").write_text("the same\n")
-        assert main(["bench", str(suite), "--entrants", "oracle", "-o", str(tmp_path / name), *more]) == 0
+        assert run_command(["bench", str(suite), "--entrants", "oracle", "-o", str(tmp_path / name), *more]) == 0
     local, ray = (read_results(tmp_path / name) for name in ("local", "ray"))
     assert len(ray) == 2 and same(ray) == same(local)
     assert {row.policy_seed for row in ray} == {row.policy_seed for row in local}

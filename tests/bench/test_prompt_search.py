@@ -6,17 +6,16 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from lingjing import EpisodeReport, PlayOptions
 from lingjing.bench import prompt_search
 from lingjing.bench.folder import lock_folder
 from lingjing.bench.prompt_search import RESULTS, KeptSearch, PromptSearch
-from lingjing.cli.main import main
 from lingjing.errors import ExitCode, InfrastructureError, UsageError
-from lingjing.play.options import PlayOptions
-from lingjing.play.parallel import EpisodeTask
-from lingjing.play.report import ABORTED, EpisodeReport
 from lingjing.plugins.calls import CallRequest, CallResult, ModelCalls, SpendingLimitError
 from lingjing.plugins.prompts import Revision, TriedPrompt
-from tests.play.report_kit import blank_metrics
+from lingjing.testing import run_command
+from tests.bench.suite_kit import EpisodeTask
+from tests.play.report_kit import ABORTED, blank_metrics
 
 WON = {"first": (), "worse": (), "better": (1, 2), "equal": (1, 3), "all": (1, 2, 3), "aborting": (), "dear": ()}
 """Which seeds a prompt wins."""
@@ -195,7 +194,7 @@ def test_a_round_whose_answer_is_no_prompt_is_over_and_the_next_one_is_told(tmp_
 
 def test_seeds_of_the_evaluation_are_refused(capsys: pytest.CaptureFixture[str]):
     command = ["prompts", "improve", "ssr", "-o", "x.txt", "--seeds", "150-160", "--held-out", "0-199"]
-    assert main(command) == ExitCode.USAGE
+    assert run_command(command) == ExitCode.USAGE
     assert "150 is both" in capsys.readouterr().err
 
 
@@ -204,19 +203,19 @@ def test_a_paid_search_says_what_it_costs_and_starts_with_a_limit_alone(
 ):
     monkeypatch.setenv("OPENAI_API_KEY", "sk-something-long-enough")
     command = ["prompts", "improve", "ssr", "-o", str(tmp_path / "x.txt"), "--policy-arg", "model=gpt-5.5"]
-    assert main(command) == ExitCode.USAGE
+    assert run_command(command) == ExitCode.USAGE
     errors = capsys.readouterr().err
     assert "100 episodes" in errors
     assert "--max-cost" in errors
     assert not list(tmp_path.iterdir())
     command[-1] = "model=unheard-of"
-    assert main([*command, "--max-cost", "5"]) == ExitCode.USAGE
+    assert run_command([*command, "--max-cost", "5"]) == ExitCode.USAGE
     assert "those of unheard-of are unknown" in capsys.readouterr().err
 
 
 def test_shipped_prompts_are_listed_and_shown(capsys: pytest.CaptureFixture[str]):
-    assert main(["prompts", "list"]) == ExitCode.OK
+    assert run_command(["prompts", "list"]) == ExitCode.OK
     assert [line.split()[1] for line in capsys.readouterr().out.splitlines()] == ["P0", "P1"]
-    assert main(["prompts", "show", "P0"]) == ExitCode.OK
+    assert run_command(["prompts", "show", "P0"]) == ExitCode.OK
     assert capsys.readouterr().out.startswith("You are `$agent`, $role: $goal")
-    assert main(["prompts", "show", "P9"]) == ExitCode.USAGE
+    assert run_command(["prompts", "show", "P9"]) == ExitCode.USAGE

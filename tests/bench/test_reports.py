@@ -11,13 +11,15 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing.bench.columns import columns, shipped
+from lingjing import EpisodeReport, PlayOptions
+from lingjing.bench.columns import columns
 from lingjing.errors import InfrastructureError, UsageError
 from lingjing.play import parallel
-from lingjing.play.options import PlayOptions
-from lingjing.play.parallel import EpisodeTask, play_apart
-from lingjing.play.report import ABORTED, EpisodeReport, summarise
-from tests.play.report_kit import blank_metrics, made_report
+from lingjing.play.parallel import play_apart
+from lingjing.play.report import summarise
+from lingjing.testing import shipped_missions
+from tests.bench.suite_kit import EpisodeTask
+from tests.play.report_kit import ABORTED, blank_metrics, made_report
 
 ECHO = """
 import json, sys
@@ -147,10 +149,10 @@ def test_an_episode_is_told_its_options_and_its_row_keeps_the_policy_seed(child,
 
 
 def test_the_columns_are_the_shipped_missions_in_the_modes_that_they_allow() -> None:
-    names = [column.name for column in columns(shipped())]
+    names = [column.name for column in columns(shipped_missions())]
     assert len(names) == len(set(names)) >= 12
     assert {"vdn-single", "ufr-star", "ufr-broadcast", "cd-star", "cd-broadcast"} <= set(names)
-    swept = columns([path for path in shipped() if path.stem == "cr"], sweeps=True)
+    swept = columns([path for path in shipped_missions() if path.stem == "cr"], sweeps=True)
     assert [column.settings for column in swept] == [
         {"replans_most": 0.0},
         {"replans_most": 3.0},

@@ -9,16 +9,14 @@ from pathlib import Path
 import pytest
 
 import lingjing
-from lingjing.bench.columns import columns, shipped
+from lingjing.bench.columns import columns
 from lingjing.bench.planning import read_plan
 from lingjing.bench.running import SuiteRun
 from lingjing.bench.suite import find_suite, shipped_suites
 from lingjing.bench.tables import TABLES
 from lingjing.cli import bench
 from lingjing.cli.arguments import parse_pairs, parse_settings
-from lingjing.cli.main import main
-from lingjing.dsl.loading.load import load_mission
-from lingjing.plugins.host import PluginHost
+from lingjing.testing import PluginHost, run_command, shipped_missions
 
 PAGE = (Path(lingjing.__file__).parents[1] / "docs" / "studies.md").read_text(encoding="utf-8")
 ROWS = re.findall(r"^\| `(\w+)` \| (.*?) \| `(--set .*?)` \|$", PAGE, flags=re.MULTILINE)
@@ -30,14 +28,14 @@ def test_its_commands_are_understood(monkeypatch: pytest.MonkeyPatch, tmp_path: 
     monkeypatch.setattr(SuiteRun, "play", lambda self, episodes: played.append(len(episodes)))
     (block,) = re.findall(r"^```console\n(.*?)^```", PAGE, flags=re.MULTILINE | re.DOTALL)
     for line in block.splitlines():
-        assert main(shlex.split(line)[1:]) == 0
-    assert played == [100 * len(columns(shipped())), 2 * 2 * 20, 4 * 5]
+        assert run_command(shlex.split(line)[1:]) == 0
+    assert played == [100 * len(columns(shipped_missions())), 2 * 2 * 20, 4 * 5]
 
 
 def test_its_suite_is_right(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (block,) = re.findall(r"^```toml\n(.*?)^```", PAGE, flags=re.MULTILINE | re.DOTALL)
     (tmp_path / "altitude.toml").write_text(block)
-    assert main(["bench", str(tmp_path / "altitude.toml"), "--check"]) == 0
+    assert run_command(["bench", str(tmp_path / "altitude.toml"), "--check"]) == 0
     assert "2 entrants in 2 columns, 20 seeds: 80 episodes" in capsys.readouterr().err
 
 
@@ -54,10 +52,10 @@ def test_it_names_every_table() -> None:
 
 @pytest.mark.parametrize(("name", "values", "by_hand"), ROWS, ids=[row[0] for row in ROWS])
 def test_its_table_is_what_missions_declare(name: str, values: str, by_hand: str) -> None:
-    mission = load_mission(name)
+    mission = lingjing.compile(name)
     pairs = parse_pairs("--set", [word for word in shlex.split(by_hand) if word != "--set"])
     set_by_hand = parse_settings(pairs, mission)
-    swept = columns([path for path in shipped() if path.stem == name], sweeps=True)
+    swept = columns([path for path in shipped_missions() if path.stem == name], sweeps=True)
     declared = {key for column in swept for key in column.settings}
     assert set(set_by_hand) == declared
     for key, value in set_by_hand.items():
@@ -65,4 +63,4 @@ def test_its_table_is_what_missions_declare(name: str, values: str, by_hand: str
 
 
 def test_no_sweep_is_left_out() -> None:
-    assert {row[0] for row in ROWS} == {path.stem for path in shipped() if load_mission(str(path)).sweeps}
+    assert {row[0] for row in ROWS} == {path.stem for path in shipped_missions() if lingjing.compile(str(path)).sweeps}

@@ -10,14 +10,13 @@ import pytest
 
 from lingjing.bench.planning import SuitePlan, options_of_cell, read_plan
 from lingjing.bench.suite import Suite, find_suite, json_schema, read_document, shipped_suites
-from lingjing.cli.main import main
 from lingjing.data import data_path
 from lingjing.errors import ExitCode, UsageError
 from lingjing.play.policy_processes.barrier import LOAD_VARIABLE
 from lingjing.plugins.chat_model import ModelPlugin
 from lingjing.plugins.hookspecs import hookimpl
-from lingjing.plugins.host import PluginHost
 from lingjing.processes.descendants import children
+from lingjing.testing import PluginHost, run_command
 from tests.bench.suite_kit import SMALL
 
 
@@ -329,7 +328,7 @@ def test_a_file_that_harms_its_process_is_a_fault_of_its_entrant(
         suite += f'\n[[entrants]]\nname = "last {number}"\npolicy = "last.py"\nargs = {{ speed = {speed} }}\n'
     (tmp_path / "suite.toml").write_text(suite)
     known = set(children())
-    assert main(["bench", "suite.toml", "--check"]) == ExitCode.USAGE
+    assert run_command(["bench", "suite.toml", "--check"]) == ExitCode.USAGE
     assert set(children()) == known and Path.cwd() == tmp_path
     lines = capsys.readouterr().err.removeprefix("error: ").splitlines()
     for at, (name, (_, message)) in enumerate(HARMFUL.items(), 2):

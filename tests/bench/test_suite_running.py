@@ -19,19 +19,16 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from lingjing import EpisodeReport
 from lingjing.bench import folder as folders
 from lingjing.bench.folder import ResultsFolder, open_results, read_results
 from lingjing.bench.parquet import encode_rows, read_rows
 from lingjing.bench.planning import SuitePlan, read_plan
-from lingjing.bench.rows import SuiteRow
 from lingjing.bench.running import Shard, SuiteRun
-from lingjing.cli.main import main
 from lingjing.errors import ExitCode, UsageError
-from lingjing.play.parallel import EpisodeTask
-from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport
-from lingjing.plugins.host import PluginHost
-from tests.bench.suite_kit import SMALL, AnsweringExecutor, answered, made_row
-from tests.play.report_kit import blank_metrics
+from lingjing.testing import PluginHost, run_command
+from tests.bench.suite_kit import SMALL, AnsweringExecutor, EpisodeTask, SuiteRow, answered, made_row
+from tests.play.report_kit import ABORTED, INTERRUPTED, blank_metrics
 
 SEEDS = (0, 1)
 
@@ -113,7 +110,7 @@ def test_the_third_abort_is_lost_and_listed(plan: SuitePlan, tmp_path: Path, cap
     lost = [row for row in read_results(tmp_path / "a") if row.standing == "lost"]
     assert {(row.entrant, row.tries, row.report.detail) for row in lost} == {("oracle", 3, "three")}
     assert len(lost) == 6
-    assert main(["bench", "table", str(tmp_path / "a")]) == 0
+    assert run_command(["bench", "table", str(tmp_path / "a")]) == 0
     output = capsys.readouterr().out
     assert "6 are lost (aborted 3 times) and in no rate: oracle bi-single seed 0, " in output
     assert "12 infrastructure aborts were played again" in output
@@ -347,7 +344,7 @@ def test_what_holds_no_results_is_said(content: bytes | str, message: str, tmp_p
     elif content == "report":
         at = table.schema.names.index("report")
         parquet.write_table(table.set_column(at, "report", pa.array([json.dumps({"seed": 1})])), file)
-    assert main(["bench", "table", str(file)]) == ExitCode.USAGE
+    assert run_command(["bench", "table", str(file)]) == ExitCode.USAGE
     captured = capsys.readouterr()
     assert re.search(message, captured.err) and captured.out == ""
     assert ("lingjing report FOLDER/runs" in captured.err) == (content == "report")

@@ -15,11 +15,10 @@ from lingjing.analysis.metrics import StageMetric
 from lingjing.bench.countdown import Countdown
 from lingjing.bench.exports import html_page, to_csv, to_html, to_latex, to_markdown
 from lingjing.bench.played import Played, columns_of
-from lingjing.bench.rows import SuiteRow
 from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable, best_of
 from lingjing.bench.tables import TABLES, make_tables
 from lingjing.cli import bench
-from tests.bench.suite_kit import made_row
+from tests.bench.suite_kit import SuiteRow, made_row
 from tests.play.report_kit import blank_metrics, made_report
 
 

@@ -6,24 +6,25 @@ from collections import Counter
 
 import pytest
 
-from lingjing.bench.columns import Column, columns, shipped
-from lingjing.dsl.loading.load import load_mission
+import lingjing
+from lingjing.bench.columns import Column, columns
 from lingjing.envs.stepping import SteppedEpisodes
+from lingjing.testing import shipped_missions
 from lingjing.trace.records import Decision
 
 pytestmark = pytest.mark.slow
 
-LAST = {column.mission: column for sweeps in (False, True) for column in columns(shipped(), sweeps=sweeps)}
+LAST = {column.mission: column for sweeps in (False, True) for column in columns(shipped_missions(), sweeps=sweeps)}
 GROUPS = {"cd": {"point": 20, "van": 5}, "ufr": {"fire": 6, "uav": 5}, "ssr": {"victim": 3, "uav": 3}}
 
 
 def test_every_shipped_mission_is_among_them() -> None:
-    assert LAST.keys() == {path.stem for path in shipped()}
+    assert LAST.keys() == {path.stem for path in shipped_missions()}
 
 
 @pytest.mark.parametrize("column", LAST.values(), ids=lambda column: column.name)
 def test_it_starts(column: Column) -> None:
-    game = SteppedEpisodes(load_mission(str(column.path)), column.mode, column.settings, "random", "inline")
+    game = SteppedEpisodes(lingjing.compile(str(column.path)), column.mode, column.settings, "random", "inline")
     try:
         agents = [agent.id for agent in game.instance(3).agents]
         game.begin(3, agents)

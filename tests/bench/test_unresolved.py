@@ -9,14 +9,13 @@ import pytest
 
 from lingjing.bench.exports import to_latex
 from lingjing.bench.leaderboard import OPEN, leaderboard, ranking
-from lingjing.bench.rows import SuiteRow
 from lingjing.bench.tables import make_tables
 from lingjing.bench.unresolved import AT_ONCE_S, open_rows, unresolved_entrants
 from lingjing.play.outages import SERVICE_GONE
-from lingjing.play.report import ABORTED, SERVER_KILLED, SIGNALLED, end_without_result
+from lingjing.play.report import SERVER_KILLED, SIGNALLED, end_without_result
 from lingjing.trace.writer import trace_removed_error, trace_tampered_error
-from tests.bench.suite_kit import made_row
-from tests.play.report_kit import made_report
+from tests.bench.suite_kit import SuiteRow, made_row
+from tests.play.report_kit import ABORTED, made_report
 
 GONE = f"{SERVICE_GONE}the service of `a` gives the harness no answer either: refused"
 

@@ -6,13 +6,13 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from lingjing import Trace
 from lingjing.causal.blame import Blame, BlameOptions, _Search
 from lingjing.causal.branching import BranchResult
 from lingjing.causal.interventions import BranchPlan, ReplacedPart
 from lingjing.causal.later_starts import LATER
 from lingjing.causal.result_texts import blame_text
 from lingjing.testing import rescue as kit
-from lingjing.trace.reader import Trace
 from lingjing.trace.records import Header, Substitution
 
 replace = msgspec.structs.replace

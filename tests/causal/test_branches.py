@@ -12,7 +12,8 @@ from typing import Any
 import msgspec
 import pytest
 
-from lingjing.bench.columns import shipped
+import lingjing
+from lingjing import Trace, read_trace, run
 from lingjing.causal.blame import Blame, BlameOptions, blame
 from lingjing.causal.branch_host import BranchHost
 from lingjing.causal.branching import BranchResult, NullFork
@@ -20,14 +21,10 @@ from lingjing.causal.interventions import BranchPlan, check
 from lingjing.causal.message_value import message_values
 from lingjing.causal.redriven import BranchOptions
 from lingjing.causal.result_texts import blame_text, branch_text, window_text
-from lingjing.cli.main import main
-from lingjing.dsl.loading.load import load_mission
 from lingjing.errors import ExitCode, InfrastructureError, UsageError
 from lingjing.mission.expression import Number
-from lingjing.play.episode import run
-from lingjing.trace.reader import Trace, read_trace
+from lingjing.testing import run_command, shipped_missions
 from lingjing.trace.records import Action, Decision, Faculty, MessageChange, Substitution
-from lingjing.trace.verification import verify_file
 from tests.causal.erring import ASTRAY_FROM
 
 replace = msgspec.structs.replace
@@ -36,7 +33,7 @@ PATIENCE_S = 300.0
 
 
 def played(folder: Path, policy: str, ticks: float = 24.0) -> Trace:
-    mission = load_mission(next(path for path in shipped() if path.stem == "ssr"))
+    mission = lingjing.compile(next(path for path in shipped_missions() if path.stem == "ssr"))
     short = replace(mission, budget=replace(mission.budget, ticks=Number(value=ticks)))
     options: dict[str, Any] = {"seed": 1, "mode": "star", "overview": False}
     return read_trace(run(short, policy=f"{ERRING}:{policy}", out=folder, **options).trace)
@@ -101,7 +98,7 @@ def test_it_is_written_as_a_trace_that_is_equal_up_to_there(host: BranchHost, lo
     plan = BranchPlan(at=at, substitutions=(of("waypoint", "skipper", at),), out=str(tmp_path / "branch"))
     (result,) = host.play([plan])
     branch = read_trace(result.path)
-    assert verify_file(branch.path).state == "ok"
+    assert lingjing.verify(branch.path).state == "ok"
     assert branch.complete and branch.outcome is not None and branch.outcome.success
     assert branch.outcome.digest == result.digest
     assert branch.boundaries[: at + 1] == lost.boundaries[: at + 1]
@@ -363,14 +360,14 @@ def test_mistakes_are_told_in_one_message(
 ) -> None:
     monkeypatch.chdir(lost.path.parent)
     policy = [] if "policy file" in words else ["--policy", f"{ERRING}:Astray"]
-    assert main(["fork", str(lost.path), *options, *policy]) == ExitCode.USAGE
+    assert run_command(["fork", str(lost.path), *options, *policy]) == ExitCode.USAGE
     message = capsys.readouterr().err
     assert words in message and message.count("error:") == 1
 
 
 def test_what_no_message_is_measured_by_is_no_option_of_its_value(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit, match="2"):
-        main(["value", "trace.mcap", "--reference", "random"])
+        run_command(["value", "trace.mcap", "--reference", "random"])
     assert "unrecognized arguments: --reference" in capsys.readouterr().err
 
 
@@ -378,12 +375,12 @@ def test_the_command_says_what_came_of_it(lost: Trace, tmp_path: Path, capsys: p
     at = onset(lost)
     windows = ["--substitute", f"waypoint:skipper@{at}-", "--substitute", f"execution:skipper@{at - 2}-{at - 1}"]
     options = ["--policy", f"{ERRING}:Astray", *windows, "-o", str(tmp_path / "out")]
-    assert main(["fork", str(lost.path), *options]) == ExitCode.OK
+    assert run_command(["fork", str(lost.path), *options]) == ExitCode.OK
     output = capsys.readouterr().out
     assert "lost (budget) after 24 ticks" in output
     assert f"boundary {at - 2}, waypoint of skipper from {at} on, execution of skipper until {at - 1}: won" in output
     assert f"replaced: waypoint of skipper at {at}" in output
-    assert main(["verify", str(tmp_path / "out" / "trace.mcap")]) == ExitCode.OK
+    assert run_command(["verify", str(tmp_path / "out" / "trace.mcap")]) == ExitCode.OK
 
 
 def test_a_trace_from_before_verbs_said_how_they_move_is_refused(lost: Trace) -> None:

@@ -6,14 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from lingjing import EpisodeReport, PlayOptions, Trace
 from lingjing.causal import candidates
 from lingjing.causal.candidates import Candidate, CandidatePlayer, TriedCandidate
 from lingjing.causal.failure import FailureSignature
-from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeTask
-from lingjing.play.report import EpisodeReport
 from lingjing.testing import rescue as kit
-from lingjing.trace.reader import Trace
 from lingjing.trace.records import Header
 from tests.play.report_kit import made_report
 

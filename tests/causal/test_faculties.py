@@ -6,12 +6,11 @@ from typing import Any, get_args
 
 import pytest
 
-from lingjing.bench.columns import shipped
+import lingjing
 from lingjing.causal.faculties import FACULTIES, TrueSituation, faculties_of, replace_faculty, right_parts
 from lingjing.causal.shapley import shapley_shares
-from lingjing.dsl.loading.load import load_mission
 from lingjing.mission.instance import Instance
-from lingjing.mission.instantiate import instantiate
+from lingjing.testing import instantiate, shipped_missions
 from lingjing.trace.records import Action, BodyState, Box, CameraPose, Decision, Faculty, FrameInfo, Outgoing
 
 PAGE = Path(__file__).parents[2] / "docs" / "attribution.md"
@@ -22,7 +21,7 @@ TRUE_PLACE, FALSE_PLACE = (100.0, 200.0, 0.0), (190.0, 200.0, 0.0)
 
 @pytest.fixture(scope="module")
 def sea() -> Instance:
-    mission = load_mission(next(path for path in shipped() if path.stem == "ssr"))
+    mission = lingjing.compile(next(path for path in shipped_missions() if path.stem == "ssr"))
     return instantiate(mission, seed=1, mode="star")
 
 
@@ -115,8 +114,8 @@ def test_agents_have_the_faculties_that_their_roles_are_declared_to(sea: Instanc
 
 def test_every_shipped_mission_has_faculties_and_walkers_and_drivers_route() -> None:
     moving: dict[str, set[Faculty]] = {}
-    for path in shipped():
-        mission = load_mission(path)
+    for path in shipped_missions():
+        mission = lingjing.compile(path)
         instance = instantiate(mission, seed=1)
         faculties = {faculty for agent in instance.agents for faculty in faculties_of(instance, agent)}
         moving[mission.name] = faculties & {"waypoint", "routing"}

@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
+from lingjing import read_trace, run
 from lingjing.causal.failure import failure_of
-from lingjing.play.episode import run
-from lingjing.trace.reader import read_trace
 
 HERE = Path(__file__).parent / "shrink"
 

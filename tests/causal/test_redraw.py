@@ -5,14 +5,13 @@ from pathlib import Path
 import msgspec
 import pytest
 
+import lingjing
+from lingjing import Trace, read_trace, run
 from lingjing.analysis.page_pictures import best_frames, sort_by_camera, unrecorded_frames
-from lingjing.bench.columns import shipped
 from lingjing.causal.redraw import redraw
 from lingjing.cli import missionpage
-from lingjing.dsl.loading.load import load_mission
 from lingjing.mission.expression import Number
-from lingjing.play.episode import run
-from lingjing.trace.reader import Trace, read_trace
+from lingjing.testing import shipped_missions
 
 pytestmark = pytest.mark.slow
 
@@ -22,7 +21,7 @@ replace = msgspec.structs.replace
 @pytest.fixture(scope="module")
 def walk(tmp_path_factory: pytest.TempPathFactory) -> Trace:
     """Two ticks of a dog in front of a house, with a picture at every tick."""
-    mission = load_mission(next(path for path in shipped() if path.stem == "vdn"))
+    mission = lingjing.compile(next(path for path in shipped_missions() if path.stem == "vdn"))
     short = replace(mission, budget=replace(mission.budget, ticks=Number(value=2.0)))
     folder = tmp_path_factory.mktemp("walk") / "episode"
     return read_trace(run(short, policy="random", seed=1, out=folder, world="inline", overview=False).trace)
@@ -56,7 +55,7 @@ def test_a_page_shows_the_camera_that_nobody_used(walk: Trace, tmp_path: Path, m
     blind = tuple(replace(record, frames=()) for record in walk.boundaries)
     bare = Trace(walk.path, walk.header, blind, walk.outcome, True, walk.places)
     monkeypatch.setattr(missionpage, "_trace", lambda path, mission: bare)
-    mission = load_mission(next(path for path in shipped() if path.stem == "vdn"))
+    mission = lingjing.compile(next(path for path in shipped_missions() if path.stem == "vdn"))
     page = missionpage.write_page(mission, [walk.path], None, tmp_path).read_text(encoding="utf-8")
     assert "(vdn-dog-front.jpg)" in page and "drawn after the episode" in page
     assert (tmp_path / "vdn-dog-front.jpg").stat().st_size > 5000

@@ -3,16 +3,15 @@
 import msgspec
 import pytest
 
-from lingjing.bench.columns import Column, columns, shipped
+import lingjing
+from lingjing import Mission
+from lingjing.bench.columns import Column, columns
 from lingjing.causal.reduced_mission import ReducibleMission, RemovablePart
-from lingjing.dsl.compilation import compile_text
-from lingjing.dsl.loading.load import load_mission
 from lingjing.dsl.printing.printer import to_ljs
 from lingjing.mission.instance import Instance
-from lingjing.mission.instantiate import instantiate
-from lingjing.mission.model import Mission
+from lingjing.testing import compile_text, instantiate, shipped_missions
 
-COLUMNS = columns(shipped())
+COLUMNS = columns(shipped_missions())
 SEED = 7
 
 
@@ -36,7 +35,7 @@ def comparable(instance: Instance) -> Instance:
 
 @pytest.mark.parametrize("column", COLUMNS, ids=[column.name for column in COLUMNS])
 def test_the_whole_mission_draws_what_was_drawn(column: Column) -> None:
-    mission = load_mission(column.path)
+    mission = lingjing.compile(column.path)
     instance = instantiate(mission, seed=SEED, mode=column.mode)
     whole = ReducibleMission(mission, instance)
     text = to_ljs(whole.keeping(whole.parts, instance.budget.ticks).mission)
@@ -49,7 +48,7 @@ def test_the_whole_mission_draws_what_was_drawn(column: Column) -> None:
 
 @pytest.fixture
 def ssr() -> tuple[Mission, Instance]:
-    mission = load_mission("ssr")
+    mission = lingjing.compile("ssr")
     return mission, instantiate(mission, seed=SEED, mode="broadcast")
 
 

@@ -6,23 +6,19 @@ from pathlib import Path
 import msgspec
 import pytest
 
+import lingjing
+from lingjing import Trace, read_trace, replay, run
 from lingjing.analysis.registries import registries
-from lingjing.bench.columns import shipped
 from lingjing.causal.recorded import RecordedRun
-from lingjing.causal.replay import Replay, replay
-from lingjing.cli.main import main
+from lingjing.causal.replay import Replay
 from lingjing.cli.replay import sentence
-from lingjing.dsl.loading.load import load_mission
 from lingjing.errors import ExitCode, UsageError
 from lingjing.mission.expression import Number
-from lingjing.play.episode import run
 from lingjing.plugins.hookspecs import ScenePlugin, hookimpl
-from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import content_sha256
-from lingjing.testing import does
+from lingjing.testing import PluginHost, does, run_command, shipped_missions
 from lingjing.testing import rescue as kit
 from lingjing.trace.digest import START, next_digest
-from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import Action, BoundaryRecord, Decision, DecisionRecord, Header
 from tests.scene.osm_maps import square, town
 
@@ -32,7 +28,7 @@ replace = msgspec.structs.replace
 @pytest.fixture(scope="module")
 def search(tmp_path_factory: pytest.TempPathFactory) -> Trace:
     """Twelve ticks of a sea search by an oracle, with pictures."""
-    mission = load_mission(next(path for path in shipped() if path.stem == "ssr"))
+    mission = lingjing.compile(next(path for path in shipped_missions() if path.stem == "ssr"))
     short = replace(mission, budget=replace(mission.budget, ticks=Number(value=12.0)))
     folder = tmp_path_factory.mktemp("search") / "episode"
     return read_trace(run(short, policy="oracle", seed=1, out=folder, world="inline", overview=False).trace)
@@ -319,8 +315,10 @@ def test_the_registry_of_every_boundary_follows_from_the_records(search: Trace) 
 
 def test_the_verb_says_so(search: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     call = ["replay", "--world", "inline"]
-    assert main([*call, str(search.path)]) == ExitCode.OK
+    assert run_command([*call, str(search.path)]) == ExitCode.OK
     assert f"confirmed: {len(search.boundaries)} boundaries" in capsys.readouterr().out
-    assert main([*call, "--output-format", "json", str(search.path), str(tmp_path / "no.mcap")]) == ExitCode.USAGE
+    assert (
+        run_command([*call, "--output-format", "json", str(search.path), str(tmp_path / "no.mcap")]) == ExitCode.USAGE
+    )
     out, err = capsys.readouterr()
     assert json.loads(out)[0]["difference"] is None and "cannot read the trace" in err

@@ -13,21 +13,17 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from lingjing.bench.columns import shipped
+import lingjing
+from lingjing import Trace, read_trace, replay, run
 from lingjing.causal.picture_comparison import BLOCK, LEVELS_MOST, PictureWitness, picture_difference, worst_levels
 from lingjing.causal.recorded import recorded_frame
-from lingjing.causal.replay import replay
-from lingjing.cli.main import main
-from lingjing.dsl.loading.load import load_mission
 from lingjing.errors import ExitCode
 from lingjing.kernel.world.contract import StoredFrame
 from lingjing.mission.expression import Number
-from lingjing.play.episode import run
+from lingjing.testing import TraceWriter, encode_jpeg, run_command, shipped_missions
 from lingjing.trace.digest import START, next_frames_digest, verify
-from lingjing.trace.images import encode_jpeg
-from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import FrameInfo
-from lingjing.trace.writer import PictureParts, TraceWriter
+from lingjing.trace.writer import PictureParts
 
 replace = msgspec.structs.replace
 Pixels = npt.NDArray[np.uint8]
@@ -36,7 +32,7 @@ Pixels = npt.NDArray[np.uint8]
 @pytest.fixture(scope="module")
 def inspected(tmp_path_factory: pytest.TempPathFactory) -> Trace:
     """Six ticks of an oracle that searches a leak, the last with a picture."""
-    mission = load_mission(next(path for path in shipped() if path.stem == "upr"))
+    mission = lingjing.compile(next(path for path in shipped_missions() if path.stem == "upr"))
     short = replace(mission, budget=replace(mission.budget, ticks=Number(value=6.0)))
     folder = tmp_path_factory.mktemp("inspected") / "episode"
     trace = read_trace(run(short, policy="oracle", seed=1, out=folder, world="inline", overview=False).trace)
@@ -85,7 +81,7 @@ def test_replaced_pictures_of_a_sealed_trace_differ_on_the_same_renderer(
     forged = repainted(inspected, tmp_path / "trace.mcap", dotted)
     assert verify(forged, pixels=True) is None
     call = ["replay", "--world", "inline", "--pictures", str(forged.path)]
-    assert main(call) == ExitCode.MISSION
+    assert run_command(call) == ExitCode.MISSION
     output = capsys.readouterr().out
     first = next(iter(inspected.frames.values()))
     assert f"differs at boundary {first.tick}" in output

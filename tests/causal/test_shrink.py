@@ -7,15 +7,13 @@ from pathlib import Path
 import msgspec
 import pytest
 
+import lingjing
+from lingjing import PlayOptions, Trace, read_trace, run
 from lingjing.causal.failure import FailureSignature, failure_of
 from lingjing.causal.shrink import ShrinkOptions, shrink
-from lingjing.cli.main import main
-from lingjing.cli.shrink import run_command
-from lingjing.dsl.loading.load import load_mission
+from lingjing.cli import shrink as shrink_verb
 from lingjing.errors import ExitCode, UsageError
-from lingjing.play.episode import run
-from lingjing.play.options import PlayOptions
-from lingjing.trace.reader import Trace, read_trace
+from lingjing.testing import run_command
 
 pytestmark = pytest.mark.slow
 
@@ -41,12 +39,12 @@ def test_the_smallest_mission_fails_the_same_way_also_after_a_budget_has_run_out
 ) -> None:
     small = tmp_path / "small.ljs"
     call = ["shrink", str(lost.path), "-o", str(small), "--mission", str(HARBOUR), "--policy-file", str(SKIPPERS)]
-    assert main([*call, "--budget", "3", "--output-format", "json"]) == ExitCode.OK
+    assert run_command([*call, "--budget", "3", "--output-format", "json"]) == ExitCode.OK
     first = json.loads(capsys.readouterr().out)
     assert not first["minimal"]
-    assert small.is_file() and load_mission(small).name == "harbour"
+    assert small.is_file() and lingjing.compile(small).name == "harbour"
     assert len(small.with_name("small.ljs.tried.jsonl").read_bytes().splitlines()) >= 3
-    assert main([*call, "-j", "2", "--output-format", "json"]) == ExitCode.OK, "it goes on with the best so far"
+    assert run_command([*call, "-j", "2", "--output-format", "json"]) == ExitCode.OK, "it goes on with the best so far"
     captured = capsys.readouterr()
     result = json.loads(captured.out)
     assert result["ticks"] < first["ticks"] or len(result["kept"]) < len(first["kept"])
@@ -55,8 +53,8 @@ def test_the_smallest_mission_fails_the_same_way_also_after_a_budget_has_run_out
     assert len([part for part in result["kept"] if part.startswith("target")]) == 1
     assert {"event squall", "message hail", "message state_of"} <= set(result["removed"])
     assert result["ticks"] < result["ticks_before"] == 24
-    words = shlex.split(run_command(msgspec.convert(result["options"], PlayOptions)))
-    assert main([*words[1:], "-o", str(tmp_path / "again"), "--no-overview"]) == ExitCode.OK
+    words = shlex.split(shrink_verb.run_command(msgspec.convert(result["options"], PlayOptions)))
+    assert run_command([*words[1:], "-o", str(tmp_path / "again"), "--no-overview"]) == ExitCode.OK
     again = read_trace(tmp_path / "again" / "trace.mcap")
     assert again.boundaries[-1].digest == result["digest"]
     assert failure_of(again) == failure_of(lost)
@@ -65,7 +63,7 @@ def test_the_smallest_mission_fails_the_same_way_also_after_a_budget_has_run_out
     assert {entity.position for entity in again.header.instance.entities} <= places
     assert small.read_text().startswith("# Shrunk from the trace ")
     assert not small.with_name("small.ljs.tried.jsonl").exists()
-    assert main(call) == ExitCode.USAGE
+    assert run_command(call) == ExitCode.USAGE
     assert "nothing is overwritten" in capsys.readouterr().err
 
 
@@ -73,7 +71,7 @@ def test_a_place_that_cannot_be_written_is_told_before_anything_is_played(
     lost: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     call = ["shrink", str(lost.path), "--mission", str(HARBOUR), "--policy-file", str(SKIPPERS)]
-    assert main([*call, "-o", str(tmp_path / "no" / "small.ljs")]) == ExitCode.USAGE
+    assert run_command([*call, "-o", str(tmp_path / "no" / "small.ljs")]) == ExitCode.USAGE
     message = capsys.readouterr().err
     assert message.startswith("error: cannot write `") and "the complete mission fails" not in message
 
@@ -85,7 +83,7 @@ def test_a_question_that_fails_is_its_authors(
     (tmp_path / "check.py").write_text(f"def failing(trace):\n    return {body}\n")
     predicate = f"{tmp_path / 'check.py'}:failing"
     call = ["shrink", str(lost.path), "--mission", str(HARBOUR), "--policy-file", str(SKIPPERS), "--same-if", predicate]
-    assert main([*call, "-o", str(tmp_path / "small.ljs")]) == ExitCode.USAGE
+    assert run_command([*call, "-o", str(tmp_path / "small.ljs")]) == ExitCode.USAGE
     message = capsys.readouterr().err
     assert f"--same-if {predicate}: {words}" in message and not (tmp_path / "small.ljs").exists()
 

@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
-import sys
 from pathlib import Path
 
 import pytest
 
 from lingjing.bench.parquet import encode_rows
-from lingjing.cli.main import main
+from lingjing.testing import run_command, sea_rescue
 from tests.bench.suite_kit import made_row
 
 
 @pytest.fixture(scope="module")
 def played(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The trace tests' synthetic sea rescue."""
-    path = Path(__file__).parent.parent / "trace" / "synthetic.py"
-    spec = importlib.util.spec_from_file_location("synthetic_documented", path)
-    assert spec is not None and spec.loader is not None
-    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    """The trace of the sea rescue of the kit."""
     target = tmp_path_factory.mktemp("episode") / "trace.mcap"
-    module.write_episode(target, ticks=60)
+    sea_rescue.write_episode(target, ticks=60)
     return target
 
 
@@ -34,7 +27,7 @@ def results(path: Path) -> Path:
 
 def test_a_page_with_pictures_and_results(played: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     table = results(tmp_path / "results.parquet")
-    code = main(["docs", "ssr", "--trace", str(played), "--results", str(table), "-o", str(tmp_path / "pages")])
+    code = run_command(["docs", "ssr", "--trace", str(played), "--results", str(table), "-o", str(tmp_path / "pages")])
     assert code == 0
     assert capsys.readouterr().out == f"{tmp_path}/pages/ssr.md\n"
     text = (tmp_path / "pages" / "ssr.md").read_text()
@@ -65,6 +58,6 @@ def test_what_cannot_be_written_is_said(
     arguments: tuple[str, ...], message: str, played: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     filled = [part.format(trace=played, out=tmp_path / "pages") for part in arguments]
-    assert main(filled) == 2
+    assert run_command(filled) == 2
     assert message in capsys.readouterr().err
     assert not (tmp_path / "pages").exists()

@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from lingjing.data import data_path
+from lingjing.testing import mission_file
 
 
 def lingjing(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
@@ -17,7 +17,7 @@ def lingjing(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
 
 def test_text_and_json_go_round(tmp_path: Path) -> None:
     first, text, second = tmp_path / "a.json", tmp_path / "b.ljs", tmp_path / "c.json"
-    assert lingjing("compile", data_path("scenarios", "ssr.ljs"), "-o", first).returncode == 0
+    assert lingjing("compile", mission_file("ssr"), "-o", first).returncode == 0
     done = lingjing("compile", first, "--emit", "ljs", "-o", text)
     assert (done.returncode, done.stderr) == (0, "")
     assert lingjing("fmt", "--check", text).returncode == 0
@@ -27,14 +27,14 @@ def test_text_and_json_go_round(tmp_path: Path) -> None:
 
 
 def test_what_is_left_out_is_said(tmp_path: Path) -> None:
-    done = lingjing("compile", data_path("scenarios", "reset", "ssr-001.json"), "--emit", "ljs")
+    done = lingjing("compile", mission_file("reset/ssr-001.json"), "--emit", "ljs")
     assert done.returncode == 0
     assert done.stdout.startswith("ljs 2\n")
     assert "note: $.origin.document cannot be written in .ljs and is left out" in done.stderr
 
 
 def test_the_object_that_is_added_is_said_and_can_be_left_out() -> None:
-    listing = data_path("scenarios", "reset", "ssr-001.json")
+    listing = mission_file("reset/ssr-001.json")
     done = lingjing("compile", listing, "--emit", "reset-scenario")
     assert done.stdout != listing.read_text() and "note: the object 'lingjing' was added" in done.stderr
     done = lingjing("compile", listing, "--emit", "reset-scenario", "--plain")
@@ -45,7 +45,7 @@ def test_the_object_that_is_added_is_said_and_can_be_left_out() -> None:
 def test_compile_refuses_what_validate_refuses(tmp_path: Path) -> None:
     """A document with an unwinnable mission: at three metres a second the boat does not reach a place 40 km away."""
     far = tmp_path / "far.json"
-    listing = json.loads(data_path("scenarios", "reset", "ssr-001.json").read_text())
+    listing = json.loads(mission_file("reset/ssr-001.json").read_text())
     state = listing["scenario"]["taskMatrix"][0]["initial_state"]
     state["rescueRange"] = [{**c, "Y": c["Y"] + 5.0e5 if c["Y"] > 9.0e4 else 9.0e4} for c in state["rescueRange"]]
     listing["scenario"]["equipmentList"]["shipEntityList"][0]["data"]["Y"] = -2.9e5

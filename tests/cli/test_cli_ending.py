@@ -13,16 +13,14 @@ from pathlib import Path
 
 import pytest
 
+from lingjing import EpisodeReport, read_trace
 from lingjing.analysis.metrics import StageMetric
 from lingjing.cli.files import write_whole
-from lingjing.cli.main import main
 from lingjing.cli.scorecard import scorecard
-from lingjing.data import data_path
-from lingjing.dsl.loading.shipped import find_mission
 from lingjing.errors import LingjingError, UsageError
-from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport, summarise
-from lingjing.trace.reader import read_trace
-from tests.play.report_kit import blank_metrics, made_report
+from lingjing.play.report import summarise
+from lingjing.testing import mission_file, run_command
+from tests.play.report_kit import ABORTED, INTERRUPTED, blank_metrics, made_report
 
 pytestmark = pytest.mark.slow
 
@@ -62,7 +60,7 @@ def endless(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def pictured(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The sea rescue with a budget of two ticks, in which a boat may be proved too far."""
-    text = data_path("scenarios", "ssr.ljs").read_text(encoding="utf-8")
+    text = mission_file("ssr").read_text(encoding="utf-8")
     path = tmp_path_factory.mktemp("mission") / "short.ljs"
     away, near = "(12.4 m, -1351.8 m)", "(270 m, -920 m)"  # so that two ticks are not proved too few in every draw
     assert away in text
@@ -247,21 +245,21 @@ def test_compiling_to_a_device_writes_to_it(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["", "x" * 5000])
 def test_a_name_that_cannot_be_a_file_is_no_mission(name: str) -> None:
     with pytest.raises(UsageError, match="there is no mission") as caught:
-        find_mission(name)
+        mission_file(name)
     assert len(str(caught.value)) < 400
 
 
 def test_a_place_beyond_the_scene_is_an_error_of_the_mission(tmp_path: Path, capsys, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
-    text = data_path("scenarios", "reset", "ssr-001.json").read_text(encoding="utf-8")
+    text = mission_file("reset/ssr-001.json").read_text(encoding="utf-8")
     Path("far.json").write_text(text.replace('"X": 30660.0', '"X": 1e300'), encoding="utf-8")
-    assert main(["run", "far.json", "--policy", "random"]) == 1
+    assert run_command(["run", "far.json", "--policy", "random"]) == 1
     assert "beyond the scene\nhint: " in capsys.readouterr().err
     assert os.listdir() == ["far.json"]
 
 
 def test_a_file_without_an_end_is_refused(capsys) -> None:
-    assert main(["validate", "/dev/zero"]) == 2
+    assert run_command(["validate", "/dev/zero"]) == 2
     assert "`/dev/zero` does not end" in capsys.readouterr().err
 
 
@@ -269,12 +267,12 @@ def test_a_text_over_32_mb_is_refused(tmp_path: Path, capsys, monkeypatch) -> No
     long = tmp_path / "long.ljs"
     with long.open("wb") as file:
         file.truncate(32_000_001)
-    assert main(["validate", str(long)]) == 2
+    assert run_command(["validate", str(long)]) == 2
     errors = capsys.readouterr().err
     assert "has 32.0 MB" in errors and "at most 32 MB" in errors
     with Path("/dev/zero").open() as endless:
         monkeypatch.setattr("sys.stdin", endless)
-        assert main(["validate", "-"]) == 2
+        assert run_command(["validate", "-"]) == 2
     assert "`<stdin>` does not end within 32 MB" in capsys.readouterr().err
 
 
@@ -282,13 +280,13 @@ def test_a_text_of_32_mb_is_read(tmp_path: Path, capsys) -> None:
     long = tmp_path / "long.ljs"
     long.write_bytes((b"# " + b"a" * 7_997 + b"\n") * 4_000)
     assert long.stat().st_size == 32_000_000
-    assert main(["validate", str(long)]) == 1
+    assert run_command(["validate", str(long)]) == 1
     assert "error[LJ0106]" in capsys.readouterr().out
 
 
 def test_an_output_that_is_a_file_is_called_one(short: Path, tmp_path: Path, capsys) -> None:
     (tmp_path / "taken").write_text("mine")
-    assert main(["run", str(short), "-o", str(tmp_path / "taken")]) == 2
+    assert run_command(["run", str(short), "-o", str(tmp_path / "taken")]) == 2
     assert "is a file, not a folder" in capsys.readouterr().err
 
 

@@ -9,10 +9,9 @@ from pathlib import Path
 import pytest
 
 import lingjing
-from lingjing.cli.main import main
 from lingjing.dsl.loading.shipped import shipped_missions
 from lingjing.errors import ExitCode, MissionError, UsageError
-from lingjing.mission.instantiate import instantiate
+from lingjing.testing import instantiate, run_command
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "errors" / "example.ljs"
 
@@ -34,7 +33,7 @@ def test_a_slip_in_a_word_is_met_with_the_word(
     arguments: list[str], suggestion: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as ended:
-        main(arguments)
+        run_command(arguments)
     assert ended.value.code == ExitCode.USAGE
     assert capsys.readouterr().err.rstrip().endswith(f"did you mean {suggestion}?")
 
@@ -78,26 +77,26 @@ def test_a_slip_in_a_word_is_met_with_the_word(
 def test_a_slip_in_a_name_is_met_with_the_name_and_nothing_else(
     arguments: list[str], message: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(arguments) == ExitCode.USAGE
+    assert run_command(arguments) == ExitCode.USAGE
     assert capfd.readouterr().err == message
 
 
 def test_a_word_that_is_near_to_none_proposes_none(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
-        main(["zzzzzzzz"])
+        run_command(["zzzzzzzz"])
     with pytest.raises(SystemExit):
-        main(["run", "ssr", "--zzzzzzzz"])
+        run_command(["run", "ssr", "--zzzzzzzz"])
     assert "did you mean" not in capsys.readouterr().err
 
 
 def test_validate_says_on_a_terminal_that_all_is_well(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["validate", str(EXAMPLE)]) == ExitCode.OK
+    assert run_command(["validate", str(EXAMPLE)]) == ExitCode.OK
     assert capsys.readouterr().out == ""
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
-    assert main(["validate", "ssr"]) == ExitCode.OK
-    assert main(["validate", "ssr", str(EXAMPLE)]) == ExitCode.OK
+    assert run_command(["validate", "ssr"]) == ExitCode.OK
+    assert run_command(["validate", "ssr", str(EXAMPLE)]) == ExitCode.OK
     assert capsys.readouterr().out == "ssr is valid\n2 files are valid\n"
 
 

@@ -6,7 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from lingjing.data import data_path
+from lingjing.testing import mission_file
 
 UGLY = "ljs   1\nasset  a{engine=vessel,speed=3m/s}\n"
 NEAT = "ljs 1\nasset a { engine = vessel, speed = 3 m/s }\n"
@@ -88,5 +88,5 @@ def test_a_folder_means_its_missions(tmp_path: Path) -> None:
 
 
 def test_shipped_missions_are_formatted() -> None:
-    done = fmt("--check", data_path("scenarios"))
+    done = fmt("--check", mission_file("ssr").parent)
     assert (done.returncode, done.stdout) == (0, "")

@@ -15,6 +15,7 @@ from lingjing.dsl.loading.load import load_mission
 from lingjing.errors import ExitCode
 from lingjing.mission.conditions.listing import ConditionList, list_conditions
 from lingjing.mission.graph import MissionGraph
+from lingjing.testing import run_command
 
 SSR = str(Path(__file__).parents[2] / "scenarios" / "ssr.ljs")
 UPR = str(Path(__file__).parents[2] / "scenarios" / "upr.ljs")
@@ -22,7 +23,7 @@ STARTS = {"svg": "<svg ", "mermaid": "---\ntitle:", "dot": "digraph ", "json": "
 
 
 def test_mermaid_goes_to_standard_output(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["graph", SSR]) == ExitCode.OK
+    assert run_command(["graph", SSR]) == ExitCode.OK
     captured = capsys.readouterr()
     assert "flowchart LR" in captured.out
     assert captured.out.endswith("\n")
@@ -37,27 +38,27 @@ def test_mermaid_goes_to_standard_output(capsys: pytest.CaptureFixture[str]) -> 
     ],
 )  # fmt: skip
 def test_the_name_chooses_the_format(tmp_path: Path, name: str, chosen: str) -> None:
-    assert main(["graph", SSR, "-o", str(tmp_path / name)]) == ExitCode.OK
+    assert run_command(["graph", SSR, "-o", str(tmp_path / name)]) == ExitCode.OK
     assert (tmp_path / name).read_text(encoding="utf-8").startswith(STARTS[chosen])
     assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
 def test_the_option_wins_over_the_name(tmp_path: Path) -> None:
     out = tmp_path / "a.svg"
-    assert main(["graph", SSR, "--format", "dot", "-o", str(out)]) == ExitCode.OK
+    assert run_command(["graph", SSR, "--format", "dot", "-o", str(out)]) == ExitCode.OK
     assert out.read_text(encoding="utf-8").startswith(STARTS["dot"])
 
 
 @pytest.mark.parametrize("chosen", STARTS)
 def test_each_format_goes_to_standard_output(chosen: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["graph", SSR, "--format", chosen, "-o", "-"]) == ExitCode.OK
+    assert run_command(["graph", SSR, "--format", chosen, "-o", "-"]) == ExitCode.OK
     assert capsys.readouterr().out.startswith(STARTS[chosen])
 
 
 def test_a_mode_shows_only_what_is_there_in_it(capsys: pytest.CaptureFixture[str]) -> None:
     names_by_mode = {}
     for mode in ("star", "broadcast"):
-        assert main(["graph", SSR, "--mode", mode, "--format", "json"]) == ExitCode.OK
+        assert run_command(["graph", SSR, "--mode", mode, "--format", "json"]) == ExitCode.OK
         names_by_mode[mode] = msgspec.json.decode(capsys.readouterr().out, type=MissionGraph)
         assert names_by_mode[mode].modes == (mode,)
     assert "agent:commander" in {node.id for node in names_by_mode["star"].nodes}
@@ -65,10 +66,10 @@ def test_a_mode_shows_only_what_is_there_in_it(capsys: pytest.CaptureFixture[str
 
 
 def test_a_compiled_mission_draws_the_same_graph(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["compile", SSR, "-o", str(tmp_path / "ssr.json")]) == ExitCode.OK
-    assert main(["graph", str(tmp_path / "ssr.json"), "--format", "svg"]) == ExitCode.OK
+    assert run_command(["compile", SSR, "-o", str(tmp_path / "ssr.json")]) == ExitCode.OK
+    assert run_command(["graph", str(tmp_path / "ssr.json"), "--format", "svg"]) == ExitCode.OK
     from_json = capsys.readouterr().out
-    assert main(["graph", SSR, "--format", "svg"]) == ExitCode.OK
+    assert run_command(["graph", SSR, "--format", "svg"]) == ExitCode.OK
     assert capsys.readouterr().out == from_json
     assert ET.fromstring(from_json).tag.endswith("svg")
 
@@ -84,7 +85,7 @@ def test_a_compiled_mission_draws_the_same_graph(tmp_path: Path, capsys: pytest.
 def test_a_mistake_is_one_message_with_a_way_out(
     arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["graph", SSR, *arguments]) == ExitCode.USAGE
+    assert run_command(["graph", SSR, *arguments]) == ExitCode.USAGE
     captured = capsys.readouterr()
     assert message in captured.err
     assert "hint: " in captured.err
@@ -140,7 +141,7 @@ def test_a_mistake_with_conditions_is_one_message(
 def test_a_faulty_mission_leaves_no_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bad = tmp_path / "bad.ljs"
     bad.write_text("ljs 1\nmission bad { goal 3 }\n", encoding="utf-8")
-    assert main(["graph", str(bad), "-o", str(tmp_path / "bad.svg")]) == ExitCode.MISSION
+    assert run_command(["graph", str(bad), "-o", str(tmp_path / "bad.svg")]) == ExitCode.MISSION
     assert "error" in capsys.readouterr().err
     assert not (tmp_path / "bad.svg").exists()
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.trace.reader import read_trace
+from lingjing import read_trace
 
 RUN = (sys.executable, "-m", "lingjing.cli.main", "run")
 

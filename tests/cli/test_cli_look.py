@@ -11,15 +11,13 @@ from pathlib import Path
 import pytest
 
 from lingjing.cli import doctor, libraries
-from lingjing.cli.main import main
 from lingjing.errors import UsageError
 from lingjing.play.policy_files import load_policy
-from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import build_policy
+from lingjing.testing import PluginHost, build_policy, run_command
 
 
 def test_plugins_lists_the_built_in_engines_and_the_agents_with_their_source(capsys) -> None:
-    assert main(["plugins", "--output-format", "json"]) == 0
+    assert run_command(["plugins", "--output-format", "json"]) == 0
     offers = {(offer["kind"], offer["name"]): offer for offer in json.loads(capsys.readouterr().out)}
     for engine in ("multirotor", "vessel", "city", "camera"):
         assert offers["engine", engine]["source"] == "builtin"
@@ -30,43 +28,43 @@ def test_plugins_lists_the_built_in_engines_and_the_agents_with_their_source(cap
 
 
 def test_plugins_prints_a_line_each(capsys) -> None:
-    assert main(["plugins"]) == 0
+    assert run_command(["plugins"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert any(line.split()[:3] == ["policy", "heuristic", "agents"] for line in lines)
 
 
 def test_plugins_lists_the_options_of_one_with_type_bounds_default_and_help(capsys) -> None:
-    assert main(["plugins", "react"]) == 0
+    assert run_command(["plugins", "react"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].split() == ["policy", "react", "agents"]
     assert ["max_tokens", "whole number: 16 to 1000000", "default 2048", "the longest answer"] in [
         re.split(r"  +", line.strip()) for line in lines
     ]
-    assert main(["plugins", "react", "--output-format", "json"]) == 0
+    assert run_command(["plugins", "react", "--output-format", "json"]) == 0
     (offer,) = json.loads(capsys.readouterr().out)
     assert offer["options"][1] == {
         "name": "model", "type": "text", "bounds": "not empty", "default": "", "required": True,
         "help": "a model of the list, or any other model's name at its service",
     }  # fmt: skip
-    assert main(["plugins", "raect"]) == 2
+    assert run_command(["plugins", "raect"]) == 2
     assert "did you mean `react`?" in capsys.readouterr().err
 
 
 def test_plugins_lists_the_options_of_engines_and_scenes(capsys) -> None:
-    assert main(["plugins", "camera"]) == 0
+    assert run_command(["plugins", "camera"]) == 0
     assert "  quality  whole number: 50 to 100  default 90  JPEG quality" in capsys.readouterr().out
-    assert main(["plugins", "bay"]) == 0
+    assert run_command(["plugins", "bay"]) == 0
     listed = " ".join(capsys.readouterr().out.split())
     assert "distractors number: from 0 to 400 default 45 things afloat" in listed
-    assert main(["plugins", "city", "--output-format", "json"]) == 0
+    assert run_command(["plugins", "city", "--output-format", "json"]) == 0
     assert [offer["kind"] for offer in json.loads(capsys.readouterr().out)] == ["engine", "scene"]
 
 
 def test_plugins_lists_the_options_of_a_policy_in_a_file(tmp_path: Path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(["new", "agent", "scout"]) == 0
+    assert run_command(["new", "agent", "scout"]) == 0
     capsys.readouterr()
-    assert main(["plugins", "./scout.py:Scout"]) == 0
+    assert run_command(["plugins", "./scout.py:Scout"]) == 0
     output = capsys.readouterr().out
     assert "altitude  number: 40 to 160  default 80  elevation of the search, metres" in output
 
@@ -77,14 +75,14 @@ def test_plugins_lists_the_options_of_a_policy_in_a_file(tmp_path: Path, monkeyp
 def test_plugins_names_a_file_that_harms_its_process(text: str, tmp_path: Path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
     Path("mine.py").write_text(text)
-    assert main(["plugins", "mine.py"]) == 2
+    assert run_command(["plugins", "mine.py"]) == 2
     captured = capsys.readouterr()
     assert captured.out == "" and "mine.py" in captured.err and "hint: " in captured.err
 
 
 def test_a_new_agent_can_be_loaded_as_it_is(tmp_path: Path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(["new", "agent", "deep-scout"]) == 0
+    assert run_command(["new", "agent", "deep-scout"]) == 0
     assert "--policy ./deep_scout.py:DeepScout" in capsys.readouterr().out
     plugin = load_policy("./deep_scout.py:DeepScout", PluginHost(entry_points=False))
     assert plugin.name == "deep_scout.py:DeepScout"
@@ -94,7 +92,7 @@ def test_a_new_agent_can_be_loaded_as_it_is(tmp_path: Path, monkeypatch, capsys)
 def test_a_new_agent_overwrites_nothing(tmp_path: Path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
     Path("scout.py").write_text("mine")
-    assert main(["new", "agent", "scout"]) == 2
+    assert run_command(["new", "agent", "scout"]) == 2
     assert "already exists" in capsys.readouterr().err
     assert Path("scout.py").read_text() == "mine"
 
@@ -117,7 +115,7 @@ def test_new_in_a_folder_that_is_gone_is_a_usage_error(tmp_path: Path) -> None:
 
 
 def test_doctor_finds_this_machine_fit(capsys) -> None:
-    assert main(["doctor", "--output-format", "json"]) == 0
+    assert run_command(["doctor", "--output-format", "json"]) == 0
     findings = json.loads(capsys.readouterr().out)
     assert {finding["name"]: finding["ok"] for finding in findings} == dict.fromkeys(
         (
@@ -154,7 +152,7 @@ def test_doctor_says_what_to_install(capsys, monkeypatch) -> None:
     absent = libraries.SystemLibrary("libNoSuchThing.so.9", "libnosuchthing9", "a test")
     monkeypatch.setattr(libraries, "SYSTEM_LIBRARIES", (*libraries.SYSTEM_LIBRARIES, absent))
     monkeypatch.setattr(doctor, "CHECKS", (doctor.check_python, doctor.check_libraries))
-    assert main(["doctor"]) == 3
+    assert run_command(["doctor"]) == 3
     printed = capsys.readouterr().out
     assert printed.startswith("ok  python: 3.")
     assert "BAD libraries: cannot load libNoSuchThing.so.9" in printed

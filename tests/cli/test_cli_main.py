@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from lingjing.cli import main as door
-from lingjing.data import data_path
 from lingjing.errors import InfrastructureError, MissionError, UsageError
+from lingjing.testing import mission_file
 
 HEAVY = (
     "mujoco", "libsumo", "jsbsim", "litellm", "mcap", "gymnasium", "pydantic", "jsonschema",
@@ -137,6 +137,6 @@ def test_validate_loads_nothing_heavy() -> None:
         "code = main(['validate', sys.argv[1]])\n"
         "print(code, sorted(set(sys.argv[2:]) & set(sys.modules)))"
     )
-    command = [sys.executable, "-c", code, str(data_path("scenarios", "ssr.ljs")), *HEAVY]
+    command = [sys.executable, "-c", code, str(mission_file("ssr")), *HEAVY]
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=900)
     assert done.stdout.splitlines()[-1] == "0 []", done.stdout + done.stderr

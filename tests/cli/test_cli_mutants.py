@@ -9,9 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.cli.main import main
-from lingjing.data import data_path
 from lingjing.errors import ExitCode
+from lingjing.testing import mission_file, run_command
 
 TOKEN = re.compile(r'"[^"\n]*"|\d[\d.]*(?:e\d+)?(?: (?:[a-zA-Z%]+\d?))?|\w+|[<>=~]=?|\.\.|->|\s+|.', re.DOTALL)
 NUMBERS = ("1e308", "1e308 m", "1e308 s", "9e999", "0", "-1", "1e-308", "5e-324", "1e18", "0.5", "1e308 * 1e308")
@@ -69,7 +68,7 @@ def mutant(text: str, chance: random.Random) -> str:
 def answers(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Check that every verb exits with 0, 1 or 2, and prints an error unless it is 0."""
     for verb, *options in VERBS:
-        code = main([verb, *options, str(file)])
+        code = run_command([verb, *options, str(file)])
         captured = capsys.readouterr()
         assert code in (ExitCode.OK, ExitCode.MISSION, ExitCode.USAGE), (verb, options, captured.err)
         assert "Traceback" not in captured.err and (code == ExitCode.OK or captured.out or captured.err)
@@ -77,7 +76,7 @@ def answers(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 @pytest.mark.parametrize("name", ["bi", "cd", "cr", "idf", "ld", "queue", "ssr", "ufr", "upr", "vdn"])
 def test_mutants_of_the_missions(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    text = data_path("scenarios", f"{name}.ljs").read_text(encoding="utf-8")
+    text = mission_file(name).read_text(encoding="utf-8")
     file = tmp_path / f"{name}.ljs"
     for seed in range(3):
         file.write_text(mutant(text, random.Random(f"{name} {seed}")), encoding="utf-8", newline="")

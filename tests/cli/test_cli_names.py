@@ -13,6 +13,7 @@ import pytest
 import lingjing
 from lingjing.data import data_path
 from lingjing.errors import UsageError
+from lingjing.testing import mission_file
 
 LINGJING = (sys.executable, "-m", "lingjing.cli.main")
 NOT_TEXT = b"s\xffr"
@@ -28,7 +29,7 @@ def run_in(folder: str | bytes, *arguments: str | bytes) -> tuple[int, str]:
 def folder(tmp_path: Path) -> bytes:
     """A folder with a mission and a suite with names that are not UTF-8."""
     inside = os.fsencode(tmp_path)
-    shutil.copy(data_path("scenarios", "ssr.ljs"), os.path.join(inside, NOT_TEXT + b".ljs"))
+    shutil.copy(mission_file("ssr"), os.path.join(inside, NOT_TEXT + b".ljs"))
     shutil.copy(data_path("suites", "main.toml"), os.path.join(inside, NOT_TEXT + b".toml"))
     return inside
 

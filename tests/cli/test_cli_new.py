@@ -12,9 +12,9 @@ import pytest
 
 import lingjing as package
 from lingjing.cli.new import write_mission
-from lingjing.dsl import compile_file
 from lingjing.dsl.formatting.formatter import format_text
 from lingjing.errors import UsageError
+from lingjing.testing import compile_file
 
 
 def lingjing(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:

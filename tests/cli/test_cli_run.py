@@ -17,13 +17,11 @@ import msgspec
 import pytest
 
 import lingjing
-from lingjing.analysis.metrics import Metrics
-from lingjing.cli.main import main
+from lingjing import Metrics, read_trace
 from lingjing.cli.results import explain, print_episode
 from lingjing.cli.scorecard import plain
-from lingjing.data import data_path
 from lingjing.errors import LingjingError
-from lingjing.trace.reader import read_trace
+from lingjing.testing import mission_file, run_command
 from tests.kernel.test_world_process import is_running
 from tests.play.report_kit import made_report
 
@@ -37,7 +35,7 @@ BOATS = Path(__file__).with_name("boats.ljs")
 @pytest.fixture(scope="module")
 def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The mission with a budget of three ticks."""
-    text = data_path("scenarios", "ssr.ljs").read_text(encoding="utf-8")
+    text = mission_file("ssr").read_text(encoding="utf-8")
     assert "ticks <= 60" in text
     path = tmp_path_factory.mktemp("mission") / "short.ljs"
     away, near = "(12.4 m, -1351.8 m)", "(270 m, -920 m)"  # so that three ticks are not proved too few
@@ -75,7 +73,7 @@ def run_here(
 
     def call(*arguments: object) -> Ended:
         try:
-            code = main(["run", *map(str, arguments)])
+            code = run_command(["run", *map(str, arguments)])
         except SystemExit as ended:  # argparse ends so
             code = int(ended.code or 0)
         return Ended(code, *capsys.readouterr())

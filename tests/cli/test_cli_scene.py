@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from lingjing.cli.main import main
 from lingjing.errors import ExitCode
+from lingjing.testing import run_command
 from tests.scene.osm_maps import Map, convert, square, town
 
 
@@ -27,7 +27,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_a_map_becomes_a_city_and_a_second_time_it_is_known(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     town().write(folder / "town.osm")
-    assert main(["scene", "build", "town.osm", "-o", "city"]) == ExitCode.OK
+    assert run_command(["scene", "build", "town.osm", "-o", "city"]) == ExitCode.OK
     captured = capsys.readouterr()
     assert captured.err == ""  # no terminal: no progress
     assert captured.out.startswith("built: city\n")
@@ -36,30 +36,33 @@ def test_a_map_becomes_a_city_and_a_second_time_it_is_known(folder: Path, capsys
     assert sorted(item.name for item in (folder / "city").iterdir()) == [
         "city.msgpack", "road.net.xml", "scene.json", "tiles"
     ]  # fmt: skip
-    assert main(["scene", "build", "town.osm", "-o", "city"]) == ExitCode.OK
+    assert run_command(["scene", "build", "town.osm", "-o", "city"]) == ExitCode.OK
     assert capsys.readouterr().out.startswith("cached: city\n")
-    assert main(["scene", "info", "city"]) == ExitCode.OK
+    assert run_command(["scene", "info", "city"]) == ExitCode.OK
     assert "road.net.xml" in capsys.readouterr().out
 
 
 def test_without_a_folder_it_is_kept_in_the_cache(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     town().write(folder / "town.osm")
-    assert main(["scene", "build", "town.osm", "--seed", "3"]) == ExitCode.OK
+    assert run_command(["scene", "build", "town.osm", "--seed", "3"]) == ExitCode.OK
     where = capsys.readouterr().out.splitlines()[0].removeprefix("built: ")
     assert Path(where).is_relative_to(folder / "cache" / "lingjing" / "cities")
-    assert main(["scene", "build", "town.osm", "--seed", "3"]) == ExitCode.OK
+    assert run_command(["scene", "build", "town.osm", "--seed", "3"]) == ExitCode.OK
     assert capsys.readouterr().out.startswith(f"cached: {where}\n")
 
 
 def test_options_reach_the_city(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     town().write(folder / "town.osm")
-    assert main(["scene", "build", "town.osm", "--bbox", "121.495,31.1955,121.4999,31.1999", "-o", "a"]) == ExitCode.OK
+    assert (
+        run_command(["scene", "build", "town.osm", "--bbox", "121.495,31.1955,121.4999,31.1999", "-o", "a"])
+        == ExitCode.OK
+    )
     assert "1 building," in capsys.readouterr().out
-    assert main(["scene", "build", "town.osm", "--water-level", "-4", "-o", "b"]) == ExitCode.OK
-    assert main(["scene", "build", "town.osm", "--water-level", "1", "-o", "c"]) == ExitCode.USAGE
+    assert run_command(["scene", "build", "town.osm", "--water-level", "-4", "-o", "b"]) == ExitCode.OK
+    assert run_command(["scene", "build", "town.osm", "--water-level", "1", "-o", "c"]) == ExitCode.USAGE
     assert "the ground is at 0" in capsys.readouterr().err
     # a box in the west begins with a minus sign and is still a value
-    assert main(["scene", "build", "town.osm", "--bbox", "-0.13,51.5,-0.12,51.51"]) == ExitCode.USAGE
+    assert run_command(["scene", "build", "town.osm", "--bbox", "-0.13,51.5,-0.12,51.51"]) == ExitCode.USAGE
     assert "error: the bounding box -0.13,51.5,-0.12,51.51 lies outside the map" in capsys.readouterr().err
 
 
@@ -69,16 +72,16 @@ def test_the_sources_of_heights_are_counted(folder: Path, capsys: pytest.Capture
         made.way(square(-300 + 100 * number, 0, 14.0, 30.0), {"building": "yes"})
     made.way(square(0, 100, 20), {"building": "yes", "height": "33 m"})
     made.write(folder / "houses.osm")
-    assert main(["scene", "build", "houses.osm", "-o", "city"]) == ExitCode.OK
+    assert run_command(["scene", "build", "houses.osm", "-o", "city"]) == ExitCode.OK
     built = capsys.readouterr().out
     assert "heights   1 tagged, 0 inferred from neighbours, 6 drawn (largest " in built
-    assert main(["scene", "info", "city"]) == ExitCode.OK
+    assert run_command(["scene", "info", "city"]) == ExitCode.OK
     line = next(line for line in built.splitlines() if line.startswith("heights"))
     assert line in capsys.readouterr().out
-    assert main(["scene", "build", "houses.osm", "--default-levels", "7", "-o", "seven"]) == ExitCode.OK
+    assert run_command(["scene", "build", "houses.osm", "--default-levels", "7", "-o", "seven"]) == ExitCode.OK
     assert "heights   1 tagged, 0 inferred from neighbours, 0 drawn, 6 by --default-levels" in capsys.readouterr().out
     for wrong in ("0", "-3", "101"):
-        assert main(["scene", "build", "houses.osm", "--default-levels", wrong, "-o", "none"]) == ExitCode.USAGE
+        assert run_command(["scene", "build", "houses.osm", "--default-levels", wrong, "-o", "none"]) == ExitCode.USAGE
         assert f"buildings of {wrong} storeys by default" in capsys.readouterr().err
     assert not (folder / "none").exists()
 
@@ -87,7 +90,7 @@ def test_a_city_without_roads_says_so(folder: Path, capsys: pytest.CaptureFixtur
     made = Map()
     made.way(square(0, 0, 30), {"building": "yes"})
     made.write(folder / "houses.osm")
-    assert main(["scene", "build", "houses.osm", "-o", "city"]) == ExitCode.OK
+    assert run_command(["scene", "build", "houses.osm", "-o", "city"]) == ExitCode.OK
     output = capsys.readouterr().out
     assert "note      no roads in this part of the map" in output
     assert "network   none: no traffic" in output
@@ -121,7 +124,7 @@ def test_mistakes_give_one_message(
     (folder / "full").mkdir()
     (folder / "full" / "mine.txt").write_text("mine")
     before = sorted(folder.rglob("*"))
-    assert main(["scene", *arguments]) == ExitCode.USAGE
+    assert run_command(["scene", *arguments]) == ExitCode.USAGE
     errors = capsys.readouterr().err
     assert message in errors
     assert len(errors.splitlines()) == 2
@@ -131,8 +134,8 @@ def test_mistakes_give_one_message(
 
 def test_a_city_is_drawn(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     town().write(folder / "town.osm")
-    assert main(["scene", "build", "town.osm", "-o", "city"]) == ExitCode.OK
-    assert main(["scene", "draw", "city", "-o", "plan.png"]) == ExitCode.OK
+    assert run_command(["scene", "build", "town.osm", "-o", "city"]) == ExitCode.OK
+    assert run_command(["scene", "draw", "city", "-o", "plan.png"]) == ExitCode.OK
     with Image.open(folder / "plan.png") as picture:
         wide, high = picture.size
         pixels = picture.convert("RGB")
@@ -144,7 +147,7 @@ def test_a_city_is_drawn(folder: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert max(house) < 190
     assert park[1] > park[0] > park[2]
     assert high > wide
-    assert main(["scene", "draw", "city", "-o", "plan.svg"]) == ExitCode.OK
+    assert run_command(["scene", "draw", "city", "-o", "plan.svg"]) == ExitCode.OK
     assert "OpenStreetMap" in (folder / "plan.svg").read_text(encoding="utf-8")
 
 
@@ -152,8 +155,8 @@ def test_a_city_with_a_chinese_name_is_drawn_without_stray_lines(
     folder: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     town().write(folder / "陆家嘴.osm")
-    assert main(["scene", "build", "陆家嘴.osm", "-o", "city"]) == ExitCode.OK
-    assert main(["scene", "draw", "city", "-o", "PLAN.PNG"]) == ExitCode.OK
+    assert run_command(["scene", "build", "陆家嘴.osm", "-o", "city"]) == ExitCode.OK
+    assert run_command(["scene", "draw", "city", "-o", "PLAN.PNG"]) == ExitCode.OK
     lines = capfd.readouterr().err.splitlines()
     assert all(line.startswith("note: no font here has") for line in lines)
     assert len(lines) <= 1
@@ -161,17 +164,17 @@ def test_a_city_with_a_chinese_name_is_drawn_without_stray_lines(
 
 def test_a_picture_that_cannot_be_written_is_named(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     town().write(folder / "town.osm")
-    assert main(["scene", "build", "town.osm", "-o", "city"]) == ExitCode.OK
+    assert run_command(["scene", "build", "town.osm", "-o", "city"]) == ExitCode.OK
     (folder / "plan.png").mkdir()
-    assert main(["scene", "draw", "city", "-o", "plan.png"]) == ExitCode.USAGE
+    assert run_command(["scene", "draw", "city", "-o", "plan.png"]) == ExitCode.USAGE
     assert "error: cannot write `plan.png`: Is a directory" in capsys.readouterr().err
     assert not list(folder.glob("*.partial")) + list(folder.glob(".*.partial"))
 
 
 def test_the_scene_of_a_mission_is_looked_at(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["scene", "info", "vdn", "--seed", "3"]) == ExitCode.OK
+    assert run_command(["scene", "info", "vdn", "--seed", "3"]) == ExitCode.OK
     assert capsys.readouterr().out.startswith("city      residential-")
-    assert main(["scene", "draw", "vdn", "-o", "plan.png"]) == ExitCode.OK
+    assert run_command(["scene", "draw", "vdn", "-o", "plan.png"]) == ExitCode.OK
     with Image.open(folder / "plan.png") as picture:
         assert len(picture.convert("RGB").resize((64, 64)).getcolors(64 * 64) or ()) > 20
 
@@ -191,7 +194,7 @@ def test_an_interrupt_while_a_library_loads_is_one(
     for name in [name for name in sys.modules if name.partition(".")[0] == "osmium"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setattr(sys, "meta_path", [_InterruptedWhileLoading(), *sys.meta_path])
-    assert main(["scene", "build", "town.osm.pbf", "-o", "city"]) == ExitCode.INTERRUPTED
+    assert run_command(["scene", "build", "town.osm.pbf", "-o", "city"]) == ExitCode.INTERRUPTED
     assert "interrupted" in capsys.readouterr().err
     assert not (folder / "city").exists()
 
@@ -206,8 +209,8 @@ def test_a_killed_build_leaves_no_half_city(folder: Path, number: int) -> None:
         build.send_signal(number)
         code = build.wait(timeout=900)
         if (folder / "city").exists():
-            assert main(["scene", "info", "city"]) == ExitCode.OK  # it had been finished
+            assert run_command(["scene", "info", "city"]) == ExitCode.OK  # it had been finished
             break
         assert code in (ExitCode.INTERRUPTED, -number, -signal.SIGINT)
-    assert main(["scene", "build", "town.osm", "-o", "city"]) == ExitCode.OK
+    assert run_command(["scene", "build", "town.osm", "-o", "city"]) == ExitCode.OK
     assert sorted(item.name for item in folder.iterdir()) == ["cache", "city", "town.osm"]

@@ -14,7 +14,7 @@ from urllib.parse import parse_qs, urlsplit
 
 import pytest
 
-from tests.trace import synthetic
+from lingjing.testing import sea_rescue
 
 VIEW = (sys.executable, "-m", "lingjing.cli.main", "view")
 
@@ -22,7 +22,7 @@ VIEW = (sys.executable, "-m", "lingjing.cli.main", "view")
 @pytest.fixture(scope="module")
 def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     target = tmp_path_factory.mktemp("episode") / "trace.mcap"
-    synthetic.write_episode(target, ticks=8)
+    sea_rescue.write_episode(target, ticks=8)
     return target
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import fcntl
-import importlib.util
 import os
 import pty
 import re
@@ -19,18 +18,16 @@ import msgspec
 import pytest
 from rich.console import Console
 
+import lingjing
+from lingjing import PlayOptions, Trace, read_trace
 from lingjing.cli.watch import EpisodeDisplays
 from lingjing.cli.watch.chart import TARGET_SIGNS, Chart, window_around
 from lingjing.cli.watch.displays import SHARE, EpisodeDisplay
 from lingjing.cli.watch.screen import Screen
-from lingjing.data import data_path
-from lingjing.dsl.loading.load import load_mission
 from lingjing.errors import UsageError
 from lingjing.kernel.episode import Progress
-from lingjing.play.options import PlayOptions
-from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import City
-from lingjing.trace.reader import Trace, read_trace
+from lingjing.testing import PluginHost, mission_file, sea_rescue
 from lingjing.trace.records import BodyState, TaskEvent
 from lingjing.viewer.state import EpisodeState
 
@@ -39,14 +36,9 @@ RUN = (sys.executable, "-m", "lingjing.cli.main", "run")
 
 @pytest.fixture(scope="module")
 def trace(tmp_path_factory: pytest.TempPathFactory) -> Trace:
-    """The trace tests' synthetic sea rescue."""
-    path = Path(__file__).parent.parent / "trace" / "synthetic.py"
-    spec = importlib.util.spec_from_file_location("synthetic_watched", path)
-    assert spec is not None and spec.loader is not None
-    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    """The trace of the sea rescue of the kit."""
     target = tmp_path_factory.mktemp("episode") / "trace.mcap"
-    module.write_episode(target, ticks=60)
+    sea_rescue.write_episode(target, ticks=60)
     return read_trace(target)
 
 
@@ -199,23 +191,23 @@ def test_several_at_a_time_cannot_be_watched(tmp_path: Path) -> None:
 
 
 def test_a_dumb_terminal_gets_a_note_and_the_line(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
-    path = data_path("scenarios", "ssr.ljs")
+    path = mission_file("ssr")
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     monkeypatch.setenv("TERM", "dumb")
-    displays = EpisodeDisplays(load_mission(path), PlayOptions(mission=str(path), policy="random"), truth=False)
+    displays = EpisodeDisplays(lingjing.compile(path), PlayOptions(mission=str(path), policy="random"), truth=False)
     assert type(displays("ssr seed 0")).__name__ == "LiveProgress"
     assert capsys.readouterr().err == "note: this terminal has no cursor control (TERM=dumb): only progress is shown\n"
     monkeypatch.setattr(sys.stderr, "isatty", lambda: False)
     with pytest.raises(UsageError, match="--watch draws on the terminal"):
-        EpisodeDisplays(load_mission(path), PlayOptions(mission=str(path), policy="random"), truth=False)
+        EpisodeDisplays(lingjing.compile(path), PlayOptions(mission=str(path), policy="random"), truth=False)
 
 
 def test_each_of_several_episodes_is_watched_with_its_own_seed(monkeypatch: pytest.MonkeyPatch) -> None:
-    path = data_path("scenarios", "ssr.ljs")
+    path = mission_file("ssr")
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     monkeypatch.setenv("TERM", "xterm-256color")
     displays = EpisodeDisplays(
-        load_mission(path), PlayOptions(mission=str(path), policy="random", mode="star"), truth=True
+        lingjing.compile(path), PlayOptions(mission=str(path), policy="random", mode="star"), truth=True
     )
     seen = []
     for seed, _ in displays.follow([(3, None), (5, None)]):
@@ -277,7 +269,7 @@ class Noisy:
 
 
 def test_a_watched_run_gives_the_terminal_back_with_what_was_said_meanwhile(tmp_path: Path) -> None:
-    text = data_path("scenarios", "ssr.ljs").read_text(encoding="utf-8").replace("ticks <= 60", "ticks <= 3")
+    text = mission_file("ssr").read_text(encoding="utf-8").replace("ticks <= 60", "ticks <= 3")
     (tmp_path / "short.ljs").write_text(text.replace("(12.4 m, -1351.8 m)", "(270 m, -920 m)"), encoding="utf-8")
     (tmp_path / "noisy.py").write_text(NOISY)
     terminal = Terminal(tmp_path, "short.ljs", "--watch", "--policy", "./noisy.py:Noisy", "-o", "out")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.dsl.loading.load import load_mission
+import lingjing
 from lingjing.dsl.pages.judging import judging
 
 ROOT = Path(__file__).parents[2]
@@ -18,7 +18,7 @@ MISSIONS = sorted((ROOT / "scenarios").glob("*.ljs"))
 @pytest.mark.parametrize("file", MISSIONS, ids=lambda file: file.stem)
 def test_every_mission_has_a_page_with_its_rules_and_radii(file: Path) -> None:
     text = (PAGES / f"{file.stem}.md").read_text(encoding="utf-8")
-    mission = load_mission(file)
+    mission = lingjing.compile(file)
     assert text.startswith(f"# {mission.title}\n"), "run `make missions`"
     for row in judging(mission):
         assert f"| {row[0]} | {row[1]} | {row[2]} |" in text, f"{row[0]}: run `make missions`"

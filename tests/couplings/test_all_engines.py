@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-import tests.couplings.couplings_kit as kit
+import tests.couplings.mixed_world as kit
 from lingjing.kernel.step import Kernel
-from lingjing.kernel.world import open_world
+from lingjing.testing.worlds import open_world
 from lingjing.trace.records import Action, Decision, DecisionRecord
 
 TICKS = 6
@@ -82,8 +82,8 @@ import sys
 sys.path.insert(0, sys.argv[1])
 import gc
 from pathlib import Path
-import tests.couplings.couplings_kit as kit
-from lingjing.kernel.world import open_world
+import tests.couplings.mixed_world as kit
+from lingjing.testing.worlds import open_world
 
 world, held = open_world("inline", host=kit.host()), []
 instance, city = kit.staged(kit.MIXED)

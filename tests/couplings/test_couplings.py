@@ -7,20 +7,18 @@ import msgspec
 import numpy as np
 import pytest
 
-import tests.couplings.couplings_kit as kit
+import tests.couplings.mixed_world as kit
 from lingjing.kernel.step import Kernel
-from lingjing.kernel.world import open_world
-from lingjing.kernel.world.contract import World
 from lingjing.mission.instance import EventSpec, Weather
-from lingjing.trace.images import decode_jpeg
+from lingjing.testing import decode_jpeg
+from lingjing.testing.worlds import World, WorldRun, length_m, open_world
 from lingjing.trace.records import Action, Decision, DecisionRecord
-from tests.couplings.couplings_kit import Play
 
 pytestmark = pytest.mark.slow
 
 STREET = kit.HERE / "street.ljs"
 CROSSING = (-80.0, -201.65)
-Start = Callable[..., Play]
+Start = Callable[..., WorldRun]
 
 
 @pytest.fixture(scope="module")
@@ -32,14 +30,14 @@ def world() -> Iterator[World]:
 
 @pytest.fixture
 def play(world: World) -> Start:
-    def start(settings: dict[str, float] | None = None, **changed: dict[str, Any]) -> Play:
-        return Play(world, *kit.staged(STREET, changed=changed, **(settings or {})))
+    def start(settings: dict[str, float] | None = None, **changed: dict[str, Any]) -> WorldRun:
+        return WorldRun(world, *kit.staged(STREET, changed=changed, **(settings or {})))
 
     return start
 
 
-def driven(play: Start, *, crossing: bool) -> Play:
-    """Play a van that drives down the street; a dog may cross in front of it and stand in its lane for a while."""
+def driven(play: Start, *, crossing: bool) -> WorldRun:
+    """WorldRun a van that drives down the street; a dog may cross in front of it and stand in its lane for a while."""
     played = play()
     played.tick(played.order("van", "setDestination", x=-20.0, y=-201.6), count=5)
     for metres, seconds in ((5.4, 9), (8.6, 14)):
@@ -88,7 +86,7 @@ def test_a_car_of_the_background_stops_a_dog_too(play: Start) -> None:
     played.tick(count=20)
     played.tick(played.order("dog", "forward", distance=6.0), count=5)
     assert {hit.entities for hit in played.events("collided")} == {("dog", car.id)}
-    assert kit.moved(played.path("dog")[-51:]) < 3.0
+    assert length_m(played.path("dog")[-51:]) < 3.0
 
 
 def _apart(first, second) -> float:
@@ -110,12 +108,12 @@ def test_a_dog_climbs_the_kerb(play: Start) -> None:
     assert not played.events("collided") + played.events("fell")
 
 
-def flown(world: World, *gusts: EventSpec) -> Play:
-    """Play a UAV at 60 m that flies 250 m east in still air, except for the gusts."""
+def flown(world: World, *gusts: EventSpec) -> WorldRun:
+    """WorldRun a UAV at 60 m that flies 250 m east in still air, except for the gusts."""
     still = {"wind_mps": 0.0, "turbulence": 0.0}
     start = {"position": (-200.0, 60.0, 60.0)}
     instance, city = kit.staged(STREET, changed={"weather": still, "uav": start})
-    played = Play(world, msgspec.structs.replace(instance, events=gusts), city)
+    played = WorldRun(world, msgspec.structs.replace(instance, events=gusts), city)
     played.tick(played.order("uav", "setDestination", x=50.0, y=60.0, z=60.0), count=40)
     return played
 
@@ -157,7 +155,7 @@ def test_a_uav_flown_into_a_tower_is_a_collision_with_both_names(world: World) -
     away = np.array([60.0, 0.0])
     (x, y), beyond = (centre - away).tolist(), (centre + away).tolist()
     height = tower.top_m - 5.0
-    played = Play(world, *kit.staged(STREET, changed={**town, "uav": {"position": (x, y, height)}}))
+    played = WorldRun(world, *kit.staged(STREET, changed={**town, "uav": {"position": (x, y, height)}}))
     played.tick(played.order("uav", "setDestination", x=beyond[0], y=beyond[1], z=height), count=15)
     (hit,) = played.events("collided")
     named = {building.id: building for building in city.buildings}

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-import tests.couplings.couplings_kit as kit
+import tests.couplings.mixed_world as kit
+from lingjing import read_trace
 from lingjing.errors import LingjingError
 from lingjing.trace.digest import verify
-from lingjing.trace.reader import read_trace
 
 POLICY = f"{kit.HERE / 'restless.py'}:Restless"
 WORKER = "lingjing.kernel.world.worker"

@@ -5,15 +5,15 @@ from pathlib import Path
 
 import pytest
 
-from lingjing import builtin
-from lingjing.dsl.loading.load import load_mission
+import lingjing
 from lingjing.mission.kinds import builtin_scenes
+from lingjing.testing import PluginHost
 
 ROOT = Path(__file__).parents[2]
 ENGINES = (ROOT / "docs" / "engines.md").read_text("utf-8")
 SCENES = (ROOT / "docs" / "scenes.md").read_text("utf-8")
 PACKAGES = {"plane": "fixed_wing"}
-NAMES = [plugin.name for plugin in builtin.lingjing_engines()]
+NAMES = list(PluginHost().engines)
 
 
 def rows(name: str) -> str:
@@ -34,7 +34,7 @@ def test_every_reason_for_a_refusal_is_on_the_page(name):
 
 def test_every_engine_and_scene_is_on_its_page():
     assert [name for name in NAMES if not rows(name)] == []
-    scenes = [plugin.name for plugin in builtin.lingjing_scenes()]
+    scenes = list(PluginHost().scenes)
     assert [name for name in scenes if f"`{name}`" not in SCENES and f"scene {name} " not in SCENES] == []
     assert [name for kind in builtin_scenes().values() for name in kind.options if f"`{name}`" not in SCENES] == []
 
@@ -45,4 +45,4 @@ def test_the_missions_on_the_page_of_scenes_compile(tmp_path):
     for number, block in enumerate(blocks):
         path = tmp_path / f"page{number}.ljs"
         path.write_text(block, "utf-8")
-        assert load_mission(path).name
+        assert lingjing.compile(path).name

@@ -6,10 +6,9 @@ import json
 
 import pytest
 
-from lingjing.dsl import compile_text
 from lingjing.dsl.printing.printer import round_trip_losses, to_ljs
 from lingjing.mission import document, model
-from lingjing.mission.instantiate import instantiate
+from lingjing.testing import compile_text, instantiate
 
 TYPES = """ljs 1
 use std.air { quadrotor }

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from lingjing.dsl import compile_text
+from lingjing import Mission
 from lingjing.mission import expression as ex
 from lingjing.mission.instance import Instance, StateSpec
-from lingjing.mission.instantiate import instantiate
-from lingjing.mission.model import Mission
+from lingjing.testing import compile_text, instantiate
 
 
 def added(small: str, *lines: str, use: str = "") -> Mission:

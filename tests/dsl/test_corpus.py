@@ -9,7 +9,7 @@ import random
 
 import pytest
 
-from lingjing.dsl import compile_text
+from lingjing.testing import compile_text
 from tests.dsl import corpus
 
 HELD_OUT = 1001

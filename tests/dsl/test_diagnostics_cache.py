@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.data import CACHE_OFF
 from lingjing.dsl import compile_source
 from lingjing.dsl.loading import cache
 from lingjing.dsl.source.text import SourceText
@@ -18,7 +17,7 @@ from lingjing.dsl.source.text import SourceText
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.delenv(CACHE_OFF, raising=False)
+    monkeypatch.delenv("LINGJING_NO_CACHE", raising=False)
     return tmp_path / "cache" / "lingjing" / "missions"
 
 
@@ -80,7 +79,7 @@ def test_an_unwritable_cache_causes_no_error(small: str, tmp_path: Path, monkeyp
 
 
 def test_the_cache_can_be_turned_off(small: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(CACHE_OFF, "1")
+    monkeypatch.setenv("LINGJING_NO_CACHE", "1")
     cache.compile_cached(SourceText(small, "m.ljs"))
     assert not folder.exists()
 

@@ -11,11 +11,11 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from lingjing.cli.main import main
-from lingjing.dsl import compile_source, compile_text
+from lingjing.dsl import compile_source
 from lingjing.dsl.diagnostics.fixes import fix_source
 from lingjing.dsl.source.text import SourceText
 from lingjing.errors import ExitCode
+from lingjing.testing import compile_text, run_command
 
 ROOT = Path(__file__).parents[2]
 
@@ -74,14 +74,14 @@ def test_validate_fix_writes_the_file_and_lists_the_fixes(
     broken = small.replace("ticks <= 60", "ticks = 60").replace("boat, v)", "boot, v)").replace("\n", "\r\n")
     file.write_bytes(b"\xef\xbb\xbf" + broken.encode())
     file.chmod(0o640)
-    assert main(["validate", "--fix", str(file)]) == ExitCode.MISSION
+    assert run_command(["validate", "--fix", str(file)]) == ExitCode.MISSION
     out = capsys.readouterr().out
     assert f"{file}:10: fixed LJ0303: write `ticks <= `\n" in out
     assert "error[LJ0101]" in out and "1 likely fix: --unsafe-fixes applies it too" in out
     assert file.read_bytes() == b"\xef\xbb\xbf" + broken.replace("ticks = 60", "ticks <= 60").encode()
     assert file.stat().st_mode & 0o777 == 0o640
     assert os.listdir(tmp_path) == ["m.ljs"]
-    assert main(["validate", "--unsafe-fixes", str(file)]) == ExitCode.OK
+    assert run_command(["validate", "--unsafe-fixes", str(file)]) == ExitCode.OK
     assert "fixed LJ0101: write `boat`" in capsys.readouterr().out
 
 
@@ -89,7 +89,7 @@ def test_validate_diff_changes_nothing(tmp_path: Path, small: str, capsys: pytes
     file = tmp_path / "m.ljs"
     broken = small.replace("ticks <= 60", "ticks = 60")
     file.write_text(broken)
-    assert main(["validate", "--diff", str(file)]) == ExitCode.MISSION
+    assert run_command(["validate", "--diff", str(file)]) == ExitCode.MISSION
     out = capsys.readouterr().out
     assert "-  budget { ticks = 60, policy <= 90 s }\n+  budget { ticks <= 60, policy <= 90 s }\n" in out
     assert file.read_text() == broken
@@ -104,7 +104,7 @@ def test_a_file_that_cannot_be_written_is_left_as_it_is(
     file = tmp_path / "m.ljs"
     file.write_text(small.replace("ticks <= 60", "ticks = 60"))
     monkeypatch.setattr(os, "replace", full)
-    assert main(["validate", "--fix", "--no-cache", str(file)]) == ExitCode.USAGE
+    assert run_command(["validate", "--fix", "--no-cache", str(file)]) == ExitCode.USAGE
     assert "No space left" in capsys.readouterr().err
     assert "ticks = 60" in file.read_text() and os.listdir(tmp_path) == ["m.ljs"]
 
@@ -114,7 +114,7 @@ def test_fixing_standard_input_prints_the_text(
 ) -> None:
     broken = small.replace("ticks <= 60", "ticks = 60")
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(broken.encode())))
-    assert main(["validate", "--fix", "-"]) == ExitCode.OK
+    assert run_command(["validate", "--fix", "-"]) == ExitCode.OK
     captured = capsys.readouterr()
     assert captured.out == small and "fixed LJ0303" in captured.err
 
@@ -125,7 +125,7 @@ def test_the_json_is_valid_and_its_schema_is_committed(
     committed = (ROOT / "schemas" / "diagnostics.schema.json").read_bytes()
     file = tmp_path / "m.ljs"
     file.write_text(small.replace("boat, v)", "boot, v)").replace("visibility = 8 km", "wind = 1 m/s from 2 deg"))
-    main(["validate", "--output-format", "json", str(file)])
+    run_command(["validate", "--output-format", "json", str(file)])
     output = json.loads(capsys.readouterr().out)
     jsonschema.Draft202012Validator(json.loads(committed)).validate(output)
     assert [item["code"] for item in output] == ["LJ0103", "LJ0101"] and output[0]["related"]

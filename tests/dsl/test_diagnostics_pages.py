@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.cli.main import main
-from lingjing.dsl import SourceText, compile_file, compile_source, compile_text
+from lingjing.dsl import SourceText, compile_source
 from lingjing.dsl.diagnostics.codes import CODES
 from lingjing.errors import ExitCode
+from lingjing.testing import compile_file, compile_text, run_command
 
 PAGES = Path(__file__).parents[2] / "docs" / "errors"
 BLOCK = re.compile(
@@ -77,7 +77,7 @@ def test_a_document_that_is_no_mission(tmp_path: Path, capsys: pytest.CaptureFix
     for error, text in blocks:
         file = tmp_path / "page.json"
         file.write_text(text)
-        ends.append((bool(error), main(["validate", "--output-format", "json", str(file)])))
+        ends.append((bool(error), run_command(["validate", "--output-format", "json", str(file)])))
         assert ('"code": "LJ0009"' in capsys.readouterr().out) == bool(error)
     assert ends == [(True, ExitCode.MISSION), (False, ExitCode.OK)]
 
@@ -92,15 +92,15 @@ def test_a_thousand_lines_that_are_no_mission() -> None:
 
 
 def test_explain(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["explain", "LJ0101"]) == ExitCode.OK
+    assert run_command(["explain", "LJ0101"]) == ExitCode.OK
     page = capsys.readouterr().out
     assert page == (PAGES / "LJ0101.md").read_text()
-    assert main(["explain", "101"]) == ExitCode.OK
+    assert run_command(["explain", "101"]) == ExitCode.OK
     assert capsys.readouterr().out == page
-    assert main(["explain"]) == ExitCode.OK
+    assert run_command(["explain"]) == ExitCode.OK
     assert len(capsys.readouterr().out.splitlines()) == len(CODES)
 
 
 def test_explain_rejects_unknown_codes(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["explain", "LJ010l"]) == ExitCode.USAGE
+    assert run_command(["explain", "LJ010l"]) == ExitCode.USAGE
     assert "there is no error code `LJ010l`" in capsys.readouterr().err

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from lingjing.dsl import compile_text
 from lingjing.mission.units import NAMED, UNITS, dimension_unit, si_value, unit_of
+from lingjing.testing import compile_text
 
 
 @pytest.mark.parametrize(

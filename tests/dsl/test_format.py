@@ -11,11 +11,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from lingjing.dsl import compile_text
 from lingjing.dsl.formatting.formatter import WIDTH, format_text
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.source.text import SourceText
 from lingjing.dsl.syntax.lexer import lex
+from lingjing.testing import compile_text
 
 ROOT = Path(__file__).parents[2]
 FILES = sorted((ROOT / "scenarios").rglob("*.ljs"))

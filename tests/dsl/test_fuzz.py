@@ -8,8 +8,8 @@ import time
 
 import pytest
 
-from lingjing.dsl import compile_text
 from lingjing.dsl.diagnostics.codes import CODES
+from lingjing.testing import compile_text
 
 TOKEN = re.compile(r'"[^"\n]*"|\w+|<=|>=|==|->|\.\.|\S|\n')
 JUNK = [

@@ -7,9 +7,9 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing.dsl import compile_file
+from lingjing import Mission
 from lingjing.mission import expression as ex
-from lingjing.mission.model import Mission
+from lingjing.testing import compile_file
 
 ROOT = Path(__file__).parents[2]
 GOLDEN = Path(__file__).with_name("golden") / "ssr.mission.json"

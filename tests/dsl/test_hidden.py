@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from lingjing.dsl import SourceText, compile_text
+from lingjing import Mission
+from lingjing.dsl import SourceText
 from lingjing.dsl.checking.checker import check
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.syntax.parser import parse
-from lingjing.mission.model import Mission
+from lingjing.testing import compile_text
 
 
 def checked(text: str) -> Mission:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from lingjing.dsl import compile_text
 from lingjing.dsl.diagnostics.codes import CODES
+from lingjing.testing import compile_text
 
 NEVER_RESCUED = "constraint hard calm { always not emitted(rescue, victim[1]) }"
 # code, what is replaced in the small mission, by what, line, column, a part of the message

@@ -7,11 +7,10 @@ from typing import Any
 
 import pytest
 
-from lingjing.dsl import Compilation, compile_file
 from lingjing.dsl.checking import inherit
 from lingjing.dsl.syntax.parser import Parser
 from lingjing.mission import expression as ex
-from lingjing.mission.instantiate import instantiate
+from lingjing.testing import Compilation, compile_file, instantiate
 
 
 @pytest.fixture

@@ -10,13 +10,12 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing.cli.main import main
-from lingjing.dsl import compile_file, compile_text
+import lingjing
+from lingjing import Mission
 from lingjing.dsl.diagnostics.render import render_text
-from lingjing.dsl.loading.load import load_mission
 from lingjing.errors import ExitCode, MissionError, UsageError
 from lingjing.mission.diagnostics import Diagnostic
-from lingjing.mission.model import Mission
+from lingjing.testing import compile_file, compile_text, run_command
 
 ROOT = Path(__file__).parents[2]
 
@@ -35,7 +34,7 @@ def test_unreadable_bytes(tmp_path: Path, data: bytes, part: str) -> None:
     with pytest.raises(UsageError, match=part) as caught:
         compile_file(str(file))
     assert "bad.ljs" in str(caught.value)
-    assert main(["validate", str(file)]) == ExitCode.USAGE
+    assert run_command(["validate", str(file)]) == ExitCode.USAGE
 
 
 def test_missing_file_and_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -45,27 +44,27 @@ def test_missing_file_and_folder(tmp_path: Path, capsys: pytest.CaptureFixture[s
         compile_file(str(tmp_path))
     with pytest.raises(UsageError):
         compile_file("a\0b")
-    assert main(["validate", str(tmp_path / "none.ljs")]) == ExitCode.USAGE
+    assert run_command(["validate", str(tmp_path / "none.ljs")]) == ExitCode.USAGE
     assert "none.ljs" in capsys.readouterr().err
 
 
 def test_one_unreadable_file_does_not_hide_the_others(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bad = tmp_path / "bad.ljs"
     bad.write_text("ljs 1\nmission x { goal 5 }\n")
-    assert main(["validate", str(tmp_path / "none.ljs"), str(bad)]) == ExitCode.USAGE
+    assert run_command(["validate", str(tmp_path / "none.ljs"), str(bad)]) == ExitCode.USAGE
     assert "bad.ljs:2:" in capsys.readouterr().out
 
 
 def test_validate_is_quiet_when_all_is_well(capsys: pytest.CaptureFixture[str]) -> None:
     library = sorted(str(file) for file in (ROOT / "scenarios" / "std").glob("*.ljs"))
-    assert main(["validate", str(ROOT / "scenarios" / "ssr.ljs"), *library]) == ExitCode.OK
+    assert run_command(["validate", str(ROOT / "scenarios" / "ssr.ljs"), *library]) == ExitCode.OK
     assert capsys.readouterr().out == ""
 
 
 def test_validate_shows_the_line_and_a_hint(tmp_path: Path, small: str, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "m.ljs"
     file.write_text(small.replace("tick = 10 s", "tick = 10 sec"))
-    assert main(["validate", str(file)]) == ExitCode.MISSION
+    assert run_command(["validate", str(file)]) == ExitCode.MISSION
     out = capsys.readouterr().out
     assert f"{file}:9:21: error[LJ0204]: no unit is called `sec`" in out
     assert "9 |   clock { tick = 10 sec, sync = 500 ms }\n  |                     ^^^\n" in out
@@ -75,7 +74,7 @@ def test_validate_shows_the_line_and_a_hint(tmp_path: Path, small: str, capsys: 
 def test_validate_as_json(tmp_path: Path, small: str, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "m.ljs"
     file.write_text(small.replace("boat, v)", "boot, v)"))
-    assert main(["validate", "--output-format", "json", str(file)]) == ExitCode.MISSION
+    assert run_command(["validate", "--output-format", "json", str(file)]) == ExitCode.MISSION
     (output,) = msgspec.json.decode(capsys.readouterr().out, type=list[Diagnostic])
     assert (output.code, output.span.path, output.span.line) == ("LJ0101", str(file), 34)
 
@@ -84,17 +83,17 @@ def test_validate_reads_standard_input(
     small: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(small.replace("boat, v)", "boot, v)").encode())))
-    assert main(["validate", "-"]) == ExitCode.MISSION
+    assert run_command(["validate", "-"]) == ExitCode.MISSION
     assert "<stdin>:34:" in capsys.readouterr().out
 
 
 def test_compile_writes_the_mission_whole(tmp_path: Path, small: str) -> None:
     source, out = tmp_path / "m.ljs", tmp_path / "m.json"
     source.write_text(small)
-    assert main(["compile", str(source), "-o", str(out)]) == ExitCode.OK
+    assert run_command(["compile", str(source), "-o", str(out)]) == ExitCode.OK
     assert msgspec.json.decode(out.read_bytes(), type=Mission).name == "small"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["m.json", "m.ljs"]
-    assert load_mission(out) == load_mission(source)
+    assert lingjing.compile(out) == lingjing.compile(source)
 
 
 def test_compile_of_a_faulty_mission_writes_nothing(
@@ -102,7 +101,7 @@ def test_compile_of_a_faulty_mission_writes_nothing(
 ) -> None:
     source, out = tmp_path / "m.ljs", tmp_path / "m.json"
     source.write_text(small.replace("boat, v)", "boot, v)"))
-    assert main(["compile", str(source), "-o", str(out)]) == ExitCode.MISSION
+    assert run_command(["compile", str(source), "-o", str(out)]) == ExitCode.MISSION
     assert "error[LJ0101]" in capsys.readouterr().err
     assert not out.exists()
 
@@ -111,25 +110,25 @@ def test_compile_to_where_nothing_can_be_written(tmp_path: Path, small: str) -> 
     source = tmp_path / "m.ljs"
     source.write_text(small)
     for target in (tmp_path, tmp_path / "none" / "m.json"):
-        assert main(["compile", str(source), "-o", str(target)]) == ExitCode.USAGE
+        assert run_command(["compile", str(source), "-o", str(target)]) == ExitCode.USAGE
 
 
 def test_compile_emits_a_reset_scenario(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["compile", "--emit", "reset-scenario", str(ROOT / "scenarios" / "ssr.ljs")]) == ExitCode.OK
+    assert run_command(["compile", "--emit", "reset-scenario", str(ROOT / "scenarios" / "ssr.ljs")]) == ExitCode.OK
     assert json.loads(capsys.readouterr().out)["commandType"] == "resetScenario"
 
 
 def test_load_mission_of_a_document_and_of_a_library() -> None:
-    assert load_mission(ROOT / "scenarios" / "reset" / "ssr-001.json").name == "ssr"
+    assert lingjing.compile(ROOT / "scenarios" / "reset" / "ssr-001.json").name == "ssr"
     with pytest.raises(UsageError, match="holds types and no mission"):
-        load_mission(ROOT / "scenarios" / "std" / "air.ljs")
+        lingjing.compile(ROOT / "scenarios" / "std" / "air.ljs")
 
 
 def test_load_mission_shows_every_error(tmp_path: Path, small: str) -> None:
     file = tmp_path / "m.ljs"
     file.write_text(small.replace("boat, v)", "boot, v)").replace("10 s,", "10 m,"))
     with pytest.raises(MissionError) as caught:
-        load_mission(file)
+        lingjing.compile(file)
     assert "2 errors in 1 file" in str(caught.value) and "LJ0203" in str(caught.value)
 
 

@@ -7,15 +7,14 @@ import re
 import msgspec
 import pytest
 
-from lingjing.dsl import compile_text
 from lingjing.dsl.loading.load import proofs
 from lingjing.dsl.pages.judging import judging
 from lingjing.dsl.source.text import SourceText
 from lingjing.mission import document, model
 from lingjing.mission import expression as ex
 from lingjing.mission.graph import graph
-from lingjing.mission.instantiate import instantiate
 from lingjing.mission.interactions import UNSAID
+from lingjing.testing import compile_text, instantiate
 
 TYPES = """\
 ljs 1

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.dsl.loading.load import load_mission
+import lingjing
 from lingjing.dsl.pages.judging import HEADS, judging
 from lingjing.dsl.pages.page import page, table
 
@@ -14,7 +14,7 @@ MISSIONS = sorted((ROOT / "scenarios").glob("*.ljs"))
 
 @pytest.mark.parametrize("file", MISSIONS, ids=lambda file: file.stem)
 def test_every_rule_and_unlock_has_a_row(file: Path) -> None:
-    mission = load_mission(file)
+    mission = lingjing.compile(file)
     rows = list(judging(mission))
     assert all(len(row) == len(HEADS) for row in rows)
     first = [row[0] for row in rows]
@@ -41,12 +41,12 @@ def test_every_rule_and_unlock_has_a_row(file: Path) -> None:
     ],
 )
 def test_the_bounds_are_those_of_the_paper(mission: str, event: str, by: str, bounds: str) -> None:
-    rows = {row[0]: row for row in judging(load_mission(ROOT / "scenarios" / f"{mission}.ljs"))}
+    rows = {row[0]: row for row in judging(lingjing.compile(ROOT / "scenarios" / f"{mission}.ljs"))}
     assert rows[event][1:3] == (by, bounds)
 
 
 def test_a_page_begins_with_the_given_sections() -> None:
-    mission = load_mission(ROOT / "scenarios" / "ufr.ljs")
+    mission = lingjing.compile(ROOT / "scenarios" / "ufr.ljs")
     lead = [("First", ["one", "two"]), ("Empty", []), ("Counts", table(("a", "b"), [("1|2", "x")]))]
     text = page(mission, lead=lead, graph_picture="g.svg")
     assert text.index("## First\n\none\ntwo") < text.index("## Counts") < text.index("## At a glance")

@@ -7,11 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.dsl import Compilation, compile_file, compile_text
 from lingjing.dsl.checking.library import known_paths, shipped_folder
 from lingjing.mission.functions import DISTRIBUTIONS, FUNCTIONS
-from lingjing.mission.instantiate import instantiate
 from lingjing.mission.units import NAMED, UNITS
+from lingjing.testing import Compilation, compile_file, compile_text, instantiate
 
 PAGE = (Path(__file__).parents[2] / "docs" / "language.md").read_text(encoding="utf-8")
 BLOCK = re.compile(r"^```ljs(?P<kind>[^\n]*)\n(?P<text>.*?)\n```$", re.MULTILINE | re.DOTALL)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.dsl import compile_text
 from lingjing.errors import PluginError
+from lingjing.testing import compile_text
 
 
 @pytest.fixture

@@ -11,11 +11,10 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing.dsl import compile_file
+from lingjing import Mission
 from lingjing.mission.document import decode, encode
 from lingjing.mission.instance import Instance, StateSpec
-from lingjing.mission.instantiate import instantiate
-from lingjing.mission.model import Mission
+from lingjing.testing import compile_file, instantiate
 
 ROOT = Path(__file__).parents[2]
 GOLDEN = Path(__file__).with_name("golden") / "missions.txt"

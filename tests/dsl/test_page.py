@@ -8,11 +8,11 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing.dsl import compile_text
-from lingjing.dsl.loading.load import load_mission
+import lingjing
 from lingjing.dsl.pages.page import page
 from lingjing.mission import expression as ex
 from lingjing.mission import model
+from lingjing.testing import compile_text
 
 ROOT = Path(__file__).parents[2]
 MISSIONS = sorted((ROOT / "scenarios").glob("*.ljs"))
@@ -20,7 +20,7 @@ MISSIONS = sorted((ROOT / "scenarios").glob("*.ljs"))
 
 @pytest.mark.parametrize("file", MISSIONS, ids=lambda file: file.stem)
 def test_every_declared_name_is_on_the_page(file: Path) -> None:
-    mission = load_mission(file)
+    mission = lingjing.compile(file)
     text = page(mission)
     assert text.startswith(f"# {mission.title}\n")
     parts = (
@@ -39,7 +39,7 @@ def test_every_declared_name_is_on_the_page(file: Path) -> None:
 
 @pytest.mark.parametrize("file", MISSIONS, ids=lambda file: file.stem)
 def test_hidden_values_and_reveals_are_listed(file: Path) -> None:
-    mission = load_mission(file)
+    mission = lingjing.compile(file)
     text = page(mission)
     section = text.partition("## Hidden values\n")[2].partition("\n## ")[0]
     for group in mission.groups:
@@ -76,7 +76,7 @@ def test_noticeable_consequences_of_hidden_values_are_listed(small: str) -> None
 
 
 def test_rules_are_said_in_words() -> None:
-    text = page(load_mission(ROOT / "scenarios" / "ssr.ljs"))
+    text = page(lingjing.compile(ROOT / "scenarios" / "ssr.ljs"))
     sentence = "the overlap of `r.box` with the true box of `v` in `r.frame` is at least `0.5`"
     assert sentence in text
     assert "an engine has performed `rescue` on `v` and the horizontal distance from `boat` to `v` is at most" in text
@@ -84,7 +84,7 @@ def test_rules_are_said_in_words() -> None:
 
 
 def test_a_mission_with_little_has_few_sections() -> None:
-    mission = load_mission(ROOT / "scenarios" / "ssr.ljs")
+    mission = lingjing.compile(ROOT / "scenarios" / "ssr.ljs")
     bare = msgspec.structs.replace(
         mission, relations=(), stages=(), parameters=(), messages=(), comms=model.Comms(), rules=(),
         unlocks=(), success=ex.Flag(True), title="A | B",

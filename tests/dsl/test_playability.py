@@ -8,16 +8,15 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing.dsl import compile_file, compile_text
 from lingjing.dsl.printing.printer import to_ljs
 from lingjing.errors import LingjingError
 from lingjing.mission.instance import Entity, Instance, SceneSpec
-from lingjing.mission.instantiate import instantiate
 from lingjing.mission.kinds import builtin_scenes, lacks, scene_faults
 from lingjing.scene.anchor import anchor
 from lingjing.scene.city import City
 from lingjing.scene.districts import build
 from lingjing.scene.districts.options import plan
+from lingjing.testing import compile_file, compile_text, instantiate
 
 FAR = "subset([(0 m, 2 m), (1 m, 2 m), ({}, 0 m), (3 m, 2 m), (4 m, 2 m), (5 m, 2 m)])"
 """Places of which one, which seed 0 does not draw, may be too far."""

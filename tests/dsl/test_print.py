@@ -9,15 +9,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lingjing.dsl import compile_text
+import lingjing
 from lingjing.dsl.formatting.formatter import format_text
-from lingjing.dsl.loading.load import load_mission
 from lingjing.dsl.printing.phrases import Phrases, number_text
 from lingjing.dsl.printing.printer import _KNOWN, canonical, round_trip_losses, to_ljs, unprintable_paths
 from lingjing.errors import MissionError
 from lingjing.mission import document, model
 from lingjing.mission import expression as ex
 from lingjing.mission.units import UNITS, si_value
+from lingjing.testing import compile_text
 
 ROOT = Path(__file__).parents[2]
 MISSIONS = sorted((ROOT / "scenarios").glob("*.ljs"))
@@ -32,7 +32,7 @@ def compiled(text: str) -> model.Mission:
 
 @pytest.mark.parametrize("file", [*MISSIONS, *DOCUMENTS], ids=lambda file: file.name)
 def test_text_to_json_to_text_to_json_is_stable(file: Path) -> None:
-    first = document.decode(document.encode(load_mission(file)), "first.json")
+    first = document.decode(document.encode(lingjing.compile(file)), "first.json")
     text = to_ljs(first)
     second = compiled(text)
     assert canonical(second) == canonical(first)

@@ -6,11 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.cli.main import main
 from lingjing.dsl import SourceText, compile_source
 from lingjing.errors import ExitCode
 from lingjing.mission.kinds import builtin_engines, builtin_scenes
-from lingjing.plugins.host import PluginHost
+from lingjing.testing import PluginHost, run_command
 
 
 def warned(text: str, *offered: str) -> list[tuple[str, int, int, str, str]]:
@@ -66,13 +65,13 @@ def test_commands_report_a_missing_map(
             Path("town.osm").write_text("<osm/>")
         else:
             Path("town.osm").unlink(missing_ok=True)
-        assert main(["validate", "m.ljs"]) == ExitCode.OK
+        assert run_command(["validate", "m.ljs"]) == ExitCode.OK
         assert (message in capsys.readouterr().out) != there
-        assert main(["compile", "m.ljs", "-o", "m.json"]) == ExitCode.OK
+        assert run_command(["compile", "m.ljs", "-o", "m.json"]) == ExitCode.OK
         assert (message in capsys.readouterr().err) != there
-        assert main(["validate", "m.json"]) == ExitCode.OK
+        assert run_command(["validate", "m.json"]) == ExitCode.OK
         assert (message in capsys.readouterr().out) != there
-        assert main(["bench", "s.toml", "--check"]) == (ExitCode.OK if there else ExitCode.USAGE)
+        assert run_command(["bench", "s.toml", "--check"]) == (ExitCode.OK if there else ExitCode.USAGE)
         assert (f"missions[0]: `m.ljs`: scene `map`: {message}" in capsys.readouterr().err) != there
 
 
@@ -88,5 +87,5 @@ def test_validate_repeats_the_warning(
     file = tmp_path / "m.ljs"
     file.write_text(small.replace("scene bay", "scene baay"))
     for _ in range(2):
-        assert main(["validate", str(file)]) == ExitCode.OK
+        assert run_command(["validate", str(file)]) == ExitCode.OK
         assert "warning[LJ0505]" in capsys.readouterr().out

@@ -9,15 +9,15 @@ from typing import Any
 import jsonschema
 import pytest
 
-from lingjing.cli.main import main
 from lingjing.errors import ExitCode
+from lingjing.testing import run_command
 
 SCHEMA = json.loads((Path(__file__).parent / "data" / "sarif-2.1.0.schema.json").read_text())
 """The OASIS schema of SARIF 2.1.0 (rtm.5), without its descriptions."""
 
 
 def log_of(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
-    main(["validate", "--output-format", "sarif", *arguments])
+    run_command(["validate", "--output-format", "sarif", *arguments])
     log: dict[str, Any] = json.loads(capsys.readouterr().out)
     jsonschema.Draft4Validator(SCHEMA).validate(log)
     return log
@@ -48,4 +48,4 @@ def test_a_good_file_a_wrong_document_and_the_exit_codes(
     missing = log_of([str(good), str(wrong)], capsys)["runs"][0]["results"]
     assert len(missing) > 1
     assert {result["ruleId"] for result in missing} == {"LJ0009"}
-    assert main(["validate", "--output-format", "sarif", str(wrong)]) == ExitCode.MISSION
+    assert run_command(["validate", "--output-format", "sarif", str(wrong)]) == ExitCode.MISSION

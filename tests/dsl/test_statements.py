@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.dsl import compile_text
+from lingjing import Mission
 from lingjing.dsl.checking.checker import _CHECKS
 from lingjing.dsl.pages.statements import statements_page
 from lingjing.dsl.printing.layouts import has_layout
@@ -22,8 +22,7 @@ from lingjing.dsl.syntax.parser import parse
 from lingjing.dsl.syntax.statement_kinds import FILE, TYPE, Form
 from lingjing.dsl.syntax.statements import KINDS, PARAGRAPHS, STATEMENTS, keyword_of
 from lingjing.mission.instance import Instance
-from lingjing.mission.instantiate import instantiate
-from lingjing.mission.model import Mission
+from lingjing.testing import compile_text, instantiate
 
 ROOT = Path(__file__).parents[2]
 SINGLE = {"goal", "scene", "clock", "budget", "weather", "comms", "modes", "success", "failure"}

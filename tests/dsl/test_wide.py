@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from lingjing.dsl import compile_text
 from lingjing.mission.instance import SceneSpec
 from lingjing.mission.kinds import extent_m
 from lingjing.scene.districts.options import plan
+from lingjing.testing import compile_text
 
 TEXT = """\
 ljs 1

@@ -17,8 +17,7 @@ from lingjing.mission.instance import (
 )
 from lingjing.plugins.engine import BodyState, CaptureRequest, EngineSpec, Frame
 from lingjing.scene.city import Bridge, Building, City, Junction, Lane, PaintedArea, Pieces, Prop, Road, Water
-from tests.bare_instance import bare_instance
-from tests.declared import declared
+from lingjing.testing import bare_instance, declared
 
 
 def missing() -> str:

@@ -4,16 +4,14 @@ import numpy as np
 import pytest
 
 from lingjing.engines.camera import view as choosing
-from lingjing.engines.camera.classes import CLASSES
 from lingjing.engines.camera.culling import FULL_M, blunt_from
-from lingjing.engines.camera.engine import CameraEngine
 from lingjing.engines.camera.instances import prop_batches
 from lingjing.engines.camera.light import light_of
 from lingjing.engines.camera.reduced_meshes import COARSE_CELLS, coarsened, reduced
 from lingjing.engines.camera.town_ground import REACH_M, build_town_ground
 from lingjing.plugins.geometry import camera_axes, focal_px
 from lingjing.scene.city import City, Land, PaintedArea, Pieces, Prop, Water
-from tests.engines.camera_town import WHY_NOT, box, instance, look, ready, seen_at, town
+from tests.engines.camera_town import CLASSES, WHY_NOT, CameraEngine, box, instance, look, ready, seen_at, town
 
 EVERYWHERE = Water(polygon=box(-5000, -5000, 5000, 5000), level_m=-3.0)
 COAST = Land(polygon=box(-3000, -3000, 0, 3000), top_m=0.0, surface="grass")

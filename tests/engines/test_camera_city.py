@@ -8,13 +8,25 @@ import numpy as np
 import pytest
 
 from lingjing.engines.camera import cityscape
-from lingjing.engines.camera.classes import CLASSES
-from lingjing.engines.camera.engine import CameraEngine
 from lingjing.mission.instance import EventSpec, Weather
 from lingjing.plugins.engine import BodyState
 from lingjing.plugins.geometry import pixel_to_world
 from lingjing.scene.city import Building
-from tests.engines.camera_town import SIZE, WHY_NOT, box, entity, instance, look, mounts, ready, seen_at, share, town
+from tests.engines.camera_town import (
+    CLASSES,
+    SIZE,
+    WHY_NOT,
+    CameraEngine,
+    box,
+    entity,
+    instance,
+    look,
+    mounts,
+    ready,
+    seen_at,
+    share,
+    town,
+)
 
 pytestmark = pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
 

@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 
 from lingjing.engines.camera import context
-from lingjing.engines.camera.classes import CLASSES, semantic_table
+from lingjing.engines.camera.classes import semantic_table
 from lingjing.engines.camera.draw import Renderer
-from lingjing.engines.camera.engine import CameraEngine
 from lingjing.errors import InfrastructureError
 from lingjing.mission.instance import (
     CameraSpec,
@@ -27,11 +26,9 @@ from lingjing.mission.instance import (
 from lingjing.plugins.conformance import ENGINE_CHECKS, EngineCase
 from lingjing.plugins.engine import BodyState, CaptureRequest, City, Command, EnginePlugin, EngineSpec, Frame
 from lingjing.plugins.geometry import pixel_to_world, world_to_pixel
-from lingjing.scene.bay import build
 from lingjing.scene.city import Solid, Water
-from tests.bare_instance import bare_instance
-from tests.declared import declared
-from tests.engines.camera_town import WHY_NOT
+from lingjing.testing import bare_instance, city_of, declared
+from tests.engines.camera_town import CLASSES, WHY_NOT, CameraEngine
 
 LEVEL = -3.5
 
@@ -98,7 +95,7 @@ def take(engine: CameraEngine, camera: str = "nadir", viewer: str = "uav[1]", ti
 
 
 def ready(engine: CameraEngine, episode: Instance, city: City | None = None) -> None:
-    engine.reset(EngineSpec(engine="camera", instance=episode, owns=()), city or build(episode.scene), 3)
+    engine.reset(EngineSpec(engine="camera", instance=episode, owns=()), city or city_of(episode.scene), 3)
     engine.advance(10.0, states(episode))
 
 
@@ -265,8 +262,8 @@ def test_pictures_do_not_depend_on_earlier_ones(engine: CameraEngine) -> None:
 
 def test_a_sea_with_other_things_afloat_is_that_of_a_fresh_camera(engine: CameraEngine) -> None:
     episode = instance()
-    other = build(msgspec.structs.replace(episode.scene, seed=4))
-    assert other.props != build(episode.scene).props
+    other = city_of(msgspec.structs.replace(episode.scene, seed=4))
+    assert other.props != city_of(episode.scene).props
     poses = {"uav1": {"position": (300.0, -640.0, 80.0)}, "uav2": {"position": (60.0, -1300.0, 30.0)}}
     seen = []
     for camera in (engine, CameraEngine()):
@@ -341,7 +338,7 @@ def test_missing_egl_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> No
 
     monkeypatch.setattr(context.moderngl, "create_context", broken)
     with pytest.raises(InfrastructureError) as error:
-        CameraEngine().reset(EngineSpec(engine="camera", instance=instance(), owns=()), build(instance().scene), 1)
+        CameraEngine().reset(EngineSpec(engine="camera", instance=instance(), owns=()), city_of(instance().scene), 1)
     assert "libEGL" in str(error.value) and "apt-get install -y libegl1 libgl1" in error.value.hint
 
 
@@ -349,7 +346,7 @@ def test_missing_egl_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> No
 def test_conformance(check: Callable[[EngineCase], None]) -> None:
     plugin = EnginePlugin(name="camera", factory=CameraEngine, place="camera", sensor=True)
     episode = instance()
-    check(EngineCase(plugin, episode, build(episode.scene), mirrors=tuple(states(episode))))
+    check(EngineCase(plugin, episode, city_of(episode.scene), mirrors=tuple(states(episode))))
 
 
 def test_semantic_table() -> None:

@@ -10,17 +10,15 @@ import msgspec
 import numpy as np
 import pytest
 
-from lingjing.data import CACHE_OFF
 from lingjing.engines.camera import cityscape, mesh_cache
 from lingjing.engines.camera.building_meshes import building
-from lingjing.engines.camera.engine import CameraEngine
 from lingjing.engines.camera.instances import ROW, matrix, mesh_radius, prop_batches
 from lingjing.engines.camera.mesh_cache import MeshCache, Texture, cached_texture
 from lingjing.engines.camera.noise import grain_texture
 from lingjing.engines.camera.structure_meshes import solid
 from lingjing.engines.camera.tile_mesh import TileMesh, mesh_tile
 from lingjing.scene.city import City, Prop
-from tests.engines.camera_town import WHY_NOT, look, pieces, ready
+from tests.engines.camera_town import WHY_NOT, CameraEngine, look, pieces, ready
 
 CITY = City(id="c", origin=(0.0, 0.0), bounds=(-400.0, -400.0, 400.0, 400.0))
 
@@ -28,7 +26,7 @@ CITY = City(id="c", origin=(0.0, 0.0), bounds=(-400.0, -400.0, 400.0, 400.0))
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.delenv(CACHE_OFF, raising=False)
+    monkeypatch.delenv("LINGJING_NO_CACHE", raising=False)
     return tmp_path / "lingjing" / "meshes"
 
 
@@ -82,7 +80,7 @@ def test_a_texture_is_made_where_nothing_can_be_kept(folder: Path, monkeypatch: 
     folder.parent.write_bytes(b"no folder")
     # The name is unique to this test: the temporary folder belongs to the process, and other tests keep textures there.
     assert cached_texture("nowhere", lambda: np.zeros((2, 2, 1), np.uint8)).shape == (2, 2, 1)
-    monkeypatch.setenv(CACHE_OFF, "1")
+    monkeypatch.setenv("LINGJING_NO_CACHE", "1")
     assert cached_texture("grain", lambda: np.ones((2, 2, 1), np.uint8)).all()
 
 
@@ -145,7 +143,7 @@ def test_a_damaged_file_is_made_anew(folder: Path, damage: Callable[[bytes], byt
 def test_where_the_cache_is_off_nothing_is_read_or_kept(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     make, made = counted()
     MeshCache(CITY).tile((0, 0), make)
-    monkeypatch.setenv(CACHE_OFF, "1")
+    monkeypatch.setenv("LINGJING_NO_CACHE", "1")
     before = sorted(folder.iterdir())
     MeshCache(CITY).tile((0, 0), make)
     MeshCache(CITY).tile((0, 1), make)

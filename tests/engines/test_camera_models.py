@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lingjing.engines.camera.classes import CLASSES, entity_class
+from lingjing.engines.camera.classes import entity_class
 from lingjing.engines.camera.effects import (
     Effects,
     Site,
@@ -27,10 +27,12 @@ from lingjing.mission.model import BodyPart
 from lingjing.plugins.bodies import entity_size
 from lingjing.scene.city import Bridge, Building, Lane, Pieces, Pipe, Prop, Road, Solid, Tile
 from lingjing.scene.sizes import SIZES
+from lingjing.testing import declared
+from lingjing.testing.engines import library_types
 from lingjing.trace.records import BodyState
-from tests.declared import declared, shipped_types
+from tests.engines.camera_town import CLASSES
 
-TYPES = sorted(shipped_types())
+TYPES = sorted(library_types())
 CALM = Weather(wind_mps=3.0, wind_from_deg=220.0)
 MOST = {"robot_dog": 2000, "car": 600, "person": 400, "street_tree": 150, "poplar": 150, "birch": 150, "conifer": 150}
 UNBODIED = {"building_fire", "bridge_fracture", "congestion"}
@@ -139,7 +141,7 @@ def test_the_looks_that_a_mission_may_name_are_those_that_are_drawn() -> None:
 
 
 def test_kinds_of_traffic_are_as_large_as_the_types_of_that_name() -> None:
-    for kind in SIZES.keys() & shipped_types().keys():
+    for kind in SIZES.keys() & library_types().keys():
         assert entity_size(thing(kind)) == SIZES[kind], kind
 
 

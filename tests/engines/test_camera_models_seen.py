@@ -9,15 +9,13 @@ import msgspec
 import numpy as np
 import pytest
 
-from lingjing.engines.camera.engine import CameraEngine
 from lingjing.mission.instance import CameraSpec, Entity, Instance, SceneSpec, Weather
 from lingjing.plugins.engine import CaptureRequest, EngineSpec, Frame
 from lingjing.plugins.geometry import focal_px
 from lingjing.scene.city import Bridge, Building, City, Lane, PaintedArea, Pipe, Road, Water
+from lingjing.testing import bare_instance, declared
 from lingjing.trace.records import BodyState, Box
-from tests.bare_instance import bare_instance
-from tests.declared import declared
-from tests.engines.camera_town import WHY_NOT
+from tests.engines.camera_town import WHY_NOT, CameraEngine
 
 pytestmark = pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
 

@@ -16,8 +16,8 @@ from lingjing.engines.camera.moving_things import stage
 from lingjing.mission.geometry2d import contains, edge_distance
 from lingjing.mission.instance import Entity, Weather
 from lingjing.scene.city import Building, Lane, Pieces, Prop, Road
+from lingjing.testing import declared
 from lingjing.trace.records import BodyState
-from tests.declared import declared
 
 DAY, SUNSET, NIGHT = (Weather(wind_mps=3.0, sun_elevation_deg=up) for up in (45.0, 4.0, -20.0))
 SHINING = ("building_fire", "fire_source", "fire_truck", "lifeboat", "quadrotor")

@@ -7,18 +7,26 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from lingjing.dsl import compile_text
-from lingjing.engines.camera.classes import CLASSES
-from lingjing.engines.camera.engine import CameraEngine
 from lingjing.engines.camera.far_country import SPAN_M, build_far_country
 from lingjing.engines.camera.town_ground import build_town_ground
 from lingjing.mission.instance import CameraSpec, Instance
-from lingjing.mission.instantiate import instantiate
 from lingjing.plugins.engine import Frame
 from lingjing.plugins.geometry import camera_axes, focal_px
-from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import City, Land, Water
-from tests.engines.camera_town import WHY_NOT, box, entity, instance, look, mounts, ready, share, town
+from lingjing.testing import PluginHost, compile_text, instantiate
+from tests.engines.camera_town import (
+    CLASSES,
+    WHY_NOT,
+    CameraEngine,
+    box,
+    entity,
+    instance,
+    look,
+    mounts,
+    ready,
+    share,
+    town,
+)
 
 MISSION = """\
 ljs 1

@@ -5,15 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lingjing.engines.camera.classes import CLASSES, FIRST_ENTITY, semantic_picture, semantic_table
+from lingjing.engines.camera.classes import FIRST_ENTITY, semantic_picture, semantic_table
 from lingjing.engines.camera.culling import sky_bounds
 from lingjing.engines.camera.mesh_rows import walls
 from lingjing.engines.camera.programs import active, carried, source, uniforms
 from lingjing.engines.camera.wall_order import planes_of, walls_of
 from lingjing.mission.instance import Entity
 from lingjing.plugins.geometry import camera_axes, focal_px
+from lingjing.testing import declared
 from lingjing.trace.records import CameraPose
-from tests.declared import declared
+from tests.engines.camera_town import CLASSES
 
 SQUARE = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)]
 

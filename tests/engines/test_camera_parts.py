@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lingjing.engines.camera.boxes import entity_boxes
-from lingjing.engines.camera.classes import CLASSES
 from lingjing.engines.camera.ground import build_ground, height_under
 from lingjing.engines.camera.instances import in_sight, matrix
 from lingjing.engines.camera.meshes import indexed
@@ -15,10 +14,11 @@ from lingjing.engines.camera.noise import lace_texture, noise_texture
 from lingjing.engines.camera.ocean import SIZE, Ocean
 from lingjing.mission.instance import Entity, SceneSpec, Weather
 from lingjing.plugins.geometry import world_to_pixel
-from lingjing.scene.bay import build
+from lingjing.testing import city_of
 from lingjing.trace.records import CameraPose
+from tests.engines.camera_town import CLASSES
 
-BAY = build(SceneSpec(kind="bay", datum_m=-3.5, seed=7))
+BAY = city_of(SceneSpec(kind="bay", datum_m=-3.5, seed=7))
 
 
 @pytest.mark.parametrize("height", [0.0, 0.2, 0.8, 2.0])

@@ -6,14 +6,12 @@ import msgspec
 import numpy as np
 import pytest
 
-from lingjing.engines.camera.classes import CLASSES
 from lingjing.engines.camera.contrast import LEAST_CONTRAST, contrast, projected_rect
-from lingjing.engines.camera.engine import CameraEngine
 from lingjing.mission.instance import Entity, Instance, Weather
 from lingjing.plugins.engine import Frame
 from lingjing.scene.city import City, Pipe, Solid, Water
 from lingjing.trace.records import CameraPose
-from tests.engines.camera_town import WHY_NOT, box, entity, instance, look, ready, town
+from tests.engines.camera_town import CLASSES, WHY_NOT, CameraEngine, box, entity, instance, look, ready, town
 
 pytestmark = pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
 

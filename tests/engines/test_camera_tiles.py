@@ -19,7 +19,6 @@ from lingjing.engines.camera.culling import (
     near_plane,
     shade_window,
 )
-from lingjing.engines.camera.engine import CameraEngine
 from lingjing.engines.camera.light import light_of
 from lingjing.engines.camera.mesh_rows import triangles
 from lingjing.engines.camera.road_meshes import CENTRE, EDGE, areas, lanes, middles_of
@@ -29,7 +28,7 @@ from lingjing.plugins.geometry import world_to_pixel
 from lingjing.scene.city import Building, City, Lane, PaintedArea, Pieces, Prop, Road
 from lingjing.scene.store import write_store
 from lingjing.trace.records import CameraPose
-from tests.engines.camera_town import WHY_NOT, box, instance, look, ready, town
+from tests.engines.camera_town import WHY_NOT, CameraEngine, box, instance, look, ready, town
 
 TOWER = (-10.0, -10.0, 0.0, 10.0, 10.0, 30.0)
 

@@ -5,12 +5,11 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from lingjing.engines.camera.engine import CameraEngine
 from lingjing.engines.camera.light import light_of
 from lingjing.mission.instance import EventSpec, Weather
 from lingjing.plugins.engine import BodyState, Frame
 from lingjing.scene.city import Building
-from tests.engines.camera_town import WHY_NOT, box, instance, look, ready, town
+from tests.engines.camera_town import WHY_NOT, CameraEngine, box, instance, look, ready, town
 
 pytestmark = pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
 STREET = (-290.0, 0.0, 1.6), "front", 90.0

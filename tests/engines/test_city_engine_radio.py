@@ -9,8 +9,8 @@ from lingjing.engines.city.radio import Coverage, around_m, clearness, edge_loss
 from lingjing.mission.instance import AgentSpec, CommsSpec, Entity, EventSpec, Weather
 from lingjing.scene.city import Bridge, Building, City
 from lingjing.scene.terrain import Terrain
+from lingjing.testing import declared
 from lingjing.trace.records import BodyState
-from tests.declared import declared
 
 DRY = City(id="dry", origin=(31.0, 121.5), bounds=(-2000.0, -2000.0, 2000.0, 2000.0))
 CLEAR = Weather(visibility_m=10_000.0)

@@ -10,8 +10,8 @@ from lingjing.engines.fixed_wing import guidance
 from lingjing.engines.fixed_wing.aeroplane import PlaneEngine
 from lingjing.mission.instance import Entity, EventSpec, VerbSpec, Weather
 from lingjing.scene.city import Building
+from lingjing.testing import declared
 from lingjing.trace.records import BodyState
-from tests.declared import declared
 
 
 def wing(index=1, position=(0.0, 0.0, 300.0), heading_deg=0.0, **properties):

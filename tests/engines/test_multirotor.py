@@ -274,7 +274,8 @@ def flight():
     """Return a digest of two turbulent flights, on which two processes must agree."""
     sys.path.insert(0, str(HERE.parents[2]))
     from lingjing.scene.city import City, Water
-    from tests.conftest import Player, build_instance, build_uav, square
+    from lingjing.testing import EngineRun, square
+    from tests.conftest import build_instance, build_uav
 
     sea = City(
         id="sea",
@@ -283,7 +284,7 @@ def flight():
         waters=(Water(polygon=square(0.0, 0.0, 5e3), level_m=-3.5),),
     )
     vehicles = [build_uav(1), build_uav(2, (8.0, 0.0, 1.1))]
-    play = Player(MultirotorEngine(), build_instance(vehicles, wind(6.0, 0.2)), sea, "multirotor", 7)
+    play = EngineRun(MultirotorEngine(), build_instance(vehicles, wind(6.0, 0.2)), sea, "multirotor", 7)
     play.command("uav[1]", "setDestination", x=120.0, y=60.0, z=80.0)
     play.command("uav[2]", "takeoff")
     play.run(30.0)

@@ -7,12 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from lingjing.engines.camera.engine import CameraEngine
 from lingjing.mission.instance import Weather
 from lingjing.plugins.conformance import EngineCase, check_capture
 from lingjing.plugins.engine import BodyState, CaptureRequest, Frame, KeyedPictures
-from lingjing.plugins.host import PluginHost
-from tests.engines.camera_town import WHY_NOT, entity, instance, ready, town
+from lingjing.testing import PluginHost
+from tests.engines.camera_town import WHY_NOT, CameraEngine, entity, instance, ready, town
 
 pytestmark = pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
 

@@ -6,13 +6,12 @@ from collections.abc import Callable
 import msgspec
 import pytest
 
-from lingjing.builtin import lingjing_engines
 from lingjing.engines.quadruped.engine import QuadrupedEngine
 from lingjing.mission.instance import Entity, EventSpec, Instance, StateSpec, VerbSpec
 from lingjing.plugins.conformance import check_engine
 from lingjing.scene.city import Building, City, Land, Slope, Solid, Water
+from lingjing.testing import PluginHost, declared
 from lingjing.trace.records import BodyState, Command
-from tests.declared import declared
 
 VERBS = ("forward", "left", "right", "stop")
 
@@ -355,7 +354,7 @@ def test_a_dormant_dog_appears_where_it_is_declared(player, instance_of):
 
 
 def test_conformance(instance_of):
-    plugin = next(plugin for plugin in lingjing_engines() if plugin.name == "quadruped")
+    plugin = PluginHost().engine("quadruped")
     wall = Solid(id="wall", polygon=rectangle(-2.0, 6.0, 2.0, 7.0), base_m=0.0, top_m=2.0)
     commands = (
         Command(id="c0-1", tick=0, sender="me", resource="dog[1]", verb="forward", arguments={"distance": 20.0}),

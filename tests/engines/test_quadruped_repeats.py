@@ -15,8 +15,8 @@ from lingjing.errors import InfrastructureError
 from lingjing.mission.instance import Entity, Instance, VerbSpec
 from lingjing.plugins.engine import EngineSpec
 from lingjing.scene.city import City, Solid
+from lingjing.testing import declared
 from lingjing.trace.records import BodyState, Command
-from tests.declared import declared
 
 SCRIPT = """
 import importlib.util, sys

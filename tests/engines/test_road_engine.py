@@ -31,9 +31,8 @@ from lingjing.plugins.engine import Boundary, EnginePlugin, EngineSpec
 from lingjing.scene.city import City, Lane, Road
 from lingjing.scene.network import StreetEdge, StreetNode, build_network
 from lingjing.scene.sizes import SIZES, Size
+from lingjing.testing import bare_instance, declared
 from lingjing.trace.records import BodyState, Command, Receipt, Route, TaskEvent
-from tests.bare_instance import bare_instance
-from tests.declared import declared
 
 SPAN_M = 200.0
 SIDE = 5

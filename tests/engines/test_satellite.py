@@ -13,8 +13,8 @@ from lingjing.errors import UsageError
 from lingjing.mission.instance import CameraSpec, Entity, Region, VerbSpec
 from lingjing.plugins.geometry import mounted_camera_pose, world_to_pixel
 from lingjing.scene.city import City
+from lingjing.testing import declared
 from lingjing.trace.records import BodyState
-from tests.declared import declared
 
 ISS = (
     "1 25544U 98067A   19343.69339541  .00001764  00000-0  38792-4 0  9991",

@@ -15,10 +15,11 @@ from gymnasium.utils.env_checker import check_env
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
 import lingjing
-from lingjing.bench.columns import columns, shipped
+from lingjing.bench.columns import columns
 from lingjing.envs import LingjingParallelEnv, parallel_env
 from lingjing.envs.vocabulary import EVENT_KINDS
 from lingjing.errors import UsageError
+from lingjing.testing import shipped_missions
 
 pytestmark = pytest.mark.slow
 
@@ -107,7 +108,7 @@ def test_every_shipped_mission_is_registered_in_its_modes() -> None:
 
 def test_every_agent_of_every_mission_has_spaces_that_hold_something() -> None:
     """Gymnasium's check rejects an empty part; samples of the spaces lie in them."""
-    for column in columns(shipped()):
+    for column in columns(shipped_missions()):
         made = parallel_env(column.mission, mode=column.mode, world="inline")
         for agent in made.possible_agents:
             shown, actions = made.observation_space(agent), made.action_space(agent)

@@ -7,7 +7,7 @@ import signal
 
 import pytest
 
-from lingjing.dsl.loading.load import load_mission
+import lingjing
 from lingjing.envs.stepping import SteppedEpisodes
 from lingjing.kernel.world.process import ProcessWorld
 from lingjing.play import selfcheck
@@ -20,7 +20,7 @@ MOVES = {"flyer": "takeoff", "walker": "takePhoto"}
 
 @pytest.fixture
 def game() -> SteppedEpisodes:
-    return SteppedEpisodes(load_mission(str(selfcheck.MISSION)), None, {}, "random", "process")
+    return SteppedEpisodes(lingjing.compile(str(selfcheck.MISSION)), None, {}, "random", "process")
 
 
 def played(game: SteppedEpisodes, seed: int) -> list[str]:

@@ -30,7 +30,7 @@ os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(HERE / "injector"),
 
 import sitecustomize as injector  # noqa: E402 - the folder above
 
-from lingjing.numerics import pin  # noqa: E402
+from lingjing import pin  # noqa: E402
 from tests.faults.cases import Aftermath, Injection  # noqa: E402
 
 pin()  # before numpy is imported by what plays or judges

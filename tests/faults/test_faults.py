@@ -13,8 +13,7 @@ import msgspec
 import pytest
 
 import lingjing
-from lingjing.play.report import EpisodeReport
-from lingjing.trace.reader import read_trace
+from lingjing import EpisodeReport, read_trace
 from tests.faults.cases import Aftermath, Injection
 from tests.faults.planted import planted
 from tests.faults.targets import sample

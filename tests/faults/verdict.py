@@ -8,10 +8,10 @@ from pathlib import Path
 
 import msgspec
 
+from lingjing import EpisodeReport, read_trace
 from lingjing.bench.folder import read_results
 from lingjing.errors import LingjingError, UsageError
-from lingjing.play.report import POLICY_FAILED, EpisodeReport
-from lingjing.trace.reader import read_trace
+from lingjing.play.report import POLICY_FAILED
 from tests.faults.cases import Aftermath, Injection
 
 CODES = {0, 1, 2, 3, 130}

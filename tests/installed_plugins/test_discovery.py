@@ -13,14 +13,13 @@ from pathlib import Path
 import pytest
 
 from lingjing.cli import doctor
-from lingjing.cli.main import main
 from lingjing.errors import PluginError, UsageError
 from lingjing.installed_plugins import discovery
 from lingjing.installed_plugins.entry_points import PLUGINS, find_entries
 from lingjing.kernel.world.selection import select_engines
 from lingjing.mission.kinds import engine_kind
 from lingjing.play.policy_processes.preloading import policy_host, preload
-from lingjing.plugins.host import PluginHost
+from lingjing.testing import PluginHost, run_command
 
 OFFER = """
 from lingjing.plugins.hookspecs import hookimpl
@@ -124,7 +123,7 @@ def test_every_broken_plugin_is_named_and_the_others_work(site: Site, capsys, de
     assert reasons.keys() == FAULTS.keys()
     for name, (_, reason) in FAULTS.items():
         assert reasons[name].startswith(reason), name
-    assert main(["plugins"]) == 2
+    assert run_command(["plugins"]) == 2
     printed = capsys.readouterr()
     for name in ("good", "heuristic", "multirotor"):
         assert re.search(rf"^(policy|engine) +{name} ", printed.out, re.MULTILINE)
@@ -274,7 +273,7 @@ def test_the_broken_description_of_one_plugin_hides_no_other(site: Site, capsys)
     assert engine_kind("elsewhere").name == "elsewhere"
     with pytest.raises(PluginError, match="bad"):
         engine_kind("hover")
-    assert main(["plugins"]) == 2
+    assert run_command(["plugins"]) == 2
     assert "plug-in `bad`: " in (said := capsys.readouterr().err) and "kinds.json does not describe kinds" in said
 
 

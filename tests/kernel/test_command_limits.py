@@ -15,8 +15,8 @@ from lingjing.mission.instance import AgentSpec, ArgumentSpec, Entity, VerbSpec
 from lingjing.mission.kinds import builtin_engines
 from lingjing.plugins.engine import EngineSpec
 from lingjing.scene.city import Building
+from lingjing.testing import declared
 from lingjing.trace.records import Action, Command, Decision
-from tests.declared import declared
 
 HUGE = (-1e6, -1.0, 0.0, 1e-3, 1e6)
 SQUARE = ((90.0, -10.0), (110.0, -10.0), (110.0, 10.0), (90.0, 10.0))

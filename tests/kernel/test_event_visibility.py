@@ -5,14 +5,12 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing.dsl import compile_text
 from lingjing.kernel.event_visibility import EventVisibility
 from lingjing.kernel.visibility import Projector
 from lingjing.mission.expression import Binary, Call, Number, Point, Quantified, Ref, Symbol
 from lingjing.mission.instance import ChannelSpec, Instance, InteractionSpec
-from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Constraint
-from lingjing.testing import CENTRE_BOX, does
+from lingjing.testing import CENTRE_BOX, compile_text, does, instantiate
 from lingjing.testing import rescue as kit
 from lingjing.trace.records import AdjudicatedEvent, Receipt, TaskEvent
 

@@ -1,17 +1,11 @@
 """Forks in mid-episode: a branch without changes ends with its parent's digest, a branch with changes does not."""
 
-from pathlib import Path
-
 import pytest
 
-from lingjing.dsl.loading.load import load_mission
 from lingjing.kernel.step import Kernel
-from lingjing.kernel.world import open_world
-from lingjing.mission.instantiate import instantiate
-from lingjing.plugins.host import PluginHost
+from lingjing.testing import PluginHost, city_of, instantiate
+from lingjing.testing.worlds import open_world
 from lingjing.trace.records import Action, Decision, DecisionRecord
-
-ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -21,9 +15,9 @@ def host():
 
 @pytest.fixture
 def kernel(host):
-    instance = instantiate(load_mission(ROOT / "scenarios" / "ssr.ljs"), seed=7)
+    instance = instantiate("ssr", seed=7)
     world = open_world("process", host=host)
-    kernel = Kernel(instance, host.scene(instance.scene.kind).build(instance.scene), world)
+    kernel = Kernel(instance, city_of(instance.scene, host), world)
     kernel.reset()
     yield kernel
     world.close()

@@ -4,17 +4,16 @@ import msgspec
 import pytest
 
 import lingjing
-from lingjing.data import data_path
 from lingjing.kernel.rule_sentences import rule_sentences
 from lingjing.mission.expression import Binary, Expr, Ref, Unary
 from lingjing.mission.instance import Instance
 from lingjing.mission.instance_text import InstanceText
-from lingjing.mission.instantiate import instantiate
+from lingjing.testing import instantiate, mission_file
 from lingjing.testing import rescue as kit
 
 
 def played(name: str, mode: str, seed: int = 1) -> Instance:
-    return instantiate(lingjing.compile(data_path("scenarios") / f"{name}.ljs"), seed=seed, mode=mode)
+    return instantiate(lingjing.compile(mission_file(name)), seed=seed, mode=mode)
 
 
 @pytest.mark.parametrize(
@@ -62,7 +61,7 @@ def test_a_changed_radius_changes_the_sentence():
 
 @pytest.mark.parametrize("name", ["bi", "vdn", "ld", "idf", "upr", "ufr", "cr", "ssr"])
 def test_instances_that_differ_in_hidden_values_alone_are_told_the_same(name: str):
-    mission = lingjing.compile(data_path("scenarios") / f"{name}.ljs")
+    mission = lingjing.compile(mission_file(name))
     texts = {rule_sentences(instantiate(mission, seed=seed)) for seed in range(4)}
     assert len(texts) == 1
 

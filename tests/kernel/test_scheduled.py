@@ -3,12 +3,12 @@
 import msgspec
 import pytest
 
-from lingjing.dsl import compile_text
 from lingjing.kernel.barrier import PolicyBarrier
 from lingjing.kernel.episode import play
 from lingjing.kernel.scheduled import ScheduledEvents
 from lingjing.mission.expression import Call, Ref, Symbol
 from lingjing.mission.instance import ChannelSpec, EventSpec, Weather
+from lingjing.testing import compile_text
 from lingjing.testing import rescue as kit
 from lingjing.trace.encoding import from_json, to_json
 from lingjing.trace.foxglove import logs

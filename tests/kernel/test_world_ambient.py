@@ -11,13 +11,12 @@ from msgspec.structs import replace
 
 import tests.kernel.world_toys as toys
 from lingjing.errors import InfrastructureError
-from lingjing.kernel.world import open_world
 from lingjing.kernel.world.boundary_checks import checked_boundary
 from lingjing.kernel.world.selection import select_engines
 from lingjing.plugins.engine import Boundary
-from lingjing.plugins.host import PluginHost
-from lingjing.testing import does
+from lingjing.testing import PluginHost, does
 from lingjing.testing import rescue as kit
+from lingjing.testing.worlds import open_world
 from lingjing.trace.records import BodyState, Route
 
 TOYS = ("tests.kernel.world_toys:plugin", "tests.kernel.world_toys:painter")

@@ -6,11 +6,10 @@ import pytest
 from msgspec.structs import replace
 
 import tests.kernel.world_toys as toys
-from lingjing.kernel.world import open_world
 from lingjing.mission.instance import CameraSpec, Entity, InteractionSpec, SceneSpec, Weather
-from lingjing.plugins.host import PluginHost
+from lingjing.testing import PluginHost, declared
+from lingjing.testing.worlds import open_world
 from lingjing.trace.records import Command
-from tests.declared import declared
 
 CAMERA = CameraSpec(
     name="nadir",

@@ -10,15 +10,15 @@ import msgspec
 import pytest
 
 import tests.kernel.world_toys as toys
+from lingjing import read_trace
 from lingjing.kernel.episode import play, policy_barrier
 from lingjing.kernel.step import Kernel
-from lingjing.kernel.world import open_world
 from lingjing.mission.expression import Flag
 from lingjing.mission.instance import AgentSpec, ChannelSpec, Entity, InteractionSpec, StateSpec, VerbSpec
+from lingjing.testing import TraceWriter
+from lingjing.testing.worlds import open_world
 from lingjing.trace.digest import verify
-from lingjing.trace.reader import read_trace
 from lingjing.trace.records import Action, Decision, Header
-from lingjing.trace.writer import TraceWriter
 
 TICKS = 4
 ROOT = str(Path(__file__).parents[2])

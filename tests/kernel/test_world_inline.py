@@ -9,8 +9,8 @@ from lingjing.errors import InfrastructureError, UsageError
 from lingjing.kernel.world.cosimulation import macro_steps, macro_time_s
 from lingjing.kernel.world.inline import InlineWorld
 from lingjing.mission.instance import Clock
-from lingjing.plugins.host import PluginHost
-from lingjing.trace.images import decode_jpeg, quantise_depth
+from lingjing.testing import PluginHost, decode_jpeg
+from lingjing.trace.images import quantise_depth
 from lingjing.trace.records import Absent
 
 

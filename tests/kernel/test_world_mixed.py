@@ -8,8 +8,8 @@ from msgspec.structs import replace
 
 import tests.kernel.world_mixed as mixed
 from lingjing.kernel.stocks import current
-from lingjing.kernel.world import open_world
 from lingjing.kernel.world.messages import Stepped, encoded
+from lingjing.testing.worlds import open_world
 
 pytestmark = pytest.mark.slow
 

@@ -17,7 +17,7 @@ from msgspec.structs import replace
 
 import tests.kernel.world_toys as toys
 from lingjing.errors import InfrastructureError, UsageError
-from lingjing.kernel.world import open_world
+from lingjing.testing.worlds import open_world
 from lingjing.trace.records import Absent
 
 ROOT = str(Path(__file__).parents[2])
@@ -511,7 +511,7 @@ CALLER = """
 import sys, time
 sys.path.insert(0, {root!r})
 import tests.kernel.world_toys as toys
-from lingjing.kernel.world import open_world
+from lingjing.testing.worlds import open_world
 world = open_world("process", plugins={toys!r}, installed=False)
 world.reset({instance}, toys.CITY)
 twin = world.fork()

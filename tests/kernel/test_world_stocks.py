@@ -4,11 +4,11 @@ import msgspec
 import pytest
 
 import lingjing
-from lingjing.dsl import compile_text
+from lingjing import read_trace
 from lingjing.kernel.world.stocks import Stocks
 from lingjing.mission.instance import StateSpec
+from lingjing.testing import compile_text
 from lingjing.testing import rescue as kit
-from lingjing.trace.reader import read_trace
 from lingjing.trace.records import BodyState
 
 BUS = """\

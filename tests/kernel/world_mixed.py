@@ -18,9 +18,8 @@ from lingjing.mission.instance import (
 )
 from lingjing.scene.city import Building, City, Water
 from lingjing.scene.network import StreetEdge, StreetNode, build_network
+from lingjing.testing import bare_instance, declared
 from lingjing.trace.records import Command
-from tests.bare_instance import bare_instance
-from tests.declared import declared
 
 SPAN_M = 200.0
 VERBS = ("takeoff", "setDestination", "forward", "left", "right", "stop", "moveTo")

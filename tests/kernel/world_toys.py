@@ -26,8 +26,8 @@ from lingjing.mission.instance import (
 from lingjing.plugins.engine import Boundary, CaptureRequest, EnginePlugin, Frame
 from lingjing.plugins.hookspecs import hookimpl
 from lingjing.scene.city import City, Prop
+from lingjing.testing import bare_instance
 from lingjing.trace.records import BodyState, Box, CameraPose, Command, FrameInfo, Receipt, Route, TaskEvent
-from tests.bare_instance import bare_instance
 
 CITY = City(id="toy", origin=(31.0, 121.5), bounds=(-100.0, -100.0, 100.0, 100.0))
 

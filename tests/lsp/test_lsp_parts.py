@@ -7,7 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lingjing.data import data_path
-from lingjing.dsl import compile_text
 from lingjing.dsl.source.text import SourceText
 from lingjing.dsl.syntax.statements import KINDS
 from lingjing.dsl.syntax.tokens import STATEMENTS
@@ -18,8 +17,9 @@ from lingjing.lsp.explain import KEYWORDS, explain
 from lingjing.lsp.outline import outline
 from lingjing.lsp.positions import Positions, TextPosition
 from lingjing.lsp.rename import applied, rename
+from lingjing.testing import compile_text, mission_file
 
-SSR = data_path("scenarios", "ssr.ljs").read_text(encoding="utf-8")
+SSR = mission_file("ssr").read_text(encoding="utf-8")
 
 
 def labels(text: str) -> list[str]:
@@ -140,7 +140,7 @@ def test_hover(word: str, due: str) -> None:
 
 def test_hover_describes_the_property_of_the_enclosing_type() -> None:
     """The van and the dog each have a `speed`."""
-    text = data_path("scenarios", "ld.ljs").read_text(encoding="utf-8")
+    text = mission_file("ld").read_text(encoding="utf-8")
     head = "asset dog : robot_dog {"
     assert "of `robot_dog`" in hovered("speed = 1.5", text=text.replace(head, f"{head}\n    speed = 1.5 m/s"))
 

@@ -12,15 +12,15 @@ from pathlib import Path
 import pytest
 import pytest_asyncio
 
+from lingjing.testing import mission_file
+
 pytest.importorskip("pygls", reason="the extra `lsp` is not installed")
 
 from lsprotocol import types as lsp
 from pygls.exceptions import JsonRpcException
 from pygls.lsp.client import LanguageClient
 
-from lingjing.data import data_path
-
-SSR = data_path("scenarios", "ssr.ljs").read_text(encoding="utf-8")
+SSR = mission_file("ssr").read_text(encoding="utf-8")
 URI = "file:///nowhere/ssr.ljs"
 
 

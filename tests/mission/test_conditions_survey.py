@@ -6,12 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.dsl import compile_text
-from lingjing.dsl.loading.load import load_mission
-from lingjing.dsl.loading.shipped import find_mission
+import lingjing
 from lingjing.mission.conditions.quantities import Cause
 from lingjing.mission.conditions.survey import Condition, Gate, Survey, survey_instance, survey_mission
-from lingjing.mission.instantiate import instantiate
+from lingjing.testing import compile_text, instantiate, mission_file
 
 NINE = ("bi", "cd", "cr", "idf", "ld", "ssr", "ufr", "upr", "vdn")
 
@@ -31,7 +29,7 @@ def condition(of: Survey, at: str) -> Condition:
 
 @pytest.fixture(scope="module")
 def ssr() -> Survey:
-    return survey_mission(load_mission(str(find_mission("ssr"))))
+    return survey_mission(lingjing.compile(str(mission_file("ssr"))))
 
 
 def test_a_leaf_has_the_quantities_of_both_sides_and_their_causes(ssr: Survey) -> None:
@@ -60,14 +58,14 @@ def test_an_event_is_caused_by_the_interaction_and_its_actors(ssr: Survey) -> No
 
 
 def test_a_state_is_changed_by_the_interactions_that_move_it() -> None:
-    cd = survey_mission(load_mission(str(find_mission("cd"))))
+    cd = survey_mission(lingjing.compile(str(mission_file("cd"))))
     (demand,) = condition(cd, "unlock/deliver").leaves[1].quantities
     assert demand.key == "point.demand_kg"
     assert demand.causes == (Cause(kind="interaction", name="deliver", by=("van",)),)
 
 
 def test_gates_name_what_each_condition_decides() -> None:
-    upr = survey_mission(load_mission(str(find_mission("upr"))))
+    upr = survey_mission(lingjing.compile(str(mission_file("upr"))))
     gates = {condition.at: condition.gates for condition in upr.conditions}
     assert gates["success"] == (Gate(kind="end"),)
     assert gates["permit/dog.forward"] == (Gate(kind="command", name="dog.forward"),)
@@ -77,7 +75,7 @@ def test_gates_name_what_each_condition_decides() -> None:
 
 def test_the_shipped_conditions_that_depend_on_hidden_values_and_gate_commands_are_known() -> None:
     paths_of = {
-        name: [c.at for c in survey_mission(load_mission(str(find_mission(name)))).of_kind("permit") if c.hidden]
+        name: [c.at for c in survey_mission(lingjing.compile(str(mission_file(name)))).of_kind("permit") if c.hidden]
         for name in NINE
     }
     assert {name: paths for name, paths in paths_of.items() if paths} == {"upr": ["permit/dog.forward"]}
@@ -85,7 +83,7 @@ def test_the_shipped_conditions_that_depend_on_hidden_values_and_gate_commands_a
 
 @pytest.mark.parametrize("name", NINE)
 def test_an_instance_and_its_mission_agree(name: str) -> None:
-    mission = load_mission(str(find_mission(name)))
+    mission = lingjing.compile(str(mission_file(name)))
     for mode in mission.modes.allowed:
         of = survey_instance(instantiate(mission, seed=1, mode=mode))
         whole = {condition.at: condition for condition in survey_mission(mission).conditions}

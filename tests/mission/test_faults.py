@@ -8,12 +8,12 @@ import sys
 
 import pytest
 
-from lingjing.dsl.loading.load import load_mission
+import lingjing
 from lingjing.errors import MissionError
 from lingjing.mission import document
 from lingjing.mission.faults import schema_faults
 
-WHOLE = document.encode(load_mission("ssr"))
+WHOLE = document.encode(lingjing.compile("ssr"))
 
 
 def test_every_fault_is_told_with_its_path() -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from lingjing.dsl import compile_text
 from lingjing.mission.diagnostics import Diagnostic
+from lingjing.testing import compile_text
 
 TYPES = """\
 ljs 1

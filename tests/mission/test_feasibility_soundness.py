@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lingjing.dsl import compile_file
 from lingjing.mission import expression as ex
 from lingjing.mission import model as m
 from lingjing.mission.conditions.condition_needs import needs
@@ -22,7 +21,7 @@ from lingjing.mission.feasibility import prove, prove_instance
 from lingjing.mission.feasibility.limits import episode
 from lingjing.mission.feasibility.tour import tours
 from lingjing.mission.instance import Instance
-from lingjing.mission.instantiate import instantiate
+from lingjing.testing import compile_file, instantiate
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 BOAT_MPS = 3.0

@@ -17,13 +17,13 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing.bench.columns import Column, columns, shipped
-from lingjing.dsl.loading.load import load_mission
-from lingjing.mission.instantiate import instantiate
+import lingjing
+from lingjing.bench.columns import Column, columns
+from lingjing.testing import instantiate, shipped_missions
 
 STORE = Path(__file__).parent / "golden" / "instances.json"
 SEEDS = range(100)
-COLUMNS = {column.name: column for column in columns(shipped())}
+COLUMNS = {column.name: column for column in columns(shipped_missions())}
 
 
 def plain(value: object) -> object:
@@ -60,7 +60,7 @@ def _fields(kind: type[msgspec.Struct]) -> tuple[tuple[str, str, object], ...]:
 
 def hashes(column: Column) -> dict[str, str]:
     """The hash of the column's instance for each seed."""
-    mission = load_mission(column.path)
+    mission = lingjing.compile(column.path)
     return {
         str(seed): hashlib.sha256(
             msgspec.json.encode(
@@ -89,7 +89,7 @@ def test_no_column_is_stored_that_does_not_ship() -> None:
 
 def test_another_instance_has_another_hash() -> None:
     column = COLUMNS["ssr-star"]
-    mission = load_mission(column.path)
+    mission = lingjing.compile(column.path)
     instances = [instantiate(mission, seed=seed, mode="star") for seed in (1, 2)]
     assert plain(instances[0]) != plain(instances[1])
     moved = msgspec.structs.replace(instances[0], title="x")

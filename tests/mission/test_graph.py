@@ -8,7 +8,7 @@ from typing import get_args
 import msgspec
 import pytest
 
-from lingjing.dsl.loading.load import load_mission
+import lingjing
 from lingjing.errors import MissionError, UsageError
 from lingjing.mission import expression as ex
 from lingjing.mission import model as m
@@ -106,7 +106,7 @@ ONLY_BROADCAST = [
 @pytest.fixture(scope="module")
 def whole() -> m.Mission:
     """`scenarios/ssr.ljs`, compiled."""
-    return load_mission(SSR)
+    return lingjing.compile(SSR)
 
 
 def ids(shown: MissionGraph) -> tuple[set[str], set[str]]:

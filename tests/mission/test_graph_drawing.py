@@ -15,7 +15,7 @@ from xml.etree import ElementTree as ET
 import msgspec
 import pytest
 
-from lingjing.dsl.loading.load import load_mission
+import lingjing
 from lingjing.errors import InfrastructureError
 from lingjing.mission.draw.dot import dot, quote
 from lingjing.mission.draw.mermaid import mermaid
@@ -77,7 +77,7 @@ def random_graph(seed: int) -> MissionGraph:
 
 @lru_cache
 def shipped_graph(name: str) -> MissionGraph:
-    return graph(load_mission(HERE.parents[1] / "scenarios" / f"{name}.ljs"))
+    return graph(lingjing.compile(HERE.parents[1] / "scenarios" / f"{name}.ljs"))
 
 
 MISSIONS = ("vdn", "bi", "idf", "upr", "ufr", "ssr", "cr", "ld", "cd")

@@ -13,15 +13,13 @@ import pytest
 
 from lingjing.causal.faculties import faculties_of
 from lingjing.cli import installed
-from lingjing.cli.main import main
-from lingjing.dsl import compile_text
 from lingjing.errors import ExitCode, PluginError
 from lingjing.mission import kinds, kinds_file
 from lingjing.mission.conditions.motion import Air, ceiling
 from lingjing.mission.instance import SceneSpec
-from lingjing.mission.instantiate import instantiate
 from lingjing.mission.kinds import builtin_scenes, engine_kind, extent_m, lacks, reach_m, scene_faults
 from lingjing.mission.kinds_format import KindsFile, SceneKind
+from lingjing.testing import compile_text, instantiate, run_command
 
 CANYON = {
     "name": "canyon",
@@ -77,7 +75,7 @@ def test_validate_imports_no_plug_in_whose_kinds_are_described(
     file.write_text(text.replace("asset boat :", "asset float : blimp { position = (0 m, 0 m) }\n  asset boat :", 1))
     compiled = str(tmp_path / "m.json")
     for command in (["validate", str(file)], ["compile", str(file), "-o", compiled], ["validate", compiled]):
-        assert main(command) == ExitCode.OK and "acme" not in sys.modules
+        assert run_command(command) == ExitCode.OK and "acme" not in sys.modules
         output = capsys.readouterr()
         assert "installed" not in output.out + output.err
     acme.unlink()  # the mission is not known to be good once the plug-in has changed
@@ -85,7 +83,7 @@ def test_validate_imports_no_plug_in_whose_kinds_are_described(
     installed._offers.cache_clear()
     assert "canyon" not in installed.offers("scene")
     assert "warning: plug-in `acme` (acme 1.0): does not load: RuntimeError: imported" in capsys.readouterr().err
-    assert main(["validate", str(file)]) == ExitCode.OK
+    assert run_command(["validate", str(file)]) == ExitCode.OK
     assert "no engine called `balloon` is installed" in capsys.readouterr().out
 
 

@@ -19,10 +19,10 @@ from lingjing.mission import document, frames, geometry2d
 from lingjing.mission import expression as ex
 from lingjing.mission import model as m
 from lingjing.mission.instance import Entity, Instance
-from lingjing.mission.instantiate import instantiate
 from lingjing.mission.reset.reading import instantiate_document
 from lingjing.mission.weather_words import SKIES, sky_of, word_for
 from lingjing.plugins.geometry import bearing_deg
+from lingjing.testing import instantiate
 
 ROOT = Path(__file__).resolve().parents[2]
 LISTING = (ROOT / "scenarios" / "reset" / "ssr-001.json").read_text(encoding="utf-8")

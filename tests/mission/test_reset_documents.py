@@ -12,14 +12,14 @@ from pathlib import Path
 import pytest
 
 import lingjing
+from lingjing import read_trace
 from lingjing.dsl.loading.load import templates_beside
 from lingjing.errors import MissionError
 from lingjing.mission import jsontext
 from lingjing.mission.document import read
 from lingjing.mission.instance import Instance
-from lingjing.mission.instantiate import instantiate
 from lingjing.mission.reset.emit import emit
-from lingjing.trace.reader import read_trace
+from lingjing.testing import instantiate
 
 WILD = Path(__file__).parent / "wild"
 TEMPLATES = templates_beside(Path("nowhere"))

@@ -13,9 +13,9 @@ from msgspec.structs import replace
 from lingjing.errors import MissionError
 from lingjing.mission import document
 from lingjing.mission import model as m
-from lingjing.mission.instantiate import instantiate
 from lingjing.mission.reset.emit import emit, with_template
 from lingjing.mission.reset.reading import instantiate_document
+from lingjing.testing import instantiate
 
 ROOT = Path(__file__).resolve().parents[2]
 LISTING = (ROOT / "scenarios" / "reset" / "ssr-001.json").read_text(encoding="utf-8")

@@ -14,7 +14,7 @@ import pytest
 
 from lingjing.dsl.loading.load import templates_beside
 from lingjing.mission.document import read
-from lingjing.mission.instantiate import instantiate
+from lingjing.testing import instantiate
 
 ROOT = Path(__file__).resolve().parents[2]
 GOLDEN = Path(__file__).parent / "golden" / "reset_frozen.json"

@@ -11,16 +11,14 @@ from typing import Any
 import pytest
 
 from benchmarks.silent_guesses import silent_guesses
-from lingjing.cli.main import main
 from lingjing.dsl.loading.load import templates_beside
 from lingjing.errors import ExitCode, MissionError
 from lingjing.kernel.cities import CityBuilder
 from lingjing.mission.document import read
 from lingjing.mission.instance import Instance
-from lingjing.mission.instantiate import instantiate
 from lingjing.mission.reset.emit import emit
-from lingjing.plugins.host import PluginHost
 from lingjing.scene.lines import project
+from lingjing.testing import PluginHost, instantiate, run_command
 
 FOLDER = Path(__file__).parent / "made_up"
 FILES = {path.name[:2]: path for path in sorted(FOLDER.glob("*.json"))}
@@ -83,9 +81,9 @@ def test_it_validates_and_comes_back_unchanged(number: str, capsys: pytest.Captu
     mission, notes = read(text, "w.json", TEMPLATES)
     assert mission.name == MISSIONS[number]
     assert not list(silent_guesses(text, mission, notes, TEMPLATES))
-    assert main(["compile", str(FILES[number]), "--emit", "reset-scenario", "--plain"]) == ExitCode.OK
+    assert run_command(["compile", str(FILES[number]), "--emit", "reset-scenario", "--plain"]) == ExitCode.OK
     assert capsys.readouterr().out == text
-    assert main(["validate", str(FILES[number])]) == ExitCode.OK
+    assert run_command(["validate", str(FILES[number])]) == ExitCode.OK
     again, _ = read(emit(mission), "w.json", TEMPLATES)
     for seed in (0, 1):
         assert instantiate(again, seed=seed) == instantiate(mission, seed=seed)
@@ -153,7 +151,7 @@ def test_what_is_wider_than_any_scene_is_an_error(tmp_path: Path, capsys: pytest
     listed(whole, "droneEntityList")[0]["data"]["X"] += 1_500_000.0
     file = tmp_path / "w.json"
     file.write_text(json.dumps(whole), encoding="utf-8")
-    assert main(["validate", str(file)]) == ExitCode.MISSION
+    assert run_command(["validate", str(file)]) == ExitCode.MISSION
     assert "droneEntityList" in capsys.readouterr().out
 
 
@@ -323,10 +321,10 @@ def test_a_yaw_beats_a_placeholder() -> None:
 
 def test_run_prints_the_notes_that_compile_prints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = str(FILES["13"])
-    assert main(["compile", path]) == ExitCode.OK
+    assert run_command(["compile", path]) == ExitCode.OK
     notes = [line for line in capsys.readouterr().err.splitlines() if line.startswith("note: ")]
     assert any("are read as metres" in note for note in notes)
-    assert main(["run", path, "--policy", "nobody", "-o", str(tmp_path / "out")]) == ExitCode.USAGE
+    assert run_command(["run", path, "--policy", "nobody", "-o", str(tmp_path / "out")]) == ExitCode.USAGE
     assert [line for line in capsys.readouterr().err.splitlines() if line.startswith("note: ")] == notes
 
 
@@ -388,7 +386,7 @@ def test_uavs_over_a_plateau_fly_over_its_ground() -> None:
 def test_it_is_played(number: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The heuristic wins; the notes are told again."""
     arguments = ["run", str(FILES[number]), "--seed", "1", "--no-overview", "-o", str(tmp_path / "out")]
-    assert main(arguments) == ExitCode.OK
+    assert run_command(arguments) == ExitCode.OK
     output = capsys.readouterr()
     assert "success: yes" in output.out and f"note: template '{MISSIONS[number]}'" in output.err
 
@@ -397,7 +395,7 @@ def test_it_is_played(number: str, tmp_path: Path, capsys: pytest.CaptureFixture
 @pytest.mark.parametrize("number", [number for number in MISSIONS if number not in ("06", "10", "11", "16")])
 def test_the_oracle_wins_it(number: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["run", str(FILES[number]), "--seed", "1", "--policy", "oracle", "--no-overview"]
-    assert main([*arguments, "-o", str(tmp_path / "out")]) == ExitCode.OK
+    assert run_command([*arguments, "-o", str(tmp_path / "out")]) == ExitCode.OK
     assert "success: yes" in capsys.readouterr().out
 
 
@@ -434,5 +432,5 @@ def test_what_lies_beyond_every_scene_keeps_its_template(tmp_path: Path, capsys:
         dog["data"]["X"] += 20_000_000.0
     file = tmp_path / "w.json"
     file.write_text(json.dumps(whole), encoding="utf-8")
-    assert main(["validate", str(file)]) == ExitCode.MISSION
+    assert run_command(["validate", str(file)]) == ExitCode.MISSION
     assert "outside of the scene" in capsys.readouterr().out

@@ -15,13 +15,13 @@ from lingjing.mission import document, frames
 from lingjing.mission import expression as ex
 from lingjing.mission import model as m
 from lingjing.mission.instance import Instance, StateSpec
-from lingjing.mission.instantiate import instantiate
 from lingjing.mission.reset.elements import elements_fault
 from lingjing.mission.reset.emit import emit
 from lingjing.mission.reset.fields import FIELDS, field_of
 from lingjing.mission.reset.reading import instantiate_document
 from lingjing.mission.reset.shapes import LISTS
 from lingjing.mission.reset.template import fleet_of, signatures
+from lingjing.testing import instantiate
 
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = ("air_delivery", "bi", "cd", "cr", "fire_search", "idf", "ld", "queue", "ssr", "ufr", "upr", "vdn")

@@ -8,14 +8,14 @@ from typing import Any
 
 import pytest
 
+from lingjing import Mission
 from lingjing.dsl.loading.load import templates_beside
 from lingjing.errors import MissionError
 from lingjing.mission.document import read
 from lingjing.mission.expression import Number
 from lingjing.mission.instance import Instance
-from lingjing.mission.instantiate import instantiate
-from lingjing.mission.model import Mission
 from lingjing.mission.reset.emit import emit
+from lingjing.testing import instantiate
 
 TEMPLATES = templates_beside(Path("nowhere"))
 MADE_UP = Path(__file__).parent / "made_up"

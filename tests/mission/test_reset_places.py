@@ -10,8 +10,8 @@ import pytest
 from lingjing.dsl.loading.load import templates_beside
 from lingjing.errors import LingjingError, MissionError
 from lingjing.mission.document import decode, encode, read
-from lingjing.mission.instantiate import instantiate
 from lingjing.mission.reset.emit import emit
+from lingjing.testing import instantiate
 
 RESET = Path(__file__).resolve().parents[2] / "scenarios" / "reset"
 TEMPLATES = templates_beside(Path("nowhere"))

@@ -12,13 +12,12 @@ import pytest
 
 from benchmarks.mutated_documents import read_mutated
 from benchmarks.silent_guesses import silent_guesses
-from lingjing.cli.main import main
 from lingjing.dsl.loading.load import templates_beside
 from lingjing.errors import ExitCode, MissionError
 from lingjing.mission.document import read
 from lingjing.mission.instance import Instance
-from lingjing.mission.instantiate import instantiate
 from lingjing.mission.reset.emit import emit
+from lingjing.testing import instantiate, run_command
 
 TEMPLATES = templates_beside(Path("nowhere"))
 Json = dict[str, Any]
@@ -512,7 +511,7 @@ def test_what_cannot_be_played_is_told_at_its_path_and_what_is_moved_with_the_di
     whole = document({"goalFirePosition": [PLACE]}, drones=2, cars=1)
     file = tmp_path / "w.json"
     file.write_text(json.dumps(whole))
-    assert main(["validate", str(file)]) == ExitCode.OK
+    assert run_command(["validate", str(file)]) == ExitCode.OK
     output = capsys.readouterr().out
     at = "note: $.scenario.equipmentList.autoVehicleEntityList[0].data: `truck` is put "
     assert re.search(re.escape(at) + r"\d+ m away, on the nearest road that suits\n", output)
@@ -520,7 +519,7 @@ def test_what_cannot_be_played_is_told_at_its_path_and_what_is_moved_with_the_di
     assert "`uav" not in output
     whole["scenario"]["equipmentList"]["droneEntityList"][1]["data"]["x"] = 1_900_000.0
     file.write_text(json.dumps(whole))
-    assert main(["validate", str(file)]) == ExitCode.MISSION  # 19 km: no scene is as wide
+    assert run_command(["validate", str(file)]) == ExitCode.MISSION  # 19 km: no scene is as wide
     output = capsys.readouterr().out
     assert "$.scenario.equipmentList.droneEntityList[1].data: `uav[2]` begins at (19,000 m" in output
 

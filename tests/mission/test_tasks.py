@@ -5,11 +5,10 @@ from __future__ import annotations
 import pytest
 
 import lingjing
-from lingjing.bench.columns import shipped
-from lingjing.mission.instantiate import instantiate
 from lingjing.mission.tasks import possible, reported, required_tasks
+from lingjing.testing import instantiate, shipped_missions
 
-MISSIONS = {path.stem: path for path in shipped()}
+MISSIONS = {path.stem: path for path in shipped_missions()}
 
 
 def instance(name: str):

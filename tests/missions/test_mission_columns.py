@@ -6,8 +6,9 @@ from __future__ import annotations
 
 import pytest
 
-import tests.missions.stage_kit as kit
 from lingjing.mission.graph import graph
+from lingjing.testing import CENTRE_BOX, Stage, does, reports, says, together
+from tests.missions import staging as kit
 
 SAID = ("information_handoff", "guidance")
 
@@ -16,75 +17,75 @@ SAID = ("information_handoff", "guidance")
 
 
 def walk(play):
-    play.strings.places["dog"] = (5.0, 0.0, 0.0)
+    play.stage.places["dog"] = (5.0, 0.0, 0.0)
     play.do()
     play.put("dog", "home", east=-20.0)
     play.wait(3)
 
 
 def inspect_bridge(play):
-    play.strings.boxes = {"fracture": kit.BOX}
+    play.stage.boxes = {"fracture": CENTRE_BOX}
     play.do()
-    place = play.target("fracture").position[:2]
+    place = play.entity("fracture").position[:2]
     play.put("uav", "fracture")
-    play.do({"inspector": kit.report("finding", "f1-uav-nadir", "bridge_fracture", place)})
+    play.do({"inspector": reports("finding", "f1-uav-nadir", "bridge_fracture", place)})
     play.wait(2)
 
 
 def deliver_parcel(play):
-    stop = play.target("stop_node").position
-    play.strings.routes = [(stop,)]
-    play.strings.boxes = {"jam[1]": kit.BOX}
-    play.do({"inspector": kit.does("takePhoto")})
-    jam = play.target("jam[1]").position[:2]
-    play.do({"inspector": kit.report("sighting", "f1-uav-nadir", "congestion", jam)})
+    stop = play.entity("stop_node").position
+    play.stage.routes = [(stop,)]
+    play.stage.boxes = {"jam[1]": CENTRE_BOX}
+    play.do({"inspector": does("takePhoto")})
+    jam = play.entity("jam[1]").position[:2]
+    play.do({"inspector": reports("sighting", "f1-uav-nadir", "congestion", jam)})
     play.put("uav", "stop_node", east=10.0)
-    play.do({"coordinator": kit.says("order", to=("driver",), assignee="driver", task="wait", position=jam)})
+    play.do({"coordinator": says("order", to=("driver",), assignee="driver", task="wait", position=jam)})
     play.put("van", "stop_node")
     play.do()
     play.put("uav", "house")
     step = {"assignee": "courier", "step": "forward", "position": (255.0, 240.0)}
-    play.do({"inspector": kit.says("guide", **step)})
-    play.do({"coordinator": kit.says("guide", to=("courier",), **step)})
+    play.do({"inspector": says("guide", **step)})
+    play.do({"coordinator": says("guide", to=("courier",), **step)})
     play.put("dog", "house")
     play.wait(3)
     assert play.success
 
 
 def fight_fires(play):
-    play.do({"searcher[1]": kit.does("takePhoto")})
-    report = kit.report("sighting", "f1-dog[1]-front", "fire_source", (0.0, 0.0))
-    play.strings.boxes = {"fire[1]": kit.BOX}
-    play.do({"searcher[1]": kit.both(report, kit.says("progress", task="search", state="west is clear"))})
+    play.do({"searcher[1]": does("takePhoto")})
+    report = reports("sighting", "f1-dog[1]-front", "fire_source", (0.0, 0.0))
+    play.stage.boxes = {"fire[1]": CENTRE_BOX}
+    play.do({"searcher[1]": together(report, says("progress", task="search", state="west is clear"))})
     play.put("dog[1]", "fire[1]", east=6.0)
-    play.do({"searcher[1]": kit.does("takePhoto")})
+    play.do({"searcher[1]": does("takePhoto")})
     seen = f"f{play.published.record.tick}-dog[1]-front"
     play.put("dog[2]", "fire[1]", east=-1.5)
     play.put("dog[1]", "fire[1]", east=1.0)
-    play.do({"searcher[1]": kit.report("sighting", seen, "fire_source", play.target("fire[1]").position[:2])})
+    play.do({"searcher[1]": reports("sighting", seen, "fire_source", play.entity("fire[1]").position[:2])})
     play.wait(3)
 
 
 def repair(play):
-    play.strings.places["uav"] = (0.0, 0.0, 30.0)
-    play.strings.boxes = {"leak": kit.BOX}
-    play.do({"pilot": kit.does("takePhoto", camera="nadir")})
-    place = play.target("leak").position[:2]
-    play.do({"pilot": kit.report("finding", "f1-uav-nadir", "pipeline_leak", place)})
-    play.do({"pilot": kit.says("guide", assignee="dog", step="forward", amount=5.0)})
+    play.stage.places["uav"] = (0.0, 0.0, 30.0)
+    play.stage.boxes = {"leak": CENTRE_BOX}
+    play.do({"pilot": does("takePhoto", camera="nadir")})
+    place = play.entity("leak").position[:2]
+    play.do({"pilot": reports("finding", "f1-uav-nadir", "pipeline_leak", place)})
+    play.do({"pilot": says("guide", assignee="dog", step="forward", amount=5.0)})
     play.put("dog", "leak")
     play.wait(3)
 
 
 def reroute(play):
-    goal = play.target("goal_place").position
-    play.strings.routes = [(goal,)]
-    play.strings.boxes = {"jam[1]": kit.BOX}
-    play.do({"inspector": kit.does("takePhoto")})
-    jam = play.target("jam[1]").position[:2]
-    look = kit.says("order", to=("inspector",), assignee="inspector", task="look", position=goal[:2])
-    play.do({"inspector": kit.report("sighting", "f1-uav-nadir", "congestion", jam), "coordinator": look})
-    play.do({"coordinator": kit.says("order", to=("driver",), assignee="driver", task="wait", position=jam)})
+    goal = play.entity("goal_place").position
+    play.stage.routes = [(goal,)]
+    play.stage.boxes = {"jam[1]": CENTRE_BOX}
+    play.do({"inspector": does("takePhoto")})
+    jam = play.entity("jam[1]").position[:2]
+    look = says("order", to=("inspector",), assignee="inspector", task="look", position=goal[:2])
+    play.do({"inspector": reports("sighting", "f1-uav-nadir", "congestion", jam), "coordinator": look})
+    play.do({"coordinator": says("order", to=("driver",), assignee="driver", task="wait", position=jam)})
     play.put("uav", "goal_place")
     play.do()
     play.put("van", "goal_place")
@@ -99,40 +100,40 @@ def search(play):
     }[play.instance.mission]
     hub = play.instance.comms.hub
     driver = next(agent.id for agent in play.instance.agents if vehicle in agent.controls)
-    x, y, _ = play.target(target).position
+    x, y, _ = play.entity(target).position
     east, north = play.instance.cells[0].centre
-    play.strings.places["uav[1]"] = (east, north, 100.0)
-    play.strings.boxes = {target: kit.BOX}
-    play.do({"scout[1]": kit.does("takePhoto", camera="nadir")})
-    report = kit.report("detection", "f1-uav[1]-nadir", cls, (x, y))
+    play.stage.places["uav[1]"] = (east, north, 100.0)
+    play.stage.boxes = {target: CENTRE_BOX}
+    play.do({"scout[1]": does("takePhoto", camera="nadir")})
+    report = reports("detection", "f1-uav[1]-nadir", cls, (x, y))
     order = {"assignee": driver, "task": "go", "position": (x, y)}
     if hub:
         play.do({"scout[1]": report})
-        play.do({hub: kit.says("assignment", to=(driver,), **order)})
-        play.do({hub: kit.says("assignment", to=("scout[2]",), assignee="scout[2]", task="search")})
+        play.do({hub: says("assignment", to=(driver,), **order)})
+        play.do({hub: says("assignment", to=("scout[2]",), assignee="scout[2]", task="search")})
     else:
-        play.do({"scout[1]": kit.both(report, kit.says("assignment", **order))})
-    play.do({agent: kit.does(verb, vehicle, x=x, y=y) for agent in ("scout[1]", "scout[2]") if not hub})
+        play.do({"scout[1]": together(report, says("assignment", **order))})
+    play.do({agent: does(verb, vehicle, x=x, y=y) for agent in ("scout[1]", "scout[2]") if not hub})
     play.put(vehicle, target)
     play.wait(3)
 
 
 def haul(play):
     for number in range(1, 6):
-        play.strings.places[f"van[{number}]"] = (2000.0 + 100.0 * number, 2000.0, 0.0)
+        play.stage.places[f"van[{number}]"] = (2000.0 + 100.0 * number, 2000.0, 0.0)
     play.do()
     hub = play.instance.comms.hub
     if hub:
         orders = [{"assignee": f"driver[{k}]", "stops": ("point[1]",), "load": 200.0} for k in (1, 2)]
-        play.do({hub: kit.says("plan", to=("driver[1]",), **orders[0])})
-        play.do({hub: kit.says("plan", to=("driver[2]",), **orders[1])})
-    x, y, _ = play.target("point[1]").position
-    going = kit.does("setDestination", x=x, y=y)
+        play.do({hub: says("plan", to=("driver[1]",), **orders[0])})
+        play.do({hub: says("plan", to=("driver[2]",), **orders[1])})
+    x, y, _ = play.entity("point[1]").position
+    going = does("setDestination", x=x, y=y)
     play.do({"driver[1]": going, "driver[2]": going})
     play.put("van[1]", "point[1]")
     play.put("van[2]", "point[1]")
     play.wait(2)
-    play.do({"driver[1]": kit.says("handover", stop="point[1]", delivered=200.0, left=50.0)})
+    play.do({"driver[1]": says("handover", stop="point[1]", delivered=200.0, left=50.0)})
     play.put("van[1]", "depot", east=20.0)
     play.put("van[2]", "depot", east=-30.0)
     play.wait(2)
@@ -186,7 +187,7 @@ def test_all_relations_of_a_column_happen_and_are_recorded(name, mode):
     instance = kit.still(kit.staged(name, mode, settings=tuple(settings.items()))[0])
     goal = next((e.position for e in instance.entities if e.id in ("stop_node", "goal_place")), (0.0, 0.0, 0.0))
     places = {"uav": (-20.0, -50.0, 30.0)} if name == "upr" else {}
-    with kit.playing(name, mode, instance=instance, strings=kit.Strings(routes=[(goal,)], places=places)) as play:
+    with kit.playing(name, mode, instance=instance, stage=Stage(routes=[(goal,)], places=places)) as play:
         script(play)
         roles = {agent.id: agent.role for agent in play.instance.agents}
         edges = {(edge.kind, edge.source, edge.target) for edge in graph(kit.mission(name), mode).edges}

@@ -15,13 +15,12 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-import tests.missions.stage_kit as kit
 from lingjing.kernel.cities import CityBuilder
 from lingjing.mission.instance import Instance, MessageSpec
-from lingjing.mission.instantiate import instantiate
-from lingjing.plugins.host import PluginHost
 from lingjing.plugins.policy import Inbox, Observation
+from lingjing.testing import CENTRE_BOX, Episode, PluginHost, Stage, does, instantiate, reports
 from lingjing.trace.records import Action, Decision, Outgoing
+from tests.missions import staging as kit
 
 HIDING = tuple(column for column in kit.COLUMNS if column[0] != "cd")
 TICKS = {"vdn": 2, "idf": 2, "ufr": 2, "cr": 3, "ld": 3}
@@ -73,7 +72,7 @@ def filler(spec: MessageSpec, frame: str | None) -> dict[str, object] | None:
         made[item.name] = {
             "frame": frame,
             "number": low if low is not None else 1.0,
-            "box": kit.BOX,
+            "box": CENTRE_BOX,
             "position": (10.0, 20.0),
             "names": ("a", "b"),
             "flag": True,
@@ -84,7 +83,7 @@ def filler(spec: MessageSpec, frame: str | None) -> dict[str, object] | None:
 MOTION = {"takeoff": {}, "forward": {"distance": 5.0}, "moveTo": {"x": 0.0, "y": -1200.0}, "setDestination": None}
 
 
-def busy(play: kit.Play) -> dict[str, Decision]:
+def busy(play: Episode) -> dict[str, Decision]:
     """The decisions of all agents at this boundary: commands in turn, a picture, every allowed message.
 
     No agent requests another route, because the answer may depend on hidden values.
@@ -106,10 +105,10 @@ def busy(play: kit.Play) -> dict[str, Decision]:
     return out
 
 
-def motion(play: kit.Play, controls: tuple[str, ...], tick: int) -> Action | None:
+def motion(play: Episode, controls: tuple[str, ...], tick: int) -> Action | None:
     if not controls:
         return None
-    entity = play.target(controls[0])
+    entity = play.entity(controls[0])
     verbs = [verb.name for verb in entity.verbs]
     if tick % 2 and "takePhoto" in verbs:
         return Action(verb="takePhoto", arguments={})
@@ -248,10 +247,10 @@ def test_a_true_report_looks_like_a_false_one():
     seen = []
     for instance in (first, second):
         with kit.playing("ufr", "broadcast", instance=instance) as play:
-            play.strings.boxes = {"fire[1]": kit.BOX}
-            play.do({"scout[1]": kit.does("takePhoto", camera="nadir")})
-            play.do({"scout[1]": kit.report("detection", "f1-uav[1]-nadir", "building_fire", place)})
-            play.strings.boxes = {}
+            play.stage.boxes = {"fire[1]": CENTRE_BOX}
+            play.do({"scout[1]": does("takePhoto", camera="nadir")})
+            play.do({"scout[1]": reports("detection", "f1-uav[1]-nadir", "building_fire", place)})
+            play.stage.boxes = {}
             play.do()
             seen.append(
                 [
@@ -288,7 +287,7 @@ def test_wherever_hidden_things_are_inputs_are_the_same(name, mode, seed, east, 
     goal = next((entity.position for entity in first.entities if entity.type == "destination"), (0.0, 0.0, 0.0))
     seen = []
     for instance in (first, msgspec.structs.replace(other, entities=shifted)):
-        with kit.playing(name, mode, instance=instance, strings=kit.Strings(routes=[(goal,)])) as play:
+        with kit.playing(name, mode, instance=instance, stage=Stage(routes=[(goal,)])) as play:
             for _ in range(3):
                 play.do(busy(play))
             briefs = {agent: msgspec.msgpack.encode(brief) for agent, brief in play.kernel.briefs().items()}
@@ -317,9 +316,9 @@ def test_who_flies_over_a_jam_is_not_told_so_by_an_event(name, mode):
     )
     seen, emitted = [], []
     for instance in (first, elsewhere):
-        strings = kit.Strings(routes=[((300.0, 0.0, 0.0),)])
-        with kit.playing(name, mode, instance=instance, strings=strings) as play:
-            play.strings.places["uav"] = (*next(e.position for e in first.entities if e.id == jams[0])[:2], 60.0)
+        stage = Stage(routes=[((300.0, 0.0, 0.0),)])
+        with kit.playing(name, mode, instance=instance, stage=stage) as play:
+            play.stage.places["uav"] = (*next(e.position for e in first.entities if e.id == jams[0])[:2], 60.0)
             play.wait(3)
             emitted.append({event for event in play.emitted() if event.startswith("record ")})
             seen.append(

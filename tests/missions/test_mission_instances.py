@@ -12,11 +12,11 @@ from pathlib import Path
 import msgspec
 import pytest
 
-import tests.missions.stage_kit as kit
 from lingjing.errors import UsageError
 from lingjing.mission.evaluate import Scope, number
-from lingjing.mission.instantiate import instantiate
 from lingjing.scene.city import City
+from lingjing.testing import instantiate
+from tests.missions import staging as kit
 
 SEEDS = range(5)
 NINE = tuple(dict.fromkeys(name for name, _ in kit.COLUMNS))

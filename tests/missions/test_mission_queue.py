@@ -5,29 +5,29 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-import tests.missions.stage_kit as kit
 from lingjing.kernel.episode import policy_barrier
 from lingjing.mission.expression import Aggregate, Attr, Binary, Call, Number, Ref, Symbol
 from lingjing.mission.tasks import declared, matching_members, required_tasks
-from lingjing.plugins.host import PluginHost
+from lingjing.testing import CENTRE_BOX, PluginHost, Stage, does, reports, says
+from tests.missions import staging as kit
 
 SHOPS = ("shop[1]", "shop[2]", "shop[3]")
 
 
 def queues(play):
-    return {name: play.target(name).properties["people"] for name in SHOPS}
+    return {name: play.entity(name).properties["people"] for name in SHOPS}
 
 
-def tally(play, shop, tick, people=None, box=kit.BOX):
-    x, y, _ = play.target(shop).position
+def tally(play, shop, tick, people=None, box=CENTRE_BOX):
+    x, y, _ = play.entity(shop).position
     counted = queues(play)[shop] if people is None else people
-    return kit.report("tally", f"f{tick}-uav-nadir", "queue_of_people", (x, y), box, people=counted)
+    return reports("tally", f"f{tick}-uav-nadir", "queue_of_people", (x, y), box, people=counted)
 
 
-def count(play, shop, people=None, box=kit.BOX):
+def count(play, shop, people=None, box=CENTRE_BOX):
     """Look at one shop and say how many there are."""
-    play.strings.boxes = {shop: kit.BOX}
-    play.do({"counter": kit.does("takePhoto")})
+    play.stage.boxes = {shop: CENTRE_BOX}
+    play.do({"counter": does("takePhoto")})
     tick = play.published.record.tick
     play.do({"counter": tally(play, shop, tick, people, box)})
 
@@ -116,8 +116,8 @@ def test_instances_that_differ_in_their_queues_look_the_same():
     seen = []
     for each in (instance, other):
         with kit.playing("queue", instance=each) as play:
-            play.do({"counter": kit.does("takePhoto")})
-            play.do({"counter": kit.says("order", assignee="dog", task="wait")})
+            play.do({"counter": does("takePhoto")})
+            play.do({"counter": says("order", assignee="dog", task="wait")})
             records = [seen.sha256 for step in play.all for seen in step.record.observations]
             seen.append((records, play.kernel.briefs()))
     assert seen[0] == seen[1]
@@ -126,7 +126,7 @@ def test_instances_that_differ_in_their_queues_look_the_same():
 def test_the_word_of_the_counter_goes_to_the_walker():
     with kit.playing("queue") as play:
         count(play, SHOPS[1])
-        play.do({"counter": kit.says("order", assignee="dog", task="join", position=(1.0, 2.0))})
+        play.do({"counter": says("order", assignee="dog", task="join", position=(1.0, 2.0))})
         kinds = [(relation.kind, relation.source, relation.target) for relation in play.relations]
         assert ("information_handoff", "counter", "walker") in kinds
         assert ("guidance", "counter", "walker") in kinds
@@ -182,11 +182,9 @@ def played(policy, seed, ticks):
     plugin = host.policy(policy)
     instance, _ = kit.staged("queue", None, seed)
     everybody = frozenset(agent.id for agent in instance.agents) if plugin.privileged else frozenset()
-    strings = kit.Strings(sight_m=30.0)
+    stage = Stage(sight_m=30.0)
     engines = ("city", "multirotor", "quadruped")
-    with kit.playing(
-        "queue", seed=seed, real=engines, instance=instance, strings=strings, privileged=everybody
-    ) as play:
+    with kit.playing("queue", seed=seed, real=engines, instance=instance, stage=stage, privileged=everybody) as play:
         barrier = policy_barrier(play.kernel, {agent.id: plugin.factory() for agent in instance.agents})
         try:
             for _ in range(ticks):

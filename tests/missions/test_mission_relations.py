@@ -6,8 +6,9 @@ from __future__ import annotations
 
 import pytest
 
-import tests.missions.stage_kit as kit
 from lingjing.mission.graph import graph
+from lingjing.testing import CENTRE_BOX, Stage, does, reports, says, together
+from tests.missions import staging as kit
 
 FIVE = ("information_handoff", "cooperation", "competition", "guidance", "dependency")
 
@@ -75,12 +76,12 @@ def sighted(play, name, scout=1):
     """A picture of the first target, taken above the first cell, and the report that is true of it."""
     target, cls = f"{TEAMS[name][0]}[1]", TEAMS[name][1]
     x, y = play.instance.cells[0].centre
-    play.strings.places[f"uav[{scout}]"] = (x, y, 100.0)
-    play.strings.boxes = {target: kit.BOX}
-    play.do({f"scout[{scout}]": kit.does("takePhoto", camera="nadir")})
+    play.stage.places[f"uav[{scout}]"] = (x, y, 100.0)
+    play.stage.boxes = {target: CENTRE_BOX}
+    play.do({f"scout[{scout}]": does("takePhoto", camera="nadir")})
     frame = f"f{play.published.record.tick}-uav[{scout}]-nadir"
-    place = play.target(target).position[:2]
-    return target, place, kit.report("detection", frame, cls, place)
+    place = play.entity(target).position[:2]
+    return target, place, reports("detection", frame, cls, place)
 
 
 @teams
@@ -101,7 +102,7 @@ def test_star_goes_through_the_hub_in_two_ticks(name):
         _, place, report = sighted(play, name)
         first = play.do({"scout[1]": report})
         assert [who for who, box in first.inboxes.items() if box.messages] == [hub]
-        order = kit.says("assignment", to=(responder,), assignee=responder, task="go", position=place)
+        order = says("assignment", to=(responder,), assignee=responder, task="go", position=place)
         second = play.do({hub: order})
         assert [who for who, box in second.inboxes.items() if box.messages] == [responder]
         assert second.record.tick - first.record.tick == 1  # said on boundary 1, read by the responder at boundary 3
@@ -124,7 +125,7 @@ def test_under_star_the_evidence_is_handed_over_when_the_hub_passes_it_on(name):
         _, place, report = sighted(play, name)
         play.do({"scout[1]": report})
         assert found(play, "information_handoff") == []
-        play.do({hub: kit.says("assignment", to=(responder,), assignee=responder, task="go", position=place)})
+        play.do({hub: says("assignment", to=(responder,), assignee=responder, task="go", position=place)})
         (order,) = said(play, "assignment", 3)
         assert found(play, "information_handoff") == [("scout[1]", responder, order, 3)]
 
@@ -135,7 +136,7 @@ def test_an_order_to_another_place_hands_no_evidence_over(name):
     with team(name, "star") as play:
         _, (x, y), report = sighted(play, name)
         play.do({"scout[1]": report})
-        play.do({hub: kit.says("assignment", to=(responder,), assignee=responder, task="go", position=(x + 90.0, y))})
+        play.do({hub: says("assignment", to=(responder,), assignee=responder, task="go", position=(x + 90.0, y))})
         assert found(play, "information_handoff") == []
 
 
@@ -155,7 +156,7 @@ def test_scouts_work_together_by_the_cells_they_photograph(name, mode):
 def test_the_coordinator_guides_scouts(name):
     hub = TEAMS[name][5]
     with team(name, "star") as play:
-        play.do({hub: kit.says("assignment", to=("scout[2]",), assignee="scout[2]", task="search")})
+        play.do({hub: says("assignment", to=("scout[2]",), assignee="scout[2]", task="search")})
         (order,) = said(play, "assignment", 1)
         assert found(play, "guidance") == [(hub, "scout[2]", order, 1)]
 
@@ -166,9 +167,9 @@ def test_one_vehicle_is_one_agents_at_a_time(name):
     resource, verb, responder = TEAMS[name][2:5]
     with team(name, "broadcast") as play:
         scouts = [agent.id for agent in play.instance.agents if agent.role == "searcher"]
-        x, y, _ = play.target(f"{TEAMS[name][0]}[1]").position
+        x, y, _ = play.entity(f"{TEAMS[name][0]}[1]").position
         asking = (*reversed(scouts), responder)
-        play.do({agent: kit.does(verb, resource, x=x, y=y) for agent in asking})
+        play.do({agent: does(verb, resource, x=x, y=y) for agent in asking})
         assert play.reasons(scouts[0])[0] == ("accepted", "")
         for agent in (*scouts[1:], responder):
             assert play.reasons(agent) == [("rejected", "conflict")]
@@ -180,7 +181,7 @@ def test_one_vehicle_is_one_agents_at_a_time(name):
 def test_under_star_scouts_have_no_say_over_the_vehicle(name):
     resource, verb = TEAMS[name][2:4]
     with team(name, "star") as play:
-        play.do({"scout[1]": kit.does(verb, resource, x=0.0, y=0.0)})
+        play.do({"scout[1]": does(verb, resource, x=0.0, y=0.0)})
         assert play.reasons("scout[1]") == [("rejected", "no_authority")]
         assert found(play, "competition") == []
 
@@ -194,7 +195,7 @@ def test_rescue_and_extinguishing_depend_on_the_place_that_was_found(name, mode)
         target, (x, y), report = sighted(play, name)
         play.do({"scout[1]": report})
         assert play.stages() == [f"detect {target}", f"locate {target}"]
-        play.do({responder: kit.does(verb, x=x, y=y)})
+        play.do({responder: does(verb, x=x, y=y)})
         assert play.stages()[2:] == [f"handoff {target}"]
         play.put(resource, target)
         play.wait(5)
@@ -209,18 +210,18 @@ def test_rescue_and_extinguishing_depend_on_the_place_that_was_found(name, mode)
 
 def gathered(play):
     """Stand the dogs beside each other."""
-    x, y, z = play.target("dog[1]").position
+    x, y, z = play.entity("dog[1]").position
     for number in (1, 2, 3):
-        play.strings.places[f"dog[{number}]"] = (x, y + 3.0 * number, z)
+        play.stage.places[f"dog[{number}]"] = (x, y + 3.0 * number, z)
 
 
 def test_dogs_hand_over_sightings_and_guide_by_their_progress():
     with kit.playing("idf", fires=1.0) as play:
         gathered(play)
-        play.do({"searcher[1]": kit.does("takePhoto")})
-        report = kit.report("sighting", "f1-dog[1]-front", "fire_source", (0.0, 0.0))
-        progress = kit.says("progress", task="search", state="west is clear")
-        play.do({"searcher[1]": kit.both(report, progress)})
+        play.do({"searcher[1]": does("takePhoto")})
+        report = reports("sighting", "f1-dog[1]-front", "fire_source", (0.0, 0.0))
+        progress = says("progress", task="search", state="west is clear")
+        play.do({"searcher[1]": together(report, progress)})
         (seen,), (done,) = said(play, "sighting", 2), said(play, "progress", 2)
         others = ("searcher[2]", "searcher[3]")
         assert found(play, "information_handoff") == [("searcher[1]", other, seen, 2) for other in others]
@@ -245,9 +246,9 @@ def test_out_of_range_dogs_do_not_hear_each_other():
     """The radio of the factory reaches 12 km in the open."""
     with kit.playing("idf", fires=1.0) as play:
         gathered(play)
-        play.strings.places["dog[3]"] = (-13000.0, 0.0, 0.0)
+        play.stage.places["dog[3]"] = (-13000.0, 0.0, 0.0)
         play.do()
-        play.do({"searcher[1]": kit.says("progress", task="search", state="nothing")})
+        play.do({"searcher[1]": says("progress", task="search", state="nothing")})
         assert [who for who, box in play.published.inboxes.items() if box.messages] == ["searcher[2]"]
 
 
@@ -256,9 +257,9 @@ def test_out_of_range_dogs_do_not_hear_each_other():
 
 def test_a_pilot_guides_a_dog_step_by_step():
     places = {"uav": (-20.0, -70.0, 30.0)}
-    with kit.playing("upr", strings=kit.Strings(places=places)) as play:
-        play.strings.places["uav"] = (0.0, 0.0, 30.0)
-        play.do({"pilot": kit.says("guide", assignee="dog", step="forward", amount=5.0)})
+    with kit.playing("upr", stage=Stage(places=places)) as play:
+        play.stage.places["uav"] = (0.0, 0.0, 30.0)
+        play.do({"pilot": says("guide", assignee="dog", step="forward", amount=5.0)})
         (step,) = said(play, "guide", 1)
         assert found(play, "guidance") == [("pilot", "walker", step, 1)]
         assert found(play, "information_handoff") == [("pilot", "walker", step, 1)]
@@ -268,10 +269,10 @@ def test_a_pilot_guides_a_dog_step_by_step():
 
 def test_guidance_is_counted():
     for most in (10.0, 30.0):
-        strings = kit.Strings(places={"uav": (0.0, 0.0, 30.0)})
-        with kit.playing("upr", guidance_steps=most, strings=strings) as play:
+        stage = Stage(places={"uav": (0.0, 0.0, 30.0)})
+        with kit.playing("upr", guidance_steps=most, stage=stage) as play:
             for _ in range(int(most) + 1):
-                play.do({"pilot": kit.says("guide", assignee="dog", step="left", amount=5.0)})
+                play.do({"pilot": says("guide", assignee="dog", step="left", amount=5.0)})
             outcomes = [status for status, _ in play.reasons("pilot")]
             assert outcomes == ["accepted"] * int(most) + ["rejected"]
 
@@ -284,20 +285,20 @@ def test_route_evidence_reaches_the_driver_through_the_coordinator(name):
     goal = {"ld": "stop_node", "cr": "goal_place"}[name]
     instance = kit.still(kit.staged(name)[0])
     jam, end = (next(e.position for e in instance.entities if e.id == each) for each in ("jam[1]", goal))
-    with kit.playing(name, instance=instance, strings=kit.Strings(routes=[(end,)])) as play:
-        play.strings.boxes = {"jam[1]": kit.BOX}
-        play.do({"inspector": kit.does("takePhoto")})
-        play.do({"inspector": kit.report("sighting", "f1-uav-nadir", "congestion", jam[:2])})
+    with kit.playing(name, instance=instance, stage=Stage(routes=[(end,)])) as play:
+        play.stage.boxes = {"jam[1]": CENTRE_BOX}
+        play.do({"inspector": does("takePhoto")})
+        play.do({"inspector": reports("sighting", "f1-uav-nadir", "congestion", jam[:2])})
         assert [who for who, box in play.published.inboxes.items() if box.messages] == ["coordinator"]
-        play.do({"coordinator": kit.says("order", to=("driver",), assignee="driver", task="wait", position=jam[:2])})
+        play.do({"coordinator": says("order", to=("driver",), assignee="driver", task="wait", position=jam[:2])})
         (order,) = said(play, "order", 3)
         assert found(play, "information_handoff") == [("inspector", "driver", order, 3)]
 
 
 def test_the_coordinator_guides_the_inspector_along_the_route():
     goal = next(e.position for e in kit.staged("cr")[0].entities if e.id == "goal_place")
-    with kit.playing("cr", strings=kit.Strings(routes=[(goal,)])) as play:
-        play.do({"coordinator": kit.says("order", to=("inspector",), assignee="inspector", task="look")})
+    with kit.playing("cr", stage=Stage(routes=[(goal,)])) as play:
+        play.do({"coordinator": says("order", to=("inspector",), assignee="inspector", task="look")})
         (order,) = said(play, "order", 1)
         assert found(play, "guidance") == [("coordinator", "inspector", order, 1)]
 
@@ -311,20 +312,20 @@ def test_inspector_and_driver_share_their_district_from_the_beginning():
 
 def test_the_uav_comes_to_the_dog_and_guides_it_through_the_coordinator():
     goal = next(e.position for e in kit.staged("ld")[0].entities if e.id == "stop_node")
-    with kit.playing("ld", strings=kit.Strings(routes=[(goal,)])) as play:
+    with kit.playing("ld", stage=Stage(routes=[(goal,)])) as play:
         play.do()
-        play.strings.places["uav"] = (260.0, 250.0, 60.0)
+        play.stage.places["uav"] = (260.0, 250.0, 60.0)
         step = {"assignee": "courier", "step": "forward", "position": (255.0, 240.0)}
-        play.do({"inspector": kit.says("guide", **step)})
+        play.do({"inspector": says("guide", **step)})
         assert ("inspector", "courier", "yard", 2) in found(play, "cooperation")
-        play.do({"coordinator": kit.says("guide", to=("courier",), **step)})
+        play.do({"coordinator": says("guide", to=("courier",), **step)})
         (passed,) = said(play, "guide", 3)
         assert ("inspector", "courier", passed, 3) in found(play, "guidance")
 
 
 def test_the_stages_of_a_delivery_depend_on_each_other():
     goal = next(e.position for e in kit.still(kit.staged("ld")[0]).entities if e.id == "stop_node")
-    with kit.playing("ld", strings=kit.Strings(routes=[(goal,)])) as play:
+    with kit.playing("ld", stage=Stage(routes=[(goal,)])) as play:
         play.do()
         play.put("uav", "stop_node")
         play.do()
@@ -342,16 +343,16 @@ def test_the_stages_of_a_delivery_depend_on_each_other():
 
 def away(play):
     for number in range(1, 6):
-        play.strings.places[f"van[{number}]"] = (2000.0 + 100.0 * number, 2000.0, 0.0)
+        play.stage.places[f"van[{number}]"] = (2000.0 + 100.0 * number, 2000.0, 0.0)
 
 
 def test_the_planner_guides_drivers_and_is_told_what_was_delivered():
     with kit.playing("cd", "star", points=5.0) as play:
         away(play)
-        play.do({"planner": kit.says("plan", to=("driver[2]",), assignee="driver[2]", stops=("point[1]",), load=200.0)})
+        play.do({"planner": says("plan", to=("driver[2]",), assignee="driver[2]", stops=("point[1]",), load=200.0)})
         (plan,) = said(play, "plan", 1)
         assert found(play, "guidance") == [("planner", "driver[2]", plan, 1)]
-        play.do({"driver[2]": kit.says("handover", stop="point[1]", delivered=200.0, left=50.0)})
+        play.do({"driver[2]": says("handover", stop="point[1]", delivered=200.0, left=50.0)})
         (message,) = said(play, "handover", 2)
         assert found(play, "information_handoff") == [("driver[2]", "planner", message, 2)]
 
@@ -379,8 +380,8 @@ def test_vans_share_the_quarters_and_the_warehouse(mode):
 def test_a_delivery_depends_on_its_assignment(mode):
     with kit.playing("cd", mode, points=5.0) as play:
         away(play)
-        x, y, _ = play.target("point[4]").position
-        play.do({"driver[3]": kit.does("setDestination", x=x, y=y)})
+        x, y, _ = play.entity("point[4]").position
+        play.do({"driver[3]": does("setDestination", x=x, y=y)})
         play.put("van[3]", "point[4]")
         play.wait(2)
         assert [relation[:3] for relation in found(play, "dependency")] == [("assign", "execute", "point[4]")]
@@ -391,7 +392,7 @@ def test_the_large_order_is_split_by_two_plans():
     with kit.playing("cd", "star", points=5.0) as play:
         away(play)
         for driver in ("driver[1]", "driver[2]"):
-            play.do({"planner": kit.says("plan", to=(driver,), assignee=driver, stops=("point[1]",), load=200.0)})
+            play.do({"planner": says("plan", to=(driver,), assignee=driver, stops=("point[1]",), load=200.0)})
         play.put("van[1]", "point[1]")
         play.put("van[2]", "point[1]")
         play.wait(2)
@@ -406,7 +407,7 @@ def test_the_large_order_is_split_by_two_plans():
 
 def test_the_stages_of_a_walk_depend_on_each_other():
     with kit.playing("vdn") as play:
-        play.strings.places["dog"] = (5.0, 0.0, 0.0)
+        play.stage.places["dog"] = (5.0, 0.0, 0.0)
         play.do()
         play.put("dog", "home", east=-20.0)
         play.wait(3)
@@ -419,11 +420,11 @@ def test_the_stages_of_a_walk_depend_on_each_other():
 
 def test_the_stages_of_an_inspection_depend_on_each_other():
     with kit.playing("bi") as play:
-        play.strings.boxes = {"fracture": kit.BOX}
+        play.stage.boxes = {"fracture": CENTRE_BOX}
         play.do()
-        place = play.target("fracture").position[:2]
+        place = play.entity("fracture").position[:2]
         play.put("uav", "fracture")
-        play.do({"inspector": kit.report("finding", "f1-uav-nadir", "bridge_fracture", place)})
+        play.do({"inspector": reports("finding", "f1-uav-nadir", "bridge_fracture", place)})
         play.wait(2)
         assert play.success
         pairs = [relation[:2] for relation in found(play, "dependency")]

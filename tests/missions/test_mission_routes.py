@@ -11,10 +11,10 @@ from itertools import pairwise
 import msgspec
 import pytest
 
-import tests.missions.stage_kit as kit
 from lingjing.engines.road.engine import RoadEngine
 from lingjing.plugins.engine import EngineSpec
 from lingjing.trace.records import Command
+from tests.missions import staging as kit
 
 SEEDS = range(10)
 GOALS = {"ld": "stop_node", "cr": "goal_place"}

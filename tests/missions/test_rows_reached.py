@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-import tests.missions.stage_kit as kit
+from lingjing.testing import CENTRE_BOX, does, reports, says, together
+from tests.missions import staging as kit
 
 edge = pytest.mark.parametrize(("beyond", "counts"), [(0.0, True), (-0.01, True), (0.01, False)])
 
@@ -25,10 +26,10 @@ def test_the_dog_arrives_within_thirty_metres_inclusively(beyond, counts):
 def test_a_dog_outside_the_compound_has_not_arrived_however_near_it_is():
     """The wall is in between: the target region lies inside the compound."""
     with kit.playing("vdn") as play:
-        house = play.target("home")
+        house = play.entity("home")
         assert house.position[1] < -119, "this seed's house stands near the southern wall"
         play.put("dog", "home", north=-30.0)  # 30 m from the house, beyond the wall at -150 m
-        assert play.strings.places["dog"][1] < -150.0
+        assert play.stage.places["dog"][1] < -150.0
         play.wait(3)
         assert play.emitted() == play.kinds() == []
 
@@ -36,7 +37,7 @@ def test_a_dog_outside_the_compound_has_not_arrived_however_near_it_is():
 def test_a_dog_that_says_stop_has_not_arrived():
     with kit.playing("vdn") as play:
         for _ in range(3):
-            play.do({"navigator": kit.does("stop")})
+            play.do({"navigator": does("stop")})
         assert play.kinds() == [] and not play.done
 
 
@@ -54,7 +55,7 @@ def test_each_subtask_has_forty_ticks():
 def test_a_subtask_done_in_its_last_tick_is_in_time():
     with kit.playing("vdn") as play:
         play.wait(39)
-        play.strings.places["dog"] = (5.0, -100.0, 0.0)
+        play.stage.places["dog"] = (5.0, -100.0, 0.0)
         play.do()
         assert play.stages() == ["enter"] and not play.done
 
@@ -76,7 +77,7 @@ def test_being_there_is_not_enough_the_fire_must_be_out():
     with kit.playing("idf", fires=1.0) as play:
         play.put("dog[1]", "fire[1]")
         play.do()
-        play.strings.places.pop("dog[1]")
+        play.stage.places.pop("dog[1]")
         play.wait(5)
         assert play.emitted() == [] and not play.done
 
@@ -94,11 +95,11 @@ def test_every_fire_must_be_out():
 
 def test_a_dog_that_claims_a_fire_is_out_is_not_believed():
     with kit.playing("idf", fires=1.0) as play:
-        place = play.target("fire[1]").position[:2]
-        play.do({"searcher[1]": kit.does("takePhoto")})
-        claim = kit.report("sighting", "f1-dog[1]-front", "fire_source", place)
-        out = kit.says("progress", task="fire[1]", state="extinguished")
-        play.do({"searcher[1]": kit.both(claim, out)})
+        place = play.entity("fire[1]").position[:2]
+        play.do({"searcher[1]": does("takePhoto")})
+        claim = reports("sighting", "f1-dog[1]-front", "fire_source", place)
+        out = says("progress", task="fire[1]", state="extinguished")
+        play.do({"searcher[1]": together(claim, out)})
         play.wait(3)
         assert ("accepted", "") in play.reasons("searcher[1]")
         assert play.kinds() == [] and play.emitted() == [] and not play.done
@@ -106,12 +107,12 @@ def test_a_dog_that_claims_a_fire_is_out_is_not_believed():
 
 def test_a_sighting_is_matched_with_its_box_and_is_no_extinguishing():
     with kit.playing("idf", fires=1.0) as play:
-        play.strings.boxes = {"fire[1]": kit.BOX}
-        play.do({"searcher[2]": kit.does("takePhoto")})
-        place = play.target("fire[1]").position[:2]
-        play.do({"searcher[2]": kit.report("sighting", "f1-dog[2]-front", "fire_source", place, kit.shifted(0.499))})
+        play.stage.boxes = {"fire[1]": CENTRE_BOX}
+        play.do({"searcher[2]": does("takePhoto")})
+        place = play.entity("fire[1]").position[:2]
+        play.do({"searcher[2]": reports("sighting", "f1-dog[2]-front", "fire_source", place, kit.shifted(0.499))})
         assert play.stages() == []
-        play.do({"searcher[2]": kit.report("sighting", "f1-dog[2]-front", "fire_source", place, kit.shifted(0.501))})
+        play.do({"searcher[2]": reports("sighting", "f1-dog[2]-front", "fire_source", place, kit.shifted(0.501))})
         assert play.stages() == ["detect fire[1]"] and not play.done
 
 
@@ -140,7 +141,7 @@ modes = pytest.mark.parametrize("mode", ["star", "broadcast"])
 def spread_out(play):
     """Stand the vans apart from everything, so that nothing happens by itself."""
     for number in range(1, 6):
-        play.strings.places[f"van[{number}]"] = (2000.0 + 100.0 * number, 2000.0, 0.0)
+        play.stage.places[f"van[{number}]"] = (2000.0 + 100.0 * number, 2000.0, 0.0)
 
 
 @modes
@@ -205,7 +206,7 @@ def test_what_drivers_say_they_delivered_counts_for_nothing(mode):
         spread_out(play)
         play.do()
         for number in range(1, 6):
-            play.do({"driver[1]": kit.says("handover", stop=f"point[{number}]", delivered=250.0, left=0.0)})
+            play.do({"driver[1]": says("handover", stop=f"point[{number}]", delivered=250.0, left=0.0)})
         play.do()
         assert play.reasons("driver[1]") == [("accepted", "")] * 5
         assert demand(play, "point[1]") == 250.0
@@ -240,8 +241,8 @@ def test_a_restocking_that_was_begun_must_end_before_the_success(mode):
         spread_out(play)
         play.put("van[3]", "point[5]")
         play.wait(2)
-        play.do({"driver[3]": kit.does("setDestination", x=0.0, y=0.0)})
-        play.strings.places["van[3]"] = (2000.0, 0.0, 0.0)
+        play.do({"driver[3]": does("setDestination", x=0.0, y=0.0)})
+        play.stage.places["van[3]"] = (2000.0, 0.0, 0.0)
         for van, point in (("van[1]", 1), ("van[2]", 1), ("van[2]", 2), ("van[4]", 3), ("van[5]", 4)):
             play.put(van, f"point[{point}]")
             play.wait(2)

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import pytest
 
-import tests.missions.stage_kit as kit
+from lingjing.testing import CENTRE_BOX, Stage, does, reports, says, together
+from tests.missions import staging as kit
 
 
 @dataclass(frozen=True)
@@ -35,10 +36,10 @@ class Row:
     executed: str
     axis: tuple[int, int] = (1, 0)
 
-    def report(self, play, tick=1, box=kit.BOX, off=0.0, cls=None, at=None):
-        x, y, _ = play.target(self.target).position
+    def report(self, play, tick=1, box=CENTRE_BOX, off=0.0, cls=None, at=None):
+        x, y, _ = play.entity(self.target).position
         place = at or (x + off * self.axis[0], y + off * self.axis[1])
-        return kit.report(self.kind, f"f{tick}-{self.eye}-nadir", cls or self.cls, place, box)
+        return reports(self.kind, f"f{tick}-{self.eye}-nadir", cls or self.cls, place, box)
 
     def __str__(self):
         return f"{self.mission}-{self.mode}"
@@ -64,19 +65,19 @@ def opened(row):
     """An episode with one target, and its box in the picture of boundary 1."""
     single = {"ufr": {"fires": 1.0}, "ssr": {"victims": 1.0}}.get(row.mission, {})
     inside = {"uav": (0.0, 0.0, 30.0)} if row.mission == "upr" else {}  # its geofence is a hard constraint
-    return kit.playing(row.mission, row.mode, strings=kit.Strings(places=inside), **single)
+    return kit.playing(row.mission, row.mode, stage=Stage(places=inside), **single)
 
 
 def photograph(row, play):
-    play.strings.boxes = {row.target: kit.BOX}
-    play.do({row.reporter: kit.does("takePhoto", camera="nadir")})
+    play.stage.boxes = {row.target: CENTRE_BOX}
+    play.do({row.reporter: does("takePhoto", camera="nadir")})
 
 
 def judged(row, *reports, act=None):
     """The adjudicated kinds after a picture and then these reports, each a function of the play."""
     with opened(row) as play:
         photograph(row, play)
-        play.do({row.reporter: kit.both(*(report(play) for report in reports))})
+        play.do({row.reporter: together(*(report(play) for report in reports))})
         return [kind for kind, *_ in play.kinds()]
 
 
@@ -97,8 +98,8 @@ def test_boxes_match_from_one_half_on(row, share, counts):
 def test_one_half_itself_is_a_match(row):
     """Boxes of 1/4 by 1/4 and 1/2 by 1/4 have an overlap of exactly one half."""
     with opened(row) as play:
-        play.strings.boxes = {row.target: (0.25, 0.25, 0.5, 0.5)}
-        play.do({row.reporter: kit.does("takePhoto", camera="nadir")})
+        play.stage.boxes = {row.target: (0.25, 0.25, 0.5, 0.5)}
+        play.do({row.reporter: does("takePhoto", camera="nadir")})
         play.do({row.reporter: row.report(play, box=(0.25, 0.25, 0.75, 0.5))})
         assert [event.kind for event in play.events] == ["matched", row.located]
         assert play.events[0].evidence["iou"] == 0.5
@@ -133,7 +134,7 @@ def test_at_sea_the_coordinate_is_accepted_within_the_rescue_region(row, place, 
 @pytest.mark.parametrize(("aside", "counts"), [(6.0, True), (5.99, True), (6.01, False)])
 def test_a_leaks_coordinate_lies_in_the_region_around_the_pipe_too(aside, counts):
     def report(play):
-        x, y, _ = play.target("leak").position
+        x, y, _ = play.entity("leak").position
         assert x == 20.0, "this seed's leak is on the straight north-south run"
         return UPR.report(play, at=(x + aside, y))
 
@@ -145,12 +146,12 @@ def test_a_box_counts_for_its_own_capture_time_alone(row):
     """The target is elsewhere in the next picture: its box there is no box for the picture before."""
     with opened(row) as play:
         photograph(row, play)
-        play.strings.boxes = {row.target: (0.1, 0.1, 0.3, 0.3)}
-        play.do({row.reporter: kit.does("takePhoto", camera="nadir")})
-        play.do({row.reporter: row.report(play, tick=2, box=kit.BOX)})
+        play.stage.boxes = {row.target: (0.1, 0.1, 0.3, 0.3)}
+        play.do({row.reporter: does("takePhoto", camera="nadir")})
+        play.do({row.reporter: row.report(play, tick=2, box=CENTRE_BOX)})
         play.do({row.reporter: row.report(play, tick=1, box=(0.1, 0.1, 0.3, 0.3))})
         assert play.kinds() == []
-        play.do({row.reporter: row.report(play, tick=1, box=kit.BOX)})
+        play.do({row.reporter: row.report(play, tick=1, box=CENTRE_BOX)})
         assert [kind for kind, *_ in play.kinds()] == ["matched", row.located]
 
 
@@ -165,7 +166,7 @@ def test_a_box_is_claimed_once(row):
 @by_row
 def test_a_picture_that_shows_nothing_makes_no_detection(row):
     with opened(row) as play:
-        play.do({row.reporter: kit.does("takePhoto", camera="nadir")})
+        play.do({row.reporter: does("takePhoto", camera="nadir")})
         play.do({row.reporter: row.report(play)})
         assert play.kinds() == []
         assert play.published.evaluation.reward == 0.0
@@ -205,7 +206,7 @@ def test_claims_without_engine_truth_open_nothing(row):
         if claim is not None:
             role = kinds[claim].senders[0]
             sender = next(agent.id for agent in play.instance.agents if agent.role == role)
-            play.do({sender: kit.says(claim, task=row.interaction, state=row.executed)})
+            play.do({sender: says(claim, task=row.interaction, state=row.executed)})
             assert ("accepted", "") in play.reasons(sender)
         play.wait(4)
         assert [kind for kind, *_ in play.kinds()] == ["matched"]
@@ -233,7 +234,7 @@ def test_detection_localisation_and_execution_are_stages_of_their_own(row):
         photograph(row, play)
         wrong = {"at": (-5000.0, 0.0)} if row.near_m is None else {"off": -row.near_m - 0.01}
         play.do({row.reporter: row.report(play, **wrong)})
-        play.do({row.reporter: kit.does("takePhoto", camera="nadir")})
+        play.do({row.reporter: does("takePhoto", camera="nadir")})
         subject = row.target
         assert play.stages() == [f"detect {subject}"]
         play.do({row.reporter: row.report(play, tick=3)})
@@ -249,13 +250,13 @@ def test_every_target_must_be_done(row):
     """With two targets, one of them done is half a score and no success."""
     other = row.target.replace("1", "2")
     with kit.playing(row.mission, row.mode, **({"fires": 2.0} if row.mission == "ufr" else {"victims": 2.0})) as play:
-        play.strings.boxes = {row.target: kit.BOX, other: (0.7, 0.7, 0.9, 0.9)}
-        play.do({row.reporter: kit.does("takePhoto", camera="nadir")})
+        play.stage.boxes = {row.target: CENTRE_BOX, other: (0.7, 0.7, 0.9, 0.9)}
+        play.do({row.reporter: does("takePhoto", camera="nadir")})
         play.do({row.reporter: row.report(play)})
         play.put(row.actor, row.target)
         play.wait(3)
         assert play.published.evaluation.reward == 0.5 and not play.done
-        second = kit.report(row.kind, "f1-uav[1]-nadir", row.cls, play.target(other).position[:2], (0.7, 0.7, 0.9, 0.9))
+        second = reports(row.kind, "f1-uav[1]-nadir", row.cls, play.entity(other).position[:2], (0.7, 0.7, 0.9, 0.9))
         play.do({"scout[2]": second})
         play.put(row.actor, other)
         play.wait(3)

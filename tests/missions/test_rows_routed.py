@@ -5,7 +5,8 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-import tests.missions.stage_kit as kit
+from lingjing.testing import Stage, does, says
+from tests.missions import staging as kit
 
 edge = pytest.mark.parametrize(("beyond", "counts"), [(0.0, True), (-0.01, True), (0.01, False)])
 
@@ -22,20 +23,20 @@ def opened(name, **settings):
     """An episode with a van on the route FIRST, SECOND, goal, and after a replan on OTHER, goal."""
     instance = kit.still(kit.staged(name, None, 0, tuple(sorted(settings.items())))[0])
     goal = next(entity.position for entity in instance.entities if entity.id == GOALS[name])
-    strings = kit.Strings(routes=[(FIRST, SECOND, goal), (OTHER, goal)])
-    return kit.playing(name, strings=strings, instance=instance, **settings)
+    stage = Stage(routes=[(FIRST, SECOND, goal), (OTHER, goal)])
+    return kit.playing(name, stage=stage, instance=instance, **settings)
 
 
 def look_at(play, *places):
     """Fly the UAV over the places, one a tick."""
     for x, y, *_ in places:
-        play.strings.places["uav"] = (x, y, 60.0)
+        play.stage.places["uav"] = (x, y, 60.0)
         play.do()
 
 
 def inspect(play, name):
     play.do()  # the route is planned at the first boundary
-    look_at(play, FIRST, SECOND, play.target(GOALS[name]).position)
+    look_at(play, FIRST, SECOND, play.entity(GOALS[name]).position)
 
 
 # -- the inspection
@@ -46,7 +47,7 @@ def inspect(play, name):
 def test_a_waypoint_is_inspected_within_twenty_five_metres_inclusively(name, beyond, counts):
     with opened(name) as play:
         play.do()
-        look_at(play, (FIRST[0] - 25.0 - beyond, FIRST[1]), SECOND, play.target(GOALS[name]).position)
+        look_at(play, (FIRST[0] - 25.0 - beyond, FIRST[1]), SECOND, play.entity(GOALS[name]).position)
         assert (play.stages() == ["inspect"]) is counts
 
 
@@ -54,21 +55,21 @@ def test_a_waypoint_is_inspected_within_twenty_five_metres_inclusively(name, bey
 def test_waypoints_are_inspected_in_their_order(name):
     with opened(name) as play:
         play.do()
-        look_at(play, SECOND, FIRST, play.target(GOALS[name]).position)
+        look_at(play, SECOND, FIRST, play.entity(GOALS[name]).position)
         assert play.stages() == []
-        look_at(play, SECOND, play.target(GOALS[name]).position)
+        look_at(play, SECOND, play.entity(GOALS[name]).position)
         assert play.stages() == ["inspect"]
 
 
 @both_missions
 def test_the_van_may_not_drive_before_its_route_is_inspected(name):
     with opened(name) as play:
-        x, y, _ = play.target(GOALS[name]).position
+        x, y, _ = play.entity(GOALS[name]).position
         play.do()
-        play.do({"driver": kit.does("setDestination", x=x, y=y)})
+        play.do({"driver": does("setDestination", x=x, y=y)})
         assert ("rejected", "not_permitted") in play.reasons("driver")
         look_at(play, FIRST, SECOND, (x, y))
-        play.do({"driver": kit.does("setDestination", x=x, y=y)})
+        play.do({"driver": does("setDestination", x=x, y=y)})
         assert play.reasons("driver")[1:] == [("accepted", ""), ("completed", "")]
 
 
@@ -77,8 +78,8 @@ def test_a_van_that_stands_at_the_goal_uninspected_has_not_arrived(name):
     """Its way there and reports of a clear route make no difference."""
     with opened(name) as play:
         play.put("van", GOALS[name])
-        hub = {"driver": kit.says("progress", task="arrive", state="done")}
-        play.do({**hub, "inspector": kit.says("progress", task="inspect", state="clear")})
+        hub = {"driver": says("progress", task="arrive", state="done")}
+        play.do({**hub, "inspector": says("progress", task="inspect", state="clear")})
         play.wait(3)
         assert ("accepted", "") in play.reasons("driver") and ("accepted", "") in play.reasons("inspector")
         assert play.emitted() == play.kinds() == [] and not play.done
@@ -103,9 +104,9 @@ def test_a_replan_begins_the_inspection_anew(name):
     with opened(name) as play:
         inspect(play, name)
         assert play.stages() == ["inspect"]
-        play.do({"inspector": kit.says("jammed", waypoint=2, position=SECOND[:2])})
-        x, y, _ = play.target(GOALS[name]).position
-        play.do({"driver": kit.does("setDestination", x=x, y=y)})
+        play.do({"inspector": says("jammed", waypoint=2, position=SECOND[:2])})
+        x, y, _ = play.entity(GOALS[name]).position
+        play.do({"driver": does("setDestination", x=x, y=y)})
         assert ("rejected", "not_permitted") in play.reasons("driver")
         play.put("van", GOALS[name])
         play.wait(2)
@@ -123,7 +124,7 @@ def test_a_replan_begins_the_inspection_anew(name):
 @edge
 def test_congestion_is_recorded_within_twenty_five_metres_inclusively(name, beyond, counts):
     with opened(name) as play:
-        x, y, _ = play.target("jam[1]").position
+        x, y, _ = play.entity("jam[1]").position
         look_at(play, (x, y + 25.0 + beyond))
         play.wait(2)
         assert play.emitted() == (["record jam[1]"] if counts else [])
@@ -134,19 +135,19 @@ def test_congestion_is_recorded_by_a_uav_that_flies_over_it_within_a_tick(name):
     """At both boundaries it is 120 m away; in between, for 4 s of 20 s, it is near enough."""
     with opened(name) as play:
         play.do()
-        x, y, _ = play.target("jam[1]").position
+        x, y, _ = play.entity("jam[1]").position
         begin = play.published.record.time_s
-        play.strings.places["uav"] = lambda time_s: (x, y - 120.0 + 12.0 * (time_s - begin), 60.0)
+        play.stage.places["uav"] = lambda time_s: (x, y - 120.0 + 12.0 * (time_s - begin), 60.0)
         play.do()
         assert play.emitted() == ["record jam[1]"]
-        assert abs(play.strings.places["uav"](play.published.record.time_s)[1] - y) > 100.0
+        assert abs(play.stage.places["uav"](play.published.record.time_s)[1] - y) > 100.0
 
 
 def test_congestion_that_is_only_claimed_is_not_recorded():
     """The policy names the very place of the jam, which the UAV has never been near."""
     with opened("cr") as play:
         play.do()
-        play.do({"inspector": kit.says("jammed", waypoint=1, position=play.target("jam[1]").position[:2])})
+        play.do({"inspector": says("jammed", waypoint=1, position=play.entity("jam[1]").position[:2])})
         play.wait(2)
         assert play.emitted() == play.kinds() == []
 
@@ -156,15 +157,15 @@ def test_a_route_with_a_jam_on_it_is_not_verified_by_flying_over_it(name):
     """The UAV has visited every waypoint, and no report of a jam was sent. The arrival does not count; after the replan
     that should have followed, it does."""
     with opened(name) as play:
-        jam, goal = play.target("jam[1]").position, play.target(GOALS[name]).position
-        play.strings.routes[0] = (FIRST, jam, goal)
+        jam, goal = play.entity("jam[1]").position, play.entity(GOALS[name]).position
+        play.stage.routes[0] = (FIRST, jam, goal)
         play.do()
         look_at(play, FIRST, jam, goal)
         play.put("van", GOALS[name])
         play.wait(2)
         arrived = {"ld": "driven", "cr": "arrived"}[name]
         assert (arrived, GOALS[name]) not in play.kinds() and not play.done
-        play.do({"inspector": kit.says("jammed", waypoint=2, position=jam[:2])})
+        play.do({"inspector": says("jammed", waypoint=2, position=jam[:2])})
         look_at(play, OTHER, goal)
         play.wait(2)
         assert (arrived, GOALS[name]) in play.kinds()
@@ -176,14 +177,14 @@ def test_a_route_with_a_jam_on_it_is_not_verified_by_flying_over_it(name):
 def test_a_jam_without_a_radius_blocks_what_its_queue_does(radius, beside, verified):
     """As far as the road engine has vehicles queue: its radius, 15 m at least."""
     with opened("cr") as play:
-        jam, goal = play.target("jam[1]"), play.target(GOALS["cr"]).position
+        jam, goal = play.entity("jam[1]"), play.entity(GOALS["cr"]).position
     others = {key: value for key, value in jam.properties.items() if key != "radius_m"}
     narrow = msgspec.structs.replace(jam, properties=others | ({} if radius is None else {"radius_m": radius}))
     instance = kit.still(kit.staged("cr", None, 0, ())[0])
     entities = tuple(narrow if entity.id == jam.id else entity for entity in instance.entities)
     place = (jam.position[0] + beside, jam.position[1], 0.0)
-    strings = kit.Strings(routes=[(FIRST, place, goal)])
-    with kit.playing("cr", strings=strings, instance=msgspec.structs.replace(instance, entities=entities)) as play:
+    stage = Stage(routes=[(FIRST, place, goal)])
+    with kit.playing("cr", stage=stage, instance=msgspec.structs.replace(instance, entities=entities)) as play:
         play.do()
         look_at(play, FIRST, place, goal)
         play.put("van", GOALS["cr"])
@@ -196,7 +197,7 @@ def test_replans_are_counted(most):
     with opened("cr", replans_most=most) as play:
         play.do()
         for _ in range(int(most) + 1):
-            play.do({"inspector": kit.says("jammed", waypoint=1, position=FIRST[:2])})
+            play.do({"inspector": says("jammed", waypoint=1, position=FIRST[:2])})
         outcomes = [status for status, _ in play.reasons("inspector")]
         assert outcomes == ["accepted"] * int(most) + ["rejected"]
         routes = [route.number for boundary in play.all for route in boundary.record.routes]
@@ -237,10 +238,10 @@ def test_a_dog_at_the_house_before_the_van_has_arrived_has_delivered_nothing():
 
 def test_the_dog_waits_for_the_van():
     with opened("ld") as play:
-        play.do({"courier": kit.does("forward", distance=5.0)})
+        play.do({"courier": does("forward", distance=5.0)})
         assert play.reasons("courier") == [("rejected", "not_permitted")]
         delivered_to_the_stop(play)
-        play.do({"courier": kit.does("forward", distance=5.0)})
+        play.do({"courier": does("forward", distance=5.0)})
         assert play.reasons("courier")[1:] == [("accepted", ""), ("completed", "")]
 
 
@@ -248,7 +249,7 @@ def test_the_dog_waits_for_the_van():
 def test_moves_are_counted_over_the_inspector_and_the_driver(most):
     with opened("ld", moves_most=most) as play:
         for _ in range(int(most) + 1):
-            play.do({"inspector": kit.does("takeoff")})
+            play.do({"inspector": does("takeoff")})
             if play.done:
                 break
         outcomes = [status for status, _ in play.reasons("inspector") if status != "completed"]
@@ -260,5 +261,5 @@ def test_the_steps_of_the_dog_are_no_moves_of_the_route():
     with opened("ld", moves_most=10.0) as play:
         delivered_to_the_stop(play)
         for _ in range(12):
-            play.do({"courier": kit.does("forward", distance=1.0)})
+            play.do({"courier": does("forward", distance=1.0)})
         assert [status for status, _ in play.reasons("courier")].count("accepted") == 12

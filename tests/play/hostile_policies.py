@@ -44,7 +44,7 @@ class Close(Steady):
 
 class Replace(Steady):
     async def act(self, observation, inbox):
-        from lingjing.trace.writer import TraceWriter
+        from lingjing.testing import TraceWriter
 
         TraceWriter.finish = TraceWriter.boundary = lambda *given: None
         return Decision(thought="replaced")

@@ -5,8 +5,10 @@ from __future__ import annotations
 import types
 import typing
 
-from lingjing import EpisodeReport
-from lingjing.analysis.metrics import Metrics
+from lingjing import EpisodeReport, Metrics
+from lingjing.play.report import ABORTED, INTERRUPTED, POLICY_FAILED
+
+__all__ = ["ABORTED", "INTERRUPTED", "POLICY_FAILED", "blank_metrics", "made_report"]
 
 
 def blank_metrics(**changes: object) -> Metrics:

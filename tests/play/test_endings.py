@@ -10,9 +10,9 @@ import lingjing
 from lingjing import PlayOptions, read_trace
 from lingjing.cli.progress import LiveProgress
 from lingjing.cli.scorecard import plain, scorecard
-from lingjing.dsl import compile_text
 from lingjing.kernel.episode import LOST_AT_START, WON_AT_START
 from lingjing.play.parallel import play_here
+from lingjing.testing import compile_text
 
 MISSION = """\
 ljs 1

@@ -8,14 +8,13 @@ import msgspec
 import pytest
 
 import lingjing
-from lingjing.cli.main import main
+from lingjing import PlayOptions, Session
 from lingjing.errors import ExitCode, UsageError
-from lingjing.play.episode import Session
-from lingjing.play.options import Changes, PlayOptions, checked_options, options_of, read_options
+from lingjing.play.options import Changes, checked_options, options_of, read_options
 from lingjing.plugins.engine import EnginePlugin
 from lingjing.plugins.hookspecs import hookimpl
 from lingjing.plugins.options import PluginOptions
-from lingjing.testing import PluginHost
+from lingjing.testing import PluginHost, run_command
 
 EXAMPLE = Path(__file__).parents[2] / "scenarios" / "ssr.ljs"
 
@@ -86,7 +85,7 @@ def test_a_file_of_options_tells_all_its_faults() -> None:
 
 def test_the_command_line_tells_all_its_faults(capsys: pytest.CaptureFixture[str]) -> None:
     wrong = ["--policy-for", "x", "--seed", "z", "--set", "a", "--set", "b", "--jobs", "0", "--policy-seed", "-1"]
-    assert main(["run", "ssrx", *wrong]) == ExitCode.USAGE
+    assert run_command(["run", "ssrx", *wrong]) == ExitCode.USAGE
     said = capsys.readouterr().err
     assert said.startswith("error: -j 0")
     for fault in ("there is no mission `ssrx`", "--policy-for x", "--set a:", "--set b:", "`z` is not a seed"):
@@ -96,11 +95,11 @@ def test_the_command_line_tells_all_its_faults(capsys: pytest.CaptureFixture[str
 def test_the_command_line_counts_before_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "o.json"
     file.write_text('{"mission": "ssr", "mode": "single", "seed": 3}')
-    assert main(["run", "--options", str(file)]) == ExitCode.USAGE
+    assert run_command(["run", "--options", str(file)]) == ExitCode.USAGE
     assert "single" in capsys.readouterr().err
-    assert main(["run", "--options", str(file), "--mode", "star", "--policy", "nobody"]) == ExitCode.USAGE
+    assert run_command(["run", "--options", str(file), "--mode", "star", "--policy", "nobody"]) == ExitCode.USAGE
     assert "no policy is called `nobody`" in capsys.readouterr().err
-    assert main(["run"]) == ExitCode.USAGE
+    assert run_command(["run"]) == ExitCode.USAGE
     assert "no mission is named" in capsys.readouterr().err
 
 
@@ -153,7 +152,7 @@ def test_the_command_line_tells_the_faults_of_every_layer(
     words += ["--engine-arg", "camra.quality=3", "--policy-for", "cook=random", "--policy-arg", "hallo=1"]
     words = [] if from_file else [*words, "--evaluator", "judge"]
     common = ["--options", str(file), "-j", "none", "--world", "moon", "-o", str(tmp_path / "full")]
-    assert main(["run", str(EXAMPLE), *common, *words]) == ExitCode.USAGE
+    assert run_command(["run", str(EXAMPLE), *common, *words]) == ExitCode.USAGE
     said = capsys.readouterr().err
     others = (
         "there is no field 'sede'; did you mean 'seed'?",

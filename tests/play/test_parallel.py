@@ -12,8 +12,8 @@ from msgspec.structs import replace
 from lingjing import PlayOptions
 from lingjing.play import selfcheck
 from lingjing.play.parallel import EpisodeTask, play_apart
-from lingjing.play.report import ABORTED
 from tests.kernel.test_world_process import await_gone
+from tests.play.report_kit import ABORTED
 
 PLAYER = """
 import os, signal

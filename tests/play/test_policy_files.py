@@ -11,9 +11,8 @@ from lingjing.play.option_sharing import share_arguments
 from lingjing.play.policy_files import load_policy
 from lingjing.play.python_files import function_of
 from lingjing.plugins.hookspecs import hookimpl
-from lingjing.plugins.loading import build_policy
 from lingjing.plugins.policy import PolicyPlugin
-from lingjing.testing import PluginHost
+from lingjing.testing import PluginHost, build_policy
 
 GOOD = '''
 class Scout:

@@ -11,8 +11,9 @@ import pytest
 from lingjing import PlayOptions, read_trace
 from lingjing.errors import UsageError
 from lingjing.play.parallel import EpisodeTask, play_apart
-from lingjing.plugins.loading import build_policy, policy_of, takes_as_given
+from lingjing.plugins.loading import policy_of, takes_as_given
 from lingjing.plugins.options import PluginOptions
+from lingjing.testing import build_policy
 
 MISSION = """\
 ljs 1

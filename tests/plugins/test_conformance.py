@@ -12,8 +12,8 @@ from lingjing import builtin
 from lingjing.mission.instance import ArgumentSpec, CameraSpec, Field, MessageSpec, SceneSpec, VerbSpec, Weather
 from lingjing.plugins import conformance as kit
 from lingjing.plugins.engine import Boundary, EnginePlugin, Frame
-from lingjing.plugins.host import PluginHost
 from lingjing.plugins.policy import Brief, PolicyPlugin, Resource
+from lingjing.testing import PluginHost
 from lingjing.trace.records import (
     Action,
     BodyState,

@@ -10,20 +10,16 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing import builtin
-from lingjing.dsl import compile_text
 from lingjing.errors import PluginError, UsageError
 from lingjing.mission import kinds
 from lingjing.mission.instance import Instance, SceneSpec
-from lingjing.mission.instantiate import instantiate
 from lingjing.plugins import conformance as kit
 from lingjing.plugins.evaluator import EpisodeState, Evaluation, EvaluatorPlugin
 from lingjing.plugins.hookspecs import ScenePlugin, hookimpl
-from lingjing.plugins.host import PluginHost
 from lingjing.plugins.options import Field, PluginOptions
-from lingjing.scene.bay import build
 from lingjing.scene.city import City, Road, Water
 from lingjing.scene.city import Lane as CityLane
+from lingjing.testing import PluginHost, city_of, compile_text, instantiate
 from lingjing.trace.records import Command
 
 MISSION = """\
@@ -62,8 +58,8 @@ def test_bodies_far_from_a_cube_are_seen_and_hit(size: tuple[float, float, float
 
 
 def engine_case(*commands: Command) -> kit.EngineCase:
-    plugin = next(plugin for plugin in builtin.lingjing_engines() if plugin.name == "multirotor")
-    return kit.EngineCase(plugin, instance_with(), build(SceneSpec(kind="bay", datum_m=-3.5)), commands, seconds=2.0)
+    plugin = PluginHost().engine("multirotor")
+    return kit.EngineCase(plugin, instance_with(), city_of(SceneSpec(kind="bay", datum_m=-3.5)), commands, seconds=2.0)
 
 
 def order(resource: str, verb: str, **arguments: float) -> Command:

@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from lingjing import testing
 from lingjing.data import data_path
 from lingjing.plugins.engine import Boundary
 
@@ -26,7 +27,7 @@ def shipped_types() -> frozenset[str]:
 
 def shipped_missions() -> frozenset[str]:
     """The missions by name."""
-    return frozenset(path.stem for path in data_path("scenarios").glob("*.ljs"))
+    return frozenset(path.stem for path in testing.shipped_missions())
 
 
 def identifiers(tree: ast.AST) -> set[str]:

@@ -12,8 +12,8 @@ from lingjing.plugins.chat_model import ModelPlugin
 from lingjing.plugins.engine import EnginePlugin
 from lingjing.plugins.evaluator import EvaluatorPlugin
 from lingjing.plugins.hookspecs import ScenePlugin, hookimpl
-from lingjing.plugins.host import PluginHost
 from lingjing.plugins.policy import PolicyPlugin
+from lingjing.testing import PluginHost
 
 KINDS = [
     ("lingjing_engines", EnginePlugin, "factory"),

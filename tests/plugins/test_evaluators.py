@@ -12,16 +12,14 @@ from types import SimpleNamespace
 
 import pytest
 
-from lingjing import builtin
+from lingjing import Session, builtin, read_trace
+from lingjing import run as lingjing_run
 from lingjing.errors import PluginError, UsageError
 from lingjing.kernel.adjudication import Adjudicator
-from lingjing.play.episode import Session
-from lingjing.play.episode import run as lingjing_run
 from lingjing.plugins.evaluator import EpisodeState, Evaluation, EvaluatorPlugin
 from lingjing.plugins.hookspecs import hookimpl
-from lingjing.plugins.host import PluginHost
 from lingjing.plugins.options import Field, PluginOptions
-from lingjing.trace.reader import read_trace
+from lingjing.testing import PluginHost
 
 MISSION = """\
 ljs 1

@@ -10,9 +10,8 @@ import pytest
 from lingjing.errors import PluginError
 from lingjing.plugins.evaluator import Evaluation, EvaluatorPlugin
 from lingjing.plugins.hookspecs import hookimpl
-from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import build_policy
 from lingjing.plugins.policy import Decision, Observation, PolicyPlugin
+from lingjing.testing import PluginHost, build_policy
 
 
 class Idle:

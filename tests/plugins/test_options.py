@@ -15,8 +15,7 @@ from lingjing.option_listing import option_specs
 from lingjing.play.option_sharing import engine_options, share_arguments
 from lingjing.plugins.engine import EnginePlugin
 from lingjing.plugins.hookspecs import hookimpl
-from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import build_policy, policy_of
+from lingjing.plugins.loading import policy_of
 from lingjing.plugins.options import (
     Field,
     PluginOptions,
@@ -25,6 +24,7 @@ from lingjing.plugins.options import (
     option_faults,
     read_options,
 )
+from lingjing.testing import PluginHost, build_policy
 
 
 class Flight(PluginOptions):

@@ -14,9 +14,9 @@ from lingjing.cli.new import KINDS
 from lingjing.plugins import conformance, hookspecs
 from lingjing.plugins.conformance import sample_brief, sample_observations
 from lingjing.plugins.contract import API_VERSION
-from lingjing.plugins.host import HOOKS, MAKERS, PluginHost
-from lingjing.plugins.loading import build_policy
+from lingjing.plugins.host import HOOKS, MAKERS
 from lingjing.plugins.policy import Inbox, Observation
+from lingjing.testing import PluginHost, build_policy
 
 PAGE = (Path(__file__).parents[2] / "docs" / "plugins.md").read_text(encoding="utf-8")
 

@@ -3,11 +3,10 @@
 import msgspec
 import pytest
 
-from lingjing import builtin
 from lingjing.kernel.world.selection import select_engines
 from lingjing.mission.instance import CommsSpec, EventSpec, SceneSpec, Weather
 from lingjing.mission.schedule import Schedule
-from lingjing.plugins.host import PluginHost
+from lingjing.testing import PluginHost
 
 FOG, STORM = Weather(visibility_m=100.0), Weather(wind_mps=14.0)
 
@@ -45,7 +44,7 @@ def test_a_time_that_arithmetic_made_a_hair_too_early_counts(schedule):
 
 
 def test_traffic_and_radio_are_there_without_an_entity_of_their_own(instance_of, boat):
-    host = PluginHost(entry_points=False, extra=(builtin,))
+    host = PluginHost()
     bare = instance_of([boat()])
     busy = SceneSpec(kind="bay", options={"traffic": 40.0})
     heard = CommsSpec(mode="broadcast", hub=None, range_m=500.0)

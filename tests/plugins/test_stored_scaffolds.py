@@ -11,12 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.data import data_path
+from lingjing import read_trace
 from lingjing.errors import PluginError
 from lingjing.plugins.contract import API_VERSION, version_fault
 from lingjing.plugins.hookspecs import hookimpl
-from lingjing.plugins.host import PluginHost
-from lingjing.trace.reader import read_trace
+from lingjing.testing import PluginHost, mission_file
 
 DATA = Path(__file__).parent / "data"
 LINGJING = ("-m", "lingjing.cli.main")
@@ -65,7 +64,7 @@ def test_an_engine_of_version_1_0_passes_its_own_tests(package: Path, site: Path
 
 def test_a_policy_of_version_1_0_plays(tmp_path: Path) -> None:
     (tmp_path / "scout.py").write_bytes((DATA / "agent-1.0.py.txt").read_bytes())
-    text = data_path("scenarios", "ssr.ljs").read_text(encoding="utf-8")
+    text = mission_file("ssr").read_text(encoding="utf-8")
     (tmp_path / "ssr.ljs").write_text(text.replace("ticks <= 60", "ticks <= 12"), encoding="utf-8")
     run = (*LINGJING, "run", "ssr.ljs", "--policy", "./scout.py:Scout", "--world", "inline", "--no-overview", "--json")
     out, _ = call(*run, "-o", "out", cwd=tmp_path)

@@ -9,17 +9,15 @@ import msgspec
 import numpy as np
 import pytest
 
-from lingjing.dsl import compile_text
+from lingjing import Mission
 from lingjing.engines.camera.engine import CameraEngine
 from lingjing.mission.appearance import COLOURS
 from lingjing.mission.instance import Instance
-from lingjing.mission.instantiate import instantiate
-from lingjing.mission.model import Mission
 from lingjing.plugins.bodies import solid_size
 from lingjing.plugins.conformance import BodyCase, ConformanceError, check_body, check_can_be_hit, check_is_seen
 from lingjing.plugins.engine import CaptureRequest, EngineSpec
 from lingjing.plugins.geometry import world_to_pixel
-from lingjing.scene.bay import build
+from lingjing.testing import city_of, compile_text, instantiate
 from lingjing.trace.records import BodyState, CameraPose
 
 TYPES = """ljs 1
@@ -119,7 +117,7 @@ def test_a_balloon_of_six_metres_is_drawn_six_metres_large_in_its_colour(instanc
                       height=640)  # fmt: skip
     engine = CameraEngine()
     try:
-        engine.reset(EngineSpec(engine="camera", instance=instance, owns=()), build(instance.scene), 1)
+        engine.reset(EngineSpec(engine="camera", instance=instance, owns=()), city_of(instance.scene), 1)
         request = CaptureRequest(frame="f", entity="balloon", camera="c", tick=0, time_s=0.0, pose=pose)
         (frame,) = engine.capture((request,))
         look = CaptureRequest(frame="g", entity="balloon", camera="front", tick=0, time_s=0.0)
@@ -152,7 +150,7 @@ def test_what_is_nothing_to_be_seen_fails_it(strange: Mission, instance: Instanc
 
 def test_the_kit_finds_a_body_of_another_size_than_it_says(instance: Instance) -> None:
     rig = next(one for one in instance.entities if one.id == "rig")
-    city = build(instance.scene)
+    city = city_of(instance.scene)
     parts = tuple(msgspec.structs.replace(part, height_m=9.0) for part in rig.parts)
     tall = msgspec.structs.replace(rig, parts=parts)
     entities = tuple(tall if one.id == "rig" else one for one in instance.entities)
@@ -164,7 +162,7 @@ def test_nobody_collides_with_a_shape_of_none(instance: Instance) -> None:
     kiosk = next(one for one in instance.entities if one.id == "kiosk")
     ghost = msgspec.structs.replace(kiosk, properties={**kiosk.properties, "shape": "none"})
     assert solid_size(ghost) is None and solid_size(kiosk) is not None
-    check_can_be_hit(BodyCase(instance, build(instance.scene), ghost))
+    check_can_be_hit(BodyCase(instance, city_of(instance.scene), ghost))
 
 
 def test_a_sphere_is_not_hit_beside_where_its_box_would_be(instance: Instance) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from lingjing import testing
 from lingjing.errors import ForeignCodeError, MissionError, UsageError
-from lingjing.testing import bare_instance, does, episode, mission, play, rescue, scripted
+from lingjing.testing import bare_instance, compiled, does, episode, play, rescue, scripted
 
 PAGE = (Path(__file__).parents[2] / "docs" / "testing.md").read_text(encoding="utf-8")
 (CODE,) = re.findall(r"^```python\n(.*?)^```", PAGE, flags=re.MULTILINE | re.DOTALL)
@@ -64,9 +64,9 @@ def test_a_script_for_an_unknown_agent_is_an_error(ferry: str, tmp_path: Path) -
 
 def test_a_faulty_text_raises_its_diagnostics(ferry: str) -> None:
     with pytest.raises(MissionError, match="no asset type is called `raff`"):
-        mission(ferry.replace("asset raft : raft", "asset raft : raff"))
+        compiled(ferry.replace("asset raft : raft", "asset raft : raff"))
     with pytest.raises(UsageError, match="there is no mission `ferry`"):
-        mission("ferry")
+        compiled("ferry")
     with pytest.raises(TypeError, match="wether"):
         bare_instance((), wether=None)
 

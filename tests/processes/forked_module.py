@@ -42,7 +42,7 @@ def told() -> None:
 def worlds() -> None:
     """Play twice on the server's workers and once in this process; tell whether all is the same, and by whom."""
     import tests.kernel.world_toys as toys
-    from lingjing.kernel.world import open_world
+    from lingjing.testing.worlds import open_world
     from tests.kernel.test_world_process import TOYS, opened, pids, played
 
     fork_server = client()
@@ -67,7 +67,7 @@ def lingering() -> None:
     """Hold two workers in mid-episode, for others to kill."""
     import tests.kernel.world_toys as toys
     from lingjing.errors import InfrastructureError
-    from lingjing.kernel.world import open_world
+    from lingjing.testing.worlds import open_world
     from tests.kernel.test_world_process import TOYS, pids, played
 
     world = open_world("process", plugins=TOYS, installed=False, fork_server=client())

@@ -13,9 +13,9 @@ import pytest
 
 import tests.kernel.world_toys as toys
 from lingjing.errors import InfrastructureError
-from lingjing.kernel.world import open_world
 from lingjing.processes import deadlines
 from lingjing.processes.deadlines import OwnDeadline, own_now_s
+from lingjing.testing.worlds import open_world
 from lingjing.trace.records import Absent
 
 TOYS = ("tests.kernel.world_toys:plugin", "tests.kernel.world_toys:painter")
@@ -185,7 +185,7 @@ def test_in_the_caller_too_a_wait_is_nobodys(crowd):
 import sys
 sys.path.insert(0, {str(here)!r})
 import tests.kernel.world_toys as toys
-from lingjing.kernel.world import open_world
+from lingjing.testing.worlds import open_world
 world = open_world("inline", plugins={TOYS!r}, installed=False)
 bee = toys.entity("bee", "toy_b", 2.0, fault="burn", fault_at=0.05)
 world.reset(toys.instance(bee, engine_s={ENGINE_S}), toys.CITY)

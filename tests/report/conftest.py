@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 
+from lingjing import Session
 from lingjing.bench.parquet import encode_rows
-from lingjing.bench.rows import SuiteRow
-from lingjing.data import data_path
-from lingjing.play.episode import Session
 from lingjing.report.drawing import Drawing
 from lingjing.report.evidence import ReportEvidence
 from lingjing.report.gathering import gather
 from lingjing.report.painting import painted
+from lingjing.testing import mission_file
+from tests.bench.suite_kit import SuiteRow
 
 TICKS = 12
 
@@ -35,7 +35,7 @@ def tooltips_of(drawing: Drawing) -> list[str]:
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Seed 1 of a sea rescue of twelve ticks in star and in broadcast, played by the oracle."""
     folder = tmp_path_factory.mktemp("report")
-    text = data_path("scenarios", "ssr.ljs").read_text().replace("ticks <= 60", f"ticks <= {TICKS}")
+    text = mission_file("ssr").read_text().replace("ticks <= 60", f"ticks <= {TICKS}")
     (folder / "ssr.ljs").write_text(text)
     with Session() as session:
         for mode in ("star", "broadcast"):

@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from lingjing import PlayOptions, read_trace
 from lingjing.analysis.behaviour import ActionCounts
 from lingjing.analysis.detection import PerceptionCounts
 from lingjing.analysis.messages import admitted_messages
@@ -20,19 +21,16 @@ from lingjing.bench.frame_sets.folder import write_set
 from lingjing.bench.frame_sets.probe import ProbedFrame, probe_cell
 from lingjing.bench.frame_sets.twins import TWINS, TwinRecord, TwinSet
 from lingjing.bench.prompt_search import RESULTS, KeptSearch, PromptCandidate, PromptEpisode
-from lingjing.bench.rows import SuiteRow
 from lingjing.bench.statistics import drawn_samples
 from lingjing.bench.table_cells import ResultTable
-from lingjing.play.options import PlayOptions
 from lingjing.report.estimates import MANY, pooled, share, unmatched
 from lingjing.report.evidence import ReportEvidence
 from lingjing.report.figure import FigurePart
 from lingjing.report.figure_kinds import FIGURES, figure_named
 from lingjing.report.gathering import gather
 from lingjing.report.painting import painted
-from lingjing.trace.reader import read_trace
 from tests.bench.frame_kit import VICTIM, made_frame, picture, pictures_of
-from tests.bench.suite_kit import made_row
+from tests.bench.suite_kit import SuiteRow, made_row
 from tests.play.report_kit import blank_metrics, made_report
 from tests.report.conftest import lines_of, tooltips_of
 

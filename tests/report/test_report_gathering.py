@@ -12,19 +12,18 @@ import msgspec
 import numpy as np
 import pytest
 
+from lingjing import PlayOptions, Trace, read_trace
 from lingjing.analysis.attention import attention_beside
 from lingjing.bench.folder import read_results
 from lingjing.bench.merging import merge_results
 from lingjing.bench.parquet import encode_rows
 from lingjing.bench.tables import make_tables
 from lingjing.errors import UsageError
-from lingjing.play.options import PlayOptions
 from lingjing.report import gathering
 from lingjing.report.evidence import ReportEvidence
 from lingjing.report.gathering import gather
 from lingjing.report.trace_rows import with_conditions
-from lingjing.trace.reader import Trace, read_trace
-from lingjing.trace.writer import TraceWriter
+from lingjing.testing import TraceWriter
 from tests.bench.suite_kit import made_row
 from tests.play.report_kit import made_report
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from lingjing.cli.main import main
 from lingjing.errors import ExitCode
+from lingjing.testing import run_command
 from tests.browser import browser, opened, skip_without_a_browser
 
 skip_without_a_browser()
@@ -40,7 +40,7 @@ def chromium() -> Iterator[Any]:
 @pytest.fixture(scope="module")
 def page_url(runs: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
     path = tmp_path_factory.mktemp("page") / "report.html"
-    assert main(["report", str(runs), "-o", str(path)]) == ExitCode.OK
+    assert run_command(["report", str(runs), "-o", str(path)]) == ExitCode.OK
     return path.as_uri()
 
 

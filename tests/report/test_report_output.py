@@ -16,7 +16,6 @@ import pytest
 from PIL import Image
 
 from lingjing.analysis import fonts
-from lingjing.cli.main import main
 from lingjing.errors import ExitCode
 from lingjing.report.charts import (
     BarGroup,
@@ -35,6 +34,7 @@ from lingjing.report.figure_kinds import FIGURES
 from lingjing.report.painting import SCALE, Canvas, boxed_letters, inline_svg, png_file, svg_file
 from lingjing.report.sheet import sheet_of
 from lingjing.report.text_layout import text_width
+from lingjing.testing import run_command
 from tests.bench.suite_kit import made_row
 from tests.report.conftest import lines_of, tooltips_of
 
@@ -268,9 +268,10 @@ def test_the_page_is_one_file_that_lists_missing_figures(
     runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     first, second = tmp_path / "a.html", tmp_path / "b.html"
-    assert main(["report", str(runs), "-o", str(first), "--title", EVIL]) == ExitCode.OK
+    assert run_command(["report", str(runs), "-o", str(first), "--title", EVIL]) == ExitCode.OK
     assert (
-        main(["report", str(runs / "broadcast"), str(runs / "star"), "-o", str(second), "--title", EVIL]) == ExitCode.OK
+        run_command(["report", str(runs / "broadcast"), str(runs / "star"), "-o", str(second), "--title", EVIL])
+        == ExitCode.OK
     )
     capsys.readouterr()
     page = first.read_text()
@@ -287,16 +288,16 @@ def test_hostile_names_of_rows_are_text(results: Callable[..., Path], tmp_path: 
         made_row(entrant=EVIL, condition=EVIL, baseline=True, group=EVIL, mode=mode) for mode in ("star", "broadcast")
     ]
     out = tmp_path / "x.html"
-    assert main(["report", str(results(rows)), "-o", str(out)]) == ExitCode.OK
+    assert run_command(["report", str(results(rows)), "-o", str(out)]) == ExitCode.OK
     assert "<script" not in out.read_text() and "&lt;script&gt;" in out.read_text()
 
 
 @pytest.mark.parametrize("suffix", ["svg", "png"])
 def test_one_figure_by_its_name(suffix: str, runs: Path, tmp_path: Path) -> None:
     out = tmp_path / f"x.{suffix}"
-    assert main(["report", str(runs), "--figure", "conversations", "-o", str(out)]) == ExitCode.OK
+    assert run_command(["report", str(runs), "--figure", "conversations", "-o", str(out)]) == ExitCode.OK
     before = out.read_bytes()
-    assert main(["report", str(runs), "--figure", "conversations", "-o", str(out)]) == ExitCode.OK
+    assert run_command(["report", str(runs), "--figure", "conversations", "-o", str(out)]) == ExitCode.OK
     assert out.read_bytes() == before
     if suffix == "svg":
         ET.fromstring(before)
@@ -306,7 +307,7 @@ def test_one_figure_by_its_name(suffix: str, runs: Path, tmp_path: Path) -> None
 
 
 def test_the_list_and_the_page_of_documentation_name_every_figure(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["report", "--list"]) == ExitCode.OK
+    assert run_command(["report", "--list"]) == ExitCode.OK
     listed = [line.split()[0] for line in capsys.readouterr().out.splitlines()]
     assert listed == [kind.name for kind in FIGURES]
     text = (ROOT / "docs" / "reports.md").read_text()
@@ -328,7 +329,7 @@ def test_an_impossible_request_is_one_message(runs: Path, tmp_path: Path, capsys
         (["report", place, "-o", str(tmp_path)], "it is a folder"),
         (["report", place, "-j", "0"], "must be at least 1"),
     ):
-        assert main(arguments) == ExitCode.USAGE, arguments
+        assert run_command(arguments) == ExitCode.USAGE, arguments
         shown = capsys.readouterr()
         assert message in shown.err and shown.out == "" and len(shown.err.splitlines()) <= 2, shown.err
     assert not list(tmp_path.glob("*.svg")) and not (tmp_path / "gone").exists()

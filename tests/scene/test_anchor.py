@@ -14,13 +14,11 @@ import msgspec
 import pytest
 import shapely
 
-from lingjing import builtin
 from lingjing.dsl import compile_source
 from lingjing.dsl.source.text import SourceText, read_source
 from lingjing.errors import MissionError
 from lingjing.mission.footprint import sunk_below_m
 from lingjing.mission.instance import Entity, Instance
-from lingjing.mission.instantiate import instantiate
 from lingjing.mission.kinds import reach_m
 from lingjing.scene.anchor import anchor
 from lingjing.scene.city import City, Land
@@ -29,6 +27,7 @@ from lingjing.scene.footing import Footing
 from lingjing.scene.lines import point_at, project
 from lingjing.scene.store import write_store
 from lingjing.scene.terrain import Terrain
+from lingjing.testing import PluginHost, instantiate
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 NINE = ("vdn", "bi", "ld", "idf", "upr", "ufr", "cr", "ssr", "cd")
@@ -56,7 +55,7 @@ def mission(name: str):
 
 @cache
 def city_of(name: str, seed: int) -> City:
-    scenes = {scene.name: scene for scene in builtin.lingjing_scenes()}
+    scenes = PluginHost().scenes
     spec = instantiate(mission(name), seed=seed).scene
     return scenes[spec.kind].build(spec)
 

@@ -9,11 +9,8 @@ import msgspec
 import pytest
 import shapely
 
-from lingjing import builtin
-from lingjing.dsl import compile_text
 from lingjing.errors import UsageError
 from lingjing.mission.instance import SceneSpec
-from lingjing.mission.instantiate import instantiate
 from lingjing.scene.city import City
 from lingjing.scene.districts import build
 from lingjing.scene.districts.district import build_district
@@ -22,6 +19,7 @@ from lingjing.scene.districts.options import plan
 from lingjing.scene.footing import Footing
 from lingjing.scene.lines import point_at, project
 from lingjing.scene.tiles import Tiles
+from lingjing.testing import PluginHost, compile_text, instantiate
 
 KINDS = ("residential", "industrial", "commercial", "campus", "logistics", "coastal")
 DRONE = """ljs 1
@@ -301,12 +299,12 @@ def test_a_mission_by_the_sea_may_leave_out_where_the_sea_lies(scene: str, level
     assert compiled.mission is not None
     spec = instantiate(compiled.mission, seed=1).scene
     assert spec.datum_m == level
-    city = {scene.name: scene for scene in builtin.lingjing_scenes()}[spec.kind].build(spec)
+    city = PluginHost().scenes[spec.kind].build(spec)
     assert {water.level_m for water in city.waters} <= {level}
 
 
 def test_the_kinds_are_declared_as_scenes() -> None:
-    scenes = {scene.name: scene for scene in builtin.lingjing_scenes()}
+    scenes = PluginHost().scenes
     assert {*KINDS, "city"} <= set(scenes)
     assert scenes["campus"].build(SceneSpec(kind="campus", layout=1)).id == "campus-1"
     assert msgspec.msgpack.decode(msgspec.msgpack.encode(district("campus")), type=City) == district("campus")

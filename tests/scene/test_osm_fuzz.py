@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.cli.main import main
 from lingjing.errors import ExitCode, UsageError
 from lingjing.scene.city import City
 from lingjing.scene.osm import build as building
@@ -13,6 +12,7 @@ from lingjing.scene.osm.build import Options
 from lingjing.scene.osm.frame import choose
 from lingjing.scene.osm.read import read
 from lingjing.scene.osm.streets import streets
+from lingjing.testing import run_command
 from tests.scene.map_mutations import mutated
 
 
@@ -57,7 +57,7 @@ def _assembled(path: Path) -> City:
 def test_no_map_ends_the_command_line_with_a_fault_of_ours(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for seed in range(60):
         path = mutated(seed, tmp_path)
-        code = main(["scene", "build", str(path), "-o", str(tmp_path / f"city-{seed}")])
+        code = run_command(["scene", "build", str(path), "-o", str(tmp_path / f"city-{seed}")])
         output = capsys.readouterr()
         assert code in (ExitCode.OK, ExitCode.USAGE), (seed, code, output.err)
         assert "Traceback" not in output.err

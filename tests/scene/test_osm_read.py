@@ -11,7 +11,6 @@ from pathlib import Path
 import osmium
 import pytest
 
-from lingjing.cli.main import main
 from lingjing.errors import UsageError
 from lingjing.scene.osm.build import Options, build
 from lingjing.scene.osm.map_data import LONGEST_TEXT, MapData
@@ -19,6 +18,7 @@ from lingjing.scene.osm.read import read
 from lingjing.scene.osm.summary import read_summary
 from lingjing.scene.osm.xml_format import LONGEST_TOKEN
 from lingjing.scene.tiles import Tiles
+from lingjing.testing import run_command
 from tests.scene.osm_maps import Map, convert, square, town
 
 CORNERS = {1: (31.2, 121.5), 2: (31.2, 121.5003), 3: (31.2003, 121.5003), 4: (31.2003, 121.5)}
@@ -420,7 +420,7 @@ def test_an_endless_element_is_rejected_before_it_fills_the_memory(tmp_path: Pat
 def test_the_command_line_prints_a_one_line_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "answer.osm"
     path.write_text('{"elements": []}')
-    assert main(["scene", "build", str(path)]) == 2
+    assert run_command(["scene", "build", str(path)]) == 2
     output = capsys.readouterr().err
     assert "Overpass JSON" in output and "[out:xml]" in output and "Traceback" not in output
 

@@ -12,8 +12,7 @@ from lingjing.mission.instance import Entity
 from lingjing.scene.city import Building, City, Prop
 from lingjing.scene.plan import PlanShape
 from lingjing.scene.surroundings import city_meshes, shapes_around, surroundings
-from tests.bare_instance import bare_instance
-from tests.declared import declared
+from lingjing.testing import bare_instance, declared
 
 OUTLINE = ((0.0, 0.0), (10.0, 0.0), (10.0, 20.0), (0.0, 20.0))
 YARD = ((2.0, 2.0), (2.0, 6.0), (6.0, 6.0), (6.0, 2.0))

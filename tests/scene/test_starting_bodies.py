@@ -11,19 +11,16 @@ import msgspec
 import pytest
 
 import lingjing
-from lingjing.data import data_path
+from lingjing import read_trace
 from lingjing.dsl import compile_source
-from lingjing.dsl.loading.load import load_mission
 from lingjing.dsl.source.text import SourceText
 from lingjing.errors import MissionError
 from lingjing.mission.footprint import STANDS_M, footprint, sunk_below_m
-from lingjing.mission.instantiate import instantiate
 from lingjing.plugins.building import build_city
-from lingjing.plugins.host import PluginHost
 from lingjing.scene.anchor import anchor
 from lingjing.scene.displacement import in_words, moved_bodies
 from lingjing.scene.terrain import Terrain
-from lingjing.trace.reader import read_trace
+from lingjing.testing import PluginHost, instantiate, mission_file
 from lingjing.trace.records import Decision
 
 HEAD = """ljs 1
@@ -243,7 +240,7 @@ def test_a_move_stands_in_the_summary_of_a_run(tmp_path):
 
 def test_bodies_of_a_document_at_one_place_are_parted_and_noted(tmp_path):
     """Bodies of an imported document that share a place are moved apart; the document is not rejected."""
-    document = json.loads(data_path("scenarios", "reset", "ssr-001.json").read_text(encoding="utf-8"))
+    document = json.loads(mission_file("reset/ssr-001.json").read_text(encoding="utf-8"))
     drones = document["scenario"]["equipmentList"]["droneEntityList"]
     for drone in drones:
         drone["data"] = drones[0]["data"]
@@ -255,7 +252,7 @@ def test_bodies_of_a_document_at_one_place_are_parted_and_noted(tmp_path):
     assert shown.returncode == 0, shown.stderr
     notes = shown.stdout + shown.stderr
     assert "droneEntityList[1]" in notes and "m away, clear of what stands there" in notes
-    mission = load_mission(file)
+    mission = lingjing.compile(file)
     declared = instantiate(mission)
     placed = anchor(declared, build_city(declared.scene, PluginHost()), imported=True)
     assert len(overlapping(declared)) == 3 and not overlapping(placed)

@@ -1,23 +1,17 @@
-"""Fixtures: the synthetic sea rescue and its trace file."""
+"""Fixtures: the trace of the sea rescue of the kit, with depth."""
 
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 
-from lingjing.trace.reader import Trace, read_trace
-from tests.trace import synthetic as episode
-
-
-@pytest.fixture(scope="session")
-def synthetic() -> ModuleType:
-    return episode
+from lingjing import Trace, read_trace
+from lingjing.testing import sea_rescue
 
 
 @pytest.fixture(scope="session")
 def episode_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("episode") / "trace.mcap"
-    episode.write_episode(path, ticks=60, depth=True)
+    sea_rescue.write_episode(path, ticks=60, depth=True)
     return path
 
 

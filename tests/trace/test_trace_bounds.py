@@ -7,15 +7,15 @@ import sys
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 import zstandard
 
+from lingjing import Trace, read_trace
 from lingjing.errors import UsageError
+from lingjing.testing import sea_rescue
 from lingjing.trace.chunks import LIMIT
 from lingjing.trace.container import MAGIC, scan
-from lingjing.trace.reader import Trace, read_trace
 
 READ = """
 import json, resource, sys
@@ -176,10 +176,10 @@ def test_an_unpacked_chunk_is_read(tmp_path: Path) -> None:
     assert not list(scan(path))
 
 
-def test_a_long_trace_of_nothing_stays_within_the_bounds(synthetic: ModuleType, tmp_path: Path) -> None:
+def test_a_long_trace_of_nothing_stays_within_the_bounds(tmp_path: Path) -> None:
     """The most compressible file that the writer produces has black pictures and no motion."""
     path = tmp_path / "t.mcap"
-    synthetic.write_episode(path, ticks=40, depth=True)
+    sea_rescue.write_episode(path, ticks=40, depth=True)
     packed = path.stat().st_size
     plain = sum(len(stored.data) for stored in scan(path))
     assert plain / packed < 500

@@ -9,7 +9,6 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
-from types import ModuleType
 
 import jsonschema
 import mcap.exceptions
@@ -20,14 +19,15 @@ import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from google.protobuf.unknown_fields import UnknownFieldSet
 
+import lingjing
+from lingjing import Trace, read_trace
 from lingjing.errors import ExitCode, LingjingError, UsageError
+from lingjing.testing import TraceWriter, sea_rescue
 from lingjing.trace.container import scan
 from lingjing.trace.digest import verify
-from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import CUT_SHORT, Outcome, Reason
 from lingjing.trace.topics import CAMERAS
-from lingjing.trace.verification import verify_file
-from lingjing.trace.writer import TraceWriter, part_path
+from lingjing.trace.writer import part_path
 
 WORDS = {
     "$schema", "$defs", "$ref", "title", "description", "type", "properties", "required", "additionalProperties",
@@ -36,18 +36,18 @@ WORDS = {
 """The JSON Schema keywords in our schemas. A strict validator rejects keywords that JSON Schema 2020-12 lacks."""
 
 
-def test_all_records_are_read_back(synthetic: ModuleType, trace: Trace) -> None:
-    records = [record for record, _ in synthetic.episode(60, depth=True)]
-    assert trace.header == synthetic.header()
+def test_all_records_are_read_back(trace: Trace) -> None:
+    records = [record for record, _ in sea_rescue.episode(60, depth=True)]
+    assert trace.header == sea_rescue.header()
     assert list(trace.boundaries) == records
-    assert trace.outcome == synthetic.outcome_of(records)
+    assert trace.outcome == sea_rescue.outcome_of(records)
     assert trace.complete
     assert verify(trace, pixels=True) is None
     assert not part_path(trace.path).exists()
 
 
-def test_pictures_are_read_back_with_all_channels(synthetic: ModuleType, trace: Trace) -> None:
-    pictures = [picture for _, some in synthetic.episode(60, depth=True) for picture in some]
+def test_pictures_are_read_back_with_all_channels(trace: Trace) -> None:
+    pictures = [picture for _, some in sea_rescue.episode(60, depth=True) for picture in some]
     assert list(trace.frames) == [info.id for info, _, _, _ in pictures]
     for info, jpeg, depth, semantic in (pictures[0], pictures[-1]):
         back = trace.picture(info.id)
@@ -56,8 +56,8 @@ def test_pictures_are_read_back_with_all_channels(synthetic: ModuleType, trace: 
         assert np.allclose(back.depth, depth, atol=0.0051) and np.array_equal(back.semantic, semantic)
 
 
-def test_a_picture_without_depth_has_none(synthetic: ModuleType, tmp_path: Path) -> None:
-    synthetic.write_episode(tmp_path / "t.mcap", ticks=4)
+def test_a_picture_without_depth_has_none(tmp_path: Path) -> None:
+    sea_rescue.write_episode(tmp_path / "t.mcap", ticks=4)
     back = read_trace(tmp_path / "t.mcap")
     assert back.picture("f3-uav[1]-nadir").depth is None and back.picture("f3-uav[1]-nadir").semantic is None
 
@@ -101,24 +101,21 @@ def test_a_damaged_file_raises_only_declared_errors(trace: Trace, tmp_path: Path
 
 
 KILLED = """
-import importlib.util, os, signal, sys
+import os, signal, sys
 from pathlib import Path
-spec = importlib.util.spec_from_file_location("synthetic_episode", sys.argv[1])
-module = importlib.util.module_from_spec(spec)
-sys.modules[spec.name] = module
-spec.loader.exec_module(module)
+from lingjing.testing import sea_rescue
 from lingjing.trace.writer import TraceWriter
-writer = TraceWriter(Path(sys.argv[2]), module.header())
-for record, pictures in module.episode(60):
+writer = TraceWriter(Path(sys.argv[1]), sea_rescue.header())
+for record, pictures in sea_rescue.episode(60):
     writer.boundary(record, pictures)
     if record.tick == 9:
         os.kill(os.getpid(), signal.SIGKILL)
 """
 
 
-def test_the_file_of_a_killed_process_is_read_to_its_last_boundary(synthetic: ModuleType, tmp_path: Path) -> None:
+def test_the_file_of_a_killed_process_is_read_to_its_last_boundary(tmp_path: Path) -> None:
     path = tmp_path / "trace.mcap"
-    done = subprocess.run([sys.executable, "-c", KILLED, synthetic.__file__, str(path)], check=False)
+    done = subprocess.run([sys.executable, "-c", KILLED, str(path)], check=False)
     assert done.returncode == -signal.SIGKILL
     assert not path.exists()
     back = read_trace(part_path(path))
@@ -137,56 +134,54 @@ def _plain_boundaries(path: Path) -> int:
 
 
 @pytest.mark.parametrize("reason", CUT_SHORT)
-def test_an_abandoned_episode_keeps_the_suffix_and_is_read_whole(
-    synthetic: ModuleType, tmp_path: Path, reason: Reason
-) -> None:
+def test_an_abandoned_episode_keeps_the_suffix_and_is_read_whole(tmp_path: Path, reason: Reason) -> None:
     path = tmp_path / "trace.mcap"
     outcome = Outcome(success=False, reason=reason, scr=0.0, ticks=4, digest="", frames_digest="")
-    with TraceWriter(path, synthetic.header()) as writer:
+    with TraceWriter(path, sea_rescue.header()) as writer:
         records = []
-        for record, pictures in synthetic.episode(4):
+        for record, pictures in sea_rescue.episode(4):
             writer.boundary(record, pictures)
             records.append(record)
-        outcome = msgspec.structs.replace(synthetic.outcome_of(records), reason=reason, detail="camera died")
+        outcome = msgspec.structs.replace(sea_rescue.outcome_of(records), reason=reason, detail="camera died")
         assert writer.abandon(outcome) == part_path(path)
     back = read_trace(part_path(path))
     assert not path.exists() and back.outcome == outcome and not back.complete
     assert list(back.boundaries) == records and verify(back) is None
 
 
-def test_an_exception_leaves_a_closed_part(synthetic: ModuleType, tmp_path: Path) -> None:
+def test_an_exception_leaves_a_closed_part(tmp_path: Path) -> None:
     path = tmp_path / "trace.mcap"
-    with pytest.raises(ZeroDivisionError), TraceWriter(path, synthetic.header()) as writer:
-        writer.boundary(*next(synthetic.episode(4)))
+    with pytest.raises(ZeroDivisionError), TraceWriter(path, sea_rescue.header()) as writer:
+        writer.boundary(*next(sea_rescue.episode(4)))
         1 / 0  # noqa: B018
     assert len(read_trace(part_path(path)).boundaries) == 1 and not path.exists()
     with pytest.raises(LingjingError, match="closed"):
-        writer.boundary(*next(synthetic.episode(4)))
+        writer.boundary(*next(sea_rescue.episode(4)))
 
 
-def test_nothing_is_overwritten(synthetic: ModuleType, tmp_path: Path) -> None:
+def test_nothing_is_overwritten(tmp_path: Path) -> None:
     for existing in (tmp_path / "trace.mcap", tmp_path / "trace.mcap.part"):
         existing.write_text("mine")
         with pytest.raises(UsageError, match="exists already"):
-            TraceWriter(tmp_path / "trace.mcap", synthetic.header())
+            TraceWriter(tmp_path / "trace.mcap", sea_rescue.header())
         assert existing.read_text() == "mine"
         existing.unlink()
 
 
-def test_an_unwritable_place_is_a_usage_error(synthetic: ModuleType, tmp_path: Path) -> None:
+def test_an_unwritable_place_is_a_usage_error(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="cannot write the trace") as caught:
-        TraceWriter(tmp_path / "missing" / "trace.mcap", synthetic.header())
+        TraceWriter(tmp_path / "missing" / "trace.mcap", sea_rescue.header())
     assert caught.value.exit_code == ExitCode.USAGE
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_a_full_disk_is_a_usage_error(synthetic: ModuleType, tmp_path: Path) -> None:
-    writer = TraceWriter(tmp_path / "trace.mcap", synthetic.header())
+def test_a_full_disk_is_a_usage_error(tmp_path: Path) -> None:
+    writer = TraceWriter(tmp_path / "trace.mcap", sea_rescue.header())
     full = os.open("/dev/full", os.O_WRONLY)
     os.dup2(full, writer._container._file._file.fileno())
     os.close(full)
     with pytest.raises(UsageError, match="No space left"):
-        writer.boundary(*next(synthetic.episode(4)))
+        writer.boundary(*next(sea_rescue.episode(4)))
 
 
 @pytest.mark.parametrize("content", [None, b"", b"hello", b"\x89MCAP0\r\n", b"\x89PNG" * 100, b"\0" * 10_000])
@@ -202,7 +197,7 @@ def test_a_file_that_is_no_trace_is_a_clear_error(content: bytes | None, tmp_pat
 def test_a_pipe_is_refused_before_it_is_opened(trace: Trace, tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)  # without a writer, opening it would block for ever
-    for read in (read_trace, verify_file):
+    for read in (read_trace, lingjing.verify):
         with pytest.raises(UsageError, match="it is a pipe or a device") as caught:
             read(pipe)
         assert "write it into a file first" in caught.value.hint
@@ -281,10 +276,10 @@ def test_every_topic_is_in_time_order(trace: Trace) -> None:
     assert last["/tf"] == round(trace.boundaries[-1].time_s * 1e9)
 
 
-def test_two_equal_episodes_are_equal_files(synthetic: ModuleType, tmp_path: Path) -> None:
+def test_two_equal_episodes_are_equal_files(tmp_path: Path) -> None:
     hashes = set()
     for name in ("a.mcap", "b.mcap"):
-        synthetic.write_episode(tmp_path / name, ticks=8, depth=True)
+        sea_rescue.write_episode(tmp_path / name, ticks=8, depth=True)
         hashes.add(hashlib.sha256((tmp_path / name).read_bytes()).hexdigest())
     assert len(hashes) == 1
 

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from lingjing import Trace, read_trace
 from lingjing.errors import UsageError
+from lingjing.testing import TraceWriter, sea_rescue
 from lingjing.trace.following import TraceFollower
-from lingjing.trace.reader import Trace, read_trace
-from lingjing.trace.writer import TraceWriter, part_path
-from tests.trace import synthetic
+from lingjing.trace.writer import part_path
 
 
 def test_boundaries_come_one_by_one_and_the_outcome_at_the_end(trace: Trace, tmp_path: Path) -> None:
@@ -24,7 +24,7 @@ def test_boundaries_come_one_by_one_and_the_outcome_at_the_end(trace: Trace, tmp
         assert follower.more() == (record,)
         assert follower.more() == ()
     assert follower.trace.outcome is None and len(follower.trace.boundaries) == len(trace.boundaries)
-    writer.finish(synthetic.outcome_of(list(trace.boundaries)))
+    writer.finish(sea_rescue.outcome_of(list(trace.boundaries)))
     assert follower.more() == ()
     assert follower.trace.outcome is not None and follower.trace.complete and follower.trace.path == path
     assert follower.trace.boundaries == read_trace(path).boundaries
@@ -64,7 +64,7 @@ def test_boundaries_of_a_call_that_a_renaming_ended_are_returned_by_the_next_cal
     assert follower.more() == trace.boundaries[:3]
     for record in trace.boundaries[3:]:
         writer.boundary(record)
-    writer.finish(synthetic.outcome_of(list(trace.boundaries)))
+    writer.finish(sea_rescue.outcome_of(list(trace.boundaries)))
 
     def renamed(at: Path) -> bool:
         raise UsageError(f"cannot read the trace {at}: No such file or directory")

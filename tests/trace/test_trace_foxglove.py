@@ -10,8 +10,8 @@ from foxglove_schemas_protobuf.ImageAnnotations_pb2 import ImageAnnotations
 from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from mcap.reader import make_reader
 
+from lingjing import Trace
 from lingjing.trace import foxglove
-from lingjing.trace.reader import Trace
 from lingjing.trace.records import BodyState, CameraPose, FrameInfo, Snapshot
 from lingjing.trace.topics import camera_topic, entity_topic
 

@@ -9,11 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lingjing.trace.reader import Trace
+from lingjing import Trace
+from lingjing.testing import TraceWriter, sea_rescue
 from lingjing.trace.surroundings import CityMesh, Surroundings
-from lingjing.trace.writer import TraceWriter
 from tests.readers import node, skip_without_node
-from tests.trace import synthetic as episode
 
 skip_without_node()
 
@@ -25,7 +24,7 @@ def test_foxgloves_reader_finds_every_message_and_strict_validation_passes(trace
     with TraceWriter(path, trace.header, surroundings=Surroundings(meshes=(MESH,))) as writer:
         for record in trace.boundaries:
             writer.boundary(record, [(frame, trace.jpeg(frame.id), None, None) for frame in record.frames])
-        writer.finish(episode.outcome_of(list(trace.boundaries)))
+        writer.finish(sea_rescue.outcome_of(list(trace.boundaries)))
     result = json.loads(node("read.mjs", path))
     counts = result["counts"]
     assert counts["/lingjing/boundary"] == counts["/score"] == len(trace.boundaries)

@@ -9,9 +9,9 @@ import jsonschema
 import msgspec
 import pytest
 
+from lingjing import Trace
 from lingjing.data import data_path
 from lingjing.trace.encoding import to_json
-from lingjing.trace.reader import Trace
 from lingjing.trace.schemas import RECORDS, schema_text
 
 

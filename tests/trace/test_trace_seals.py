@@ -5,7 +5,6 @@ import struct
 import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import ModuleType
 
 import mcap.reader
 import mcap.records
@@ -14,34 +13,35 @@ import msgspec
 import pytest
 from mcap.data_stream import ReadDataStream, RecordBuilder
 
+import lingjing
+from lingjing import read_trace
 from lingjing.errors import UsageError
+from lingjing.testing import TraceWriter, sea_rescue
 from lingjing.trace.container import scan
-from lingjing.trace.reader import read_trace
 from lingjing.trace.records import Outcome
 from lingjing.trace.seal_check import check_seals
 from lingjing.trace.seals import MAGIC, RECORD, SEAL, SealedFile, is_seal, read_key
 from lingjing.trace.topics import HEADER, OUTCOME
-from lingjing.trace.verification import Verification, verify_file
-from lingjing.trace.writer import TraceWriter
+from lingjing.trace.verification import Verification
 
 KEY = b"a key of sufficient length"
 
 
 @pytest.fixture(scope="module")
-def small(synthetic: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("small") / "trace.mcap"
-    synthetic.write_episode(path, ticks=6, depth=True, width=32, height=18)
+    sea_rescue.write_episode(path, ticks=6, depth=True, width=32, height=18)
     return path
 
 
 @pytest.fixture(scope="module")
-def signed(synthetic: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def signed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("signed") / "trace.mcap"
-    records = list(synthetic.episode(3, width=32, height=18))
-    with TraceWriter(path, synthetic.header(32, 18), KEY) as writer:
+    records = list(sea_rescue.episode(3, width=32, height=18))
+    with TraceWriter(path, sea_rescue.header(32, 18), KEY) as writer:
         for record, pictures in records:
             writer.boundary(record, pictures)
-        writer.finish(synthetic.outcome_of([record for record, _ in records]))
+        writer.finish(sea_rescue.outcome_of([record for record, _ in records]))
     return path
 
 
@@ -84,21 +84,21 @@ def in_chunks(data: bytes, old: bytes, new: bytes) -> bytes:
 
 def verdict(path: Path, data: bytes, key: bytes | None = None) -> Verification:
     path.write_bytes(data)
-    return verify_file(path, key)
+    return lingjing.verify(path, key)
 
 
 def test_a_whole_trace_is_ok(small: Path, signed: Path) -> None:
-    assert verify_file(small).state == "ok" and "not signed" in verify_file(small).said
-    result = verify_file(signed)
+    assert lingjing.verify(small).state == "ok" and "not signed" in lingjing.verify(small).said
+    result = lingjing.verify(signed)
     assert (result.state, result.signature) == ("ok", "unchecked")
-    result = verify_file(signed, KEY)
+    result = lingjing.verify(signed, KEY)
     assert (result.state, result.signature) == ("ok", "good")
 
 
 def test_another_key_or_a_missing_signature_is_reported(small: Path, signed: Path) -> None:
-    result = verify_file(signed, b"another key of such a length")
+    result = lingjing.verify(signed, b"another key of such a length")
     assert (result.state, result.signature) == ("wrong", "bad") and "the header" in result.said
-    result = verify_file(small, KEY)
+    result = lingjing.verify(small, KEY)
     assert result.state == "wrong" and "not signed" in result.said
 
 
@@ -144,7 +144,7 @@ def test_a_cut_file_is_never_ok(small: Path, tmp_path: Path) -> None:
     for at in range(0, len(data), 1201):
         path.write_bytes(data[:at])
         try:
-            states.add(state := verify_file(path).state)
+            states.add(state := lingjing.verify(path).state)
         except UsageError as error:
             assert at == 0 and "it is empty" in str(error)
             continue
@@ -168,12 +168,10 @@ def test_a_file_cut_in_its_summary_is_cut_and_its_outcome_not_covered(small: Pat
     assert verdict(tmp_path / "t.mcap", changed[:-1]).state == "wrong"
 
 
-def test_sealed_invalid_pictures_are_named(
-    synthetic: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_sealed_invalid_pictures_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lingjing.trace.foxglove._image", lambda *_: b"\xff" * 50)
-    synthetic.write_episode(tmp_path / "trace.mcap", ticks=3)
-    result = verify_file(tmp_path / "trace.mcap")
+    sea_rescue.write_episode(tmp_path / "trace.mcap", ticks=3)
+    result = lingjing.verify(tmp_path / "trace.mcap")
     assert result.state == "wrong" and "is no foxglove.CompressedImage" in result.said
 
 
@@ -278,7 +276,7 @@ def test_a_file_rewritten_by_another_program_lacks_its_seals(small: Path, tmp_pa
                 channels[channel.id], message.log_time, message.data, message.publish_time, message.sequence
             )
         writer.finish()
-    result = verify_file(path)
+    result = lingjing.verify(path)
     assert result.state == "wrong" and "its seals are missing" in result.said
     assert read_trace(path).boundaries == read_trace(small).boundaries
 
@@ -296,13 +294,13 @@ def test_a_trace_of_another_version_is_unreadable_and_its_version_named(
         read_trace(tmp_path / "t.mcap")
 
 
-def test_a_sealed_trace_of_a_later_version_is_unreadable_and_not_wrong(synthetic: ModuleType, tmp_path: Path) -> None:
+def test_a_sealed_trace_of_a_later_version_is_unreadable_and_not_wrong(tmp_path: Path) -> None:
     """This version can detect no error in it."""
-    records = [record for record, _ in synthetic.episode(2)]
-    writer = TraceWriter(tmp_path / "t.mcap", msgspec.structs.replace(synthetic.header(), format="lingjing-trace/7"))
+    records = [record for record, _ in sea_rescue.episode(2)]
+    writer = TraceWriter(tmp_path / "t.mcap", msgspec.structs.replace(sea_rescue.header(), format="lingjing-trace/7"))
     for record in records:
         writer.boundary(msgspec.structs.replace(record, frames=()))
-    result = verify_file(writer.finish(synthetic.outcome_of(records)))
+    result = lingjing.verify(writer.finish(sea_rescue.outcome_of(records)))
     assert result.state == "unreadable" and "format `lingjing-trace/7`" in result.said
 
 
@@ -314,13 +312,11 @@ def test_another_programs_file_is_unreadable(tmp_path: Path) -> None:
         channel = writer.register_channel("/x", "json", writer.register_schema("x", "jsonschema", b"{}"))
         writer.add_message(channel, 0, b"{}", 0)
         writer.finish()
-    result = verify_file(path)
+    result = lingjing.verify(path)
     assert result.state == "unreadable" and "holds no episode" in result.said
 
 
-def test_a_recomputed_chain_is_detected_only_by_the_signature(
-    synthetic: ModuleType, signed: Path, tmp_path: Path
-) -> None:
+def test_a_recomputed_chain_is_detected_only_by_the_signature(signed: Path, tmp_path: Path) -> None:
     """A chain without a key cannot detect a forgery of the whole trace."""
     trace = read_trace(signed)
     forged = msgspec.structs.replace(
@@ -329,12 +325,12 @@ def test_a_recomputed_chain_is_detected_only_by_the_signature(
     )
     path = tmp_path / "trace.mcap"
     with TraceWriter(path, forged, b"the forger's own key") as writer:
-        for record, pictures in synthetic.episode(3, width=32, height=18):
+        for record, pictures in sea_rescue.episode(3, width=32, height=18):
             writer.boundary(record, pictures)
         assert trace.outcome is not None
         writer.finish(trace.outcome)
-    assert verify_file(path).state == "ok"
-    assert verify_file(path, KEY).state == "wrong"
+    assert lingjing.verify(path).state == "ok"
+    assert lingjing.verify(path, KEY).state == "wrong"
 
 
 @pytest.mark.parametrize(
@@ -348,16 +344,16 @@ def test_a_recomputed_chain_is_detected_only_by_the_signature(
     ],
 )
 def test_a_sealed_outcome_that_contradicts_the_records_is_wrong(
-    synthetic: ModuleType, tmp_path: Path, change: dict[str, object], words: str
+    tmp_path: Path, change: dict[str, object], words: str
 ) -> None:
-    records = list(synthetic.episode(3, width=32, height=18))
-    outcome: Outcome = msgspec.structs.replace(synthetic.outcome_of([record for record, _ in records]), **change)
+    records = list(sea_rescue.episode(3, width=32, height=18))
+    outcome: Outcome = msgspec.structs.replace(sea_rescue.outcome_of([record for record, _ in records]), **change)
     path = tmp_path / "trace.mcap"
-    with TraceWriter(path, synthetic.header(32, 18)) as writer:
+    with TraceWriter(path, sea_rescue.header(32, 18)) as writer:
         for record, pictures in records:
             writer.boundary(record, pictures)
         writer.finish(outcome)
-    result = verify_file(path)
+    result = lingjing.verify(path)
     assert result.state == "wrong" and words in result.said
 
 

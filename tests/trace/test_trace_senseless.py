@@ -7,23 +7,21 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing.cli.main import main
+from lingjing import read_trace
 from lingjing.errors import UsageError
 from lingjing.mission.instance import Clock
-from lingjing.trace.reader import read_trace
+from lingjing.testing import TraceWriter, run_command, sea_rescue
 from lingjing.trace.records import Header
-from lingjing.trace.writer import TraceWriter
-from tests.trace import synthetic
 
 
 def with_clock(tick_s: float, sync_s: float) -> Header:
-    header = synthetic.header()
+    header = sea_rescue.header()
     clock = Clock(tick_s=tick_s, sync_s=sync_s)
     return msgspec.structs.replace(header, instance=msgspec.structs.replace(header.instance, clock=clock))
 
 
 def with_camera(**changes: float) -> Header:
-    header = synthetic.header()
+    header = sea_rescue.header()
     entities = tuple(
         msgspec.structs.replace(
             entity, cameras=tuple(msgspec.structs.replace(camera, **changes) for camera in entity.cameras)
@@ -36,10 +34,10 @@ def with_camera(**changes: float) -> Header:
 def written(folder: Path, header: Header) -> Path:
     """Return a sealed trace of six ticks with this header."""
     with TraceWriter(folder / "trace.mcap", header) as writer:
-        steps = list(synthetic.episode(6, 64, 36))
+        steps = list(sea_rescue.episode(6, 64, 36))
         for record, pictures in steps:
             writer.boundary(record, pictures)
-        return writer.finish(synthetic.outcome_of([record for record, _ in steps]))
+        return writer.finish(sea_rescue.outcome_of([record for record, _ in steps]))
 
 
 @pytest.mark.parametrize(
@@ -67,6 +65,6 @@ def test_no_command_crashes_for_a_tick_of_length_zero(
     monkeypatch.chdir(tmp_path)
     path = written(tmp_path, with_clock(0.0, 0.5))
     output = {"view": ["-o", "out.html"], "film": ["-o", "out.mp4"], "report": ["-o", "out.html"]}.get(verb, [])
-    assert main([verb, str(path), *output]) in {1, 2, 3}
+    assert run_command([verb, str(path), *output]) in {1, 2, 3}
     assert "describes no episode: tick = 0 s" in "".join(capfd.readouterr())
     assert [item.name for item in tmp_path.iterdir()] == ["trace.mcap"]

@@ -16,17 +16,17 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
+from lingjing import Trace, read_trace
 from lingjing.errors import UsageError
+from lingjing.testing import TraceWriter, sea_rescue
 from lingjing.trace import foxglove
 from lingjing.trace.container import ContainerWriter
 from lingjing.trace.copying import copy_trace
-from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import BodyState, BoundaryRecord, CameraPose, Envelope
 from lingjing.trace.surroundings import NO_SURROUNDINGS, CityMesh, Surroundings
 from lingjing.trace.topics import CITY, HIDDEN, SCENE, SCORE, agent_topic, camera_topic
 from lingjing.trace.viewer_messages import ViewerMessages
-from lingjing.trace.writer import TraceWriter, nanoseconds
-from tests.trace import synthetic as episode
+from lingjing.trace.writer import nanoseconds
 
 SQUARE = CityMesh(
     "building",
@@ -138,7 +138,7 @@ def test_the_city_is_in_the_file_once_as_meshes(trace: Trace, tmp_path: Path) ->
     path = tmp_path / "trace.mcap"
     with TraceWriter(path, trace.header, surroundings=Surroundings(meshes=(SQUARE, SQUARE))) as writer:
         writer.boundary(trace.boundaries[0])
-        writer.finish(episode.outcome_of(list(trace.boundaries[:1])))
+        writer.finish(sea_rescue.outcome_of(list(trace.boundaries[:1])))
     ((_, _, message),) = messages_of(path)[CITY]
     first, second = SceneUpdate.FromString(message.data).entities
     assert (first.id, second.id, first.frame_id) == ("city/building/0", "city/building/1", foxglove.WORLD)

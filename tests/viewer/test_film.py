@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from PIL import Image, ImageDraw
 
+from lingjing import Trace
 from lingjing.analysis import fonts
 from lingjing.errors import UsageError
-from lingjing.trace.reader import Trace
 from lingjing.viewer import film
 from lingjing.viewer.film import ENDING_S, SECONDS, TITLE_S, film_frames, film_notes, make_film
 from lingjing.viewer.frames import HEIGHT, MAP, SHOT, WIDTH, FilmFrames, _wrapped, font_of

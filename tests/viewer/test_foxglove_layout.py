@@ -8,7 +8,7 @@ from typing import Any
 import mcap.reader
 import msgspec
 
-from lingjing.trace.reader import Trace
+from lingjing import Trace
 from lingjing.viewer.foxglove_layout import MOST_AGENTS, MOST_CAMERAS, foxglove_layout
 
 

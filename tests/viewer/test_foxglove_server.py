@@ -19,13 +19,12 @@ import pytest
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
+from lingjing import Trace
 from lingjing.errors import UsageError
-from lingjing.trace.reader import Trace
-from lingjing.trace.writer import TraceWriter
+from lingjing.testing import TraceWriter, sea_rescue
 from lingjing.viewer import foxglove_server
 from lingjing.viewer.foxglove_server import FoxgloveServer, LiveClient
 from tests import readers
-from tests.trace import synthetic
 
 connect = pytest.importorskip("websockets.sync.client", reason="websockets is not installed").connect
 PATIENCE_S = 300
@@ -266,7 +265,7 @@ def test_foxgloves_own_client_decodes_all_of_an_episode(trace: Trace, tmp_path: 
     with TraceWriter(tmp_path / "trace.mcap", trace.header) as writer:
         for record in trace.boundaries:
             writer.boundary(record, [(frame, trace.jpeg(frame.id), None, None) for frame in record.frames])
-        writer.finish(synthetic.outcome_of(list(trace.boundaries)))
+        writer.finish(sea_rescue.outcome_of(list(trace.boundaries)))
     result = json.loads(listener.communicate(timeout=600)[0])
     server.close()
     assert result["server"] == "Lingjing" and result["counts"]["/score"] >= 1

@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from lingjing.trace.reader import Trace
+from lingjing import Trace
 from lingjing.trace.records import Decision, DecisionRecord
 from lingjing.viewer.server import ViewServer
 from lingjing.viewer.single import single_file

@@ -12,9 +12,10 @@ from pathlib import Path
 
 import pytest
 
+from lingjing import Trace
+from lingjing.testing import TraceWriter
 from lingjing.trace.container import is_being_written
-from lingjing.trace.reader import Trace
-from lingjing.trace.writer import TraceWriter, part_path
+from lingjing.trace.writer import part_path
 from lingjing.viewer import live
 from lingjing.viewer.live import LiveSource
 
@@ -22,9 +23,9 @@ WRITE = """
 import sys, time
 from pathlib import Path
 from lingjing.trace.writer import TraceWriter
-from tests.trace import synthetic
-steps = synthetic.episode(ticks=4)
-with TraceWriter(Path(sys.argv[1]), synthetic.header()) as writer:
+from lingjing.testing import sea_rescue
+steps = sea_rescue.episode(ticks=4)
+with TraceWriter(Path(sys.argv[1]), sea_rescue.header()) as writer:
     for record, pictures in steps:
         writer.boundary(record, pictures)
         if record.tick == 2:

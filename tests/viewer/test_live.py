@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from lingjing import Trace
 from lingjing.errors import UsageError
-from lingjing.trace.reader import Trace
-from lingjing.trace.writer import TraceWriter, part_path
+from lingjing.testing import TraceWriter, sea_rescue
+from lingjing.trace.writer import part_path
 from lingjing.viewer.live import LiveSource
-from tests.trace import synthetic
 
 
 def test_steps_are_yielded_when_they_are_written_and_then_the_ending(trace: Trace, tmp_path: Path) -> None:
@@ -28,7 +28,7 @@ def test_steps_are_yielded_when_they_are_written_and_then_the_ending(trace: Trac
     reader.start()
     for record in trace.boundaries[1:]:
         writer.boundary(record)
-    writer.finish(synthetic.outcome_of(list(trace.boundaries)))
+    writer.finish(sea_rescue.outcome_of(list(trace.boundaries)))
     reader.join(600)
     assert [event for event, _ in events][-1] == "ending" and json.loads(events[-1][1])["state"] == "won"
     ticks = [step["tick"] for event, data in events if event == "steps" for step in json.loads(data)["steps"]]

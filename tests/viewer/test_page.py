@@ -13,7 +13,7 @@ from html.parser import HTMLParser
 import msgspec
 import pytest
 
-from lingjing.trace.reader import Trace
+from lingjing import Trace
 from lingjing.trace.records import Decision, DecisionRecord
 from lingjing.viewer import single
 from lingjing.viewer.page import element, page, policy

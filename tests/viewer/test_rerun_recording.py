@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from lingjing import Trace
 from lingjing.errors import UsageError
-from lingjing.trace.reader import Trace
 from lingjing.viewer.rerun_recording import write_rerun
 
 

@@ -14,8 +14,8 @@ from urllib.parse import quote
 
 import pytest
 
+from lingjing import Trace
 from lingjing.errors import UsageError
-from lingjing.trace.reader import Trace
 from lingjing.viewer import admission
 from lingjing.viewer.page import policy
 from lingjing.viewer.page_content import CHUNK

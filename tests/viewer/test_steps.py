@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 import msgspec
 
+from lingjing import Trace
 from lingjing.mission.instance import Instance
-from lingjing.trace.reader import Trace
 from lingjing.trace.records import BoundaryRecord, Decision, DecisionRecord, Snapshot
 from lingjing.viewer.page_content import PageContent, page_json
 from lingjing.viewer.steps import LONGEST_TEXT, shorten
