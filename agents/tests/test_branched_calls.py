@@ -15,7 +15,6 @@ from lingjing.causal.interventions import BranchPlan
 from lingjing.causal.redriven import BranchOptions
 from lingjing.errors import ExitCode, UsageError
 from lingjing.testing import run_command
-from lingjing.trace.call_store import CALLS_NAME
 
 TEXT = """\
 ljs 1
@@ -100,7 +99,7 @@ def test_unsaid_no_model_is_asked_and_without_a_record_nothing_is_branched(
     alone = tmp_path / "trace.mcap"
     alone.write_bytes(seen.path.read_bytes())
     with (
-        pytest.raises(UsageError, match=f"no record of model calls .`{CALLS_NAME}`"),
+        pytest.raises(UsageError, match=r"no record of model calls .`calls\.sqlite`"),
         BranchHost(seen, options(read_trace(alone))),
     ):
         pass

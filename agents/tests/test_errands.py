@@ -8,8 +8,7 @@ from lingjing_agents.heuristic.policy import rules_for
 
 import lingjing
 from lingjing.errors import ExitCode
-from lingjing.kernel.visibility import Projector
-from lingjing.testing import instantiate, run_command
+from lingjing.testing import brief_of, instantiate, run_command
 
 RESET = Path(__file__).parents[2] / "scenarios" / "reset"
 
@@ -18,7 +17,7 @@ RESET = Path(__file__).parents[2] / "scenarios" / "reset"
 def test_rules_are_chosen_by_what_wins(mission: str, rules: type) -> None:
     instance = instantiate(lingjing.compile(RESET / f"{mission}.ljs"))
     for agent in instance.agents:
-        chosen = rules_for(Projector(instance).brief(agent, ("quadrotor",)))
+        chosen = rules_for(brief_of(instance, agent.id, ("quadrotor",)))
         assert isinstance(chosen, rules) and agent.role in rules.roles
 
 

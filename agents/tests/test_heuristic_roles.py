@@ -7,9 +7,8 @@ import pytest
 from lingjing_agents.heuristic.policy import ROLE_RULES, rules_for
 
 import lingjing
-from lingjing.kernel.visibility import Projector
 from lingjing.plugins.decisions import sendable
-from lingjing.testing import instantiate
+from lingjing.testing import brief_of, instantiate
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 MISSIONS = sorted(SCENARIOS.glob("*.ljs"))
@@ -30,7 +29,7 @@ def test_rules_serve_the_roles_and_records_of_a_mission(path: Path):
         instance = instantiate(mission, mode=mode or None)
         classes = tuple(dict.fromkeys(entity.type for entity in instance.entities))
         for agent in instance.agents:
-            brief = Projector(instance).brief(agent, classes)
+            brief = brief_of(instance, agent.id, classes)
             rules = rules_for(brief)
             assert rules is not None, agent.id
             assert agent.role in rules.roles, (agent.id, type(rules))

@@ -10,10 +10,9 @@ from lingjing_agents.oracle.policy import OraclePolicy
 from lingjing_agents.oracle.routes import PATIENCE_S
 
 import lingjing
-from lingjing.kernel.visibility import Projector
 from lingjing.mission.instance import Vector
 from lingjing.plugins.policy import BodyState, Decision, Envelope, Inbox, Observation, Privileged, Route
-from lingjing.testing import instantiate
+from lingjing.testing import brief_of, instantiate
 
 MISSION = """ljs 1
 use std.air { quadrotor }
@@ -63,7 +62,7 @@ class Mind:
         self._instance = instantiate(lingjing.compile(file), seed=1, mode=mode, settings={"lost": lost})
         spec = next(candidate for candidate in self._instance.agents if candidate.id == agent)
         self._agent, self._policy = agent, OraclePolicy()
-        asyncio.run(self._policy.reset(Projector(self._instance).brief(spec, ())))
+        asyncio.run(self._policy.reset(brief_of(self._instance, spec.id)))
 
     def act(
         self, tick: int, route: int = 1, waypoints: tuple[Vector, ...] = WAYPOINTS, seen: int = 0, *messages: Envelope

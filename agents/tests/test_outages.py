@@ -14,7 +14,7 @@ from lingjing import read_trace
 from lingjing.errors import InfrastructureError
 from lingjing.play.outages import SERVICE_GONE
 from lingjing.play.recorded_calls import PROBE_TICK
-from lingjing.trace.call_store import CALLS_NAME, CallReader
+from lingjing.testing import recorded_calls
 
 PROBE = "Answer with the word yes."
 
@@ -41,7 +41,7 @@ def test_a_service_that_is_gone_for_the_harness_too_is_an_abort_and_replays_as_o
     assert "the key has expired" in played.detail
     again = play(mission, tmp_path / "b", server.url, calls="replay", calls_from=tmp_path / "a")
     assert row(played) == row(again)
-    probes = [list(CallReader(tmp_path / name / CALLS_NAME).calls(tick=PROBE_TICK)) for name in ("a", "b")]
+    probes = [recorded_calls(tmp_path / name, PROBE_TICK) for name in ("a", "b")]
     assert len(probes[0]) == 1
     assert probes[0] == probes[1]
 

@@ -18,8 +18,7 @@ from agents.tests.test_recorded_calls import ARGUMENTS, TEXT, decisions, looking
 from lingjing import EpisodeReport, Session
 from lingjing.play.policy_processes.preloading import PRELOAD, SERVES
 from lingjing.processes.fork_client import ForkServer, ForkServerClient
-from lingjing.testing import mission_file
-from lingjing.trace.call_store import CALLS_NAME, CallReader
+from lingjing.testing import mission_file, recorded_calls
 
 
 @pytest.fixture(scope="module")
@@ -117,7 +116,7 @@ def test_model_calls_cross_the_border(asking: Asking, tmp_path: Path) -> None:
     assert apart.digest == here.digest == again.digest
     assert decisions(apart) == decisions(here) == decisions(again)
     assert again.warnings == here.warnings
-    counts = [len(list(CallReader(tmp_path / name / CALLS_NAME).calls())) for name in ("apart", "here", "again")]
+    counts = [len(recorded_calls(tmp_path / name)) for name in ("apart", "here", "again")]
     assert len(set(counts)) == 1 and counts[0] > 8
 
 

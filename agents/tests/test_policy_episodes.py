@@ -4,26 +4,18 @@ import itertools
 import math
 from pathlib import Path
 
-import msgspec
 import pytest
 
 import lingjing
 from lingjing import Trace, read_trace
-from lingjing.mission.expression import Number
+from lingjing.testing import shortened
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "ssr.ljs"
 
 
-def shortened(ticks: int):
-    mission = lingjing.compile(SCENARIO)
-    return msgspec.structs.replace(
-        mission, budget=msgspec.structs.replace(mission.budget, ticks=Number(value=float(ticks)))
-    )
-
-
 @pytest.mark.slow
 def test_the_heuristic_breaks_no_rule_and_without_its_eyes_it_reports_nobody(tmp_path: Path):
-    first = lingjing.run(shortened(14), seed=7, out=tmp_path / "seeing", overview=False)
+    first = lingjing.run(shortened(SCENARIO, 14), seed=7, out=tmp_path / "seeing", overview=False)
     trace = read_trace(first.trace)
     assert {binding.privileged for binding in trace.header.bindings} == {False}
     refused = [
@@ -37,7 +29,7 @@ def test_the_heuristic_breaks_no_rule_and_without_its_eyes_it_reports_nobody(tmp
     assert any(message.kind == "progress" for record in trace.boundaries for message in record.messages)
     assert reports(trace) > 0
     blank = lingjing.run(
-        shortened(14), seed=7, out=tmp_path / "blank", overview=False, world="inline", blank_pictures=True
+        shortened(SCENARIO, 14), seed=7, out=tmp_path / "blank", overview=False, world="inline", blank_pictures=True
     )
     assert read_trace(blank.trace).frames
     assert reports(read_trace(blank.trace)) == 0

@@ -4,13 +4,12 @@ import json
 from importlib.util import find_spec
 from pathlib import Path
 
-import msgspec
 import pytest
 
 import lingjing
 from agents.tests.chat_server import NOOP, Reply, serve
 from lingjing import read_trace
-from lingjing.mission.expression import Number
+from lingjing.testing import shortened
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "ssr.ljs"
 TICKS = 8
@@ -56,10 +55,7 @@ def test_an_episode_survives_every_failure_and_tells_each(client: str, tmp_path:
     if client == "litellm" and find_spec("litellm") is None:
         pytest.skip("litellm is an optional extra")
     monkeypatch.setenv("REACT_TEST_KEY", "a-key")
-    mission = lingjing.compile(SCENARIO)
-    mission = msgspec.structs.replace(
-        mission, budget=msgspec.structs.replace(mission.budget, ticks=Number(value=float(TICKS)))
-    )
+    mission = shortened(SCENARIO, TICKS)
     with serve(answer) as server:
         result = lingjing.run(
             mission,

@@ -16,7 +16,7 @@ import pytest
 import lingjing
 from lingjing import read_trace
 from lingjing.mission.expression import Number
-from lingjing.trace.call_store import CALLS_NAME, CallReader
+from lingjing.testing import recorded_calls
 
 PYTHON = os.environ.get("LINGJING_MODEL_PYTHON", "")
 TICKS = 6
@@ -66,7 +66,7 @@ def test_a_real_model_plays_six_ticks_and_again_without_its_server(mode: str, ur
     played = lingjing.run(mission, out=tmp_path / "played", **options)
     assert (played.reason, played.ticks) in (("budget", TICKS), ("success", played.ticks))
     assert played.metrics is not None
-    calls = list(CallReader(tmp_path / "played" / CALLS_NAME).calls())
+    calls = recorded_calls(tmp_path / "played")
     assert len(calls) == played.metrics.calls == TICKS * AGENTS[mode]
     assert all(call.result is not None and call.result.completion_tokens > 0 for call in calls)
     assert all(json.loads(call.head)["repeat_penalty"] == 1.3 for call in calls)

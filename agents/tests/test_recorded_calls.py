@@ -14,8 +14,7 @@ import lingjing
 from agents.tests.chat_server import NOOP, Reply, completion, serve
 from lingjing import EpisodeReport, read_trace
 from lingjing.errors import UsageError
-from lingjing.testing import run_command
-from lingjing.trace.call_store import CALLS_NAME, CallReader
+from lingjing.testing import recorded_calls, run_command
 
 TEXT = """\
 ljs 1
@@ -119,7 +118,7 @@ def test_an_episode_is_replayed_without_its_service_byte_for_byte(tmp_path, miss
     assert played.metrics.calls == 9
 
     def recorded(name: str) -> list[object]:
-        return list(CallReader(tmp_path / name / CALLS_NAME).calls())
+        return recorded_calls(tmp_path / name)
 
     assert recorded("a") == recorded("b") == recorded("c")
     assert len(server.requests) == count
@@ -157,7 +156,7 @@ def test_no_key_is_in_anything_that_is_left(tmp_path, mission):
     with serve(lambda request: Reply({**NOOP, "thought": f"your key is {KEY}"})) as server:
         report = play(mission, tmp_path / "a", server.url)
     assert read_trace(report.trace).boundaries
-    assert "***" in Path(report.trace).with_name(CALLS_NAME).read_bytes().decode("latin-1")
+    assert "***" in Path(report.trace).with_name("calls.sqlite").read_bytes().decode("latin-1")
     for path in (tmp_path / "a").iterdir():
         assert KEY[3:].encode() not in path.read_bytes(), path
 
@@ -237,7 +236,7 @@ def test_live_leaves_no_record_and_who_asks_nobody_neither(tmp_path, mission):
     with serve([Reply()]) as server:
         play(mission, tmp_path / "a", server.url, calls="live")
     lingjing.run(mission, policy="random", overview=False, world="inline", out=tmp_path / "b")
-    assert not list(tmp_path.glob(f"*/{CALLS_NAME}"))
+    assert not list(tmp_path.glob("*/calls.sqlite"))
 
 
 def test_money_is_never_passed(tmp_path, mission):

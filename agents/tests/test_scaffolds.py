@@ -15,13 +15,12 @@ import lingjing
 from agents.tests.agent_kit import Inbox, brief, observe, react, view
 from agents.tests.chat_server import NOOP, Reply, serve
 from lingjing import read_trace
-from lingjing.mission.expression import Number
 from lingjing.plugins.conformance import SCAFFOLD_CHECKS, ScaffoldCase, check_name, sample_brief, sample_observations
 from lingjing.plugins.conformance.scaffolds import NO_OP
 from lingjing.plugins.contract import CONTRACT_MODULES
 from lingjing.plugins.loading import options_fingerprint
 from lingjing.plugins.policy import Receipt, UsageError
-from lingjing.testing import PluginHost
+from lingjing.testing import PluginHost, shortened
 
 ROOT = Path(__file__).parents[1]
 SCENARIO = ROOT.parent / "scenarios" / "ssr.ljs"
@@ -164,8 +163,7 @@ def test_the_scaffolds_import_the_contract_alone(path: Path) -> None:
 
 @pytest.mark.parametrize("scaffold", SCAFFOLDS)
 def test_a_scaffold_plays_an_episode(scaffold: str, tmp_path: Path) -> None:
-    mission = lingjing.compile(SCENARIO)
-    budget = msgspec.structs.replace(mission.budget, ticks=Number(value=3.0))
+    mission = shortened(SCENARIO, 3)
     far = {"verb": "setDestination", "arguments": {"x": 1e6, "y": 0, "z": 60}, "resource": "uav[1]"}
 
     def reply(request: dict[str, Any]) -> Reply:
@@ -174,7 +172,7 @@ def test_a_scaffold_plays_an_episode(scaffold: str, tmp_path: Path) -> None:
 
     with serve(reply) as server:
         result = lingjing.run(
-            msgspec.structs.replace(mission, budget=budget),
+            mission,
             policy="react",
             policy_args={
                 "model": "test-model", "base_url": server.url, "deadline": "60", "price_in": "1", "scaffold": scaffold,

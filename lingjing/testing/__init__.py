@@ -26,6 +26,7 @@ from lingjing.testing.missions import (
     MissionSource,
     PluginHost,
     bare_instance,
+    brief_of,
     city_of,
     compile_file,
     compile_text,
@@ -34,17 +35,19 @@ from lingjing.testing.missions import (
     mission_file,
     placed,
     shipped_missions,
+    shortened,
 )
 from lingjing.testing.pictures import decode_jpeg, encode_jpeg
-from lingjing.testing.playing import PlayedEpisode, play, run_command
+from lingjing.testing.playing import PlayedEpisode, play, recorded_calls, run_command
 from lingjing.testing.policies import ScriptedPolicy, build_policy, scripted
 from lingjing.testing.stand_ins import Stage, StandIns
 from lingjing.testing.traces import TraceWriter, header_of, outcome_of, write_trace
 
 __all__ = [
     "CENTRE_BOX", "Compilation", "EngineRun", "Episode", "MissionSource", "PlayedEpisode", "PluginHost",
-    "ScriptedPolicy", "Stage", "StandIns", "TraceWriter", "bare_instance", "build_policy", "city_of", "compile_file",
-    "compile_text", "compiled", "declared", "decode_jpeg", "does", "drive", "encode_jpeg", "episode", "header_of",
-    "instantiate", "mission_file", "open_sea", "outcome_of", "placed", "play", "quay", "reports", "run_command",
-    "says", "scripted", "shipped_missions", "square", "together", "write_trace",
+    "ScriptedPolicy", "Stage", "StandIns", "TraceWriter", "bare_instance", "brief_of", "build_policy", "city_of",
+    "compile_file", "compile_text", "compiled", "declared", "decode_jpeg", "does", "drive", "encode_jpeg", "episode",
+    "header_of", "instantiate", "mission_file", "open_sea", "outcome_of", "placed", "play", "quay", "recorded_calls",
+    "reports", "run_command", "says", "scripted", "shipped_missions", "shortened", "square", "together",
+    "write_trace",
 ]  # fmt: skip

@@ -6,7 +6,7 @@ a line break is a text.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 
@@ -17,12 +17,14 @@ from lingjing.dsl import Compilation, compile_file, compile_text
 from lingjing.dsl.loading.load import load_mission, mission_of
 from lingjing.errors import UsageError
 from lingjing.kernel.cities import CityBuilder
+from lingjing.kernel.visibility import Projector
 from lingjing.mission import instantiate as instantiation
-from lingjing.mission.expression import Flag
+from lingjing.mission.expression import Flag, Number
 from lingjing.mission.instance import Budget, Clock, CommsSpec, Entity, Instance, SceneSpec, Weather
 from lingjing.mission.model import Mission
 from lingjing.plugins.building import build_city
 from lingjing.plugins.host import PluginHost
+from lingjing.plugins.policy import Brief
 from lingjing.scene.city import City
 from lingjing.suggest import nearest_or
 
@@ -40,6 +42,16 @@ def compiled(source: MissionSource) -> Mission:
     if isinstance(source, str) and "\n" in source:
         return mission_of(compile_text(source))
     return load_mission(source)
+
+
+def shortened(source: MissionSource, ticks: int) -> Mission:
+    """Return the mission of a source with another budget of ticks, so that a test plays its beginning alone.
+
+    Raises the errors of `compiled`.
+    """
+    mission = compiled(source)
+    budget = msgspec.structs.replace(mission.budget, ticks=Number(value=float(ticks)))
+    return msgspec.structs.replace(mission, budget=budget)
 
 
 def instantiate(
@@ -84,8 +96,21 @@ def city_of(scene: SceneSpec, host: PluginHost | None = None) -> City:
     return build_city(scene, host or PluginHost())
 
 
-def bare_instance(entities: Iterable[Entity], **fields: object) -> Instance:
-    """Return an instance with these entities and nothing else: no agent, no message, no rule; it is won at once.
+def brief_of(
+    instance: Instance, agent: str, classes: Sequence[str] = (), *, city: City | None = None, policy_seed: int = 0
+) -> Brief:
+    """Return the brief that the policy of an agent receives; `Brief.classes` are `classes`.
+
+    `city` gives the brief the roads of the scene. Raises `KeyError` for an unknown agent.
+    """
+    specs = {spec.id: spec for spec in instance.agents}
+    return Projector(instance, policy_seed, city).brief(specs[agent], classes)
+
+
+def bare_instance(entities: Iterable[Entity], *, won: bool = True, **fields: object) -> Instance:
+    """Return an instance with these entities and nothing else: no agent, no message, no rule.
+
+    It is won at once; with `won=False` it is never won.
 
     The defaults are a scene `bay`, a tick of 10 s with macro-steps of 0.5 s, 60 ticks, 1 s of wall clock for each
     policy, engine and picture, and calm weather. `fields` replaces fields of the instance; an unknown one raises
@@ -111,7 +136,7 @@ def bare_instance(entities: Iterable[Entity], **fields: object) -> Instance:
         unlocks=(),
         stages=(),
         relations=(),
-        success=Flag(value=True),
+        success=Flag(value=won),
     )
     return msgspec.structs.replace(bare, **fields)
 
@@ -132,6 +157,6 @@ def shipped_missions() -> tuple[Path, ...]:
 
 
 __all__ = [
-    "Compilation", "MissionSource", "PluginHost", "bare_instance", "city_of", "compile_file", "compile_text",
-    "compiled", "instantiate", "mission_file", "placed", "shipped_missions",
+    "Compilation", "MissionSource", "PluginHost", "bare_instance", "brief_of", "city_of", "compile_file",
+    "compile_text", "compiled", "instantiate", "mission_file", "placed", "shipped_missions", "shortened",
 ]  # fmt: skip

@@ -12,6 +12,8 @@ from lingjing.play.options import Changes
 from lingjing.play.report import EpisodeReport
 from lingjing.plugins.host import PluginHost
 from lingjing.testing.missions import MissionSource, compiled
+from lingjing.trace.call_store import CALLS_NAME, CallReader
+from lingjing.trace.calls import RecordedCall
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import AdjudicatedEvent, Receipt
 
@@ -57,6 +59,14 @@ def play(
     return PlayedEpisode(report, read_trace(report.trace))
 
 
+def recorded_calls(folder: Path, tick: int | None = None) -> list[RecordedCall]:
+    """Return the recorded calls to chat models of the episode in a folder, all or those of one tick, in order.
+
+    Raises `UsageError` if the folder holds no record of calls.
+    """
+    return list(CallReader(folder / CALLS_NAME).calls(tick=tick))
+
+
 def run_command(arguments: Sequence[str]) -> int:
     """Run `lingjing ARGUMENTS…` in this process and return its exit code; it prints to this process's streams.
 
@@ -67,4 +77,4 @@ def run_command(arguments: Sequence[str]) -> int:
     return main(arguments)
 
 
-__all__ = ["PlayedEpisode", "play", "run_command"]
+__all__ = ["PlayedEpisode", "play", "recorded_calls", "run_command"]

@@ -1,4 +1,4 @@
-"""Synthetic suites and rows, and an executor that answers at once."""
+"""Synthetic suites and rows, an executor that answers at once, and the readers of plans and results."""
 
 from __future__ import annotations
 
@@ -7,9 +7,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from lingjing import EpisodeReport, PlayOptions
+from lingjing.bench.folder import read_results
+from lingjing.bench.planning import read_plan
 from lingjing.bench.rows import SuiteRow
 from lingjing.play.parallel import EpisodeTask
 from tests.play.report_kit import blank_metrics, made_report
+
+__all__ = [
+    "SMALL", "TRIP", "AnsweringExecutor", "EpisodeTask", "SuiteRow", "answered", "made_row", "read_plan",
+    "read_results",
+]  # fmt: skip
 
 SMALL = """
 suite = 1

@@ -7,11 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.bench.folder import read_results
 from lingjing.cli.bench import _report_lost
 from lingjing.errors import ExitCode
 from lingjing.testing import run_command
-from tests.bench.suite_kit import SMALL, TRIP, made_row
+from tests.bench.suite_kit import SMALL, TRIP, made_row, read_results
 from tests.play.report_kit import made_report
 
 

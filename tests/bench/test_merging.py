@@ -11,13 +11,12 @@ import pytest
 
 from lingjing import PlayOptions
 from lingjing.bench.dataset_card import dataset_card
-from lingjing.bench.folder import read_results
 from lingjing.bench.leaderboard import leaderboard, ranking
 from lingjing.bench.merging import merge_results
 from lingjing.bench.parquet import encode_rows
 from lingjing.errors import ExitCode, UsageError
 from lingjing.testing import run_command
-from tests.bench.suite_kit import SuiteRow, made_row
+from tests.bench.suite_kit import SuiteRow, made_row, read_results
 from tests.play.report_kit import blank_metrics
 
 

@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from lingjing import EpisodeReport
-from lingjing.bench.folder import open_results, read_results
+from lingjing.bench.folder import open_results
 from lingjing.bench.money import estimates, is_paid, prices_of
-from lingjing.bench.planning import SuitePlan, read_plan
+from lingjing.bench.planning import SuitePlan
 from lingjing.bench.running import SuiteEpisode, SuiteRun
 from lingjing.errors import ExitCode, UsageError
 from lingjing.testing import PluginHost, run_command
-from tests.bench.suite_kit import SMALL, AnsweringExecutor, EpisodeTask, answered, made_row
+from tests.bench.suite_kit import SMALL, AnsweringExecutor, EpisodeTask, answered, made_row, read_plan, read_results
 from tests.play.report_kit import ABORTED, blank_metrics
 
 PAID = SMALL.replace('policy = "oracle"', 'model = "gpt-5.5"').replace('["bi", "cd"]', '["bi"]')

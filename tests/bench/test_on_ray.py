@@ -12,13 +12,12 @@ import msgspec
 import pytest
 
 from lingjing import PlayOptions
-from lingjing.bench.folder import open_results, read_results
+from lingjing.bench.folder import open_results
 from lingjing.bench.on_ray import RayExecutor, RayTask, play_on_node
-from lingjing.bench.planning import read_plan
 from lingjing.bench.running import SuiteRun
 from lingjing.errors import UsageError
 from lingjing.testing import PluginHost, run_command
-from tests.bench.suite_kit import SMALL, EpisodeTask, SuiteRow
+from tests.bench.suite_kit import SMALL, EpisodeTask, SuiteRow, read_plan, read_results
 
 pytest.importorskip("ray", reason="Ray is installed by `make ray`")
 pytestmark = [

@@ -7,10 +7,9 @@ from pathlib import Path
 import pytest
 
 from agents.tests.chat_server import NOOP, Reply, serve
-from lingjing.bench.folder import read_results
 from lingjing.errors import ExitCode
 from lingjing.testing import run_command
-from tests.bench.suite_kit import TRIP
+from tests.bench.suite_kit import TRIP, read_results
 
 SUITE = """
 suite = 1

@@ -8,7 +8,7 @@ import jsonschema
 import msgspec
 import pytest
 
-from lingjing.bench.planning import SuitePlan, options_of_cell, read_plan
+from lingjing.bench.planning import SuitePlan, options_of_cell
 from lingjing.bench.suite import Suite, find_suite, json_schema, read_document, shipped_suites
 from lingjing.data import data_path
 from lingjing.errors import ExitCode, UsageError
@@ -17,7 +17,7 @@ from lingjing.plugins.chat_model import ModelPlugin
 from lingjing.plugins.hookspecs import hookimpl
 from lingjing.processes.descendants import children
 from lingjing.testing import PluginHost, run_command
-from tests.bench.suite_kit import SMALL
+from tests.bench.suite_kit import SMALL, read_plan
 
 
 class Models:

@@ -21,13 +21,22 @@ import pytest
 
 from lingjing import EpisodeReport
 from lingjing.bench import folder as folders
-from lingjing.bench.folder import ResultsFolder, open_results, read_results
+from lingjing.bench.folder import ResultsFolder, open_results
 from lingjing.bench.parquet import encode_rows, read_rows
-from lingjing.bench.planning import SuitePlan, read_plan
+from lingjing.bench.planning import SuitePlan
 from lingjing.bench.running import Shard, SuiteRun
 from lingjing.errors import ExitCode, UsageError
 from lingjing.testing import PluginHost, run_command
-from tests.bench.suite_kit import SMALL, AnsweringExecutor, EpisodeTask, SuiteRow, answered, made_row
+from tests.bench.suite_kit import (
+    SMALL,
+    AnsweringExecutor,
+    EpisodeTask,
+    SuiteRow,
+    answered,
+    made_row,
+    read_plan,
+    read_results,
+)
 from tests.play.report_kit import ABORTED, INTERRUPTED, blank_metrics
 
 SEEDS = (0, 1)

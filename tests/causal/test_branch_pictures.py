@@ -10,7 +10,6 @@ import msgspec
 import numpy as np
 import pytest
 
-import lingjing
 from lingjing import Trace, read_trace, run
 from lingjing.analysis.played_city import rebuilt_city
 from lingjing.causal.branch_pictures import BranchPictures
@@ -19,9 +18,8 @@ from lingjing.causal.shared_camera import SharedCamera
 from lingjing.errors import InfrastructureError
 from lingjing.kernel.world.contract import StoredFrame
 from lingjing.kernel.world.sensor import Sensor
-from lingjing.mission.expression import Number
 from lingjing.plugins.engine import CaptureRequest
-from lingjing.testing import PluginHost, decode_jpeg, shipped_missions
+from lingjing.testing import PluginHost, decode_jpeg, mission_file, shortened
 from lingjing.trace.records import BodyState, FrameInfo
 from tests.engines.camera_town import WHY_NOT
 
@@ -33,8 +31,7 @@ replace = msgspec.structs.replace
 @pytest.fixture(scope="module")
 def search(tmp_path_factory: pytest.TempPathFactory) -> Trace:
     """Twelve ticks of a sea search by an oracle, with pictures."""
-    mission = lingjing.compile(next(path for path in shipped_missions() if path.stem == "ssr"))
-    short = replace(mission, budget=replace(mission.budget, ticks=Number(value=12.0)))
+    short = shortened(mission_file("ssr"), 12)
     folder = tmp_path_factory.mktemp("search") / "episode"
     return read_trace(run(short, policy="oracle", seed=1, out=folder, overview=False).trace)
 

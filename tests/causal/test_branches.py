@@ -22,8 +22,7 @@ from lingjing.causal.message_value import message_values
 from lingjing.causal.redriven import BranchOptions
 from lingjing.causal.result_texts import blame_text, branch_text, window_text
 from lingjing.errors import ExitCode, InfrastructureError, UsageError
-from lingjing.mission.expression import Number
-from lingjing.testing import run_command, shipped_missions
+from lingjing.testing import mission_file, run_command, shortened
 from lingjing.trace.records import Action, Decision, Faculty, MessageChange, Substitution
 from tests.causal.erring import ASTRAY_FROM
 
@@ -32,9 +31,8 @@ ERRING = str(Path(__file__).parent / "erring.py")
 PATIENCE_S = 300.0
 
 
-def played(folder: Path, policy: str, ticks: float = 24.0) -> Trace:
-    mission = lingjing.compile(next(path for path in shipped_missions() if path.stem == "ssr"))
-    short = replace(mission, budget=replace(mission.budget, ticks=Number(value=ticks)))
+def played(folder: Path, policy: str, ticks: int = 24) -> Trace:
+    short = shortened(mission_file("ssr"), ticks)
     options: dict[str, Any] = {"seed": 1, "mode": "star", "overview": False}
     return read_trace(run(short, policy=f"{ERRING}:{policy}", out=folder, **options).trace)
 

@@ -10,8 +10,7 @@ from lingjing import Trace, read_trace, run
 from lingjing.analysis.page_pictures import best_frames, sort_by_camera, unrecorded_frames
 from lingjing.causal.redraw import redraw
 from lingjing.cli import missionpage
-from lingjing.mission.expression import Number
-from lingjing.testing import shipped_missions
+from lingjing.testing import mission_file, shipped_missions, shortened
 
 pytestmark = pytest.mark.slow
 
@@ -21,8 +20,7 @@ replace = msgspec.structs.replace
 @pytest.fixture(scope="module")
 def walk(tmp_path_factory: pytest.TempPathFactory) -> Trace:
     """Two ticks of a dog in front of a house, with a picture at every tick."""
-    mission = lingjing.compile(next(path for path in shipped_missions() if path.stem == "vdn"))
-    short = replace(mission, budget=replace(mission.budget, ticks=Number(value=2.0)))
+    short = shortened(mission_file("vdn"), 2)
     folder = tmp_path_factory.mktemp("walk") / "episode"
     return read_trace(run(short, policy="random", seed=1, out=folder, world="inline", overview=False).trace)
 

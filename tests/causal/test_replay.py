@@ -6,17 +6,15 @@ from pathlib import Path
 import msgspec
 import pytest
 
-import lingjing
 from lingjing import Trace, read_trace, replay, run
 from lingjing.analysis.registries import registries
 from lingjing.causal.recorded import RecordedRun
 from lingjing.causal.replay import Replay
 from lingjing.cli.replay import sentence
 from lingjing.errors import ExitCode, UsageError
-from lingjing.mission.expression import Number
 from lingjing.plugins.hookspecs import ScenePlugin, hookimpl
 from lingjing.scene.city import content_sha256
-from lingjing.testing import PluginHost, does, run_command, shipped_missions
+from lingjing.testing import PluginHost, does, mission_file, run_command, shortened
 from lingjing.testing import rescue as kit
 from lingjing.trace.digest import START, next_digest
 from lingjing.trace.records import Action, BoundaryRecord, Decision, DecisionRecord, Header
@@ -28,8 +26,7 @@ replace = msgspec.structs.replace
 @pytest.fixture(scope="module")
 def search(tmp_path_factory: pytest.TempPathFactory) -> Trace:
     """Twelve ticks of a sea search by an oracle, with pictures."""
-    mission = lingjing.compile(next(path for path in shipped_missions() if path.stem == "ssr"))
-    short = replace(mission, budget=replace(mission.budget, ticks=Number(value=12.0)))
+    short = shortened(mission_file("ssr"), 12)
     folder = tmp_path_factory.mktemp("search") / "episode"
     return read_trace(run(short, policy="oracle", seed=1, out=folder, world="inline", overview=False).trace)
 

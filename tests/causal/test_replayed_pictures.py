@@ -13,14 +13,12 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-import lingjing
 from lingjing import Trace, read_trace, replay, run
 from lingjing.causal.picture_comparison import BLOCK, LEVELS_MOST, PictureWitness, picture_difference, worst_levels
 from lingjing.causal.recorded import recorded_frame
 from lingjing.errors import ExitCode
 from lingjing.kernel.world.contract import StoredFrame
-from lingjing.mission.expression import Number
-from lingjing.testing import TraceWriter, encode_jpeg, run_command, shipped_missions
+from lingjing.testing import TraceWriter, encode_jpeg, mission_file, run_command, shortened
 from lingjing.trace.digest import START, next_frames_digest, verify
 from lingjing.trace.records import FrameInfo
 from lingjing.trace.writer import PictureParts
@@ -32,8 +30,7 @@ Pixels = npt.NDArray[np.uint8]
 @pytest.fixture(scope="module")
 def inspected(tmp_path_factory: pytest.TempPathFactory) -> Trace:
     """Six ticks of an oracle that searches a leak, the last with a picture."""
-    mission = lingjing.compile(next(path for path in shipped_missions() if path.stem == "upr"))
-    short = replace(mission, budget=replace(mission.budget, ticks=Number(value=6.0)))
+    short = shortened(mission_file("upr"), 6)
     folder = tmp_path_factory.mktemp("inspected") / "episode"
     trace = read_trace(run(short, policy="oracle", seed=1, out=folder, world="inline", overview=False).trace)
     assert trace.frames

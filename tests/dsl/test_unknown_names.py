@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from lingjing.dsl import compile_source, compile_text
+from lingjing.dsl import compile_source
 from lingjing.dsl.diagnostics.fixes import fix_source
 from lingjing.dsl.source.text import SourceText
+from lingjing.testing import compile_text
 
 # what is replaced in the small mission, by what, the name, a part of the hint
 MISSING = [

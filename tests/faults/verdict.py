@@ -11,8 +11,8 @@ import msgspec
 from lingjing import EpisodeReport, read_trace
 from lingjing.bench.folder import read_results
 from lingjing.errors import LingjingError, UsageError
-from lingjing.play.report import POLICY_FAILED
 from tests.faults.cases import Aftermath, Injection
+from tests.play.report_kit import POLICY_FAILED
 
 CODES = {0, 1, 2, 3, 130}
 NOT_BEGUN = "did not begin, because a policy failed"

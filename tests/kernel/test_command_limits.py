@@ -10,12 +10,11 @@ from lingjing.engines.quadruped.engine import QuadrupedEngine
 from lingjing.envs.codec import Codec
 from lingjing.kernel.command_limits import CommandLimits
 from lingjing.kernel.registry import initial
-from lingjing.kernel.visibility import Projector
 from lingjing.mission.instance import AgentSpec, ArgumentSpec, Entity, VerbSpec
 from lingjing.mission.kinds import builtin_engines
 from lingjing.plugins.engine import EngineSpec
 from lingjing.scene.city import Building
-from lingjing.testing import declared
+from lingjing.testing import brief_of, declared
 from lingjing.trace.records import Action, Command, Decision
 
 HUGE = (-1e6, -1.0, 0.0, 1e-3, 1e6)
@@ -166,7 +165,7 @@ def test_agents_are_given_the_least_values_that_the_engine_takes(instance_of, st
         id="pilot", name="pilot", index=1, role="pilot", controls=("body",), commands=("body",), observes=()
     )
     instance = msgspec.structs.replace(instance, agents=(agent,))
-    (resource,) = Projector(instance, city=street).brief(agent, ()).resources
+    (resource,) = brief_of(instance, agent.id, city=street).resources
     codec = Codec(instance, agent, 300.0, 0)
     for verb in resource.verbs:
         for spec in verb.arguments:

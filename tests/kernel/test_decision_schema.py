@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from lingjing.kernel.bus import MessageRouter
 from lingjing.kernel.commands import CommandValidator
 from lingjing.kernel.registry import Registry
-from lingjing.kernel.visibility import Projector
 from lingjing.mission.instance import ArgumentSpec, MessageSpec, VerbSpec
 from lingjing.mission.model import Field
 from lingjing.plugins.decisions import MESSAGES_PER_CALL, REACH_M, DecisionFormat
+from lingjing.testing import brief_of
 from lingjing.testing import rescue as kit
 from lingjing.trace.records import BodyState, Decision
 
@@ -139,7 +139,7 @@ def admits(instance, agent, decision):
 def test_the_schema_accepts_what_the_kernel_admits_and_nothing_else(data):
     instance = data.draw(instances())
     agent = data.draw(st.sampled_from(instance.agents))
-    form = DecisionFormat(Projector(instance).brief(agent, ("person",)))
+    form = DecisionFormat(brief_of(instance, agent.id, ("person",)))
     answer = form.completed(data.draw(answers(instance, agent)))
     faults = form.faults(answer)
     try:
@@ -155,7 +155,7 @@ def test_the_schema_accepts_what_the_kernel_admits_and_nothing_else(data):
 def test_the_schema_is_one_of_draft_2020_12_and_the_same_each_time(agent):
     from jsonschema import Draft202012Validator
 
-    brief = Projector(kit.instance("star")).brief(agent, ("person",))
+    brief = brief_of(kit.instance("star"), agent.id, ("person",))
     form = DecisionFormat(brief)
     Draft202012Validator.check_schema(form.schema)
     assert msgspec.json.encode(form.schema) == msgspec.json.encode(DecisionFormat(brief).schema)
@@ -163,7 +163,7 @@ def test_the_schema_is_one_of_draft_2020_12_and_the_same_each_time(agent):
 
 def test_every_fault_is_told_at_once_with_its_path():
     instance = kit.instance("star")
-    form = DecisionFormat(Projector(instance).brief(instance.agents[0], ("person",)))
+    form = DecisionFormat(brief_of(instance, instance.agents[0].id, ("person",)))
     answer = {
         "command": {"verb": "go", "arguments": {"x": "far", "w": 1}},
         "messages": [
@@ -198,14 +198,14 @@ def test_every_fault_is_told_at_once_with_its_path():
 )
 def test_a_command_that_is_none_says_what_could_stand_there(command, fault):
     instance = kit.instance("star")
-    form = DecisionFormat(Projector(instance).brief(instance.agents[0], ("person",)))
+    form = DecisionFormat(brief_of(instance, instance.agents[0].id, ("person",)))
     (message,) = form.faults(form.completed({"command": command}))
     assert message.startswith(fault)
 
 
 def test_a_box_with_its_edges_in_the_wrong_order_is_a_fault():
     instance = kit.instance()
-    form = DecisionFormat(Projector(instance).brief(instance.agents[0], ("person",)))
+    form = DecisionFormat(brief_of(instance, instance.agents[0].id, ("person",)))
     body = {"frame": FRAME, "class": "person", "box": [0.5, 0, 0.5, 1], "position": [0, 0], "confidence": 1}
     (fault,) = form.faults(form.completed({"messages": [{"kind": "detection", "body": body}]}))
     assert fault.startswith("messages[0].body.box: ")

@@ -13,9 +13,8 @@ import tests.kernel.world_toys as toys
 from lingjing import read_trace
 from lingjing.kernel.episode import play, policy_barrier
 from lingjing.kernel.step import Kernel
-from lingjing.mission.expression import Flag
 from lingjing.mission.instance import AgentSpec, ChannelSpec, Entity, InteractionSpec, StateSpec, VerbSpec
-from lingjing.testing import TraceWriter
+from lingjing.testing import TraceWriter, bare_instance
 from lingjing.testing.worlds import open_world
 from lingjing.trace.digest import verify
 from lingjing.trace.records import Action, Decision, Header
@@ -57,7 +56,9 @@ def episode(fault="nothing", at=2.05, fault_in="toy_b", engine_s=20.0, capture_s
         observes=(ChannelSpec(source="entity", name="ant"),),
     )
     budget = msgspec.structs.replace(instance.budget, ticks=TICKS, policy_s=20.0)
-    return msgspec.structs.replace(instance, agents=(mind,), budget=budget, success=Flag(value=False))
+    return msgspec.structs.replace(
+        instance, agents=(mind,), budget=budget, success=bare_instance((), won=False).success
+    )
 
 
 @pytest.fixture

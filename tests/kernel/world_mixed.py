@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from lingjing.mission.expression import Flag
 from lingjing.mission.instance import (
     AgentSpec,
     Budget,
@@ -126,7 +125,7 @@ def instance(uavs: int = 2, dogs: int = 1, vans: int = 1, traffic: int = 20, syn
         weather=Weather(wind_mps=3.0, wind_from_deg=200.0, turbulence=0.1, wave_height_m=0.4, visibility_m=10_000.0),
         agents=agents,
         comms=CommsSpec(mode="broadcast", hub=None, range_m=600.0),
-        success=Flag(value=False),
+        won=False,
     )
 
 

@@ -17,7 +17,7 @@ from lingjing.plugins.bodies import solid_size
 from lingjing.plugins.conformance import BodyCase, ConformanceError, check_body, check_can_be_hit, check_is_seen
 from lingjing.plugins.engine import CaptureRequest, EngineSpec
 from lingjing.plugins.geometry import world_to_pixel
-from lingjing.testing import city_of, compile_text, instantiate
+from lingjing.testing import brief_of, city_of, compile_text, instantiate
 from lingjing.trace.records import BodyState, CameraPose
 
 TYPES = """ljs 1
@@ -105,9 +105,8 @@ def test_mission_and_instance_carry_the_body(strange: Mission, instance: Instanc
 
 
 def test_agents_are_not_told_what_engines_alone_need(instance: Instance) -> None:
-    from lingjing.kernel.visibility import Projector
 
-    brief = Projector(instance).brief(instance.agents[0], ())
+    brief = brief_of(instance, instance.agents[0].id)
     (balloon,) = brief.resources
     assert balloon.id == "balloon" and not {"length_m", "colour", "shape"} & balloon.properties.keys()
 
