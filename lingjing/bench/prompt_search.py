@@ -22,7 +22,7 @@ from lingjing.bench.rows import comparable
 from lingjing.bench.running import OUT_OF_LIMITS, remove_run
 from lingjing.errors import InfrastructureError, UsageError
 from lingjing.play.options import PlayOptions
-from lingjing.play.parallel import EpisodeTask, play_apart
+from lingjing.play.parallel import EpisodeProcesses, EpisodeTask
 from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport
 from lingjing.play.spending import SpendingLimits
 from lingjing.plugins.calls import CallRequest, CallResult, ModelCalls, SpendingLimitError
@@ -145,6 +145,8 @@ class PromptSearch:
     """Episodes played in parallel."""
     tell: Callable[[PromptCandidate], None] = field(default=lambda candidate: None)
     """Receives each candidate when its results are known."""
+    _processes: EpisodeProcesses = field(default_factory=EpisodeProcesses)
+    """The processes of all episodes."""
 
     def run(self, start: str, rounds: int) -> PromptCandidate:
         """Return the best of the prompt and its `rounds` revisions. The search ends early if a candidate wins every
@@ -154,7 +156,7 @@ class PromptSearch:
         spent; `InfrastructureError` if an episode cannot be played or the reviser does not answer.
         """
         reviser = self.reviser(_CountedCalls(SpendingLimits(self.options.max_cost, None, self._ledger)))
-        with lock_folder(self.folder, "search of prompts"), _explained_limits():
+        with lock_folder(self.folder, "search of prompts"), _explained_limits(), self._processes:
             known = self._known(start)
             best = self._played(known, PromptCandidate(number=0, text=start))
             for number in range(1, rounds + 1):
@@ -218,7 +220,7 @@ class PromptSearch:
         failed: EpisodeReport | None = None
         for _ in range(TRIES):
             missing = sorted(set(self.seeds) - {item.seed for item in done.episodes})
-            for task, report in play_apart(self._tasks(candidate, missing), self.jobs):
+            for task, report in self._processes.play(self._tasks(candidate, missing), self.jobs):
                 if report.reason == INTERRUPTED:
                     continue
                 if report.reason == ABORTED:

@@ -26,7 +26,7 @@ from lingjing.mission.feasibility import prove_instance
 from lingjing.mission.instance import Instance
 from lingjing.mission.instantiate import instantiate
 from lingjing.play.options import PlayOptions
-from lingjing.play.parallel import EpisodeTask, play_apart
+from lingjing.play.parallel import EpisodeProcesses, EpisodeTask
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import CUT_SHORT
 
@@ -100,6 +100,8 @@ class CandidatePlayer:
     """The policy that must win; empty: none."""
     predicate: Predicate | None = None
     """A user's function that compares failures, in place of the signature; None: not set."""
+    processes: EpisodeProcesses = field(default_factory=EpisodeProcesses)
+    """The processes of all episodes, which the caller closes. Without it each candidate would import the engines."""
     played: int = 0
     """The number of played episodes."""
     known: dict[tuple[str, str], TriedCandidate] = field(default_factory=dict)
@@ -201,7 +203,7 @@ class CandidatePlayer:
                 EpisodeTask(self.options_for(candidate, str(mission), control), place, repeated=False),
             )
             self.played += 1
-        for task, report in play_apart([task for _, task in tasks.values()], self.jobs):
+        for task, report in self.processes.play([task for _, task in tasks.values()], self.jobs):
             candidate = tasks[task.folder][0]
             verdict = "aborted" if report.reason in CUT_SHORT else self._verdict_on(read_trace(report.trace))
             self._keep(

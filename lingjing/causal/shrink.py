@@ -31,6 +31,7 @@ from lingjing.mission.instance import GivenOption, Instance
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Mission
 from lingjing.play.options import PlayOptions
+from lingjing.play.parallel import EpisodeProcesses
 from lingjing.plugins.host import PluginHost
 from lingjing.trace.reader import Trace
 from lingjing.whole_files import written_whole
@@ -107,10 +108,10 @@ def shrink(
     mission = _mission_of(trace, options.mission)
     policies = _policies(trace, options.policies)
     append(log)  # reports a folder that cannot be written before anything is played
-    with TemporaryDirectory(prefix="lingjing-shrink-") as folder:
+    with TemporaryDirectory(prefix="lingjing-shrink-") as folder, EpisodeProcesses() as processes:
         player = CandidatePlayer(
             trace=trace, signature=signature, sameness=options.sameness, options=_play_options(trace),
-            policies=policies, folder=Path(folder), log=log, budget=options.episodes,
+            policies=policies, folder=Path(folder), log=log, processes=processes, budget=options.episodes,
             jobs=options.jobs, control=options.control, predicate=options.predicate,
         )  # fmt: skip
         return _Shrinking(trace, mission, player, signature, out, tell).run()

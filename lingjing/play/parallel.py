@@ -13,7 +13,7 @@ from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, NamedTuple
+from typing import IO, TYPE_CHECKING, NamedTuple, Self
 
 import msgspec
 
@@ -177,8 +177,8 @@ class _Worker:
     errors: IO[bytes]
 
 
-class _Starter:
-    """Starts the processes of episodes.
+class EpisodeProcesses:
+    """Starts the processes of episodes; a context manager. Several calls of `play` share it.
 
     They are forks of a process that has imported their modules; it starts with the first episode. A foreign command,
     and every episode on a system without the fork server, is a process of its own.
@@ -188,6 +188,10 @@ class _Starter:
         self._server: ForkServer | None = None
         self._shared: set[bytes] = set()
         self._preloaded: set[str] = set()
+
+    def play(self, tasks: Iterable[EpisodeTask], jobs: int) -> Iterator[tuple[EpisodeTask, EpisodeReport]]:
+        """Play in child processes, `jobs` at a time, and yield reports in order of completion; see `play_apart`."""
+        return _play_all(self, iter(tasks), jobs)
 
     def start(self, task: EpisodeTask) -> _Worker:
         """Start the process of an episode.
@@ -213,6 +217,12 @@ class _Starter:
         """End the process from which episodes are forked."""
         if self._server is not None:
             self._server.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def _forked(self, task: EpisodeTask, arguments: list[str], streams: tuple[int, int, int]) -> ForkedProcess:
         if self._server is not None:
@@ -259,20 +269,19 @@ def play_apart(tasks: Iterable[EpisodeTask], jobs: int) -> Iterator[tuple[Episod
     is an infrastructure abort of its episode. At an interrupt the children end as interrupted commands do, and their
     reports are yielded before `KeyboardInterrupt` is raised.
     """
-    starter = _Starter()
-    with contextlib.closing(starter):
-        yield from _play_all(starter, iter(tasks), jobs)
+    with EpisodeProcesses() as processes:
+        yield from processes.play(tasks, jobs)
 
 
 def _play_all(
-    starter: _Starter, waiting: Iterator[EpisodeTask], jobs: int
+    processes: EpisodeProcesses, waiting: Iterator[EpisodeTask], jobs: int
 ) -> Iterator[tuple[EpisodeTask, EpisodeReport]]:
     """Start a task whenever fewer than `jobs` children run, and yield the report of each child that has ended."""
     running: list[_Worker] = []
     try:
         while True:
             while len(running) < jobs and (task := next(waiting, None)) is not None:
-                running.append(starter.start(task))
+                running.append(processes.start(task))
             if not running:
                 return
             done = [child for child in running if child.process.poll() is not None]

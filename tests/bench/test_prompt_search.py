@@ -11,6 +11,7 @@ from lingjing.bench import prompt_search
 from lingjing.bench.folder import lock_folder
 from lingjing.bench.prompt_search import RESULTS, KeptSearch, PromptSearch
 from lingjing.errors import ExitCode, InfrastructureError, UsageError
+from lingjing.play.parallel import EpisodeProcesses
 from lingjing.plugins.calls import CallRequest, CallResult, ModelCalls, SpendingLimitError
 from lingjing.plugins.prompts import Revision, TriedPrompt
 from lingjing.testing import run_command
@@ -53,7 +54,7 @@ def played(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
     """Replaces episodes: a prompt's text names the seeds that it wins. Returns the list of played episodes."""
     done: list[tuple[str, int]] = []
 
-    def play(tasks: Sequence[EpisodeTask], jobs: int):
+    def play(processes: EpisodeProcesses, tasks: Sequence[EpisodeTask], jobs: int):
         for task in tasks:
             text = Path(str(task.options.policy_args["prompt"])).read_text()
             seed = task.options.seed
@@ -69,7 +70,7 @@ def played(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
                 metrics=blank_metrics(answers=seed, json_compliance=1.0),
             )  # fmt: skip
 
-    monkeypatch.setattr(prompt_search, "play_apart", play)
+    monkeypatch.setattr(EpisodeProcesses, "play", play)
     monkeypatch.setattr(prompt_search, "read_trace", lambda path: path)
     monkeypatch.setattr(prompt_search, "_failed_episode", lambda trace: f"failed in {trace}")
     return done

@@ -114,14 +114,14 @@ def test_a_killed_child_is_an_abort_of_its_episode_alone(child, tmp_path: Path) 
 def test_no_child_is_left_behind(child, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     child("import time; time.sleep(600)")
     started: list[subprocess.Popen[bytes]] = []
-    real = parallel._Starter.start
+    real = parallel.EpisodeProcesses.start
 
-    def start(self: parallel._Starter, task: EpisodeTask) -> parallel._Worker:
+    def start(self: parallel.EpisodeProcesses, task: EpisodeTask) -> parallel._Worker:
         made = real(self, task)
         started.append(made.process)
         return made
 
-    monkeypatch.setattr(parallel._Starter, "start", start)
+    monkeypatch.setattr(parallel.EpisodeProcesses, "start", start)
 
     class Clock:
         """The module's clock: the first wait for the two children is interrupted."""

@@ -7,10 +7,9 @@ from pathlib import Path
 import pytest
 
 from lingjing import EpisodeReport, PlayOptions, Trace
-from lingjing.causal import candidates
 from lingjing.causal.candidates import Candidate, CandidatePlayer, TriedCandidate
 from lingjing.causal.failure import FailureSignature
-from lingjing.play.parallel import EpisodeTask
+from lingjing.play.parallel import EpisodeProcesses, EpisodeTask
 from lingjing.testing import rescue as kit
 from lingjing.trace.records import Header
 from tests.play.report_kit import made_report
@@ -20,12 +19,14 @@ def test_a_control_from_a_file_is_played_within_the_folder(tmp_path: Path, monke
     """The control's name is a path, which leads out of the folder."""
     played: list[Path] = []
 
-    def play(tasks: Iterable[EpisodeTask], jobs: int) -> Iterator[tuple[EpisodeTask, EpisodeReport]]:
+    def play(
+        processes: EpisodeProcesses, tasks: Iterable[EpisodeTask], jobs: int
+    ) -> Iterator[tuple[EpisodeTask, EpisodeReport]]:
         for task in tasks:
             played.append(task.folder)
             yield task, made_report(reason="infrastructure-abort")
 
-    monkeypatch.setattr(candidates, "play_apart", play)
+    monkeypatch.setattr(EpisodeProcesses, "play", play)
     folder = tmp_path / "in"
     folder.mkdir()
     control = "../../mine/check.py:Check"

@@ -43,7 +43,13 @@ def test_the_smallest_mission_fails_the_same_way_also_after_a_budget_has_run_out
     first = json.loads(capsys.readouterr().out)
     assert not first["minimal"]
     assert small.is_file() and lingjing.compile(small).name == "harbour"
-    assert len(small.with_name("small.ljs.tried.jsonl").read_bytes().splitlines()) >= 3
+    log = small.with_name("small.ljs.tried.jsonl")
+    verdicts = log.read_text()
+    assert len(verdicts.splitlines()) >= 3
+    log.write_text(verdicts.replace('"fails"', '"other"'))
+    assert run_command(call) == ExitCode.USAGE, "a stored verdict stands, and nothing is played again"
+    assert "fails differently when it is played again" in capsys.readouterr().err
+    log.write_text(verdicts)
     assert run_command([*call, "-j", "2", "--output-format", "json"]) == ExitCode.OK, "it goes on with the best so far"
     captured = capsys.readouterr()
     result = json.loads(captured.out)
@@ -62,7 +68,7 @@ def test_the_smallest_mission_fails_the_same_way_also_after_a_budget_has_run_out
     places = {entity.position for entity in lost.header.instance.entities}
     assert {entity.position for entity in again.header.instance.entities} <= places
     assert small.read_text().startswith("# Shrunk from the trace ")
-    assert not small.with_name("small.ljs.tried.jsonl").exists()
+    assert not log.exists()
     assert run_command(call) == ExitCode.USAGE
     assert "nothing is overwritten" in capsys.readouterr().err
 
