@@ -8,12 +8,14 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+import numpy.typing as npt
 import pytest
 
-from lingjing.engines.camera import cityscape, mesh_cache
+from lingjing.engines.camera import array_cache, cityscape
+from lingjing.engines.camera.array_cache import cached_array
 from lingjing.engines.camera.building_meshes import building
 from lingjing.engines.camera.instances import ROW, matrix, mesh_radius, prop_batches
-from lingjing.engines.camera.mesh_cache import MeshCache, Texture, cached_texture
+from lingjing.engines.camera.mesh_cache import MeshCache
 from lingjing.engines.camera.noise import grain_texture
 from lingjing.engines.camera.structure_meshes import solid
 from lingjing.engines.camera.tile_mesh import TileMesh, mesh_tile
@@ -61,27 +63,27 @@ def test_a_tile_that_is_made_again_is_made_of_the_meshes_that_the_process_holds(
 def test_a_kept_texture_is_the_made_one_and_a_damaged_one_is_made_again(folder: Path) -> None:
     made: list[int] = []
 
-    def make() -> Texture:
+    def make() -> npt.NDArray[np.uint8]:
         made.append(1)
         return grain_texture()
 
-    first, second = cached_texture("grain", make), cached_texture("grain", make)
+    first, second = cached_array("grain", make), cached_array("grain", make)
     assert (first.shape, first.dtype, first.tobytes()) == (second.shape, second.dtype, second.tobytes())
     assert len(made) == 1
     (file,) = folder.iterdir()
     file.write_bytes(file.read_bytes()[:-1] + b"?")
-    assert cached_texture("grain", make).tobytes() == first.tobytes()
+    assert cached_array("grain", make).tobytes() == first.tobytes()
     assert len(made) == 2
-    assert cached_texture("another", make).tobytes() == first.tobytes()
+    assert cached_array("another", make).tobytes() == first.tobytes()
     assert len(list(folder.iterdir())) == 2
 
 
 def test_a_texture_is_made_where_nothing_can_be_kept(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder.parent.write_bytes(b"no folder")
     # The name is unique to this test: the temporary folder belongs to the process, and other tests keep textures there.
-    assert cached_texture("nowhere", lambda: np.zeros((2, 2, 1), np.uint8)).shape == (2, 2, 1)
+    assert cached_array("nowhere", lambda: np.zeros((2, 2, 1), np.uint8)).shape == (2, 2, 1)
     monkeypatch.setenv("LINGJING_NO_CACHE", "1")
-    assert cached_texture("grain", lambda: np.ones((2, 2, 1), np.uint8)).all()
+    assert cached_array("grain", lambda: np.ones((2, 2, 1), np.uint8)).all()
 
 
 def test_a_kept_mesh_is_the_made_one_and_is_not_made_again(folder: Path) -> None:
@@ -99,7 +101,7 @@ def test_another_city_other_code_and_other_tiles_are_not_mixed_up(monkeypatch: p
     MeshCache(CITY).tile((0, 0), make)
     MeshCache(CITY).tile((0, 1), make)
     MeshCache(msgspec.structs.replace(CITY, datum_m=1.0)).tile((0, 0), make)
-    monkeypatch.setattr(mesh_cache, "_code_sha256", lambda: "of another version")
+    monkeypatch.setattr(array_cache, "_code_sha256", lambda: "of another version")
     MeshCache(CITY).tile((0, 0), make)
     assert len(made) == 4
 

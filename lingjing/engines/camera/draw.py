@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lingjing.engines.camera import uniforms
+from lingjing.engines.camera.array_cache import cached_array
 from lingjing.engines.camera.cityscape import TOUCHING_M, Cityscape
 from lingjing.engines.camera.classes import CLASSES
 from lingjing.engines.camera.context import mipmapped, open_context, renderer_name
@@ -31,7 +32,6 @@ from lingjing.engines.camera.ground import Ground, LandSurface
 from lingjing.engines.camera.instances import Batch, afloat, in_sight, visible
 from lingjing.engines.camera.lamps import lamp_rows
 from lingjing.engines.camera.light import Light, light_of
-from lingjing.engines.camera.mesh_cache import cached_texture
 from lingjing.engines.camera.meshes import indexed
 from lingjing.engines.camera.noise import GRAIN, cloud_texture, grain_texture, noise_texture
 from lingjing.engines.camera.ocean import SeaSurface
@@ -110,11 +110,11 @@ class Renderer:
         self._corners = self.context.buffer(corners.tobytes())
         self._water = WaterPass(self.context, corners)
         self._noise = mipmapped(self.context, noise_texture())
-        grain = cached_texture("grain", grain_texture)
+        grain = cached_array("grain", grain_texture)
         self._grains = {
             name: mipmapped(self.context, np.ascontiguousarray(grain[..., part])) for name, part in GRAINS.items()
         }
-        self._clouds = mipmapped(self.context, cached_texture("clouds", cloud_texture))
+        self._clouds = mipmapped(self.context, cached_array("clouds", cloud_texture))
         self._clouds.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
         self._below_vao = self.context.vertex_array(self._below, [(self._corners, "2f", "in_corner")])
         self._sky_vao = self.context.vertex_array(self._sky, [(self._corners, "2f", "in_corner")])

@@ -7,6 +7,7 @@ with quay walls, exactly as high as the city declares.
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -14,8 +15,8 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 import shapely
-from scipy import ndimage
 
+from lingjing.engines.camera.array_cache import cached_array
 from lingjing.engines.camera.classes import CLASSES, prop_class
 from lingjing.engines.camera.meshes import Mesh, flat, indexed, merge, prism
 from lingjing.mission.appearance import LinearRgb
@@ -200,12 +201,25 @@ def _height_field(land: Land, level: float, number: int, buried: shapely.Geometr
     west, south, east, north = shapely.Polygon(land.polygon).bounds
     step = max(3.0, (east - west) / 140.0)
     xs, ys = np.arange(west - step, east + 2 * step, step), np.arange(south - step, north + 2 * step, step)
-    mask = fill(land.polygon, xs, ys)
-    into = ndimage.distance_transform_edt(mask) - ndimage.distance_transform_edt(~mask)
+    into = cached_array(_name("edge", land.polygon, step), lambda: _steps_inside(fill(land.polygon, xs, ys)))
     into = (into - np.sign(into) * 0.5) * step
     height = _profile(into, land.top_m - level, slope, xs, ys, number) + level
     keep = (into > -1.5 * step) & ~shapely.contains_xy(buried, *np.meshgrid(xs, ys))
     return _surface_of(prop_class(land.surface), xs, ys, height, keep, colour)
+
+
+def _steps_inside(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64]:
+    """Return the distance of each grid point from the other side of the edge in grid steps; negative outside."""
+    from scipy import ndimage  # here, since loading it takes a third of a second
+
+    inside: npt.NDArray[np.float64] = ndimage.distance_transform_edt(mask)
+    outside: npt.NDArray[np.float64] = ndimage.distance_transform_edt(~mask)
+    return inside - outside
+
+
+def _name(kind: str, *content: object) -> str:
+    """Return the name of a cached array by what determines it."""
+    return f"{kind} {hashlib.sha256(msgspec.msgpack.encode(content)).hexdigest()}"
 
 
 def _profile(into: HeightGrid, rise: float, slope: float, xs: HeightGrid, ys: HeightGrid, number: int) -> HeightGrid:
@@ -268,10 +282,18 @@ def _wet(city: City, xs: HeightGrid, ys: HeightGrid) -> npt.NDArray[np.bool_]:
 
 
 def _shore_map(city: City, noise: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
-    """Return the shore map, (SHORE_SIZE, SHORE_SIZE, 2) bytes.
+    """Return the shore map, (SHORE_SIZE, SHORE_SIZE, 2) bytes; `noise` is a part of `noise_texture`."""
+    shapes = city.bounds, city.waters, [land.polygon for land in city.lands], noise.tobytes()
+    return cached_array(_name("shore", *shapes), lambda: _drawn_shore(city, noise))
+
+
+def _drawn_shore(city: City, noise: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+    """Draw the shore map.
 
     The first channel is the square root of the distance to land over `SHORE_REACH_M`. The second is slow noise.
     """
+    from scipy import ndimage  # here, since loading it takes a third of a second
+
     west, south, east, north = city.bounds
     cell = (east - west) / SHORE_SIZE
     xs = west + cell * (np.arange(SHORE_SIZE) + 0.5)

@@ -1,51 +1,31 @@
-"""A disk cache of the meshes of a city's tiles and of textures (`$XDG_CACHE_HOME/lingjing/meshes`).
+"""A disk cache of the meshes of a city's tiles (`$XDG_CACHE_HOME/lingjing/meshes`).
 
 With it a city is meshed once and not by every process. The name of a file is a hash of everything that determines its
-content: the city (without its props, which are in no mesh) and the tile, or the name of the texture; the source code of
-this package and of scenes; versions and chosen code paths of the numerical libraries. `lingjing.kept_files` stores and
-checks the files. A mesh with invalid indices is made again. If the folder cannot be written, nothing is kept. All files
-together take at most `MOST_BYTES`, plus what one process has written since its last check. With `LINGJING_NO_CACHE`
-nothing is read or kept.
+content: the city (without its props, which are in no mesh) and the tile; and what `array_cache.cache_key` adds.
+`lingjing.kept_files` stores and checks the files. A mesh with invalid indices is made again. If the folder cannot be
+written, nothing is kept. All files together take at most `MOST_BYTES`, plus what one process has written since its last
+check. With `LINGJING_NO_CACHE` nothing is read or kept.
 """
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from contextlib import suppress
-from functools import cache
-from importlib.metadata import version
-from io import BytesIO
 from pathlib import Path
 
 import msgspec
 import numpy as np
-import numpy.typing as npt
 
-from lingjing import scene
 from lingjing.data import cache_folder, cache_is_off
+from lingjing.engines.camera.array_cache import FOLDER, MOST_BYTES, MOST_FILES, cache_key
 from lingjing.engines.camera.mesh_rows import VERTEX, MeshPart
 from lingjing.engines.camera.tile_mesh import MATERIALS, TileMesh
 from lingjing.kept_files import prune, read_kept, write_kept
-from lingjing.numerics import runtime_fingerprint
 from lingjing.scene.city import City, content_sha256
 from lingjing.scene.tiles import TileKey
 
-Texture = npt.NDArray[np.uint8]
-
-MOST_BYTES = 1 << 30
-"""Most bytes of all files together (chosen)."""
-
-MOST_FILES = 1 << 20
-"""Most files (chosen)."""
-
 LOOK_EVERY = 32
 """Written files between two checks of the folder's size; the first file is followed by one (chosen)."""
-
-_COMPUTING = ("numpy", "shapely", "mapbox-earcut")
-"""Packages that compute meshes; their versions are part of a name."""
-_CHOSEN = ("libm", "numpy")
-"""Entries of `lingjing.numerics.runtime_fingerprint` that a mesh may depend on."""
 
 
 class _StoredTile(msgspec.Struct, frozen=True, array_like=True):
@@ -65,7 +45,7 @@ class MeshCache:
     """The cached meshes of one city."""
 
     def __init__(self, city: City) -> None:
-        self._folder = None if cache_is_off() else Path(cache_folder(), "meshes")
+        self._folder = None if cache_is_off() else Path(cache_folder(), FOLDER)
         self._key = "" if self._folder is None else _city_key(city)
         self._written = 0
 
@@ -91,36 +71,8 @@ class MeshCache:
             self._folder = None
 
 
-def cached_texture(name: str, make: Callable[[], Texture]) -> Texture:
-    """Return a texture that depends only on the code and its libraries.
-
-    It is the cached one, or that of `make`, which is then cached if possible.
-    """
-    if cache_is_off():
-        return make()
-    file = Path(cache_folder(), "meshes", f"{_key(name)}.texture")
-    with suppress(OSError, ValueError):
-        data = read_kept(str(file))
-        if data is not None:
-            return np.lib.format.read_array(BytesIO(data), allow_pickle=False)
-    made = make()
-    stream = BytesIO()
-    np.lib.format.write_array(stream, made, allow_pickle=False)
-    with suppress(OSError):
-        write_kept(str(file), stream.getvalue())
-        prune(str(file.parent), most_bytes=MOST_BYTES, most_files=MOST_FILES)
-    return made
-
-
 def _city_key(city: City) -> str:
-    return _key(_standing_sha256(city))
-
-
-def _key(content: str) -> str:
-    """Return the hash of content, code and libraries."""
-    fingerprint = runtime_fingerprint()
-    libraries = [f"{name} {version(name)}" for name in _COMPUTING] + [f"{name} {fingerprint[name]}" for name in _CHOSEN]
-    return hashlib.sha256("\n".join((content, _code_sha256(), *libraries)).encode()).hexdigest()[:40]
+    return cache_key(_standing_sha256(city))
 
 
 def _standing_sha256(city: City) -> str:
@@ -129,16 +81,6 @@ def _standing_sha256(city: City) -> str:
         return content_sha256(city)
     standing = msgspec.structs.replace(city, id="", props=(), network="", sha256="")
     return hashlib.sha256(msgspec.msgpack.encode(standing)).hexdigest()
-
-
-@cache
-def _code_sha256() -> str:
-    """Return a hash of all source code that may change a mesh."""
-    digest = hashlib.sha256()
-    for folder in (Path(__file__).parent, Path(scene.__file__).parent):
-        for file in sorted(folder.rglob("*.py")):
-            digest.update(f"{file.relative_to(folder)}\0".encode() + hashlib.sha256(file.read_bytes()).digest())
-    return digest.hexdigest()
 
 
 def _read(file: Path) -> TileMesh | None:
