@@ -443,8 +443,8 @@ class Lexer:
             return self._unclosed_long(start)
         if self.guide is not None:
             return self._until_dedent(start, end)
-        begin = self.text.rfind("\n", 0, end) + 1
-        if self.text[begin : end - 3].strip() in _TEXT_KEYWORDS:
+        begin = self.text.rfind("\n", start, end) + 1  # not before `start`: many texts on one line would take long
+        if begin and self.text[begin : end - 3].strip() in _TEXT_KEYWORDS:
             self.unbalanced = True
         self._add("STRING", start, end)
         return end
