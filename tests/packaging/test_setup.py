@@ -106,20 +106,25 @@ def test_distributions_of_an_earlier_name_are_removed_first(environment, pips, m
 def test_a_real_environment_is_made_again_without_its_interpreter_and_a_failure_leaves_no_stamp(
     environment, capfd
 ) -> None:
-    """Virtual environments with pip; each takes five seconds to make."""
-    setup.create(environment)
-    setup.remove(replace(environment, replaced=("lingjing-no-such-package",)))
-    assert capfd.readouterr() == ("", "setup: creating env\n")
+    """A virtual environment with pip, which takes seconds to make, in the folder of one that lost its interpreter."""
+    left = environment.folder / "lib" / "left.txt"
+    for folder in (environment.python.parent, left.parent):
+        folder.mkdir(parents=True)
+    environment.python.symlink_to("no-such-interpreter")
+    left.touch()
     broken = replace(environment, steps=(("--no-index", "lingjing-no-such-package"),))
     with pytest.raises(setup.SetupError, match="pip could not install"):
         setup.ensure(broken)
-    assert not broken.ready()
+    assert not broken.ready() and not left.exists()
+    assert capfd.readouterr().err.startswith("setup: creating env\n")
+    setup.remove(replace(environment, replaced=("lingjing-no-such-package",)))
+    assert capfd.readouterr() == ("", "")
     setup.ensure(environment)
     assert environment.ready()
+    assert "creating" not in capfd.readouterr().err
+    assert setup.runs(environment.python, "-m", "pip", "--version")
     environment.python.unlink()
     assert not environment.ready()
-    setup.ensure(environment)
-    assert setup.runs(environment.python, "-m", "pip", "--version")
 
 
 def test_a_changed_input_is_installed_again(environment, created, pips) -> None:
