@@ -34,12 +34,9 @@ mission trip "A short trip" {
   scene bay { datum = sea level at -3.5 m }
   clock { tick = 1 s, sync = 500 ms }
   budget { ticks <= 60, policy <= 600 s }
-  mode star in { star, broadcast }
   asset boat : lifeboat { position = (12.4 m, -1351.8 m), actions { moveTo } }
   target swimmer : person_in_water { position = (12.4 m, -1200 m) }
   agent skipper as rescuer controls boat { observes boat.*, swimmer.position, events }
-  agent dispatcher as coordinator when mode == star { observes events }
-  comms { hub = dispatcher when mode == star }
   success when distance_xy(boat, swimmer) <= 10 m
 }
 """
@@ -225,7 +222,7 @@ def test_a_run_against_a_service_that_echoes_its_key_leaves_it_nowhere(client: s
         pairs = [part for name, value in arguments.items() for part in ("--policy-arg", f"{name}={value}")]
         done = subprocess.run(
             [
-                *(sys.executable, "-m", "lingjing.cli.main", "run", "trip.ljs", "--mode", "star"),
+                *(sys.executable, "-m", "lingjing.cli.main", "run", "trip.ljs"),
                 *("--policy", "react", *pairs, "-o", "run", "--json", "--no-overview"),
             ],
             cwd=tmp_path, env={**os.environ, "SERVICE_KEY": key, "LINGJING_TRACEBACK": "1"},

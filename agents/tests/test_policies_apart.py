@@ -30,6 +30,20 @@ def server() -> Iterator[ForkServerClient]:
         client.close()
 
 
+@pytest.fixture(scope="module")
+def apart(server: ForkServerClient) -> Iterator[Session]:
+    """A session with policies in processes of their own. All episodes share its workers."""
+    with Session(policy_server=server) as session:
+        yield session
+
+
+@pytest.fixture(scope="module")
+def here() -> Iterator[Session]:
+    """A session with policies in the process of the tests. All episodes share its workers."""
+    with Session() as session:
+        yield session
+
+
 @pytest.fixture(autouse=True)
 def key(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TEST_KEY", "sk-a-planted-key-4711-0815")
@@ -53,18 +67,16 @@ COLUMNS = [
 
 @pytest.mark.parametrize(("mission", "mode", "policy"), COLUMNS)
 def test_one_digest_here_and_apart(
-    mission: str, mode: str, policy: str, server: ForkServerClient, tmp_path: Path
+    mission: str, mode: str, policy: str, apart: Session, here: Session, tmp_path: Path
 ) -> None:
     if mission in ("cd", "ld") and find_spec("libsumo") is None:
         pytest.skip("the road engine is an optional extra")
     text = lingjing.compile(short(tmp_path, mission, 6 if mission == "ssr" else 4))
     options = {"policy": policy, "mode": mode, "seed": 1, "overview": False}
-    with Session(policy_server=server) as session:
-        apart = session.run(text, out=tmp_path / "apart", **options)
-    with Session() as session:
-        here = session.run(text, out=tmp_path / "here", **options)
-    assert apart.metrics is not None and apart.metrics.substitutions == 0
-    assert (apart.digest, apart.frames_digest, apart.ticks) == (here.digest, here.frames_digest, here.ticks)
+    first = apart.run(text, out=tmp_path / "apart", **options)
+    second = here.run(text, out=tmp_path / "here", **options)
+    assert first.metrics is not None and first.metrics.substitutions == 0
+    assert (first.digest, first.frames_digest, first.ticks) == (second.digest, second.frames_digest, second.ticks)
 
 
 @pytest.fixture
@@ -74,15 +86,14 @@ def glance(tmp_path: Path) -> Path:
     return mission
 
 
-def test_a_script_decides_the_same_apart(server: ForkServerClient, glance: Path, tmp_path: Path) -> None:
+def test_a_script_decides_the_same_apart(apart: Session, here: Session, glance: Path, tmp_path: Path) -> None:
     script = tmp_path / "script.json"
     commands = {"0": {"command": {"verb": "takeoff"}}, "1": {"command": {"verb": "takePhoto"}}}
     script.write_text(json.dumps({"scout[1]": commands}))
     options = {"policy": "scripted", "policy_args": {"script": str(script)}, "overview": False, "seed": 1}
-    with Session(policy_server=server) as session:
-        apart = session.run(glance, out=tmp_path / "apart", **options)
-    here = lingjing.run(glance, out=tmp_path / "here", **options)
-    assert (apart.digest, apart.frames_digest) == (here.digest, here.frames_digest)
+    first = apart.run(glance, out=tmp_path / "apart", **options)
+    second = here.run(glance, out=tmp_path / "here", **options)
+    assert (first.digest, first.frames_digest) == (second.digest, second.frames_digest)
 
 
 @dataclass
@@ -100,10 +111,10 @@ class Asking:
 
 
 @pytest.fixture
-def asking(server: ForkServerClient, glance: Path) -> Iterator[Asking]:
-    with ExitStack() as stack, Session(policy_server=server) as session:
+def asking(apart: Session, glance: Path) -> Iterator[Asking]:
+    with ExitStack() as stack:
         service = stack.enter_context(serve(looking()))
-        yield Asking(glance, session, service.url, stack.close)
+        yield Asking(glance, apart, service.url, stack.close)
 
 
 def test_model_calls_cross_the_border(asking: Asking, tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import lingjing
-from lingjing import Trace, read_trace
+from lingjing import Session, Trace, read_trace
 from lingjing.testing import shortened
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "ssr.ljs"
@@ -15,7 +15,11 @@ SCENARIO = Path(__file__).parents[2] / "scenarios" / "ssr.ljs"
 
 @pytest.mark.slow
 def test_the_heuristic_breaks_no_rule_and_without_its_eyes_it_reports_nobody(tmp_path: Path):
-    first = lingjing.run(shortened(SCENARIO, 14), seed=7, out=tmp_path / "seeing", overview=False)
+    with Session() as session:
+        first = session.run(shortened(SCENARIO, 14), seed=7, out=tmp_path / "seeing", overview=False, world="inline")
+        blank = session.run(
+            shortened(SCENARIO, 14), seed=7, out=tmp_path / "blank", overview=False, world="inline", blank_pictures=True
+        )
     trace = read_trace(first.trace)
     assert {binding.privileged for binding in trace.header.bindings} == {False}
     refused = [
@@ -28,9 +32,6 @@ def test_the_heuristic_breaks_no_rule_and_without_its_eyes_it_reports_nobody(tmp
     assert len(trace.frames) >= 6
     assert any(message.kind == "progress" for record in trace.boundaries for message in record.messages)
     assert reports(trace) > 0
-    blank = lingjing.run(
-        shortened(SCENARIO, 14), seed=7, out=tmp_path / "blank", overview=False, world="inline", blank_pictures=True
-    )
     assert read_trace(blank.trace).frames
     assert reports(read_trace(blank.trace)) == 0
 

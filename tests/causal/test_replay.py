@@ -25,8 +25,8 @@ replace = msgspec.structs.replace
 
 @pytest.fixture(scope="module")
 def search(tmp_path_factory: pytest.TempPathFactory) -> Trace:
-    """Twelve ticks of a sea search by an oracle, with pictures."""
-    short = shortened(mission_file("ssr"), 12)
+    """Nine ticks of a sea search by an oracle, with pictures."""
+    short = shortened(mission_file("ssr"), 9)
     folder = tmp_path_factory.mktemp("search") / "episode"
     return read_trace(run(short, policy="oracle", seed=1, out=folder, world="inline", overview=False).trace)
 
@@ -292,7 +292,7 @@ def test_a_run_goes_on_from_any_boundary_with_other_decisions(search: Trace) -> 
             recorded.advance_to(3)
         idle = recorded.kernel.step(()).record
         assert idle.tick == 4 and idle.decisions == () and idle.digest != search.boundaries[4].digest
-        with pytest.raises(UsageError, match="no decisions at boundary 12"):
+        with pytest.raises(UsageError, match="no decisions at boundary 9"):
             recorded.decisions(len(search.boundaries) - 1)
 
 

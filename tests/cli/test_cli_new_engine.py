@@ -76,7 +76,7 @@ def test_it_installs_is_found_and_plays_its_mission(package: Path, site: Path, t
     assert [line.split()[0] for line in output.splitlines() if "distance of arrival" in line] == ["arrived"]
     mission = package / "missions" / "tour.ljs"
     assert call("-m", "lingjing.cli.main", "validate", mission, cwd=tmp_path, site=site) == ""
-    run = ("-m", "lingjing.cli.main", "run", mission, "--policy", "hover_craft", "--seed", 3, "--json")
+    run = ("-m", "lingjing.cli.main", "run", mission, "--policy", "hover_craft", "--seed", 3, "--json", "--no-overview")
     answers = [
         json.loads(call(*run, "-o", tmp_path / world, "--world", world, cwd=tmp_path, site=site).splitlines()[0])
         for world in ("process", "inline")

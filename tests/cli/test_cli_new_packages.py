@@ -39,6 +39,20 @@ def packages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return {kind: write_package(kind, f"my-{kind}", folder / kind) for kind in OWN}
 
 
+@pytest.fixture(scope="module")
+def site(packages: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder into which all packages are installed, with their entry points."""
+    target = tmp_path_factory.mktemp("installed") / "site"
+    call(*PIP, "--target", target, *packages.values(), cwd=target.parent)
+    return target
+
+
+@pytest.fixture(scope="module")
+def listed(site: Path) -> list[str]:
+    """The lines of `lingjing plugins`."""
+    return call("-m", "lingjing.cli.main", "plugins", cwd=site.parent, site=site).splitlines()
+
+
 def test_every_kind_is_known_to_the_command() -> None:
     assert set(PACKAGES) | {"agent", "mission"} == set(KINDS)
     assert {*OWN, "engine"} == set(PACKAGES)
@@ -60,11 +74,10 @@ def test_nothing_of_the_template_is_left_and_all_is_clean(kind: str, packages: d
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", OWN)
-def test_it_installs_is_listed_and_its_own_tests_pass(kind: str, packages: dict[str, Path], tmp_path: Path) -> None:
-    site = tmp_path / "site"
-    call(*PIP, "--target", site, packages[kind], cwd=tmp_path)
-    listed = call("-m", "lingjing.cli.main", "plugins", cwd=tmp_path, site=site)
-    assert len([line for line in listed.splitlines() if f"my_{kind}" in line]) == LISTED[kind]
+def test_it_installs_is_listed_and_its_own_tests_pass(
+    kind: str, packages: dict[str, Path], site: Path, listed: list[str], tmp_path: Path
+) -> None:
+    assert len([line for line in listed if f"my_{kind}" in line]) == LISTED[kind]
     for mission in packages[kind].glob("missions/*.ljs"):
         assert call("-m", "lingjing.cli.main", "validate", mission, cwd=tmp_path, site=site) == ""
     assert " passed" in call(*PYTEST, cwd=packages[kind], site=site)

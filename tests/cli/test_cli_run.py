@@ -32,6 +32,18 @@ RUN = (sys.executable, "-m", "lingjing.cli.main", "run")
 BOATS = Path(__file__).with_name("boats.ljs")
 
 
+LOOKS = """
+from lingjing.plugins.policy import Action, Decision
+
+class Looks:
+    async def reset(self, brief): ...
+
+    async def act(self, observation, inbox):
+        return Decision(command=Action(verb="takePhoto"), thought=str([p.rgb.sum() for p in observation.pictures]))
+"""
+"""A policy with the brightness of its pictures as thoughts."""
+
+
 @pytest.fixture(scope="module")
 def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The mission with a budget of three ticks."""
@@ -82,8 +94,10 @@ def run_here(
 
 
 def test_json_is_one_object_with_the_promised_keys(short: Path, tmp_path: Path) -> None:
-    """Without an overview the trace is the same."""
-    options = (short, "--seed", 3, "--mode", "star", "--policy", "random", "--policy-seed", 8, "--json")
+    """Without an overview the trace is the same, and so are the pictures that policies receive."""
+    (tmp_path / "looks.py").write_text(LOOKS)
+    policies = ("--policy", "random", "--policy-for", "scout[1]=./looks.py:Looks", "--policy-seed", 8)
+    options = (short, "--seed", 3, "--mode", "star", *policies, "--json")
     done = lingjing_run(*options, cwd=tmp_path)
     assert (done.returncode, without_warning(done.stderr)) == (0, "")
     answer = json.loads(done.stdout)
@@ -92,6 +106,9 @@ def test_json_is_one_object_with_the_promised_keys(short: Path, tmp_path: Path) 
     assert (answer["reason"], answer["success"]) == ("budget", False)
     assert answer["trace"] == "runs/ssr-star-3-1/trace.mcap"
     assert (answer["policy_seed"], read_trace(tmp_path / answer["trace"]).header.policy_seed) == (8, 8)
+    played = read_trace(tmp_path / answer["trace"]).boundaries
+    thoughts = {made.decision.thought for record in played for made in record.decisions if made.agent == "scout[1]"}
+    assert thoughts - {"[]", "[0]"}
     assert sorted(path.name for path in (tmp_path / "runs/ssr-star-3-1").iterdir()) == ["overview.png", "trace.mcap"]
     bare = lingjing_run(*options, "--no-overview", "-o", "bare", "--world", "inline", cwd=tmp_path)
     assert json.loads(bare.stdout)["digest"] == answer["digest"]

@@ -69,7 +69,7 @@ def to_input():
 
 class Evil:
     async def reset(self, brief):
-        self.first = brief.agent == "scout[1]"
+        self.first = brief.agent == "skipper[1]"
 
     async def act(self, observation, inbox):
         if self.first and observation.tick == 1:
@@ -197,23 +197,22 @@ def test_colours_are_ours(here: Path):
 
 
 def short(folder: Path) -> None:
-    """Write the sea rescue with three ticks; the boat starts nearer, so that they are not proved too few."""
-    mission = (Path(__file__).parents[2] / "scenarios" / "ssr.ljs").read_text().replace("ticks <= 60", "ticks <= 3")
-    (folder / "short.ljs").write_text(mission.replace("(12.4 m, -1351.8 m)", "(270 m, -920 m)"))
+    """Write the mission of two boats, which has three ticks."""
+    (folder / "short.ljs").write_text(Path(__file__).with_name("boats.ljs").read_text())
 
 
 @pytest.mark.slow
 def test_nothing_that_a_policy_says_steers_the_terminal(here: Path):
     short(here)
-    command = ("run", "short.ljs", "--policy", "./evil.py:Evil")
-    for option in ("--watch", "--no-overview"):
-        shown = on_terminal(*command, option, cwd=here)
+    command = ("run", "short.ljs", "--policy", "./evil.py:Evil", "--no-overview")
+    for option in (["--watch"], []):
+        shown = on_terminal(*command, *option, cwd=here)
         assert harmless(shown), shown
         for message in ("reset", "stdout", "stderr", "log", "warn", "original"):
             assert f"{message} \\x1b]0;EVIL\\x07" in shown.replace("\n", ""), (option, message)
         assert "raised \\x1b" in shown.replace("\n", "")
     piped = subprocess.run(
-        [sys.executable, "-m", "lingjing.cli.main", *command, "--no-overview"],
+        [sys.executable, "-m", "lingjing.cli.main", *command],
         cwd=here,
         capture_output=True,
         check=False,
@@ -222,12 +221,12 @@ def test_nothing_that_a_policy_says_steers_the_terminal(here: Path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("option", ["--watch", "--no-overview"])
-def test_nothing_that_a_policy_writes_past_its_streams_steers_the_terminal(option: str, here: Path):
+@pytest.mark.parametrize("option", [("--no-overview", "--watch"), ("--no-overview",)], ids=["watch", "plain"])
+def test_nothing_that_a_policy_writes_past_its_streams_steers_the_terminal(option: tuple[str, ...], here: Path):
     """The output passes through another process than the drawing one, so simultaneous output of both may be mixed."""
     short(here)
     (here / "past.py").write_text(PAST_STREAMS)
-    shown = on_terminal("run", "short.ljs", "--policy", "./past.py:Evil", option, cwd=here, controlling=True)
+    shown = on_terminal("run", "short.ljs", "--policy", "./past.py:Evil", *option, cwd=here, controlling=True)
     assert harmless(shown), shown
     for message in ("first", "second", "started"):
         assert f"{message} \\x1b]0;EVIL\\x07" in shown, message
@@ -241,7 +240,7 @@ def test_a_screen_whose_process_is_gone_is_given_back(here: Path):
         "import os\n" + POLICY.replace("if observation.tick == 1:", "os._exit(0)\n        if 0:")
     )
     short(here)
-    shown = on_terminal("run", "short.ljs", "--policy", "./gone.py:Evil", "--watch", cwd=here)
+    shown = on_terminal("run", "short.ljs", "--policy", "./gone.py:Evil", "--watch", "--no-overview", cwd=here)
     assert shown.count("\x1b[?1049h") == 1
     assert "\x1b[?1049l" in shown.split("\x1b[?1049h")[1]
     assert harmless(shown), shown

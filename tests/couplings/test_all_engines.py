@@ -87,9 +87,9 @@ from lingjing.testing.worlds import open_world
 
 world, held = open_world("inline", host=kit.host()), []
 instance, city = kit.staged(kit.MIXED)
-for number in range(15):
+for number in range(10):
     world.reset(instance, city)
-    if number % 5 == 4:
+    if number in (4, 9):
         world.step(1, ())
         gc.collect()
         status = Path("/proc/self/status").read_text().splitlines()
@@ -110,4 +110,4 @@ def test_many_resets_leave_memory_flat():
         timeout=1500,
     )
     held = [float(word) for word in run.stdout.split()]
-    assert held[-1] - held[0] < 0.03 * held[0], held
+    assert held[-1] - held[0] < 0.01 * held[0], held  # of 188 MB; measured 0.2 MB from the fifth reset to the tenth

@@ -52,7 +52,7 @@ def episode(tmp_path, descendants):
     text = text.replace("ticks <= 400,", "ticks <= 1000000,").replace("engine <= 120 s", "engine <= 10 s")
     mission.write_text(text, "utf-8")
     command = [sys.executable, "-m", "lingjing.cli.main", "run", str(mission)]
-    options = ["--policy", POLICY, "--seed", "3", "-o", "out", "--json"]
+    options = ["--policy", POLICY, "--seed", "3", "-o", "out", "--json", "--no-overview"]
     options += [word for name in ("cars=20", "uavs=2", "dogs=1", "vans=1") for word in ("--set", name)]
     run = subprocess.Popen(
         [*command, *options], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True

@@ -207,6 +207,7 @@ def test_pins_name_only_what_the_processor_has():
     assert numerics.pins(SKYLAKE)["NPY_DISABLE_CPU_FEATURES"] == "X86_V4"
     assert numerics.pins(ZEN4)["NPY_DISABLE_CPU_FEATURES"] == "X86_V4 AVX512_ICL"
     assert numerics.pins(ZEN4)["OPENCV_CPU_DISABLE"] == "AVX512-SKX"
+    assert [numerics.pins(flags)["OPENCV_IPP"] for flags in (AVX2, ZEN4, frozenset())] == ["avx2", "avx2", ""]
     assert numerics.pins(frozenset({"sse4_2"}))["OPENBLAS_CORETYPE"] == ""
 
 

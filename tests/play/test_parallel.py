@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
 from msgspec.structs import replace
 
 from lingjing import PlayOptions
 from lingjing.play import selfcheck
-from lingjing.play.parallel import EpisodeTask, play_apart
+from lingjing.play.parallel import EpisodeProcesses, EpisodeTask, play_apart
 from tests.kernel.test_world_process import await_gone
 from tests.play.report_kit import ABORTED
 
@@ -87,9 +89,18 @@ def fresh(task: EpisodeTask) -> tuple[str, str, str]:
     return report["digest"], report["frames_digest"], report["reason"]
 
 
-def test_forked_episodes_are_those_of_fresh_processes_and_know_nothing_of_one_another(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def processes() -> Iterator[EpisodeProcesses]:
+    """The process from which two tests fork their episodes."""
+    with EpisodeProcesses() as started:
+        yield started
+
+
+def test_forked_episodes_are_those_of_fresh_processes_and_know_nothing_of_one_another(
+    processes: EpisodeProcesses, tmp_path: Path
+) -> None:
     given = tasks(tmp_path, player(tmp_path), (3, 4, 3))
-    played = {task.folder: report for task, report in play_apart(given, jobs=1)}
+    played = {task.folder: report for task, report in processes.play(given, jobs=1)}
     first, other, again = (played[task.folder] for task in given)
     told = [(report.digest, report.frames_digest, report.reason) for report in (first, other, again)]
     assert first.frames_digest
@@ -148,9 +159,9 @@ def test_a_killed_holder_is_an_abort_of_its_episode_and_the_next_has_a_world_of_
     await_gone(holders)
 
 
-def test_an_instance_that_comes_once_is_not_held(tmp_path: Path) -> None:
-    given = [task._replace(repeated=False) for task in tasks(tmp_path, player(tmp_path), (3,))]
-    ((_, report),) = play_apart(given, jobs=1)
+def test_an_instance_that_comes_once_is_not_held(processes: EpisodeProcesses, tmp_path: Path) -> None:
+    given = [task._replace(repeated=False) for task in tasks(tmp_path, player(tmp_path), (5,))]
+    ((_, report),) = processes.play(given, jobs=1)
     assert report.reason == "budget"
     assert not list(tmp_path.glob("holder-*"))
 
