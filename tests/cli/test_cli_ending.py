@@ -19,7 +19,7 @@ from lingjing.cli.files import write_whole
 from lingjing.cli.scorecard import scorecard
 from lingjing.errors import LingjingError, UsageError
 from lingjing.play.report import summarise
-from lingjing.testing import mission_file, run_command
+from lingjing.testing import compiled, mission_file, run_command
 from tests.play.report_kit import ABORTED, INTERRUPTED, blank_metrics, made_report
 
 pytestmark = pytest.mark.slow
@@ -246,7 +246,7 @@ def test_compiling_to_a_device_writes_to_it(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["", "x" * 5000])
 def test_a_name_that_cannot_be_a_file_is_no_mission(name: str) -> None:
     with pytest.raises(UsageError, match="there is no mission") as caught:
-        mission_file(name)
+        compiled(name)
     assert len(str(caught.value)) < 400
 
 

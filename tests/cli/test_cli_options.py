@@ -12,12 +12,11 @@ import pytest
 
 from lingjing import Mission
 from lingjing.cli.arguments import parse_pairs, parse_seeds, parse_settings, whole_number
-from lingjing.dsl.loading.shipped import shipped_missions
+from lingjing.dsl.loading.shipped import find_mission, shipped_missions
 from lingjing.errors import UsageError
 from lingjing.mission.expression import Number
 from lingjing.mission.model import Parameter
 from lingjing.play.folders import claim_folder, claim_run_folder
-from lingjing.testing import mission_file
 
 
 def mission_with_altitude() -> Mission:
@@ -97,21 +96,21 @@ def test_a_place_that_cannot_be_written_is_a_usage_error(tmp_path: Path) -> None
 def test_a_shipped_mission_is_found_by_name_from_anywhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert "ssr" in shipped_missions()
-    assert mission_file("ssr") == mission_file("scenarios/ssr.ljs") == mission_file("ssr.ljs")
-    assert mission_file("ssr").is_file()
+    assert find_mission("ssr") == find_mission("scenarios/ssr.ljs") == find_mission("ssr.ljs")
+    assert find_mission("ssr").is_file()
 
 
 def test_a_file_that_is_there_wins_over_a_shipped_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("ssr.ljs").write_text("ljs 1\n")
-    assert mission_file("ssr.ljs") == Path("ssr.ljs")
+    assert find_mission("ssr.ljs") == Path("ssr.ljs")
 
 
 @pytest.mark.parametrize("word", ["no-such", "../ssr", "/nowhere/ssr.ljs", "scenarios", "std/../../pyproject.toml"])
 def test_a_missing_mission_lists_what_there_is(word: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(UsageError) as caught:
-        mission_file(word)
+        find_mission(word)
     assert word in str(caught.value)
     assert "ssr" in caught.value.hint
     assert os.listdir(tmp_path) == []
