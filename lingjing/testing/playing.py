@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,7 +47,9 @@ class PlayedEpisode:
 def play(
     source: MissionSource, folder: Path, *, plugins: Iterable[object] = (), **options: Unpack[Changes]
 ) -> PlayedEpisode:
-    """Play one episode in this process and return its report and trace, which `folder / "episode"` holds.
+    """Play one episode in this process and return its report and trace.
+
+    Each episode has a new folder in `folder`: `episode-1`, then `episode-2` and so on.
 
     `options` are those of `lingjing.run`: `policy` (a name, a class or a function that makes a policy), `policies_for`,
     `evaluators`, `seed`, `mode`, `settings` and more. `plugins` are modules or objects with hooks, which need not be
@@ -55,8 +58,13 @@ def play(
     """
     chosen: Changes = {"world": "inline", "overview": False, **options}
     with Session(PluginHost(extra=plugins)) as session:
-        report = session.run(compiled(source), out=folder / "episode", **chosen)
+        report = session.run(compiled(source), out=_next_folder(folder), **chosen)
     return PlayedEpisode(report, read_trace(report.trace))
+
+
+def _next_folder(folder: Path) -> Path:
+    places = (folder / f"episode-{number}" for number in itertools.count(1))
+    return next(place for place in places if not place.exists())
 
 
 def recorded_calls(folder: Path, tick: int | None = None) -> list[RecordedCall]:

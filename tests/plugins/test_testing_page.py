@@ -11,7 +11,7 @@ import pytest
 
 from lingjing import testing
 from lingjing.errors import ForeignCodeError, MissionError, UsageError
-from lingjing.testing import bare_instance, compiled, does, episode, play, rescue, scripted
+from lingjing.testing import bare_instance, compiled, does, episode, play, rescue, scripted, shortened
 
 PAGE = (Path(__file__).parents[2] / "docs" / "testing.md").read_text(encoding="utf-8")
 (CODE,) = re.findall(r"^```python\n(.*?)^```", PAGE, flags=re.MULTILINE | re.DOTALL)
@@ -60,6 +60,12 @@ def test_a_script_for_an_unknown_agent_is_an_error(ferry: str, tmp_path: Path) -
         play("queue", tmp_path, policy=scripted({"skiper": {}}))
     with rescued() as small, pytest.raises(ValueError, match="no agent skiper"):
         small.do({"skiper": does("go", x=0.0, y=0.0)})
+
+
+def test_two_episodes_of_one_folder_have_folders_of_their_own(tmp_path: Path) -> None:
+    played = [play(shortened("queue", 2), tmp_path, policy=scripted({}), seed=seed) for seed in (1, 2)]
+    assert [episode.path.parent.name for episode in played] == ["episode-1", "episode-2"]
+    assert [(each.report.ticks, each.report.reason, each.receipts) for each in played] == [(2, "budget", ())] * 2
 
 
 def test_a_faulty_text_raises_its_diagnostics(ferry: str) -> None:
