@@ -237,7 +237,7 @@ def test_import_cycles_end(tmp_path: Path, small: str) -> None:
         (tmp_path / f"{name}.ljs").write_text(f"ljs 1\nuse .{other}\nasset kind_{name} {{ engine = vessel }}\n")
     main = tmp_path / "m.ljs"
     main.write_text(small.replace("ljs 2\n", "ljs 2\nuse .a\n", 1))
-    from lingjing.dsl import compile_file
+    from lingjing.testing import compile_file
 
     compilation = compile_file(str(main))
     assert {item.code for item in compilation.diagnostics} <= {"LJ0119", "LJ0120"} and compilation.mission is None
@@ -250,7 +250,7 @@ def test_paths_cannot_leave_the_project(tmp_path: Path, small: str) -> None:
     os.symlink(tmp_path / "secret.ljs", inner / "link.ljs")
     for path in ("..secret", ".link", "...secret", "./../secret", '"../secret"'):
         (inner / "m.ljs").write_text(small.replace("ljs 2\n", f"ljs 2\nuse {path}\n", 1))
-        from lingjing.dsl import compile_file
+        from lingjing.testing import compile_file
 
         assert compile_file(str(inner / "m.ljs")).mission is None, path
 

@@ -5,11 +5,11 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing.dsl import SourceText, compile_file, compile_text
-from lingjing.dsl.loading.load import load_mission
+import lingjing
+from lingjing.dsl import SourceText
 from lingjing.dsl.upgrade import upgrade_source
-from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Origin
+from lingjing.testing import compile_file, compile_text, instantiate
 
 STORED = sorted((Path(__file__).parent / "data" / "ljs-1").glob("*.ljs"))
 
@@ -20,13 +20,13 @@ def test_there_are_stored_missions() -> None:
 
 @pytest.mark.parametrize("path", STORED, ids=lambda path: path.stem)
 def test_a_stored_mission_compiles_and_can_be_drawn(path: Path) -> None:
-    mission = load_mission(str(path))
+    mission = lingjing.compile(str(path))
     assert instantiate(mission, seed=1).entities
 
 
 @pytest.mark.parametrize("path", STORED, ids=lambda path: path.stem)
 def test_a_stored_mission_has_at_most_the_warning_of_its_version(path: Path) -> None:
-    hidden = any(prop.hidden for group in load_mission(str(path)).groups for prop in group.properties)
+    hidden = any(prop.hidden for group in lingjing.compile(str(path)).groups for prop in group.properties)
     assert [item.code for item in compile_file(str(path)).diagnostics] == (["LJ0405"] if hidden else [])
 
 
@@ -36,7 +36,7 @@ def test_an_upgraded_mission_is_the_same_and_declares_what_it_lets_agents_infer(
     assert upgraded.text is not None and upgraded.text.startswith("ljs 2\n")
     again = compile_text(upgraded.text)
     assert again.mission is not None and again.diagnostics == ()
-    before, after = (msgspec.structs.replace(m, origin=Origin()) for m in (load_mission(str(path)), again.mission))
+    before, after = (msgspec.structs.replace(m, origin=Origin()) for m in (lingjing.compile(str(path)), again.mission))
     assert before == after
     assert upgrade_source(SourceText(upgraded.text)).text == upgraded.text, "a second upgrade changes nothing"
 

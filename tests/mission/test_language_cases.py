@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.dsl import compile_file, compile_text
 from lingjing.mission.diagnostics import Diagnostic
+from lingjing.testing import compile_file, compile_text
 from tests.mission.language_cases import IMPOSSIBLE, WINNABLE, Variant
 
 FOLDER = Path(__file__).parent / "language-cases"
