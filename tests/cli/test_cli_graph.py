@@ -10,8 +10,7 @@ from xml.etree import ElementTree as ET
 import msgspec
 import pytest
 
-from lingjing.cli.main import main
-from lingjing.dsl.loading.load import load_mission
+import lingjing
 from lingjing.errors import ExitCode
 from lingjing.mission.conditions.listing import ConditionList, list_conditions
 from lingjing.mission.graph import MissionGraph
@@ -94,7 +93,7 @@ def test_a_mistake_is_one_message_with_a_way_out(
 
 
 def test_conditions_are_lines_with_tabs_in_a_pipe(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["graph", UPR, "--conditions"]) == ExitCode.OK
+    assert run_command(["graph", UPR, "--conditions"]) == ExitCode.OK
     captured = capsys.readouterr()
     blocks = {block.partition("]")[0].lstrip("["): block.splitlines() for block in captured.out.split("\n\n")}
     assert captured.err == ""
@@ -114,11 +113,11 @@ def test_conditions_are_json_by_format_and_by_name(
     arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(["graph", SSR, "--conditions", "--mode", "star", *arguments]) == ExitCode.OK
+    assert run_command(["graph", SSR, "--conditions", "--mode", "star", *arguments]) == ExitCode.OK
     text = capsys.readouterr().out or (tmp_path / "OUT.json").read_text(encoding="utf-8")
     listed = msgspec.json.decode(text, type=ConditionList)
     assert (listed.mission, listed.modes) == ("ssr", ("star",))
-    assert listed == list_conditions(load_mission(SSR), "star")
+    assert listed == list_conditions(lingjing.compile(SSR), "star")
 
 
 @pytest.mark.parametrize(
@@ -132,7 +131,7 @@ def test_conditions_are_json_by_format_and_by_name(
 def test_a_mistake_with_conditions_is_one_message(
     arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["graph", SSR, "--conditions", *arguments]) == ExitCode.USAGE
+    assert run_command(["graph", SSR, "--conditions", *arguments]) == ExitCode.USAGE
     captured = capsys.readouterr()
     assert message in captured.err
     assert captured.out == ""

@@ -7,20 +7,19 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing.dsl import compile_text
-from lingjing.dsl.loading.load import load_mission
-from lingjing.dsl.loading.shipped import find_mission
+import lingjing
 from lingjing.errors import UsageError
 from lingjing.mission import expression as ex
 from lingjing.mission.conditions.listing import ConditionList, list_conditions
 from lingjing.mission.conditions.survey import survey_mission
+from lingjing.testing import compile_text, mission_file
 
 YARD = (Path(__file__).parents[1] / "kernel" / "data" / "locker.ljs").read_text()
 NINE = ("bi", "cd", "cr", "idf", "ld", "ssr", "ufr", "upr", "vdn")
 
 
 def listed(name: str, mode: str | None = None) -> ConditionList:
-    return list_conditions(load_mission(str(find_mission(name))), mode)
+    return list_conditions(lingjing.compile(str(mission_file(name))), mode)
 
 
 def bounds(of: ConditionList) -> dict[str, tuple[float | None, float | None]]:
@@ -71,7 +70,7 @@ def test_declassifications_stand_with_the_conditions_that_leak() -> None:
 
 @pytest.mark.parametrize("name", NINE)
 def test_the_list_is_the_survey_with_bounds(name: str) -> None:
-    mission = load_mission(str(find_mission(name)))
+    mission = lingjing.compile(str(mission_file(name)))
     whole = list_conditions(mission)
     survey = survey_mission(mission)
     assert [c.at for c in whole.conditions] == [c.at for c in survey.conditions]
@@ -84,7 +83,7 @@ def test_the_list_is_the_survey_with_bounds(name: str) -> None:
 
 
 def test_a_mission_too_large_for_bounds_has_its_list_without_them() -> None:
-    mission = load_mission(str(find_mission("cr")))
+    mission = lingjing.compile(str(mission_file("cr")))
     parameters = tuple(
         msgspec.structs.replace(parameter, default=ex.Number(400.0), bounds=None) for parameter in mission.parameters
     )
