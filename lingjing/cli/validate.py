@@ -7,6 +7,7 @@ import os
 import sys
 from typing import TYPE_CHECKING, NamedTuple
 
+from lingjing.cli.arguments import parse_seeds
 from lingjing.cli.process import say_error
 from lingjing.errors import ExitCode, MissionError, UsageError
 from lingjing.terminal import visible, write_data, write_styled
@@ -14,7 +15,7 @@ from lingjing.terminal import visible, write_data, write_styled
 if TYPE_CHECKING:
     from lingjing.dsl import Compilation
     from lingjing.dsl.source.text import SourceText
-    from lingjing.mission.diagnostics import Diagnostic
+    from lingjing.mission.diagnostics import Diagnostic, Span
     from lingjing.mission.model import Mission
 
 
@@ -27,6 +28,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--fix", action="store_true", help="apply the safe fixes to the files")
     parser.add_argument("--unsafe-fixes", action="store_true", help="also apply likely fixes; review them")
     parser.add_argument("--diff", action="store_true", help="print the changes of --fix, and write nothing")
+    parser.add_argument(
+        "--deep", action="store_true", help="also build the city and place everything, for the seeds of --seeds"
+    )
+    parser.add_argument("--seeds", metavar="A-B", help="the seeds of --deep (default: 0-9)")
     parser.add_argument("--no-cache", action="store_true", help="compile files again that are cached as valid")
 
 
@@ -43,11 +48,16 @@ def handler(args: argparse.Namespace) -> int:
     """Check the files. Exit codes: 0 all are valid, 1 a file has errors, 2 a file cannot be read (the others are
     checked).
     """
+    if args.seeds is not None and not args.deep:
+        raise UsageError("--seeds selects the instances of --deep", hint="add --deep")
+    seeds = parse_seeds(args.seeds or "0-9") if args.deep else ()
     diagnostics: list[Diagnostic] = []
     unreadable = wrong = 0
     for path in args.files:
         try:
             checked = _check(path, args)
+            if seeds and not any(item.severity == "error" for item in checked.diagnostics):
+                checked = _deep(path, args, seeds, checked)
         except UsageError as error:
             unreadable += 1
             say_error(error)
@@ -125,6 +135,43 @@ def _check(path: str, args: argparse.Namespace) -> _Checked:
 
         keep(compilation)
     return _Checked(compilation.diagnostics, _text(compilation.diagnostics, source) if as_text else "")
+
+
+def _deep(path: str, args: argparse.Namespace, seeds: tuple[int, ...], checked: _Checked) -> _Checked:
+    """Add the findings of the built city to the result of a file."""
+    from lingjing.cli.progress import CountProgress
+    from lingjing.dsl.loading.load import load_mission, source_of
+    from lingjing.dsl.loading.shipped import find_mission
+    from lingjing.mission.diagnostics import Diagnostic
+    from lingjing.numerics import pin
+
+    pin()
+    from lingjing.play.deep_check import deep_check
+
+    file = str(find_mission(path))
+    mission, source = load_mission(file), source_of(file)
+    with CountProgress(f"placing {mission.name}") as progress:
+        findings = deep_check(mission, seeds, progress)
+    refused = tuple(
+        Diagnostic("LJ0211", _span(source, finding.message), f"{finding.where()}: {finding.message}", finding.hint)
+        for finding in findings
+        if finding.refused
+    )
+    notes = "".join(f"{path}: note: {item.where()}: {item.message}\n" for item in findings if not item.refused)
+    if not refused and sys.stdout.isatty():
+        notes += f"{path}: {len(seeds) * len(mission.modes.allowed)} instances have their places\n"
+    text = visible(notes) + _text(refused, source) if args.output_format == "text" else ""
+    return _Checked((*checked.diagnostics, *refused), checked.shown + text)
+
+
+def _span(source: SourceText, message: str) -> Span:
+    """The declaration of the first entity that the message names; the beginning of a document, or of a text without
+    one."""
+    from lingjing.dsl.feasibility.playability import declaration
+    from lingjing.dsl.loading.load import is_document
+
+    place = None if is_document(source) else declaration(source, message)
+    return source.span(*(place or (0, 1)))
 
 
 def _check_document(source: SourceText, *, as_text: bool) -> _Checked:

@@ -6,8 +6,12 @@ reported at the base's name.
 
 from __future__ import annotations
 
+import re
+
 from lingjing.dsl.source.reporter import Reporter
+from lingjing.dsl.source.text import SourceText
 from lingjing.dsl.syntax import tree as s
+from lingjing.dsl.syntax.parser import parse
 from lingjing.mission.model import Mission
 from lingjing.mission.trial import trial
 
@@ -27,6 +31,21 @@ def check_playability(mission: Mission, tree: s.File, report: Reporter) -> None:
             continue  # the proof covers every seed and gives the numbers
         start, end = _place(node, refusal.path)
         report(refusal.code, start, end, refusal.message, refusal.hint)
+
+
+def declaration(source: SourceText, message: str) -> tuple[int, int] | None:
+    """The place of the mission's declaration that a message names first in backquotes; None without one."""
+    tree = parse(Reporter(source))
+    node = next((item for item in tree.items if isinstance(item, s.MissionBlock)), None)
+    if node is None:
+        return None
+    for name in re.findall(r"`([^`]+)`", message):
+        for item in node.block.items:
+            head = _head(item.item if isinstance(item, s.Override) else item, name.partition("[")[0])
+            if head is not None:
+                return head
+    head_name = node.base or node.name
+    return head_name.start, head_name.end
 
 
 def _place(node: s.MissionBlock, path: str) -> _Place:
