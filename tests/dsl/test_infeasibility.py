@@ -7,7 +7,7 @@ import pytest
 from lingjing.dsl.diagnostics.codes import CODES
 from lingjing.testing import compile_text
 
-NEVER_RESCUED = "constraint hard calm { always not emitted(rescue, victim[1]) }"
+BLIND = "constraint hard blind per u in uav { always not photographed(u) }"
 # code, what is replaced in the small mission, by what, line, column, a part of the message
 CASES = [
     ("LJ0601", "-51.8 m", "-2951.8 m", 34, 14, "2,901.8 m at 3.5 m/s at most, margins included, take at least 829 s"),
@@ -25,7 +25,7 @@ CASES = [
     ("LJ0612", "forall v in victim: rescued(v)", "now < 0 s", 38, 3, "`now < 0 s` never holds"),
     ("LJ0612", "forall v in victim: rescued(v)", "not (uavs <= 10)", 38, 3, "`not uavs <= 10` never holds"),
     ("LJ0613", "  success", "  event g at 60 tick { appear victim[1] }\n  success", 18, 10, "appears at 600 s"),
-    ("LJ0614", "  success", f"  {NEVER_RESCUED}\n  success", 34, 14, "a hard constraint forbids what it needs"),
+    ("LJ0614", "  success", f"  {BLIND}\n  success", 32, 14, "a hard constraint forbids what it needs of `phot"),
 ]  # fmt: skip
 FAR = """\
 ljs 1

@@ -22,6 +22,7 @@ MATCH = "when r.class == person_in_water and iou(r.box, truth(v, r.frame).box) >
 UNLOCK = "unlock rescue(v: victim) when exists r: matched(v, r)"
 RESCUED = "when emitted(rescue, v) and distance_xy(boat, v) <= 50 m"
 REPORT = "message detection : report from searcher to all"
+SCOUT = "observes uav.*, boat.position, events"
 SUCCESS = "success when rescued(victim)"
 BUDGET = "budget { ticks <= 60 }"
 FAR = "target victim : person_in_water { hidden position ~ sites(box((-100 m, -1000 m), (-50 m, -950 m)))  }"
@@ -209,6 +210,35 @@ IMPOSSIBLE = (
     Variant(
         "default-mode-cannot", (MODES,), f"{HUB}\n  limit z <= 0 counts boat.moveTo when mode == broadcast", "LJ0610"
     ),
+    # learnt from attacks on the proofs
+    Variant("permit-of-its-own-place", (), "permit boat.moveTo when boat in search", "LJ0606"),
+    Variant("permit-of-its-own-motion", (), "permit boat.moveTo when boat.status == moving", "LJ0606"),
+    Variant("permit-of-its-own-height", (), "permit uav.* when uav.position.elevation > 50 m", "LJ0606"),
+    Variant(
+        "permit-of-a-match-far-away",
+        ((VICTIM, FAR),),
+        "permit uav.setDestination when exists r: matched(victim, r)",
+        "LJ0606",
+    ),
+    Variant("constraint-low", ((VICTIM, FAR),), "constraint hard c { always uav.position.east >= 250 m }", "LJ0614"),
+    Variant(
+        "constraint-on-a-count",
+        (),
+        "limit z <= 5 counts boat.moveTo\n  constraint hard c { always used(z) <= 0 }",
+        "LJ0614",
+    ),
+    Variant("failure-of-a-count", (), "limit z <= 5 counts uav.takePhoto\n  failure when used(z) >= 1", "LJ0613"),
+    Variant(
+        "confidence-in-two-ranges",
+        unlocked("exists r: matched(v, r) and r.confidence > 0.5 and r.confidence < 0.4"),
+        code="LJ0612",
+    ),
+    Variant("two-classes", ((MATCH, f"{MATCH} and r.class == lifeboat"),), code="LJ0612"),
+    Variant("payload-below-the-class", (), "comms { payload <= 90 B }", "LJ0605"),
+    Variant("battery-of-seconds", ((UAV, f"{UAV}, endurance = 10 s "), (VICTIM, FAR)), code="LJ0603"),
+    Variant("no-budget-of-messages", ((SCOUT, f"{SCOUT}\n    budget {{ messages <= 0 }}"),), code="LJ0610"),
+    Variant("early-or-late", success("(rescued(victim) and now < 5 s) or now > 700 s"), code="LJ0613"),
+    Variant("sum-of-what-stays", success("sum(v.drift for v in victim) > 1 m/s"), code="LJ0612"),
     Variant("property-that-stays", also("victim.drift > 1 m/s"), code="LJ0612"),
     Variant("success-false", success("false")),
 )
@@ -370,6 +400,18 @@ WINNABLE = (
         "no-message-of-the-skipper", ((SKIPPER, SKIPPER.replace("events }", "events\n budget { messages <= 0 } }")),)
     ),
     Variant("a-token", ((BUDGET, "budget { ticks <= 60, tokens <= 1 tokens, money <= 0.01 USD, messages <= 1 }"),)),
+    Variant("permit-of-a-place-nearby", (), "permit boat.moveTo when boat.position.north < -1300 m"),
+    Variant("permit-of-a-height-on-the-ground", (), "permit uav.* when uav.position.elevation < 50 m"),
+    Variant("permit-of-a-climb", (), "permit uav.setDestination when uav.position.elevation > 5 m"),
+    Variant("permit-of-a-climb-in-the-air", ((UAV, ABOVE),), "permit uav.* when uav.position.elevation > 50 m"),
+    Variant("count-may-rise", (), "limit z <= 5 counts boat.moveTo\n  constraint hard c { always used(z) <= 1 }"),
+    Variant("failure-of-two", (), "limit z <= 5 counts uav.takePhoto\n  failure when used(z) >= 2"),
+    Variant(
+        "ranges-of-two-reports",
+        unlocked("(exists r: matched(v, r) and r.confidence > 0.5) and exists q in detection: q.confidence < 0.4"),
+    ),
+    Variant("payload-of-the-class", (), "comms { payload <= 100 B }"),
+    Variant("battery-of-a-minute", ((UAV, f"{UAV}, endurance = 60 s "), (VICTIM, FAR))),
     Variant("assigned-late", also("assigned(boat, victim)"), f"{ORDER}\n  permit boat.moveTo when now > 200 s"),
     Variant("default-mode-can", (MODES,), f"{HUB}\n  limit z <= 0 counts boat.moveTo when mode == star"),
     Variant(

@@ -337,7 +337,7 @@ def test_room() -> None:
   agent pilot as pilot controls boat { observes boat.* }
   success when exists v in v: distance_xy(boat, v) <= 50 m"""
     assert codes(body.replace("N", "9")) == []
-    (full,) = found(body.replace("N", "10"))
+    (full,) = (item for item in found(body.replace("N", "10")) if item.code.startswith("LJ06"))
     assert full.code == "LJ0611" and "at most 9 can" in full.message
 
 
@@ -406,6 +406,17 @@ def test_a_success_that_holds_at_the_start_is_said(condition: str) -> None:
     text = f"{TYPES.replace(ANYWHERE, 'bay { ')}  budget {{ ticks <= 60 }}\n{body}\n}}\n"
     diagnostics = [(diagnostic.code, diagnostic.severity) for diagnostic in compile_text(text).diagnostics]
     assert diagnostics == ([("LJ0510", "warning")] if condition in WINS_ITSELF else [])
+
+
+def test_a_state_that_nothing_raises_stays_as_it_is() -> None:
+    body = """
+  asset boat : barge { position = (0 m, 0 m) }
+  agent pilot as pilot controls boat { observes boat.* }
+  success when boat.cargo >= CARGO kg and now > 5 s"""
+    assert codes(body.replace("CARGO", "3")) == []
+    assert codes(body.replace("CARGO", "4")) == ["LJ0612"]
+    filled = "  target quay : buoy { interaction fill { by = vessel, within = 9 m, gives = cargo, up_to = hold } }\n"
+    assert codes(filled.replace("{ inter", "{ position = (0 m, 9 m), inter") + body.replace("CARGO", "4")) == []
 
 
 def test_an_interaction_that_another_group_may_have_from_the_start_may_be_waited_for() -> None:

@@ -44,8 +44,8 @@ _ROOF_FACTOR, _ROOF_SLACK_M = 2.0, 50.0
 """Bound of the height of roofs: the scene's greatest height of buildings times the first, plus the second value, metres
 (chosen: generous)."""
 
-_PARTIAL = frozenset(("truth", "iou", "sqrt", "min", "max", "distance", "replans", "used", "at"))
-"""Functions that may have no value in a run."""
+_PARTIAL = frozenset(("truth", "iou", "sqrt", "min", "max", "distance", "replans", "at"))
+"""Functions that may have no value in a run. A limit that does not exist in a mode has unknown bounds."""
 
 
 class AnyMessage(msgspec.Struct, frozen=True):
@@ -242,6 +242,14 @@ class EpisodeKnowledge(Knowledge):
         if not (kind.in_band and levelled and math.isfinite(band)) or "on" in entity.properties:
             return Bounds(low, math.inf)
         return Bounds(low, max(entity.position[2], band, self._roof_m()) + _BAND_SLACK_M)
+
+    def start_top_m(self, body: Body) -> float:
+        """Upper bound of the elevation of a body that was never commanded, metres; infinity if unknown."""
+        kind, scene = engine_kind(body.entity.engine), scene_kind(self.outline.instance.scene.kind)
+        known_place = kind.in_band and kind.stays and scene is not None and bool(scene.level)
+        if not known_place or "on" in body.entity.properties:
+            return math.inf
+        return max(body.entity.position[2], self._roof_m()) + _BAND_SLACK_M
 
     def _roof_m(self) -> float:
         """Upper bound of the elevation of a roof on which the scene can place a body, metres."""

@@ -67,9 +67,9 @@ def flight_s(entity: Entity, drawn: dict[str, Bounds]) -> float:
     return bounds(entity, drawn, "endurance_s")[1] / share
 
 
-def drives(entity: Entity) -> bool:
-    """True if the entity has a command that moves it."""
-    return any(verb.name not in IDLE_VERBS for verb in entity.verbs)
+def moving_verbs(entity: Entity) -> tuple[str, ...]:
+    """The commands that move the entity, in place or away from it."""
+    return tuple(verb.name for verb in entity.verbs if verb.name not in IDLE_VERBS)
 
 
 def roaming_verbs(entity: Entity) -> tuple[str, ...]:

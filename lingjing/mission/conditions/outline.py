@@ -12,7 +12,7 @@ import msgspec
 
 from lingjing.mission import expression as ex
 from lingjing.mission import model
-from lingjing.mission.conditions.motion import Air, bounds, ceiling, drives, flight_s, roaming_verbs
+from lingjing.mission.conditions.motion import Air, bounds, ceiling, flight_s, moving_verbs, roaming_verbs
 from lingjing.mission.conditions.spread import PossiblePlaces, numbers, places, point
 from lingjing.mission.evaluate import Area, Scope, number
 from lingjing.mission.instance import AgentSpec, Allowance, Budget, Entity, Instance, InteractionSpec
@@ -54,6 +54,8 @@ class Body(msgspec.Struct, frozen=True):
     """Upper bound of its speed before its first command, m/s."""
     tether_m: float = math.inf
     """The largest distance from its start at which its own commands can bring it, metres."""
+    sway_m: float = 0.0
+    """The largest distance by which commands that only raise or turn it can move it in the plane, metres."""
     aboard: frozenset[str] = frozenset()
     """Ids of the entities that may carry it away."""
     aboard_m: float = 0.0
@@ -176,7 +178,7 @@ def _spent(bound: Budget | Allowance) -> bool:
 def _body(entity: Entity, air: Air, opened: dict[str, _Opened], driven: set[str], instance: Instance) -> Body:
     where, drawn = opened.get(entity.group, (None, {}))
     place = point(entity.position[0], entity.position[1]) if where is None else where
-    moves = entity.id in driven and drives(entity)
+    moves = entity.id in driven and bool(moving_verbs(entity))
     carrying = [interaction for interaction in entity.interactions if interaction.aboard]
     return Body(
         entity=entity,
@@ -187,6 +189,7 @@ def _body(entity: Entity, air: Air, opened: dict[str, _Opened], driven: set[str]
         driven=moves,
         idle_mps=ceiling(entity, drawn, air, driven=False),
         tether_m=_SWAY_M if engine_kind(entity.engine).stays and not roaming_verbs(entity) else math.inf,
+        sway_m=_SWAY_M if len(roaming_verbs(entity)) < len(moving_verbs(entity)) else 0.0,
         aboard=frozenset(actor.id for interaction in carrying for actor in instance.actors(interaction)),
         aboard_m=max((interaction.within_m for interaction in carrying), default=0.0),
     )

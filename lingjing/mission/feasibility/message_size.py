@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from lingjing.mission.instance import Instance, MessageSpec
 from lingjing.mission.model import Field
 
@@ -17,9 +19,17 @@ _LEAST_BYTES = {
 """The shortest valid value of a field as JSON, by the field's type."""
 
 
-def least_bytes(spec: MessageSpec, instance: Instance) -> int:
-    """A lower bound of the size of a message body: its required fields with their shortest values."""
-    fields = [_least(field, instance) for field in spec.fields if not field.optional]
+def least_bytes(spec: MessageSpec, instance: Instance, words: Mapping[str, int] | None = None) -> int:
+    """A lower bound of the size of a message body: its required fields with their shortest values.
+
+    `words` are lower bounds of the lengths of texts, by field.
+    """
+    lengths = words or {}
+    fields = [
+        _least(field, instance) + lengths.get(field.name, 0)
+        for field in spec.fields
+        if not field.optional or field.name in lengths
+    ]
     return len("{}") + sum(fields) + max(0, len(fields) - 1)
 
 

@@ -20,7 +20,7 @@ import msgspec
 from lingjing.mission import expression as ex
 from lingjing.mission import geometry2d
 from lingjing.mission.conditions.episode import EpisodeKnowledge
-from lingjing.mission.conditions.motion import IDLE_VERBS
+from lingjing.mission.conditions.motion import moving_verbs, roaming_verbs
 from lingjing.mission.conditions.outline import Body, Outline, able_agents
 from lingjing.mission.conditions.spread import PossiblePlaces, extent, farthest, gap, point
 from lingjing.mission.feasibility.message_size import least_bytes
@@ -49,7 +49,7 @@ from lingjing.mission.feasibility.truths import (
     unknown,
 )
 from lingjing.mission.fold import Meanings
-from lingjing.mission.instance import CameraSpec, InteractionSpec
+from lingjing.mission.instance import CameraSpec, InteractionSpec, LimitSpec
 from lingjing.mission.intervals import Bounds
 from lingjing.mission.model import Rule, Unlock
 from lingjing.mission.values import Place, Value
@@ -67,8 +67,40 @@ _MIRROR_S = 2.0
 _LEVELS = ("heat", "flow")
 """States that an interaction works off from their present value, so that it may take less than its declared time."""
 
+_UNDER_WAY = {"vessel": ("moving",), "quadruped": ("walking", "turning")}
+"""Engine → its status words that only a command gives, if the body has no `stop`."""
+
 Fact = tuple[str, ...]
 """A fact that can happen: its kind, and the names that it is about."""
+
+
+class _Motion(msgspec.Struct, frozen=True):
+    """Upper bounds of the motion of a body."""
+
+    start_s: float
+    """The first command that moves it, seconds; infinity if there is none."""
+    idle_mps: float
+    """Its speed before, and after its battery is empty."""
+    full_mps: float
+    tether_m: float
+    """The largest distance that its commands can bring it; infinity if they take it away."""
+    lasts_s: float
+    """The longest time under way, seconds."""
+    moment: Moment
+    """The moment of the first command."""
+
+    @property
+    def turns(self) -> tuple[float, float]:
+        """The times at which its speed changes, seconds."""
+        return self.start_s, self.start_s + self.lasts_s
+
+    def covered(self, time_s: float) -> float:
+        """The distance that it can have covered, metres."""
+        after = max(0.0, time_s - self.start_s)
+        if math.isfinite(self.tether_m):
+            return _times(self.idle_mps, time_s) + (self.tether_m if time_s >= self.start_s else 0.0)
+        under_way = min(after, self.lasts_s)
+        return _times(self.idle_mps, time_s - under_way) + _times(self.full_mps, under_way)
 
 
 class Milestones:
@@ -221,12 +253,12 @@ class Milestones:
         permits: list[Truth] = []
         path = ""
         for limit in self.outline.instance.limits:
-            if limit.most <= 0 and any(
-                item.kind == "command" and item.resource == body and item.name in ("", verb) for item in limit.counts
-            ):
+            if limit.most <= 0 and _counts(limit, body, verb):
                 if not limit.stage:
                     return self._never(f"`{limit.name}` allows no `{body}.{verb}`", "LJ0610", f"limit/{limit.name}")
                 permits.append(since(self._stage_over(limit.stage), self.clock))
+            if self._is_uncounted(limit, self._steady) and _counts(limit, body, verb):
+                return Moment(NEVER, self._barred(("used", limit.name)))
         for permit in self.outline.instance.permits:
             if permit.resource == body and permit.verb in ("", verb) and verb != STOP:
                 permits.append(self.truth(permit.condition, {}, early=True))
@@ -235,6 +267,12 @@ class Milestones:
         if moment.reason is None:
             return moment
         return Moment(moment.step, moment.reason.behind(_shown(("command", body, verb))))
+
+    @staticmethod
+    def _is_uncounted(limit: LimitSpec, extents: Extents) -> bool:
+        """True if the count of a limit must stay zero."""
+        used = extents.get(("used", limit.name))
+        return isinstance(used, Bounds) and used.high < 1.0
 
     def _stage_over(self, name: str) -> Moment:
         """The stage's limits no longer count: it is done for all subjects. At once if it begins after another one."""
@@ -250,10 +288,15 @@ class Milestones:
         entity = self.outline.bodies[body].entity
         if any(inspection.asset == body for inspection in self.outline.instance.inspections):
             return AT_ONCE
-        verbs = [verb.name for verb in entity.verbs if verb.name not in IDLE_VERBS]
+        verbs = roaming_verbs(entity) or moving_verbs(entity)
         if not verbs:
             path = self.outline.bodies[body].path
             return self._never(f"`{body}` has no action that moves it", "LJ0607", path)
+        return earliest(self.moment(("command", body, verb)) for verb in verbs)
+
+    def _climb(self, body: str) -> Moment:
+        """The body can begin to move by any command."""
+        verbs = moving_verbs(self.outline.bodies[body].entity)
         return earliest(self.moment(("command", body, verb)) for verb in verbs)
 
     # places
@@ -272,7 +315,7 @@ class Milestones:
             if barred is not None:
                 return barred
         bodies = [body for body in (body_1, body_2) if body is not None]
-        metres = gap(places[0], places[1]) - radius - sum(body.aboard_m for body in bodies if body.aboard)
+        metres = gap(places[0], places[1]) - radius - sum(_loose_m(body) for body in bodies)
         if metres <= 1e-6 or not bodies:
             return AT_ONCE if metres <= 1e-6 else self._never("two places are too far apart", "LJ0612")
         return self._closing(bodies, metres)
@@ -297,12 +340,20 @@ class Milestones:
             return AT_ONCE
         if kind in AXIS_NAMES[:2]:
             return self._crossing(body, AXIS_NAMES.index(kind), low, high)
+        if kind == AXIS_NAMES[2]:
+            return self._rising(body, low)
         return self._changing(body, str(gauge.key[2]), low, high) if kind == "value" else AT_ONCE
 
     def _crossing(self, body: Body, axis: int, low: float, high: float) -> Moment:
         start = extent(body.where, axis)
-        metres = max(low - start.high, start.low - high) - self.knowledge.aside_m(body) - body.aboard_m
+        metres = max(low - start.high, start.low - high) - self.knowledge.aside_m(body) - _loose_m(body)
         return AT_ONCE if not metres > 1e-6 else self._closing([body], metres)
+
+    def _rising(self, body: Body, low: float) -> Moment:
+        """The moment at which a body can be above an elevation. An aircraft on the ground must climb first."""
+        if low <= self.knowledge.start_top_m(body):
+            return AT_ONCE
+        return self.moment(("climb", body.id))
 
     def _places(self, value: Value) -> PossiblePlaces | None:
         if isinstance(value, PossiblePlaces):
@@ -315,28 +366,23 @@ class Milestones:
     def _closing(self, bodies: list[Body], metres: float) -> Moment:
         """The moment at which the bodies together can have covered a distance."""
         motions = [self._motion_of(body) for body in bodies]
-        releases = sorted({0.0, *(start for start, _, _, _, _ in motions if math.isfinite(start))})
+        turns = sorted({0.0, *(time for motion in motions for time in motion.turns if math.isfinite(time))})
         reached = math.inf
-        for begin, end in zip(releases, (*releases[1:], math.inf), strict=True):
-            speed = covered = 0.0
-            for start, idle, full, tether, _ in motions:
-                free = start <= begin and math.isinf(tether)
-                speed += full if free else idle
-                covered += _times(idle, min(begin, start)) + (_times(full, begin - start) if free else 0.0)
-                if not free:
-                    covered += _times(idle, max(0.0, begin - start)) if math.isfinite(start) else 0.0
-                    covered += tether if start <= begin and math.isfinite(tether) else 0.0
-            lacking = metres - covered
-            needed = begin if lacking <= 0 else begin + lacking / speed if speed > 0 else math.inf
-            if needed <= end:
-                reached = needed
+        for begin, end in zip(turns, (*turns[1:], math.inf), strict=True):
+            covered = sum(motion.covered(begin) for motion in motions)
+            probe = min(end, begin + 1.0)
+            speed = (sum(motion.covered(probe) for motion in motions) - covered) / (probe - begin)
+            if covered < metres:
+                begin = begin + (metres - covered) / speed if speed > 0 else math.inf
+            if begin < end or (begin == end and math.isfinite(end)):
+                reached = begin
                 break
-        return self._arrival(reached, motions, bodies, metres)
+        return self._arrival(reached, [motion.moment for motion in motions], bodies, metres)
 
     def _arrival(
         self,
         seconds: float,
-        motions: list[tuple[float, float, float, float, Moment]],
+        moments: list[Moment],
         bodies: list[Body],
         metres: float,
     ) -> Moment:
@@ -345,19 +391,20 @@ class Milestones:
         if math.isinf(seconds) and still is not None:
             words = f"`{still.id}` has no action that takes it {spelled(round(metres, 3))} m nearer"
             return self._never(words, "LJ0607", still.path)
-        late = max((moment for *_, moment in motions), key=lambda moment: moment.step)
+        late = latest(moments)
         moving = [body for body in bodies if body.speed_mps > 0] or bodies
         names = " and ".join(f"`{body.id}`" for body in moving)
         if late.step > 0 and late.reason is not None and (math.isinf(seconds) or late.step > step // 4):
             return Moment(step, late.reason.behind(f"the motion of {names}"))
         way = f"{spelled(round(metres, 3))} m"
         if math.isinf(seconds):
-            return self._never(f"{names} cannot cover {way}", "LJ0607", bodies[0].path)
+            batteries = any(math.isfinite(body.flight_s) for body in bodies)
+            why = ", farther than the battery lasts" if batteries else ""
+            return self._never(f"{names} cannot cover {way}{why}", "LJ0603" if batteries else "LJ0607", bodies[0].path)
         takes = spelled(round(seconds, 3))
         return Moment(step, Reason(lambda: f"{names} must cover {way}, which takes at least {takes} s", "LJ0613"))
 
-    def _motion_of(self, body: Body) -> tuple[float, float, float, float, Moment]:
-        """Start of motion in seconds, speed before and after it in m/s, tether in metres, and the start's moment."""
+    def _motion_of(self, body: Body) -> _Motion:
         carriers = [self.outline.bodies[name] for name in body.aboard]
         full = max((body.speed_mps, *(carrier.speed_mps for carrier in carriers)))
         if body.entity.role == "target":
@@ -369,7 +416,8 @@ class Milestones:
             idle = max((body.idle_mps, *(carrier.idle_mps for carrier in carriers)))
             tether = math.inf if carriers else body.tether_m
         start = self.clock.time_s(moment.step) if moment.step < NEVER else math.inf
-        return start, min(idle, full) if math.isinf(tether) else idle, full, tether, moment
+        lasts = body.flight_s if body.entity.role == "asset" and not carriers else math.inf
+        return _Motion(start, min(idle, full) if math.isinf(tether) else idle, full, tether, lasts, moment)
 
     def _keeps_out(self, body: Body | None, goal: Body | None, places: PossiblePlaces, radius: float) -> Moment | None:
         """Never, if a hard constraint keeps the body farther than the radius from all possible places of the goal."""
@@ -411,13 +459,21 @@ class Milestones:
     def _shot(self, carrier: Body, camera: CameraSpec, target: Body, present: Steps) -> Moment:
         if self._before_end.get(("photographed", carrier.id)) == NO:
             return Moment(NEVER, self._barred(("photographed", carrier.id)))
+        for limit in self.outline.instance.limits if camera.capture != "each_tick" else ():
+            if self._is_uncounted(limit, self._before_end) and _counts(limit, carrier.id, PHOTO):
+                return Moment(NEVER, self._barred(("used", limit.name)))
         shot = self.moment(("photo", carrier.id, camera.name))
-        radius = sight_m(carrier, camera, target, self.knowledge)
+        radius = sight_m(carrier, camera, target, self.knowledge, self._ceiling_m(carrier))
         seen = AT_ONCE if math.isinf(radius) else self.near(carrier, as_drawn(target), radius)
         late = latest((shot, seen))
         step = self.clock.first_boundary(present, late.step) if late.step < NEVER else NEVER
         on_time = step == self.clock.boundary(late.step) or late.step > self.clock.last
         return Moment(step, late.reason) if on_time else self._absent(target.id, step)
+
+    def _ceiling_m(self, body: Body) -> float:
+        """The highest elevation that hard constraints allow a body, metres."""
+        extent_of_body = self._steady.get(("elevation", body.id))
+        return extent_of_body.high if isinstance(extent_of_body, Bounds) else math.inf
 
     def _photo(self, carrier: str, camera: str) -> Moment:
         """The camera can take a picture."""
@@ -474,6 +530,8 @@ class Milestones:
             what = f"nothing gives `{body.id}` the status `{word}`"
             return constant(False, self.clock, Reason(lambda: what, "LJ0612"))
         moment = earliest(self.moment(("performed", name, body.id)) for name in words[word]) if words[word] else AT_ONCE
+        if word in _UNDER_WAY.get(body.entity.engine, ()) and not any(verb.name == STOP for verb in body.entity.verbs):
+            moment = self.moment(("climb", body.id))
         wanted, others = frozenset((word,)), frozenset(words) - {word}
         return Truth(self.clock.since(moment.step), (), {key: wanted}, {key: others}, moment.reason)
 
@@ -632,12 +690,31 @@ class Milestones:
                 sent.append(self.message(parameter.domain))
         truth = self.truth(rule.condition, names)
         truth = conjunction((truth, *(since(each, self.clock) for each in sent)), self.clock)
+        too_long = self._too_long(truth)
+        if too_long is not None:
+            return too_long
         if all(ids) and not rule.matching:
             self._certain[("achieved", name, *ids)] = self.clock.first_boundary(truth.must)
         reason = truth.reason or truth.ends
         if reason is not None and not reason.at:
             reason = msgspec.structs.replace(reason, at=f"rule/{name}")
         return Moment(first(truth.may), reason and reason.behind(_shown(("achieved", name, *ids))))
+
+    def _too_long(self, truth: Truth) -> Moment | None:
+        """Never, if a message with the texts that a rule requires exceeds the payload."""
+        lengths: dict[tuple[object, str], dict[str, int]] = {}
+        for key, words in truth.if_true.items():
+            if key[0] == "field" and isinstance(words, frozenset):
+                lengths.setdefault((key[1], str(key[2])), {})[str(key[3])] = min(len(word.encode()) for word in words)
+        instance = self.outline.instance
+        for (_, kind), texts in lengths.items():
+            spec = next((each for each in instance.messages if each.kind == kind), None)
+            least = 0 if spec is None else least_bytes(spec, instance, texts)
+            if least > instance.comms.payload_bytes:
+                words_of = f"such a `{kind}` has at least {least} bytes"
+                payload = f"the payload of a message is {instance.comms.payload_bytes} bytes"
+                return self._never(f"{words_of}, and {payload}", "LJ0605", f"message/{kind}")
+        return None
 
     def assigned(self, asset: Body, target: Body) -> Truth:
         """The truth of an assignment."""
@@ -686,8 +763,24 @@ def _shown(fact: Fact) -> str:
         return f"`{of[0]}` of `{of[1]}`"
     if kind == "achieved":
         return f"`{of[0]}({', '.join(name for name in of[1:] if name)})`"
-    nouns = {"motion": "the motion of", "picture": "a picture of", "photo": "a picture by", "report": "a"}
+    nouns = {
+        "motion": "the motion of",
+        "climb": "the motion of",
+        "picture": "a picture of",
+        "photo": "a picture by",
+        "report": "a",
+    }
     return f"{nouns.get(kind, 'an assignment of')} `{of[0]}`"
+
+
+def _counts(limit: LimitSpec, body: str, verb: str) -> bool:
+    """True if a limit counts a command."""
+    return any(item.kind == "command" and item.resource == body and item.name in ("", verb) for item in limit.counts)
+
+
+def _loose_m(body: Body) -> float:
+    """The distance by which a body can be displaced without the time of a way: by its carrier, or as it climbs."""
+    return (body.aboard_m if body.aboard else 0.0) + body.sway_m
 
 
 def _id_of(value: Value) -> str | None:

@@ -77,6 +77,12 @@ class Gauge(msgspec.Struct, frozen=True):
     """Its bounds during the episode."""
 
 
+class WordOf(msgspec.Struct, frozen=True):
+    """A text of a message."""
+
+    key: Quantity
+
+
 class Tally(msgspec.Struct, frozen=True):
     """The number of conditions that hold."""
 
@@ -284,7 +290,11 @@ def _field(base: Value, name: str, on: World) -> Value:
                 return known(operations.field(base, name))
             except MissionError:
                 return None
-    return None if base is None else on.knowledge.field(base, name)
+    value = None if base is None else on.knowledge.field(base, name)
+    if not isinstance(base, Message):
+        return value
+    of_message: Quantity = ("field", base.mark, base.kind, name)
+    return Gauge(of_message, value) if isinstance(value, Bounds) else WordOf(of_message) if value is None else value
 
 
 # -- functions ------------------------------------------------------------------------------------------------------
@@ -320,6 +330,7 @@ def _number(node: Composite, values: list[Value], on: World) -> Value:
     entry = operation(node)
     if entry is None or entry.running:
         return None
+    values = [None if isinstance(value, WordOf) else value for value in values]
     if entry.bounds is not None and not any(isinstance(value, str | Place | Body) for value in values):
         bounds = entry.bounds(*[_whole_bounds(value, on) for value in values])
         picture = next((value for value in values if isinstance(value, Pictured)), None)
@@ -462,6 +473,8 @@ def _equal(node: ex.Binary, left: Value, right: Value, on: World) -> Truth:
     for status, word in ((left, right), (right, left)):
         if isinstance(status, StatusOf) and isinstance(word, str):
             return on.status(status.body, word)
+        if isinstance(status, WordOf) and isinstance(word, str):
+            return Truth(on.clock.always, (), {status.key: frozenset((word,))})
     if isinstance(left, str | bool) and isinstance(right, str | bool):
         return constant(left == right, on.clock)
     return unknown(on.clock)
@@ -472,7 +485,7 @@ def _membership(node: ex.Binary, item: Value, whole: Value, on: World) -> Truth:
         item = item.body
     if isinstance(whole, Interval):
         low, high = exactly(whole.low), exactly(whole.high)
-        if item is None:
+        if item is None or isinstance(item, WordOf):
             return unknown(on.clock)
         ends = (_ordered(node, low, item, on, strict=False), _ordered(node, item, high, on, strict=False))
         return conjunction(ends, on.clock)
@@ -480,7 +493,7 @@ def _membership(node: ex.Binary, item: Value, whole: Value, on: World) -> Truth:
         return _in_region(item, node.right.name, whole, on)
     if isinstance(item, str) and isinstance(whole, tuple):
         return constant(item in whole, on.clock)
-    if isinstance(item, StatusOf) and isinstance(whole, tuple):
+    if isinstance(item, StatusOf | WordOf) and isinstance(whole, tuple):
         return disjunction([_equal(node, item, word, on) for word in whole], on.clock)
     return unknown(on.clock)
 

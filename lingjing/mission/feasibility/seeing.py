@@ -69,16 +69,19 @@ def as_drawn(target: Body) -> Body:
     return target
 
 
-def sight_m(carrier: Body, camera: CameraSpec, target: Body, knowledge: EpisodeKnowledge) -> float:
+def sight_m(
+    carrier: Body, camera: CameraSpec, target: Body, knowledge: EpisodeKnowledge, ceiling_m: float = math.inf
+) -> float:
     """The largest distance in the plane from which a camera can show a target, metres; infinity if there is none.
 
-    Only a camera that looks straight down has one: its carrier cannot rise higher than its altitude band.
+    Only a camera that looks straight down has one: its carrier cannot rise higher than its altitude band, or than
+    `ceiling_m`.
     """
     size, scene = _extent_m(target), knowledge.outline.instance.scene
     mount = next((mount for mount in carrier.entity.mounts if mount.view == camera.view), None)
     ahead_m = abs(mount.ahead_m) if mount is not None else 0.0
     straight_down = camera.view == "nadir" and (mount is None or (mount.gimbal and mount.tilt_deg >= 90.0))
-    highest = knowledge.coordinate(carrier, 2).high
+    highest = min(knowledge.coordinate(carrier, 2).high, ceiling_m)
     if not straight_down or math.isinf(size) or math.isinf(highest) or scene_kind(scene.kind) is None:
         return math.inf
     lowest = min(0.0, scene.datum_m, target.entity.position[2]) - _SUNK_M

@@ -1,0 +1,173 @@
+"""No moment of a proof is later than what really happened, and nothing is proved of a mission that was won.
+
+A played episode is a witness: every fact in its trace happened at some time, and the earliest moment of the proofs
+must not lie after it. The same episode with its own times as deadlines is a mission that can be won.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+
+import lingjing
+from lingjing.kernel.stocks import current
+from lingjing.mission import expression as ex
+from lingjing.mission.conditions.outline import of_instance
+from lingjing.mission.feasibility import prove_instance
+from lingjing.mission.feasibility.milestones import Milestones
+from lingjing.mission.instance import CountedSpec, Instance, LimitSpec, PermitSpec
+from lingjing.mission.model import Constraint
+from lingjing.trace.reader import Trace, read_trace
+from lingjing.trace.records import BodyState, BoundaryRecord
+from tests.mission.language_cases import WINNABLE, Variant
+
+NAMES = (
+    "permit boat.moveTo when photographed(uav)",
+    "permit boat.moveTo when exists r: matched(victim, r)",
+    "hard distance_xy(boat, victim) >= 40 m",
+    "hard not boat in search",
+    "limit limit z <= 3 counts uav.*, boat.*",
+    "failure rescued(victim)",
+    "failure distance_xy(boat, victim) <= 50 m",
+    "event event g at 10 tick { appear victim }",
+    "stage stage s { done when photographed(uav), limit z <= 0 counts boat.moveTo }",
+    "in-sight-by-itself",
+    "count-of-two",
+    "drifts-in",
+)
+"""Variants that the oracle plays; whether it wins or not, its trace is a witness of what can happen when."""
+
+
+def played(variant: Variant, folder: Path) -> Trace:
+    """The trace of one episode of the oracle."""
+    file = folder / "mission.ljs"
+    file.write_text(variant.text)
+    return read_trace(lingjing.run(str(file), policy="oracle", seed=0, overview=False, out=folder / "run").trace)
+
+
+def moments_are_early(trace: Trace) -> None:
+    """Assert that every fact of a trace happened at its earliest moment or later, and every state within its bounds."""
+    on = Milestones(of_instance(trace.header.instance))
+    on.settle(lambda: None)
+    for record in trace.boundaries:
+        for fact, time_s in facts(record, trace.header.instance):
+            step = on.moment(fact).step
+            assert step <= on.clock.last and on.clock.time_s(step) <= time_s + 1e-6, (fact, step, time_s)
+        for snapshot in record.snapshots:
+            states = [state for state in snapshot.states if state.id in on.outline.bodies]
+            for state in states:
+                assert_within_bounds(state, on)
+            for first, second in itertools.combinations(states, 2):
+                assert_near_in_time(first, second, snapshot.time_s, on)
+
+
+def facts(record: BoundaryRecord, instance: Instance) -> Iterator[tuple[tuple[str, ...], float]]:
+    """The facts of one boundary, each with its time in seconds."""
+    entities = {entity.id: entity for entity in instance.entities}
+    rules = {rule.name for rule in instance.rules}
+    for command in record.commands:
+        if command.origin == "agent":
+            yield ("command", command.resource, command.verb), max(0, record.tick - 1) * instance.clock.tick_s
+    for frame in record.frames:
+        carrier = entities.get(frame.entity)
+        if carrier is not None and frame.camera in {camera.name for camera in carrier.cameras}:
+            yield ("photo", frame.entity, frame.camera), record.time_s
+            yield from ((("picture", box.entity), record.time_s) for box in frame.boxes if box.entity in entities)
+    for event in record.events:
+        if event.kind in rules:
+            bound = [name if name in entities else "" for name in event.bindings]
+            yield ("achieved", event.kind, *bound), event.time_s
+    for event in record.task_events:
+        target = entities.get(event.entities[0]) if event.entities else None
+        if target is not None and event.kind in {spec.name for spec in target.interactions}:
+            yield ("performed", event.kind, target.id), event.time_s
+
+
+def assert_within_bounds(state: BodyState, on: Milestones) -> None:
+    """Assert that a state lies within the bounds of the episode."""
+    body = on.outline.bodies[state.id]
+    for axis in range(3):
+        bounds = on.knowledge.coordinate(body, axis)
+        assert bounds.low <= state.position[axis] <= bounds.high, (state.id, axis, state.position)
+    words = on.knowledge.status_words(body)
+    assert words is None or state.status in words, (state.id, state.status)
+    heading = on.knowledge.amount(body, "heading_deg")
+    assert heading.low <= state.heading_deg <= heading.high
+    for spec in body.entity.state:
+        bounds, value = on.knowledge.amount(body, spec.field), current(body.entity, state, spec.field)
+        assert bounds is None or bounds.low <= value <= bounds.high, (state.id, spec.field, value)
+
+
+def assert_near_in_time(first: BodyState, second: BodyState, time_s: float, on: Milestones) -> None:
+    """Assert that two bodies were not nearer to each other than the proofs allow at that time."""
+    apart = math.dist(first.position[:2], second.position[:2])
+    bodies = on.outline.bodies[first.id], on.outline.bodies[second.id]
+    step = on.near(*bodies, apart + 1e-6).step
+    assert on.clock.time_s(step) <= time_s + on.clock.sync_s, (first.id, second.id, apart, time_s)
+    assert apart <= on.apart(*bodies)
+
+
+def with_its_own_times(trace: Trace) -> list[Instance]:
+    """The played instance with deadlines, permits and limits that the episode itself kept."""
+    instance, end_s = trace.header.instance, trace.boundaries[-1].time_s
+    now, end = ex.Ref("now", "clock"), ex.Number(end_s, "s")
+    replace = msgspec.structs.replace
+    firsts: dict[tuple[str, str], float] = {}
+    counts: dict[tuple[str, str], int] = {}
+    for record in trace.boundaries:
+        for command in record.commands:
+            if command.origin == "agent":
+                key = command.resource, command.verb
+                firsts.setdefault(key, (record.tick - 1) * instance.clock.tick_s)
+                counts[key] = counts.get(key, 0) + 1
+    permits = tuple(
+        PermitSpec(resource=body, verb=verb, condition=ex.Binary(">=", now, ex.Number(time_s, "s")))
+        for (body, verb), time_s in firsts.items()
+    )
+    limits = tuple(
+        LimitSpec(name=f"limit{n}", most=count, counts=(CountedSpec(kind="command", resource=body, name=verb),))
+        for n, ((body, verb), count) in enumerate(counts.items())
+    )
+    in_time = ex.Binary("<=", now, end)
+    kept = Constraint(name="kept", kind="hard", condition=in_time)
+    return [
+        replace(instance, budget=replace(instance.budget, ticks=trace.boundaries[-1].tick)),
+        replace(instance, success=ex.Binary("and", instance.success, in_time)),
+        replace(instance, success=ex.Binary("and", instance.success, ex.Binary(">=", now, end))),
+        replace(instance, failure=ex.Binary(">=", now, end)),
+        replace(instance, constraints=(*instance.constraints, kept)),
+        replace(instance, permits=(*instance.permits, *permits)),
+        replace(instance, limits=(*instance.limits, *limits)),
+    ]
+
+
+def check(variant: Variant, folder: Path) -> bool:
+    """Compare proofs with one played episode. True if it was won."""
+    trace = played(variant, folder)
+    moments_are_early(trace)
+    won = trace.outcome is not None and trace.outcome.success
+    if won:
+        assert [proof for instance in with_its_own_times(trace) for proof in prove_instance(instance)] == []
+    return won
+
+
+def test_no_moment_of_a_proof_is_later_than_in_a_played_episode(tmp_path: Path) -> None:
+    assert check(Variant("base"), tmp_path)
+
+
+@pytest.mark.episodes
+@pytest.mark.parametrize("name", NAMES)
+def test_no_moment_of_a_proof_is_later_than_in_a_played_variant(name: str, tmp_path: Path) -> None:
+    check(next(variant for variant in WINNABLE if variant.name == name), tmp_path)
+
+
+@pytest.mark.episodes
+@pytest.mark.parametrize("name", ["bi", "cd", "cr", "idf", "ld", "queue", "ssr", "ufr", "upr", "vdn"])
+def test_no_moment_of_a_proof_is_later_than_in_a_shipped_mission(name: str, tmp_path: Path) -> None:
+    trace = read_trace(lingjing.run(name, policy="oracle", seed=1, overview=False, out=tmp_path / "run").trace)
+    moments_are_early(trace)
