@@ -12,11 +12,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lingjing.errors import ExitCode, UsageError
+from lingjing.mission.vocabulary import MODES
 from lingjing.terminal import visible
 
 if TYPE_CHECKING:
     from lingjing.scene.city import City
     from lingjing.scene.osm.summary import Summary
+    from lingjing.scene.plan import PlanMarker, PlanRegion
 
 _PICTURES = (".png", ".svg", ".pdf")
 _MAPS = (".osm", ".pbf", ".gz", ".bz2", ".xml")
@@ -51,7 +53,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     info = actions.add_parser("info", help="describe a city", description=_info.__doc__)
     _add_city(info)
     info.set_defaults(handler=_info)
-    draw = actions.add_parser("draw", help="draw a city from above", description=_draw.__doc__)
+    draw = actions.add_parser(
+        "draw", help="draw a city, or a mission's placed instance, from above", description=_draw.__doc__
+    )
+    draw.add_argument("--mode", choices=MODES, help="the communication mode, for a mission (default: its own)")
     _add_city(draw)
     draw.add_argument(
         "-o",
@@ -97,7 +102,10 @@ def _info(args: argparse.Namespace) -> int:
 
 
 def _draw(args: argparse.Namespace) -> int:
-    """Draw a city from above: waters, surfaces, roads, buildings (higher is darker), trees."""
+    """Draw a city from above: waters, surfaces, roads, buildings (higher is darker), trees. The plan of a mission also
+    shows its regions and where its bodies begin for the seed: assets as triangles, targets as circles, hidden ones
+    dashed.
+    """
     from matplotlib import rc_context
 
     from lingjing.analysis.fonts import families, note_of_boxes
@@ -108,15 +116,40 @@ def _draw(args: argparse.Namespace) -> int:
         raise UsageError(f"`{target.name}` has no suffix of a picture", hint=f"end the name in {', '.join(_PICTURES)}")
     if not target.parent.is_dir():
         raise UsageError(f"cannot write `{target}`: its folder does not exist", hint="choose another place with -o")
-    city = _city(args)
-    words = f"{city.id} {city.attribution}"
+    city, markers, regions, title = _placed(args)
+    names = [*(marker.name for marker in markers), *(region.name for region in regions)]
+    words = " ".join((city.id, city.attribution, title, *names))
     with rc_context({"font.family": families(words)}), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")  # noted below
-        draw_plan(city, target)
+        draw_plan(city, target, markers=markers, regions=regions, title=title)
     print(target)
     for note in note_of_boxes(words):
         print(f"note: {note}", file=sys.stderr)
     return ExitCode.OK
+
+
+def _placed(args: argparse.Namespace) -> tuple[City, list[PlanMarker], list[PlanRegion], str]:
+    """Return the city, and for a mission the places of its bodies, its regions and a title."""
+    path = Path(args.city)
+    if path.is_dir() or (path.is_file() and path.suffix.lower() in _MAPS):
+        return _city(args), [], [], ""
+    from lingjing.cli.arguments import parse_seed
+    from lingjing.dsl.loading.load import load_mission
+    from lingjing.kernel.cities import CityBuilder
+    from lingjing.mission.instantiate import instantiate
+    from lingjing.plugins.host import PluginHost
+    from lingjing.scene.plan import PlanMarker, PlanRegion
+
+    mission = load_mission(args.city)
+    instance = instantiate(mission, seed=parse_seed(args.seed), mode=args.mode)
+    with _phases(f"building the scene of {args.city}"):
+        placed, city = CityBuilder(PluginHost()).place(instance, imported=bool(mission.origin.places))
+    markers = [
+        PlanMarker(entity.id, *entity.position[:2], entity.role, "position" in entity.hidden)
+        for entity in placed.entities
+    ]
+    regions = [PlanRegion(region.name, region.polygon, region.hidden) for region in placed.regions if region.polygon]
+    return city, markers, regions, f"{instance.title}, seed {instance.seed}, {instance.mode}"
 
 
 def _city(args: argparse.Namespace) -> City:

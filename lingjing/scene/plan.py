@@ -36,6 +36,12 @@ SIDE_IN, DPI = 12.0, 150
 _TREE_M = 4.0
 """Diameter of a drawn tree of scale 1, metres (chosen)."""
 
+_ASSET, _TARGET, _HIDDEN, _REGION = "#0b4f9e", "#1a7f37", "#b00020", "#5b3fa0"
+"""Colours of marked assets, targets, hidden targets and regions (chosen: apart from the plan's own colours)."""
+
+_MARGIN, _MARGIN_M = 0.15, 60.0
+"""Margin around what is marked, as a share of its larger side and at least in metres (chosen)."""
+
 _LAYERS: tuple[Layer, ...] = get_args(Layer)
 
 
@@ -58,6 +64,30 @@ class PlanShape:
     """Elevation of the base of a building or solid, metres."""
     heights_m: tuple[float, ...] = ()
     """Elevations of a line's points, metres; empty for polygons."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanMarker:
+    """A body of a mission on a plan."""
+
+    name: str
+    east: float
+    """Here and in the next field: its place, metres."""
+    north: float
+    role: Literal["asset", "target"]
+    hidden: bool = False
+    """True if agents do not know its place."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRegion:
+    """A region of a mission on a plan."""
+
+    name: str
+    outline: Polygon
+    """Corners in metres."""
+    hidden: bool = False
+    """True if agents do not know it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,15 +195,20 @@ def paint(axes: Axes, shapes: Sequence[PlanShape], palette: Palette) -> None:
             axes.add_collection(strokes, autolim=False)
 
 
-def draw_plan(city: City, path: Path) -> None:
+def draw_plan(
+    city: City, path: Path, *, markers: Sequence[PlanMarker] = (), regions: Sequence[PlanRegion] = (), title: str = ""
+) -> None:
     """Write the whole city with a scale bar as a picture; the suffix gives the format (`.png`, `.svg`, `.pdf`).
+
+    `markers` and `regions` are drawn over it, hidden ones dashed. With them the picture shows the part of the city
+    that holds them; bodies outside of the city are left out.
 
     Raises `UsageError` if the file cannot be written.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    west, south, east, north = city.bounds
+    west, south, east, north = _shown(city, markers, regions)
     wide, high = east - west, north - south
     scale = SIDE_IN / max(wide, high)
     figure = Figure(figsize=(wide * scale, high * scale + 0.5))
@@ -181,11 +216,13 @@ def draw_plan(city: City, path: Path) -> None:
     share = high * scale / (high * scale + 0.5)
     axes = figure.add_axes((0.0, 1.0 - share, 1.0, share))
     axes.set(xlim=(west, east), ylim=(south, north), aspect="equal", xticks=[], yticks=[])
-    paint(axes, ground_plan(city), PLAN)
+    paint(axes, ground_plan(city, (west, south, east, north)), PLAN)
     bar = 10 ** len(str(int(wide / 5))) / 10.0
     axes.plot([west + wide * 0.03, west + wide * 0.03 + bar], [south + high * 0.03] * 2, color="black", lw=3, zorder=20)
     axes.text(west + wide * 0.03, south + high * 0.038, f"{bar:g} m", fontsize=9, zorder=20)
-    figure.text(0.01, 0.01, f"{city.id} · {city.attribution}", fontsize=8, parse_math=False)
+    _mark(axes, markers, regions)
+    note = f"{title} · " * bool(title) + f"{city.id} · {city.attribution}"
+    figure.text(0.01, 0.01, note, fontsize=8, parse_math=False)
     kind = path.suffix[1:].lower()
     try:
         with written_whole(path) as partial:
@@ -195,6 +232,54 @@ def draw_plan(city: City, path: Path) -> None:
 
 
 # -- private
+
+
+def _shown(city: City, markers: Sequence[PlanMarker], regions: Sequence[PlanRegion]) -> Extent:
+    """The part of the city to draw: around what is marked, or all of it."""
+    west, south, east, north = city.bounds
+    points = [(m.east, m.north) for m in markers if west <= m.east <= east and south <= m.north <= north]
+    points += [corner for region in regions for corner in region.outline]
+    if not points:
+        return city.bounds
+    left, bottom, right, top = bounds(points)
+    margin = max(_MARGIN_M, _MARGIN * max(right - left, top - bottom))
+    shown = max(west, left - margin), max(south, bottom - margin), min(east, right + margin), min(north, top + margin)
+    return shown if shown[0] < shown[2] and shown[1] < shown[3] else city.bounds
+
+
+def _mark(axes: Axes, markers: Sequence[PlanMarker], regions: Sequence[PlanRegion]) -> None:
+    """Draw regions as outlines, assets as filled triangles, targets as filled circles, hidden ones dashed and empty."""
+    from matplotlib.patches import Polygon as Outlined
+
+    for region in regions:
+        colour = _HIDDEN if region.hidden else _REGION
+        style = "--" if region.hidden else "-"
+        axes.add_patch(Outlined(region.outline, fill=False, ec=colour, lw=1.2, ls=style, zorder=21))
+        top = max(region.outline, key=lambda corner: corner[1])
+        axes.text(*top, region.name, color=colour, fontsize=8, ha="center", va="bottom", parse_math=False, zorder=22)
+    (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
+    for number, marker in enumerate(markers):
+        if not (west <= marker.east <= east and south <= marker.north <= north):
+            continue
+        colour = _HIDDEN if marker.hidden else _ASSET if marker.role == "asset" else _TARGET
+        shape = "^" if marker.role == "asset" else "o"
+        fill = "none" if marker.hidden else colour
+        axes.scatter(
+            marker.east, marker.north, s=60, marker=shape, facecolors=fill, edgecolors=colour, linewidths=1.4,
+            linestyles="--" if marker.hidden else "-", zorder=23,
+        )  # fmt: skip
+        label = f"{marker.name} (hidden)" if marker.hidden else marker.name
+        axes.annotate(
+            label,
+            (marker.east, marker.north),
+            (6, 4) if number % 2 == 0 else (6, -12),
+            textcoords="offset points",
+            color=colour,
+            fontsize=8,
+            parse_math=False,
+            zorder=24,
+            bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.75},
+        )
 
 
 def _fills_its_box(shape: PlanShape) -> bool:

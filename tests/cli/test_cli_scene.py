@@ -214,3 +214,11 @@ def test_a_killed_build_leaves_no_half_city(folder: Path, number: int) -> None:
         assert code in (ExitCode.INTERRUPTED, -number, -signal.SIGINT)
     assert run_command(["scene", "build", "town.osm", "-o", "city"]) == ExitCode.OK
     assert sorted(item.name for item in folder.iterdir()) == ["cache", "city", "town.osm"]
+
+
+def test_the_plan_of_a_mission_shows_its_placed_bodies_and_marks_hidden_ones(folder: Path) -> None:
+    assert run_command(["scene", "draw", "ssr", "--seed", "3", "--mode", "star", "-o", "plan.svg"]) == ExitCode.OK
+    drawn = (folder / "plan.svg").read_text()
+    for words in ("victim[1] (hidden)", "uav[2]", "boat", "search", "seed 3, star"):
+        assert f"<!-- {words} -->" in drawn or words in drawn, words
+    assert "boat (hidden)" not in drawn
