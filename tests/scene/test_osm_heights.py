@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import random
 from collections.abc import Callable, Mapping
+from functools import cache
 from pathlib import Path
 from statistics import median
 
@@ -254,6 +255,7 @@ def test_hidden_heights_of_lujiazui_come_back_at_least_as_well_as_before() -> No
         assert median(errors) <= before_m, f"seed {seed}"
 
 
+@cache
 def _features(path: Path) -> Features:
     if not path.is_file():
         pytest.skip(f"there is no map at {path}")
