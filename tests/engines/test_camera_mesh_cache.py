@@ -11,15 +11,16 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from lingjing.engines.camera import array_cache, cityscape
+from lingjing.engines.camera import array_cache, cityscape, ground
 from lingjing.engines.camera.array_cache import cached_array
 from lingjing.engines.camera.building_meshes import building
+from lingjing.engines.camera.ground import build_ground
 from lingjing.engines.camera.instances import ROW, matrix, mesh_radius, prop_batches
 from lingjing.engines.camera.mesh_cache import MeshCache
-from lingjing.engines.camera.noise import grain_texture
+from lingjing.engines.camera.noise import grain_texture, noise_texture
 from lingjing.engines.camera.structure_meshes import solid
 from lingjing.engines.camera.tile_mesh import TileMesh, mesh_tile
-from lingjing.scene.city import City, Prop
+from lingjing.scene.city import City, Land, Prop
 from tests.engines.camera_town import WHY_NOT, CameraEngine, look, pieces, ready
 
 CITY = City(id="c", origin=(0.0, 0.0), bounds=(-400.0, -400.0, 400.0, 400.0))
@@ -84,6 +85,26 @@ def test_a_texture_is_made_where_nothing_can_be_kept(folder: Path, monkeypatch: 
     assert cached_array("nowhere", lambda: np.zeros((2, 2, 1), np.uint8)).shape == (2, 2, 1)
     monkeypatch.setenv("LINGJING_NO_CACHE", "1")
     assert cached_array("grain", lambda: np.ones((2, 2, 1), np.uint8)).all()
+
+
+def test_the_ground_of_a_known_city_is_read_and_not_drawn_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first one loads scipy, which takes a third of a second; another city is drawn."""
+    noise = noise_texture()[::4, ::4, 0]
+    island = Land(polygon=((0.0, 0.0), (90.0, 0.0), (90.0, 60.0), (0.0, 60.0)), top_m=4.0, surface="grass")
+    city = msgspec.structs.replace(CITY, lands=(island,))
+    first = build_ground(city, noise)
+
+    def drawn_again(*_: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr(ground, "_steps_inside", drawn_again)
+    monkeypatch.setattr(ground, "_drawn_shore", drawn_again)
+    second = build_ground(city, noise)
+    assert second.shore.tobytes() == first.shore.tobytes()
+    assert [part.vertices.tobytes() for part in second.surfaces] == [part.vertices.tobytes() for part in first.surfaces]
+    for other in (island.polygon[:3], tuple((x + 1.0, y) for x, y in island.polygon)):
+        with pytest.raises(AssertionError):
+            build_ground(msgspec.structs.replace(CITY, lands=(msgspec.structs.replace(island, polygon=other),)), noise)
 
 
 def test_a_kept_mesh_is_the_made_one_and_is_not_made_again(folder: Path) -> None:

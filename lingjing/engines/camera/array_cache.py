@@ -2,7 +2,8 @@
 
 The name of a file is a hash of everything that determines its content: what the caller names; the source code of this
 package and of scenes; versions and chosen code paths of the numerical libraries. `lingjing.kept_files` stores and
-checks the files. If the folder cannot be written, nothing is kept. With `LINGJING_NO_CACHE` nothing is read or kept.
+checks the files. If the folder cannot be written, nothing is kept. All files together take at most `MOST_BYTES`, plus
+what one process has written since its last check. With `LINGJING_NO_CACHE` nothing is read or kept.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
 from io import BytesIO
+from itertools import count
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -35,10 +37,17 @@ MOST_BYTES = 1 << 30
 MOST_FILES = 1 << 20
 """Most files (chosen)."""
 
+LOOK_EVERY = 32
+"""Written files between two checks of the folder's size; the first file is followed by one (chosen)."""
+
 _COMPUTING = ("numpy", "scipy", "shapely", "mapbox-earcut")
 """Packages that compute arrays; their versions are part of a name."""
 _CHOSEN = ("libm", "numpy")
 """Entries of `lingjing.numerics.runtime_fingerprint` that an array may depend on."""
+
+
+_written = count()
+"""The number of arrays that this process has written."""
 
 
 def cached_array(name: str, make: Callable[[], npt.NDArray[Element]]) -> npt.NDArray[Element]:
@@ -59,7 +68,8 @@ def cached_array(name: str, make: Callable[[], npt.NDArray[Element]]) -> npt.NDA
     np.lib.format.write_array(stream, made, allow_pickle=False)
     with suppress(OSError):
         write_kept(str(file), stream.getvalue())
-        prune(str(file.parent), most_bytes=MOST_BYTES, most_files=MOST_FILES)
+        if next(_written) % LOOK_EVERY == 0:
+            prune(str(file.parent), most_bytes=MOST_BYTES, most_files=MOST_FILES)
     return made
 
 
@@ -80,4 +90,4 @@ def _code_sha256() -> str:
     return digest.hexdigest()
 
 
-__all__ = ["FOLDER", "MOST_BYTES", "MOST_FILES", "cache_key", "cached_array"]
+__all__ = ["FOLDER", "LOOK_EVERY", "MOST_BYTES", "MOST_FILES", "cache_key", "cached_array"]

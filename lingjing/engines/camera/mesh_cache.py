@@ -17,15 +17,12 @@ import msgspec
 import numpy as np
 
 from lingjing.data import cache_folder, cache_is_off
-from lingjing.engines.camera.array_cache import FOLDER, MOST_BYTES, MOST_FILES, cache_key
+from lingjing.engines.camera.array_cache import FOLDER, LOOK_EVERY, MOST_BYTES, MOST_FILES, cache_key
 from lingjing.engines.camera.mesh_rows import VERTEX, MeshPart
 from lingjing.engines.camera.tile_mesh import MATERIALS, TileMesh
 from lingjing.kept_files import prune, read_kept, write_kept
 from lingjing.scene.city import City, content_sha256
 from lingjing.scene.tiles import TileKey
-
-LOOK_EVERY = 32
-"""Written files between two checks of the folder's size; the first file is followed by one (chosen)."""
 
 
 class _StoredTile(msgspec.Struct, frozen=True, array_like=True):
