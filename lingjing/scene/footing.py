@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from math import cos, hypot, pi, sin
 
-from lingjing.mission.geometry2d import Polygon, contains, edge_distance
-from lingjing.scene.city import City, Road
+from lingjing.mission.geometry2d import Extent, Polygon, bounds, contains, edge_distance
+from lingjing.scene.city import Building, City, Road, Tile
 from lingjing.scene.lines import project
-from lingjing.scene.tiles import Tiles
+from lingjing.scene.tiles import TileKey, Tiles
 
 STEP_M = 0.5
 """Greatest height over the ground that a person steps on, metres (chosen). Higher things are obstacles."""
@@ -35,6 +35,7 @@ class Footing:
     def __init__(self, city: City, tiles: Tiles | None = None) -> None:
         self._city = city
         self._tiles = tiles or Tiles(city)
+        self._bounded: dict[TileKey, tuple[tuple[Building, Extent], ...]] = {}
 
     def height(self, x: float, y: float) -> float:
         """Elevation of the surface to stand on: the highest land, kerb or step at a place. The bed of waters is
@@ -53,7 +54,7 @@ class Footing:
         if self.is_water(x, y):
             return False
         for tile in self._tiles.near(x, y, margin + 7.0):
-            if any(_within(building.polygon, x, y, margin) for building in tile.buildings):
+            if any(True for _ in self._buildings_within(tile, x, y, margin)):
                 return False
             if any(
                 solid.top_m > STEP_M and solid.base_m < HEAD_M and _within(solid.polygon, x, y, margin)
@@ -85,10 +86,24 @@ class Footing:
         tops = [
             building.top_m
             for tile in self._tiles.near(x, y, 0.0)
-            for building in tile.buildings
-            if _within(building.polygon, x, y, 0.0)
+            for building in self._buildings_within(tile, x, y, 0.0)
         ]
         return max(tops, default=None)
+
+    def _buildings_within(self, tile: Tile, x: float, y: float, margin: float) -> Iterator[Building]:
+        """Yield the buildings of a tile that a place is inside of, or nearer to than `margin`.
+
+        Their bounds are kept: a search compares thousands of places with each building.
+        """
+        bounded = self._bounded.get(tile.key)
+        if bounded is None:
+            bounded = tuple((house, bounds(house.polygon)) for house in tile.buildings if house.polygon)
+            self._bounded[tile.key] = bounded
+        low_x, high_x, low_y, high_y = x - margin, x + margin, y - margin, y + margin
+        for house, (west, south, east, north) in bounded:
+            is_near = west <= high_x and low_x <= east and south <= high_y and low_y <= north
+            if is_near and _reaches(house.polygon, x, y, margin):
+                yield house
 
     def nearest_clear(
         self, x: float, y: float, margin: float, reach_m: float, *, off_road: bool = False,
@@ -136,6 +151,11 @@ def _within(polygon: Polygon, x: float, y: float, margin: float) -> bool:
         return False
     if all(py < y - margin for _, py in polygon) or all(py > y + margin for _, py in polygon):
         return False
+    return _reaches(polygon, x, y, margin)
+
+
+def _reaches(polygon: Polygon, x: float, y: float, margin: float) -> bool:
+    """True if a place is inside a polygon or nearer to it than `margin`."""
     return contains(polygon, x, y) or (margin > 0.0 and edge_distance(polygon, x, y) < margin)
 
 
