@@ -88,7 +88,7 @@ def test_a_texture_is_made_where_nothing_can_be_kept(folder: Path, monkeypatch: 
 
 
 def test_the_ground_of_a_known_city_is_read_and_not_drawn_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The first one loads scipy, which takes a third of a second; another city is drawn."""
+    """Another city is drawn."""
     noise = noise_texture()[::4, ::4, 0]
     island = Land(polygon=((0.0, 0.0), (90.0, 0.0), (90.0, 60.0), (0.0, 60.0)), top_m=4.0, surface="grass")
     city = msgspec.structs.replace(CITY, lands=(island,))

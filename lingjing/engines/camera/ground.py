@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 import shapely
+from scipy import ndimage  # always, since a trace names the libraries of each process, whatever the cache holds
 
 from lingjing.engines.camera.array_cache import cached_array
 from lingjing.engines.camera.classes import CLASSES, prop_class
@@ -210,8 +211,6 @@ def _height_field(land: Land, level: float, number: int, buried: shapely.Geometr
 
 def _steps_inside(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64]:
     """Return the distance of each grid point from the other side of the edge in grid steps; negative outside."""
-    from scipy import ndimage  # here, since loading it takes a third of a second
-
     inside: npt.NDArray[np.float64] = ndimage.distance_transform_edt(mask)
     outside: npt.NDArray[np.float64] = ndimage.distance_transform_edt(~mask)
     return inside - outside
@@ -292,8 +291,6 @@ def _drawn_shore(city: City, noise: npt.NDArray[np.uint8]) -> npt.NDArray[np.uin
 
     The first channel is the square root of the distance to land over `SHORE_REACH_M`. The second is slow noise.
     """
-    from scipy import ndimage  # here, since loading it takes a third of a second
-
     west, south, east, north = city.bounds
     cell = (east - west) / SHORE_SIZE
     xs = west + cell * (np.arange(SHORE_SIZE) + 0.5)
