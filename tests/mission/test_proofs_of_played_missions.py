@@ -15,6 +15,7 @@ import msgspec
 import pytest
 
 import lingjing
+from lingjing import Trace, read_trace
 from lingjing.kernel.stocks import current
 from lingjing.mission import expression as ex
 from lingjing.mission.conditions.outline import of_instance
@@ -22,7 +23,6 @@ from lingjing.mission.feasibility import prove_instance
 from lingjing.mission.feasibility.milestones import Milestones
 from lingjing.mission.instance import CountedSpec, Instance, LimitSpec, PermitSpec
 from lingjing.mission.model import Constraint
-from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import BodyState, BoundaryRecord
 from tests.mission.language_cases import WINNABLE, Variant
 

@@ -33,7 +33,7 @@ mission hover "Hover" {
   mode    single
   asset uav : quadrotor { position = (0 m, -700 m, 20 m), band = 10 m..60 m, actions { takeoff, stop } }
   agent pilot as flyer controls uav { observes uav.* }
-  adjudicate aloft() { when uav.position.z >= 5000 m }
+  adjudicate aloft() { when uav.status == "dead" }
   success when aloft()
 }
 """
