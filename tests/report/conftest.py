@@ -40,7 +40,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with Session() as session:
         for mode in ("star", "broadcast"):
             out = folder / "runs" / mode
-            session.run(folder / "ssr.ljs", mode=mode, policy="oracle", seed=1, out=out, overview=False, world="inline")
+            session.run(folder / "ssr.ljs", mode=mode, policy="oracle", seed=1, out=out, overview=False)
     return folder / "runs"
 
 
