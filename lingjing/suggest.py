@@ -33,9 +33,14 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
     return best
 
 
-def is_certain(word: str, known: Iterable[str]) -> bool:
-    """Return whether exactly one known word is a single edit away, so that no other can be intended."""
+def is_certain(word: str, known: Collection[str]) -> bool:
+    """Return whether exactly one known word is a single edit away, so that no other can be intended.
+
+    A word that differs in capitals alone is certain.
+    """
     folded = word.lower()
+    if sum(candidate.lower() == folded for candidate in known if candidate != word) == 1:
+        return True
     near = {
         candidate
         for candidate in _worth_a_look(word, known)

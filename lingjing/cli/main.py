@@ -60,7 +60,7 @@ VERBS = (
     _CommandVerb("explain", "explain an error code"),
     _CommandVerb("compile", "write the typed mission graph as JSON"),
     _CommandVerb("graph", "draw the mission graph"),
-    _CommandVerb("docs", "write a page that describes a mission"),
+    _CommandVerb("docs", "write a page that describes a mission or a library, or the language on one card"),
     _CommandVerb("fmt", "format mission files"),
     _CommandVerb("lsp", "run the language server: errors, completion and renaming in an editor"),
     _CommandVerb("scene", "build a city from a map; describe or draw a city", computes=True),

@@ -1,4 +1,4 @@
-"""The language server: completion, hover, navigation and fixes for `.ljs` in editors, from the compiler's tables.
+"""The language server: completion, hover, signatures, navigation and fixes for `.ljs`, from the compiler's tables.
 
 An *occurrence* is a name at a place in the text; its *key* identifies its meaning. The *context* of a cursor is the
 blocks around it and the unfinished statement before it.
@@ -11,6 +11,7 @@ The modules in control-flow order:
 - `context`: the context of a cursor in an unfinished text. `pattern`: the continuations of an unfinished statement.
   `complete`: the proposals there.
 - `explain`: Markdown about a name, a unit or a keyword. `outline`: the symbols of a file.
+- `signatures`: the call around a cursor. `colours`: semantic tokens. `folding`: foldable lines. `hints`: units.
 - `rename`: the edits of a renaming, or the reason why it is impossible.
 - `server`: the protocol. It alone imports pygls, and only `lingjing lsp` imports it.
 

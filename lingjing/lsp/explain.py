@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from lingjing.dsl.checking.scope import TypeDecl
 from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.checking.typenames import word as type_word
+from lingjing.dsl.pages.library import declaration_text
 from lingjing.dsl.syntax.lexer import MASTER
 from lingjing.dsl.syntax.statements import STATEMENTS
 from lingjing.lsp.analysis import Analysis, comment_above, library_file
@@ -55,11 +55,9 @@ def _head(analysis: Analysis, occurrence: Occurrence) -> str:
         measured = f" in `{unit}`" if unit else ""
         return f"{symbol.kind}, {with_article(symbol.type)}{measured}{hidden}"
     if space in ("type", "") and name in scope.types:
-        return _type(scope.types[name])
+        return declaration_text(scope.types[name])
     if space in ("record", "") and name in scope.records:
-        record = scope.records[name]
-        fields = ", ".join(f"`{field.name}: {field.type}`" for field in record.fields)
-        return f"message record ({record.category}) with {fields}"
+        return declaration_text(scope.records[name])
     if space == "message" and name in scope.messages:
         known = scope.messages[name][0]
         return f"message kind{f' of the record `{known.name}`' if known else ''}"
@@ -86,13 +84,6 @@ def _verb(analysis: Analysis, name: str) -> str:
             does = engine_kind(decl.engine).verbs.get(name, VerbKind()).doc
             descriptions.append(f"`{decl.name}`: {does}" if does else f"`{decl.name}`")
     return f"verb of {'; of '.join(descriptions)}" if descriptions else "verb"
-
-
-def _type(decl: TypeDecl) -> str:
-    properties = ", ".join(f"`{name}` ({type_word(attribute.type)})" for name, attribute in decl.attributes.items())
-    verbs = ", ".join(f"`{name}`" for name in decl.verbs)
-    sentence = f"{decl.role} type, engine `{decl.engine}`"
-    return sentence + (f"; has {properties}" if properties else "") + (f"; does {verbs}" if verbs else "")
 
 
 def _signature(function: Signature) -> str:

@@ -21,11 +21,14 @@ from lingjing import __version__
 from lingjing.dsl.formatting.formatter import format_source
 from lingjing.dsl.source.text import SourceText
 from lingjing.errors import LingjingError
+from lingjing.lsp import colours, signatures
 from lingjing.lsp import complete as completing
 from lingjing.lsp import explain as explaining
 from lingjing.lsp import outline as outlining
 from lingjing.lsp import rename as renaming
 from lingjing.lsp.analysis import Analysis, library_file
+from lingjing.lsp.folding import folds
+from lingjing.lsp.hints import unit_hints
 from lingjing.lsp.positions import Positions, TextPosition
 from lingjing.mission.diagnostics import Diagnostic, Edit, Fix, Span
 
@@ -327,6 +330,46 @@ async def actions(server: Server, params: lsp.CodeActionParams) -> list[lsp.Code
     return code_actions
 
 
+async def signature_help(server: Server, params: lsp.SignatureHelpParams) -> lsp.SignatureHelp | None:
+    """The signature of the call around the cursor, with the argument at the cursor."""
+    analysis = server.analysis(params.text_document.uri)
+    offset = _offset(server.positions(analysis.source), params.position)
+    known = await server.off_loop(lambda: signatures.signature_at(analysis, offset))
+    if known is None:
+        return None
+    parameters = [lsp.ParameterInformation(label=place) for place in known.parameters]
+    shown = lsp.SignatureInformation(known.label, known.doc or None, parameters, known.active)
+    return lsp.SignatureHelp([shown], active_signature=0, active_parameter=known.active)
+
+
+async def semantic_tokens(server: Server, params: lsp.SemanticTokensParams) -> lsp.SemanticTokens:
+    """The kind of every word, as distances to the token before (the protocol's encoding)."""
+    analysis = server.analysis(params.text_document.uri)
+    positions = server.positions(analysis.source)
+    return lsp.SemanticTokens(await server.off_loop(lambda: _encoded(colours.coloured(analysis), positions)))
+
+
+async def folding(server: Server, params: lsp.FoldingRangeParams) -> list[lsp.FoldingRange]:
+    """The parts that can be folded."""
+    analysis = server.analysis(params.text_document.uri)
+    ranges = await server.off_loop(lambda: folds(analysis))
+    return [lsp.FoldingRange(fold.first - 1, fold.last - 1, kind=lsp.FoldingRangeKind(fold.kind)) for fold in ranges]
+
+
+async def inlay_hints(server: Server, params: lsp.InlayHintParams) -> list[lsp.InlayHint]:
+    """The hints for units in a part of the text."""
+    analysis = server.analysis(params.text_document.uri)
+    positions = server.positions(analysis.source)
+    start, end = _offset(positions, params.range.start), _offset(positions, params.range.end)
+    hints = await server.off_loop(lambda: unit_hints(analysis, start, end))
+    shown = []
+    for hint in hints:
+        place = positions.place(hint.offset)
+        at = lsp.Position(place.line, place.character)
+        shown.append(lsp.InlayHint(at, hint.label, lsp.InlayHintKind.Type, tooltip=hint.tooltip))
+    return shown
+
+
 _FEATURES: tuple[tuple[str, Callable[..., object], object], ...] = (
     (lsp.TEXT_DOCUMENT_DID_OPEN, opened, None),
     (lsp.TEXT_DOCUMENT_DID_CHANGE, changed, None),
@@ -342,6 +385,18 @@ _FEATURES: tuple[tuple[str, Callable[..., object], object], ...] = (
     (lsp.TEXT_DOCUMENT_RENAME, rename, lsp.RenameOptions(prepare_provider=True)),
     (lsp.TEXT_DOCUMENT_DOCUMENT_SYMBOL, symbols, None),
     (lsp.TEXT_DOCUMENT_FORMATTING, formatting, None),
+    (
+        lsp.TEXT_DOCUMENT_SIGNATURE_HELP,
+        signature_help,
+        lsp.SignatureHelpOptions(trigger_characters=["(", ","], retrigger_characters=[","]),
+    ),
+    (
+        lsp.TEXT_DOCUMENT_SEMANTIC_TOKENS_FULL,
+        semantic_tokens,
+        lsp.SemanticTokensLegend(token_types=list(colours.KINDS), token_modifiers=[]),
+    ),
+    (lsp.TEXT_DOCUMENT_FOLDING_RANGE, folding, None),
+    (lsp.TEXT_DOCUMENT_INLAY_HINT, inlay_hints, None),
     (
         lsp.TEXT_DOCUMENT_CODE_ACTION,
         actions,
@@ -375,6 +430,18 @@ def _action(fix: Fix, diagnostic: lsp.Diagnostic, edit: lsp.WorkspaceEdit) -> ls
         is_preferred=fix.safe,
         edit=edit,
     )
+
+
+def _encoded(tokens: Iterable[colours.ColouredToken], positions: Positions) -> list[int]:
+    """Five numbers for each token: lines and columns since the token before, length, kind, and no modifiers."""
+    data: list[int] = []
+    line = column = 0
+    for token in tokens:
+        start, end = positions.place(token.start), positions.place(token.end)
+        between = start.character - (column if start.line == line else 0)
+        data += [start.line - line, between, end.character - start.character, colours.KINDS.index(token.kind), 0]
+        line, column = start.line, start.character
+    return data
 
 
 def _symbols(entries: Iterable[outlining.OutlineEntry], positions: Positions) -> list[lsp.DocumentSymbol]:

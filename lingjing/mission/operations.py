@@ -214,7 +214,7 @@ def union(context: EvaluationContext, *regions: Value) -> Value:
     return _checked(geometry2d.united(tuple(as_area(region).polygon for region in regions)))
 
 
-@lru_cache(maxsize=64)  # a check of a mission evaluates its regions again for each mode and setting
+@lru_cache(maxsize=1024)  # a check of a mission evaluates its regions again for each mode and setting
 def _checked(outline: geometry2d.Polygon) -> Area:
     fault = geometry2d.fault(outline)
     if fault:

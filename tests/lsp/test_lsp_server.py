@@ -30,6 +30,7 @@ class Editor(LanguageClient):
     def __init__(self) -> None:
         super().__init__("test-editor", "1")
         self.published: dict[str, list[lsp.PublishDiagnosticsParams]] = {}
+        self.capabilities = lsp.ServerCapabilities()
         self.told = asyncio.Event()
         self.text = ""
         self.version = 0
@@ -76,9 +77,10 @@ async def editor() -> AsyncIterator[Editor]:
         client.told.set()
 
     await client.start_io(sys.executable, "-m", "lingjing.cli.main", "lsp", "--stdio")
-    await client.initialize_async(
+    started = await client.initialize_async(
         lsp.InitializeParams(capabilities=lsp.ClientCapabilities(), process_id=os.getpid(), root_uri=None)
     )
+    client.capabilities = started.capabilities
     client.initialized(lsp.InitializedParams())
     yield client
     if client._server is not None and client._server.returncode is None:
@@ -163,6 +165,55 @@ async def test_completion_hover_definition_references(editor: Editor) -> None:
         lsp.ReferenceParams(lsp.ReferenceContext(include_declaration=True), DOCUMENT, place(text, "uavs "))
     )
     assert places is not None and len(places) == SSR.count("uavs")
+
+
+async def test_signatures_tokens_folds_and_unit_hints(editor: Editor) -> None:
+    text = (
+        "ljs 1\nuse std.air\nuse std.sea\n# a note\n# of two lines\nmission m {\n  param far = 3 km in 1 m..9 km\n"
+        "  region r = circle((far, 5 m), far)\n  adjudicate near(v: victim) { when now > 3 s }\n"
+        "  stage s {\n    done when near(victim)\n  }\n}\n"
+    )
+    editor.open(text)
+    for word, label, active in (
+        ("(far, 5", "circle(centre: position, radius: length)", 0),
+        ("far)", "circle(centre: position, radius: length)", 1),
+        ("victim)\n", "near(v: victim)", 0),
+    ):
+        help_there = await editor.text_document_signature_help_async(
+            lsp.SignatureHelpParams(DOCUMENT, place(text, word))
+        )
+        assert help_there is not None
+        assert help_there.signatures[0].label == label and help_there.active_parameter == active
+    outside = lsp.SignatureHelpParams(DOCUMENT, place(text, "stage s"))
+    assert await editor.text_document_signature_help_async(outside) is None
+
+    folds = await editor.text_document_folding_range_async(lsp.FoldingRangeParams(DOCUMENT))
+    shown = {(fold.start_line, fold.end_line, str(getattr(fold.kind, "value", fold.kind))) for fold in folds or ()}
+    assert shown == {(1, 2, "imports"), (3, 4, "comment"), (5, 11, "region"), (9, 10, "region")}
+
+    whole = lsp.Range(lsp.Position(0, 0), lsp.Position(20, 0))
+    hints = await editor.text_document_inlay_hint_async(lsp.InlayHintParams(DOCUMENT, whole))
+    assert [(hint.position.line, hint.label) for hint in hints or ()] == [
+        (6, " = 3000 m"), (6, " = 9000 m"), (7, ": m"), (7, ": m"),
+    ]  # fmt: skip
+
+    tokens = await editor.text_document_semantic_tokens_full_async(lsp.SemanticTokensParams(DOCUMENT))
+    assert tokens is not None
+    legend = editor.capabilities.semantic_tokens_provider.legend.token_types
+    words, line, column = [], 0, 0
+    for start in range(0, len(tokens.data), 5):
+        down, right, length, kind, _ = tokens.data[start : start + 5]
+        line, column = line + down, right if down else column + right
+        words.append((text.split("\n")[line][column : column + length], legend[kind]))
+    assert words[:7] == [
+        ("ljs", "keyword"), ("1", "number"), ("use", "keyword"), ("std", "enumMember"), ("air", "property"),
+        ("use", "keyword"), ("std", "enumMember"),
+    ]  # fmt: skip
+    expected = {
+        ("# a note", "comment"), ("far", "variable"), ("3 km", "number"), ("circle", "function"), ("near", "function"),
+        ("v", "parameter"), ("when", "keyword"),
+    }  # fmt: skip
+    assert expected <= set(words)
 
 
 async def test_rename_and_its_refusals(editor: Editor) -> None:

@@ -10,6 +10,7 @@ The modules in control-flow order:
 - `values`: checked expressions. `keys`: the properties that a block may have.
 - `scope`: the tables of declared names. `typenames`: types in words.
 - `unknown`: names without a declaration. `shipped_names`: the names that the standard library declares.
+- `corrections`: values of the wrong kind in their right spelling.
 - `expressions`: the base of the checkers of expressions, and the numbers that expressions always equal.
 - `calls`, `aggregates`, `status_words`, `elaborate`: expressions with their types and taints.
 - `blocks`: the properties of a block against its keys. `properties`: their form in the mission.

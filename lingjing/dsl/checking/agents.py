@@ -13,6 +13,7 @@ from lingjing.dsl.checking.unseen_pictures import PlacedChannel, warn_of_unseen
 from lingjing.dsl.checking.values import STATIC, UNKNOWN, Environment, TypedExpression
 from lingjing.dsl.checking.wording import WordingChecker
 from lingjing.dsl.syntax import tree as s
+from lingjing.dsl.syntax.foreign import NAMES
 from lingjing.dsl.syntax.statements import RELATIONS
 from lingjing.mission import expression as ex
 from lingjing.mission import model
@@ -152,7 +153,10 @@ class AgentChecker(DeclarationChecker):
     def role(self, name: s.Name) -> None:
         """Report a role without an agent."""
         if name.text not in self.scope.roles:
-            self.of.unknown_name(name, list(self.scope.roles), "no role")
+            everyone = NAMES.get(name.text) == EVERYONE
+            hint = f"write `{EVERYONE}`" if everyone else ""
+            replace = EVERYONE if everyone else None
+            self.of.unknown_name(name, list(self.scope.roles), "no role", hint, replace, safe=everyone)
 
     # -- private
 

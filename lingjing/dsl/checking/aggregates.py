@@ -9,6 +9,7 @@ from typing import Any
 
 from lingjing.dsl.checking.calls import CallChecker
 from lingjing.dsl.checking.values import UNKNOWN, Environment, TypedExpression
+from lingjing.dsl.source.reporter import Change
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission.functions import AGGREGATES, FUNCTIONS, NUMBER
@@ -21,12 +22,28 @@ def is_aggregate(node: s.CallExpr) -> bool:
     return (name in AGGREGATES and name not in FUNCTIONS) or any(argument.over for argument in node.arguments)
 
 
+_QUANTIFIERS = {"all": "forall", "every": "forall", "any": "exists", "some": "exists"}
+"""Function elsewhere → the quantifier."""
+
+
+def _quantifier(node: s.CallExpr, text: str) -> tuple[str, tuple[Change, ...]]:
+    """`forall v in group: …` for `all(… for v in group)`: the hint and the edit; empty for another function."""
+    word = _QUANTIFIERS.get(node.function.text)
+    over = node.arguments[0].over if len(node.arguments) == 1 else None
+    if word is None or over is None:
+        return "", ()
+    body = node.arguments[0].value
+    written = f"{word} {over.variable.text} in {over.domain.text}: {text[body.start : body.end]}"
+    return f"write `{word} v in …: …`", ((node.start, node.end, written),)
+
+
 def aggregate(calls: CallChecker, node: s.CallExpr, environment: Environment) -> TypedExpression:
     """The checked aggregate. Its value is a number, or a quantity of its body's dimension."""
     function, checker = node.function, calls.of
     if function.text not in AGGREGATES:
-        hint = did_you_mean(function.text, AGGREGATES)
-        checker.report.at("LJ0306", function, f"`{function.text}` does not range over a group", hint)
+        hint, edits = _quantifier(node, checker.report.source.text)
+        hint = hint or did_you_mean(function.text, AGGREGATES)
+        checker.report.at("LJ0306", function, f"`{function.text}` does not range over a group", hint, edits=edits)
         return UNKNOWN
     if not environment.rule:
         message = f"`{function.text}(…)` over a group is known only while the mission runs"

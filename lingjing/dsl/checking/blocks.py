@@ -9,14 +9,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+from lingjing.dsl.checking.corrections import size_of
 from lingjing.dsl.checking.elaborate import Elaborator
 from lingjing.dsl.checking.keys import PropertyEntry
 from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.checking.values import STATIC, UNKNOWN, Environment, Taint, TypedExpression
+from lingjing.dsl.source.reporter import Change
 from lingjing.dsl.syntax import tree as s
+from lingjing.dsl.syntax.foreign import KEYS
 from lingjing.dsl.syntax.keys import PropertyKey
+from lingjing.dsl.syntax.statement_kinds import FILE, TYPE
+from lingjing.dsl.syntax.statements import KINDS, kind_of
 from lingjing.mission import expression as ex
-from lingjing.mission.functions import DEGREES, MPS, NUMBER, Type
+from lingjing.mission.functions import DEGREES, DISTRIBUTIONS, MPS, NUMBER, Type
 from lingjing.mission.units import dimension_unit
 from lingjing.suggest import did_you_mean, is_certain, nearest
 
@@ -79,6 +84,7 @@ class BlockReader:
         if isinstance(item, s.FieldLine):
             hint = f"write `{first} = …`"
         message = f"`{first}` has no meaning in {what}" if code == "LJ0107" else f"{what} knows no `{first}`"
+        hint = hint or _place_of(item)
         self.report(code, name.start, max(end, name.start + 1), message, hint)
 
     def leak(self, taint: Taint, node: s.SyntaxNode, sink: str) -> None:
@@ -115,9 +121,11 @@ class BlockReader:
         key = keys.get(name.text)
         if key is None:
             proposed = [each.name for each in keys.values() if each.proposed]
-            hint = did_you_mean(name.text, proposed)
-            close = nearest(name.text, proposed)
-            certain = is_certain(name.text, set(proposed) - seen.keys())
+            right_name = KEYS.get(name.text)
+            right_name = right_name if right_name in proposed and right_name not in seen else None
+            hint = f"write `{right_name}`" if right_name else did_you_mean(name.text, proposed)
+            close = right_name or nearest(name.text, proposed)
+            certain = right_name is None and is_certain(name.text, set(proposed) - seen.keys())
             self.report.at("LJ0108", name, f"{what} knows no `{name.text}`", hint, replace=close, safe=certain)
             if close is not None:
                 seen.setdefault(close, item)  # otherwise it would be reported as missing too
@@ -152,6 +160,8 @@ class BlockReader:
                 safe=item.relation != "~",
             )
             return
+        if self._is_undrawn(item, key):
+            return
         parts = self.parts(item.value, key, item.relation, environment)
         if any(part is UNKNOWN for part in parts):
             return
@@ -161,6 +171,18 @@ class BlockReader:
             for part in parts:
                 self.leak(part.taint, item.value, f"`{name.text}` of {what}")
         entries[name.text] = PropertyEntry(item, key, parts)
+
+    def _is_undrawn(self, item: s.PropertyLine, key: PropertyKey) -> bool:
+        """True for `position = sites(…)`, a draw after `=`. Reports it."""
+        value = item.value
+        drawn = isinstance(value, s.CallExpr) and value.function.text in DISTRIBUTIONS
+        if not drawn or item.relation == "~" or "~" not in key.relations:
+            return False
+        if not isinstance(value, s.CallExpr) or value.function.text in self.of.scope.rules:
+            return False
+        message, hint = f"`{value.function.text}(…)` draws a value", f"write `{key.name} ~ …`"
+        self.report.at("LJ0302", value.function, message, hint, edits=((item.name.end, value.start, " ~ "),))
+        return True
 
     def in_bounds(self, item: s.PropertyLine, key: PropertyKey, parts: tuple[TypedExpression, ...]) -> bool:
         """True if a value, and all results of a draw, are within the key's bounds. Reports a value that is not."""
@@ -293,6 +315,7 @@ class BlockReader:
                 node,
                 f"`{key.name}` is a speed and a direction",
                 f"write `{key.name} {relation} 4 m/s {word} 220 deg`",
+                edits=_directed_edits(node, word),
             )
             return (UNKNOWN,)
         parts = []
@@ -307,7 +330,8 @@ class BlockReader:
 
     def _size(self, node: s.Expression, what: str, environment: Environment) -> tuple[TypedExpression, ...]:
         if not isinstance(node, s.BinaryExpr) or node.operator != "by":
-            self.report.at("LJ0205", node, f"{what} is two numbers", "write `3 by 3`")
+            right = size_of(node, self.report.source)
+            self.report.at("LJ0205", node, f"{what} is two numbers", f"write `{right or '3 by 3'}`", replace=right)
             return (UNKNOWN,)
         return tuple(self._whole(part, what, environment) for part in (node.left, node.right))
 
@@ -368,6 +392,28 @@ class DeclarationChecker:
             self.report.at("LJ0114", node, f"`{value.type.of}` is a target: agents cannot command it")
             return None
         return value
+
+
+_PLACES = {FILE: "at the top of a file", TYPE: "in a type", **{word: f"in `{word}`" for word in KINDS}}
+_PLACES["mission"] = "in a mission"
+
+
+def _place_of(item: s.Statement) -> str:
+    """The place where a statement stands, for one in another place."""
+    kind = kind_of(item)
+    if kind is None:
+        return ""
+    return f"it stands {' or '.join(_PLACES[place] for place in kind.within)}"
+
+
+def _directed_edits(node: s.Expression, word: str) -> tuple[Change, ...]:
+    """The edit that writes a speed and a direction with the right word between them."""
+    if isinstance(node, s.BinaryExpr) and node.operator in ("at", "from", "to", "by"):
+        return ((node.left.end, node.right.start, f" {word} "),)
+    if isinstance(node, s.Tuple) and len(node.items) == 2:
+        first, second = node.items
+        return ((node.start, first.start, ""), (first.end, second.start, f" {word} "), (second.end, node.end, ""))
+    return ()
 
 
 def _within(key: PropertyKey, number: float) -> bool:

@@ -7,6 +7,8 @@ from lingjing.dsl.checking.scope import GroupInfo
 from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.checking.values import UNKNOWN, Environment, Taint, TypedExpression
 from lingjing.dsl.syntax import tree as s
+from lingjing.dsl.syntax.foreign import CALLS
+from lingjing.dsl.syntax.foreign import FUNCTIONS as FOREIGN_FUNCTIONS
 from lingjing.mission import expression as ex
 from lingjing.mission.functions import (
     DISTRIBUTIONS,
@@ -37,12 +39,17 @@ class CallChecker:
         signature = FUNCTIONS.get(name)
         if signature is None:
             self._all_arguments(node, environment)
-            return self.of.unknown_name(node.function, [*FUNCTIONS, *self.scope.rules], "no function")
+            right_name = CALLS.get(name)
+            hint = f"write `{right_name}`" if right_name else FOREIGN_FUNCTIONS.get(name, "")
+            return self.of.unknown_name(node.function, [*FUNCTIONS, *self.scope.rules], "no function", hint, right_name)
         if signature.where == "rule" and not environment.rule:
             self._misplaced(node, f"`{name}(…)` is known only while the mission runs", "use it in a rule")
             return UNKNOWN
         if signature.where == "static" and environment.rule:
-            self._misplaced(node, f"`{name}(…)` cannot stand in a rule", "declare a param or a region with it")
+            message, hint = f"`{name}(…)` cannot stand in a rule", "declare a param or a region with it"
+            right_name = _IN_RULES.get(name)
+            hint = f"write `{right_name}`" if right_name else hint
+            self.report.at("LJ0304", node.function, message, hint, replace=right_name)
             return UNKNOWN
         checked = self._arguments(node, signature, environment)
         if checked is None:
@@ -268,7 +275,9 @@ class CallChecker:
             return TypedExpression(ex.Symbol(node.text), Type("interaction"))
         if isinstance(node, s.Name):
             return UNKNOWN if self.scope.incomplete else self.of.unknown_name(node, list(known), "no interaction")
-        self.report.at("LJ0201", node, "an interaction's name is due here")
+        quoted = node.value if isinstance(node, s.TextLiteral) and node.value in known else None
+        hint = f"write `{quoted}`" if quoted else ""
+        self.report.at("LJ0201", node, "an interaction's name is due here", hint, replace=quoted, safe=True)
         return UNKNOWN
 
     def _is_offered(self, node: s.CallExpr, environment: Environment) -> bool:
@@ -300,7 +309,8 @@ class CallChecker:
             node = node.right
         elif option.relation != "=":
             message = f"`{option.name}` is a bound"
-            self.report.at("LJ0303", argument, message, f"write `{option.name} {option.relation} …`")
+            edits = ((argument.start, node.start, f"{option.name} {option.relation} "),)
+            self.report.at("LJ0303", argument, message, f"write `{option.name} {option.relation} …`", edits=edits)
             return None
         return self.of.expect(node, environment, option.type, f"`{option.name}`")
 
@@ -321,6 +331,8 @@ class CallChecker:
         due = f"at least {least}" if most is None else str(least) if least == most else f"{least} to {most}"
         shown = ", ".join(p.name for p in signature.parameters) + (", …" if signature.variadic else "")
         message = f"`{signature.name}` takes {due} argument{'' if due == '1' else 's'}, {actual} given"
+        if actual == 2 * len(signature.parameters) and all(p.type.kind == "position" for p in signature.parameters):
+            shown = ", ".join("(…, …)" for _ in signature.parameters)
         self.report.at("LJ0306", node, message, f"`{signature.name}({shown})`")
         return False
 
@@ -330,6 +342,10 @@ class CallChecker:
 
     def _misplaced(self, node: s.CallExpr, message: str, hint: str) -> None:
         self.report.at("LJ0304", node.function, message, hint)
+
+
+_IN_RULES = {"distance": "distance_xy"}
+"""Function that is known before the run alone → the one for rules."""
 
 
 def children(node: s.Expression) -> tuple[s.Expression, ...]:

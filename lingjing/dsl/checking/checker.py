@@ -156,10 +156,12 @@ class _MissionChecker:
             if not names_in_faults(items):
                 modes = model.Modes(default="broadcast", allowed=("broadcast",))
                 self.scope.modes = modes.allowed
+                self.scope.mode_line = (modes.default, 0, 0)
                 return modes
             self.scope.modes = ("star", "broadcast")
             return None
         modes_or_none = self.settings.mode(node)
+        self.scope.mode_line = (node.default.text, node.start, node.end)
         self.scope.modes = modes_or_none.allowed if modes_or_none else ("star", "broadcast")
         return modes_or_none
 

@@ -6,19 +6,21 @@ lowered expression. Every error is reported once. A faulty expression becomes `U
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
 from lingjing.dsl.checking.aggregates import aggregate, is_aggregate
 from lingjing.dsl.checking.calls import CallChecker
+from lingjing.dsl.checking.corrections import with_units
 from lingjing.dsl.checking.expressions import ExpressionChecker
 from lingjing.dsl.checking.scope import SymbolTables
 from lingjing.dsl.checking.status_words import status_side
 from lingjing.dsl.checking.typenames import dimension_of, of_type, with_article
 from lingjing.dsl.checking.values import UNKNOWN, Environment, Taint, TypedExpression
-from lingjing.dsl.source.reporter import Reporter
+from lingjing.dsl.source.reporter import Change, Reporter
 from lingjing.dsl.syntax import tree as s
+from lingjing.dsl.syntax.foreign import AXES, FIELDS, NAMES, unit_for
 from lingjing.mission import expression as ex
 from lingjing.mission.functions import (
     DISTRIBUTIONS,
@@ -42,11 +44,13 @@ from lingjing.mission.units import (
     NONE,
     TIME,
     UNITS,
+    dimension_unit,
     multiply,
     si_value,
     unit_of,
 )
-from lingjing.suggest import nearest
+from lingjing.mission.vocabulary import MODES
+from lingjing.suggest import did_you_mean, nearest
 
 _COMPARISONS = frozenset(("<", "<=", ">", ">="))
 """Operators of comparison."""
@@ -105,9 +109,12 @@ class Elaborator(ExpressionChecker):
         unit = unit_of(node.unit)
         if unit is None:
             end, start = node.end, node.end - len(node.unit)
-            close = nearest(node.unit, UNITS)
+            right_name = unit_for(node.unit)
+            close = right_name or nearest(node.unit, UNITS)
             hint = f"did you mean `{close}`?" if close else "compound units have no spaces: m/s, km/h, m^2"
-            self.report("LJ0204", start, end, f"no unit is called `{node.unit}`", hint, replace=close)
+            hint = f"write `{right_name}`" if right_name else hint
+            message, safe = f"no unit is called `{node.unit}`", right_name is not None
+            self.report("LJ0204", start, end, message, hint, replace=close, safe=safe)
             return UNKNOWN
         return self._measured(node, si_value(node.value, node.unit), Type("quantity", unit.dimension))
 
@@ -147,7 +154,10 @@ class Elaborator(ExpressionChecker):
             return TypedExpression(ex.Symbol(name), Type("name", of="mode"))
         if name in self.scope.agents or name in self.scope.roles or name in self.scope.stages:
             return TypedExpression(ex.Symbol(name), NAME)
-        return self.unknown_name(node, [*environment.locals, *self.scope.known_names()])
+        right_name = NAMES.get(name)
+        hint = f"write `{right_name}`" if right_name else ""
+        known = [*environment.locals, *self.scope.known_names()]
+        return self.unknown_name(node, known, hint=hint, replace=right_name, safe=right_name in ("true", "false"))
 
     def _through(self, taint: Taint, node: s.Name) -> Taint:
         return (*taint, self.step(f"`{node.text}`", node)) if taint else ()
@@ -161,6 +171,15 @@ class Elaborator(ExpressionChecker):
         items = [self.value(item, environment) for item in node.items]
         dimension = items[0].type.dimension
         due = METRES if dimension != (0, 0, 0, 1, 0, 0, 0, 0) else Type("quantity", dimension)
+        units = with_units(node, due) if all(item.type == NUMBER for item in items) else ()
+        if units:
+            text = self.report.source.text
+            written = ", ".join(
+                f"{text[item.start : item.end]} {dimension_unit(due.dimension or NONE)}" for item in node.items
+            )
+            message = f"{with_article(due)} is due for each coordinate, these are bare numbers"
+            self.report.at("LJ0202", node, message, f"give them a unit: `({written})`", edits=units)
+            return UNKNOWN
         good = [self.fits(item, due, part, "a coordinate") for item, part in zip(items, node.items, strict=True)]
         if not all(good):
             return UNKNOWN
@@ -246,7 +265,7 @@ class Elaborator(ExpressionChecker):
             self.report.at("LJ0102", name, f"{with_article(base.type)} has no fields", hint)
             return UNKNOWN
         if name.text not in fields:
-            return self._no_field(name, with_article(base.type), list(fields))
+            return self._no_field(name, with_article(base.type), list(fields), AXES)
         return TypedExpression(ex.Attr(base.ir, name.text), fields[name.text], base.taint)
 
     def _entity_field(self, base: TypedExpression, node: s.FieldExpr, environment: Environment) -> TypedExpression:
@@ -257,7 +276,7 @@ class Elaborator(ExpressionChecker):
             kind = of_type(STATUS, group.name)
         if kind is None:
             if attribute is None:
-                return self._no_field(name, f"`{group.name}`", [*STATE_FIELDS, *group.attributes])
+                return self._no_field(name, f"`{group.name}`", [*STATE_FIELDS, *group.attributes], FIELDS)
             kind = attribute.type
             suffix = BY_DIMENSION.get(kind.dimension or NONE) if kind.kind == "quantity" else None
             lowered = name.text + (suffix.suffix if suffix else "")
@@ -278,8 +297,14 @@ class Elaborator(ExpressionChecker):
                 )
         return self._no_field(name, f"a message of the record `{record.name}`", [f.name for f in record.fields])
 
-    def _no_field(self, name: s.Name, owner: str, known: list[str]) -> TypedExpression:
-        self.report.unknown("LJ0102", name, f"{owner} has no field `{name.text}`", known)
+    def _no_field(
+        self, name: s.Name, owner: str, known: list[str], foreign: Mapping[str, str] | None = None
+    ) -> TypedExpression:
+        message, right_name = f"{owner} has no field `{name.text}`", (foreign or {}).get(name.text)
+        if right_name is not None:
+            self.report.at("LJ0102", name, message, f"write `{right_name}`", replace=right_name)
+        else:
+            self.report.unknown("LJ0102", name, message, known)
         return UNKNOWN
 
     # -- operators
@@ -353,6 +378,12 @@ class Elaborator(ExpressionChecker):
             return status_side(self, left, node, environment)
         if left.type.of == "mode" and isinstance(node, s.Name):
             return self._one_of(node, self.scope.modes, "mode")
+        if left.type.of == "mode" and isinstance(node, s.TextLiteral) and node.value not in self.scope.modes:
+            close = nearest(node.value, self.scope.modes)
+            hint = did_you_mean(node.value, self.scope.modes)
+            message = f"the mode is never `{node.value}`"
+            self.report.at("LJ0109", node, message, hint, replace=close)
+            return UNKNOWN
         if left.type.of == "mode" and isinstance(node, s.NameSet):
             items = [self._one_of(name, self.scope.modes, "mode") for name in node.names]
             return TypedExpression(ex.Sequence(tuple(i.ir for i in items)), Type("list", item="name"))
@@ -375,7 +406,16 @@ class Elaborator(ExpressionChecker):
     def _one_of(self, node: s.Name, known: tuple[str, ...], what: str) -> TypedExpression:
         if node.text in known:
             return TypedExpression(ex.Symbol(node.text), Type("name", of=what))
-        return self.unknown_name(node, list(known), f"no {what}")
+        hint, edits = self._permit(node.text) if what == "mode" else ("", ())
+        return self.unknown_name(node, list(known), f"no {what}", hint, edits=edits)
+
+    def _permit(self, mode: str) -> tuple[str, tuple[Change, ...]]:
+        """The statement that permits a mode of the language, and the edit that writes it."""
+        if mode not in MODES or self.scope.mode_line is None:
+            return "", ()
+        default, start, end = self.scope.mode_line
+        written = f"mode {default} in {{ {', '.join((*self.scope.modes, mode))} }}"
+        return f"permit it: `{written}`", ((start, end, written),) if end > start else ()
 
     def _logic(self, node: s.BinaryExpr, left: TypedExpression, right: TypedExpression) -> TypedExpression:
         good = self.fits(left, FLAG, node.left, f"`{node.operator}`")

@@ -188,10 +188,11 @@ class EntityChecker(DeclarationChecker):
                 range_node,
                 "members are counted `1..n`",
                 f"write `[1..{text}]`" if value.type.kind == "quantity" else "",
+                replace=f"1..{text}" if value.type.kind == "quantity" else None,
             )
             return ex.Number(1.0), name
         if self.of.constant(value.ir.low) != 1.0:
-            self.report.at("LJ0111", range_node, "members are counted from 1")
+            self.report.at("LJ0111", range_node, "a group has no such member", "members are counted from 1: `[1..n]`")
         high = self.of.constant(value.ir.high)
         if high is not None and (high < 0 or high != int(high) or high > 100_000):
             self.report.at("LJ0206", range_node, "a group has 0 to 100000 members, in whole numbers")

@@ -49,7 +49,10 @@ class EventChecker(DeclarationChecker):
             unit = value.type.dimension == (0,) * 8
             code = "LJ0202" if unit else "LJ0203" if value.type.kind == "quantity" else "LJ0201"
             message = f"an event's time is in ticks or seconds, this is {with_article(value.type)}"
-            self.report.at(code, node.at, message, "write `at 12 tick` or `at 90 s`")
+            bare = isinstance(node.at, s.NumberLiteral) and not node.at.unit
+            text = self.report.source.text[node.at.start : node.at.end] if bare else "12"
+            hint = f"write `{text} tick`, or `{text} s`" if bare else "write `at 12 tick` or `at 90 s`"
+            self.report.at(code, node.at, message, hint, replace=f"{text} tick" if bare else None)
             return None
         number = self.of.constant(value.ir)
         if number is not None and number < 0:

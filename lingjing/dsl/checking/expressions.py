@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from lingjing.dsl.checking.corrections import correction
 from lingjing.dsl.checking.scope import SymbolTables
 from lingjing.dsl.checking.typenames import fits, with_article
 from lingjing.dsl.checking.unknown import UnknownNames
 from lingjing.dsl.checking.values import UNKNOWN, Environment, FlowStep, TypedExpression
-from lingjing.dsl.source.reporter import Reporter
+from lingjing.dsl.source.reporter import Change, Reporter
 from lingjing.dsl.syntax import tree as s
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
@@ -66,15 +67,32 @@ class ExpressionChecker:
         elif due.kind == value.type.kind and due.kind in ("quantity", "range"):
             self.report.at("LJ0203", node, message, _unit_hint(due))
         else:
-            self.report.at("LJ0201", node, message)
+            self._wrong_kind(node, value, due, message)
+
+    def _wrong_kind(self, node: s.SyntaxNode, value: TypedExpression, due: Type, message: str) -> None:
+        right = correction(node, due, self.report.source)
+        if right is not None:
+            self.report.at("LJ0201", node, message, f"write `{right[0]}`", replace=right[0], safe=right[1])
+            return
+        group = value.type.of if value.type.kind == "group" and due.kind in ("entity", "position") else ""
+        hint = f"bind one: `forall v in {group}: …`, or name it: `{group}[1]`" if group else ""
+        self.report.at("LJ0201", node, message, hint)
 
     def unknown_name(
-        self, node: s.Name, known: list[str], what: str = "nothing", hint: str = "", replace: str | None = None
+        self,
+        node: s.Name,
+        known: list[str],
+        what: str = "nothing",
+        hint: str = "",
+        replace: str | None = None,
+        *,
+        safe: bool = False,
+        edits: tuple[Change, ...] = (),
     ) -> TypedExpression:
         """Store a name without a declaration. It is reported at the end, unless a faulty statement may have declared
         it. `hint`, `replace`: the way out and the fix if no known name is near.
         """
-        self.names.note(node, known, what, hint, replace)
+        self.names.note(node, known, what, hint, replace, safe=safe, edits=edits)
         return UNKNOWN
 
     def step(self, name: str, node: s.SyntaxNode) -> FlowStep:

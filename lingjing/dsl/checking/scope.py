@@ -163,6 +163,8 @@ class SymbolTables:
         self.mounted: dict[str, list[str]] = {}
         """Group → names of its cameras."""
         self.modes: tuple[str, ...] = ()
+        self.mode_line: tuple[str, int, int] | None = None
+        """Default mode and offsets of the statement `mode`; equal offsets without one."""
         self.constants: dict[str, float] = {}
         self.ceilings: dict[str, float] = {}
         """Param → the greatest value within its bounds. Filled before anything else is checked."""

@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import Literal
 
 from lingjing.dsl.checking.blocks import DeclarationChecker
+from lingjing.dsl.checking.corrections import range_of
 from lingjing.dsl.checking.keys import PropertyEntry, word_of
 from lingjing.dsl.checking.properties import lowered
 from lingjing.dsl.checking.scope import DeclaredName
 from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.checking.values import STATIC, UNKNOWN, TypedExpression
+from lingjing.dsl.source.reporter import Change
 from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.keys import PropertyKey, keyed
 from lingjing.dsl.syntax.statements import DRAWN, KINDS
@@ -152,9 +154,7 @@ class SettingsChecker(DeclarationChecker):
             return self._param(node)
 
     def _param(self, node: s.Param) -> model.Parameter | None:
-        default_node, bounds_node = node.value, None
-        if isinstance(node.value, s.BinaryExpr) and node.value.operator == "in":
-            default_node, bounds_node = node.value.left, node.value.right
+        default_node, bounds_node = self._default_and_bounds(node.value)
         default = self.of.expect(default_node, STATIC, Type("quantity"), f"the param `{node.name.text}`")
         bounds = self._bounds(node, bounds_node, default) if bounds_node is not None else None
         for value, place in ((default, default_node), (bounds, bounds_node)):
@@ -168,8 +168,21 @@ class SettingsChecker(DeclarationChecker):
             self.scope.constants[node.name.text] = constant
         if default is UNKNOWN or bounds is UNKNOWN:
             return None
-        self._default_in_bounds(default_node, default, bounds)
+        self._default_in_bounds(default_node, default, bounds, bounds_node)
         return model.Parameter(name=node.name.text, default=default.ir, bounds=bounds.ir if bounds else None)
+
+    def _default_and_bounds(self, node: s.Expression) -> tuple[s.Expression, s.Expression | None]:
+        """The two parts of a param's value. Reports `2 in 1 to 4`, and reads it as `2 in 1..4`."""
+        inside = node.left if isinstance(node, s.BinaryExpr) and node.operator == "to" else node
+        if not isinstance(inside, s.BinaryExpr) or inside.operator != "in":
+            return node, None
+        if inside is node or not isinstance(node, s.BinaryExpr):
+            return inside.left, inside.right
+        text, low, high = self.report.source.text, inside.right, node.right
+        written = f"{text[low.start : low.end]}..{text[high.start : high.end]}"
+        edits = ((low.end, high.start, ".."),)
+        self.report("LJ0205", low.start, high.end, "`to` makes no range", f"write `{written}`", edits=edits)
+        return inside.left, s.Broken(low.start, high.end)
 
     def region(self, node: s.RegionLine) -> model.RegionDeclaration | None:
         """`region name = polygon(…)`."""
@@ -268,14 +281,25 @@ class SettingsChecker(DeclarationChecker):
             return UNKNOWN
         return value if self.of.fits(value, due, bounds, f"the bounds of `{node.name.text}`") else UNKNOWN
 
-    def _default_in_bounds(self, node: s.Expression, default: TypedExpression, bounds: TypedExpression | None) -> None:
+    def _default_in_bounds(
+        self,
+        node: s.Expression,
+        default: TypedExpression,
+        bounds: TypedExpression | None,
+        node_of_bounds: s.Expression | None,
+    ) -> None:
         number = self.of.constant(default.ir)
         if bounds is None or number is None:
             return
         if isinstance(bounds.ir, ex.Sequence):
             allowed = [self.of.constant(item) for item in bounds.ir.items]
             if None not in allowed and number not in allowed:
-                self.report.at("LJ0206", node, "the default is none of the values allowed")
+                right = None if node_of_bounds is None else range_of(node_of_bounds, self.report.source)
+                hint: str = ""
+                edits: tuple[Change, ...] = ()
+                if right is not None and node_of_bounds is not None and None not in allowed:
+                    hint, edits = f"for a range write `{right}`", ((node_of_bounds.start, node_of_bounds.end, right),)
+                self.report.at("LJ0206", node, "the default is none of the values allowed", hint, edits=edits)
             return
         if not isinstance(bounds.ir, ex.Range):
             return

@@ -142,13 +142,10 @@ class FileChecker:
         first = tree.items[0] if tree.items else None
         if not isinstance(first, s.Version):
             if first is not None and not isinstance(first, s.Faulty):
-                self.report(
-                    "LJ0106",
-                    first.start,
-                    first.start + 1,
-                    "the file lacks its version",
-                    f"begin with `ljs {LANGUAGE_VERSION}`",
-                )
+                at, edits = first.start, ((0, 0, f"ljs {LANGUAGE_VERSION}\n"),)
+                hint = f"begin with `ljs {LANGUAGE_VERSION}`"
+                message = "the file lacks its version"
+                self.report("LJ0106", at, at + 1, message, hint, edits=edits, safe=True)
             return
         number = first.number
         if isinstance(number, s.NumberLiteral) and number.value not in range(1, LANGUAGE_VERSION + 1):
@@ -202,6 +199,13 @@ class FileChecker:
         if node.relative and folder is None:
             hint = "`use .NAME` needs a mission in a file"
         close = nearest(shown, known)
+        outer = f"std.{shown}" if not node.relative and f"std.{shown}" in known else ""
+        close = outer or close
+        hint = f"did you mean `{outer}`?" if outer else hint
+        inner = library.find_file(words[:-1], folder) if len(words) > 2 and node.names is None else None
+        if inner is not None and words[-1] in load_library(inner, self.chain, self.files)[0].declared:
+            close = f"{shown.rpartition('.')[0]} {{ {words[-1]} }}"
+            hint = f"write `use {close}`"
         self.report(
             "LJ0118",
             node.path[0].start,

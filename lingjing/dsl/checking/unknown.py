@@ -55,7 +55,6 @@ _DECLARED_BY = {
     "no inspection": "declare it: `inspection {name} of … by … {{ … }}`",
     "no limit": "declare it: `limit {name} <= … counts …`",
     "no function": "declare a rule: `adjudicate {name}(…) {{ when … }}`",
-    "no mode": "permit it: `mode … in {{ …, {name} }}`",
     "no entity, region or grid": "declare it: `region {name} = …`",
 }
 """Kind of a missing name → the statement that declares it."""
@@ -82,6 +81,10 @@ class UnknownUse(msgspec.Struct, frozen=True):
     """The way out if no known name is near."""
     replace: str | None = None
     """The text that a fix writes if no known name is near."""
+    safe: bool = False
+    """True if that text is certainly the intended one."""
+    edits: tuple[Change, ...] = ()
+    """A fix at another place if no known name is near."""
 
 
 class UnknownNames:
@@ -94,11 +97,21 @@ class UnknownNames:
         self.due: dict[int, Type] = {}
         """Offset of a use → the type of the value that is due there, where that is known."""
 
-    def note(self, node: s.Name, known: list[str], what: str, hint: str = "", replace: str | None = None) -> None:
+    def note(
+        self,
+        node: s.Name,
+        known: list[str],
+        what: str,
+        hint: str = "",
+        replace: str | None = None,
+        *,
+        safe: bool = False,
+        edits: tuple[Change, ...] = (),
+    ) -> None:
         """Store the use of a name without a declaration."""
         uses = self.uses.setdefault(node.text, [])
         if all(use.node.start != node.start for use in uses):  # some expressions are checked twice
-            uses.append(UnknownUse(node, tuple(known), what, hint, replace))
+            uses.append(UnknownUse(node, tuple(known), what, hint, replace, safe, edits))
 
     def needed(self, node: s.SyntaxNode, due: Type) -> None:
         """Store the type that is due where an unknown name stands."""
@@ -231,14 +244,16 @@ class UnknownNames:
         if self.scope.incomplete and self._may_be_declared(first):
             return
         near = [nearest(name, self._fitting(use, uses)) for use in uses]
-        close = near[0]
+        close = near[0] if not first.safe else None
         replace = close if close is not None and all(other == close for other in near) else None
         hint = first.hint if close is None and first.hint else self._hint(name, uses, self._fitting(first, uses))
         self.report(
             "LJ0101", first.node.start, first.node.end, f"{first.what} is called `{name}`", hint,
             related=self._related([use.node for use in uses[1:]]),
-            replace=replace if close is not None else first.replace if len(uses) == 1 else None,
-            also=[(use.node.start, use.node.end) for use in uses[1:]] if replace else ())  # fmt: skip
+            replace=replace if close is not None else first.replace,
+            safe=close is None and first.safe,
+            edits=first.edits if close is None else (),
+            also=[(use.node.start, use.node.end) for use in uses[1:]] if replace or first.replace else ())  # fmt: skip
 
     def _fitting(self, use: UnknownUse, uses: list[UnknownUse]) -> list[str]:
         """The known names at a use with a type that fits all uses."""

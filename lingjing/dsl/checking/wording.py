@@ -30,13 +30,26 @@ class WordingChecker(DeclarationChecker):
         value.
         """
         raw = self.report.source.text[node.text.start : node.text.end]
-        if "{" in raw:
+        if "{" in raw or "}" in raw:
             for hole in HOLE.finditer(raw):
                 if hole[1] is not None:
                     self._hole(node, hole, environment)
+            self._lone_braces(node, raw)
         return node.text.value
 
     # -- private
+
+    def _lone_braces(self, node: s.TextLine, raw: str) -> None:
+        """Report braces that neither begin nor end a hole. They are one error."""
+        without = HOLE.sub(lambda hole: " " * len(hole[0]), raw)
+        lone = [at for at, character in enumerate(without) if character in "{}"]
+        if not lone:
+            return
+        brace, start = without[lone[0]], node.text.start
+        message = f"this `{brace}` {'begins' if brace == '{' else 'ends'} no hole"
+        hint = f"write `{brace}{brace}` for a brace; a hole is `{{name}}`"
+        edits = tuple((start + at, start + at, without[at]) for at in lone)
+        self.report("LJ0121", start + lone[0], start + lone[0] + 1, message, hint, edits=edits)
 
     def _hole(self, node: s.TextLine, hole: re.Match[str], environment: Environment) -> None:
         start, end = node.text.start + hole.start(), node.text.start + hole.end()

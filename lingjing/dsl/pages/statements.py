@@ -22,7 +22,7 @@ In the tables of properties, *relations* are the signs after the name: `=` fixes
 _SIGNS = {kind: sign for sign, kind in SYMBOLS.items() if kind != "OP"}
 _RULES = {
     "block": "{ … }", "guard": "when ‹condition›", "index": "[‹index› in 1..‹count›]",
-    "set": "{ ‹name›, … }", "params": "(‹name›: ‹type›, …)", "item": "‹statement›", "channel": "‹asset.verb›",
+    "set": "{ ‹name›, … }", "params": "(‹name›: ‹type›, …)", "item": "‹statement›", "channel": "‹asset›[.‹verb›]",
     "path": "‹path›",
     "clauses": "[carries ‹message›] [over ‹thing›] [by ‹message›] [per ‹variable›]",
 }  # fmt: skip
@@ -58,7 +58,7 @@ def _statement(kind: StatementKind) -> Iterator[str]:
     yield f"### `{kind.keyword}`\n"
     yield f"{kind.doc[0].upper()}{kind.doc[1:]}. It stands {_places(kind)}.\n"
     yield "```text"
-    yield from _forms(kind)
+    yield from forms(kind)
     yield "```\n"
     for label, name in kind.names.items():
         if name.choices:
@@ -78,7 +78,8 @@ def _places(kind: StatementKind) -> str:
     return places[0] if len(places) == 1 else f"{', '.join(places[:-1])} or {places[-1]}"
 
 
-def _forms(kind: StatementKind) -> Iterator[str]:
+def forms(kind: StatementKind) -> Iterator[str]:
+    """The ways to write a statement, as on the reference page."""
     if not kind.forms:
         yield from (f"{kind.keyword} ‹property› {relation} ‹value›" for relation in ("=", "~", "<="))
     for form in kind.forms:

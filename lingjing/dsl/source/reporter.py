@@ -88,10 +88,21 @@ class Reporter:
         replace: str | None = None,
         safe: bool = False,
         severity: Severity = "error",
+        edits: Iterable[Change] = (),
     ) -> None:
         """Report a diagnostic at a node or a token."""
-        start, end = place.start, place.end
-        self(code, start, end, message, hint, related=related, replace=replace, safe=safe, severity=severity)
+        self(
+            code,
+            place.start,
+            place.end,
+            message,
+            hint,
+            related=related,
+            replace=replace,
+            safe=safe,
+            severity=severity,
+            edits=edits,
+        )
 
     def unknown(
         self, code: str, word: PlacedWord, message: str, known: Iterable[str], hint: str = "", *, sure: bool = False

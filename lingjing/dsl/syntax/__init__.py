@@ -9,6 +9,8 @@ The modules in control-flow order:
   and the language server read it.
 - `tokens`: the kinds of tokens and the words of the language. `lexer`: text → tokens, with newlines only at statement
   boundaries and balanced braces ← `indentation`, where braces are missing. `lookalikes`: names in confusable letters.
+- `foreign`: spellings of other languages and keyboards. `foreign_text`: the part of the lexer that reads them.
 - `ljs.lark`: the grammar. `tables`: its LALR(1) tables.
-- `builder`: reductions → nodes. `parser`: tokens → tree, with recovery at statements.
+- `builder`: reductions → nodes. `parser`: tokens → tree, with recovery at statements; `repairs`: the small changes with
+  which a faulty statement can be read.
 """

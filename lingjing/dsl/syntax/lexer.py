@@ -15,7 +15,9 @@ import re
 from collections.abc import Callable
 from unicodedata import normalize
 
-from lingjing.dsl.source.reporter import Reporter
+from lingjing.dsl.source.reporter import Change, Reporter
+from lingjing.dsl.syntax.foreign import QUOTES
+from lingjing.dsl.syntax.foreign_text import ForeignText
 from lingjing.dsl.syntax.indentation import Indentation
 from lingjing.dsl.syntax.statements import KINDS
 from lingjing.dsl.syntax.tokens import INNER, OPERATORS_THAT_CONTINUE, STATEMENTS, SYMBOLS, Token
@@ -41,6 +43,7 @@ MASTER = re.compile(
   | (?P<SPACE>[ \t]+|\#[^\r\n]*)
   | (?P<LINE>[\r\n](?:[ \t\r\n]*[\r\n])?)
   | (?P<COMMA>,)
+  | (?P<FOREIGN>===|!==|=[<>]|<>|:=|\*\*|-->|\.\.\.|&&?|\|\|?|!(?!=)|//|/\*)
   | (?P<SYMBOL><->|->|<=|>=|==|!=|\.\.|\.\*|[-+*/<>=~:.(){{}}\[\]])
   | (?P<LONGSTRING>""\")
   | (?P<STRING>"[^"\\\r\n]*(?:\\[^\r\n][^"\\\r\n]*)*")
@@ -51,11 +54,14 @@ MASTER = re.compile(
     re.VERBOSE | re.DOTALL,
 )
 
+_NUMBERS = re.compile(rf"-?{_DIGITS}(?:\.{_DIGITS})?(?:{_UNIT})?")
+_UNITS = re.compile(_UNIT)
 _COMMENT_LINES = re.compile(r"[ \t]*\#[^\r\n]*[\r\n](?:[ \t\r\n]*[\r\n])?")
 """A comment on its own line, and the blank lines after it. It matches one comment at a time: the pattern matcher keeps
 half a kilobyte for each repetition of a group, so a file of line ends alone took gigabytes."""
-_STATEMENT_FOLLOWS = re.compile(r"[ \t]+(?:[^\W\d]|\"|\{|-?\d|\.[^\W\d])|[ \t]*\{")
-_HEADER_FOLLOWS = re.compile(r"[ \t]+(?:[^\W\d]|\")|[ \t]*\{")
+_QUOTE = f'["{re.escape("".join(QUOTES))}]'
+_STATEMENT_FOLLOWS = re.compile(rf"[ \t]+(?:[^\W\d]|{_QUOTE}|\{{|-?\d|\.[^\W\d])|[ \t]*\{{")
+_HEADER_FOLLOWS = re.compile(rf"[ \t]+(?:[^\W\d]|{_QUOTE})|[ \t]*\{{")
 _NAME_FOLLOWS = re.compile(r"[ \t]*(?:=(?!=)|~|:|<=)")
 _INNER_IS_NAME = re.compile(r"[ \t]*(?:=(?!=)|~|:)")
 _NEXT_ITEM = re.compile(
@@ -73,15 +79,18 @@ _TEXT_TOKENS = frozenset([KINDS[word].token for word in _TEXT_KEYWORDS])
 _DRAWN = re.compile(r"[ \t]*~")
 _BEFORE_STATEMENTS = frozenset(("NL", "LBRACE", "HIDDEN", "OVERRIDE", "SEP"))
 _BIDI = re.compile("[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+_HEADER_TOKENS = 24
+"""Most tokens of a statement in which its first token is searched at a sign (chosen)."""
 OPERANDS = frozenset(("NAME", "NUMBER", "QUANTITY", "STRING", "RPAR", "RSQB", "RSET", "TRUE", "FALSE"))
 _CLOSERS = {"(": ")", "[": "]", "{": "}", "set": "}"}
 
 
-class Lexer:
+class Lexer(ForeignText):
     """One pass over one text: the tokens so far and the open brackets."""
 
     def __init__(self, text: str, report: Reporter, *, start: int = 0, guided: bool = False) -> None:
-        self.text = text
+        super().__init__()
+        self.original = self.text = text
         self.start = start
         self.report = report
         self.tokens: list[Token] = []
@@ -92,15 +101,20 @@ class Lexer:
         self.guide = Indentation(text) if guided else None
         self.depths: dict[int, int] = {}
         self.unbalanced = False
+        self.headless: dict[int, tuple[int, str, str]] = {}
+        """Place of a `{` that the text lacks → the beginning, message and hint of its report."""
 
     def run(self) -> list[Token] | None:
         """Return all tokens, ending in `$END`; None if the nesting is too deep, which ends the compilation."""
         self._refuse_bidi()
+        if not self.text.isascii():
+            self.text = self._in_plain_signs()
         handlers: dict[str, Callable[[re.Match[str]], int]] = {
             "WORD": self._word,
             "NUMBER": self._number,
             "LINE": self._line,
             "COMMA": self._comma,
+            "FOREIGN": self._foreign_sign,
             "SYMBOL": self._symbol,
             "LONGSTRING": self._long_string,
             "STRING": self._string,
@@ -131,7 +145,7 @@ class Lexer:
 
     def _add(self, kind: str, start: int, end: int, *, text: str | None = None) -> None:
         if text is None:
-            text = self.text[start:end]
+            text = self.text[start:end] if kind != "STRING" else self.original[start:end]
             known = self.words.get(text)
             if known is None:
                 known = self.words[text] = text
@@ -156,20 +170,50 @@ class Lexer:
     def _word(self, match: re.Match[str]) -> int:
         word, start, end = match[0], match.start(), match.end()
         previous = self.previous
+        if word == "from" and previous in ("NL", "LBRACE") and (skip := self._python_import(start, end)):
+            return skip
         if word in _TEXT_KEYWORDS and (skip := self._unopened_long(word, start, end)):
             return skip
         if previous in _BEFORE_STATEMENTS and word in STATEMENTS and self._begins(end, previous):
             self._add(STATEMENTS[word], start, end)
+            return (
+                self._without_brackets(word, end)
+                if word == "observes" and self.text[end:].lstrip(" ")[:1] == "{"
+                else 0
+            )
+        elif (
+            previous in ("NL", "LBRACE", "HIDDEN")
+            and word in STATEMENTS
+            and (skip := self._foreign_keyword(word, start, end))
+        ):
+            return skip
         elif previous in ("NL", "LBRACE") and (keyword := self._misspelt_block(word, end)):
             self._add(STATEMENTS[keyword], start, end, text=keyword)
         elif word in INNER and previous != "DOT" and self._means(word, end):
             self._add(INNER[word], start, end)
+            return self._without_brackets(word, end) if word == "controls" else 0
         elif word == "sea" and (level := _SEA_LEVEL.match(self.text, end)):
             self._add("NAME", start, level.end())
             return level.end()
         else:
             self._add("NAME", start, end)
         return 0
+
+    def _foreign_keyword(self, word: str, start: int, end: int) -> int:
+        """Read a keyword before a sign or a bracket that it cannot have. 0 if this is none."""
+        skip = self._signed_keyword(word, start, end)
+        if skip or self._owner() not in KINDS[word].within:
+            return skip
+        before = len(self.tokens)
+        self._add(STATEMENTS[word], start, end)
+        kind = KINDS[word]
+        skip = (kind.is_section and self._as_block(word, end)) or (
+            word == "observes" and self._without_brackets(word, end)
+        )
+        if not skip:
+            del self.tokens[before:]
+            self.previous = self.tokens[-1].type if self.tokens else "NL"
+        return skip or 0
 
     def _begins(self, end: int, previous: str) -> bool:
         if previous == "SEP" or _NAME_FOLLOWS.match(self.text, end):
@@ -199,6 +243,8 @@ class Lexer:
     def _number(self, match: re.Match[str]) -> int:
         unit, start, end = match["UNIT"] or "", match.start(), match.end()
         text = self.text[start : match.start("UNIT")].rstrip() if unit else match[0]
+        if unit in ("x", "X") and self._spaced_size(text, unit, start, end):
+            return end
         if self.previous == "MINUS" and self._sign_is_free(start):
             text, start = "-" + text, self.tokens.pop().start
         self.previous = "QUANTITY" if unit else "NUMBER"
@@ -228,6 +274,10 @@ class Lexer:
             if not self._bracket_was_forgotten(top, end):
                 return
             self._close_down_to_block(start)
+        if self.previous == "COLON" and self._header() in _HEADERS:
+            self.unbalanced = True  # blocks by colon and indentation, without braces
+            if self.guide is not None and self._block_was_forgotten(self.guide, end):
+                return
         if self.previous in ("NL", "LBRACE") or self.previous in OPERATORS_THAT_CONTINUE:
             if self.previous not in ("NL", "LBRACE", "SEP", "COMMA") and self._statement_starts(end):
                 self._add("NL", start, start)
@@ -250,13 +300,21 @@ class Lexer:
         if first is last and first.text in _BLOCK_KEYWORDS:
             first = self.tokens[-1] = Token(STATEMENTS[first.text], first.text, first.start, first.end)
         if first.type in _HEADERS and last.type != "LBRACE" and depth > guide.depth_of_line(first.start):
-            self.report("LJ0010", last.end, last.end, f"`{{` is due after this `{first.text}`", "add `{`")
-            self._opened(guide, last.end)
-            self.open.append(("{", last.end))
-            self._add("LBRACE", last.end, last.end)
+            message, hint = f"`{{` is due after this `{first.text}`", "a block stands in braces: add `{`"
+            at, begin = last.end, last.end
+            if last.type == "COLON":
+                begin = self.tokens.pop().start
+            self.headless[at] = (begin, message, hint)
+            self._open_block(at, at)
             return True
         self._close_deeper(guide, depth, orphans=True)
         return False
+
+    def _open_block(self, start: int, end: int) -> None:
+        if self.guide is not None:
+            self._opened(self.guide, start)
+        self.open.append(("{", start))
+        self._add("LBRACE", start, end, text="{")
 
     def _opened(self, guide: Indentation, start: int) -> None:
         """Store the indentation of the statement that opens a block."""
@@ -268,6 +326,16 @@ class Lexer:
         while at > 0 and self.tokens[at - 1].type not in ("NL", "LBRACE", "RBRACE"):
             at -= 1
         return self.tokens[at]
+
+    def _header(self) -> str:
+        """Type of the first token of a short statement; empty for a long one, so that the search stays short."""
+        for at in range(len(self.tokens) - 1, max(-1, len(self.tokens) - _HEADER_TOKENS), -1):
+            if at == 0 or self.tokens[at - 1].type in ("NL", "LBRACE", "RBRACE"):
+                return self.tokens[at].type
+        return ""
+
+    def _is_use(self) -> bool:
+        return self.previous == "NAME" and self._header() == "USE"
 
     def _close_deeper(self, guide: Indentation, depth: int, *, orphans: bool) -> None:
         """Close the blocks with an opening line indented deeper than `depth`; with `orphans`, equally deep ones too."""
@@ -282,9 +350,25 @@ class Lexer:
         if self.previous in ("NL", "SEP"):
             self.tokens.pop()
         end = self.tokens[-1].end
+        indent = "" if self.guide is None else " " * self.guide.depth_of_line(start)
+        several = "\n" in self.text[start:end]
+        if self._report_headless(start, ((end, end, f"\n{indent}}}" if several else " }"),)):
+            self._add("RBRACE", end, end)
+            return
         related = (Related(self.report.span(start, start + 1), "opened here"),)
         self.report("LJ0003", end, end, "`}` is missing here", "add `}`", related=related, replace="}")
         self._add("RBRACE", end, end)
+
+    def _report_headless(self, start: int, closing: tuple[Change, ...] = ()) -> bool:
+        """Report a block that began without its `{`, once it ends; `closing` is the edit that adds its `}`. False for
+        other blocks.
+        """
+        known = self.headless.pop(start, None)
+        if known is None:
+            return False
+        begin, message, hint = known
+        self.report("LJ0010", begin, start, message, hint, edits=((begin, start, " {"), *closing))
+        return True
 
     def _bracket_was_forgotten(self, bracket: str, at: int) -> bool:
         """True if a new line inside a bracket can only begin a statement: it has two operands in a row, or a
@@ -316,10 +400,14 @@ class Lexer:
             self._add({")": "RPAR", "]": "RSQB", "}": "RSET"}[closer], at, at)
 
     def _comma(self, match: re.Match[str]) -> int:
-        start, end = match.start(), match.end()
+        return self._put_comma(match.start(), match.end())
+
+    def _put_comma(self, start: int, end: int) -> int:
         if self.open and self.open[-1][0] != "{":
             self._add("COMMA", start, end)
             return 0
+        if self.previous in ("NUMBER", "QUANTITY") and (skip := self._number_after_comma(start)):
+            return skip
         follow = _NEXT_ITEM.match(self.text, end)
         if follow and (follow["close"] or self._item_starts(follow)):
             if self.previous not in ("NL", "LBRACE"):
@@ -327,6 +415,25 @@ class Lexer:
             return 0
         self._add("SEP", start, end)
         return 0
+
+    def _number_after_comma(self, start: int) -> int:
+        """Handle a comma in a block after a number and before another one, which is no item. 0 if it is another."""
+        whole = self._decimal_comma(start)
+        if whole is None:
+            return self._unbracketed_point(start, _NUMBERS)
+        match = MASTER.match(self.text, start + 1)
+        if match is None or match["NUMBER"] is None:
+            return 0
+        begin, unit = whole[1], match["UNIT"] or ""
+        digits = self.text[start + 1 : match.start("UNIT") if unit else match.end()].rstrip()
+        number = f"{whole[0]}.{digits}"
+        shown = self.text[begin : match.end()]
+        hint = f"a decimal point: write `{number}{' ' + unit if unit else ''}`"
+        self.report("LJ0006", start, start + 1, f"`{shown}` is no number", hint, replace=".")
+        self.tokens.pop()
+        self.previous = "QUANTITY" if unit else "NUMBER"
+        self.tokens.append(Token(self.previous, number, begin, match.end(), unit))
+        return match.end()
 
     def _item_starts(self, follow: re.Match[str]) -> bool:
         after = follow["after"].strip()
@@ -341,10 +448,18 @@ class Lexer:
         )
 
     def _symbol(self, match: re.Match[str]) -> int:
-        text, start, end = match[0], match.start(), match.end()
+        return self._put(match[0], match.start(), match.end())
+
+    def _put(self, text: str, start: int, end: int) -> int:
+        if text == ",":
+            return self._put_comma(start, end)
+        if text == "-" and self.previous in ("NL", "LBRACE") and self.text.startswith("--", start):
+            return self._foreign_comment(start)
+        if text == "[" and self._is_use() and (skip := self._as_block("use", start)):
+            return skip
         if text in "([":
             self.open.append((text, start))
-            self._add(SYMBOLS[text], start, end)
+            self._add(SYMBOLS[text], start, end, text=text)
         elif text == "{":
             if self.previous != "IN":
                 self._close_down_to_block(start)
@@ -355,31 +470,38 @@ class Lexer:
             if self.guide is not None:
                 self._opened(self.guide, start)
             self.open.append(("set" if is_set else "{", start))
-            self._add("LSET" if is_set else "LBRACE", start, end)
+            self._add("LSET" if is_set else "LBRACE", start, end, text=text)
+        elif text in ")]}" and start in self.dropped:
+            return 0
         elif text in ")]}":
-            self._close(text, start, end)
+            return self._close("}" if start in self.bracketed else text, start, end)
         else:
-            self._add(SYMBOLS[text], start, end)
+            self._add(SYMBOLS[text], start, end, text=text)
         return 0
 
-    def _close(self, closer: str, start: int, end: int) -> None:
+    def _close(self, closer: str, start: int, end: int) -> int:
         if closer == "}":
             if self.open and self.open[-1][0] == "set":
                 self.open.pop()
                 self._add("RSET", start, end)
-                return
+                return 0
             self._close_down_to_block(start)
             if self.guide is not None and self._is_surplus(self.guide, start):
+                if skip := self._missing_brace_on_line(start):
+                    return skip
                 self.report("LJ0004", start, end, "`}` is too much here", "remove it", replace="")
-                return
+                return 0
         if not self.open or _CLOSERS[self.open[-1][0]] != closer:
             self.unbalanced |= closer == "}"
+            if closer == "}" and not self.open and (skip := self._missing_brace_on_line(start)):
+                return skip
             self.report("LJ0004", start, end, f"`{closer}` closes nothing", "remove it, or add what it should close")
-            return
-        self.open.pop()
+            return 0
+        self._report_headless(self.open.pop()[1])
         if closer == "}" and self.previous in ("NL", "SEP"):
             self.tokens.pop()
-        self._add(SYMBOLS[closer], start, end)
+        self._add(SYMBOLS[closer], start, end, text=closer)
+        return 0
 
     def _is_surplus(self, guide: Indentation, start: int) -> bool:
         """True if, by indentation, a `}` cannot close the innermost block. Deeper blocks are closed first."""
@@ -405,7 +527,10 @@ class Lexer:
     def _string(self, match: re.Match[str]) -> int:
         start, end = match.start(), match.end()
         if match[0] != '""':
-            self._add("STRING", start, end)
+            if self.previous in ("NL", "LBRACE", "SEP") and (skip := self._quoted_key(start, end)):
+                return skip
+            if self.previous != "USE" or not self._quoted_path(start, end):
+                self._add("STRING", start, end)
             return 0
         line = _LONG_REST.match(self.text, end) if self.previous in _TEXT_TOKENS else None
         if line is None:
@@ -493,36 +618,46 @@ class Lexer:
         return rest.end()
 
     def _open_string(self, match: re.Match[str]) -> int:
-        self.report("LJ0002", match.start(), match.end(), "the text is never closed", 'add `"` before the line ends')
-        self._add("STRING", match.start(), match.end())
+        start = match.start()
+        if self._unopened_text(match.end()):
+            return 0
+        end = start + len(match[0].rstrip())
+        quote = re.search(r"[\u201d\u201c]", match[0])
+        edits = ((end, end, '"'),) if quote is None else ((start + quote.start(), start + quote.end(), '"'),)
+        self.report("LJ0002", start, end, "the text is never closed", 'add `"` before the line ends', edits=edits)
+        self._add("STRING", start, end, text=self.original[start:end] + '"')
         return 0
 
     def _bad_number(self, match: re.Match[str]) -> int:
-        self.report("LJ0006", match.start(), match.end(), f"`{match[0]}` is neither a number nor a name")
-        self._add("NUMBER", match.start(), match.end())
+        if self._size(match):
+            return 0
+        number, start, end = self._foreign_number(match), match.start(), match.end()
+        if number:
+            unit = _UNITS.match(self.text, end)
+            if self.previous == "MINUS" and self._sign_is_free(start):
+                number, start = "-" + number, self.tokens.pop().start
+            self.previous = "QUANTITY" if unit else "NUMBER"
+            end = unit.end() if unit else end
+            self.tokens.append(Token(self.previous, number, start, end, unit["UNIT"] if unit else ""))
+            return end
+        self.report("LJ0006", start, end, f"`{match[0]}` is neither a number nor a name")
+        self._add("NUMBER", start, end)
         return 0
 
     def _bad(self, match: re.Match[str]) -> int:
         character = match[0]
-        if character in _COMMAS:
-            self.report(
-                "LJ0001",
-                match.start(),
-                match.end(),
-                f"`{character}` has no meaning here",
-                "write `,`",
-                replace=",",
-                safe=True,
-            )
-            return self._comma(match)
+        skip = self._foreign_character(character, match.start(), match.end())
+        if skip is not None:
+            return skip
         shown = f"`{character}`" if character.isprintable() else f"U+{ord(character):04X}"
-        self.report(
-            "LJ0001", match.start(), match.end(), f"{shown} has no meaning here", _BAD_HINTS.get(character, "remove it")
-        )
+        hint = 'texts stand in double quotes: `"…"`' if character in QUOTES else "remove it"
+        self.report("LJ0001", match.start(), match.end(), f"{shown} has no meaning here", hint)
         return 0
 
     def _finish(self) -> list[Token]:
         end = len(self.text)
+        if self.text is not self.original:
+            self._report_signs(self.original)
         if self.foreign:
             from lingjing.dsl.syntax.lookalikes import look_alikes
 
@@ -548,16 +683,6 @@ _LINES = re.compile(r"(?P<line>[^\r\n]*)(?:\r\n|\n|\r)(?:[ \t]*(?:\r\n|\n|\r))*(
 _NEXT_LINE = re.compile(r"[}\s]*?(?:\#[^\r\n]*)?(?P<lines>[\r\n]+)")
 _HEADERS = frozenset([kind.token for word, kind in KINDS.items() if kind.opens_block and word != "use"])
 """Statements with a block, in which a line that is indented deeper belongs to them even if `{` is missing."""
-_COMMAS = frozenset(";，、；")
-_BAD_HINTS = {
-    "'": 'texts stand in double quotes: `"…"`',
-    "&": "write `and`",
-    "|": "write `or`",
-    "!": "write `not`, or `!=`",
-    "：": "write `:`",
-    "“": 'write `"`',
-    "”": 'write `"`',
-}
 
 
 def lex(text: str, report: Reporter, start: int = 0) -> list[Token] | None:

@@ -15,7 +15,11 @@ from typing import Any
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.builder import Builder
+from lingjing.dsl.syntax.foreign import CLAUSES, CONTROL
+from lingjing.dsl.syntax.foreign import STATEMENTS as FOREIGN_STATEMENTS
 from lingjing.dsl.syntax.lexer import lex
+from lingjing.dsl.syntax.repairs import repairs
+from lingjing.dsl.syntax.statements import KINDS
 from lingjing.dsl.syntax.tables import Tables, load_tables
 from lingjing.dsl.syntax.tokens import INNER, NAMES_IN_MESSAGES, STATEMENTS, Token
 from lingjing.suggest import nearest
@@ -98,7 +102,7 @@ class Parser:
     # -- recovery
 
     def _recover(self, tokens: list[Token], fault: int, *, silent: bool) -> int:
-        begin = _statement_begin(tokens, fault)
+        begin = self._begin(tokens, fault)
         if not silent:
             mended = self._mend(tokens, begin, fault)
             if mended >= 0:
@@ -106,6 +110,8 @@ class Parser:
             self._explain(tokens, begin, fault)
         self._drop_statement()
         stop = _statement_stop(tokens, fault)
+        if tokens[begin].text in CONTROL and tokens[stop].type == "LBRACE":
+            stop = _block_end(tokens, stop)
         if stop == fault and silent:
             stop = min(fault + 1, len(tokens) - 1)
         words = " ".join(t.text for t in tokens[begin:stop] if t.type == "NAME")
@@ -115,6 +121,14 @@ class Parser:
         self.states.append(state)
         self.values.append(error)
         return stop
+
+    def _begin(self, tokens: list[Token], fault: int) -> int:
+        """The index at which the unfinished statement begins: after a comma too, if an item of a block ended there."""
+        begin = _statement_begin(tokens, fault)
+        before = self.values[len(self._states_before()) - 2] if len(self.states) > 1 else None
+        if type(before) is Token and before.type == "SEP" and before.start >= tokens[begin].start:
+            return next(at for at in range(fault, begin, -1) if tokens[at - 1] is before)
+        return begin
 
     def _drop_statement(self) -> None:
         """Pop the stack to the beginning of the unfinished statement, past any closed block of its own."""
@@ -132,14 +146,12 @@ class Parser:
         if self.report.full:
             return -1
         first, token = tokens[begin], tokens[fault]
-        if first.type == "NAME" and fault - begin <= 1 and token.type in _AFTER_KEYWORD:
-            close = nearest(first.text, STATEMENTS)
-            if close is not None:
-                message = f"no statement is called `{first.text}`"
-                self.report.unknown("LJ0011", first, message, STATEMENTS, sure=True)
-                tokens[begin] = Token(STATEMENTS[close], close, first.start, first.end)
-                self._drop_statement()
-                return begin
+        if first.text in CONTROL:
+            return -1
+        if first.type == "NAME" and fault - begin <= 1 and token.type in (*_AFTER_KEYWORD, *_AFTER_NAME):
+            mended = self._mend_keyword(tokens, begin, fault)
+            if mended >= 0:
+                return mended
         if [t.type for t in tokens[begin : begin + 3]] == ["NAME", "STRING", "LBRACE"] and fault == begin + 1:
             self.report("LJ0010", first.start, first.start, "`mission` is due here", replace="mission ")
             tokens.insert(begin, Token("MISSION", "mission", first.start, first.start))
@@ -152,35 +164,90 @@ class Parser:
             self.report.at("LJ0010", token, message, hint, replace=f"= {text}")
             tokens.insert(fault, Token("EQUAL", "=", token.start, token.start))
             return fault
+        due = self._due()
         if token.type == "NAME":
-            words = self._words_due(self._due())
-            close = nearest(token.text, words)
-            if close is not None:
+            words = self._words_due(due)
+            close = nearest(token.text, words) if token.text not in CLAUSES else None
+            if close is not None and close != token.text.lower():
                 where = f" in `{first.text}`" if first.text in STATEMENTS else ""
                 self.report.unknown("LJ0010", token, f"`{token.text}` does not fit here{where}", words, sure=True)
                 kind = INNER.get(close) or STATEMENTS[close]
                 tokens[fault] = Token(kind, close, token.start, token.end)
                 return fault
+        return self._apply(tokens, begin, fault, due)
+
+    def _mend_keyword(self, tokens: list[Token], begin: int, fault: int) -> int:
+        """Read the first word of a statement as the keyword that it resembles or stands for."""
+        first = tokens[begin]
+        synonym = FOREIGN_STATEMENTS.get(first.text.lower())
+        close = synonym or nearest(first.text, STATEMENTS)
+        message = f"no statement is called `{first.text}`"
+        if first.text in _KINDS_OF:
+            keyword = _KINDS_OF[first.text]
+            hint = f"write `{keyword} {first.text} …`"
+            self.report("LJ0011", first.start, first.end, message, hint, replace=f"{keyword} {first.text}")
+            tokens.insert(begin, Token(STATEMENTS[keyword], keyword, first.start, first.start))
+            self._drop_statement()
+            return begin
+        if close is None or tokens[fault].type not in _AFTER_KEYWORD:
+            return -1
+        if synonym is not None:
+            self.report.at("LJ0011", first, message, f"write `{close}`", replace=close, safe=True)
+        else:
+            self.report.unknown("LJ0011", first, message, STATEMENTS, sure=True)
+        tokens[begin] = Token(STATEMENTS[close], close, first.start, first.end)
+        self._drop_statement()
+        return begin
+
+    def _apply(self, tokens: list[Token], begin: int, fault: int, due: list[str]) -> int:
+        """Apply the first repair with which the whole statement can be read; -1 if there is none."""
+        states = self._states_before()
+        for repair in repairs(tokens, begin, fault, due):
+            statement, stop = repair.statement(tokens, begin)
+            if not self._reads(list(states), statement, tokens[stop]):
+                continue
+            token = tokens[fault]
+            at = _end_of(tokens, fault) if token.type in ("NL", "$END", "RBRACE") else token.start
+            message = repair.message or self._found(tokens, begin, fault, due)
+            end = max(at, token.end if token.type not in ("NL", "$END", "RBRACE") else at)
+            self.report("LJ0010", at, end, message, repair.hint, edits=repair.edits, safe=repair.safe)
+            tokens[begin:stop] = statement
+            self._drop_statement()
+            return begin
         return -1
+
+    def _states_before(self) -> list[int]:
+        """The stack of states at the beginning of the unfinished statement."""
+        states, values, closed = list(self.states), list(self.values), 0
+        while closed or "ERROR" not in self.tables.states[states[-1]]:
+            states.pop()
+            kind = getattr(values.pop(), "type", "")
+            closed += (kind == "RBRACE") - (kind == "LBRACE")
+        return states
+
+    def _reads(self, states: list[int], statement: list[Token], following: Token) -> bool:
+        return all(self._step(states, token.type) for token in statement) and self._step(states, following.type)
 
     def _explain(self, tokens: list[Token], begin: int, fault: int) -> None:
         token, first = tokens[fault], tokens[begin]
-        opens = first.type == "NAME" and fault - begin <= 1
-        if opens and token.type not in ("EQUAL", "TILDE", "LE", "OP") and self._explain_word(first, token):
+        opens = first.text in CONTROL or (first.type == "NAME" and fault - begin <= 1)
+        if opens and (first.text in CONTROL or token.type not in _RELATIONS) and self._explain_word(first, token):
             return
         due = self._due()
-        shown = _shown(token)
-        keyword = f" in `{first.text}`" if first.text in STATEMENTS and begin < fault else ""
         start, end = token.start, max(token.end, token.start)
         if token.type in ("NL", "$END", "RBRACE") and fault > 0:
             start = end = tokens[fault - 1].end
-        wanted = _listing(due)
-        self.report("LJ0010", start, end, f"{wanted} is due here{keyword}, found {shown}", _hint(tokens, fault, due))
+        self.report("LJ0010", start, end, self._found(tokens, begin, fault, due), _hint(tokens, begin, fault, due))
+
+    def _found(self, tokens: list[Token], begin: int, fault: int, due: list[str]) -> str:
+        first = tokens[begin]
+        keyword = f" in `{first.text}`" if first.text in STATEMENTS and begin < fault else ""
+        return f"{_listing(due)} is due here{keyword}, found {_shown(tokens[fault])}"
 
     def _explain_word(self, first: Token, token: Token) -> bool:
-        if token.type not in _AFTER_KEYWORD or token.type == "LBRACE":
+        if first.text not in CONTROL and (token.type not in _AFTER_KEYWORD or token.type == "LBRACE"):
             return False
-        hint = "a statement begins with a keyword, or is `name = value`"
+        hint = CONTROL.get(first.text, "a statement begins with a keyword, or is `name = value`")
         self.report.at("LJ0011", first, f"no statement is called `{first.text}`", hint)
         return True
 
@@ -236,6 +303,20 @@ def _statement_begin(tokens: list[Token], fault: int) -> int:
     return at
 
 
+def _block_end(tokens: list[Token], start: int) -> int:
+    """The index after the `}` that closes the block at `start`."""
+    depth = 0
+    for at in range(start, len(tokens) - 1):
+        depth += (tokens[at].type == "LBRACE") - (tokens[at].type == "RBRACE")
+        if depth == 0:
+            return at + 1
+    return len(tokens) - 1
+
+
+def _end_of(tokens: list[Token], fault: int) -> int:
+    return tokens[fault - 1].end if fault else tokens[fault].start
+
+
 def _statement_stop(tokens: list[Token], fault: int) -> int:
     """The index at which parsing continues: the end of the statement, or the block that it opens."""
     for at in range(fault, len(tokens)):
@@ -252,6 +333,15 @@ def _shown(token: Token) -> str:
 
 
 _AFTER_KEYWORD = frozenset(("NAME", "STRING", "NUMBER", "QUANTITY", "LBRACE", "WHEN"))
+_AFTER_NAME = frozenset(("ARROW", "BOTH"))
+_RELATIONS = frozenset(("EQUAL", "TILDE", "LE", "OP"))
+_KINDS_OF = {
+    word: kind.keyword
+    for kind in KINDS.values()
+    if kind.keyword in ("relation", "constraint")
+    for word in kind.place("kind").choices
+}
+"""Kind of a relation or constraint → the keyword before it."""
 _VALUE_STARTS = frozenset(
     (
         "NAME",
@@ -290,8 +380,15 @@ def _listing(due: list[str]) -> str:
     return f"{', '.join(words[:-1])} or {words[-1]}"
 
 
-def _hint(tokens: list[Token], fault: int, due: list[str]) -> str:
-    token = tokens[fault]
+def _hint(tokens: list[Token], begin: int, fault: int, due: list[str]) -> str:
+    token, kind = tokens[fault], KINDS.get(tokens[begin].text)
+    place = kind.place(kind.forms[0].elements()[0].label) if kind is not None and kind.forms else None
+    if place is not None and kind is not None and place.choices and tokens[begin + 1].text not in place.choices:
+        listed = " or ".join(f"`{word}`" for word in place.choices)
+        return f"`{kind.keyword}` is followed by its kind: {listed}"
+    if due == ["COLON"] and fault and token.type in ("RPAR", "COMMA"):
+        name = tokens[fault - 1].text
+        return f"a parameter has its group or message kind: `{name}: …`"
     if fault and token.type == "NAME" and tokens[fault - 1].type == "NUMBER":
         return "a unit follows its number on the same line"
     if "NL" in due and token.type not in ("NL", "RBRACE", "$END"):

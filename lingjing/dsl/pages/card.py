@@ -1,0 +1,177 @@
+"""`language_card`: the whole language on one card, for prompts of language models and for readers in a hurry.
+
+It is made from the table of statements, the functions and units, the engines' words and the standard library, so that
+it cannot differ from them. A test holds it below 3,000 tokens.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from lingjing.dsl.checking.library import known_paths, shipped_folder
+from lingjing.dsl.checking.scope import CameraDecl, RecordDecl, TypeDecl, WeatherDecl
+from lingjing.dsl.checking.toplevel import load_library
+from lingjing.dsl.pages.statements import forms
+from lingjing.dsl.syntax.keys import PropertyKey
+from lingjing.dsl.syntax.statement_kinds import FILE, TYPE, StatementKind
+from lingjing.dsl.syntax.statements import STATEMENTS
+from lingjing.mission import model
+from lingjing.mission.functions import AGGREGATES, DISTRIBUTIONS, FUNCTIONS, STATE_FIELDS, Signature
+from lingjing.mission.kinds import builtin_engines, builtin_scenes
+from lingjing.mission.units import UNITS, dimension_unit
+from lingjing.mission.vocabulary import PHOTO
+
+_HEAD = """# .ljs on one card
+
+Declarative: no loops, no `if`, no assignment. A statement ends with its line or a comma in a block; `#` begins a comment; texts stand in "…" or \"""…\""". Every number has its unit (`10 s`, `4 m/s`, `30 deg`, `20 %`), except counts. `=` fixes, `~` draws from a distribution, `<=` bounds. Conditions: `and or not == != < <= > >= in`, `exists r: c`, `forall v in group: c`. Places are `(east, north)` or `(east, north, elevation)` in metres; ranges `1..4`; lists `[a, b]`; sizes `3 by 4`. Members count from 1: `uav[1]`. Names are declared once, anywhere. ‹…› is a name or value, […] optional, … more after commas.
+
+A mission needs goal, scene, clock, budget with ticks, success and an agent. Hidden values (`hidden position ~ …`) may be read by `adjudicate` and sensors only; what agents notice of them needs `declassify … because "…"`.
+"""  # noqa: E501 - a paragraph of Markdown is one line
+EXAMPLE = """ljs 2
+use std.air { quadrotor }
+use std.sea { lifeboat, person_in_water }
+use std.messages { report }
+use std.sensors { nadir_hd }
+
+mission rescue "A small rescue" {
+  goal "Find the person in the water and bring the boat."
+  scene bay { datum = sea level at -3.5 m }
+  clock { tick = 10 s, sync = 500 ms }
+  budget { ticks <= 60 }
+  region search = box((-100 m, -1000 m), (300 m, -700 m))
+  target victim : person_in_water { hidden position ~ sites(search) }
+  asset uav[i in 1..2] : quadrotor {
+    position = at(i, [(300 m, -620 m, 1 m)], spread 8 m)
+    camera nadir : nadir_hd
+  }
+  asset boat : lifeboat { position = (10 m, -1350 m), heading = 30 deg }
+  agent scout[i in 1..2] as searcher controls uav[i] { observes uav[i].*, boat.position, events }
+  agent skipper as rescuer controls boat { observes boat.*, events }
+  message detection : report from searcher to all
+  adjudicate matched(v: victim, r: detection) {
+    when r.class == person_in_water and iou(r.box, truth(v, r.frame).box) >= 0.5
+  }
+  unlock rescue(v: victim) when exists r: matched(v, r)
+  adjudicate rescued(v: victim) { when emitted(rescue, v) and distance_xy(boat, v) <= 50 m }
+  stage find { done when exists r: matched(victim, r) }
+  stage save { done when rescued(victim) }
+  relation dependency find -> save
+  declassify end because "the rescue is over when the person is aboard"
+  success when rescued(victim)
+}
+"""
+"""The example of the card. A test compiles it."""
+_PLACES = {FILE: "At the top of a file", "mission": "In a mission", TYPE: "In a type"}
+
+
+def language_card() -> str:
+    """The card as Markdown."""
+    parts = [_HEAD, f"```ljs\n{EXAMPLE}```", *_statements(), *_expressions(), *_bodies(), *_library()]
+    card = "\n".join(part.rstrip("\n") + "\n" for part in parts)
+    return card.replace("‹", "<").replace("›", ">")  # ASCII costs fewer tokens
+
+
+def _statements() -> Iterator[str]:
+    for place, title in _PLACES.items():
+        lines = [line for kind in STATEMENTS if _home(kind) == place for line in _statement(kind)]
+        yield f"## {title}\n\n" + "\n".join(lines)
+    inner = [line for kind in STATEMENTS if _home(kind) == "" for line in _statement(kind)]
+    yield "## Inside blocks\n\n" + "\n".join(inner)
+
+
+def _home(kind: StatementKind) -> str:
+    return next((place for place in _PLACES if place in kind.within and place != FILE), "") or (
+        FILE if FILE in kind.within else ""
+    )
+
+
+def _statement(kind: StatementKind) -> Iterator[str]:
+    if kind.keyword == "ljs":
+        return
+    first = next(forms(kind)) if kind.keyword in _MUTUAL else " | ".join(forms(kind))
+    written = kind.example if not kind.keys and kind.keyword in _BY_EXAMPLE else first
+    for label, place in kind.names.items():
+        if place.choices and place.spaces == () and label != "allowed":
+            written = written.replace(f"‹{label}›", "|".join(place.choices), 1)
+    within = "" if _home(kind) else f" (in {', '.join(kind.within)})"
+    keys = f": {', '.join(map(_key, kind.keys.values()))}" if kind.keys else ""
+    yield f"- `{written}`{within}{keys}"
+
+
+_MUTUAL = ("relation",)
+"""Statements with two forms that differ in one sign; the card shows the first."""
+_BY_EXAMPLE = ("hidden", "state", "override", "verb", "record", "camera", "use", "actions")
+"""Statements that an example shows better than their form."""
+
+
+def _key(key: PropertyKey) -> str:
+    unit = dimension_unit(key.type.dimension) if key.type.dimension else ""
+    value = (
+        "/".join(key.choices[:3]) if key.choices else unit or {"size": "a by b", "directed": "…"}.get(key.type.kind, "")
+    )
+    return f"{key.name} {key.relations[-1]}{' ' + value if value else ''}{'!' if key.required else ''}"
+
+
+def _expressions() -> Iterator[str]:
+    rules = [_call(each) for each in FUNCTIONS.values() if each.where != "static"]
+    before = [_call(each) for each in FUNCTIONS.values() if each.where == "static"]
+    draws = [_call(each) for each in DISTRIBUTIONS.values()]
+    yield (
+        "## Expressions\n\n"
+        f"- in rules: {_listed(rules)}; over a group {_listed(f'{name}(… for v in g)' for name in AGGREGATES)}; `now`; "
+        f"`v.{', v.'.join(STATE_FIELDS)}` and declared properties; `v.status == moving`\n"
+        f"- before the run: {_listed(before)}\n"
+        f"- after `~`: {_listed(draws)}\n"
+        f"- units: {' '.join(UNITS)}, and compounds `m/s` `km/h` `m/s^2`"
+    )
+
+
+def _call(signature: Signature) -> str:
+    parameters = [f"{each.name}{'?' if each.optional else ''}" for each in signature.parameters]
+    more = ["…"] if signature.variadic else []
+    options = [f"{option.name} {option.relation} …" for option in signature.options]
+    return f"{signature.name}({', '.join([*parameters, *more, *options])})"
+
+
+def _listed(items: Iterable[str]) -> str:
+    return " ".join(f"`{item}`" for item in items)
+
+
+def _bodies() -> Iterator[str]:
+    engines = [
+        f"{name} ({', '.join(kind.words)})" for name, kind in builtin_engines().items() if kind.words is not None
+    ]
+    yield (
+        "## Scenes and engines\n\n"
+        f"- scenes: {', '.join(builtin_scenes())}; every one has `datum`, most `extent`, `shore`, `traffic`\n"
+        f"- engines and status words: {'; '.join(engines)}; city: by the target"
+    )
+
+
+def _library() -> Iterator[str]:
+    lines = []
+    for path in known_paths("std"):
+        declared = load_library(f"{shipped_folder('std')}/{path.removeprefix('std.')}.ljs")[0].declared
+        lines.append(f"- `{path}`: {', '.join(map(_declared, declared.values()))}")
+    yield "## The standard library: `use std.air { quadrotor }`\n\n" + "\n".join(lines)
+
+
+def _declared(decl: object) -> str:
+    if isinstance(decl, TypeDecl):
+        acts = [_interaction(each) for each in decl.interactions.values()]
+        verbs = [_verb(verb) for verb in decl.verbs.values() if verb.name != PHOTO] if not decl.bases else []
+        inside = "; ".join(acts or ([" ".join(verbs)] if verbs else []))
+        return f"{decl.name}{f' ({inside})' if inside else ''}"
+    if isinstance(decl, RecordDecl):
+        return f"{decl.name} ({', '.join(field.name for field in decl.fields)})"
+    assert isinstance(decl, CameraDecl | WeatherDecl)
+    return decl.name
+
+
+def _verb(verb: model.Verb) -> str:
+    return f"{verb.name}({', '.join(argument.name for argument in verb.arguments)})"
+
+
+def _interaction(interaction: model.Interaction) -> str:
+    reach = getattr(interaction.within, "value", 0.0)
+    return f"{interaction.name} by {interaction.by} within {reach:g} m"

@@ -1,0 +1,49 @@
+"""Mistakes that people and language models make lead to their correction: one cause, one error, the right way out.
+
+`data/mistakes/mistakes.toml` lists them. Each is planted in `data/mistakes/harbour.ljs` alone. A fix must give back
+the mission, not only a text that compiles.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from functools import cache
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from lingjing.testing import compile_text
+
+DATA = Path(__file__).parent / "data" / "mistakes"
+BASE = (DATA / "harbour.ljs").read_text(encoding="utf-8")
+MISTAKES: list[list[str]] = tomllib.loads((DATA / "mistakes.toml").read_text(encoding="utf-8"))["mistakes"]
+
+
+@cache
+def intended(text: str) -> object:
+    """The mission of a text without the facts about its file; None for a faulty text."""
+    mission = compile_text(text).mission
+    return None if mission is None else msgspec.structs.replace(mission, origin=type(mission.origin)())
+
+
+def test_the_mission_without_mistakes_is_good_and_the_list_is_long() -> None:
+    assert compile_text(BASE).diagnostics == ()
+    assert len({mistake[0] for mistake in MISTAKES}) == len(MISTAKES) >= 80
+
+
+@pytest.mark.parametrize("mistake", MISTAKES, ids=[mistake[0].replace(" ", "-") for mistake in MISTAKES])
+def test_a_mistake_is_one_error_that_leads_to_its_correction(mistake: list[str]) -> None:
+    name, right, wrong, code, hint, fix, *meaning = mistake
+    assert BASE.count(right) == 1, f"{name}: the replaced text is not unique"
+    text = BASE.replace(right, wrong)
+    errors = [item for item in compile_text(text).diagnostics if item.severity == "error"]
+    assert [item.code for item in errors] == [code], [(item.span.line, item.message, item.hint) for item in errors]
+    assert hint in errors[0].hint, errors[0]
+    offered = errors[0].fix
+    assert ("" if offered is None else "safe" if offered.safe else "likely") == fix, errors[0]
+    if offered is None:
+        return
+    for edit in sorted(offered.edits, key=lambda edit: edit.span.start, reverse=True):
+        text = text[: edit.span.start] + edit.text + text[edit.span.end :]
+    assert intended(text) == intended(BASE.replace(right, meaning[0]) if meaning else BASE) is not None, text
