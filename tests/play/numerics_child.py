@@ -10,13 +10,13 @@ import tempfile
 from pathlib import Path
 
 from lingjing import numerics
-from lingjing.testing import mission_file
 
 if "unpinned" in sys.argv:
     numerics.pins = lambda flags=None: {}
     numerics.worker_environment = dict
 
 from lingjing import Session, read_trace
+from lingjing.data import data_path
 from lingjing.play import selfcheck
 
 
@@ -35,7 +35,7 @@ def main() -> None:
         ]
         if "short" not in sys.argv:
             search = folder / "search.ljs"
-            whole = mission_file("ssr").read_text()
+            whole = data_path("scenarios", "ssr.ljs").read_text()
             search.write_text(re.sub(r"ticks <= \d+", "ticks <= 8", whole, count=1))
             played.append(session.run(search, policy="heuristic", seed=5, out=folder / "b", **how))
         print(
