@@ -1,4 +1,4 @@
-"""`lingjing compile`: write the typed mission graph, or the mission as `.ljs` text or a `resetScenario` document."""
+"""`lingjing compile`: write the mission as JSON, GraphML, `.ljs` text or a `resetScenario` document."""
 
 from __future__ import annotations
 
@@ -18,7 +18,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("file", metavar="FILE", help="a .ljs or .json file; - reads standard input")
     parser.add_argument("-o", "--output", metavar="OUT", help="where to write (default: standard output)")
-    parser.add_argument("--emit", choices=("mission", "reset-scenario", "ljs"), default="mission", help="what to write")
+    parser.add_argument(
+        "--emit", choices=("mission", "reset-scenario", "ljs", "graphml"), default="mission", help="what to write"
+    )
     parser.add_argument("--plain", action="store_true", help="write a resetScenario without the `lingjing` object")
     drawn = parser.add_argument_group(
         "the draw of a resetScenario document (it holds drawn positions, no distributions)"
@@ -47,6 +49,11 @@ def handler(args: argparse.Namespace) -> int:
         text = encode(mission)
     elif args.emit == "ljs":
         text = _ljs(mission)
+    elif args.emit == "graphml":
+        from lingjing.mission.draw.graphml import graphml
+        from lingjing.mission.graph.exchange import exchange
+
+        text = graphml(exchange(mission))
     else:
         text = _reset_scenario(mission, args)
     write_output(text, args.output, [args.file])

@@ -9,13 +9,16 @@ import re
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
 from lingjing.errors import Fault, MissionError
 from lingjing.mission import jsontext
+from lingjing.mission.conditions.listing import ListedCondition, list_conditions
 from lingjing.mission.diagnostics import Diagnostic
 from lingjing.mission.faults import lines_of, schema_faults
+from lingjing.mission.graph.exchange import ExchangeGraph, exchange
 from lingjing.mission.model import Mission
 from lingjing.mission.strict_schema import strict_schema
 
@@ -27,9 +30,23 @@ _FORMAT = re.compile(r"lingjing-mission/([1-9][0-9]{0,5})")
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
+class MissionDocument(Mission, frozen=True, kw_only=True):
+    """The content of `mission.json`: a mission with parts that are derived from it for other programs.
+
+    A reader checks the form of the derived parts and then ignores them. They may be absent.
+    """
+
+    conditions: tuple[ListedCondition, ...] = ()
+    """Every condition with what it reads, what changes that, its bounds, and what it decides."""
+    graph: ExchangeGraph | None = None
+    """The mission as a directed multigraph in the node-link form."""
+
+
 def encode(mission: Mission) -> str:
     """The mission as `mission.json`: indented, keys in the order of the model, with a final newline."""
-    return msgspec.json.format(msgspec.json.encode(mission), indent=2).decode() + "\n"
+    listed = list_conditions(mission)
+    document = MissionDocument(**_content(mission), conditions=listed.conditions, graph=exchange(mission, listed))
+    return msgspec.json.format(msgspec.json.encode(document), indent=2).decode() + "\n"
 
 
 def decode(text: str, path: str) -> Mission:
@@ -39,7 +56,8 @@ def decode(text: str, path: str) -> Mission:
     mission.
     """
     try:
-        return msgspec.json.decode(text.removeprefix("\ufeff").encode("utf-8", "surrogatepass"), type=Mission)
+        encoded = text.removeprefix("\ufeff").encode("utf-8", "surrogatepass")
+        return Mission(**_content(msgspec.json.decode(encoded, type=MissionDocument)))
     except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
         value = jsontext.load(text, path)
         _check_version(value, path)
@@ -49,6 +67,11 @@ def decode(text: str, path: str) -> Mission:
             hint="write mission.json with `lingjing compile`, or edit it according to schemas/mission.schema.json",
             faults=faults,
         ) from None
+
+
+def _content(mission: Mission) -> dict[str, Any]:
+    """The fields of a mission without the derived parts of a document."""
+    return {name: getattr(mission, name) for name in Mission.__struct_fields__}
 
 
 def _check_version(value: object, path: str) -> None:
@@ -69,7 +92,7 @@ def _check_version(value: object, path: str) -> None:
 def _faults(value: object) -> tuple[Fault, ...]:
     """All errors of a JSON value that is no mission; none if it is nested too deep to be examined."""
     try:
-        return schema_faults(value, Mission)
+        return schema_faults(value, MissionDocument)
     except RecursionError:
         return ()
 
@@ -92,7 +115,7 @@ def read(text: str, path: str, templates: Callable[[str], Mission]) -> tuple[Mis
 def schemas() -> dict[str, bytes]:
     """Each schema of this package by file name, formatted as it is committed."""
     return {
-        "mission.schema.json": _formatted({"$schema": _DIALECT, **msgspec.json.schema(Mission)}),
+        "mission.schema.json": _formatted({"$schema": _DIALECT, **msgspec.json.schema(MissionDocument)}),
         "diagnostics.schema.json": _formatted(_diagnostics()),
         "reset-scenario.schema.json": _formatted(_reset_scenario()),
     }

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import msgspec
 import pytest
 
 import lingjing
 from lingjing.errors import UsageError
-from lingjing.mission import expression as ex
 from lingjing.mission.conditions.listing import ConditionList, list_conditions
 from lingjing.mission.conditions.survey import survey_mission
-from lingjing.testing import compile_text, mission_file
+from lingjing.testing import compile_text, compiled, mission_file
 
 YARD = (Path(__file__).parents[1] / "kernel" / "data" / "locker.ljs").read_text()
 NINE = ("bi", "cd", "cr", "idf", "ld", "ssr", "ufr", "upr", "vdn")
@@ -83,16 +81,8 @@ def test_the_list_is_the_survey_with_bounds(name: str) -> None:
 
 
 def test_a_mission_too_large_for_bounds_has_its_list_without_them() -> None:
-    mission = lingjing.compile(str(mission_file("cr")))
-    parameters = tuple(
-        msgspec.structs.replace(parameter, default=ex.Number(400.0), bounds=None) for parameter in mission.parameters
-    )
-    large = msgspec.structs.replace(
-        mission,
-        parameters=parameters,
-        groups=tuple(msgspec.structs.replace(group, count=ex.Number(400.0)) for group in mission.groups),
-    )
-    assert bounds(list_conditions(large)) == {"now": (0.0, None)}
+    large = YARD.replace("CONDITION", "now > 20 s").replace("target victim :", "target victim[1..400] :")
+    assert bounds(list_conditions(compiled(large))) == {"now": (0.0, None)}
 
 
 def test_an_unknown_mode_is_refused() -> None:

@@ -57,6 +57,30 @@ def test_mission_json_is_valid_and_the_schema_refuses_what_the_reader_refuses(ss
     assert not validator.is_valid({**value, "name": 3})
 
 
+def test_the_document_has_derived_parts_that_are_never_read_back(ssr: m.Mission) -> None:
+    value = msgspec.json.decode(document.encode(ssr))
+    assert value["conditions"][0]["at"] == "success"
+    assert {node["id"] for node in value["graph"]["nodes"]} >= {
+        "role:searcher",
+        "verb:boat.moveTo",
+        "condition:success",
+    }
+    before = {key: part for key, part in value.items() if key not in ("conditions", "graph")}
+    forged = {**value, "conditions": [], "graph": {**value["graph"], "nodes": [], "edges": []}}
+    for each in (before, forged):
+        again = document.decode(msgspec.json.encode(each).decode(), "mission.json")
+        assert again == ssr
+        assert type(again) is m.Mission
+        assert document.encode(again) == document.encode(ssr)
+
+
+def test_a_derived_part_of_another_form_is_refused_with_its_path(ssr: m.Mission) -> None:
+    value = msgspec.json.decode(document.encode(ssr))
+    value["conditions"][0]["kind"] = "wish"
+    with pytest.raises(MissionError, match=r"conditions\[0\]"):
+        document.decode(msgspec.json.encode(value).decode(), "mission.json")
+
+
 def test_main_writes_the_schemas(tmp_path: Path) -> None:
     document.main([str(tmp_path / "out")])
     assert {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()} == document.schemas()

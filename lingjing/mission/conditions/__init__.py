@@ -6,6 +6,8 @@ public. A condition *gates* something: the end of the episode, an event, a comma
 happened once a condition holds; the needs of a condition form a tree. An `Outline` is a mission or an instance with
 its unknown values widened to bounds, so that one tree stands for every seed.
 
+The checker of leaks, the proofs, the tasks of the oracle and the visibility of events read this package (ADR 0040).
+
 Modules in control-flow order:
 
 - `quantities`: quantities and causes. `declarations`: the declarations that conditions refer to, of a mission or an

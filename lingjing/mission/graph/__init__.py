@@ -8,6 +8,7 @@ A pass adds the nodes or edges of one kind of declaration. Modules in control-fl
 - `needs`: the nodes that a condition reads.
 - `entities`, `rules`, `limits`: the passes, one small function for each kind of declaration. A new kind of declaration
   is a new function there and a line in `PASSES`.
+- `exchange`: the graph with action spaces, radii and conditions, for other programs.
 
 Sweeps and parameters have no nodes: they select which missions are played and are no part of one.
 
