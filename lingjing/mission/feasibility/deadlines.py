@@ -151,7 +151,8 @@ def _proof(success: Truth, cut: Cut, milestones: Milestones) -> Proof:
     if cut.step < 0:
         return Proof("LJ0511", cut.at, f"{cut.words()} before any agent acts", _HINTS["LJ0511"])
     if reason is None or (within < NEVER and cut.code):
-        when = "" if within >= NEVER else f"success cannot hold before {spelled(clock.time_s(within))} s, and "
+        time = f" before {spelled(clock.time_s(within))} s" if within < NEVER else " at any boundary of the episode"
+        when = f"success cannot hold{time}, and "
         return Proof(cut.code or "LJ0613", cut.at or "success", f"{when}{cut.words()}", _HINTS.get(cut.code, _LATE))
     code = reason.code or "LJ0613"
     chain = _chain(reason)

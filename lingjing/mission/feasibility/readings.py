@@ -530,9 +530,9 @@ def _ordered(node: ex.Binary, left: Value, right: Value, on: World, *, strict: b
         case (Gauge(), Gauge()):
             return _by_bounds(left.bounds, right.bounds, symbol, on)
         case Gauge(), _:
-            return _measured(left, -math.inf, _end(bounds_of(right).high, strict, -1), bounds_of(right), on)
+            return _measured(node, left, -math.inf, _end(bounds_of(right).high, strict, -1), bounds_of(right), on)
         case _, Gauge():
-            return _measured(right, _end(bounds_of(left).low, strict, 1), math.inf, bounds_of(left), on)
+            return _measured(node, right, _end(bounds_of(left).low, strict, 1), math.inf, bounds_of(left), on)
         case _, Tally():
             counted = _counted(right, bounds_of(left).low, on, strict=strict)
             return counted if bounds_of(left).exact else msgspec.structs.replace(counted, must=(), if_false={})
@@ -661,7 +661,7 @@ def _place_id(value: Value) -> str | None:
     return None
 
 
-def _measured(gauge: Gauge, low: float, high: float, limit: Bounds, on: World) -> Truth:
+def _measured(node: ex.Binary, gauge: Gauge, low: float, high: float, limit: Bounds, on: World) -> Truth:
     """A number that must lie between two bounds, of which one is infinite."""
     outside: Extents
     if math.isinf(low):
@@ -675,7 +675,7 @@ def _measured(gauge: Gauge, low: float, high: float, limit: Bounds, on: World) -
         }
         must = gauge.bounds.low >= (limit.high if low == limit.low else math.nextafter(limit.high, math.inf))
     if gauge.bounds.low > high or gauge.bounds.high < low:
-        reason = Reason(lambda: _out_of_bounds(gauge, low, high), "LJ0612")
+        reason = Reason(lambda: _out_of_bounds(node, gauge.bounds), "LJ0612")
         return constant(False, on.clock, reason)
     moment = AT_ONCE if must else on.entering(gauge, low, high)
     return Truth(
@@ -687,13 +687,10 @@ def _measured(gauge: Gauge, low: float, high: float, limit: Bounds, on: World) -
     )
 
 
-def _out_of_bounds(gauge: Gauge, low: float, high: float) -> str:
-    from lingjing.mission.feasibility.truths import in_words
-
-    wanted = f"at least {spelled(round(low, 3))}" if math.isinf(high) else f"at most {spelled(round(high, 3))}"
-    least, most = (spelled(round(end, 3)) if math.isfinite(end) else "" for end in gauge.bounds)
+def _out_of_bounds(node: ex.Binary, bounds: Bounds) -> str:
+    least, most = (spelled(round(end, 3)) if math.isfinite(end) else "" for end in bounds)
     between = f"between {least} and {most}" if least and most else f"at least {least}" if least else f"at most {most}"
-    return f"{in_words(gauge.key)} must be {wanted}, and is always {between}"
+    return f"`{spell(node)}` never holds, because the value is always {between}"
 
 
 __all__ = ["NEVER", "Apart", "Gauge", "Message", "Readings", "Span", "World", "bounds_of", "truth_of"]
