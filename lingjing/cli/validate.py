@@ -26,7 +26,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--output-format", choices=("text", "json", "sarif"), default="text", help="output format (default: text)"
     )
     parser.add_argument("--fix", action="store_true", help="apply the safe fixes to the files")
-    parser.add_argument("--unsafe-fixes", action="store_true", help="also apply likely fixes; review them")
+    parser.add_argument(
+        "--unsafe-fixes", action="store_true", help="apply safe and likely fixes (without --fix too); review them"
+    )
     parser.add_argument("--diff", action="store_true", help="print the changes of --fix, and write nothing")
     parser.add_argument(
         "--deep", action="store_true", help="also build the city and place everything, for the seeds of --seeds"

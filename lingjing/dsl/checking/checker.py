@@ -128,6 +128,9 @@ class _MissionChecker:
                 self.interactions.between(item, self.scope.groups[item.name.text], parts["agents"])
         self.rules.cycles(_all(items, s.RuleBlock))
         self.rules.unlocked_once(_all(items, s.UnlockLine))
+        if budget is not None and clock is not None:
+            for event in _all(items, s.EventBlock):
+                self.events.after_the_end(event, budget, clock)
         self._whole(node, modes)
         success = outcomes.get("success")
         if scene is None or clock is None or budget is None or modes is None or success is None:

@@ -81,6 +81,9 @@ class ConductChecker(DeclarationChecker):
         if penalty is not None and node.kind.text == "hard":
             place = penalty.node
             self.report.at("LJ0110", place, "a hard constraint has no penalty: it decides the episode")
+        if penalty is None and node.kind.text == "soft" and not any(isinstance(i, s.Faulty) for i in node.block.items):
+            message, hint = f"{what} has no penalty, so that breaking it costs nothing", "add `penalty = 10 %`"
+            self.report.at("LJ0512", node.name, message, hint, severity="warning")
         if condition is None or environment is None:
             return None
         value = self.of.expect(condition, environment, FLAG, "`always`")

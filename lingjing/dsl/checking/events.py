@@ -12,7 +12,7 @@ from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.diagnostics import Span
-from lingjing.mission.units import TICKS, TIME
+from lingjing.mission.units import TICKS, TIME, si_value, unit_of
 
 
 class EventChecker(DeclarationChecker):
@@ -39,6 +39,21 @@ class EventChecker(DeclarationChecker):
         kept = tuple(change for change in changes if change is not None)
         return model.EventDeclaration(name=node.name.text, at=at.ir, changes=kept, when=guard)
 
+    def after_the_end(self, node: s.EventBlock, budget: model.BudgetDeclaration, clock: model.ClockDeclaration) -> None:
+        """Warn of an event that comes after the last tick of the episode."""
+        ticks, tick_s = self.of.constant(budget.ticks), self.of.constant(clock.tick)
+        if not isinstance(node.at, s.NumberLiteral) or node.drawn or ticks is None or not tick_s:
+            return
+        unit = unit_of(node.at.unit)
+        if unit is None or unit.dimension not in (TICKS, TIME):
+            return
+        at = si_value(node.at.value, node.at.unit) / (1.0 if unit.dimension == TICKS else tick_s)
+        if at > ticks:
+            message = f"the event `{node.name.text}` comes after the last of {ticks:g} ticks"
+            self.report.at(
+                "LJ0512", node.at, message, "let it come earlier, or give a larger budget", severity="warning"
+            )
+
     # -- private
 
     def _time(self, node: s.EventBlock) -> TypedExpression | None:
@@ -64,6 +79,9 @@ class EventChecker(DeclarationChecker):
 
     def _change(self, item: s.Statement, node: s.EventBlock) -> model.Change | None:
         if isinstance(item, s.SettingsBlock) and item.keyword == "weather":
+            if item.preset is None and not item.block.items:
+                message, hint = "this `weather` changes nothing", "write `weather { visibility = 1 km }`"
+                self.report("LJ0512", item.start, item.end, message, hint, severity="warning")
             return model.Change(kind="weather", weather=self.settings.weather(item))
         if not isinstance(item, s.ChangeLine):
             self.blocks.misplaced(item, f"the event `{node.name.text}`", ("weather", "appear", "vanish"))
