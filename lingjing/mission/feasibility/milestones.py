@@ -3,7 +3,7 @@
 Facts are commands, motion, pictures, messages, unlocked and performed interactions, and the events of rules. Each has
 preconditions, of which the moments are computed in turn, as in planning with the deletions left out: a fact that has
 happened stays. The moments begin at *never* and fall until nothing changes, so that facts that wait for each other stay
-at *never* (Bonet and Geffner 2001, the heuristic h_max). Whatever is unknown is possible at once. A moment is
+at *never* (Bonet and Geffner 2001, the heuristic h_max; ADR 0039). Whatever is unknown is possible at once. A moment is
 therefore never later than in any run.
 
 Two sets of bounds hold besides: those of hard constraints at every macro-step, and those of an episode that has not
