@@ -33,7 +33,7 @@ mission without recorded perception.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
@@ -47,9 +47,10 @@ from lingjing.analysis.repetition import assignments_of
 from lingjing.mission.conditions.condition_needs import mentions
 from lingjing.mission.conditions.needs import Handover
 from lingjing.mission.conditions.outline import Outline, of_instance
-from lingjing.mission.expression import Aggregate, Attr, Call, Quantified, Ref, parts
+from lingjing.mission.conditions.survey import survey_instance
+from lingjing.mission.expression import Ref, parts
 from lingjing.mission.instance import Instance
-from lingjing.mission.model import Rule, Stage
+from lingjing.mission.model import Stage
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import CUT_SHORT, Receipt
 
@@ -466,27 +467,13 @@ def _drifted(target: str, assignment: tuple[int, str, str], action: EvaluatedAct
 def _locating_rules(instance: Instance, matching: frozenset[str]) -> frozenset[str]:
     """Return the rules that call a matching rule and read the position of a report."""
     positions = {
-        message.kind: {field.name for field in message.fields if field.type == "position"}
-        for message in instance.messages
+        (spec.kind, field.name) for spec in instance.messages for field in spec.fields if field.type == "position"
     }
     return frozenset(
         rule.name
-        for rule in instance.rules
-        if any(isinstance(part, Call) and part.rule and part.function in matching for part in parts(rule.condition))
-        and _reads_a_position(rule, positions)
-    )
-
-
-def _reads_a_position(rule: Rule, positions: Mapping[str, set[str]]) -> bool:
-    """Return whether a rule reads one of the position fields, which are given by message kind."""
-    nodes = tuple(parts(rule.condition))
-    bound = {node.variable: node.domain for node in nodes if isinstance(node, Aggregate | Quantified)}
-    domains = {parameter.name: parameter.domain for parameter in rule.parameters} | bound
-    return any(
-        isinstance(node, Attr)
-        and isinstance(node.base, Ref)
-        and node.name in positions.get(domains.get(node.base.name, ""), ())
-        for node in nodes
+        for rule in survey_instance(instance).of_kind("rule")
+        if any(called.name in matching for called in rule.reads("rule"))
+        and any((report.owner, report.name) in positions for report in rule.reads("message"))
     )
 
 

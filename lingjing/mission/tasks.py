@@ -14,7 +14,8 @@ from lingjing.mission.certain import Knowledge, known, truth
 from lingjing.mission.conditions.condition_needs import mentions
 from lingjing.mission.conditions.needs import Performed
 from lingjing.mission.conditions.outline import Outline, of_instance
-from lingjing.mission.expression import Binary, Expr, Quantified, Ref, conjuncts
+from lingjing.mission.conditions.survey import survey_instance, survey_unlocks
+from lingjing.mission.expression import Expr, Ref
 from lingjing.mission.instance import Entity, Instance, InteractionSpec, Region
 from lingjing.mission.intervals import exactly
 from lingjing.mission.values import Value
@@ -105,21 +106,20 @@ class _Declarations(Knowledge):
         return self._groups.get(domain)
 
 
-def _interactions(condition: Expr, outline: Outline, domains: dict[str, str] | None = None) -> tuple[Performed, ...]:
+def _interactions(condition: Expr, outline: Outline) -> tuple[Performed, ...]:
     """The interactions in a condition and in the rules that it calls."""
-    return tuple(leaf for leaf in mentions(condition, outline, domains) if isinstance(leaf, Performed))
+    return tuple(leaf for leaf in mentions(condition, outline) if isinstance(leaf, Performed))
 
 
 def _excluded(outline: Outline) -> frozenset[tuple[str, str]]:
     """(interaction, target) pairs for which the rule about their event can never be true."""
     instance = outline.instance
+    read = {rule.name: tuple(rule.reads("event")) for rule in survey_instance(instance).of_kind("rule")}
     pairs: set[tuple[str, str]] = set()
     for rule in instance.rules:
-        domains = {parameter.name: parameter.domain for parameter in rule.parameters}
-        own = [leaf for leaf in _interactions(rule.condition, outline, domains) if leaf.target and not leaf.at]
         for parameter in rule.parameters:
             members = [body.entity for body in outline.groups.get(parameter.domain, ())]
-            names = {leaf.interaction for leaf in own if leaf.target and leaf.target.id == parameter.domain}
+            names = {event.name for event in read[rule.name] if event.owner == parameter.domain}
             kept = matching_members(rule.condition, parameter.name, members, instance) if names else members
             pairs.update((kind, entity.id) for kind in names for entity in members if entity not in kept)
     return frozenset(pairs)
@@ -127,27 +127,24 @@ def _excluded(outline: Outline) -> frozenset[tuple[str, str]]:
 
 def entry_regions(task: Task, instance: Instance) -> tuple[Region, ...]:
     """The regions in which an actor must be before a task can be performed, according to its unlock conditions."""
-    conditions = [unlock.condition for unlock in instance.unlocks if unlock.interaction == task.name]
-    bodies = [condition.body if isinstance(condition, Quantified) else condition for condition in conditions]
     names = {
-        part.right.name
-        for body in bodies
-        for part in conjuncts(body)
-        if isinstance(part, Binary) and part.operator == "in"
-        if isinstance(part.right, Ref) and part.right.kind == "region"
+        quantity.name
+        for unlock in survey_unlocks(instance, task.name).conditions
+        for leaf in unlock.own
+        if leaf.necessary and not leaf.negated
+        for quantity in leaf.quantities
+        if quantity.kind == "region"
     }
     return tuple(region for region in instance.regions if region.name in names)
 
 
 def reported(instance: Instance) -> dict[str, str]:
     """The message kind that reports members of a group, by group, from rules that match reports with true boxes."""
-    kinds = {message.kind for message in instance.messages}
     kind_of_group: dict[str, str] = {}
-    for rule in instance.rules:
-        if rule.matching:
-            domains = [parameter.domain for parameter in rule.parameters]
-            kind = next((domain for domain in domains if domain in kinds), "")
-            kind_of_group.update({domain: kind for domain in domains if kind and domain != kind})
+    for rule in survey_instance(instance).of_kind("rule"):
+        kind = next((quantity.owner for quantity in rule.reads("message")), "")
+        if kind:
+            kind_of_group.update({box.owner: kind for box in rule.reads("true box")})
     return kind_of_group
 
 

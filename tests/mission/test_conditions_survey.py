@@ -117,3 +117,21 @@ def test_a_hidden_value_taints_the_condition_whatever_way_it_enters(text: str, h
     unlock = condition(of, "unlock/open")
     assert unlock.hidden is hidden
     assert bool(of.secretly_unlocked) is hidden
+
+
+@pytest.mark.parametrize(
+    ("text", "necessary"),
+    [
+        ("now > 20 s and boat in pool", {"now > 20 s", "boat in pool"}),
+        ("now > 20 s or boat in pool", set()),
+        ("not (now > 20 s or boat in pool)", {"now > 20 s", "boat in pool"}),
+        ("not (now > 20 s and boat in pool)", set()),
+        ("boat in pool and (now > 20 s or not (now > 30 s and now > 40 s))", {"boat in pool"}),
+        ("exists v in victim: boat in pool and alive(v)", {"boat in pool", "alive(v)"}),
+        ("count(near(v) for v in victim) >= 1", {"count(near(v) for v in victim) >= 1"}),
+        ("tidy()", {"tidy()", "box.position.north < 0 m", "now > 20 s"}),
+    ],
+)
+def test_a_part_is_necessary_if_the_condition_cannot_hold_without_it(text: str, necessary: set[str]) -> None:
+    unlock = condition(survey(YARD.replace("CONDITION", text)), "unlock/open")
+    assert {leaf.text for leaf in unlock.leaves if leaf.necessary} == necessary

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 import lingjing
-from lingjing.mission.tasks import possible, reported, required_tasks
+from lingjing.mission.tasks import entry_regions, possible, reported, required_tasks
 from lingjing.testing import instantiate, shipped_missions
 
 MISSIONS = {path.stem: path for path in shipped_missions()}
@@ -43,3 +45,33 @@ def test_goods_are_named_at_both_ends():
     assert (delivery.takes, delivery.source, delivery.moves_goods) == ("demand", "load", True)
     depot = next(entity for entity in played.entities if entity.id == "depot")
     assert [(task.gives, task.up_to) for task in possible(depot, played)] == [("load", "payload")]
+
+
+YARD = (Path(__file__).parents[1] / "kernel" / "data" / "locker.ljs").read_text()
+
+
+@pytest.mark.parametrize(
+    ("condition", "regions"),
+    [
+        ("boat in pool and now > 20 s", ["pool"]),
+        ("exists r in detection: boat in pool", ["pool"]),
+        ("boat in pool or now > 20 s", []),
+        ("not (boat in pool)", []),
+        ("now > 20 s", []),
+    ],
+)
+def test_an_unlock_names_the_regions_that_an_actor_must_enter(condition, regions):
+    played = instantiate(YARD.replace("CONDITION", condition), seed=1)
+    (task,) = possible(next(entity for entity in played.entities if entity.id == "box"), played)
+    assert [region.name for region in entry_regions(task, played)] == regions
+
+
+def test_shipped_missions_have_one_region_that_must_be_entered():
+    regions = {
+        (name, task.target): [region.name for region in entry_regions(task, played)]
+        for name in MISSIONS
+        for played in (instance(name),)
+        for entity in played.entities
+        for task in possible(entity, played)
+    }
+    assert {key: names for key, names in regions.items() if names} == {("vdn", "home"): ["compound"]}

@@ -6,6 +6,7 @@ A rule that a condition calls is expanded once for each condition, so that the s
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from typing import NamedTuple
 
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
@@ -40,6 +41,9 @@ class Leaf(Record, frozen=True, kw_only=True):
     """True if it stands under an odd number of `not`s."""
     via: tuple[str, ...] = ()
     """The rules through which the condition reads it, outermost first; empty for a part of its own text."""
+    necessary: bool = False
+    """True if the condition holds only where this part does (or does not, if negated), for at least one member of each
+    group that a quantifier names."""
     quantities: tuple[Quantity, ...] = ()
     """The quantities that it reads, each once."""
 
@@ -52,6 +56,18 @@ class Leaf(Record, frozen=True, kw_only=True):
         return any(quantity.hidden for quantity in self.quantities)
 
 
+class _PartPlace(NamedTuple):
+    """The place of a part in a condition."""
+
+    negated: bool
+    necessary: bool
+    via: tuple[str, ...]
+
+
+_WHOLE = _PartPlace(negated=False, necessary=True, via=())
+"""The place of the whole condition."""
+
+
 class Reader:
     """Reads one condition."""
 
@@ -59,46 +75,61 @@ class Reader:
         self._of = declarations
         self._expanded: set[str] = set()
 
-    def leaves(
-        self, expr: ex.Expr, names: Names, *, negated: bool = False, via: tuple[str, ...] = ()
-    ) -> Iterator[Leaf]:
+    def leaves(self, expr: ex.Expr, names: Names) -> Iterator[Leaf]:
         """The leaves of a condition in reading order, with those of the rules that it calls."""
+        yield from self._leaves(expr, names, _WHOLE)
+
+    def _leaves(self, expr: ex.Expr, names: Names, place: _PartPlace) -> Iterator[Leaf]:
         match expr:
-            case ex.Binary(operator="and" | "or", left=left, right=right):
-                yield from self.leaves(left, names, negated=negated, via=via)
-                yield from self.leaves(right, names, negated=negated, via=via)
+            case ex.Binary(operator="and" | "or" as operator, left=left, right=right):
+                both = (operator == "and") is not place.negated
+                inner = place if both else place._replace(necessary=False)
+                yield from self._leaves(left, names, inner)
+                yield from self._leaves(right, names, inner)
             case ex.Unary(operator="not", operand=operand):
-                yield from self.leaves(operand, names, negated=not negated, via=via)
+                yield from self._leaves(operand, names, place._replace(negated=not place.negated))
             case ex.Quantified(variable=variable, domain=domain, body=body):
-                yield Leaf(text=f"{variable} in {domain}", via=via, quantities=tuple(self._domain(domain)))
-                yield from self.leaves(body, {**names, variable: domain}, negated=negated, via=via)
+                yield Leaf(text=f"{variable} in {domain}", via=place.via, quantities=tuple(self._domain(domain)))
+                yield from self._leaves(body, {**names, variable: domain}, place)
             case ex.Call(rule=True):
-                yield from self._called(expr, names, negated, via)
+                yield from self._called(expr, names, place)
             case _:
-                quantities = tuple(dict.fromkeys(self._read(expr, names)))
-                radius_m = _radius_m(expr, self._of.scope)
-                yield Leaf(text=spell(expr), negated=negated, via=via, quantities=quantities, radius_m=radius_m)
+                yield self._leaf(
+                    expr, place, tuple(dict.fromkeys(self._read(expr, names))), _radius_m(expr, self._of.scope)
+                )
                 for call in _rules_in(expr):  # inside of `count(…)` and the like
-                    yield from self._called(call, {**names, **_bound_in(expr)}, negated, via)
+                    yield from self._called(call, {**names, **_bound_in(expr)}, place._replace(necessary=False))
+
+    def _leaf(
+        self, expr: ex.Expr, place: _PartPlace, quantities: tuple[Quantity, ...], radius_m: float | None = None
+    ) -> Leaf:
+        return Leaf(
+            text=spell(expr),
+            negated=place.negated,
+            via=place.via,
+            necessary=place.necessary,
+            quantities=quantities,
+            radius_m=radius_m,
+        )
 
     def bound(self, names: Names) -> Iterator[Leaf]:
         """One leaf for each name that the declaration binds."""
         for name, domain in names.items():
             yield Leaf(text=f"{name} in {domain}", quantities=tuple(self._domain(domain)))
 
-    def _called(self, call: ex.Call, names: Names, negated: bool, via: tuple[str, ...]) -> Iterator[Leaf]:
+    def _called(self, call: ex.Call, names: Names, place: _PartPlace) -> Iterator[Leaf]:
         read = tuple(quantity for argument in call.arguments for quantity in self._index(argument, names))
         judged = Quantity(kind="rule", name=call.function)
-        yield Leaf(text=spell(call), negated=negated, via=via, quantities=(judged, *read))
+        yield self._leaf(call, place, (judged, *read))
         rule = self._of.rules.get(call.function)
         if rule is None or rule.name in self._expanded:
             return
         self._expanded.add(rule.name)
         domains = {parameter.name: parameter.domain for parameter in rule.parameters}
-        inner = (*via, rule.name)
+        inner = place._replace(via=(*place.via, rule.name))
         for leaf in self.bound(domains):
-            yield Leaf(text=leaf.text, via=inner, quantities=leaf.quantities)
-        yield from self.leaves(rule.condition, domains, negated=negated, via=inner)
+            yield Leaf(text=leaf.text, via=inner.via, quantities=leaf.quantities)
+        yield from self._leaves(rule.condition, domains, inner)
 
     # -- what one leaf reads
 

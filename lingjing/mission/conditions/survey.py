@@ -16,7 +16,7 @@ import msgspec
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.conditions.declarations import Declarations, of_instance, of_mission
-from lingjing.mission.conditions.quantities import Quantity, Record
+from lingjing.mission.conditions.quantities import Quantity, QuantityKind, Record
 from lingjing.mission.conditions.reads import Leaf, Reader, domains_of
 from lingjing.mission.expression_text import spell
 from lingjing.mission.instance import Instance
@@ -59,6 +59,15 @@ class Condition(Record, frozen=True, kw_only=True):
     """True if it depends on a hidden quantity, itself or through rules."""
     private: bool = False
     """True if it depends on messages, which not every agent receives."""
+
+    @property
+    def own(self) -> Iterator[Leaf]:
+        """The parts of its own text, without those of the rules that it calls."""
+        return (leaf for leaf in self.leaves if not leaf.via)
+
+    def reads(self, *kinds: QuantityKind) -> Iterator[Quantity]:
+        """The quantities of some kinds in its own text."""
+        return (quantity for leaf in self.own for quantity in leaf.quantities if quantity.kind in kinds)
 
 
 class Survey(msgspec.Struct, frozen=True, dict=True):
@@ -112,6 +121,13 @@ def survey_instance(instance: Instance) -> Survey:
     for permit in instance.permits:
         draft.permit(permit.resource, permit.verb, permit.condition)
     draft.terms(instance.constraints, instance.stages)
+    return Survey(draft.of, tuple(draft.conditions))
+
+
+def survey_unlocks(instance: Instance, interaction: str) -> Survey:
+    """Survey the unlocks of one interaction of an instance alone."""
+    draft = _Draft(of_instance(instance))
+    draft.judgements((), tuple(unlock for unlock in instance.unlocks if unlock.interaction == interaction))
     return Survey(draft.of, tuple(draft.conditions))
 
 
