@@ -6,6 +6,7 @@ the mission, not only a text that compiles.
 
 from __future__ import annotations
 
+import re
 import tomllib
 from functools import cache
 from pathlib import Path
@@ -47,3 +48,22 @@ def test_a_mistake_is_one_error_that_leads_to_its_correction(mistake: list[str])
     for edit in sorted(offered.edits, key=lambda edit: edit.span.start, reverse=True):
         text = text[: edit.span.start] + edit.text + text[edit.span.end :]
     assert intended(text) == intended(BASE.replace(right, meaning[0]) if meaning else BASE) is not None, text
+
+
+@pytest.mark.parametrize("place", ["at -3.5 m }", "weather calm_sea", "loss = 0.1 }"])
+def test_without_indentation_a_stray_brace_is_one_error(place: str) -> None:
+    flat = "\n".join(line.strip() for line in BASE.split("\n"))
+    (error,) = compile_text(flat.replace(place, f"{place} }}", 1)).diagnostics
+    assert error.code == "LJ0004" and error.fix is not None
+    assert error.span.line == flat[: flat.index(place)].count("\n") + 1
+
+
+def test_blocks_by_colon_and_indentation_are_an_error_each_and_their_fixes_give_the_mission() -> None:
+    """The whole mission as a Python author writes it: no block of several lines has braces."""
+    text = re.sub(r"\n *\}(?=\n)", "", re.sub(r" \{\n", ":\n", BASE))
+    errors = compile_text(text).diagnostics
+    assert {error.code for error in errors} == {"LJ0010"} and len(errors) == BASE.count("{\n")
+    edits = [edit for error in errors for edit in (error.fix.edits if error.fix is not None else ())]
+    for edit in sorted(edits, key=lambda edit: (edit.span.start, edit.span.end), reverse=True):
+        text = text[: edit.span.start] + edit.text + text[edit.span.end :]
+    assert intended(text) == intended(BASE) is not None

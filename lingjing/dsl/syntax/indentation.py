@@ -6,7 +6,7 @@ import re
 
 _BLANK = re.compile(r"[ \t]*")
 _NEXT_CODE = re.compile(r"(?:[ \t]*(?:\#[^\r\n]*)?[\r\n])*(?P<depth>[ \t]*)(?=[^\s\#])")
-_OPENED = re.compile(r"^(?P<outside>[ \t]*)[^\s\#][^\r\n]*\{[ \t]*[\r\n]+(?P<inside>[ \t]*)(?=[^\s}])", re.MULTILINE)
+_OPENED = re.compile(r"^(?P<outside>[ \t]*)[^\s\#][^\r\n]*[{:][ \t]*[\r\n]+(?P<inside>[ \t]*)(?=[^\s}])", re.MULTILINE)
 
 
 class Indentation:

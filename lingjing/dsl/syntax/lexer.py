@@ -19,6 +19,7 @@ from lingjing.dsl.source.reporter import Change, Reporter
 from lingjing.dsl.syntax.foreign import QUOTES
 from lingjing.dsl.syntax.foreign_text import ForeignText
 from lingjing.dsl.syntax.indentation import Indentation
+from lingjing.dsl.syntax.statement_kinds import FILE
 from lingjing.dsl.syntax.statements import KINDS
 from lingjing.dsl.syntax.tokens import INNER, OPERATORS_THAT_CONTINUE, STATEMENTS, SYMBOLS, Token
 from lingjing.mission.diagnostics import Related
@@ -497,11 +498,23 @@ class Lexer(ForeignText):
                 return skip
             self.report("LJ0004", start, end, f"`{closer}` closes nothing", "remove it, or add what it should close")
             return 0
+        if closer == "}" and self.guide is None and len(self.open) == 1 and self._mission_goes_on(end):
+            self.unbalanced = True
+            self.report("LJ0004", start, end, "`}` is too much here: it ends the mission", "remove it", replace="")
+            return 0
         self._report_headless(self.open.pop()[1])
         if closer == "}" and self.previous in ("NL", "SEP"):
             self.tokens.pop()
         self._add(SYMBOLS[closer], start, end, text=closer)
         return 0
+
+    def _mission_goes_on(self, end: int) -> bool:
+        """True if a statement that stands in a mission alone follows the `}` of the outermost block."""
+        match = _NEXT_ITEM.match(self.text, end)
+        word = match["word"] if match is not None else None
+        if match is None or word not in _OF_MISSIONS:
+            return False
+        return _HEADER_FOLLOWS.match(self.text, match.end("word")) is not None
 
     def _is_surplus(self, guide: Indentation, start: int) -> bool:
         """True if, by indentation, a `}` cannot close the innermost block. Deeper blocks are closed first."""
@@ -681,6 +694,8 @@ class Lexer(ForeignText):
 _LONG_REST = re.compile(r'[ \t]*\r?\n[^"]*?\n[ \t]*(?P<quotes>"{1,3})[ \t]*(?=[\r\n])')
 _LINES = re.compile(r"(?P<line>[^\r\n]*)(?:\r\n|\n|\r)(?:[ \t]*(?:\r\n|\n|\r))*(?P<depth>[ \t]*)(?=\S)")
 _NEXT_LINE = re.compile(r"[}\s]*?(?:\#[^\r\n]*)?(?P<lines>[\r\n]+)")
+_OF_MISSIONS = frozenset(word for word, kind in KINDS.items() if "mission" in kind.within and FILE not in kind.within)
+"""Keywords of statements that stand in a mission, and not at the top of a file."""
 _HEADERS = frozenset([kind.token for word, kind in KINDS.items() if kind.opens_block and word != "use"])
 """Statements with a block, in which a line that is indented deeper belongs to them even if `{` is missing."""
 
