@@ -54,9 +54,13 @@ def test_a_success_at_the_start_is_said_and_one_that_never_holds_is_none(tmp_pat
             "late",
             "the stage `early` was not done in the 1 tick it had (from tick 0 to tick 1)",
         ),
-        ("constraint hard dry { always now < 0 s }", "constraint", "the constraint `dry` was broken at 0 s"),
+        (
+            "constraint hard dry { always not boat.status == idle }",
+            "constraint",
+            "the constraint `dry` was broken at 0 s",
+        ),
         ("failure when now > 0 s", "failure", ""),
-        ("failure when now >= 0 s", "failure", LOST_AT_START),
+        ("failure when boat.status == idle", "failure", LOST_AT_START),
         ("", "budget", ""),
     ],
 )
