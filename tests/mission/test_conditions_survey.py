@@ -135,3 +135,20 @@ def test_a_hidden_value_taints_the_condition_whatever_way_it_enters(text: str, h
 def test_a_part_is_necessary_if_the_condition_cannot_hold_without_it(text: str, necessary: set[str]) -> None:
     unlock = condition(survey(YARD.replace("CONDITION", text)), "unlock/open")
     assert {leaf.text for leaf in unlock.leaves if leaf.necessary} == necessary
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("distance_xy(boat, victim) <= 40 m", {"boat.position", "victim.position"}),
+        ("exists v in victim: distance_xy(boat, v) <= 40 m", {"presence victim", "boat.position"}),
+        ("exists v in victim: near(v)", {"rule near"}),
+        ("count(near(v) for v in victim) >= 1", {"rule near"}),
+        ("count(alive(v) for v in victim) >= 1", {"presence victim"}),
+        ("alive(boat)", {"presence boat"}),
+        ("b.position.north < 0 m", set()),
+    ],
+)
+def test_a_quantity_is_indirect_if_the_part_does_not_name_its_owner(text: str, named: set[str]) -> None:
+    unlock = condition(survey(YARD.replace("CONDITION", text)), "unlock/open")
+    assert {q.key for leaf in unlock.own for q in leaf.quantities if not q.indirect} == named

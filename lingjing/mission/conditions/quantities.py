@@ -71,6 +71,8 @@ class Quantity(Record, frozen=True, kw_only=True):
     """Upper bound of a number over the whole episode; None if there is none."""
     hidden: bool = False
     """True if agents must not learn it: it is hidden, or belongs to an entity with a hidden property."""
+    indirect: bool = False
+    """True if the part does not name the owner: it reads a bound member, or binds members that it hands to rules."""
 
     @property
     def key(self) -> str:

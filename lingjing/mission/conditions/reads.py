@@ -89,7 +89,7 @@ class Reader:
             case ex.Unary(operator="not", operand=operand):
                 yield from self._leaves(operand, names, place._replace(negated=not place.negated))
             case ex.Quantified(variable=variable, domain=domain, body=body):
-                yield Leaf(text=f"{variable} in {domain}", via=place.via, quantities=tuple(self._domain(domain)))
+                yield Leaf(text=f"{variable} in {domain}", via=place.via, quantities=self._range(domain, body))
                 yield from self._leaves(body, {**names, variable: domain}, place)
             case ex.Call(rule=True):
                 yield from self._called(expr, names, place)
@@ -115,7 +115,8 @@ class Reader:
     def bound(self, names: Names) -> Iterator[Leaf]:
         """One leaf for each name that the declaration binds."""
         for name, domain in names.items():
-            yield Leaf(text=f"{name} in {domain}", quantities=tuple(self._domain(domain)))
+            quantities = tuple(self._domain(domain, indirect=True))
+            yield Leaf(text=f"{name} in {domain}", quantities=quantities)
 
     def _called(self, call: ex.Call, names: Names, place: _PartPlace) -> Iterator[Leaf]:
         read = tuple(quantity for argument in call.arguments for quantity in self._index(argument, names))
@@ -154,7 +155,7 @@ class Reader:
                 ex.Quantified(variable=variable, domain=domain, body=body)
                 | ex.Aggregate(variable=variable, domain=domain, body=body)
             ):
-                yield from self._domain(domain)
+                yield from self._range(domain, body)
                 yield from self._read(body, {**names, variable: domain})
             case _:
                 for child in ex.children(expr):
@@ -167,7 +168,7 @@ class Reader:
             return
         yield from self._index(base, names)
         if owner in self._of.messages:
-            yield self._message(owner, name)
+            yield self._message(owner, name, indirect=_is_bound(base))
         else:
             yield from self._entity(base, name, names)
 
@@ -191,16 +192,19 @@ class Reader:
         owner = self._owner(expr, names) or ""
         group = self._of.group(owner)
         if group is not None:
-            yield self._of_group(group, _kind_of(group, field), "" if field == "position" else field)
+            plain = "" if field == "position" else field
+            yield self._of_group(group, _kind_of(group, field), plain, indirect=_is_bound(expr))
         elif owner in self._of.messages:
-            yield self._message(owner, "position")
+            yield self._message(owner, "position", indirect=_is_bound(expr))
 
-    def _of_group(self, group: Group, kind: QuantityKind, name: str = "") -> Quantity:
+    def _of_group(self, group: Group, kind: QuantityKind, name: str = "", *, indirect: bool = False) -> Quantity:
         shown = name or (kind if kind in ("position", "velocity", "heading", "status") else "")
         causes = tuple(_CAUSES[kind](self._of, group, name)) if kind in _CAUSES else ()
-        return Quantity(kind=kind, owner=group.name, name=shown, causes=causes, hidden=bool(group.hidden))
+        return Quantity(
+            kind=kind, owner=group.name, name=shown, causes=causes, hidden=bool(group.hidden), indirect=indirect
+        )
 
-    def _message(self, kind: str, field: str = "") -> Quantity:
+    def _message(self, kind: str, field: str = "", *, indirect: bool = False) -> Quantity:
         spec = next((item for item in self._of.messages[kind].fields if item.name == field), None)
         return Quantity(
             kind="message",
@@ -209,13 +213,18 @@ class Reader:
             causes=(Cause(kind="message", name=kind, by=self._of.senders(kind)),),
             least=None if spec is None else spec.minimum,
             most=None if spec is None else spec.maximum,
+            indirect=indirect,
         )
 
-    def _domain(self, domain: str) -> Iterator[Quantity]:
+    def _range(self, domain: str, body: ex.Expr) -> tuple[Quantity, ...]:
+        """The members that a quantifier or an aggregate binds."""
+        return tuple(self._domain(domain, indirect=next(_rules_in(body), None) is not None))
+
+    def _domain(self, domain: str, *, indirect: bool = False) -> Iterator[Quantity]:
         if domain in self._of.messages:
-            yield self._message(domain)
+            yield self._message(domain, indirect=indirect)
         elif (group := self._of.group(domain)) is not None:
-            yield self._of_group(group, "presence")
+            yield self._of_group(group, "presence", indirect=indirect)
 
     # -- what the facts of a running mission read
 
@@ -250,16 +259,20 @@ class Reader:
         yield Quantity(
             kind="assignment", owner=owner, name=asset.name if asset else "", causes=tuple(causes), hidden=hidden
         )
+        for argument in call.arguments[:2]:  # a part that names an entity reads it, besides its assignments
+            group = self._of.group(self._owner(argument, names) or "")
+            if group is not None and not _is_bound(argument):
+                yield self._of_group(group, "presence")
 
     def _alive(self, call: ex.Call, names: Names) -> Iterator[Quantity]:
         for argument in call.arguments:
-            yield from self._domain(self._owner(argument, names) or "")
+            yield from self._domain(self._owner(argument, names) or "", indirect=_is_bound(argument))
 
     def _photographed(self, call: ex.Call, names: Names) -> Iterator[Quantity]:
         for argument in call.arguments:
             group = self._of.group(self._owner(argument, names) or "")
             if group is not None:
-                yield self._of_group(group, "picture")
+                yield self._of_group(group, "picture", indirect=_is_bound(argument))
 
     def _truth(self, call: ex.Call, names: Names) -> Iterator[Quantity]:
         group = self._of.group(self._owner(call.arguments[0], names) or "")
@@ -271,7 +284,9 @@ class Reader:
         )
         # The true box of a public target tells nothing but the worth of a report, which is in the trace alone.
         hidden = group is None or bool(group.hidden)
-        yield Quantity(kind="true box", owner=group.name if group else "", causes=causes, hidden=hidden)
+        owner = group.name if group else ""
+        indirect = _is_bound(call.arguments[0])
+        yield Quantity(kind="true box", owner=owner, causes=causes, hidden=hidden, indirect=indirect)
         for argument in call.arguments[1:]:
             yield from self._read(argument, names)
 
@@ -380,6 +395,13 @@ _CAUSES: Mapping[QuantityKind, Callable[[Declarations, Group, str], Iterator[Cau
     "presence": _presence_causes,
     "picture": _picture_causes,
 }
+
+
+def _is_bound(expr: ex.Expr) -> bool:
+    """True for a bound name, and for a field or a member of one."""
+    while isinstance(expr, ex.Index | ex.Attr):
+        expr = expr.base
+    return isinstance(expr, ex.Ref) and expr.kind == "local"
 
 
 def _radius_m(expr: ex.Expr, scope: Scope) -> float | None:

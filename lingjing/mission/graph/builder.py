@@ -10,6 +10,7 @@ from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.conditions.declarations import default_scope
+from lingjing.mission.conditions.survey import survey_mission
 from lingjing.mission.evaluate import number, whole
 from lingjing.mission.expression_text import spell
 from lingjing.mission.graph.guards import Presence, presence
@@ -21,6 +22,7 @@ class GraphBuilder:
 
     def __init__(self, mission: model.Mission, modes: tuple[str, ...]) -> None:
         self.modes = modes
+        self.survey = survey_mission(mission)
         self._mission = mission
         self._defaults = default_scope(mission, modes[0] if len(modes) == 1 else mission.modes.default)
         self._nodes: dict[str, GraphNode] = {}

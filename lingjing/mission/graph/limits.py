@@ -51,7 +51,7 @@ def add_inspections(mission: model.Mission, draft: GraphBuilder) -> None:
 
 def add_constraints(mission: model.Mission, draft: GraphBuilder) -> None:
     """Conditions that must always hold: success requires the hard ones, the soft ones cost points."""
-    for constraint in mission.constraints:
+    for constraint, condition in zip(mission.constraints, draft.survey.of_kind("constraint"), strict=True):
         at = draft.presence(constraint.when)
         if at is None:
             continue
@@ -67,7 +67,7 @@ def add_constraints(mission: model.Mission, draft: GraphBuilder) -> None:
         )
         if per:
             draft.edge("adjudicates", node, per)
-        for needed in needs(constraint.condition, mission, draft):
+        for needed in needs(condition, draft):
             draft.edge("requires", node, needed)
         if constraint.kind == "hard":
             draft.edge("requires", f"outcome:{SUCCESS}", node)
@@ -75,9 +75,9 @@ def add_constraints(mission: model.Mission, draft: GraphBuilder) -> None:
 
 def add_permits(mission: model.Mission, draft: GraphBuilder) -> None:
     """Commands with a condition: the nodes that it reads unlock them."""
-    for permit in mission.permits:
+    for permit, condition in zip(mission.permits, draft.survey.of_kind("permit"), strict=True):
         for asset in groups_in(permit.resource, draft):
-            for needed in needs(permit.condition, mission, draft):
+            for needed in needs(condition, draft):
                 if needed.startswith(DECIDED):
                     draft.edge("unlocks", needed, asset, label=permit.verb)
                 elif needed != asset:

@@ -55,9 +55,9 @@ def _controlled(agent: model.Agent, draft: GraphBuilder) -> set[str]:
 
 def add_unlocks(mission: model.Mission, draft: GraphBuilder) -> None:
     """The conditions of interactions."""
-    for unlock in mission.unlocks:
-        event = draft.find(unlock.interaction, "event") or draft.node("event", unlock.interaction)
-        for node in needs(unlock.condition, mission, draft):
+    for unlock in draft.survey.of_kind("unlock"):
+        event = draft.find(unlock.name, "event") or draft.node("event", unlock.name)
+        for node in needs(unlock, draft):
             if node.startswith(DECIDED):
                 draft.edge("unlocks", node, event)
             else:
@@ -66,7 +66,7 @@ def add_unlocks(mission: model.Mission, draft: GraphBuilder) -> None:
 
 def add_judgements(mission: model.Mission, draft: GraphBuilder) -> None:
     """The entities that every rule judges, and the nodes that it reads."""
-    for rule in mission.rules:
+    for rule, condition in zip(mission.rules, draft.survey.of_kind("rule"), strict=True):
         node = f"rule:{rule.name}"
         for parameter in rule.parameters:
             entity = draft.find(parameter.domain, "target", "asset")
@@ -75,7 +75,7 @@ def add_judgements(mission: model.Mission, draft: GraphBuilder) -> None:
                 draft.edge("adjudicates", node, entity)
             elif report:
                 draft.edge("requires", node, report)
-        for needed in needs(rule.condition, mission, draft):
+        for needed in needs(condition, draft):
             draft.edge("requires", node, needed)
 
 
@@ -110,12 +110,12 @@ def add_outcomes(mission: model.Mission, draft: GraphBuilder) -> None:
 
 def add_completions(mission: model.Mission, draft: GraphBuilder) -> None:
     """Edges from stages and outcomes to the nodes that their conditions read."""
-    for stage in mission.stages:
-        for needed in needs(stage.condition, mission, draft):
+    for stage in draft.survey.of_kind("stage"):
+        for needed in needs(stage, draft):
             draft.edge("requires", f"stage:{stage.name}", needed)
-    for name, condition in _outcomes(mission):
-        for needed in needs(condition, mission, draft):
-            draft.edge("requires", f"outcome:{name}", needed)
+    for outcome in draft.survey.of_kind("success", "failure"):
+        for needed in needs(outcome, draft):
+            draft.edge("requires", f"outcome:{outcome.kind}", needed)
 
 
 def add_relations(mission: model.Mission, draft: GraphBuilder) -> None:
