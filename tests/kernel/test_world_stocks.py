@@ -106,7 +106,10 @@ def test_an_interaction_that_nothing_unlocks_is_allowed_from_the_start(tmp_path)
         lingjing.run(compile_text(text).mission, policy="random", out=tmp_path / name, world="inline", overview=False)
         for name, text in (
             ("free", free),
-            ("barred", BUS.replace("stow(s: corner) when now >= 0 s", "stow(s: corner) when now >= 9 s")),
+            (
+                "barred",
+                BUS.replace("stow(s: corner) when now >= 0 s", "stow(s: corner) when bus.position.elevation > 99 m"),
+            ),
         )
     )
     assert (played.reason, played.ticks) == ("success", 1)
