@@ -11,6 +11,9 @@ from lingjing.mission.conditions.reads import Leaf
 from lingjing.mission.conditions.survey import Gate
 from lingjing.terminal import visible
 
+NARROWEST = 70
+"""Columns of a terminal; in a narrower terminal lines are easier to read than five columns. Chosen."""
+
 HEAD = ("part", "reads", "changed by", "bounds", "shown")
 """The columns of the leaves in the text of a condition. Leaves of the rules that it calls stand with these rules."""
 
@@ -42,10 +45,7 @@ def as_text(listed: ConditionList) -> str:
 
 
 def print_conditions(listed: ConditionList) -> None:
-    """Print a table for each condition on a terminal, else the lines of `as_text`."""
-    if not sys.stdout.isatty():
-        print(as_text(listed), end="")
-        return
+    """Print a table for each condition on a terminal; in a pipe or a narrow terminal, the lines of `as_text`."""
     from rich import box
     from rich.table import Table
     from rich.text import Text  # values are text, not markup: a condition may hold brackets
@@ -53,6 +53,9 @@ def print_conditions(listed: ConditionList) -> None:
     from lingjing.cli.console import console
 
     shown = console()
+    if not sys.stdout.isatty() or shown.width < NARROWEST:
+        print(as_text(listed), end="")
+        return
     for condition in listed.conditions:
         shown.print(Text(condition.at, style="bold"))
         for line in _facts(condition):

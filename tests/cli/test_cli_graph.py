@@ -108,6 +108,19 @@ def test_conditions_are_lines_with_tabs_in_a_pipe(capsys: pytest.CaptureFixture[
     assert any("\tnow\ttime\t0..1500\tpublic" in line for block in blocks.values() for line in block)
 
 
+@pytest.mark.parametrize(("columns", "table"), [(120, True), (50, False)])
+def test_conditions_are_a_table_on_a_terminal_that_is_wide_enough(
+    columns: int, table: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", str(columns))
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    assert run_command(["graph", UPR, "--conditions"]) == ExitCode.OK
+    shown = capsys.readouterr().out
+    assert ("───" in shown) is table
+    assert ("\t" in shown) is not table
+    assert "verb forward, left, right by executor" in shown
+
+
 @pytest.mark.parametrize("arguments", [["--format", "json"], ["-o", "OUT.json"]])
 def test_conditions_are_json_by_format_and_by_name(
     arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
