@@ -9,7 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from enum import IntEnum
-from typing import NamedTuple, TypeVar
+from typing import Literal, NamedTuple, TypeVar
+
+from lingjing.system_hints import hint_of_system
 
 ReadT = TypeVar("ReadT")
 OtherwiseT = TypeVar("OtherwiseT")
@@ -46,32 +48,19 @@ class Fault(NamedTuple):
 class LingjingError(Exception):
     """Root of all exceptions that this project raises on purpose.
 
-    `str(error)` names the faulty thing. `hint` is what the reader can do; a traceback shows it as a note. `faults` are
-    the single faults of a document or of options.
+    `str(error)` names the faulty thing. `hint` is what the reader can do, in one line; a traceback shows it as a note.
+    An error without a hint may have a cause with one: `hint_of` returns it. `faults` are the single faults of a
+    document or of options.
     """
 
     exit_code = ExitCode.BUG
 
     def __init__(self, message: str, *, hint: str = "", faults: tuple[Fault, ...] = ()) -> None:
         super().__init__(message)
-        self._hint = hint
+        self.hint = hint
         self.faults = faults
         if hint:
             self.add_note(f"hint: {hint}")
-
-    @property
-    def hint(self) -> str:
-        """The hint in one line, of this error or else of its cause; "" if neither has one."""
-        if self._hint or self.__context__ is None:
-            return self._hint
-        from lingjing.refusals import hint_of  # at the top it would be a circular import
-
-        behind: BaseException | None = self.__cause__ or self.__context__
-        while behind is not None:
-            if hint := behind._hint if isinstance(behind, LingjingError) else hint_of(behind):
-                return hint
-            behind = behind.__cause__ or behind.__context__
-        return ""
 
 
 class UsageError(LingjingError):
@@ -98,18 +87,55 @@ class ForeignCodeError(UsageError, PluginError):
     """
 
 
+AbortCause = Literal[
+    "",
+    "service",
+    "episode-process",
+    "episode-server",
+    "fork-server",
+    "trace",
+    "world-process",
+    "camera-process",
+]
+"""The thing that was lost in an abort that a policy can cause, by its service or by processes and files on its machine.
+
+`service`: the policy's own service. `episode-process`: the process of the episode. `episode-server`: the process that
+it was forked from. `fork-server`: the process that starts others. `trace`: the episode's file. `world-process`,
+`camera-process`: the process of the engines or of the camera. "": anything else, such as an error of an engine.
+"""
+
+
 class InfrastructureError(LingjingError):
     """An engine or a worker process failed. The episode is an infrastructure abort, never a failure of a model."""
 
     exit_code = ExitCode.INFRASTRUCTURE
 
+    def __init__(self, message: str, *, hint: str = "", faults: tuple[Fault, ...] = (), cause: AbortCause = "") -> None:
+        super().__init__(message, hint=hint, faults=faults)
+        self.cause: AbortCause = cause
 
-def error_of(code: int, message: str, hint: str = "") -> LingjingError:
-    """Return the error with which another process of ours ended, by its exit code; an unknown code is a bug of ours."""
-    kinds: dict[int, type[LingjingError]] = {
-        kind.exit_code: kind for kind in (UsageError, MissionError, InfrastructureError)
-    }
+
+def error_of(code: int, message: str, hint: str = "", cause: AbortCause = "") -> LingjingError:
+    """Return the error with which another process of ours ended, by its exit code; an unknown code is a bug of ours.
+
+    `cause` is that of an `InfrastructureError`.
+    """
+    if code == ExitCode.INFRASTRUCTURE:
+        return InfrastructureError(message, hint=hint, cause=cause)
+    kinds: dict[int, type[LingjingError]] = {kind.exit_code: kind for kind in (UsageError, MissionError)}
     return kinds.get(code, LingjingError)(message, hint=hint)
+
+
+def hint_of(error: BaseException) -> str:
+    """Return the hint of an error, or else of the nearest error behind it with one; "" if none has one."""
+    behind: BaseException | None = error
+    seen: set[int] = set()  # causes may form a circle
+    while behind is not None and id(behind) not in seen:
+        seen.add(id(behind))
+        if hint := behind.hint if isinstance(behind, LingjingError) else hint_of_system(behind):
+            return hint
+        behind = behind.__cause__ or behind.__context__
+    return ""
 
 
 class ErrorCollector:
@@ -145,7 +171,7 @@ class ErrorCollector:
         if len(self.errors) == 1:
             raise self.errors[0]
         if self.errors:
-            hints = [error.hint for error in self.errors if "\n" in str(error) and error.hint]
+            hints = [hint for error in self.errors if "\n" in str(error) and (hint := hint_of(error))]
             lines = dict.fromkeys(_with_hint(error) for error in self.errors)
             is_foreign = all(isinstance(error, ForeignCodeError) for error in self.errors)
             kind = ForeignCodeError if is_foreign else UsageError
@@ -154,4 +180,5 @@ class ErrorCollector:
 
 def _with_hint(error: LingjingError) -> str:
     """Return an error's message with its hint, if the message is one line."""
-    return f"{error}; {error.hint}" if error.hint and "\n" not in str(error) else str(error)
+    hint = hint_of(error)
+    return f"{error}; {hint}" if hint and "\n" not in str(error) else str(error)

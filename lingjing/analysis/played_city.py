@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lingjing.errors import LingjingError, UsageError
+from lingjing.errors import LingjingError, UsageError, hint_of
 from lingjing.plugins.building import build_city
 from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import City, content_sha256
@@ -27,7 +27,7 @@ def rebuilt_city(trace: Trace, host: PluginHost) -> City:
     try:
         city = build_city(trace.header.instance.scene, host)
     except LingjingError as error:
-        raise UsageError(f"the city of {trace.path} cannot be built here: {error}", hint=error.hint) from error
+        raise UsageError(f"the city of {trace.path} cannot be built here: {error}", hint=hint_of(error)) from error
     if content_sha256(city) != trace.header.city_sha256:
         raise UsageError(
             f"the city of {trace.path} cannot be rebuilt: the result differs from the city of the trace",

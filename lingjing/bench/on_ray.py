@@ -19,7 +19,7 @@ import msgspec
 
 from lingjing.bench.rows import code_sha256
 from lingjing.data import data_path
-from lingjing.errors import InfrastructureError, LingjingError, UsageError
+from lingjing.errors import AbortCause, InfrastructureError, LingjingError, UsageError, error_of, hint_of
 from lingjing.installation import AGENTS, CORE, install_line, name_of
 from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeTask, play_apart, without_result
@@ -30,8 +30,6 @@ _POLL_S = 1.0
 
 _REACH_S = 10.0
 """Seconds to wait for a connection to the cluster. Chosen."""
-
-_KINDS: dict[str, type[LingjingError]] = {"UsageError": UsageError, "InfrastructureError": InfrastructureError}
 
 
 class RayTask(msgspec.Struct, frozen=True):
@@ -52,10 +50,12 @@ class _RayAnswer(msgspec.Struct, frozen=True):
 
     report: EpisodeReport | None = None
     """The report of the episode; None if there is an error."""
-    error: str = ""
-    """The class name of the error."""
+    code: int = 0
+    """The exit code of the error."""
     message: str = ""
     hint: str = ""
+    cause: AbortCause = ""
+    """The cause of an `InfrastructureError`."""
 
 
 class RayExecutor:
@@ -106,9 +106,9 @@ class RayExecutor:
             answer = msgspec.json.decode(self._ray.get(reference), type=_RayAnswer)
         except self._ray.exceptions.RayError as error:  # the worker, its node or its memory was lost
             reason = " ".join(str(error).split())[:200]
-            return without_result(task, f"its Ray worker was lost: {type(error).__name__}: {reason}")
+            return without_result(task, f"its Ray worker was lost: {type(error).__name__}: {reason}", "episode-process")
         if answer.report is None:
-            raise _KINDS.get(answer.error, LingjingError)(answer.message, hint=answer.hint)
+            raise error_of(answer.code, answer.message, answer.hint, answer.cause)
         return answer.report
 
 
@@ -121,20 +121,21 @@ def _played(task: RayTask) -> _RayAnswer:
     node = os.uname().nodename
     if not Path(task.lock).is_file():
         return _RayAnswer(
-            error="UsageError",
+            code=UsageError.exit_code,
             message=f"the node {node} cannot read `{Path(task.lock).parent}`",
             hint="name a folder with -o that all nodes of the cluster share",
         )
     if _code_here() != task.code:
         return _RayAnswer(
-            error="UsageError",
+            code=UsageError.exit_code,
             message=f"the node {node} has other code ({_code_here()[:12]}, this machine {task.code[:12]})",
             hint=f"install the same version of {name_of(CORE)} and {name_of(AGENTS)} on every node",
         )
     try:
         ((_, report),) = play_apart([EpisodeTask(task.options, Path(task.folder), reports_failure=True)], 1)
     except LingjingError as error:
-        return _RayAnswer(error=type(error).__name__, message=str(error), hint=error.hint)
+        cause = error.cause if isinstance(error, InfrastructureError) else ""
+        return _RayAnswer(code=error.exit_code, message=str(error), hint=hint_of(error), cause=cause)
     return _RayAnswer(report)
 
 

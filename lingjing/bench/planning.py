@@ -25,7 +25,7 @@ from lingjing.bench.suite import (
 from lingjing.dsl.feasibility.providers import missing_files
 from lingjing.dsl.loading.load import load_mission
 from lingjing.dsl.loading.shipped import find_mission, shipped_missions
-from lingjing.errors import Fault, LingjingError, MissionError, UsageError
+from lingjing.errors import Fault, LingjingError, MissionError, UsageError, hint_of
 from lingjing.mission.instance import GivenOption
 from lingjing.mission.instantiate import instantiate, parameters
 from lingjing.mission.model import Mission
@@ -272,7 +272,7 @@ class _Reader:
         try:
             return self._declarations.option_faults(player.policy, options)
         except LingjingError as error:
-            self._fault(f"entrants[{at}]", str(error), error.hint)
+            self._fault(f"entrants[{at}]", str(error), hint_of(error))
             return ()
 
     # -- missions, modes, settings
@@ -362,7 +362,7 @@ class _Reader:
             try:
                 read[name] = read_setting(mission, name, value) if isinstance(value, str) else float(value)
             except UsageError as error:
-                self._fault(f"{where}.settings.{name}", str(error), error.hint)
+                self._fault(f"{where}.settings.{name}", str(error), hint_of(error))
         return read
 
     def _check_settings(
@@ -374,12 +374,12 @@ class _Reader:
             try:
                 parameters(mission, mode, {name: value})
             except LingjingError as error:
-                self._fault(f"{where}.settings.{name}", str(error), error.hint)
+                self._fault(f"{where}.settings.{name}", str(error), hint_of(error))
         if whole and len(self.faults) == before:
             try:
                 instantiate(mission, seed=0, mode=mode, settings=settings)
             except LingjingError as error:
-                self._fault(f"{where}.settings", f"{mission.name} in mode {mode}: {error}", error.hint)
+                self._fault(f"{where}.settings", f"{mission.name} in mode {mode}: {error}", hint_of(error))
         return len(self.faults) == before
 
     # -- entrants and their options
@@ -419,7 +419,7 @@ class _Reader:
             return self._declarations.of(spec)
         except LingjingError as error:
             close = "" if is_file(spec) else did_you_mean(spec, self._host.policies, "policies")
-            self._fault(where, str(error), close or error.hint)
+            self._fault(where, str(error), close or hint_of(error))
             return None
 
     def _check_names(self, where: str, names: Sequence[tuple[int, str]]) -> None:

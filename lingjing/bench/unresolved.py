@@ -15,26 +15,10 @@ import msgspec
 
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.table_cells import UNRESOLVED
-from lingjing.play.outages import SERVICE_GONE
-from lingjing.play.report import SERVER_KILLED
 
 AT_ONCE_S = 300.0
 """Seconds within which two aborts count as simultaneous. Chosen: `react` reports an outage after three ticks, each of
 which waits up to 90 s for the model.
-"""
-
-
-_WITHIN_REACH = (
-    SERVICE_GONE,
-    "its process ",
-    SERVER_KILLED,
-    "the process that starts others ",
-    "the trace ",
-    "the world process died",
-    "the camera process died",
-)
-"""First words of the details of aborts that a policy can cause, by its service or by processes and files on its
-machine. Errors of engines are not among them.
 """
 
 
@@ -59,14 +43,9 @@ def with_marked_names(rows: Sequence[SuiteRow], unresolved: frozenset[str]) -> l
 
 def _is_alone(row: SuiteRow, aborts: Sequence[SuiteRow]) -> bool:
     """Return whether the entrant may have caused the abort and no other entrant was aborted so at the same time."""
-    cause = _cause(row)
-    others = (other for other in aborts if other.entrant != row.entrant and _cause(other) == cause)
+    cause = row.report.cause
+    others = (other for other in aborts if other.entrant != row.entrant and other.report.cause == cause)
     return bool(cause) and not any(_is_at_once(row, other) for other in others)
-
-
-def _cause(row: SuiteRow) -> str:
-    """Return the first words of the detail of an abort that a policy can cause; "" for other aborts."""
-    return next((cause for cause in _WITHIN_REACH if row.report.detail.startswith(cause)), "")
 
 
 def _is_at_once(row: SuiteRow, other: SuiteRow) -> bool:

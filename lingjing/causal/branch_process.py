@@ -26,7 +26,7 @@ from lingjing.causal.branching import BranchResult, play_branch
 from lingjing.causal.interventions import BranchPlan
 from lingjing.causal.processor_time import cpu_of
 from lingjing.causal.redriven import BranchOptions, RedrivenEpisode
-from lingjing.errors import ExitCode, InfrastructureError, LingjingError, UsageError
+from lingjing.errors import ExitCode, InfrastructureError, LingjingError, UsageError, hint_of
 from lingjing.processes.channel import Channel, ChannelClosedError
 from lingjing.processes.linux import SeveralThreadsError, end_with_parent, fork
 from lingjing.processes.signals import leave_interrupts_to_parent
@@ -148,7 +148,7 @@ class _Server:
         except ChannelClosedError:
             raise
         except LingjingError as error:
-            self._send(HostFailed(message=str(error), hint=error.hint, exit_code=error.exit_code))
+            self._send(HostFailed(message=str(error), hint=hint_of(error), exit_code=error.exit_code))
         except SeveralThreadsError as error:
             self._send(_threads_error(error))
         except Exception as error:  # noqa: BLE001 - a bug, which the client raises
@@ -247,7 +247,7 @@ class _Server:
         try:
             return play_branch(self._episode, plan)
         except LingjingError as error:
-            return BranchResult(failed=str(error), hint=error.hint, exit_code=error.exit_code)
+            return BranchResult(failed=str(error), hint=hint_of(error), exit_code=error.exit_code)
         except Exception as error:  # noqa: BLE001 - reported to the client, which raises it
             traceback.print_exc()
             return BranchResult(failed=f"the branch failed: {type(error).__name__}: {error}", exit_code=ExitCode.BUG)

@@ -21,7 +21,7 @@ import msgspec
 
 from lingjing.causal.branch_pictures import BranchPictures
 from lingjing.causal.processor_time import cpu_of
-from lingjing.errors import InfrastructureError, LingjingError
+from lingjing.errors import InfrastructureError, LingjingError, hint_of
 from lingjing.kernel.world.contract import StoredFrame
 from lingjing.kernel.world.engine_group import start_engines
 from lingjing.kernel.world.frames import without_pixels
@@ -183,7 +183,7 @@ class _Service:
                 finally:
                     os.close(memory)
         except LingjingError as error:
-            channel.send(encoded(Failed(message=str(error), hint=error.hint)))
+            channel.send(encoded(Failed(message=str(error), hint=hint_of(error))))
 
     def _ready(self) -> BranchPictures:
         if self._pictures is None:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Mapping
 from functools import partial
 
-from lingjing.errors import ErrorCollector, Fault, UsageError
+from lingjing.errors import ErrorCollector, Fault, UsageError, hint_of
 from lingjing.mission.model import Mission
 from lingjing.mission.settings import read_setting
 
@@ -113,7 +113,7 @@ def parse_settings(
         try:
             return read_setting(mission, name, text)
         except UsageError as error:
-            raise _fault(f"settings.{name}", f"--set {name}={text}: {error}", error.hint) from None
+            raise _fault(f"settings.{name}", f"--set {name}={text}: {error}", hint_of(error)) from None
 
     values = {name: collector.attempt(partial(read, name, text), None) for name, text in pairs.items()}
     if errors is None:

@@ -16,7 +16,7 @@ import msgspec
 
 from lingjing.cli.libraries import SYSTEM_LIBRARIES, apt_line, missing_libraries
 from lingjing.data import choose_cache
-from lingjing.errors import ExitCode, InfrastructureError, LingjingError
+from lingjing.errors import ExitCode, InfrastructureError, LingjingError, hint_of
 from lingjing.installation import (
     AGENTS,
     OWN,
@@ -300,7 +300,9 @@ def _check_numerics() -> Iterator[Finding]:
     try:
         result = check()
     except InfrastructureError as error:
-        yield Finding(name="episode", ok=False, found=str(error), advice=error.hint or "`lingjing doctor` looks closer")
+        yield Finding(
+            name="episode", ok=False, found=str(error), advice=hint_of(error) or "`lingjing doctor` looks closer"
+        )
         return
     for place, table in result.processes.items():
         summary = ", ".join(f"{name} {value}" for name, value in table.items())

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
-from lingjing.errors import ExitCode, LingjingError
+from lingjing.errors import ExitCode, LingjingError, hint_of
 from lingjing.processes import signals
 from lingjing.terminal import Visible, guard_streams, write_styled
 
@@ -62,8 +62,8 @@ def say(line: str) -> None:
 def say_error(error: LingjingError) -> None:
     """Print an error and its hint."""
     say(f"error: {error}")
-    if error.hint:
-        say(f"hint: {error.hint}")
+    if hint_of(error):
+        say(f"hint: {hint_of(error)}")
 
 
 @contextmanager

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,8 +14,8 @@ import msgspec
 from lingjing.analysis.played_city import credit
 from lingjing.cli.process import say
 from lingjing.cli.scorecard import plain, scorecard
-from lingjing.errors import ExitCode
-from lingjing.play.report import ABORTED, INTERRUPTED, POLICY_FAILED, EpisodeReport, SeedsReport
+from lingjing.errors import ExitCode, InfrastructureError, LingjingError, hint_of
+from lingjing.play.report import ABORTED, INTERRUPTED, POLICY_FAILED, EpisodeError, EpisodeReport, SeedsReport
 from lingjing.terminal import visible
 
 if TYPE_CHECKING:
@@ -69,6 +70,15 @@ def print_json(report: EpisodeReport | SeedsReport) -> None:
     except UnicodeEncodeError:  # a folder name that is not valid text: its bytes are written as Python's escapes
         text = json.dumps(msgspec.to_builtins(report))
     sys.stdout.write(text + "\n")
+
+
+def print_error_json(error: LingjingError) -> None:
+    """Print an `EpisodeError` and a newline on standard output."""
+    cause = error.cause if isinstance(error, InfrastructureError) else ""
+    printed = EpisodeError(message=str(error), hint=hint_of(error), cause=cause)
+    with suppress(OSError, ValueError):  # closed or full: the message on standard error remains
+        sys.stdout.write(json.dumps(msgspec.to_builtins(printed)) + "\n")
+        sys.stdout.flush()
 
 
 def print_episode(report: EpisodeReport) -> None:

@@ -17,16 +17,26 @@ from lingjing.cli.arguments import parse_amount, parse_pairs, parse_seed, parse_
 from lingjing.cli.installed import warn_of_broken_plugins
 from lingjing.cli.process import ending_at_second_interrupt, results_alone, say
 from lingjing.cli.progress import LiveProgress
-from lingjing.cli.results import exit_code, explain, print_episode, print_json, print_seeds
+from lingjing.cli.results import exit_code, explain, print_episode, print_error_json, print_json, print_seeds
 from lingjing.dsl.loading.load import load_with_notes
 from lingjing.dsl.loading.shipped import find_mission
-from lingjing.errors import ErrorCollector, ExitCode, ForeignCodeError, InfrastructureError, MissionError, UsageError
+from lingjing.errors import (
+    ErrorCollector,
+    ExitCode,
+    ForeignCodeError,
+    InfrastructureError,
+    LingjingError,
+    MissionError,
+    UsageError,
+    hint_of,
+)
 from lingjing.mission.model import Mission
 from lingjing.play.folders import RUNS, claim_folder, claim_run_folder, release_if_empty
 from lingjing.play.options import PlayOptions, checked_options, read_options
 from lingjing.play.parallel import EpisodeTask, play_apart, play_here, policy_server
 from lingjing.play.report import INTERRUPTED, POLICY_FAILED, EpisodeReport, summarise
 from lingjing.processes.linux import set_parent_death_signal
+from lingjing.refusals import refusal_of
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -99,12 +109,23 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--watch-truth", action="store_true", help="watch with hidden targets shown before they are found"
     )
+    parser.add_argument("--json-error", action="store_true", help=argparse.SUPPRESS)  # set by play_apart
     parser.add_argument("--end-with", metavar="PID", type=int, help=argparse.SUPPRESS)  # set by play_apart
     parser.add_argument("--fork-server", metavar="FD", type=int, help=argparse.SUPPRESS)  # set by a fork server
 
 
 def handler(args: argparse.Namespace) -> int:
-    """Play, print the result and return the exit code."""
+    """Play, print the result and return the exit code. With `--json-error` an error is printed as an `EpisodeError`."""
+    try:
+        return _handle(args)
+    except Exception as error:
+        reported = error if isinstance(error, LingjingError) else refusal_of(error)
+        if args.json_error and reported is not None:
+            print_error_json(reported)
+        raise
+
+
+def _handle(args: argparse.Namespace) -> int:
     if args.end_with is not None and not set_parent_death_signal(args.end_with, signal.SIGTERM):
         raise KeyboardInterrupt
     warn_of_broken_plugins()
@@ -234,7 +255,7 @@ def _check_settings(settings: list[str], mission: Mission, options: PlayOptions)
     except UsageError:  # reported later with all other errors
         return options
     except MissionError as error:
-        raise UsageError(f"--set {' --set '.join(settings)}: {error}", hint=error.hint) from error
+        raise UsageError(f"--set {' --set '.join(settings)}: {error}", hint=hint_of(error)) from error
     return options
 
 
@@ -274,7 +295,8 @@ def _run_shown(args: argparse.Namespace, mission: Mission, options: PlayOptions,
 def _print_result(args: argparse.Namespace, episode: EpisodeReport) -> int:
     if args.json:
         print_json(episode)
-    _check_begun(episode)
+    if not args.json_error:  # else the report is the message
+        _check_begun(episode)
     if not args.json:
         print_episode(episode)
     explain([episode])

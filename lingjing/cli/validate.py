@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lingjing.cli.arguments import parse_seeds
 from lingjing.cli.process import say_error
-from lingjing.errors import ExitCode, MissionError, UsageError
+from lingjing.errors import ExitCode, MissionError, UsageError, hint_of
 from lingjing.terminal import visible, write_data, write_styled
 
 if TYPE_CHECKING:
@@ -194,7 +194,7 @@ def _check_document(source: SourceText, *, as_text: bool) -> _Checked:
             notes += _displacements(mission)
         except MissionError as error:
             text = f"{place}: {error}" if (place := place_of(mission, "", str(error))) else str(error)
-            diagnostics.append(Diagnostic("LJ0211", start, text, error.hint))
+            diagnostics.append(Diagnostic("LJ0211", start, text, hint_of(error)))
     shown = visible("".join(f"{source.path}: note: {note}\n" for note in notes))
     return _Checked(tuple(diagnostics), shown + _text(tuple(diagnostics), source) if as_text else "")
 
@@ -269,4 +269,4 @@ def _as_diagnostics(error: MissionError, path: str) -> tuple[Diagnostic, ...]:
 
     start = Span(path, 0, 0, 1, 1, 1, 1)
     faults = [(lines_of([fault]), fault.hint) for fault in error.faults]
-    return tuple(Diagnostic("LJ0009", start, text, hint) for text, hint in faults or [(str(error), error.hint)])
+    return tuple(Diagnostic("LJ0009", start, text, hint) for text, hint in faults or [(str(error), hint_of(error))])

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from lingjing.errors import ForeignCodeError, InfrastructureError
+from lingjing.errors import ForeignCodeError, InfrastructureError, hint_of
 from lingjing.kernel.barrier import Barrier, OutageCheck, PolicyBarrier, no_outage
 from lingjing.kernel.step import Kernel, Published
 from lingjing.numerics import runtime_fingerprint
@@ -123,18 +123,19 @@ def play(
     """
     started = time.perf_counter()
     reason: Reason = "error"
-    detail, hint = "", ""
+    detail = ""
+    abort: InfrastructureError | None = None
     try:
         reason, detail = _loop(kernel, barrier, progress, started, since)
     except InfrastructureError as error:
-        reason, detail, hint = "infrastructure-abort", f"{error}", error.hint
+        reason, abort = "infrastructure-abort", error
     except KeyboardInterrupt:
         reason = "interrupted"
         raise
     finally:
         with deferring_signals():
             barrier.close()
-            outcome = _outcome(kernel, reason, (detail, hint), time.perf_counter() - started, barrier.ambient_random)
+            outcome = _outcome(kernel, reason, abort or detail, time.perf_counter() - started, barrier.ambient_random)
             if recorder is not None:
                 (recorder.abandon if reason in CUT_SHORT else recorder.finish)(outcome)
     return outcome
@@ -192,9 +193,11 @@ def _progress(kernel: Kernel, published: Published, last: str, started: float) -
 
 
 def _outcome(
-    kernel: Kernel, reason: Reason, cause: tuple[str, str], wall_s: float, ambient_random: frozenset[str]
+    kernel: Kernel, reason: Reason, why: InfrastructureError | str, wall_s: float, ambient_random: frozenset[str]
 ) -> Outcome:
+    """Return the outcome. `why` is the error of an abort, or else the detail of the ending."""
     state = kernel.state
+    hint, cause = (hint_of(why), why.cause) if isinstance(why, InfrastructureError) else ("", "")
     return Outcome(
         success=reason == "success",
         reason=reason,
@@ -203,8 +206,9 @@ def _outcome(
         ticks=state.registry.tick,
         digest=state.digest,
         frames_digest=state.frames_digest,
-        detail=cause[0],
-        hint=cause[1],
+        detail=str(why),
+        hint=hint,
+        cause=cause,
         wall_s=wall_s,
         ambient_random=tuple(sorted(ambient_random)),
         processes={

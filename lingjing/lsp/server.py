@@ -20,7 +20,7 @@ from pygls.lsp.server import LanguageServer
 from lingjing import __version__
 from lingjing.dsl.formatting.formatter import format_source
 from lingjing.dsl.source.text import SourceText
-from lingjing.errors import LingjingError
+from lingjing.errors import LingjingError, hint_of
 from lingjing.lsp import colours, signatures
 from lingjing.lsp import complete as completing
 from lingjing.lsp import explain as explaining
@@ -125,7 +125,7 @@ class Server(LanguageServer):
             diagnostics = analysis.diagnostics
         except LingjingError as error:  # such as an unreadable library, or two plug-ins of one name
             nothing = lsp.Range(lsp.Position(0, 0), lsp.Position(0, 0))
-            message = f"{error}\n{error.hint}" if error.hint else str(error)
+            message = f"{error}\n{hint_of(error)}" if hint_of(error) else str(error)
             return [lsp.Diagnostic(nothing, message, lsp.DiagnosticSeverity.Error, source="lingjing")]
         return [self.diagnostic(item, positions, analysis.source.path) for item in diagnostics]
 

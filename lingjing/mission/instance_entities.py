@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 
-from lingjing.errors import MissionError
+from lingjing.errors import MissionError, hint_of
 from lingjing.mission import expression as ex
 from lingjing.mission import geometry2d, model
 from lingjing.mission.draws import draw, outline
@@ -70,7 +70,7 @@ class NodeError(MissionError):
     """The message without the path."""
 
     def __init__(self, path: str, error: MissionError) -> None:
-        super().__init__(f"{path}: {error}", hint=error.hint)
+        super().__init__(f"{path}: {error}", hint=hint_of(error))
         inner = error if isinstance(error, NodeError) else None
         self.path = inner.path if inner else path
         self.message = inner.message if inner else str(error)

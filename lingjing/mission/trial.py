@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 
 import msgspec
 
-from lingjing.errors import LingjingError, MissionError
+from lingjing.errors import LingjingError, MissionError, hint_of
 from lingjing.mission import elements, model
 from lingjing.mission import expression as ex
 from lingjing.mission.conditions.spread import places
@@ -105,12 +105,12 @@ def _with_settings(
             return
         instance = instantiate(mission, mode=mode, settings=settings)
     except NodeError as error:
-        yield TrialFault("LJ0507", error.path, error.message, error.hint)
+        yield TrialFault("LJ0507", error.path, error.message, hint_of(error))
         rest = _without(mission, error.path) if most > 1 else None
         if rest is not None:
             yield from _with_settings(rest, mode, settings, most - 1)
     except LingjingError as error:
-        yield TrialFault("LJ0507", mission.name, str(error), error.hint)
+        yield TrialFault("LJ0507", mission.name, str(error), hint_of(error))
     else:
         yield from _of_draws(mission, instance)
         yield from _of_scene(mission, instance)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import concurrent.futures
 from collections.abc import Mapping
 
-from lingjing.errors import InfrastructureError
+from lingjing.errors import InfrastructureError, hint_of
 from lingjing.kernel.barrier import AgentThread
 from lingjing.mission.instance import GivenOption
 from lingjing.play.policies import AssignedPolicy
@@ -44,7 +44,8 @@ class ServiceOutages:
             return None
         return InfrastructureError(
             f"{SERVICE_GONE}the service of `{agent}` gives the harness no answer either: {failure}",
-            hint=str(error.hint),
+            hint=hint_of(error),
+            cause="service",
         )
 
 

@@ -17,7 +17,15 @@ from typing import IO, TYPE_CHECKING, NamedTuple, Self
 
 import msgspec
 
-from lingjing.errors import ExitCode, ForeignCodeError, InfrastructureError, LingjingError, error_of
+from lingjing.errors import (
+    AbortCause,
+    ExitCode,
+    ForeignCodeError,
+    InfrastructureError,
+    LingjingError,
+    error_of,
+    hint_of,
+)
 from lingjing.kernel.world.launch import ENGINE_VARIABLES, ENGINES
 from lingjing.mission.model import Mission
 from lingjing.play.folders import release_if_empty
@@ -29,6 +37,7 @@ from lingjing.play.report import (
     POLICY_FAILED,
     SERVER_KILLED,
     SIGNALLED,
+    EpisodeError,
     EpisodeReport,
     end_without_result,
 )
@@ -93,8 +102,8 @@ def _unrecorded(
     """Return the report of an episode without a record."""
     task = EpisodeTask(msgspec.structs.replace(options, seed=seed), folder or Path())
     mode = options.mode or mission.modes.default
-    report = without_result(task, str(error))
-    return msgspec.structs.replace(report, mission=mission.name, mode=mode, hint=error.hint)
+    report = without_result(task, str(error), error.cause if isinstance(error, InfrastructureError) else "")
+    return msgspec.structs.replace(report, mission=mission.name, mode=mode, hint=hint_of(error))
 
 
 @contextlib.contextmanager
@@ -160,7 +169,7 @@ class EpisodeTask(NamedTuple):
 
     def command(self) -> list[str]:
         """Return the command that plays it. It reads the options from standard input and prints the report as JSON."""
-        return [*_PYTHON, "run", "--options", "-", "-o", str(self.folder), "--json"]
+        return [*_PYTHON, "run", "--options", "-", "--json-error", "-o", str(self.folder), "--json"]
 
 
 _MUTE_HINT = "check for free space in the folder of temporary files (TMPDIR), which holds its messages"
@@ -313,8 +322,10 @@ def _report_of_ended(child: _Worker) -> EpisodeReport:
     try:
         report = _result_of(child)
     except _ChildInterrupted:
-        return without_result(child.task, SIGNALLED)
-    return msgspec.structs.replace(report, reason=ABORTED, detail=SIGNALLED) if report.reason == INTERRUPTED else report
+        return without_result(child.task, SIGNALLED, "episode-process")
+    if report.reason != INTERRUPTED:
+        return report
+    return msgspec.structs.replace(report, reason=ABORTED, detail=SIGNALLED, cause="episode-process")
 
 
 def _result_of(child: _Worker) -> EpisodeReport:
@@ -328,7 +339,7 @@ def _result_of(child: _Worker) -> EpisodeReport:
     if isinstance(child.process, ForkedProcess):
         child.process.close()
     if child.process.returncode == ForkedProcess.LOST:
-        return without_result(child.task, SERVER_KILLED)
+        return without_result(child.task, SERVER_KILLED, "episode-server")
     with suppress(msgspec.DecodeError):  # nothing, or half of it
         report = msgspec.json.decode(printed, type=EpisodeReport)
         if report.reason == POLICY_FAILED and not child.task.reports_failure:
@@ -339,21 +350,28 @@ def _result_of(child: _Worker) -> EpisodeReport:
     if code == ExitCode.INTERRUPTED:
         raise _ChildInterrupted
     if code <= ExitCode.OK:
-        return without_result(child.task, end_without_result(code))
-    message, _, hint = complaint.partition("\nhint: ")
-    if not message:
-        message, hint = f"an episode ended with code {code} and without a message", _MUTE_HINT
-    raise error_of(code, message.removeprefix("error: "), hint)
+        return without_result(child.task, end_without_result(code), "episode-process")
+    raise _error_of_ended(code, printed, complaint)
 
 
-def without_result(task: EpisodeTask, why: str) -> EpisodeReport:
+def _error_of_ended(code: int, printed: bytes, complaint: str) -> LingjingError:
+    """Return the error that a child has printed. A bug, or a foreign command, has only its words on standard error."""
+    with suppress(msgspec.DecodeError):
+        error = msgspec.json.decode(printed, type=EpisodeError)
+        return error_of(code, error.message, error.hint, error.cause)
+    if complaint:
+        return error_of(code, complaint.removeprefix("error: "))
+    return error_of(code, f"an episode ended with code {code} and without a message", _MUTE_HINT)
+
+
+def without_result(task: EpisodeTask, why: str, cause: AbortCause) -> EpisodeReport:
     """Return the report of an episode without a result from its process: an abort without a score."""
     trace = next(task.folder.glob("*.part"), task.folder)
     options = task.options
     return EpisodeReport(
         mission=Path(options.mission).stem, seed=options.seed, mode=options.mode or "", policy=options.policy,
         success=False, reason=ABORTED, scr=0.0, ticks=0, digest="", trace=str(trace), metrics=None, detail=why,
-        policy_seed=options.policy_seed,
+        cause=cause, policy_seed=options.policy_seed,
     )  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from lingjing.analysis.detection import PerceptionCounts, detect
 from lingjing.analysis.families import FailureFamily, attribute
 from lingjing.analysis.incidents import Incident, incidents
 from lingjing.analysis.metrics import Metrics, metrics
+from lingjing.errors import AbortCause
 from lingjing.numerics import withdrawn
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import MovedBody, Outcome, TaskEvent
@@ -63,6 +64,8 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     """The cause where the reason leaves it open: the late stage, the failed engine."""
     hint: str = ""
     """The remedy for an abort or a failed policy."""
+    cause: AbortCause = ""
+    """The thing that was lost in an abort that a policy can cause; "" for any other ending."""
     warnings: tuple[str, ...] = ()
     """Warnings about the score, one line each: replaced policy answers, an overview that could not be written."""
     attribution: str = ""
@@ -94,6 +97,15 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     def folder(self) -> Path:
         """The folder that holds the trace and the overview."""
         return Path(self.trace).parent
+
+
+class EpisodeError(msgspec.Struct, frozen=True, kw_only=True):
+    """The error of an episode's process without a report: the process prints it instead of one."""
+
+    message: str
+    hint: str
+    cause: AbortCause
+    """The cause of an `InfrastructureError`; "" for any other error."""
 
 
 class SeedsReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -151,6 +163,7 @@ def report_of(trace: Trace, policy: str) -> EpisodeReport:
         metrics=metrics(trace),
         detail=outcome.detail,
         hint=outcome.hint,
+        cause=outcome.cause,
         attribution=trace.header.attribution,
         incidents=incidents(trace),
         happened=tuple(event for record in trace.boundaries for event in record.task_events if event.name),

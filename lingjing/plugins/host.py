@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import pluggy
 
-from lingjing.errors import LingjingError, PluginError, UsageError
+from lingjing.errors import LingjingError, PluginError, UsageError, hint_of
 from lingjing.installed_plugins.discovery import (
     InstalledPlugins,
     LoadablePlugin,
@@ -287,7 +287,7 @@ class PluginHost:
         try:
             offered: tuple[NamedT, ...] = tuple(function())  # type: ignore[operator]
         except (Exception, SystemExit) as error:
-            hint = error.hint if isinstance(error, LingjingError) else ""
+            hint = hint_of(error) if isinstance(error, LingjingError) else ""
             reason = error if isinstance(error, Exception) else one_line(error)
             raise PluginError(f"plug-in `{source}` failed in {hook}: {reason}", hint=hint) from error
         for item in offered:

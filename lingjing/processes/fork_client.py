@@ -61,6 +61,7 @@ class ForkedProcess:
             raise InfrastructureError(
                 "the process that starts others has ended, or cannot start more",
                 hint="see its messages on standard error, and `ulimit -u`",
+                cause="fork-server",
             ) from None
         self.pid = int.from_bytes(started.payload, "little")
         (self.pidfd,) = started.descriptors
@@ -262,9 +263,11 @@ def send_request(server: Channel, request: ForkRequest, descriptors: Sequence[in
     try:
         server.send_in_memory(msgspec.msgpack.encode(request), descriptors)
     except NoMemoryError as error:
-        raise InfrastructureError(f"the process that starts others cannot receive a request: {error}") from error
+        message = f"the process that starts others cannot receive a request: {error}"
+        raise InfrastructureError(message, cause="fork-server") from error
     except ChannelClosedError as error:
-        raise InfrastructureError(f"the process that starts others has ended: {error}") from error
+        message = f"the process that starts others has ended: {error}"
+        raise InfrastructureError(message, cause="fork-server") from error
 
 
 def _start(server: Channel, request: ForkRequest, descriptors: Sequence[int]) -> ForkedProcess:

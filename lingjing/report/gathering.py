@@ -24,7 +24,7 @@ from lingjing.bench.rows import SuiteRow
 from lingjing.bench.suite import read_document
 from lingjing.bench.unresolved import unresolved_entrants, with_marked_names
 from lingjing.collector import collector_at_rest
-from lingjing.errors import LingjingError, UsageError
+from lingjing.errors import LingjingError, UsageError, hint_of
 from lingjing.report.evidence import (
     FrameProbe,
     PromptTrial,
@@ -185,7 +185,7 @@ def _reading(path: Path) -> _TraceReading:
             row = row_of(read_trace(path))
             return _TraceReading(path, msgspec.structs.replace(row, attention_iou=attention_beside(path)))
     except LingjingError as error:
-        return _TraceReading(path, None, error=str(error), hint=error.hint)
+        return _TraceReading(path, None, error=str(error), hint=hint_of(error))
 
 
 def _noted(traces: Sequence[object], reason: str) -> Iterator[str]:

@@ -16,6 +16,7 @@ from typing import Final, Literal
 
 import msgspec
 
+from lingjing.errors import AbortCause
 from lingjing.mission.instance import Datum, GivenOption, Instance, Vector, Weather
 
 
@@ -636,6 +637,8 @@ class Outcome(TraceRecord, frozen=True, kw_only=True):
     """The cause of the ending where `reason` does not name it: the stage, the constraint or the engine."""
     hint: str = ""
     """A remedy for an infrastructure abort."""
+    cause: AbortCause = ""
+    """The thing that was lost in an abort that a policy can cause; "" for any other ending."""
     wall_s: float = 0.0
     score: float = 0.0
     """The mission's own score, with weights and penalties."""

@@ -43,6 +43,7 @@ def trace_removed_error(part: Path) -> InfrastructureError:
     return InfrastructureError(
         f"the trace {part} was removed, or its folder was, while the episode was played",
         hint="do not change the folder of a run before the run has ended",
+        cause="trace",
     )
 
 
@@ -51,6 +52,7 @@ def trace_tampered_error(path: Path, cause: str) -> InfrastructureError:
     return InfrastructureError(
         f"the trace {path} was changed by another program while the episode was played: {cause}",
         hint="do not change the folder of a run before the run has ended",
+        cause="trace",
     )
 
 

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import signal
-from pathlib import Path
+from typing import get_args
 
+import msgspec
 import pytest
 
 from lingjing.bench.exports import to_latex
 from lingjing.bench.leaderboard import OPEN, leaderboard, ranking
 from lingjing.bench.tables import make_tables
 from lingjing.bench.unresolved import AT_ONCE_S, open_rows, unresolved_entrants
+from lingjing.errors import AbortCause
 from lingjing.play.outages import SERVICE_GONE
-from lingjing.play.report import SERVER_KILLED, SIGNALLED, end_without_result
-from lingjing.trace.writer import trace_removed_error, trace_tampered_error
 from tests.bench.suite_kit import SuiteRow, made_row
 from tests.play.report_kit import ABORTED, made_report
 
@@ -24,9 +23,11 @@ def won(entrant: str, wins: int, of: int) -> list[SuiteRow]:
     return [made_row(entrant=entrant, seed=seed, success=seed < wins) for seed in range(of)]
 
 
-def ended(entrant: str, seed: int, standing: str, detail: str = GONE, **changes: object) -> SuiteRow:
+def ended(
+    entrant: str, seed: int, standing: str, detail: str = GONE, cause: AbortCause = "service", **changes: object
+) -> SuiteRow:
     """Return the row of an aborted try."""
-    report = made_report(seed=seed, success=False, reason=ABORTED, detail=detail)
+    report = made_report(seed=seed, success=False, reason=ABORTED, detail=detail, cause=cause)
     return made_row(entrant=entrant, seed=seed, standing=standing, report=report, **changes)
 
 
@@ -37,7 +38,7 @@ def cells(rows: list[SuiteRow], kind: str = "success") -> dict[str, tuple[tuple[
 
 def test_who_loses_episodes_is_neither_bold_nor_ranked_and_shows_its_cases() -> None:
     fair = won("fair", 9, 10)
-    sly = [*won("sly", 9, 9), ended("sly", 9, "lost", "an engine died", tries=3)]
+    sly = [*won("sly", 9, 9), ended("sly", 9, "lost", "an engine died", "", tries=3)]
     cells_by_entrant = cells([*fair, *sly])
     assert cells_by_entrant["sly ‡"] == (("100 (90..100)", ""), ("100 (90..100)", ""))
     assert cells_by_entrant["fair"] == (("90", ""), ("90", ""))
@@ -86,26 +87,36 @@ def test_several_entrants_at_once_show_that_it_was_the_infrastructure(other: dic
     assert ("sly" in unresolved_entrants([*won("a", 9, 10), *won("sly", 10, 10), *aborted])) is is_open
 
 
-@pytest.mark.parametrize(
-    "detail",
-    [
-        end_without_result(-signal.SIGKILL),
-        SIGNALLED,
-        SERVER_KILLED,
-        str(trace_removed_error(Path("trace.mcap.part"))),
-        str(trace_tampered_error(Path("trace.mcap"), "it holds no episode")),
-        "the world process died (SIGKILL)",
-        "the process that starts others has ended: [Errno 32] Broken pipe",
-    ],
-)
-def test_a_win_after_a_process_or_the_trace_was_taken_away_is_a_failure_in_the_worst_case(detail: str) -> None:
-    aborted = ended("sly", 3, "aborted", detail, ended_unix_s=1e9)
-    another = ended("a", 4, "aborted", "engine `uav` failed in step: it died", ended_unix_s=1e9)
+@pytest.mark.parametrize("cause", [cause for cause in get_args(AbortCause) if cause])
+def test_a_win_after_a_process_or_the_trace_was_taken_away_is_a_failure_in_the_worst_case(cause: AbortCause) -> None:
+    aborted = ended("sly", 3, "aborted", "any words", cause, ended_unix_s=1e9)
+    another = ended("a", 4, "aborted", "engine `uav` failed in step: it died", "", ended_unix_s=1e9)
     rows = [*won("a", 9, 10), *won("sly", 10, 10), aborted, another]
     assert unresolved_entrants(rows) == {"sly"}
     assert cells(rows)["sly ‡"][0] == ("100 (90..100)", "")
 
 
+def test_the_words_of_an_abort_decide_nothing() -> None:
+    rows = [*won("a", 9, 10), ended("a", 3, "aborted", GONE, "")]
+    assert open_rows(rows) == []
+
+
+@pytest.mark.parametrize("causes", [("service", "trace"), ("world-process", "camera-process")])
+def test_other_causes_at_the_same_time_excuse_nothing(causes: tuple[AbortCause, AbortCause]) -> None:
+    mine, theirs = causes
+    aborted = [
+        ended(name, 3, "aborted", GONE, cause, ended_unix_s=1e9) for name, cause in (("sly", mine), ("a", theirs))
+    ]
+    assert unresolved_entrants([*won("a", 9, 10), *won("sly", 10, 10), *aborted]) == {"sly", "a"}
+
+
+def test_a_row_of_before_has_no_cause() -> None:
+    written = msgspec.json.decode(msgspec.json.encode(ended("sly", 3, "aborted")))
+    del written["report"]["cause"]
+    row = msgspec.json.decode(msgspec.json.encode(written), type=SuiteRow)
+    assert row.report.cause == "" and open_rows([row]) == []
+
+
 def test_an_abort_of_an_engine_leaves_nothing_open() -> None:
-    rows = [*won("a", 9, 10), ended("a", 3, "aborted", "engine `uav` failed in step: it died")]
+    rows = [*won("a", 9, 10), ended("a", 3, "aborted", "engine `uav` failed in step: it died", "")]
     assert open_rows(rows) == []

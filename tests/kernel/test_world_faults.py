@@ -125,6 +125,7 @@ def test_an_abort_leaves_its_trace_no_orphan_and_a_clean_next_episode(world, tmp
     outcome, trace, whole = played(world, episode(fault, fault_in=where, engine_s=limit_s), tmp_path / "bad")
     assert outcome.reason == "infrastructure-abort"
     assert message in outcome.detail
+    assert outcome.cause == ("" if fault != "kill" else "camera-process" if where == "camera" else "world-process")
     assert not whole
     # The partial trace has every boundary that was committed, in a chain that holds, and says how it ended.
     assert [record.tick for record in trace.boundaries] == list(range(outcome.ticks + 1))

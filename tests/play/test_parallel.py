@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import msgspec
 import pytest
 from msgspec.structs import replace
 
 from lingjing import PlayOptions
+from lingjing.cli.results import print_error_json
+from lingjing.errors import ExitCode, InfrastructureError, UsageError, error_of
 from lingjing.play import selfcheck
 from lingjing.play.parallel import EpisodeProcesses, EpisodeTask, play_apart
+from lingjing.play.report import EpisodeError
+from lingjing.trace.writer import trace_removed_error
 from tests.kernel.test_world_process import await_gone
 from tests.play.report_kit import ABORTED
 
@@ -154,6 +160,7 @@ def test_a_killed_holder_is_an_abort_of_its_episode_and_the_next_has_a_world_of_
     played = {task.folder: report for task, report in play_apart([first, second], jobs=1)}
     assert played[first.folder].reason == ABORTED
     assert played[first.folder].detail.startswith("the world process died")
+    assert played[first.folder].cause == "world-process"
     assert played[second.folder].reason == "budget"
     holders = [int(path.name.partition("-")[2]) for path in tmp_path.glob("holder-*")]
     await_gone(holders)
@@ -172,7 +179,30 @@ def test_a_killed_server_is_an_abort_of_its_episode_and_the_next_is_played(tmp_p
     played = {task.folder: report for task, report in play_apart([first, second], jobs=1)}
     aborted, whole = played[first.folder], played[second.folder]
     assert (aborted.reason, aborted.detail) == (ABORTED, "the process that it was forked from was killed")
+    assert (aborted.cause, whole.cause) == ("episode-server", "")
     assert whole.reason == "budget", whole.detail
     servers = [int(path.name.partition("-")[2]) for path in tmp_path.glob("server-*")]
     assert len(servers) == 2
     await_gone(servers)
+
+
+def test_the_error_of_a_child_has_its_words_and_its_hint_apart(tmp_path: Path) -> None:
+    (task,) = tasks(tmp_path, "heuristic", (3,))
+    wrong = task._replace(options=replace(task.options, calls="replay", calls_from="words\nhint: of a name"))
+    with pytest.raises(UsageError) as caught:
+        list(play_apart([wrong], jobs=1))
+    alone = subprocess.run(wrong.command(), input=msgspec.json.encode(wrong.options), capture_output=True, check=False)
+    printed = msgspec.json.decode(alone.stdout, type=EpisodeError)
+    assert alone.returncode == ExitCode.USAGE
+    assert (str(caught.value), caught.value.hint) == (printed.message, printed.hint)
+    assert "hint: of a name" in printed.message and (printed.hint, printed.cause) == ("", "")
+
+
+def test_an_infrastructure_error_of_a_child_keeps_its_cause(tmp_path: Path) -> None:
+    printed = tmp_path / "printed"
+    with printed.open("w") as output, contextlib.redirect_stdout(output):
+        print_error_json(trace_removed_error(Path("trace.mcap.part")))
+    error = msgspec.json.decode(printed.read_bytes(), type=EpisodeError)
+    again = error_of(ExitCode.INFRASTRUCTURE, error.message, error.hint, error.cause)
+    assert isinstance(again, InfrastructureError) and again.cause == "trace"
+    assert (str(again), again.hint) == (error.message, error.hint)

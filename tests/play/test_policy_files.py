@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.errors import UsageError
+from lingjing.errors import UsageError, hint_of
 from lingjing.play.option_sharing import share_arguments
 from lingjing.play.policy_files import load_policy
 from lingjing.play.python_files import function_of
@@ -222,4 +222,4 @@ def test_a_file_that_may_not_be_looked_at_is_named(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr(Path, "is_file", refuses)
     with pytest.raises(UsageError, match=r"cannot read the policy file `.*`: Permission denied") as raised:
         function_of(f"{tmp_path / 'a.py'}:f", "policy")
-    assert "ls -ld" in raised.value.hint
+    assert "ls -ld" in hint_of(raised.value)

@@ -77,8 +77,9 @@ def test_what_an_engine_waits_for_a_processor_is_not_its_own(world, crowd):
 def test_a_spinning_engine_in_a_queue_is_killed(world, crowd):
     world.reset(faulty("spin", engine_s=0.3), toys.CITY)
     crowd(world._workers.world.pid)
-    with pytest.raises(InfrastructureError, match=r"engine `toy_b` \(advance\) did not answer within 0.3 s"):
+    with pytest.raises(InfrastructureError, match=r"engine `toy_b` \(advance\) did not answer within 0.3 s") as caught:
         world.step(1, ())
+    assert caught.value.cause == ""
 
 
 def test_a_stopped_worker_is_killed(world, crowd):
@@ -86,8 +87,9 @@ def test_a_stopped_worker_is_killed(world, crowd):
     pid = world._workers.world.pid
     crowd(pid)
     os.kill(pid, signal.SIGSTOP)
-    with pytest.raises(InfrastructureError, match=r"the world process did not answer within 0.3 s"):
+    with pytest.raises(InfrastructureError, match=r"the world process did not answer within 0.3 s") as caught:
         world.step(1, ())
+    assert caught.value.cause == "world-process"
 
 
 def test_a_picture_in_a_queue_is_not_late(world, crowd):

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
-from lingjing.errors import InfrastructureError, LingjingError, UsageError
+from lingjing.errors import InfrastructureError, LingjingError, UsageError, hint_of
 from lingjing.plugins.engine import CaptureRequest
 from lingjing.trace.records import Absent
 
@@ -38,7 +38,7 @@ def guarded(enter: Enter, engine: str, call: str, action: Callable[[], ResultT])
     try:
         result = action()
     except (Exception, SystemExit) as error:
-        hint = error.hint if isinstance(error, LingjingError) else ""
+        hint = hint_of(error) if isinstance(error, LingjingError) else ""
         raise engine_error(engine, call, _describe(error), hint=hint) from error
     return result, time.perf_counter() - started
 

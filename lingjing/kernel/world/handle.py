@@ -16,7 +16,7 @@ import warnings
 from collections.abc import Sequence
 from typing import TypeVar
 
-from lingjing.errors import InfrastructureError
+from lingjing.errors import AbortCause, InfrastructureError
 from lingjing.kernel.world.launch import WorkerPlace, WorkerProcess, WorkerSettings, launch
 from lingjing.kernel.world.messages import (
     Close,
@@ -59,7 +59,7 @@ class Worker:
 
     def __init__(
         self,
-        name: str,
+        place: WorkerPlace,
         pidfd: int,
         end: socket.socket,
         progress: int,
@@ -70,7 +70,8 @@ class Worker:
         pid: int = 0,
         lent: bool = False,
     ) -> None:
-        self.name = name
+        self.place = place
+        self.name = f"{place} process"
         """Its name in error messages."""
         self.pid = process.pid if process is not None else pid
         self.parent = parent
@@ -99,8 +100,7 @@ class Worker:
         one that already stands at the boundary 0 with the key `start`.
         """
         made = launch(place, settings, fork_server, start)
-        name = f"{place} process"
-        return cls(name, made.pidfd, made.end, made.progress, made.output, process=made.process, lent=made.lent)
+        return cls(place, made.pidfd, made.end, made.progress, made.output, process=made.process, lent=made.lent)
 
     def share(self) -> Worker:
         """Add a user."""
@@ -181,9 +181,10 @@ class Worker:
             theirs.close()
             os.close(progress)
             if isinstance(error, ProcessLookupError):
-                raise InfrastructureError(f"the copy of the {self.name} died at once") from error
+                message = f"the copy of the {self.name} died at once"
+                raise InfrastructureError(message, cause=self._cause) from error
             raise
-        return Worker(self.name, pidfd, ours, progress, self._output, parent=self.share(), pid=pid)
+        return Worker(self.place, pidfd, ours, progress, self._output, parent=self.share(), pid=pid)
 
     def kill(self) -> None:
         """End the worker at once, even if other worlds use it; its forks die with it. Idempotent."""
@@ -196,14 +197,17 @@ class Worker:
         """Kill a worker that missed its deadline. Return the error, which names the engine that took most of the
         time.
         """
-        late = _late(self._progress.read(), own_clock_of_s(self.pid), f"the {self.name}", allowed_s)
+        call = self._progress.read()
+        late = _late(call, own_clock_of_s(self.pid), f"the {self.name}", allowed_s)
         # The stack is for the engine's author. The signal handler dumps it even from within a C call.
         self._signal(signal.SIGUSR2)
         until = self.deadline(_DUMP_S)
         while self._has_spoken(self.deadline(_QUIET_S)) and until.left_s() > 0.0:
             pass
         self.kill()
-        error = InfrastructureError(f"{late}; the {self.name} was killed")
+        # Without an engine at work the process was stopped, or its answer was lost.
+        cause: AbortCause = "" if call.engine else self._cause
+        error = InfrastructureError(f"{late}; the {self.name} was killed", cause=cause)
         error.add_note(_tail(self._output.text(), _DUMP_LINES))
         return error
 
@@ -220,7 +224,7 @@ class Worker:
 
     def _check_alive(self) -> None:
         if not self.alive:
-            raise InfrastructureError(f"the {self.name} has ended")
+            raise InfrastructureError(f"the {self.name} has ended", cause=self._cause)
 
     def _died(self) -> InfrastructureError:
         call = self._progress.read()
@@ -232,10 +236,14 @@ class Worker:
         # The interpreter's crash dump is for the engine's author and goes into a note, not into the message.
         output, crash, dump = self._output.text().partition(_CRASH)
         last = f"; its last output: {_tail(output, _SHOWN_LINES)}" if output.strip() else ""
-        error = InfrastructureError(f"the {self.name} died{reason}{where}{last}")
+        error = InfrastructureError(f"the {self.name} died{reason}{where}{last}", cause=self._cause)
         if crash:
             error.add_note(crash + dump)
         return error
+
+    @property
+    def _cause(self) -> AbortCause:
+        return "camera-process" if self.place == "camera" else "world-process"
 
     @property
     def _is_ours(self) -> bool:

@@ -19,6 +19,7 @@ from lingjing.errors import (
     MissionError,
     PluginError,
     UsageError,
+    hint_of,
 )
 from lingjing.mission.instance import GivenOption, Instance, Weather
 from lingjing.option_listing import OptionSpec
@@ -297,12 +298,12 @@ def encoded(message: PolicyMessage) -> bytes:
 def raised(error: LingjingError) -> RaisedError:
     """Return an error as a message. Its kind is the nearest class that the receiver knows."""
     kind: ErrorKind = next((name for name, known in _KINDS.items() if isinstance(error, known)), "UsageError")
-    return RaisedError(kind=kind, message=str(error), hint=error.hint, faults=tuple(error.faults))
+    return RaisedError(kind=kind, message=str(error), hint=hint_of(error), faults=tuple(error.faults))
 
 
 def own_failure(error: LingjingError) -> ForeignCodeError:
     """Return the error as a failure of the code that has raised it, whatever its class."""
-    return ForeignCodeError(str(error), hint=error.hint, faults=error.faults)
+    return ForeignCodeError(str(error), hint=hint_of(error), faults=error.faults)
 
 
 def error_of(message: RaisedError) -> LingjingError:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import msgspec
 
-from lingjing.errors import UsageError
+from lingjing.errors import UsageError, hint_of
 from lingjing.mission.frames import from_geodetic
 from lingjing.mission.instance import SceneSpec
 from lingjing.mission.kinds import check_scene
@@ -53,7 +53,7 @@ def _stored(folder: Path) -> City:
         return city
     except UsageError as error:
         where = "" if folder.is_absolute() else f" (from the working folder `{Path.cwd()}`)"
-        raise UsageError(f"scene `map`: {error}{where}", hint=error.hint) from None
+        raise UsageError(f"scene `map`: {error}{where}", hint=hint_of(error)) from None
 
 
 def _built(spec: SceneSpec, path: Path) -> City:
@@ -61,7 +61,7 @@ def _built(spec: SceneSpec, path: Path) -> City:
     try:
         return build(path.absolute(), Options(box=box, default_levels=_default_levels(spec))).city
     except UsageError as error:
-        raise UsageError(f"scene `map`: {error}", hint=error.hint) from None
+        raise UsageError(f"scene `map`: {error}", hint=hint_of(error)) from None
 
 
 def _default_levels(spec: SceneSpec) -> int | None:
