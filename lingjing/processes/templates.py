@@ -54,8 +54,9 @@ class Templates:
             return False
         try:
             send_request(channel, request, descriptors)
-        except InfrastructureError:  # the template has ended
+        except InfrastructureError:  # it has ended by an error; its status may arrive after further requests
             channel.close()
+            self.failed.add(key)
             return False
         self.channels[key] = channel
         return True
