@@ -156,3 +156,12 @@ def test_the_verb_prints_a_screenful(lost: Trace, capsys: pytest.CaptureFixture[
     assert run_command(["why", "--output-format", "json", str(lost.path)]) == 0
     assert '"cause"' in capsys.readouterr().out
     assert run_command(["why", str(Path("nothing.mcap"))]) == 2
+
+
+def test_the_verb_takes_the_folder_of_a_run(lost: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["why", str(tmp_path)]) == 2
+    capsys.readouterr()
+    for name in ("trace.mcap.part", "trace.mcap"):
+        (tmp_path / name).symlink_to(lost.path)
+        assert run_command(["why", str(tmp_path)]) == 0
+        assert "ended by: " in capsys.readouterr().out
