@@ -32,16 +32,19 @@ def scaffold_builder(name: str, arguments: Mapping[str, object], host: PluginHos
 
 def scaffold_owner(name: str, host: PluginHost | None = None) -> str:
     """Return the distribution of an installed scaffold with its version. Raises `UsageError` for an unknown name."""
-    host = host or PluginHost()
-    host.scaffold(name)
-    return host.owner("lingjing_scaffolds", name)
+    return _owner(PluginHost.scaffold, "lingjing_scaffolds", name, host)
 
 
 def backbone_owner(name: str, host: PluginHost | None = None) -> str:
     """Return the distribution of an installed backbone with its version. Raises `UsageError` for an unknown name."""
+    return _owner(PluginHost.backbone, "lingjing_backbones", name, host)
+
+
+def _owner(find: Callable[[PluginHost, str], object], hook: str, name: str, host: PluginHost | None) -> str:
+    """Return the distribution of the plug-in that declares `name` in `hook`. `find` raises for an unknown name."""
     host = host or PluginHost()
-    host.backbone(name)
-    return host.owner("lingjing_backbones", name)
+    find(host, name)
+    return host.owner(hook, name)
 
 
 def open_backbone(name: str, access: ServiceAccess, host: PluginHost | None = None) -> Backbone:
