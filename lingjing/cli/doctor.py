@@ -246,8 +246,10 @@ def check_cache() -> Finding:
 
 def check_plugins() -> Finding:
     """Check that entry points load and offer at least one engine, policy and scene."""
+    from lingjing.installed_plugins.slow_trials import forget_slow_trials
     from lingjing.plugins.host import PluginHost
 
+    forget_slow_trials()
     try:
         host = PluginHost()
     except LingjingError as error:

@@ -15,6 +15,7 @@ from lingjing.cli.files import print_columns
 from lingjing.cli.process import say, say_error
 from lingjing.errors import ExitCode, PluginError, UsageError
 from lingjing.installed_plugins.entry_points import PLUGINS, find_entries
+from lingjing.installed_plugins.slow_trials import forget_slow_trials
 from lingjing.mission.kinds import described_by, scene_kind
 from lingjing.mission.kinds_format import SceneOption
 from lingjing.option_listing import OptionSpec, option_specs
@@ -69,6 +70,7 @@ def handler(args: argparse.Namespace) -> int:
     """Print the list, then the error of every plug-in that does not load or fails in a hook; return 2 if there is
     one.
     """
+    forget_slow_trials()
     host = PluginHost()
     faults: list[PluginError] = []
     items = tuple(offers(host, faults)) if args.name is None else tuple(_offers_called(args.name, host))

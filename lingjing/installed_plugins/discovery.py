@@ -2,8 +2,9 @@
 
 A plug-in's module may raise, end the process or never return during its import or one of its hooks. So each foreign
 plug-in is first loaded in a process of its own, which has `DEADLINE_S` and is killed with its children. Only a plug-in
-that passes is imported here. An environment variable keeps the results, so that workers do not repeat trials. This
-project's own plug-ins are loaded without a trial.
+that passes is imported here. An environment variable keeps the results, so that workers do not repeat trials.
+`slow_trials` keeps those without an answer, so that the next commands do not wait again. This project's own plug-ins
+are loaded without a trial.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ import msgspec
 
 from lingjing.installation import CORE, OWN
 from lingjing.installed_plugins.entry_points import PLUGINS, find_entries, label
+from lingjing.installed_plugins.slow_trials import find_slow_trial, keep_slow_trial
 
 DEADLINE_S = 20.0
 """The longest own time to import a plug-in and call all its hooks, seconds. Chosen: heavy imports belong into
@@ -33,6 +35,9 @@ factories."""
 
 KNOWN = "LINGJING_TRIED_PLUGINS"
 """The environment variable that passes the trials of this process on to its children."""
+
+TRIED_EARLIER = "an earlier command tried it, and `lingjing plugins` tries it again"
+"""The addition to the fault of a plug-in that is left out without a trial."""
 
 _POLL_S = 0.02
 """The interval between two checks of the running trials, seconds. Chosen."""
@@ -122,9 +127,16 @@ def _trials(points: Sequence[EntryPoint]) -> list[Trial]:
     known = _known()
     missing = {key: point for key, point in zip(keys, points, strict=True) if key not in known}
     if missing:
-        known |= _try_all(missing)
+        slow = {key: reason for key, point in missing.items() if (reason := find_slow_trial(point, _timed(key)))}
+        known |= {key: Trial(f"{reason}; {TRIED_EARLIER}") for key, reason in slow.items()}
+        known |= _try_all({key: point for key, point in missing.items() if key not in slow})
         os.environ[KNOWN] = msgspec.json.encode(known).decode()
     return [known[key] for key in keys]
+
+
+def _timed(key: str) -> str:
+    """Return the key under which a trial without an answer is kept: a longer deadline is another trial."""
+    return f"{key} {DEADLINE_S}"
 
 
 def _known() -> dict[str, Trial]:
@@ -185,7 +197,10 @@ def _try_all(points: Mapping[str, EntryPoint]) -> dict[str, Trial]:
         running = {key: stack.enter_context(_running(point)) for key, point in points.items()}
         while not all(trial.is_over() for trial in running.values()):
             time.sleep(_POLL_S)
-        return {key: trial.trial() for key, trial in running.items()}
+        trials = {key: trial.trial() for key, trial in running.items()}
+        for key in (key for key, trial in running.items() if trial.process.poll() is None):
+            keep_slow_trial(points[key], _timed(key), trials[key].reason)
+    return trials
 
 
 @contextmanager

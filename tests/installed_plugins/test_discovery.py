@@ -7,14 +7,15 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from lingjing.cli import doctor
-from lingjing.errors import PluginError, UsageError
-from lingjing.installed_plugins import discovery
+from lingjing.data import CACHE_OFF
+from lingjing.errors import ExitCode, PluginError, UsageError
+from lingjing.installed_plugins import discovery, slow_trials
 from lingjing.installed_plugins.entry_points import PLUGINS, find_entries
 from lingjing.kernel.world.selection import select_engines
 from lingjing.mission.kinds import engine_kind
@@ -159,6 +160,66 @@ def test_a_plugin_that_never_returns_is_killed_with_its_children(
     assert descendants(os.getpid()) == before
     commands = [path.read_bytes() for path in Path("/proc").glob("[0-9]*/cmdline") if path.exists()]
     assert not [command for command in commands if str(site.folder).encode() in command]
+
+
+SLOW = "open('tried', 'a').write('x')\nwhile True: pass"
+
+
+@pytest.fixture
+def slow(site: Site, monkeypatch: pytest.MonkeyPatch) -> Callable[[], str]:
+    """Return a function that returns the fault which the next command finds in a plug-in that never returns."""
+    monkeypatch.setattr(discovery, "DEADLINE_S", 1.5)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(site.folder / "cache"))
+    monkeypatch.chdir(site.folder)
+    site.add("spins", SLOW)
+
+    def found() -> str:
+        monkeypatch.setenv(discovery.KNOWN, "{}")
+        return faults_of(PluginHost()).get("spins", "")
+
+    return found
+
+
+def test_only_the_first_command_waits_for_a_plugin_that_never_returns(
+    site: Site, slow: Callable[[], str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    first = slow()
+    assert first.startswith("gives no answer within 2 s while")
+    tried = (site.folder / "tried").read_text()
+    assert slow() == f"{first}; {discovery.TRIED_EARLIER}"
+    assert (site.folder / "tried").read_text() == tried
+    os.environ[discovery.KNOWN] = "{}"
+    assert run_command(["plugins"]) == ExitCode.USAGE
+    assert (site.folder / "tried").read_text() == f"{tried}x"
+    assert discovery.TRIED_EARLIER not in capsys.readouterr().err
+    assert discovery.TRIED_EARLIER in slow()
+
+
+def test_a_plugin_that_never_returned_is_tried_again_once_it_was_changed(
+    site: Site, slow: Callable[[], str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert slow() and slow().endswith(discovery.TRIED_EARLIER)
+    (site.folder / "spins.py").write_text(OFFER.format(name="spins"))
+    monkeypatch.setattr(discovery, "DEADLINE_S", 20.0)
+    assert slow() == ""
+
+
+@pytest.mark.parametrize("change", ["expired", "deadline", "broken", "off"])
+def test_a_kept_fault_does_not_outlive_its_reasons(
+    site: Site, slow: Callable[[], str], change: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tries = [slow()]
+    if change == "expired":
+        monkeypatch.setattr(slow_trials, "KEPT_S", 0.0)
+    elif change == "deadline":
+        monkeypatch.setattr(discovery, "DEADLINE_S", 1.6)
+    elif change == "off":
+        monkeypatch.setenv(CACHE_OFF, "1")
+    else:
+        (kept,) = (site.folder / "cache" / "lingjing" / "trials").iterdir()
+        kept.write_bytes(b"junk")
+    tries.append(slow())
+    assert all(tries) and not any(fault.endswith(discovery.TRIED_EARLIER) for fault in tries)
 
 
 def test_a_trial_is_not_repeated_by_the_processes_that_are_started(site: Site, monkeypatch) -> None:
