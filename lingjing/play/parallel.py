@@ -41,13 +41,16 @@ from lingjing.play.report import (
     EpisodeReport,
     end_without_result,
 )
-from lingjing.processes.descendants import adopting
+from lingjing.processes.descendants import adopting, continue_stopped
 from lingjing.processes.fork_client import ForkedProcess, ForkServer, ForkServerClient
 
 if TYPE_CHECKING:
     from lingjing.kernel.episode import Progress
 
     Watch = Callable[[str], AbstractContextManager[Callable[[Progress], None]]]
+
+CONTINUED_S = 1.0
+"""Seconds between two looks for stopped processes. Chosen: shorter than any time limit of engines."""
 
 GRACE_S = 300.0
 """The longest time that an interrupted episode has to close its workers, seconds of wall clock. Chosen."""
@@ -285,8 +288,13 @@ def play_apart(tasks: Iterable[EpisodeTask], jobs: int) -> Iterator[tuple[Episod
 def _play_all(
     processes: EpisodeProcesses, waiting: Iterator[EpisodeTask], jobs: int
 ) -> Iterator[tuple[EpisodeTask, EpisodeReport]]:
-    """Start a task whenever fewer than `jobs` children run, and yield the report of each child that has ended."""
+    """Start a task whenever fewer than `jobs` children run, and yield the report of each child that has ended.
+
+    A policy could stop a process of its episode, or the one that starts all others, and the suite would wait forever.
+    So stopped processes are continued.
+    """
     running: list[_Worker] = []
+    continued_s = time.monotonic()
     try:
         while True:
             while len(running) < jobs and (task := next(waiting, None)) is not None:
@@ -297,6 +305,9 @@ def _play_all(
             running = [child for child in running if child not in done]
             for child in done:
                 yield child.task, _report_of_ended(child)
+            if time.monotonic() - continued_s > CONTINUED_S:
+                continue_stopped()
+                continued_s = time.monotonic()
             if not done:
                 time.sleep(0.05)
     except KeyboardInterrupt:

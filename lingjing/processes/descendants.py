@@ -1,4 +1,4 @@
-"""The processes below this one: their list, and their end with all their descendants.
+"""The processes below this one: their list, their continuation, and their end with all their descendants.
 
 A process of a policy may leave its session and its parent. The kernel then makes it a child of the nearest ancestor
 that adopts orphans (`linux.adopt_orphans`), which can find and end it. Linux only.
@@ -40,15 +40,33 @@ def end_children(spared: set[int]) -> None:
                 os.waitpid(pid, 0)
 
 
+def continue_stopped() -> None:
+    """Continue every descendant that a signal has stopped (SIGSTOP). Without `/proc`, do nothing."""
+    fresh, seen = children(), {os.getpid()}
+    while fresh:
+        pid = fresh.pop()
+        seen.add(pid)
+        with contextlib.suppress(OSError, IndexError):  # it has ended meanwhile
+            state = Path(f"/proc/{pid}/stat").read_text(errors="replace").rpartition(")")[2].split()[0]
+            if state == "T":
+                os.kill(pid, signal.SIGCONT)
+        with contextlib.suppress(OSError):
+            fresh += [child for child in _listed_children(Path(f"/proc/{pid}")) if child not in seen]
+
+
 def children() -> list[int]:
     """Return the process ids of this process's children, zombies included."""
     try:
-        lists = [(task / "children").read_text() for task in Path("/proc/self/task").iterdir()]
-        return [int(pid) for line in lists for pid in line.split()]
+        return _listed_children(Path("/proc/self"))
     except OSError:  # no CONFIG_PROC_CHILDREN, an ended thread, or no free descriptor
         with contextlib.suppress(OSError):
             return _children_by_parent()
         return []  # without `/proc`, children end with their parent (`linux.set_parent_death_signal`)
+
+
+def _listed_children(process: Path) -> list[int]:
+    lists = [(task / "children").read_text() for task in (process / "task").iterdir()]
+    return [int(pid) for line in lists for pid in line.split()]
 
 
 def _children_by_parent() -> list[int]:
@@ -62,4 +80,4 @@ def _children_by_parent() -> list[int]:
     return pids
 
 
-__all__ = ["adopting", "children", "end_children"]
+__all__ = ["adopting", "children", "continue_stopped", "end_children"]

@@ -241,6 +241,16 @@ class KillsWorld(Strikes):
             os.kill(pid, signal.SIGKILL)
 """
 
+STOPPING = """
+
+class Stops(Strikes):
+    "Stops all processes of its episode, and those from which further ones are forked."
+    def strike(self):
+        server = os.getppid()
+        for pid in [*siblings(), server]:
+            os.kill(pid, signal.SIGSTOP)
+"""
+
 STRIKES = ("Interrupts", "InterruptsEarly", "Kills", "KillsWorld")
 
 
@@ -260,6 +270,19 @@ def test_who_ends_its_own_episode_gains_no_second_try(folder: Path) -> None:
         alone = [*tries["Strikes"], *tries[name]]
         assert unresolved_entrants(alone) == {name}, tries[name][0].report.detail
         assert f"| {name} ‡ | 100 (0..100) |" in to_markdown(make_tables(alone, ("success",))[0])
+
+
+def test_an_entrant_that_stops_the_processes_of_its_suite_does_not_end_it(folder: Path) -> None:
+    """They are continued. Otherwise the user would have to interrupt the suite, and the episode would begin again."""
+    (folder / "striking.py").write_text(STRIKING + STOPPING)
+    suite = 'suite = 1\nname = "trips"\nmissions = ["trip.ljs"]\nseeds = 2\n'
+    for name in ("Stops", "Strikes"):
+        suite += f'[[entrants]]\nname = "{name}"\npolicy = "striking.py:{name}"\n'
+    (folder / "suite.toml").write_text(suite)
+    assert run_command(["bench", "suite.toml", "-o", "out"]) == ExitCode.OK
+    assert (folder / "Stops-act").exists()
+    rows = read_results(folder / "out")
+    assert [(row.standing, row.tries, row.report.success) for row in rows] == [("counted", 1, True)] * 4
 
 
 LATER_PRIVILEGED = """\
