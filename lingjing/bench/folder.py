@@ -11,7 +11,7 @@ import hashlib
 import os
 import secrets
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
@@ -109,14 +109,17 @@ class ResultsFolder:
         self._lock = lock
         self._salt = ""
         for left in (*folder.glob(f"*{PARTIAL}"), *(folder / PARTS).glob(f"*{PARTIAL}")):
-            left.unlink(missing_ok=True)
+            if not left.is_dir():
+                left.unlink(missing_ok=True)
         self.rows = _merged(_files(folder))
         self._parts = sorted((folder / PARTS).glob(f"*{_SUFFIX}"))
-        self._next = 1 + max((int(path.stem) for path in self._parts if path.stem.isdigit()), default=0)
+        numbers = (int(path.stem) for path in self._parts if path.stem.isascii() and path.stem.isdigit())
+        self._next = 1 + max(numbers, default=0)
 
     def add(self, row: SuiteRow) -> None:
         """Store a row. Raises `UsageError` if it cannot be written; existing rows are not changed."""
         part = self.folder / PARTS / f"{self._next:08d}{_SUFFIX}"
+        self._restore_parts()
         self._write(part, encode_rows([row]))
         self._next += 1
         self._parts.append(part)
@@ -127,6 +130,8 @@ class ResultsFolder:
     def compact(self) -> Path:
         """Join all parts into one file and return its path."""
         whole = self.folder / RESULTS
+        if self._salt and not (self.folder / "salt").is_file():  # another process has removed it
+            self._write(self.folder / "salt", f"{self._salt}\n".encode())
         if self._parts or not whole.is_file():
             self._write(whole, encode_rows(self.rows))
             while self._parts:  # after a kill here, a row that is in both files is read once
@@ -158,6 +163,14 @@ class ResultsFolder:
         """Write a text beside the results and return its path."""
         self._write(self.folder / name, text.encode())
         return self.folder / name
+
+    def _restore_parts(self) -> None:
+        """Make the folder of parts again if another process has removed it, and write all rows anew."""
+        if not (self.folder / PARTS).is_dir() and self._is_same_folder():
+            self._write(self.folder / RESULTS, encode_rows(self.rows))
+            self._parts.clear()
+            with suppress(OSError):  # the next write reports it
+                (self.folder / PARTS).mkdir()
 
     def _write(self, file: Path, content: bytes) -> None:
         if not self._is_same_folder():

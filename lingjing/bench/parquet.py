@@ -28,6 +28,7 @@ VERSION = b"1"
 """The version of the columns that are read back; stored in the file's metadata."""
 
 _KEY = b"lingjing.results"
+_MOVE = "move it away: in a suite's folder, the next `lingjing bench` plays the episodes that it held"
 _AS_JSON = ("options", "report")
 _REPORTED = {
     "success": bool, "reason": str, "scr": float, "score": float, "ticks": int, "digest": str, "frames_digest": str,
@@ -57,14 +58,14 @@ def read_rows(file: Path) -> list[SuiteRow]:
     try:
         data = file.read_bytes()
     except OSError as error:
-        raise UsageError(f"cannot read {file}: {error.strerror}") from error
+        raise UsageError(f"cannot read `{file}`: {error.strerror}", hint=_MOVE) from error
     try:
         # without Arrow's threads: a thread that is left when the interpreter ends aborts the process
         table = parquet.ParquetFile(io.BytesIO(data), pre_buffer=False).read(use_threads=False)
     except (arrow.ArrowInvalid, OSError) as error:
         reason = str(error).splitlines()[0]
         raise UsageError(
-            f"`{file}` holds no results of a suite: {reason}", hint="the file may be incomplete"
+            f"`{file}` holds no results of a suite: {reason}", hint=f"it is incomplete or foreign; {_MOVE}"
         ) from error
     version = (table.schema.metadata or {}).get(_KEY, b"")
     if version != VERSION:

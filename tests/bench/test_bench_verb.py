@@ -79,7 +79,7 @@ def test_a_policy_that_ends_its_process_loses_its_turns(tmp_path: Path, capsys: 
         (("reference", "--missions", "bi", "--modes", "star"), "nothing to play"),
         (("reference", "--policy", "orakle"), "no policy is called `orakle`"),
         (("reference", "-o", "/proc/suite"), "cannot write to `/proc/suite`"),
-        (("table", "nothing.parquet"), "cannot read nothing.parquet"),
+        (("table", "nothing.parquet"), "cannot read `nothing.parquet`"),
         (("table", "."), "`.` holds no results of a suite"),
     ],
 )

@@ -195,6 +195,56 @@ def test_rows_of_other_code_other_options_or_another_suite_stop_it(plan: SuitePl
     assert read_rows(tmp_path / "a" / "results.parquet") and before == (tmp_path / "a" / "results.parquet").read_bytes()
 
 
+@pytest.mark.parametrize("name", ["x.partial", "²³.parquet", "99999999.parquet", "junk"])
+def test_files_of_strangers_among_the_parts_hide_no_row(tmp_path: Path, name: str) -> None:
+    with open_results(tmp_path) as results:
+        results.add(made_row(seed=0))
+        part = (tmp_path / "parts" / "00000001.parquet").read_bytes()
+    if name.endswith(".parquet"):
+        (tmp_path / "parts" / name).write_bytes(part)
+    else:
+        (tmp_path / "parts" / name).mkdir()
+    for seed in (1, 2):
+        with open_results(tmp_path) as results:
+            results.add(made_row(seed=seed))
+            results.compact()
+    assert sorted(row.seed for row in read_results(tmp_path)) == [0, 1, 2]
+
+
+def test_a_broken_part_is_named_with_the_way_out_and_costs_no_other_row(tmp_path: Path) -> None:
+    with open_results(tmp_path) as results:
+        results.add(made_row(seed=0))
+    broken = tmp_path / "parts" / "00000007.parquet"
+    broken.write_bytes(b"junk")
+    with pytest.raises(UsageError, match=rf"`{broken}` holds no results") as caught, open_results(tmp_path):
+        pass
+    assert "move it away: in a suite's folder, the next `lingjing bench` plays" in caught.value.hint
+    broken.unlink()
+    with open_results(tmp_path) as results:
+        assert [row.seed for row in results.rows] == [0]
+
+
+def test_rows_outlive_the_removal_of_their_parts_while_a_suite_is_played(tmp_path: Path) -> None:
+    with open_results(tmp_path) as results:
+        results.add(made_row(seed=0))
+        results.compact()
+        results.add(made_row(seed=1))
+        shutil.rmtree(tmp_path / "parts")
+        (tmp_path / "results.parquet").unlink()
+        results.add(made_row(seed=2))
+    assert sorted(row.seed for row in read_results(tmp_path)) == [0, 1, 2]
+
+
+def test_a_salt_that_is_removed_while_a_suite_is_played_is_written_again(tmp_path: Path) -> None:
+    with open_results(tmp_path) as results:
+        salt = results.salt()
+        (tmp_path / "salt").unlink()
+        results.add(made_row(seed=0))
+        results.compact()
+    with open_results(tmp_path) as results:
+        assert results.salt() == salt
+
+
 def test_two_commands_do_not_share_a_folder(tmp_path: Path) -> None:
     with (
         open_results(tmp_path / "a"),
