@@ -1,9 +1,9 @@
 """Admission of requests and connections to a server on this machine.
 
-A request is admitted if it has one `Host` header that names this machine, no `Origin` or an allowed one, and the token
-of the address. A connection that has sent no such request within `ADMISSION_S` is dropped, however slowly it sends. At
-most `MOST_WAITING` connections of one address wait at a time. A new connection displaces the oldest one, because a
-browser sends its request at once.
+A request is admitted if it has one `Host` header that names this machine, a target without another host, no `Origin`
+or an allowed one, and the token of the address. A connection that has sent no such request within `ADMISSION_S` is
+dropped, however slowly it sends. At most `MOST_WAITING` connections of one address wait at a time. A new connection
+displaces the oldest one, because a browser sends its request at once.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class RequestHead(NamedTuple):
 def refusal(head: RequestHead, port: int, token: str, origins: Sequence[str] = ()) -> RefusedRequest | None:
     """Return the refusal of a request, or None if it is admitted. Pages of this server and of `origins` are allowed."""
     names = [f"{name}:{port}" for name in (HOST, "localhost")]
-    if len(head.hosts) != 1 or head.hosts[0].lower() not in names:
+    if len(head.hosts) != 1 or head.hosts[0].lower() not in names or not _is_path(head.target):
         return RefusedRequest(HTTPStatus.MISDIRECTED_REQUEST, "this server answers for 127.0.0.1 and localhost only")
     allowed = {*origins, *(f"http://{name}" for name in names)}
     if len(head.origins) > 1 or not allowed.issuperset(head.origins):
@@ -75,6 +75,11 @@ def path_and_query(target: str) -> tuple[str, dict[str, str]]:
         return url.path, {name: values[-1] for name, values in parse_qs(url.query, max_num_fields=16).items()}
     except ValueError:
         return "", {}
+
+
+def _is_path(target: str) -> bool:
+    """Return True for the target `/path`, False for one with a host of its own, which HTTP prefers to `Host`."""
+    return target.startswith("/") and not target.startswith("//")
 
 
 class _Waiting(NamedTuple):

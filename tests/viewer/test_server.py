@@ -152,6 +152,15 @@ def test_two_host_headers_get_no_answer(server: ViewServer) -> None:
     assert raw(server, f"GET {target} HTTP/1.1\r\n{host}Connection: close\r\n\r\n").startswith(b"HTTP/1.1 200 ")
 
 
+@pytest.mark.parametrize("before", ["http://evil.example", "//evil.example", "http://127.0.0.1:1", "page"])
+def test_a_target_with_another_host_gets_no_answer(server: ViewServer, before: str) -> None:
+    head = (
+        f"/page-start?token={server.token} HTTP/1.1\r\nHost: 127.0.0.1:{port_of(server)}\r\nConnection: close\r\n\r\n"
+    )
+    assert raw(server, f"GET {before}{head}")[:13] in (b"HTTP/1.1 421 ", b"HTTP/1.1 404 ")
+    assert raw(server, f"GET {head}").startswith(b"HTTP/1.1 200 ")
+
+
 @pytest.mark.parametrize(
     "origin", ["https://evil.example", "null", "http://127.0.0.1", "http://localhost:1", "file://"]
 )
