@@ -13,9 +13,19 @@ from types import ModuleType
 
 _OWN = Path(__file__).resolve().with_name("lingjing")
 _USAGE = 2
+_INTERRUPTED = 130
 
 
 def main() -> int:
+    """Run the command line and return its exit code. An interrupt while the package is imported prints one word."""
+    try:
+        return _start()
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return _INTERRUPTED
+
+
+def _start() -> int:
     """Run the command line; 2 if the package `lingjing` is another party's, or is not whole."""
     stranger = _stranger()
     if stranger:

@@ -156,6 +156,20 @@ def test_the_command_runs() -> None:
     assert (done.returncode, done.stdout.split()[0]) == (0, "lingjing"), done.stderr
 
 
+def test_an_interrupt_during_the_import_of_the_package_prints_one_word(tmp_path: Path) -> None:
+    """The site's module raises it where the import of `lingjing` reads its first own module."""
+    (tmp_path / "sitecustomize.py").write_text(
+        "import sys\n"
+        "class Interrupts:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        "        if name == 'lingjing.cli':\n"
+        "            raise KeyboardInterrupt\n"
+        "sys.meta_path.insert(0, Interrupts())\n"
+    )
+    done = command(tmp_path, tmp_path, ROOT)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "interrupted\n")
+
+
 def test_the_command_names_a_package_that_hides_this_project(tmp_path: Path) -> None:
     other = tmp_path / "site" / "lingjing"
     other.mkdir(parents=True)
