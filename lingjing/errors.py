@@ -96,12 +96,15 @@ AbortCause = Literal[
     "trace",
     "world-process",
     "camera-process",
+    "call-record",
+    "memory",
 ]
 """The thing that was lost in an abort that a policy can cause, by its service or by processes and files on its machine.
 
 `service`: the policy's own service. `episode-process`: the process of the episode. `episode-server`: the process that
 it was forked from. `fork-server`: the process that starts others. `trace`: the episode's file. `world-process`,
-`camera-process`: the process of the engines or of the camera. "": anything else, such as an error of an engine.
+`camera-process`: the process of the engines or of the camera. `call-record`: the file of the model calls. `memory`: the
+memory, or a descriptor, for the pictures of the policies. "": anything else, such as an error of an engine.
 """
 
 

@@ -78,6 +78,7 @@ class CallStore:
                 raise InfrastructureError(
                     f"the record of model calls `{self._path}` would hold more than {MOST_BYTES >> 30} GiB",
                     hint="shorten what the policy sends, or play with --calls live",
+                    cause="call-record",
                 )
             file.executemany("INSERT OR IGNORE INTO content VALUES (?, ?)", fresh.items())
             file.execute("INSERT INTO call VALUES (?, ?, ?, ?, ?, ?)", row)
@@ -123,6 +124,7 @@ class CallStore:
             raise InfrastructureError(
                 f"cannot record a model call in `{self._path}`: {error}",
                 hint="make room, or choose another folder with -o; --calls live records nothing",
+                cause="call-record",
             ) from error
 
 

@@ -147,11 +147,12 @@ def test_a_call_that_cannot_be_stored_is_an_error(tmp_path: Path, monkeypatch: p
     with pytest.raises(InfrastructureError, match="exists"):
         CallStore(tmp_path / CALLS_NAME, EPISODE)
     store.begin("scout", question(0, "hello"))
-    with pytest.raises(InfrastructureError, match="UNIQUE"):
+    with pytest.raises(InfrastructureError, match="UNIQUE") as refused:
         store.begin("scout", question(0, "again"))
     monkeypatch.setattr(call_store, "MOST_BYTES", 10_000)
-    with pytest.raises(InfrastructureError, match="more than"):
+    with pytest.raises(InfrastructureError, match="more than") as too_large:
         store.begin("scout", question(1, "x" * 20_000))
+    assert (refused.value.cause, too_large.value.cause) == ("call-record", "call-record")  # a policy can do both
     store.close()
     (call,) = CallReader(tmp_path / CALLS_NAME).calls()
     assert (call.tick, call.messages) == (0, question(0, "hello").messages)

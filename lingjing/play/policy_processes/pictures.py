@@ -133,6 +133,7 @@ class PictureSlots:
             raise InfrastructureError(
                 f"the picture `{frame}` cannot be handed to the policies: {error}",
                 hint="memory or file descriptors of this machine or container have run out",
+                cause="memory",
             ) from error
         slot = PictureSlot(len(self._slots), descriptor, memory, viewers)
         self._slots.append(slot)
