@@ -13,6 +13,7 @@ Modules, from the computation of single quantities to the presentation of an epi
 
 - `memo`: `cache_by_trace`, which caches results with their trace
 - `messages`: the messages that the bus admitted
+- `agent_notes`: the notes in the agents' thoughts
 - `detection`: comparison of reports with the ground truth of their frames
 - `completion`: completion of targets
 - `relations`: occurrences of the five coordination relations, added to a trace while it is written

@@ -14,6 +14,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from lingjing.mission.instance import Entity
 from lingjing.mission.vocabulary import CLEARED, DORMANT
 
 PEOPLE = "people"
@@ -94,6 +95,17 @@ class TargetTraits:
     """The surface that it stands on; empty for none."""
     blocks: bool = False
     """True if it closes the road at its place."""
+
+
+def traits_of(entity: Entity) -> TargetTraits:
+    """The facts about a target of an instance."""
+    return TargetTraits(
+        states=[spec.field for spec in entity.state],
+        properties=entity.properties,
+        interactions=entity.interactions,
+        surface=str(entity.properties.get("on", "")),
+        blocks=entity.blocked_m is not None,
+    )
 
 
 def nature_of(traits: TargetTraits) -> TargetNature:

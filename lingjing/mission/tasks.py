@@ -10,15 +10,14 @@ from collections.abc import Sequence
 
 from msgspec.structs import asdict
 
-from lingjing.mission.certain import Knowledge, known, truth
+from lingjing.mission.certain import truth
 from lingjing.mission.conditions.condition_needs import mentions
+from lingjing.mission.conditions.declared_values import DeclaredValues, declared
 from lingjing.mission.conditions.needs import Performed
 from lingjing.mission.conditions.outline import Outline, of_instance
 from lingjing.mission.conditions.survey import survey_instance, survey_unlocks
-from lingjing.mission.expression import Expr, Ref
+from lingjing.mission.expression import Expr
 from lingjing.mission.instance import Entity, Instance, InteractionSpec, Region
-from lingjing.mission.intervals import exactly
-from lingjing.mission.values import Value
 
 
 class Task(InteractionSpec, frozen=True, kw_only=True):
@@ -64,46 +63,9 @@ def matching_members(
     If it can be true for none of them with the declared values, the result is all members: an event must change them
     first.
     """
-    declarations = _Declarations(instance)
+    declarations = DeclaredValues(instance)
     candidates = tuple(member for member in members if truth(condition, {variable: member}, declarations) is not False)
     return candidates or tuple(members)
-
-
-def declared(entity: Entity, field: str) -> float | None:
-    """A declared number of an entity; None for a state that interactions change."""
-    spec = entity.state_of(field)
-    if spec is not None and any(
-        spec.name in (interaction.takes, interaction.gives, interaction.source) for interaction in entity.interactions
-    ):
-        return None
-    return entity.number(field)
-
-
-class _Declarations(Knowledge):
-    """The declared numbers. Values that depend on the run (places, events, reports, states that interactions change)
-    are unknown."""
-
-    def __init__(self, instance: Instance) -> None:
-        self._settings = instance.settings
-        self._groups: dict[str, list[Entity]] = {}
-        for entity in instance.entities:
-            self._groups.setdefault(entity.group, []).append(entity)
-
-    def name(self, ref: Ref) -> Value:
-        """A setting, or the single entity of a group."""
-        if ref.kind == "param":
-            return known(self._settings.get(ref.name))
-        members = self._groups.get(ref.name, [])
-        return members[0] if len(members) == 1 else tuple(members) or None
-
-    def field(self, value: Value, name: str) -> Value:
-        """A declared number of an entity."""
-        amount = declared(value, name) if isinstance(value, Entity) else None
-        return None if amount is None else exactly(amount)
-
-    def members(self, domain: str) -> Sequence[Value] | None:
-        """The entities of a group."""
-        return self._groups.get(domain)
 
 
 def _interactions(condition: Expr, outline: Outline) -> tuple[Performed, ...]:

@@ -16,6 +16,7 @@ from typing import Literal, Self, Unpack
 
 import msgspec
 
+from lingjing.analysis.agent_notes import agent_notes
 from lingjing.analysis.relations import RelationTracker
 from lingjing.errors import ErrorCollector, UsageError
 from lingjing.kernel.ambient_random import generator_states, generators_advanced, load_generators
@@ -330,7 +331,8 @@ def _warnings(trace: Trace, deviations: Sequence[str]) -> tuple[str, ...]:
     """Return the warnings of a report, one line each.
 
     Reported are a success without an action, replaced policy answers with the first one's detail, unseeded random
-    draws, and `deviations` from numbers that every processor reproduces.
+    draws, the notes in the agents' thoughts if the episode is lost, and `deviations` from numbers that every processor
+    reproduces.
     """
     warnings, outcome = [], trace.outcome
     if outcome is not None and outcome.success and outcome.detail:
@@ -344,6 +346,8 @@ def _warnings(trace: Trace, deviations: Sequence[str]) -> tuple[str, ...]:
         warnings.append(f"{replacement}; the first was `{first.agent}`: {first.detail}")
     if outcome is not None and outcome.ambient_random:
         warnings.append(_AMBIENT.format(", ".join(f"`{agent}`" for agent in outcome.ambient_random)))
+    if outcome is not None and not outcome.success:
+        warnings += agent_notes(trace)
     if deviations:
         warnings.append(f"{NOT_PROMISED}: {'; '.join(deviations)}; {PIN_FIRST}")
     return tuple(warnings)

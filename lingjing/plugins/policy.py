@@ -34,6 +34,7 @@ from lingjing.mission.vocabulary import CLEARED, DORMANT, PHOTO, STOP, VerbMotio
 from lingjing.scene.city import City
 from lingjing.trace.records import (
     DEAD,
+    NOTE,
     Absent,
     Action,
     BodyState,
@@ -290,7 +291,7 @@ class PolicyPlugin:
 
 
 __all__ = [
-    "CLEARED", "DEAD", "DORMANT", "PHOTO", "REFERENCE", "STOP", "Absent", "Action", "ArgumentSpec", "BodyState",
+    "CLEARED", "DEAD", "DORMANT", "NOTE", "PHOTO", "REFERENCE", "STOP", "Absent", "Action", "ArgumentSpec", "BodyState",
     "Brief", "CameraPose", "CameraSpec", "Cell", "CellView", "City", "Datum", "Decision", "Entity", "EntityView",
     "Envelope", "EventView", "Field", "FrameInfo", "Inbox", "InfrastructureError", "InspectionSpec", "Instance",
     "MessageSpec", "NoDecisionError", "Observation", "Outgoing", "Peer", "Picture", "Policy", "PolicyPlugin",

@@ -113,13 +113,18 @@ class Usage(TraceRecord, frozen=True, kw_only=True):
     """The part of `answers` that matches the requested schema."""
 
 
+NOTE = "[note] "
+"""Beginning of a line of a thought that `lingjing run` prints after a lost episode."""
+
+
 class Decision(TraceRecord, frozen=True, kw_only=True):
     """The output of a policy for one tick: at most one physical command and a finite list of messages."""
 
     command: Action | None = None
     messages: tuple[Outgoing, ...] = ()
     thought: str = ""
-    """Free text for readers of the trace. It decides nothing."""
+    """Free text for readers of the trace. It decides nothing. After a lost episode `lingjing run` prints the lines that
+    begin with `NOTE`."""
     usage: Usage | None = None
     """The cost of the model calls; None if the policy calls no model."""
 

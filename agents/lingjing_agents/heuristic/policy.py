@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from types import MappingProxyType
 
-from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, Resource
+from msgspec.structs import replace
+
+from lingjing.plugins.policy import NOTE, Brief, Decision, Inbox, Observation, Resource
 from lingjing_agents.capability import exchanged, flying_camera, sends, vehicle, vessel
 from lingjing_agents.errands import camera_body, wants_pictures
 from lingjing_agents.heuristic.aerial_searcher import AerialSearcher
@@ -21,7 +23,7 @@ from lingjing_agents.heuristic.route_coordinator import RouteCoordinator
 from lingjing_agents.heuristic.route_driver import RouteDriver
 from lingjing_agents.heuristic.route_inspector import RouteInspector
 from lingjing_agents.heuristic.search_coordinator import SearchCoordinator
-from lingjing_agents.heuristic.target_types import GAPS, TrainedDetectors, target_type_of
+from lingjing_agents.heuristic.target_types import GAPS, TrainedDetectors, lack_of_detectors, target_type_of
 from lingjing_agents.perception.learned.detector import learned_detectors
 
 ROLE_RULES: tuple[type[RoleRules], ...] = (
@@ -50,16 +52,20 @@ class HeuristicPolicy:
     """
 
     def __init__(self, trained: TrainedDetectors = MappingProxyType({})) -> None:
-        self._trained = trained
+        self._trained, self._note = trained, ""
         self._rules: RoleRules | None = None
 
     async def reset(self, brief: Brief) -> None:
         """Select the rules."""
         self._rules = rules_for(brief, self._trained)
+        self._note = lack_of_detectors(brief, self._trained)
 
     async def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """Return the decision of the rules, or a no-op without rules."""
-        return self._rules.act(observation, inbox) if self._rules is not None else Decision()
+        """Return the decision of the rules, or a no-op without rules. The first one has a note on missing detectors."""
+        decision = self._rules.act(observation, inbox) if self._rules is not None else Decision()
+        if self._note and observation.tick == 0:
+            return replace(decision, thought=f"{NOTE}{self._note}\n{decision.thought}".rstrip())
+        return decision
 
 
 def learned_policy() -> HeuristicPolicy:

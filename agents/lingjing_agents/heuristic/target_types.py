@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from lingjing.plugins.policy import Brief, CameraPose
+from lingjing_agents.capability import sends
 from lingjing_agents.heuristic.sightings import Sightings
 from lingjing_agents.perception.bridge_gaps import find_gaps
 from lingjing_agents.perception.fires_from_above import find_fires_from_above
@@ -90,6 +91,19 @@ TARGET_TYPES = (PEOPLE, FIRES, GAPS)
 
 VEHICLES = frozenset(("truck", "van", "car", "bus", "boat", "engine"))
 """Words that mark a class as a vehicle."""
+
+
+def lack_of_detectors(brief: Brief, trained: TrainedDetectors) -> str:
+    """Return a note for an agent that may send reports while no detector knows any of their classes; "" for others."""
+    words = (*(word for kind in TARGET_TYPES for word in kind.words), *QUEUES, *_OTHERS)
+    known = any(any(word in name for word in words) or name in trained for name in brief.classes)
+    if known or not any(sends(brief, record) for record in ("report", "count")):
+        return ""
+    return f"no detector of this policy knows one of the classes {', '.join(brief.classes) or '(none)'}: no reports"
+
+
+_OTHERS = ("queue", "leak")
+"""Words of the classes that other rules detect: lines of people and leaks."""
 
 
 def target_type_of(brief: Brief, among: tuple[TargetType, ...] = TARGET_TYPES) -> tuple[TargetType, str] | None:

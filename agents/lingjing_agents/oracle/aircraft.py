@@ -136,11 +136,13 @@ class _SearchAbility(Ability):
         if truth.busy(body.id):
             return None
         mine = self._share(truth)
+        self.aim = mine[0] if mine else ""
         if mine:
             return self._above(truth, mine[0], looking=True)
         for task in truth.left:
             near = truth.distance(body.id, task.target) <= 0.8 * task.within_m
             if body.id in task.actors and not task.moves_goods and not near:
+                self.aim = task.target
                 return self._above(truth, task.target, looking=False)
         return None
 
@@ -219,7 +221,7 @@ class _InspectionAbility(Ability):
 
     def act(self, truth: PrivilegedState) -> Action | None:
         """Return the flight to the next waypoint, or to an obstacle before it."""
-        body = self._aircraft.body
+        body, self.aim = self._aircraft.body, self._inspection.name
         if truth.busy(body.id):
             return None
         route = truth.routes.get(self._inspection.asset)

@@ -93,6 +93,7 @@ class _DeliveryAbility(Ability):
             return None
         if not goal or load <= 0.0 or self._short(truth, goal, load):
             goal = self._chain.supply.target
+        self.aim = goal
         reach = self._chain.supply.within_m if goal == self._chain.supply.target else self._chain.deliveries[0].within_m
         if truth.distance(self._body.id, goal) <= 0.8 * reach:
             return None

@@ -83,6 +83,19 @@ class DogPath:
             self._path.pop(0)
         return self._towards(truth, here, self._path[0])
 
+    def step_to(self, truth: PrivilegedState, place: GroundPoint, near_m: float) -> tuple[str, float] | None:
+        """Return the next step to a place without a task there; None on arrival."""
+        here = truth.place(self.dog.id)
+        if math.dist(here, place) <= near_m:
+            return None
+        self._look_back(truth, here)
+        if self._goal != f"{place}" or not self._path:
+            self._goal = f"{place}"
+            self._path = self._find(truth, here, place, near_m) or [place]
+        while len(self._path) > 1 and math.dist(here, self._path[0]) <= REACHED_M:
+            self._path.pop(0)
+        return self._towards(truth, here, self._path[0])
+
     def _near_m(self, task: Task) -> float:
         """Return the distance from the target at which the dog stops, in metres."""
         return self._inner_m.get(task.target, max(0.6 * task.within_m, task.within_m - 4.0))
@@ -198,6 +211,7 @@ class _DogAbility(Ability):
         """Return a picture of a target that must be reported, else the next step."""
         dog = self._walk.dog
         task = self._walk.task(truth)
+        self.aim = task.target if task is not None else ""
         guidance = _guidance(truth)
         if guidance is not None:
             self._heard = truth.tick

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from lingjing.plugins.policy import Brief, Decision, Inbox, Observation
 from lingjing_agents.oracle.ability import Ability
 from lingjing_agents.oracle.aircraft import aircraft_abilities
@@ -9,9 +11,12 @@ from lingjing_agents.oracle.composing import MessageComposer
 from lingjing_agents.oracle.deliveries import delivery_abilities
 from lingjing_agents.oracle.dogs import dog_abilities
 from lingjing_agents.oracle.errands import errand_abilities
+from lingjing_agents.oracle.goal_state import GoalState
 from lingjing_agents.oracle.hub import hub_abilities
 from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState, privileged
+from lingjing_agents.oracle.pursuit import Pursuit, is_needed, pursuit_abilities
 from lingjing_agents.oracle.reporting import ReportAbility, report_abilities
+from lingjing_agents.oracle.thoughts import Thoughts
 from lingjing_agents.oracle.vehicles import vehicle_abilities
 
 
@@ -29,26 +34,33 @@ class OraclePolicy:
         known = privileged(observation)
         if self._plan is None:
             self._plan = InstanceIndex(known.instance)
-            self._abilities = abilities(self._brief, self._plan)
+            self._goals = GoalState(self._plan)
+            self._abilities = abilities(self._brief, self._plan, self._goals)
+            self._thoughts = Thoughts(self._brief, self._plan, self._goals)
         truth = PrivilegedState(self._brief, self._plan, observation, inbox)
+        self._goals.look(truth)
         messages = [message for ability in self._abilities for message in ability.say(truth)]
         command = None
         for ability in self._abilities:
             command = command or ability.act(truth)
-        return Decision(command=command, messages=tuple(messages))
+        thought = self._thoughts.of(self._abilities, command)
+        return Decision(command=command, messages=tuple(messages), thought=thought)
 
 
-def abilities(brief: Brief, plan: InstanceIndex) -> tuple[Ability, ...]:
+def abilities(brief: Brief, plan: InstanceIndex, goals: GoalState) -> tuple[Ability, ...]:
     """Return an agent's abilities, the most urgent first."""
     composer = MessageComposer(brief)
     reports = report_abilities(brief, plan, composer)
     reporter = next((ability for ability in reports if isinstance(ability, ReportAbility)), None)
+    if is_needed(plan):
+        drives: Sequence[Ability] = pursuit_abilities(brief, plan, Pursuit(plan, goals))
+    else:
+        drives = (*delivery_abilities(brief, plan, composer), *vehicle_abilities(brief, plan, composer))
     return (
         *reports,
         *aircraft_abilities(brief, plan, reporter, composer),
         *dog_abilities(brief, plan, composer, reporter),
-        *delivery_abilities(brief, plan, composer),
-        *vehicle_abilities(brief, plan, composer),
+        *drives,
         *hub_abilities(brief, plan, composer),
         *errand_abilities(brief, plan),
     )

@@ -20,7 +20,7 @@ from lingjing.plugins.policy import (
     Route,
     UsageError,
 )
-from lingjing.plugins.tasks import Task, asked, field_named, possible, reported
+from lingjing.plugins.tasks import Task, asked, field_named, goals, possible, reported
 from lingjing_agents.ground_plane import GroundPoint
 
 ABSENT = (DORMANT, CLEARED)
@@ -35,6 +35,7 @@ class InstanceIndex:
         self.entities = {entity.id: entity for entity in instance.entities}
         self.tasks = tuple(_of_inspected(task, instance) for task in asked(instance))
         self.kinds = reported(instance)
+        self.goals = goals(instance)
         self.supplies = tuple(task for entity in instance.entities for task in possible(entity, instance) if task.gives)
         self.owners = {name: agent for agent in instance.agents for name in agent.controls}
         self.first_seen: dict[str, tuple[GroundPoint, float]] = {}

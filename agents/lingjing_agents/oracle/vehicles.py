@@ -115,6 +115,7 @@ class _DriverAbility(Ability):
         if truth.busy(self._course.resource.id):
             return None
         following = self._course.next(truth)
+        self.aim = following[0].target if following is not None else ""
         return following[1] if following is not None else None
 
 
@@ -136,7 +137,8 @@ class _ClaimAbility(Ability):
         following = self._course.next(truth)
         if following is None or following[1] is None or following[0].target in self._claimed:
             return None
-        self._claimed.add(following[0].target)
+        self.aim = following[0].target
+        self._claimed.add(self.aim)
         return following[1]
 
 

@@ -8,7 +8,7 @@ from lingjing.engines.city.arrivals import PeopleQueue, rates
 from lingjing.engines.city.goods import DUST, first_amounts
 from lingjing.engines.city.target_body import TargetBody
 from lingjing.mission.instance import Entity, InteractionSpec
-from lingjing.mission.natures import PEOPLE, TargetNature, TargetTraits, nature_of, worked_levels
+from lingjing.mission.natures import PEOPLE, TargetNature, nature_of, traits_of, worked_levels
 from lingjing.mission.vocabulary import DORMANT
 
 
@@ -139,14 +139,7 @@ def target_of(entity: Entity, body: TargetBody, seed: int) -> CityTarget:
 
 def entity_nature(entity: Entity) -> TargetNature:
     """Return the nature of a target, with its own first status word if it declares one."""
-    traits = TargetTraits(
-        states=[spec.field for spec in entity.state],
-        properties=entity.properties,
-        interactions=entity.interactions,
-        surface=str(entity.properties.get("on", "")),
-        blocks=entity.blocked_m is not None,
-    )
-    nature, word = nature_of(traits), entity.properties.get("status")
+    nature, word = nature_of(traits_of(entity)), entity.properties.get("status")
     return replace(nature, word=word) if isinstance(word, str) else nature
 
 

@@ -19,4 +19,6 @@ Modules in control-flow order:
 - `episode`: bounds of every quantity that hold during the whole episode.
 - `listing`: the survey with bounds and declassifications, for people and other programs.
 - `needs`: the tree of needs. `condition_needs`: its construction from a condition.
+- `declared_values`: the numbers that nothing changes. `goals`: the tree of goals, for agents. `goal_reading`: its
+  construction from the success of an instance; `leaf_goals`: from single comparisons and facts.
 """
