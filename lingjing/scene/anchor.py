@@ -74,6 +74,9 @@ APART_REACH_M = 50.0
 
 STAND_CLEAR_M = 1.2
 """Clearance of an entity that is moved out of the way, metres (chosen)."""
+SHORE_CLEAR_M = 1.0
+"""Smallest distance from water of a body that begins on dry ground, metres (chosen: a robot dog's length; nearer to the
+edge of a sea wall its first step falls)."""
 BODY_CLEAR_M = 0.6
 """Clearance of an asset on the ground or in front of an entrance, metres (chosen)."""
 TARGET_CLEAR_M = 1.5
@@ -390,12 +393,17 @@ class _Anchoring:
             entity = _moved(entity, (x, y, z))
         buried = roof is not None and z < roof - 0.01
         on_ground = entity.role == "asset" and floor <= z and stands(entity, floor)
-        clear = not on_ground or self._footing.is_clear(x, y, BODY_CLEAR_M, off_road=True)
+        clear = not on_ground or (
+            self._footing.is_clear(x, y, BODY_CLEAR_M, off_road=True)
+            and not self._footing.is_shore(x, y, SHORE_CLEAR_M)
+        )
         if (clear and not buried) or self._footing.is_water(x, y):
             return self._clear_of_structures(entity)
+        alike = self._suits(entity, max(0.0, z - floor))
         spot = self._footing.nearest_clear(
             x, y, STAND_CLEAR_M, GROUND_REACH_M, off_road=True, apart=self._walkers, apart_m=2.0 * STAND_CLEAR_M,
-            inside=entity.drawn_in, suits=self._suits(entity, max(0.0, z - floor)),
+            inside=entity.drawn_in,
+            suits=lambda px, py: (not on_ground or not self._footing.is_shore(px, py, SHORE_CLEAR_M)) and alike(px, py),
         )  # fmt: skip
         if spot is None:
             raise self._nothing(entity, "free ground", GROUND_REACH_M)

@@ -25,6 +25,9 @@ BODIES_M: dict[str, float] = {
 HEAD_M = 2.0
 """Height over the ground from which a person passes underneath, metres (chosen)."""
 
+_TURNS = tuple(turn * pi / 4.0 for turn in range(8))
+"""Bearings of the points around a place, radians."""
+
 RING_M = 1.0
 """Distance between the rings of a search, metres (chosen)."""
 
@@ -80,6 +83,11 @@ class Footing:
         return level is not None and not any(
             land.top_m > level and contains(land.polygon, x, y) for land in self._city.lands
         )
+
+    def is_shore(self, x: float, y: float, margin: float) -> bool:
+        """True if there is water within about `margin` metres of a place: at one of eight points around it."""
+        around = ((x + margin * sin(turn), y + margin * cos(turn)) for turn in _TURNS)
+        return any(self.is_water(*point) for point in around)
 
     def roof_over(self, x: float, y: float) -> float | None:
         """Elevation of the highest roof at a place; None outside of buildings."""

@@ -17,10 +17,11 @@ from lingjing.dsl.source.text import SourceText
 from lingjing.errors import MissionError
 from lingjing.mission.footprint import STANDS_M, footprint, sunk_below_m
 from lingjing.plugins.building import build_city
-from lingjing.scene.anchor import anchor
+from lingjing.scene.anchor import SHORE_CLEAR_M, anchor
 from lingjing.scene.displacement import in_words, moved_bodies
+from lingjing.scene.footing import Footing
 from lingjing.scene.terrain import Terrain
-from lingjing.testing import PluginHost, instantiate, mission_file
+from lingjing.testing import PluginHost, instantiate, mission_file, placed
 from lingjing.trace.records import Decision
 
 HEAD = """ljs 1
@@ -256,3 +257,31 @@ def test_bodies_of_a_document_at_one_place_are_parted_and_noted(tmp_path):
     declared = instantiate(mission)
     placed = anchor(declared, build_city(declared.scene, PluginHost()), imported=True)
     assert len(overlapping(declared)) == 3 and not overlapping(placed)
+
+
+QUAY = """ljs 2
+use std.ground { robot_dog }
+mission m "M" {
+  goal "Go."
+  scene coastal { extent = 800 m }
+  clock { tick = 2 s, sync = 100 ms }
+  budget { ticks <= 10 }
+  asset dog : robot_dog { position = (EAST m, 58.9 m) }
+  agent walker as walker controls dog { observes dog.*, events }
+  success when distance_xy(dog, (0 m, 0 m)) <= 5 m
+}
+"""
+
+
+def test_a_dog_begins_a_step_away_from_the_edge_of_a_sea_wall() -> None:
+    _, city = placed(QUAY.replace("EAST", "-40"))
+    footing = Footing(city)
+    dry, wet = -40.0, 40.0
+    assert not footing.is_water(dry, 58.9) and footing.is_water(wet, 58.9)
+    while wet - dry > 0.05:
+        middle = (dry + wet) / 2.0
+        dry, wet = (dry, middle) if footing.is_water(middle, 58.9) else (middle, wet)
+    moved, _ = placed(QUAY.replace("EAST", f"{dry - 0.2:.2f}"))
+    (dog,) = moved.entities
+    assert not footing.is_shore(*dog.position[:2], SHORE_CLEAR_M - 0.05), "places are rounded"
+    assert math.dist(dog.position[:2], (dry, 58.9)) < 30.0
