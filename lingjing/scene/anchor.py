@@ -371,16 +371,27 @@ class _Anchoring:
         x, y, _ = entity.position
         spot = self._footing.nearest_clear(
             x, y, BODY_CLEAR_M if body else TARGET_CLEAR_M, GROUND_REACH_M, off_road=not body or self._walks_off_road,
-            apart=self._walkers, apart_m=WALKERS_APART_M, inside=entity.drawn_in, suits=self._suits(entity),
+            apart=self._walkers, apart_m=WALKERS_APART_M, inside=entity.drawn_in,
+            suits=self._suits(entity, off_shore=body),
         )  # fmt: skip
         if spot is None:
             raise self._nothing(entity, "free ground", GROUND_REACH_M)
         self._walkers.append(spot)
         return _moved(entity, (*spot, self._footing.height(*spot)))
 
-    def _suits(self, entity: Entity, above_m: float = 0.0) -> Callable[[float, float], bool]:
-        """Return a predicate: True if the entity, so far above the ground at a place, would touch no other body."""
-        return lambda x, y: self._is_free(_moved(entity, (x, y, self._footing.height(x, y) + above_m)))
+    def _suits(
+        self, entity: Entity, above_m: float = 0.0, *, off_shore: bool = False
+    ) -> Callable[[float, float], bool]:
+        """Return a predicate: True if the entity, so far above the ground at a place, would touch no other body.
+
+        With `off_shore` the place is not at the water's edge either.
+        """
+
+        def suits(x: float, y: float) -> bool:
+            dry = not off_shore or not self._footing.is_shore(x, y, SHORE_CLEAR_M)
+            return dry and self._is_free(_moved(entity, (x, y, self._footing.height(x, y) + above_m)))
+
+        return suits
 
     def _out_of_the_way(self, entity: Entity) -> Entity:
         """Return an entity without `on`: unchanged, unless it would begin inside a building or stand on a road."""
@@ -399,11 +410,9 @@ class _Anchoring:
         )
         if (clear and not buried) or self._footing.is_water(x, y):
             return self._clear_of_structures(entity)
-        alike = self._suits(entity, max(0.0, z - floor))
         spot = self._footing.nearest_clear(
             x, y, STAND_CLEAR_M, GROUND_REACH_M, off_road=True, apart=self._walkers, apart_m=2.0 * STAND_CLEAR_M,
-            inside=entity.drawn_in,
-            suits=lambda px, py: (not on_ground or not self._footing.is_shore(px, py, SHORE_CLEAR_M)) and alike(px, py),
+            inside=entity.drawn_in, suits=self._suits(entity, max(0.0, z - floor), off_shore=on_ground),
         )  # fmt: skip
         if spot is None:
             raise self._nothing(entity, "free ground", GROUND_REACH_M)
