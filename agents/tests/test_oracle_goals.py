@@ -7,11 +7,9 @@ from pathlib import Path
 import pytest
 
 import lingjing
-from lingjing.data import data_path
-from lingjing.trace.reader import read_trace
 
 pytestmark = pytest.mark.slow
-EXAMPLES = data_path("scenarios", "examples")
+EXAMPLES = Path(__file__).parents[2] / "scenarios" / "examples"
 
 
 def played(mission: Path | str, folder: Path, **settings: float):
@@ -28,7 +26,7 @@ def test_the_examples_are_won(name: str, tmp_path: Path) -> None:
 
 def test_each_thought_names_the_goal_and_its_condition(tmp_path: Path) -> None:
     result = played(EXAMPLES / "convoy.ljs", tmp_path)
-    for record in read_trace(result.trace).boundaries[:1]:
+    for record in lingjing.read_trace(result.trace).boundaries[:1]:
         for entry in record.decisions:
             assert "I go for hospital, because `distance_xy(t, hospital) <= close` of success is not met" in (
                 entry.decision.thought
@@ -48,4 +46,4 @@ def test_a_lost_episode_tells_which_condition_had_no_way(tmp_path: Path) -> None
     (note,) = [line for line in result.warnings if "cannot work towards" in line]
     drivers = "`driver[1]`, `driver[2]`, `driver[3]`"
     assert note.startswith(f"{drivers}: cannot work towards `distance_xy(truck[1], truck[2]) >= 90 m` of success: ")
-    assert "which verb setDestination can change" in note
+    assert "which verb setDestination" in note

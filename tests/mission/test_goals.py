@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from lingjing.dsl import compile_text
-from lingjing.mission.instantiate import instantiate
 from lingjing.plugins.tasks import (
     Alternatives,
     Goal,
@@ -20,6 +18,7 @@ from lingjing.plugins.tasks import (
     goals,
     leaves_of,
 )
+from lingjing.testing import instantiate
 
 TEXT = """\
 ljs 2
@@ -70,9 +69,7 @@ mission trial "Trial" {{
 
 
 def goal_of(success: str, rules: str = "") -> Goal:
-    compiled = compile_text(TEXT.format(success=success, rules=rules))
-    assert compiled.mission is not None, compiled.diagnostics
-    return goals(instantiate(compiled.mission, seed=1))
+    return goals(instantiate(TEXT.format(success=success, rules=rules), seed=1))
 
 
 def only(success: str, rules: str = "") -> Goal:
