@@ -47,3 +47,66 @@ def test_a_lost_episode_tells_which_condition_had_no_way(tmp_path: Path) -> None
     drivers = "`driver[1]`, `driver[2]`, `driver[3]`"
     assert note.startswith(f"{drivers}: cannot work towards `distance_xy(truck[1], truck[2]) >= 90 m` of success: ")
     assert "which verb setDestination" in note
+
+
+TRIAL = """\
+ljs 2
+use std.ground {{ car }}
+target blaze {{
+  engine = city, on = road
+  state heat = 100 %
+  interaction extinguish {{ by = road, within = 30 m }}
+}}
+target halt {{
+  engine = city, on = road
+  state waiting = 6
+  interaction board {{ by = road, within = 30 m, gives = seated, from = waiting, up_to = seats, status = empty }}
+}}
+target depot {{
+  engine = city, on = road
+  interaction fill {{ by = road, within = 30 m, gives = seated, up_to = seats }}
+}}
+target shelter {{
+  engine = city, on = road
+  state beds = 50
+  interaction alight {{ by = road, within = 30 m, takes = beds, from = seated, status = full }}
+}}
+target destination {{ engine = city, on = road }}
+asset coach : car {{ state seated = 0, seats = 4 }}
+mission trial "Trial" {{
+  goal "Try it."
+  scene commercial {{ extent = 400 m, blocks = 2 by 2, height = 6 m..9 m }}
+  clock {{ tick = 10 s, sync = 500 ms }}
+  budget {{ ticks <= 30, policy <= 90 s, engine <= 30 s }}
+  mode broadcast
+  region yard = box((-30 m, 60 m), (30 m, 120 m))
+  target f : blaze {{ position = (0 m, 150 m) }}
+  target stop : halt {{ position = (0 m, 90 m) }}
+  target store : depot {{ position = (0 m, 150 m) }}
+  target home : shelter {{ position = (0 m, -150 m) }}
+  target corner : destination {{ position = (0 m, 150 m) }}
+  asset bus : coach {{ position = (0 m, -50 m), actions {{ setDestination, stop }} }}
+  agent driver as driver controls bus {{ observes bus.*, corner.position }}
+  {rules}
+  success when {success}
+}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("success", "rules"),
+    [
+        ("distance_xy(bus, corner) <= 30 m", ""),
+        ("bus.seated >= bus.seats", ""),
+        ("stop.waiting == 0 and bus.seated == 0", ""),
+        ("f.heat <= 50 % and bus in yard", ""),
+        ("stop.status == empty or bus.seats >= 9", ""),
+        ("f.heat <= 0", "unlock extinguish(x: f) when home.beds <= 46"),
+        ("emitted(extinguish, f) and distance_xy(bus, home) <= 30 m", ""),
+    ],
+)
+def test_one_bus_reaches_each_kind_of_goal(success: str, rules: str, tmp_path: Path) -> None:
+    mission = tmp_path / "trial.ljs"
+    mission.write_text(TRIAL.format(success=success, rules=rules), encoding="utf-8")
+    result = played(mission, tmp_path)
+    assert result.success, (result.reason, result.warnings)
