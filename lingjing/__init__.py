@@ -16,7 +16,7 @@ Modules that all share:
 - `file_names`: names that are not UTF-8
 - `builtin`: the built-in plug-in, which declares the engines, scenes, evaluators and types that ship
 - `installation`: the distributions and their extras; `installed_plugins`: plug-ins of other distributions
-- `refusals`: errors of the operating system; `terminal`: text that is safe to print
+- `refusals`: errors of the operating system; `system_hints`: their ways out; `terminal`: text that is safe to print
 
 `docs/architecture.md` describes the whole. The public surface is this module, `lingjing.plugins`, `lingjing.testing`,
 `lingjing.envs` and the command `lingjing`; all else may change. Exports are lazy: importing this package loads no other

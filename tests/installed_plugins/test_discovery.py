@@ -13,7 +13,6 @@ from pathlib import Path
 import pytest
 
 from lingjing.cli import doctor
-from lingjing.data import CACHE_OFF
 from lingjing.errors import ExitCode, PluginError, UsageError
 from lingjing.installed_plugins import discovery, slow_trials
 from lingjing.installed_plugins.entry_points import PLUGINS, find_entries
@@ -214,7 +213,7 @@ def test_a_kept_fault_does_not_outlive_its_reasons(
     elif change == "deadline":
         monkeypatch.setattr(discovery, "DEADLINE_S", 1.6)
     elif change == "off":
-        monkeypatch.setenv(CACHE_OFF, "1")
+        monkeypatch.setenv("LINGJING_NO_CACHE", "1")
     else:
         (kept,) = (site.folder / "cache" / "lingjing" / "trials").iterdir()
         kept.write_bytes(b"junk")
