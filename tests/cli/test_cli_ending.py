@@ -59,12 +59,12 @@ def endless(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def pictured(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The sea rescue with a budget of two ticks, in which a boat may be proved too far."""
+    """The sea rescue with a budget of three ticks, in which a boat may be proved too far."""
     text = mission_file("ssr").read_text(encoding="utf-8")
     path = tmp_path_factory.mktemp("mission") / "short.ljs"
-    away, near = "(12.4 m, -1351.8 m)", "(270 m, -920 m)"  # so that two ticks are not proved too few in every draw
+    away, near = "(12.4 m, -1351.8 m)", "(270 m, -920 m)"  # so that three ticks are not proved too few in every draw
     assert away in text
-    path.write_text(text.replace("ticks <= 60,", "ticks <= 2,").replace(away, near), encoding="utf-8")
+    path.write_text(text.replace("ticks <= 60,", "ticks <= 3,").replace(away, near), encoding="utf-8")
     return path
 
 
@@ -102,7 +102,7 @@ def test_replaced_answers_are_told_with_the_first_failure(pictured: Path, tmp_pa
     policy = write_policy(tmp_path, act="raise ValueError('no idea')")
     done = lingjing("run", pictured, "--policy", policy, "--json", "--no-overview", "-o", "out", cwd=tmp_path)
     assert done.returncode == 0
-    expected = "8 of 8 policy answers were replaced by doing nothing (policy_error 8); the first was `scout[1]`: "
+    expected = "12 of 12 policy answers were replaced by doing nothing (policy_error 12); the first was `scout[1]`: "
     hopeless, warning = json.loads(done.stdout)["warnings"]
     assert hopeless.startswith("this could not be won (LJ0601): `boat` cannot come within 50 m of")
     assert warning == f"{expected}ValueError: no idea"
@@ -326,7 +326,7 @@ def test_python_plays_a_class_inside_a_running_loop(pictured: Path, tmp_path: Pa
         return package.run(package.compile(pictured), policy=Idle, seed=3, overview=False, out=tmp_path / "out")
 
     result = asyncio.run(notebook())
-    assert (result.reason, result.ticks) == ("budget", 2)
+    assert (result.reason, result.ticks) == ("budget", 3)
     assert [warning[:31] for warning in result.warnings] == ["this could not be won (LJ0601):"]
 
 
