@@ -71,6 +71,12 @@ HOOKS = tuple(_DECLARATIONS)
 MAKERS = ("lingjing_make_policy", "lingjing_make_evaluator")
 """The hooks that make an object of a declaration. pluggy calls them: `tryfirst`, `trylast` and `wrapper` count."""
 
+_SHOWN = 80
+"""The most characters of an object that a message shows. Chosen."""
+
+_PREFIX = "lingjing_"
+"""The beginning of the name of every hook."""
+
 _DEFAULT = "lingjing"
 """The name of the plug-in with the default implementations of `MAKERS`."""
 
@@ -83,7 +89,10 @@ class PluginHost:
     is the plug-in of each hook and name.
     """
 
-    def __init__(self, *, entry_points: bool = True, extra: Iterable[object] = ()) -> None:
+    def __init__(
+        self, *, entry_points: bool = True, extra: Iterable[object] = (), only: Iterable[LoadablePlugin] = ()
+    ) -> None:
+        """`entry_points`: load all installed plug-ins; else those of `only`. `extra`: plug-in objects of the caller."""
         self._manager = pluggy.PluginManager("lingjing")
         self._manager.add_hookspecs(hookspecs)
         self._manager.register(making, name=_DEFAULT)
@@ -95,11 +104,13 @@ class PluginHost:
         self.sources: dict[tuple[str, str], str] = {}
         installed = installed_plugins() if entry_points else InstalledPlugins((), (), ())
         self.faults += installed.faults
-        for point in installed.own:
-            self._load(LoadablePlugin(point))
-        for plugin in extra:
-            self.register(plugin)
-        for stranger in installed.strangers:
+        chosen = tuple(only)
+        own = (*(LoadablePlugin(point) for point in installed.own), *(p for p in chosen if is_core(p.point)))
+        for plugin in own:
+            self._load(plugin)
+        for given in extra:
+            self.register(given)
+        for stranger in (*installed.strangers, *(p for p in chosen if not is_core(p.point))):
             self._load(stranger)
             self._strangers[stranger.point.name] = stranger
         self.engines: dict[str, EnginePlugin] = self._collect("lingjing_engines")
@@ -242,6 +253,21 @@ class PluginHost:
             self.faults.append(fault)
             if self._manager.has_plugin(name):  # its hooks were refused after some of them had been added
                 self._manager.unregister(name=name)
+            return
+        if not is_core(plugin.point) and (reason := self._idle_reason(name)):
+            self.faults.append(PluginFault(name, owner, reason))
+
+    def _idle_reason(self, name: str) -> str:
+        """Return the reason for which a plug-in offers less than its author means; "" if it does not."""
+        plugin = self._manager.get_plugin(name)
+        hooked = {caller.name for caller in self._manager.get_hookcallers(plugin) or ()}
+        known = set(vars(hookspecs)) & {word for word in vars(hookspecs) if word.startswith(_PREFIX)}
+        for word in sorted(hooked - known):
+            return f"there is no hook `{word}`: {nearest_or(word, known, 'see docs/plugins.md')}"
+        for word in sorted(known - hooked):
+            if callable(getattr(plugin, word, None)):
+                return f"`{word}` is not marked with `@hookimpl`, so that it is never called"
+        return "" if hooked else "offers nothing: it has no function that is marked with `@hookimpl`"
 
     def _collect(self, hook: str) -> dict[str, NamedT]:
         """Return the offers of a hook by name. This project's own are collected first, then `extra`, then installed
@@ -285,7 +311,10 @@ class PluginHost:
 
     def _offered(self, hook: str, function: object, source: str) -> tuple[NamedT, ...]:
         try:
-            offered: tuple[NamedT, ...] = tuple(function())  # type: ignore[operator]
+            returned = function()  # type: ignore[operator]
+            if isinstance(returned, str):
+                raise TypeError(f"it returned the text {returned!r}, and a list of declarations is due")
+            offered: tuple[NamedT, ...] = tuple(returned)
         except (Exception, SystemExit) as error:
             hint = hint_of(error) if isinstance(error, LingjingError) else ""
             reason = error if isinstance(error, Exception) else one_line(error)
@@ -317,10 +346,12 @@ def _check(item: object, hook: str, source: str) -> None:
     declaration, maker = _DECLARATIONS[hook]
     wrong = f"plug-in `{source}` failed in {hook}: "
     if not isinstance(item, declaration):
-        raise PluginError(f"{wrong}it offers {item!r}, which is no {declaration.__name__}")
+        shown = repr(item)
+        shown = shown if len(shown) <= _SHOWN else f"{shown[:_SHOWN]}…"
+        raise PluginError(f"{wrong}it offers {shown}, which is no {declaration.__name__}")
     name: object = getattr(item, "name")  # noqa: B009 - of any of them
     if not isinstance(name, str) or name.split() != [name] or not name.isprintable():
-        raise PluginError(f"{wrong}it offers a {declaration.__name__} whose name is {name!r}", hint="names are words")
+        raise PluginError(f"{wrong}the name of a {declaration.__name__} is {name!r}", hint="names are words")
     if maker and not callable(getattr(item, maker)):
         raise PluginError(f"{wrong}`{maker}` of `{name}` cannot be called")
 

@@ -357,3 +357,26 @@ def test_a_run_that_uses_no_broken_plugin_plays_and_names_it(site: Site, tmp_pat
     assert json.loads(done.stdout)["mission"] == "boats"
     for name in ("raises", "ends", "scribbles"):
         assert done.stderr.count(f"warning: plug-in `{name}` (lingjing-{name} 1.0)") == 1
+
+
+def test_a_hook_that_fails_leaves_the_policy_of_its_plugin_in_place(site: Site) -> None:
+    code = "\n@hookimpl\ndef lingjing_scenes():\n    raise ValueError('no map')\n"
+    site.add("half", OFFER.format(name="scout") + code)
+    host = policy_host(("half",))
+    assert "scout" in host.policies
+    assert [(fault.plugin, fault.reason) for fault in host.faults] == [("half", "failed in lingjing_scenes: no map")]
+    assert host.sources["lingjing_policies", "scout"] == "half"
+
+
+@pytest.mark.parametrize(
+    ("code", "reason"),
+    [
+        ("@hookimpl\ndef lingjing_polices():\n    return []", "there is no hook `lingjing_polices`"),
+        ("def lingjing_policies():\n    return []", "`lingjing_policies` is not marked with `@hookimpl`"),
+        ("", "offers nothing"),
+    ],
+)
+def test_a_hook_that_is_not_one_is_named(site: Site, code: str, reason: str) -> None:
+    site.add("vain", f"from lingjing.plugins.hookspecs import hookimpl\n{code}\n")
+    (fault,) = PluginHost().faults
+    assert fault.plugin == "vain" and reason in fault.reason

@@ -34,9 +34,9 @@ def test_a_hook_that_returns_something_else_is_named_with_its_plugin(hook: str, 
     start = f"plug-in `Stranger` failed in {hook}: "
     wrong = [
         (("three",), f"it offers 'three', which is no {kind.__name__}"),
-        ((kind(3, len),), f"it offers a {kind.__name__} whose name is 3"),
-        ((kind("", len),), f"it offers a {kind.__name__} whose name is ''"),
-        ((kind("two words", len),), f"it offers a {kind.__name__} whose name is 'two words'"),
+        ((kind(3, len),), f"the name of a {kind.__name__} is 3"),
+        ((kind("", len),), f"the name of a {kind.__name__} is ''"),
+        ((kind("two words", len),), f"the name of a {kind.__name__} is 'two words'"),
         ((kind("deaf", 3),), f"`{maker}` of `deaf` cannot be called"),
         (3, "'int' object is not iterable"),
     ]

@@ -11,6 +11,7 @@ import json
 from collections.abc import Iterable
 from importlib import import_module
 
+from lingjing.installed_plugins.discovery import LoadablePlugin
 from lingjing.installed_plugins.entry_points import PLUGINS, find_entries
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import options_model
@@ -59,4 +60,4 @@ def policy_host(names: Iterable[str]) -> PluginHost:
     if wanted in _prepared:
         return _prepared[wanted]
     points = {point.value: point for point in find_entries(PLUGINS).points if point.name in wanted} if wanted else {}
-    return PluginHost(entry_points=False, extra=[point.load() for point in points.values()])
+    return PluginHost(entry_points=False, only=[LoadablePlugin(point) for point in points.values()])
