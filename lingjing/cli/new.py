@@ -81,9 +81,10 @@ def write_mission(name: str, folder: Path) -> Path:
 
     word = name.removesuffix(".ljs").replace("-", "_")
     if not word.isidentifier() or word in STATEMENTS or word in INNER:
-        raise UsageError(
-            f"`{name}` cannot be the name of a mission", hint="use letters, digits and _, such as bay_search"
-        )
+        hint = "use letters, digits and _, such as bay_search"
+        if word.isidentifier():
+            hint = f"`{word}` is a word of the language; choose another name, such as my_{word}"
+        raise UsageError(f"`{name}` cannot be the name of a mission", hint=hint)
     title = word.replace("_", " ").strip().capitalize() or word
     text = (_TEMPLATES / "mission.ljs.txt").read_text(encoding="utf-8")
     return _write_new(folder / f"{word}.ljs", text.replace("mission0", word).replace("Title0", title))

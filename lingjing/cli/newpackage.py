@@ -52,8 +52,13 @@ def plugin_name(name: str, kind: str = "plug-in") -> str:
 
     word = name.replace("-", "_").lower()
     letters = word.isidentifier() and word.isascii() and not word.startswith("_")
-    if not letters or keyword.iskeyword(word) or word in STATEMENTS or word in INNER or word in _RESERVED:
-        hint = "use letters, digits and _, such as hovercraft"
+    is_reserved = keyword.iskeyword(word) or word in STATEMENTS or word in INNER or word in _RESERVED
+    if not letters or is_reserved:
+        if letters:
+            owner = "Python" if keyword.iskeyword(word) else "the language or of this project"
+            hint = f"`{word}` is a word of {owner}; choose another name, such as my_{word}"
+        else:
+            hint = "use letters, digits and _, such as hovercraft"
         thing = "package of types" if kind == "types" else kind
         article = "an" if thing[0] in "aeiou" else "a"
         raise UsageError(f"`{name}` cannot be the name of {article} {thing}", hint=hint)

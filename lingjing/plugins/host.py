@@ -108,8 +108,8 @@ class PluginHost:
         own = (*(LoadablePlugin(point) for point in installed.own), *(p for p in chosen if is_core(p.point)))
         for plugin in own:
             self._load(plugin)
-        for given in extra:
-            self.register(given)
+        for plugin_object in extra:
+            self.register(plugin_object)
         for stranger in (*installed.strangers, *(p for p in chosen if not is_core(p.point))):
             self._load(stranger)
             self._strangers[stranger.point.name] = stranger

@@ -94,3 +94,9 @@ def test_an_interaction_belongs_to_the_type_of_the_entity(small: str, call: str,
     text = small.replace("use std.messages", "use std.fire { fire_source }\nuse std.messages", 1)
     text = text.replace("emitted(rescue, v)", call, 1)
     assert [item.message for item in compile_text(text).diagnostics] == [message]
+
+
+def test_a_rule_without_its_brackets_is_named_as_a_rule(small: str) -> None:
+    text = small.replace("{ done when rescued(v) }", "{ done when rescued }", 1)
+    (item,) = compile_text(text).diagnostics
+    assert (item.code, item.hint) == ("LJ0101", "`rescued` is a rule: write `rescued(v)`")

@@ -268,6 +268,9 @@ class UnknownNames:
 
     def _hint(self, name: str, uses: list[UnknownUse], known: list[str]) -> str:
         first = uses[0]
+        if name in self.scope.rules and first.what == "nothing":
+            bound = ", ".join(parameter.name.text for parameter in self.scope.rules[name].parameters)
+            return f"`{name}` is a rule: write `{name}({bound})`"
         if nearest(name, known) is None:
             due = next((self.due[use.node.start] for use in uses if use.node.start in self.due), None)
             template = _DECLARED_BY.get(first.what) or (_DECLARED_AS.get(due.kind) if due is not None else None)
