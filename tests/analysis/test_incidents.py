@@ -213,7 +213,7 @@ def test_incidents_are_drawn_on_the_map_and_in_the_timeline(report) -> None:  # 
 
 def test_the_report_of_an_episode_has_scheduled_events_too(tmp_path: Path) -> None:
     file = tmp_path / "crash.ljs"
-    file.write_text(MISSION.replace("now >= 10 s", "now >= 500 s"))
+    file.write_text(MISSION.replace("now >= 10 s", "now >= 60 s"))
     result = lingjing.run(lingjing.compile(file), policy=Collider, world="inline", out=tmp_path / "run", overview=False)
     crash, empty = result.incidents
     assert (crash.kind, empty.text) == ("collided", "the battery of kite is empty")
