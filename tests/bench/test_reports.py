@@ -145,7 +145,7 @@ def test_an_episode_is_told_its_options_and_its_row_keeps_the_policy_seed(child,
     with pytest.raises(UsageError) as error:
         list(play_apart([task], jobs=1))
     assert msgspec.json.decode(str(error.value), type=PlayOptions) == task.options
-    assert parallel.without_result(task, "gone").policy_seed == 77
+    assert parallel.without_result(task, "gone", "episode-process").policy_seed == 77
 
 
 def test_the_columns_are_the_shipped_missions_in_the_modes_that_they_allow() -> None:
