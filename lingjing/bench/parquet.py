@@ -57,6 +57,9 @@ def read_rows(file: Path) -> list[SuiteRow]:
 
     try:
         data = file.read_bytes()
+    except FileNotFoundError as error:
+        hint = "name a file that `lingjing bench` wrote, or its folder"
+        raise UsageError(f"cannot read `{file}`: {error.strerror}", hint=hint) from error
     except OSError as error:
         raise UsageError(f"cannot read `{file}`: {error.strerror}", hint=_MOVE) from error
     try:

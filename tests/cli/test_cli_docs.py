@@ -50,7 +50,7 @@ def test_a_page_with_pictures_and_results(played: Path, tmp_path: Path, capsys: 
         (("docs", "ssr", "--trace", "{trace}", "-o", "-"), "a page with pictures needs a folder"),
         (("docs", "ssr", "--trace", "none.mcap", "-o", "{out}"), "none.mcap"),
         (("docs", "ssr", "--results", "{trace}", "-o", "{out}"), "holds no results of a suite"),
-        (("docs", "ssr", "--results", "none.parquet", "-o", "{out}"), "cannot read none.parquet"),
+        (("docs", "ssr", "--results", "none.parquet", "-o", "{out}"), "cannot read `none.parquet`"),
         (("docs", "ssr", "--trace", "{trace}", "-o", "/proc/nowhere"), "/proc/nowhere"),
     ],
 )
