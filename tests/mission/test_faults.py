@@ -45,7 +45,7 @@ def test_every_fault_is_told_with_its_path() -> None:
 
 
 def test_what_decodes_has_no_fault_and_needs_no_jsonschema() -> None:
-    assert schema_faults(json.loads(WHOLE), document.Mission) == ()
+    assert schema_faults(json.loads(WHOLE), document.MissionDocument) == ()
     script = (
         "import sys; from lingjing.mission import document; "
         "document.decode(sys.stdin.read(), 'm.json'); assert 'jsonschema' not in sys.modules"

@@ -35,7 +35,7 @@ mission thin "Thin" {
   target thing : thing { position = (330 m, -600 m, 1 m) }
   asset uav : quadrotor { position = (0 m, -700 m, 20 m), band = 10 m..60 m, actions { takeoff, stop } }
   agent pilot as flyer controls uav { observes uav.* }
-  adjudicate aloft() { when uav.position.z >= 5000 m }
+  adjudicate aloft() { when uav.position.z >= 59 m }
   success when aloft()
 }
 """
