@@ -6,6 +6,7 @@ the author to replace. Libraries change their version alone.
 
 from __future__ import annotations
 
+from lingjing.dsl.checking.leaks import declassified_name
 from lingjing.dsl.compilation import compile_source
 from lingjing.dsl.formatting.formatter import Formatted, format_source
 from lingjing.dsl.printing.phrases import quoted
@@ -32,7 +33,10 @@ def upgrade_source(source: SourceText) -> Formatted:
     edits = [(number.start, number.end, str(LANGUAGE_VERSION))]
     mission = next((item for item in tree.items if isinstance(item, s.MissionBlock)), None)
     if mission is not None and compilation.mission is not None:
+        lines = [item for item in mission.block.items if isinstance(item, s.DeclassifyLine)]
+        written = {declassified_name(channel) for line in lines for channel in line.what}
         implied = [item.what for item in compilation.mission.declassified if item.reason == AS_BEFORE]
+        implied = [what for what in implied if what not in written]
         closing = mission.block.end - 1
         if implied:
             edits.append((closing, closing, f"\ndeclassify {', '.join(implied)} because {quoted(AS_BEFORE)}\n"))

@@ -30,13 +30,14 @@ ALL, ACTOR, NONE = "all", "actor", "none"
 
 
 class EventVisibility:
-    """The event filter of one instance. Holds no run-time state."""
+    """The event filter of one instance. Its answers depend on the instance alone."""
 
     def __init__(self, instance: Instance) -> None:
         self._entities = {entity.id: entity for entity in instance.entities}
         self._unplaced = frozenset(entity.id for entity in instance.entities if "position" in entity.hidden)
         survey = survey_instance(instance)
         self._open, self._secret = survey.open_events, survey.secretly_unlocked
+        self._withheld: dict[tuple[str, str], frozenset[str]] = {}  # asked for each body in each observation
         self._secretive = tuple(
             (target, interaction, frozenset(actor.id for actor in instance.actors(interaction)))
             for target in instance.entities
@@ -64,6 +65,12 @@ class EventVisibility:
         """Return the fields of an entity that would show an interaction with an event that the agent may not see:
         `status`, and the names of the states that it changes.
         """
+        known = self._withheld.get((agent.id, entity.id))
+        if known is None:
+            known = self._withheld[agent.id, entity.id] = self._secret_fields(agent, entity)
+        return known
+
+    def _secret_fields(self, agent: AgentSpec, entity: Entity) -> frozenset[str]:
         fields: set[str] = set()
         for target, interaction, actors in self._secretive:
             audience = self._audience_of(interaction, target)

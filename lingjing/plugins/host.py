@@ -261,7 +261,7 @@ class PluginHost:
         """Return the reason for which a plug-in offers less than its author means; "" if it does not."""
         plugin = self._manager.get_plugin(name)
         hooked = {caller.name for caller in self._manager.get_hookcallers(plugin) or ()}
-        known = set(vars(hookspecs)) & {word for word in vars(hookspecs) if word.startswith(_PREFIX)}
+        known = {word for word in vars(hookspecs) if word.startswith(_PREFIX)}
         for word in sorted(hooked - known):
             return f"there is no hook `{word}`: {nearest_or(word, known, 'see docs/plugins.md')}"
         for word in sorted(known - hooked):

@@ -46,3 +46,12 @@ def test_a_file_with_errors_and_one_of_types_alone_are_upgraded_as_far_as_they_c
     assert broken.text is None and broken.diagnostics
     types = "ljs 1\nasset a { engine = vessel, speed = 3 m/s }\n"
     assert upgrade_source(SourceText(types)).text == types.replace("ljs 1", "ljs 2")
+
+
+def test_a_declaration_that_is_written_already_is_not_written_again() -> None:
+    text = (Path(__file__).parent / "data" / "ljs-1" / "upr.ljs").read_text()
+    line = '  declassify end because "as in ljs 1"\n'
+    begun = text.replace("  success when", f"{line}  success when", 1)
+    upgraded = upgrade_source(SourceText(begun)).text
+    assert upgraded is not None and upgraded.count("declassify end") == 1
+    assert 'declassify dog.forward because "as in ljs 1"' in upgraded

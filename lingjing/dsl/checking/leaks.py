@@ -38,10 +38,10 @@ def check_leaks(mission: model.Mission, tree: s.File, report: Reporter) -> model
         return mission
     if isinstance(version, s.Version) and _number(version) < DECLARED_SINCE:
         names = ", ".join(f"`{leak.what}`" for leak in missing)
-        message = f"agents may infer hidden values from {names}, as version {DECLARED_SINCE} of the language declares"
+        message = f"agents may infer hidden values from {names}; version {DECLARED_SINCE} requires a declaration"
         hint = "`lingjing fmt --upgrade` writes the declarations"
         report.at("LJ0405", version, message, hint, severity="warning")
-        return declared_as_before(mission)
+        return declared_as_before(mission, known)
     for leak in missing:
         _report(leak, node, report)
     return mission

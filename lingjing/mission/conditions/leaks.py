@@ -43,20 +43,20 @@ def leaks(mission: model.Mission) -> tuple[Leak, ...]:
     return tuple(leak_of.values())
 
 
-def undeclared(mission: model.Mission) -> tuple[Leak, ...]:
-    """The leaks that the mission does not declassify."""
+def declared_as_before(mission: model.Mission, known: tuple[Leak, ...] | None = None) -> model.Mission:
+    """The mission with all its leaks declassified: those without a declaration are as version 1 had them.
+
+    `known` are its leaks, if the caller has them.
+    """
     declared = {item.what for item in mission.declassified}
-    return tuple(leak for leak in leaks(mission) if leak.what not in declared)
-
-
-def declared_as_before(mission: model.Mission) -> model.Mission:
-    """The mission with all its leaks declassified: those without a declaration are as version 1 had them."""
-    implied = tuple(model.Declassification(what=leak.what, reason=AS_BEFORE) for leak in undeclared(mission))
+    missing = (leak.what for leak in (leaks(mission) if known is None else known) if leak.what not in declared)
+    implied = tuple(model.Declassification(what=what, reason=AS_BEFORE) for what in missing)
     return msgspec.structs.replace(mission, declassified=(*mission.declassified, *implied)) if implied else mission
 
 
 def every_leak(mission: model.Mission, survey: Survey) -> Iterator[Leak]:
     """Every leak of every condition of a surveyed mission; a name may occur more than once."""
+    stages = {condition.name: condition for condition in survey.of_kind("stage")}
     for condition in survey.conditions:
         match condition.kind:
             case "success" | "failure" if condition.hidden:
@@ -68,16 +68,17 @@ def every_leak(mission: model.Mission, survey: Survey) -> Iterator[Leak]:
                 notice = f"the episode ends when `{condition.name}` is broken"
                 yield Leak(condition.name, condition.at, notice, _way(condition, survey))
             case "stage":
-                yield from _stage_leaks(condition, mission, survey)
+                yield from _stage_leaks(condition, stages, mission, survey)
 
 
 # -- private
 
 
-def _stage_leaks(stage: Condition, mission: model.Mission, survey: Survey) -> Iterator[Leak]:
+def _stage_leaks(
+    stage: Condition, stages: dict[str, Condition], mission: model.Mission, survey: Survey
+) -> Iterator[Leak]:
     """The leaks of a stage with a deadline or with limits. Such a stage begins when the stages that it depends on have
     ended, so that a hidden value in one of them leaks as well."""
-    stages = {condition.name: condition for condition in survey.of_kind("stage")}
     deciding = next((earlier for earlier in _until(stage.name, stages, mission) if earlier.hidden), None)
     if deciding is None:
         return

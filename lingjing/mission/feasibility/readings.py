@@ -220,7 +220,7 @@ class Readings:
             parts = [truth_of(value, on) for value in values]
             if node.quantifier == "forall":
                 return conjunction(parts, on.clock)
-            return disjunction(parts, on.clock) if parts else _nobody(node.domain, on)
+            return disjunction(parts, on.clock) if parts else _no_member(node.domain, on)
 
         return value_of
 
@@ -415,7 +415,7 @@ def _of_some_message(truth: Truth, mark: str, sent: Moment, clock: StepClock, *,
     return Truth(both.may, (), if_true, if_false, both.reason, both.ends)  # type: ignore[arg-type]
 
 
-def _nobody(domain: str, on: World) -> Truth:
+def _no_member(domain: str, on: World) -> Truth:
     return constant(False, on.clock, Reason(lambda: f"there is no `{domain}` in this mission", "LJ0612"))
 
 
