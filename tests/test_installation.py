@@ -109,10 +109,14 @@ def test_no_project_file_requires_another_partys_package() -> None:
 @pytest.fixture
 def old_plugin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The source folder of an installed plug-in that was written when the project was called `lingjing`."""
-    source = tmp_path / "hover craft"
-    point = "[lingjing]\nhovercraft = json\n"
+    source, site = tmp_path / "hover craft", tmp_path / "site"
+    point = "[lingjing]\nhovercraft = old_hovercraft\n"
     url = source.as_uri()
-    add_metadata(tmp_path / "site", "lingjing-hovercraft", entry_points=point, requires=("lingjing>=0.1",), url=url)
+    add_metadata(site, "lingjing-hovercraft", entry_points=point, requires=("lingjing>=0.1",), url=url)
+    (site / "old_hovercraft.py").write_text(
+        "from lingjing.plugins.hookspecs import hookimpl\n\n\n@hookimpl\ndef lingjing_policies():\n    return []\n",
+        encoding="utf-8",
+    )
     monkeypatch.syspath_prepend(str(tmp_path / "site"))
     return source
 
