@@ -1,14 +1,16 @@
 """Seeded draws: `~ uniform(a, b)`, `normal(mean, deviation)`, `choice([…])`, `subset([…])`, `sites(region, apart)`.
 
 `draw` gives the values of one property for all members of a group. Member *k* gets the same value in a smaller and in a
-larger group: numbers are taken in order from one stream, and sites are drawn one after the other. Places are rounded to
-a millimetre, so that every text form of a mission can hold them exactly.
+larger group: numbers are taken in order from one stream, and sites are drawn one after the other. The exception is a
+draw with `apart` that leaves no room for a later member: the whole group is then drawn anew, and `Drawn.anew` says so.
+Places are rounded to a millimetre, so that every text form of a mission can hold them exactly.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
@@ -25,7 +27,17 @@ _NORMAL_TRIES = 1_000
 """Draws from a bounded normal distribution before an error is reported (chosen)."""
 
 
-def draw(expr: ex.Draw, scope: Scope, *, seed: int, path: str, count: int) -> tuple[Value, ...]:
+class Drawn(NamedTuple):
+    """The values of one property for the members of a group."""
+
+    values: tuple[Value, ...]
+    """One value for each member, in order."""
+    anew: bool = False
+    """True if the first attempt left no room for a later member and the group was drawn anew. Its values may then
+    differ from those of a group of another size."""
+
+
+def draw(expr: ex.Draw, scope: Scope, *, seed: int, path: str, count: int) -> Drawn:
     """The values of `count` members of a group for the property at `path` (`ssr/victim/position`).
 
     Raises `MissionError` if the distribution is unknown or cannot give these values.
@@ -34,6 +46,15 @@ def draw(expr: ex.Draw, scope: Scope, *, seed: int, path: str, count: int) -> tu
         known = ", ".join(_DISTRIBUTIONS)
         raise MissionError(f"there is no distribution '{expr.distribution}'", hint=f"draw from one of {known}")
     return _DISTRIBUTIONS[expr.distribution](expr, scope, seed, path, count)
+
+
+def redrawn_in_words(redrawn: Sequence[str]) -> tuple[str, ...]:
+    """A line for a summary about the draws of `Instance.redrawn`; none if there are none."""
+    if not redrawn:
+        return ()
+    names = ", ".join(f"`{name}`" for name in redrawn)
+    groups = "with the same seed a group of another size has other values"
+    return (f"drawn anew, because the first draw left no room for a later member: {names}; {groups}",)
 
 
 def outline(expr: ex.Expr, scope: Scope) -> geometry2d.Polygon:
@@ -45,8 +66,8 @@ def outline(expr: ex.Expr, scope: Scope) -> geometry2d.Polygon:
 
 def sites(
     polygon: geometry2d.Polygon, apart: float, *, seed: int, path: str, count: int, clear: float = 0.0
-) -> tuple[geometry2d.Vector2, ...]:
-    """`count` places in the polygon, uniform and pairwise at least `apart` metres from each other.
+) -> tuple[tuple[geometry2d.Vector2, ...], bool]:
+    """`count` places in the polygon, uniform and pairwise at least `apart` metres apart; and true if drawn anew.
 
     Sequential dart throwing: a point outside the polygon, nearer than `clear` metres to its edge, or too near to an
     earlier place is drawn again. A failed attempt is followed by one on a stream of its own; only then the places of a
@@ -57,7 +78,7 @@ def sites(
         stream = Stream(seed, path if attempt == 0 else f"{path}#{attempt}")
         placed = _throw(polygon, apart, clear, stream, count)
         if len(placed) == count:
-            return tuple(placed)
+            return tuple(placed), attempt > 0
         best = max(best, len(placed))
     extent = abs(geometry2d.signed_area(polygon)) / 10_000.0
     raise MissionError(
@@ -91,31 +112,31 @@ def _lies_in(dart: geometry2d.Vector2, polygon: geometry2d.Polygon, clear: float
     return clear <= 0 or geometry2d.edge_distance(polygon, *dart) >= clear
 
 
-def _sites(expr: ex.Draw, scope: Scope, seed: int, path: str, count: int) -> tuple[Value, ...]:
+def _sites(expr: ex.Draw, scope: Scope, seed: int, path: str, count: int) -> Drawn:
     named = _named(expr, scope, ("apart", "clear"))
     region = area(_one(expr), scope)
     apart, clear = named.get("apart", 0.0), named.get("clear", 0.0)
-    places = sites(region.polygon, apart, seed=seed, path=path, count=count, clear=clear)
-    return tuple(Place(east, north) for east, north in places)
+    places, anew = sites(region.polygon, apart, seed=seed, path=path, count=count, clear=clear)
+    return Drawn(tuple(Place(east, north) for east, north in places), anew)
 
 
-def _uniform(expr: ex.Draw, scope: Scope, seed: int, path: str, count: int) -> tuple[Value, ...]:
+def _uniform(expr: ex.Draw, scope: Scope, seed: int, path: str, count: int) -> Drawn:
     _named(expr, scope, ())
     low, high = _pair(expr, scope)
     if low > high:
         raise MissionError(f"uniform({low:g}, {high:g}) is empty", hint="write the lower end first")
     stream = Stream(seed, path)
-    return tuple(stream.uniform(low, high) for _ in range(count))
+    return Drawn(tuple(stream.uniform(low, high) for _ in range(count)))
 
 
-def _normal(expr: ex.Draw, scope: Scope, seed: int, path: str, count: int) -> tuple[Value, ...]:
+def _normal(expr: ex.Draw, scope: Scope, seed: int, path: str, count: int) -> Drawn:
     named = _named(expr, scope, ("low", "high"))
     low, high = named.get("low", -math.inf), named.get("high", math.inf)
     mean, deviation = _pair(expr, scope)
     if deviation < 0:
         raise MissionError(f"normal(…) has a deviation of {deviation:g}", hint="give a deviation of 0 or more")
     stream = Stream(seed, path)
-    return tuple(_bounded(stream, mean, deviation, low, high) for _ in range(count))
+    return Drawn(tuple(_bounded(stream, mean, deviation, low, high) for _ in range(count)))
 
 
 def _bounded(stream: Stream, mean: float, deviation: float, low: float, high: float) -> float:
@@ -129,14 +150,14 @@ def _bounded(stream: Stream, mean: float, deviation: float, low: float, high: fl
     )
 
 
-def _choice(expr: ex.Draw, scope: Scope, seed: int, path: str, count: int) -> tuple[Value, ...]:
+def _choice(expr: ex.Draw, scope: Scope, seed: int, path: str, count: int) -> Drawn:
     _named(expr, scope, ())
     values = _list(expr, scope)
     stream = Stream(seed, path)
-    return tuple(values[stream.below(len(values))] for _ in range(count))
+    return Drawn(tuple(values[stream.below(len(values))] for _ in range(count)))
 
 
-def _subset(expr: ex.Draw, scope: Scope, seed: int, path: str, count: int) -> tuple[Value, ...]:
+def _subset(expr: ex.Draw, scope: Scope, seed: int, path: str, count: int) -> Drawn:
     apart = _named(expr, scope, ("apart",)).get("apart", 0.0)
     values = list(_list(expr, scope))
     if count > len(values):
@@ -146,12 +167,12 @@ def _subset(expr: ex.Draw, scope: Scope, seed: int, path: str, count: int) -> tu
         )
     if apart <= 0:
         stream = Stream(seed, path)
-        return tuple(values.pop(stream.below(len(values))) for _ in range(count))
+        return Drawn(tuple(values.pop(stream.below(len(values))) for _ in range(count)))
     for attempt in range(_SITE_ATTEMPTS):
         stream = Stream(seed, path if attempt == 0 else f"{path}#{attempt}")
         picked = _picked(values, apart, stream, count)
         if len(picked) == count:
-            return picked
+            return Drawn(picked, attempt > 0)
     raise MissionError(
         f"{count} of the {len(values)} places cannot be at least {apart:g} m apart ({_SITE_ATTEMPTS} attempts)",
         hint="lower 'apart', declare fewer members or lengthen the list",
@@ -206,7 +227,7 @@ def _named(expr: ex.Draw, scope: Scope, allowed: tuple[str, ...]) -> dict[str, f
     return {name: number(value, scope) for name, value in expr.named}
 
 
-_DISTRIBUTIONS: dict[str, Callable[[ex.Draw, Scope, int, str, int], tuple[Value, ...]]] = {
+_DISTRIBUTIONS: dict[str, Callable[[ex.Draw, Scope, int, str, int], Drawn]] = {
     "sites": _sites,
     "uniform": _uniform,
     "normal": _normal,

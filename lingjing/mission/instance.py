@@ -445,6 +445,9 @@ class Instance(Record, frozen=True, kw_only=True):
     reveals: tuple[RevealSpec, ...] = ()
     engine_options: dict[str, dict[str, GivenOption]] = {}
     """Options of the episode for engines, by engine and name."""
+    redrawn: tuple[str, ...] = ()
+    """`group.property` of each draw with `apart` that left no room for a later member, so that the whole group was
+    drawn anew: with this seed a group of another size has other values."""
 
     @property
     def mode(self) -> str:

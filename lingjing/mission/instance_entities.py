@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from typing import NamedTuple
 
 from lingjing.errors import MissionError, hint_of
 from lingjing.mission import expression as ex
 from lingjing.mission import geometry2d, model
-from lingjing.mission.draws import draw, outline
+from lingjing.mission.draws import Drawn, draw, outline
 from lingjing.mission.evaluate import Interval, Members, Place, Scope, Value, describe, evaluate, flag_of, number, whole
 from lingjing.mission.instance import (
     ArgumentSpec,
@@ -123,19 +124,28 @@ def member_ids(name: str, count: ex.Expr | None, scope: Scope) -> tuple[str, ...
     return tuple(f"{name}[{k}]" for k in range(1, count_of(count, scope) + 1))
 
 
+class DrawnGroup(NamedTuple):
+    """The members of a group, and what was drawn anew for them."""
+
+    members: tuple[Entity, ...]
+    anew: tuple[str, ...]
+    """`group.property` of each property that was drawn anew because its first draw left no room for a member."""
+
+
 def entities(
     group: model.Group, scope: Scope, *, mission: str, seed: int, datum_m: float, template_draw: ex.Expr | None = None
-) -> tuple[Entity, ...]:
+) -> DrawnGroup:
     """The members of one group. `scope.members` must have every group; `mission` is part of the names of random
     streams.
 
     `template_draw` is the draw by which a document's template places a group. The document then gives the places.
     """
     ids = scope.members[group.name]
-    columns = {
+    drawn = {
         prop.name: _values(group, prop, scope, seed=seed, path=f"{mission}/{group.name}/{prop.name}", count=len(ids))
         for prop in group.properties
     }
+    columns = {name: values.values for name, values in drawn.items()}
     if "position" not in columns:
         raise MissionError(f"{mission}/{group.name} has no position", hint=f"give '{group.name}' a position")
     cameras = tuple(_camera(camera, scope, f"{mission}/{group.name}/{camera.name}") for camera in group.cameras)
@@ -179,7 +189,7 @@ def entities(
                     parts=group.parts,
                 )
             )
-    return tuple(members)
+    return DrawnGroup(tuple(members), tuple(f"{group.name}.{name}" for name, values in drawn.items() if values.anew))
 
 
 def _interaction(interaction: model.Interaction, scope: Scope, path: str, drifts: bool) -> InteractionSpec:
@@ -232,7 +242,7 @@ def single(prop: model.Property, scope: Scope, *, seed: int, path: str) -> Value
     """The value of a property of the weather or the scene."""
     with at_path(path):
         if isinstance(prop.value, ex.Draw):
-            return draw(prop.value, scope, seed=seed, path=path, count=1)[0]
+            return draw(prop.value, scope, seed=seed, path=path, count=1).values[0]
         return evaluate(prop.value, scope)
 
 
@@ -262,15 +272,14 @@ def _scalar(value: Value) -> Scalar:
     raise MissionError(f"{describe(value)} cannot stand in a property's list")
 
 
-def _values(
-    group: model.Group, prop: model.Property, scope: Scope, *, seed: int, path: str, count: int
-) -> tuple[Value, ...]:
+def _values(group: model.Group, prop: model.Property, scope: Scope, *, seed: int, path: str, count: int) -> Drawn:
     with at_path(path):
         if isinstance(prop.value, ex.Draw):
             return draw(prop.value, scope, seed=seed, path=path, count=count)
         if isinstance(prop.value, ex.Number | ex.Symbol | ex.Text | ex.Flag):  # the same for every member
-            return (evaluate(prop.value, scope),) * count
-        return tuple(evaluate(prop.value, scope.binding(group.index, float(k))) for k in range(1, count + 1))
+            return Drawn((evaluate(prop.value, scope),) * count)
+        members = range(1, count + 1)
+        return Drawn(tuple(evaluate(prop.value, scope.binding(group.index, float(k))) for k in members))
 
 
 def _vector(value: Value, datum_m: float) -> Vector:

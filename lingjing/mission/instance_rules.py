@@ -197,7 +197,7 @@ def _tick(mission: model.Mission, event: model.EventDeclaration, scope: Scope, s
     path = f"{mission.name}/{event.name}/at"
     with at_path(path):
         if isinstance(event.at, ex.Draw):
-            value = draw(event.at, scope, seed=seed, path=path, count=1)[0]
+            value = draw(event.at, scope, seed=seed, path=path, count=1).values[0]
         else:
             value = evaluate(event.at, scope)
         if isinstance(value, bool) or not isinstance(value, float) or value < 0:

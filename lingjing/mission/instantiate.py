@@ -52,7 +52,7 @@ def instantiate(
     scope = msgspec.structs.replace(scope, members=_members(mission, scope))
     instance_rules.check_members(mission, scope)
     scope = msgspec.structs.replace(scope, areas=areas)
-    members = _entities(mission, scope, seed, scene.datum_m)
+    members, redrawn = _entities(mission, scope, seed, scene.datum_m)
     scope = msgspec.structs.replace(scope, areas=_areas(mission, scope, members))
     agents = instance_agents.agents(mission, scope)
     fill = PromptFiller(mission, scope, members)
@@ -86,6 +86,7 @@ def instantiate(
             mission, scope, seed, lambda properties: _weather(mission, scope, seed, properties)
         ),
         reveals=instance_rules.reveals(mission, scope),
+        redrawn=redrawn,
     )
 
 
@@ -322,13 +323,13 @@ def _members(mission: model.Mission, scope: Scope) -> dict[str, tuple[str, ...]]
     return ids
 
 
-def _entities(mission: model.Mission, scope: Scope, seed: int, datum_m: float) -> tuple[Entity, ...]:
+def _entities(
+    mission: model.Mission, scope: Scope, seed: int, datum_m: float
+) -> tuple[tuple[Entity, ...], tuple[str, ...]]:
+    """All entities, and `group.property` of what was drawn anew."""
     dormant = instance_rules.dormant(mission, scope) if mission.events else frozenset()
-    members = (
-        entity
-        for group in mission.groups
-        if group.name in scope.members
-        for entity in entities(
+    drawn = [
+        entities(
             group,
             scope,
             mission=mission.name,
@@ -336,8 +337,12 @@ def _entities(mission: model.Mission, scope: Scope, seed: int, datum_m: float) -
             datum_m=datum_m,
             template_draw=mission.origin.draws.get(group.name),
         )
-    )
-    return tuple(msgspec.structs.replace(e, dormant=True) if e.id in dormant else e for e in members)
+        for group in mission.groups
+        if group.name in scope.members
+    ]
+    members = (entity for group in drawn for entity in group.members)
+    placed = tuple(msgspec.structs.replace(e, dormant=True) if e.id in dormant else e for e in members)
+    return placed, tuple(name for group in drawn for name in group.anew)
 
 
 def _number(value: Value, name: str) -> float:

@@ -13,6 +13,7 @@ import msgspec
 from lingjing.errors import LingjingError, MissionError
 from lingjing.kernel.cities import CityBuilder
 from lingjing.kernel.world.selection import select_engines
+from lingjing.mission.draws import redrawn_in_words
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Mission
 from lingjing.plugins.host import PluginHost
@@ -32,7 +33,7 @@ class DeepFinding(msgspec.Struct, frozen=True):
     message: str
     hint: str = ""
     refused: bool = True
-    """True if such an episode cannot begin; False for a note on bodies that the city moves."""
+    """True if such an episode cannot begin; False for a note on moved bodies or on a group that was drawn anew."""
 
     def where(self) -> str:
         """The instances in words: `star, seeds 0-4`."""
@@ -81,7 +82,7 @@ def _instance(
         if not faults:
             yield str(error), error.hint, True
         return
-    for words in in_words(moved_bodies(instance, placed)):
+    for words in (*in_words(moved_bodies(instance, placed)), *redrawn_in_words(instance.redrawn)):
         yield words, "", False
 
 

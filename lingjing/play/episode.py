@@ -27,6 +27,7 @@ from lingjing.kernel.evaluators import build_evaluators
 from lingjing.kernel.step import Kernel
 from lingjing.kernel.world import open_world
 from lingjing.kernel.world.contract import StoredFrame, World
+from lingjing.mission.draws import redrawn_in_words
 from lingjing.mission.feasibility import prove_instance
 from lingjing.mission.instance import Instance
 from lingjing.mission.model import Mission
@@ -313,6 +314,7 @@ def _report(path: Path, options: PlayOptions, folder: Path, city: City | None, *
         raise trace_tampered_error(path, str(error)) from error
     report = report_of(trace, options.policy)
     moved = () if notes_moves else in_words(trace.header.moved)
+    moved += redrawn_in_words(trace.header.instance.redrawn)
     warnings = (*moved, *_warnings(trace, report.withdrawn), *(_draw_overview(trace, city) if city is not None else ()))
     return msgspec.structs.replace(report, warnings=warnings, trace=str(folder / path.name))
 

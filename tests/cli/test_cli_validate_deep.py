@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from lingjing.errors import ExitCode
-from lingjing.testing import run_command
+from lingjing.testing import instantiate, run_command
 
 BAY = """ljs 2
 use std.sea { lifeboat, person_in_water }
@@ -95,3 +95,16 @@ def test_bodies_that_the_city_moves_are_notes(capsys: Capture) -> None:
 def test_wrong_options_are_usage_errors(validate: Run, options: tuple[str, ...], message: str) -> None:
     code, _, complaint = validate("(10 m, -1350 m)", *options)
     assert code == ExitCode.USAGE and message in complaint
+
+
+def test_a_group_that_had_to_be_drawn_anew_is_a_note_with_its_seeds(tmp_path: Path, capsys: Capture) -> None:
+    text = BAY.replace("BOAT", "(10 m, -1350 m)").replace("emitted(rescue, victim)", "emitted(rescue, victim[1])")
+    text = text.replace("target victim :", "target victim[1..5] :").replace("-700 m)))", "-700 m)), apart >= 170 m)")
+    file = tmp_path / "crowded.ljs"
+    file.write_text(text)
+    assert run_command(["validate", str(file), "--deep", "--seeds", "0-9"]) == ExitCode.OK
+    printed = "".join(capsys.readouterr())
+    anew = [seed for seed in range(10) if instantiate(text, seed=seed).redrawn]
+    assert 0 < len(anew) < 10
+    assert f"{', '.join(map(str, anew))}: drawn anew" in printed, printed
+    assert "`victim.position`" in printed

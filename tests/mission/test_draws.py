@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
 from lingjing.mission import geometry2d
-from lingjing.mission.draws import draw, sites
+from lingjing.mission.draws import Drawn, draw, sites
 from lingjing.mission.evaluate import Area, Place, Scope
 
 FIELD = ((0.0, 0.0), (800.0, 0.0), (800.0, 300.0), (300.0, 300.0), (300.0, 350.0), (0.0, 350.0))
@@ -27,7 +27,7 @@ def n(value: float) -> ex.Number:
 def test_sites_lie_in_the_region_and_apart(seed: int, count: int, apart: float, clear: float) -> None:
     named = (("apart", n(apart)), ("clear", n(clear)))
     expr = ex.Draw("sites", (ex.Ref("field", "region"),), named)
-    places = draw(expr, SCOPE, seed=seed, path="m/v/position", count=count)
+    places = draw(expr, SCOPE, seed=seed, path="m/v/position", count=count).values
     points = [(place.east, place.north) for place in places if isinstance(place, Place)]
     assert len(points) == count
     assert all(geometry2d.contains(FIELD, *point) for point in points)
@@ -38,8 +38,40 @@ def test_sites_lie_in_the_region_and_apart(seed: int, count: int, apart: float, 
 
 @given(SEEDS, st.integers(1, 7), st.floats(0.0, 100.0))
 def test_fewer_sites_are_the_first_of_more(seed: int, count: int, apart: float) -> None:
-    more = sites(FIELD, apart, seed=seed, path="p", count=count + 1)
-    assert sites(FIELD, apart, seed=seed, path="p", count=count) == more[:count]
+    more, anew = sites(FIELD, apart, seed=seed, path="p", count=count + 1)
+    assert anew or sites(FIELD, apart, seed=seed, path="p", count=count)[0] == more[:count]
+
+
+TIGHT = {
+    "sites": ex.Draw("sites", (ex.Ref("field", "region"),), (("apart", n(380)),)),
+    "subset": ex.Draw(
+        "subset",
+        tuple(ex.Point((n(100 * east), n(100 * north))) for east in range(4) for north in range(2)),
+        (("apart", n(250)),),
+    ),
+}
+
+
+@pytest.mark.parametrize("distribution", TIGHT)
+def test_a_group_that_is_drawn_anew_says_so_and_any_other_begins_with_the_smaller_one(distribution: str) -> None:
+    changed = redrawn = 0
+    for seed in range(60):
+        groups = [_drawn(TIGHT[distribution], seed, count) for count in (1, 2, 3)]
+        for fewer, more in itertools.pairwise(groups):
+            if fewer is None or more is None:
+                continue
+            keeps = more.values[: len(fewer.values)] == fewer.values
+            assert keeps or more.anew or fewer.anew
+            changed += not keeps
+            redrawn += more.anew
+    assert 0 < changed <= 2 * redrawn, (changed, redrawn)
+
+
+def _drawn(expr: ex.Draw, seed: int, count: int) -> Drawn | None:
+    try:
+        return draw(expr, SCOPE, seed=seed, path="p", count=count)
+    except MissionError:
+        return None
 
 
 @given(SEEDS, st.sampled_from(["uniform", "normal", "choice", "subset"]), st.integers(1, 5))
@@ -48,26 +80,26 @@ def test_fewer_values_are_the_first_of_more(seed: int, distribution: str, count:
     arguments = (n(1), n(4)) if distribution in ("uniform", "normal") else (listed,)
     expr = ex.Draw(distribution, arguments)
     more = draw(expr, SCOPE, seed=seed, path="p", count=count + 1)
-    assert draw(expr, SCOPE, seed=seed, path="p", count=count) == more[:count]
+    assert draw(expr, SCOPE, seed=seed, path="p", count=count).values == more.values[:count] and not more.anew
 
 
 @given(SEEDS, st.integers(1, 9))
 def test_a_subset_has_no_repeats(seed: int, count: int) -> None:
     expr = ex.Draw("subset", tuple(n(k) for k in range(9)))
-    assert len(set(draw(expr, SCOPE, seed=seed, path="p", count=count))) == count
+    assert len(set(draw(expr, SCOPE, seed=seed, path="p", count=count).values)) == count
 
 
 @given(SEEDS)
 def test_a_bounded_normal_stays_in_its_bounds(seed: int) -> None:
     expr = ex.Draw("normal", (n(0), n(2)), (("low", n(-1)), ("high", n(1))))
-    values = draw(expr, SCOPE, seed=seed, path="p", count=20)
+    values = draw(expr, SCOPE, seed=seed, path="p", count=20).values
     assert all(isinstance(value, float) and -1 <= value <= 1 for value in values)
 
 
 @settings(max_examples=1)
 @given(st.just(0))
 def test_sites_are_uniform(_: int) -> None:
-    places = [sites(FIELD, 0.0, seed=seed, path="p", count=1)[0] for seed in range(4000)]
+    places = [sites(FIELD, 0.0, seed=seed, path="p", count=1)[0][0] for seed in range(4000)]
     centre = geometry2d.centroid(FIELD)
     assert statistics.fmean(east for east, _ in places) == pytest.approx(centre[0], abs=3 * 231 / math.sqrt(4000))
     notch = sum(north > 300 for _, north in places) / 4000
@@ -83,7 +115,7 @@ def test_a_tight_layout_is_tried_afresh_before_it_is_given_up() -> None:
 
 def _placed(strip: geometry2d.Polygon, seed: int) -> bool:
     try:
-        (a, b) = sites(strip, 900.0, seed=seed, path="p", count=2)
+        ((a, b), _) = sites(strip, 900.0, seed=seed, path="p", count=2)
     except MissionError:
         return False
     return math.dist(a, b) >= 900.0
