@@ -20,7 +20,7 @@ from lingjing.mission.units import UNITS, si_value
 from lingjing.testing import compile_text
 
 ROOT = Path(__file__).parents[2]
-MISSIONS = sorted((ROOT / "scenarios").glob("*.ljs"))
+MISSIONS = sorted([*(ROOT / "scenarios").glob("*.ljs"), *(ROOT / "scenarios" / "examples").glob("*.ljs")])
 DOCUMENTS = sorted((ROOT / "scenarios" / "reset").rglob("*.json"))
 
 
@@ -202,3 +202,30 @@ def test_every_part_of_a_mission_is_printed_or_named() -> None:
 
 NOT_PRINTED: set[str] = {"base"}
 """`base`: a mission that extends another is printed whole."""
+
+
+def test_states_that_entities_give_their_own_values_are_declared_by_their_types() -> None:
+    text = """ljs 2
+use std.sea { lifeboat }
+target barrel {
+  engine = city
+  state content = 200 kg
+  state spare = 3
+  interaction collect { by = vessel, within = 20 m, lasting = 60 s, gives = cargo, from = content, status = collected }
+}
+asset tug : lifeboat { state cargo = 0 kg }
+mission s "A" {
+  goal "g"
+  scene bay { datum = sea level at -3.5 m }
+  clock { tick = 10 s, sync = 500 ms }
+  budget { ticks <= 60 }
+  target keg : barrel { position = (-10 m, -1250 m), hidden state content ~ uniform(100 kg, 200 kg) }
+  target urn : barrel { position = (-10 m, -1150 m), state content = 2000 g, state spare ~ uniform(1, 3) }
+  asset boat : tug { position = (-10 m, -1350 m), state cargo = 5 kg }
+  agent a as r controls boat { observes boat.* }
+  success when emitted(collect, urn)
+  declassify end because "the mission is over"
+}
+"""
+    mission = compiled(text)
+    assert round_trip_losses(mission, to_ljs(mission)) == ()

@@ -144,13 +144,29 @@ def _bounded_as(verb: model.Verb, other: model.Verb) -> model.Verb:
 def _put_together(groups: list[model.Group], imports: Imports) -> model.Group:
     """A type that gives what these groups inherit."""
     first = groups[0]
-    properties = {prop.name: prop for group in groups for prop in group.properties if prop.inherited}
+    properties = _states(groups)
+    properties |= {prop.name: prop for group in groups for prop in group.properties if prop.inherited}
     verbs = {verb.name: verb for verb in imports.verbs.get(first.bases[0] if first.bases else "", ())}
     for group in groups:
         for verb in map(_without_default, group.verbs):
             known = verbs.get(verb.name)
             verbs[verb.name] = verb if known is None else _wider(known, verb)
     return msgspec.structs.replace(first, properties=tuple(properties.values()), verbs=tuple(verbs.values()))
+
+
+def _states(groups: list[model.Group]) -> dict[str, model.Property]:
+    """The states, by name, to which these groups of one type give values of their own, as the type declares them.
+
+    The type's value is not known if each group has its own. It has no effect then: the group's number stands for it, or
+    0 for a value that is drawn or computed.
+    """
+    in_all = set.intersection(*({prop.name for prop in group.properties if prop.state} for group in groups))
+    states = {}
+    for prop in (prop for group in groups for prop in group.properties):
+        if prop.name in in_all and not prop.inherited:
+            value = prop.value if isinstance(prop.value, ex.Number) else ex.Number(0.0, prop.unit)
+            states[prop.name] = msgspec.structs.replace(prop, value=value, hidden=False, inherited=True)
+    return states
 
 
 def _wider(a: model.Verb, b: model.Verb) -> model.Verb:

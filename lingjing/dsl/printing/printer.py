@@ -60,7 +60,10 @@ def canonical(mission: model.Mission) -> model.Mission:
     """The mission without the parts that a text does not preserve: its origin, and the order of inherited
     properties."""
     groups = tuple(
-        msgspec.structs.replace(group, properties=tuple(sorted(group.properties, key=lambda prop: prop.inherited)))
+        msgspec.structs.replace(
+            group,
+            properties=tuple(sorted(group.properties, key=lambda prop: (prop.inherited, prop.inherited and prop.name))),
+        )
         for group in mission.groups
     )
     return msgspec.structs.replace(declared_as_before(mission), groups=groups, origin=model.Origin())
