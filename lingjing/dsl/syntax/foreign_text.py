@@ -22,8 +22,11 @@ _PLAIN = {
         for sign, plain in SIGNS.items()
         if len(sign) == len(plain) == 1 and not sign.isascii() and plain != "*"
     },
-    **{code: " " for code in range(0x1680, 0xFF00) if re.match(f"[{BLANKS}{UNSEEN}]", chr(code))},
-    0xA0: " ",
+    **{
+        code: " "
+        for first, last in re.findall(r"(.)(?:-(.))?", BLANKS + UNSEEN)
+        for code in range(ord(first), ord(last or first) + 1)
+    },
 }
 """Characters of other keyboards that one plain character replaces."""
 _ODD = re.compile(f"[{re.escape(''.join(map(chr, _PLAIN)))}]")
