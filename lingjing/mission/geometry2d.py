@@ -6,8 +6,10 @@ the maps of a city are larger and are in `lingjing.scene`.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
+from functools import cache
 from typing import Any
 
 from lingjing.errors import MissionError
@@ -26,13 +28,18 @@ def signed_area(polygon: Sequence[Vector2]) -> float:
     if not polygon:
         return 0.0
     x0, y0 = polygon[0]
-    return 0.5 * sum((ax - x0) * (by - y0) - (bx - x0) * (ay - y0) for (ax, ay), (bx, by) in edges(polygon))
+    twice = 0.0
+    ax, ay = 0.0, 0.0
+    for bx, by in polygon:
+        bx, by = bx - x0, by - y0
+        twice += ax * by - bx * ay
+        ax, ay = bx, by
+    return 0.5 * twice
 
 
 def edges(polygon: Sequence[Vector2]) -> Iterator[tuple[Vector2, Vector2]]:
     """The edges in order, the closing one last."""
-    for k, start in enumerate(polygon):
-        yield start, polygon[(k + 1) % len(polygon)]
+    return zip(polygon, itertools.chain(polygon[1:], polygon[:1]), strict=True)
 
 
 def bounds(polygon: Sequence[Vector2]) -> Extent:
@@ -78,14 +85,14 @@ def normalised(polygon: Sequence[Vector2]) -> Polygon:
 
 def fault(polygon: Sequence[Vector2]) -> str:
     """The reason why the outline is no simple polygon, or "" if it is one."""
-    if not all(math.isfinite(value) for point in polygon for value in point):
+    if not all(map(math.isfinite, itertools.chain.from_iterable(polygon))):
         return "has a coordinate that is not a finite number"
     outline = normalised(polygon) if polygon else ()
     if len(outline) < 3:
         return f"has {len(outline)} different corners, 3 or more are needed"
     if abs(signed_area(outline)) < 1e-9:
         return "encloses no area"
-    crossing = _crossing(outline)
+    crossing = None if _is_convex(outline) else _crossing(outline)
     if crossing is not None:
         return f"crosses itself: edge {crossing[0] + 1} meets edge {crossing[1] + 1}"
     return ""
@@ -163,9 +170,14 @@ def circle(centre: Vector2, radius: float, vertices: int = _CIRCLE_VERTICES) -> 
     """A regular polygon with the circle's area, anticlockwise from east."""
     step = 2.0 * math.pi / vertices
     reach = radius * math.sqrt(step / math.sin(step))
-    return tuple(
-        (centre[0] + reach * math.cos(k * step), centre[1] + reach * math.sin(k * step)) for k in range(vertices)
-    )
+    return tuple((centre[0] + reach * east, centre[1] + reach * north) for east, north in _directions(vertices))
+
+
+@cache
+def _directions(count: int) -> Polygon:
+    """Points of the unit circle, anticlockwise from east."""
+    step = 2.0 * math.pi / count
+    return tuple((math.cos(k * step), math.sin(k * step)) for k in range(count))
 
 
 def rectangle(corner: Vector2, opposite: Vector2) -> Polygon:
@@ -232,6 +244,21 @@ def _beyond(before: Vector2, at: Vector2, reach: float) -> Vector2:
     dx, dy = at[0] - before[0], at[1] - before[1]
     length = math.hypot(dx, dy) or 1.0
     return at[0] + dx / length * reach, at[1] + dy / length * reach
+
+
+def _is_convex(outline: Polygon) -> bool:
+    """True if the outline turns left at each corner and goes around once: it is then convex and crosses nothing.
+
+    It goes around once if its course changes between west and east twice only.
+    """
+    changes, course = 0, 0.0
+    for (ax, ay), (bx, by), (cx, cy) in zip(outline, outline[1:] + outline[:1], outline[2:] + outline[:2], strict=True):
+        if (bx - ax) * (cy - by) - (by - ay) * (cx - bx) <= 0.0:
+            return False
+        if bx != ax:
+            changes += (bx - ax) * course < 0.0
+            course = bx - ax
+    return changes <= 2
 
 
 def _crossing(outline: Polygon) -> tuple[int, int] | None:

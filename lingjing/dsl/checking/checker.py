@@ -123,9 +123,7 @@ class _MissionChecker:
             base=node.base.text if node.base else "",
             **parts,
         )
-        for item in _all(items, s.EntityBlock):
-            if item.keyword == "target" and item.name.text in self.scope.groups:
-                self.interactions.between(item, self.scope.groups[item.name.text], parts["agents"])
+        self.interactions.between(_all(items, s.EntityBlock), parts["agents"])
         self.rules.cycles(_all(items, s.RuleBlock))
         self.rules.unlocked_once(_all(items, s.UnlockLine))
         if budget is not None and clock is not None:

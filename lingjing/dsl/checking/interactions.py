@@ -8,7 +8,8 @@ the assets that may act on it. Both ends of a move must be declared as states, i
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
+from functools import cache
 
 import msgspec
 
@@ -50,23 +51,37 @@ class InteractionChecker(DeclarationChecker):
             if interaction is not None and not any(isinstance(item, s.Faulty) for item in node.block.items):
                 self._type(decl, interaction, node)
 
-    def between(self, node: s.EntityBlock, target: GroupInfo, agents: Iterable[model.Agent]) -> None:
-        """Check that some asset in the mission has the states that the interactions of a target move."""
-        if target.type is None or node.type is None or self.scope.incomplete:
+    def between(self, nodes: Iterable[s.EntityBlock], agents: Iterable[model.Agent]) -> None:
+        """Check that some asset in the mission has the states that the interactions of its targets move."""
+        if self.scope.incomplete:
             return
+        actors = self._actors(agents)
+        for node in nodes:
+            target = self.scope.groups.get(node.name.text)
+            if node.keyword != "target" or target is None or target.type is None or node.type is None:
+                continue
+            holder = _holder(target)
+            for interaction in target.type.interactions.values():
+                for fault in shared_faults(interaction, holder, actors(interaction.by)):
+                    self._report(node.type, fault)
+
+    def _actors(self, agents: Iterable[model.Agent]) -> Callable[[str], list[Holder]]:
+        """A function that gives the assets of an engine, or that agents of a role control, in declaration order."""
         played: dict[str, set[str]] = {}
         for agent in agents:
             named = {part.name for expr in agent.controls for part in ex.parts(expr) if isinstance(part, ex.Ref)}
             played.setdefault(agent.role, set()).update(named)
-        for interaction in target.type.interactions.values():
-            actors = [
-                group
-                for group in self.scope.groups.values()
-                if group.role == "asset" and group.type is not None
-                if group.type.engine == interaction.by or group.name in played.get(interaction.by, ())
+        assets = [group for group in self.scope.groups.values() if group.role == "asset" and group.type is not None]
+
+        @cache  # one engine or role stands in the interactions of many targets
+        def actors(by: str) -> list[Holder]:
+            return [
+                _holder(group)
+                for group in assets
+                if (group.type is not None and group.type.engine == by) or group.name in played.get(by, ())
             ]
-            for fault in shared_faults(interaction, _holder(target), [_holder(actor) for actor in actors]):
-                self._report(node.type, fault)
+
+        return actors
 
     # -- one type
 
