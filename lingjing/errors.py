@@ -113,9 +113,19 @@ class InfrastructureError(LingjingError):
 
     exit_code = ExitCode.INFRASTRUCTURE
 
-    def __init__(self, message: str, *, hint: str = "", faults: tuple[Fault, ...] = (), cause: AbortCause = "") -> None:
+    def __init__(
+        self,
+        message: str,
+        *,
+        hint: str = "",
+        faults: tuple[Fault, ...] = (),
+        cause: AbortCause = "",
+        engine: str = "",
+    ) -> None:
         super().__init__(message, hint=hint, faults=faults)
         self.cause: AbortCause = cause
+        self.engine = engine
+        """The engine that failed, which the message names; "" if none did."""
 
 
 def error_of(code: int, message: str, hint: str = "", cause: AbortCause = "") -> LingjingError:

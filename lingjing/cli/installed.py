@@ -23,7 +23,11 @@ def warn_of_broken_plugins() -> None:
     from lingjing.installed_plugins.discovery import installed_plugins
 
     for fault in installed_plugins().faults:
+        if fault.traceback:
+            say(fault.traceback.rstrip())
         say(f"warning: {fault}; it is left out")
+        if fault.hint:
+            say(f"hint: {fault.hint}")
 
 
 @cache

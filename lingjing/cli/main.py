@@ -154,7 +154,8 @@ def _dispatch(arguments: list[str]) -> int:
     parser = ArgumentParser(
         prog="lingjing",
         description="Missions for heterogeneous unmanned systems: write, play, score, replay.",
-        epilog="exit codes: 0 done, 1 mission errors, 2 usage, 3 infrastructure abort, 70 a bug, 130 interrupted",
+        epilog="exit codes: 0 done, 1 mission errors, 2 usage, 3 infrastructure abort, 70 a bug, 130 interrupted; "
+        "LINGJING_TRACEBACK=1 shows the traceback of an error",
     )
     parser.add_argument("--version", action="store_true", help="print the version and stop")
     subparsers = parser.add_subparsers(dest="verb", metavar="VERB", title="verbs", prog=parser.prog)
@@ -200,20 +201,21 @@ def _print_version() -> int:
 
 
 def _report(error: LingjingError, arguments: Sequence[str]) -> int:
-    if _wants_traceback():
-        _print_traceback(error)
+    from lingjing.plugins.foreign_errors import print_wanted_traceback
+
     if error.exit_code == ExitCode.BUG:
         return _bug(error, arguments)
+    print_wanted_traceback(error)
     say_error(error)
     return error.exit_code
 
 
 def _bug(error: BaseException, arguments: Sequence[str]) -> int:
     """Print one line for a bug report (version, verb, exception and its origin); return the exit code."""
-    if _wants_traceback():
-        _print_traceback(error)
     import lingjing
+    from lingjing.plugins.foreign_errors import print_wanted_traceback
 
+    print_wanted_traceback(error)
     verb = _first_word(arguments)
     say(f"bug: lingjing {lingjing.__version__} {verb}: {type(error).__name__}: {error} [{_origin(error)}]")
     say("hint: this is a bug in lingjing: please report the line above; LINGJING_TRACEBACK=1 shows the traceback")
@@ -228,16 +230,6 @@ def _origin(error: BaseException) -> str:
         place = f"{os.path.basename(os.path.dirname(path))}/{os.path.basename(path)}:{trace.tb_lineno}"  # noqa: PTH119, PTH120
         trace = trace.tb_next
     return place
-
-
-def _wants_traceback() -> bool:
-    return os.environ.get("LINGJING_TRACEBACK", "") not in {"", "0"}
-
-
-def _print_traceback(error: BaseException) -> None:
-    import traceback
-
-    traceback.print_exception(error)
 
 
 if __name__ == "__main__":

@@ -1,19 +1,19 @@
-"""`lingjing plugins [NAME]`: list engines, policies, scenes, evaluators, models and detectors, or the options of
-one.
-"""
+"""`lingjing plugins [NAME]`: list the items of all plug-ins and the packages of types, or one item with its options."""
 
 from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, TypeVar
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import msgspec
 
 from lingjing.cli.files import print_columns
 from lingjing.cli.process import say, say_error
+from lingjing.dsl.checking.library import installed_types, known_paths
 from lingjing.errors import ExitCode, PluginError, UsageError
+from lingjing.installed_plugins.discovery import fault_error, installed_plugins
 from lingjing.installed_plugins.entry_points import PLUGINS, find_entries
 from lingjing.installed_plugins.slow_trials import forget_slow_trials
 from lingjing.mission.kinds import described_by, scene_kind
@@ -34,6 +34,14 @@ if TYPE_CHECKING:
 
 _Offered = TypeVar("_Offered")
 
+
+class _Described(Protocol):
+    @property
+    def name(self) -> str: ...
+    @property
+    def summary(self) -> str: ...
+
+
 _BROKEN = "repair or uninstall it; episodes that do not use it can be played"
 
 
@@ -41,12 +49,13 @@ class _Offer(msgspec.Struct, frozen=True, kw_only=True):
     """An installed plug-in item: one line of the list."""
 
     kind: str
-    """Engine, policy, scene, evaluator, model, detector, backbone, scaffold or maker."""
+    """Engine, policy, scene, evaluator, model, detector, backbone, scaffold, maker or types."""
     name: str
     source: str
-    """The entry point of the plug-in, or the file of a policy."""
+    """The entry point of the plug-in, the file of a policy, or the package of types."""
     notes: str = ""
-    """The place of an engine, `privileged` for a policy that observes the ground truth, or the price of a model."""
+    """The place of an engine, `privileged` for a policy that observes the ground truth, the price of a model, or the
+    paths of types for `use`."""
     summary: str = ""
     """One line by the plug-in's author; may be empty."""
     options: tuple[OptionSpec, ...] = ()
@@ -59,7 +68,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "name",
         nargs="?",
         metavar="NAME|FILE.py:CLASS",
-        help="list the options of the item with this name (default: list all items)",
+        help="list the items of this name or of this plug-in, with their options (default: list all items)",
     )
     parser.add_argument(
         "--output-format", choices=("text", "json"), default="text", help="output format (default: text)"
@@ -67,13 +76,17 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def handler(args: argparse.Namespace) -> int:
-    """Print the list, then the error of every plug-in that does not load or fails in a hook; return 2 if there is
-    one.
+    """Print the list, then the error of every plug-in with a fault, or of the plug-in that is asked for; return 2 if
+    there is one.
     """
     forget_slow_trials()
     host = PluginHost()
     faults: list[PluginError] = []
-    items = tuple(offers(host, faults)) if args.name is None else tuple(_offers_called(args.name, host))
+    if args.name is None:
+        items = tuple(offers(host, faults))
+        faults += (*_faults_of(host), *_faulty_descriptions(), *_faulty_options(items, host))
+    else:
+        items = tuple(_offers_called(args.name, host, faults))
     if args.output_format == "json":
         sys.stdout.write(msgspec.json.encode(items).decode() + "\n")
     elif args.name is None:
@@ -82,10 +95,9 @@ def handler(args: argparse.Namespace) -> int:
         _print_options(items)
     sys.stdout.flush()
     _report_earlier_requirements()
-    if args.name is None:
-        faults += [PluginError(str(fault), hint=_BROKEN) for fault in host.faults]
-        faults += _faulty_descriptions()
     for error in faults:
+        for note in getattr(error, "__notes__", ())[1:]:  # the first is the hint
+            say(note)
         say_error(error)
     return ExitCode.USAGE if faults else ExitCode.OK
 
@@ -100,27 +112,39 @@ def offers(host: PluginHost, faults: list[PluginError]) -> Iterator[_Offer]:
         yield _Offer(kind="engine", name=engine.name, source=source, notes=notes, summary=engine.summary)
     for policy in host.policies.values():
         yield _policy_offer(policy, host.sources["lingjing_policies", policy.name])
-    for scene in host.scenes.values():
-        source = host.sources["lingjing_scenes", scene.name]
-        yield _Offer(kind="scene", name=scene.name, source=source, summary=scene.summary)
-    for evaluator in host.evaluators.values():
-        source = host.sources["lingjing_evaluators", evaluator.name]
-        yield _Offer(kind="evaluator", name=evaluator.name, source=source, summary=evaluator.summary)
+    yield from _plain_offers("scene", "lingjing_scenes", host, host.scenes.values())
+    yield from _plain_offers("evaluator", "lingjing_evaluators", host, host.evaluators.values())
     for model in _read(lambda: host.models, faults):
         source = host.sources["lingjing_models", model.name]
         yield _Offer(kind="model", name=model.name, source=source, notes=_price(model), summary=model.summary)
-    for detector in _read(lambda: host.detectors, faults):
-        source = host.sources["lingjing_detectors", detector.name]
-        yield _Offer(kind="detector", name=detector.name, source=source, summary=detector.summary)
-    for backbone in _read(lambda: host.backbones, faults):
-        source = host.sources["lingjing_backbones", backbone.name]
-        yield _Offer(kind="backbone", name=backbone.name, source=source, summary=backbone.summary)
-    for scaffold in _read(lambda: host.scaffolds, faults):
-        source = host.sources["lingjing_scaffolds", scaffold.name]
-        yield _Offer(kind="scaffold", name=scaffold.name, source=source, summary=scaffold.summary)
+    yield from _plain_offers("detector", "lingjing_detectors", host, _read(lambda: host.detectors, faults))
+    yield from _plain_offers("backbone", "lingjing_backbones", host, _read(lambda: host.backbones, faults))
+    yield from _plain_offers("scaffold", "lingjing_scaffolds", host, _read(lambda: host.scaffolds, faults))
     for hook in MAKERS:
         for name in host.makers(hook):
             yield _Offer(kind="maker", name=name, source=name, notes=hook, summary=f"makes or wraps by {hook}")
+    yield from _types_offers(faults)
+
+
+def _plain_offers(kind: str, hook: str, host: PluginHost, declared: Iterable[_Described]) -> Iterator[_Offer]:
+    for item in declared:
+        yield _Offer(kind=kind, name=item.name, source=host.sources[hook, item.name], summary=item.summary)
+
+
+def _types_offers(faults: list[PluginError]) -> Iterator[_Offer]:
+    """Yield the packages of types of installed plug-ins."""
+    for name, module in installed_types():
+        try:
+            paths = known_paths(name)
+        except PluginError as error:
+            faults.append(error)
+            continue
+        if not paths:
+            problem = f"the types `{name}`: `{module}` holds no .ljs file"
+            faults.append(PluginError(problem, hint=f"add one: `use {name}.FILE {{ … }}` reads FILE.ljs"))
+        else:
+            summary = f"use {paths[0]} {{ … }}"
+            yield _Offer(kind="types", name=name, source=module, notes=", ".join(paths), summary=summary)
 
 
 def _read(read: Callable[[], Mapping[str, _Offered]], faults: list[PluginError]) -> Iterable[_Offered]:
@@ -131,9 +155,9 @@ def _read(read: Callable[[], Mapping[str, _Offered]], faults: list[PluginError])
         return ()
 
 
-def _offers_called(name: str, host: PluginHost) -> Iterator[_Offer]:
-    """Yield the items called `name` (an engine and a scene may share one), or the policy of a file, with their
-    options.
+def _offers_called(name: str, host: PluginHost, faults: list[PluginError]) -> Iterator[_Offer]:
+    """Yield the items called `name` (an engine and a scene may share one) and those of a plug-in `name`, or the policy
+    of a file, with their options. The faults of their plug-ins are added to `faults`.
 
     Raises `UsageError` if no item has the name, and `PluginError` if items that may have it could not be read.
     """
@@ -144,23 +168,29 @@ def _offers_called(name: str, host: PluginHost) -> Iterator[_Offer]:
             declared, options = declarations.of(name), declarations.listed_options(name)
         yield _policy_offer(declared, name.partition(":")[0], options)
         return
-    faults: list[PluginError] = []
-    items = list(offers(host, faults))
-    matches = [offer for offer in items if offer.name == name]
-    if not matches and faults:
-        raise faults[0]
-    if not matches:
+    unread: list[PluginError] = []
+    items = list(offers(host, unread))
+    matches = [offer for offer in items if name in (offer.name, offer.source)]
+    plugins = {name, *(offer.source for offer in matches)}
+    faults += (*_faults_of(host, plugins), *_faulty_descriptions(plugins))
+    if not matches and not faults:
+        if unread:
+            raise unread[0]
         close = nearest(name, [offer.name for offer in items])
         hint = f"did you mean `{close}`?" if close else "`lingjing plugins` lists all names"
         raise UsageError(f"no installed item is called `{name}`", hint=hint)
     for offer in matches:
-        yield msgspec.structs.replace(offer, options=_options(offer, host))
+        try:
+            yield msgspec.structs.replace(offer, options=_options(offer, host))
+        except PluginError as error:
+            faults += [error] if str(error) not in map(str, faults) else []
+            yield offer
 
 
 def _options(offer: _Offer, host: PluginHost) -> tuple[OptionSpec, ...]:
     if offer.kind == "policy":
         return option_specs(options_model(host.policies[offer.name]))
-    if offer.kind in ("model", "detector", "backbone", "maker"):
+    if offer.kind in ("model", "detector", "backbone", "maker", "types"):
         return ()
     if offer.kind == "scene":
         kind = scene_kind(offer.name)
@@ -210,12 +240,31 @@ def _policy_offer(
     return _Offer(kind="policy", name=policy.name, source=source, notes=notes, summary=policy.summary, options=options)
 
 
-def _faulty_descriptions() -> Iterator[PluginError]:
+def _faults_of(host: PluginHost, plugins: Collection[str] | None = None) -> Iterator[PluginError]:
+    """Yield the faults that the host has found, of all plug-ins or of these."""
+    for fault in host.faults:
+        if plugins is None or fault.plugin in plugins:
+            yield fault_error(fault, _BROKEN)
+
+
+def _faulty_descriptions(plugins: Collection[str] | None = None) -> Iterator[PluginError]:
     for point in find_entries(PLUGINS).points:
-        try:
-            described_by(point.name)
-        except PluginError as error:
-            yield error
+        if plugins is None or point.name in plugins:
+            try:
+                described_by(point.name)
+            except PluginError as error:
+                yield error
+
+
+def _faulty_options(items: Iterable[_Offer], host: PluginHost) -> Iterator[PluginError]:
+    """Yield the error of each declared model of options that does not load. Those of this project are tested."""
+    own = {entry.name for entry in installed_plugins().own}
+    for offer in items:
+        if offer.source not in own and offer.kind in ("engine", "policy", "evaluator", "scaffold"):
+            try:
+                _options(offer, host)
+            except PluginError as error:
+                yield error
 
 
 def _report_earlier_requirements() -> None:

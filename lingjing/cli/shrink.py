@@ -125,7 +125,7 @@ def run_command(options: PlayOptions) -> str:
 def _predicate(spec: str) -> Predicate:
     """Return the function of a file as a predicate of traces. Raises `UsageError`."""
     from lingjing.play.python_files import function_of
-    from lingjing.plugins.loading import one_line
+    from lingjing.plugins.foreign_errors import one_line
 
     function = function_of(spec, "predicate", "write --same-if like check.py:is_collision")
 

@@ -25,6 +25,7 @@ from typing import IO, NamedTuple
 
 import msgspec
 
+from lingjing.errors import PluginError
 from lingjing.installation import CORE, OWN
 from lingjing.installed_plugins.entry_points import PLUGINS, find_entries, label
 from lingjing.installed_plugins.slow_trials import find_slow_trial, keep_slow_trial
@@ -51,18 +52,47 @@ class PluginFault(NamedTuple):
     plugin: str
     distribution: str
     reason: str
+    hint: str = ""
+    """An action that solves the problem; "" if unknown."""
+    traceback: str = ""
+    """The traceback of the error; "" unless the user wants to see it."""
 
     def __str__(self) -> str:
         return f"plug-in `{self.plugin or '?'}` ({self.distribution}): {self.reason}"
 
 
+def fault_error(fault: PluginFault, hint: str) -> PluginError:
+    """Return the error that reports a fault, with its own hint, or `hint` where it has none. Its notes are the hint and
+    the traceback."""
+    error = PluginError(str(fault), hint=fault.hint or hint)
+    if fault.traceback:
+        error.add_note(fault.traceback.rstrip())
+    return error
+
+
+class TrialFault(msgspec.Struct, frozen=True):
+    """The fault of a plug-in, or of one of its hooks."""
+
+    reason: str
+    """The fault in words."""
+    hint: str = ""
+    """An action that solves the problem; "" if unknown."""
+    traceback: str = ""
+    """The end of the traceback; "" unless the user wants to see it."""
+
+    def of(self, plugin: str, distribution: str, hook: str = "") -> PluginFault:
+        """Return the fault of a plug-in; with `hook`, that of one of its hooks."""
+        reason = f"failed in {hook}: {self.reason}" if hook else self.reason
+        return PluginFault(plugin, distribution, reason, self.hint, self.traceback)
+
+
 class Trial(msgspec.Struct, frozen=True):
     """The result of a trial."""
 
-    reason: str = ""
-    """The reason for which the plug-in cannot be loaded; "" if it can."""
-    hooks: dict[str, str] = {}
-    """The hooks that raised, each with its reason."""
+    fault: TrialFault | None = None
+    """The fault for which the plug-in cannot be loaded; None if it can."""
+    hooks: dict[str, TrialFault] = {}
+    """The faults of the hooks that raised."""
 
 
 class LoadablePlugin(NamedTuple):
@@ -103,11 +133,9 @@ def installed_plugins() -> InstalledPlugins:
     strangers = []
     for point, trial in zip(others, _trials(others), strict=True):
         owner = label(point.dist)
-        faults += [
-            PluginFault(point.name, owner, f"failed in {hook}: {reason}") for hook, reason in trial.hooks.items()
-        ]
-        if trial.reason:
-            faults.append(PluginFault(point.name, owner, trial.reason))
+        faults += [fault.of(point.name, owner, hook) for hook, fault in trial.hooks.items()]
+        if trial.fault is not None:
+            faults.append(trial.fault.of(point.name, owner))
         else:
             strangers.append(LoadablePlugin(point, frozenset(trial.hooks)))
     return InstalledPlugins(own, tuple(strangers), tuple(faults))
@@ -128,7 +156,7 @@ def _trials(points: Sequence[EntryPoint]) -> list[Trial]:
     missing = {key: point for key, point in zip(keys, points, strict=True) if key not in known}
     if missing:
         slow = {key: reason for key, point in missing.items() if (reason := find_slow_trial(point, _timed(key)))}
-        known |= {key: Trial(f"{reason}; {TRIED_EARLIER}") for key, reason in slow.items()}
+        known |= {key: _faulty(f"{reason}; {TRIED_EARLIER}") for key, reason in slow.items()}
         known |= _try_all({key: point for key, point in missing.items() if key not in slow})
         os.environ[KNOWN] = msgspec.json.encode(known).decode()
     return [known[key] for key in keys]
@@ -153,11 +181,15 @@ def _key(point: EntryPoint) -> str:
     return hashlib.sha256("\n".join(made_of).encode("utf-8", "surrogateescape")).hexdigest()[:24]
 
 
+def _faulty(reason: str) -> Trial:
+    return Trial(TrialFault(reason))
+
+
 def _decoded(answer: str) -> Trial:
     try:
         return msgspec.json.decode(answer, type=Trial)
     except msgspec.DecodeError:
-        return Trial("wrote into the answer of its trial")
+        return _faulty("wrote into the answer of its trial")
 
 
 @dataclass(slots=True)
@@ -181,8 +213,8 @@ class _Running:
             return _decoded(last)
         stage = stages[-1] if stages else "starting"
         if code is None:
-            return Trial(f"gives no answer within {DEADLINE_S:.0f} s while {stage}")
-        return Trial(f"ends its process {f'by signal {-code}' if code < 0 else f'with code {code}'} while {stage}")
+            return _faulty(f"gives no answer within {DEADLINE_S:.0f} s while {stage}")
+        return _faulty(f"ends its process {f'by signal {-code}' if code < 0 else f'with code {code}'} while {stage}")
 
     def _own_s(self) -> float:
         try:
@@ -199,7 +231,8 @@ def _try_all(points: Mapping[str, EntryPoint]) -> dict[str, Trial]:
             time.sleep(_POLL_S)
         trials = {key: trial.trial() for key, trial in running.items()}
         for key in (key for key, trial in running.items() if trial.process.poll() is None):
-            keep_slow_trial(points[key], _timed(key), trials[key].reason)
+            if (fault := trials[key].fault) is not None:
+                keep_slow_trial(points[key], _timed(key), fault.reason)
     return trials
 
 

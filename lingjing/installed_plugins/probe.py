@@ -15,9 +15,13 @@ import signal
 import sys
 import threading
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from lingjing.processes.descendants import end_children
 from lingjing.processes.linux import adopt_orphans, end_with_parent
+
+if TYPE_CHECKING:
+    from lingjing.installed_plugins.discovery import TrialFault
 
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """The signals by which users and schedulers end a command."""
@@ -35,7 +39,7 @@ def main(descriptor: int, name: str, value: str) -> None:
     enter("starting")
     import msgspec
 
-    from lingjing.installed_plugins.discovery import Trial
+    from lingjing.installed_plugins.discovery import Trial, TrialFault
 
     try:
         before = _process_state()
@@ -43,11 +47,12 @@ def main(descriptor: int, name: str, value: str) -> None:
         altered = [what for what, state in _process_state().items() if state != before[what]]
         enter("ending")
         atexit._run_exitfuncs()
-        trial = Trial(f"changes {altered[0]} of each command" if altered else _left_behind(), failed)
+        reason = f"changes {altered[0]} of each command" if altered else _left_behind()
+        trial = Trial(TrialFault(reason) if reason else None, failed)
     except BaseException as error:  # noqa: BLE001 - SystemExit too: it is reported, not obeyed
-        from lingjing.plugins.loading import one_line
+        from lingjing.plugins.hook_faults import load_fault
 
-        trial = Trial(f"does not load: {one_line(error)}")
+        trial = Trial(load_fault(error))
     if os.getpid() == myself:  # and no copy that the plug-in has forked
         end_children(set())  # also those in sessions of their own
         os.write(descriptor, msgspec.json.encode(trial))
@@ -89,7 +94,7 @@ def _left_behind() -> str:
     return ""
 
 
-def _failed_hooks(name: str, value: str, enter: Callable[[str], None]) -> dict[str, str]:
+def _failed_hooks(name: str, value: str, enter: Callable[[str], None]) -> dict[str, TrialFault]:
     from importlib.metadata import EntryPoint
 
     from lingjing.installed_plugins.entry_points import PLUGINS
@@ -100,12 +105,12 @@ def _failed_hooks(name: str, value: str, enter: Callable[[str], None]) -> dict[s
     enter("registering its hooks")
     host = PluginHost(entry_points=False)
     host.register(plugin, name)
-    failed: dict[str, str] = {}
+    failed: dict[str, TrialFault] = {}
     for hook in HOOKS:
         enter(f"calling {hook}")
-        reason = host.hook_fault(hook)
-        if reason:
-            failed[hook] = reason
+        fault = host.hook_fault(hook)
+        if fault is not None:
+            failed[hook] = fault
     return failed
 
 

@@ -24,16 +24,19 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from lingjing.errors import InfrastructureError
+from lingjing.errors import InfrastructureError, LingjingError
 from lingjing.kernel.ambient_random import load_generators, with_detection
 from lingjing.kernel.budgets import ALLOWANCE
 from lingjing.kernel.step import Published
 from lingjing.plugins.calls import AbandonedCallError
+from lingjing.plugins.foreign_errors import place_of, print_wanted_traceback
 from lingjing.plugins.policy import Brief, Inbox, NoDecisionError, Observation, Policy
 from lingjing.processes.signals import deferring_signals
 from lingjing.trace.records import Decision, DecisionRecord, Usage
 
 _ADDRESS = re.compile(r"0x[0-9a-fA-F]{4,}")
+_SHOWN = 300
+"""The most characters of an exception's text in a record. Chosen."""
 """The address in an object's default `repr`."""
 
 POLICY_ERRORS = (Exception, asyncio.CancelledError, GeneratorExit)
@@ -284,14 +287,19 @@ def failure(error: BaseException, started: float) -> PolicyAnswer:
     """Return a policy's exception as an answer. Object addresses are removed: they would change the digest in each
     run.
     """
+    print_wanted_traceback(error)
     try:
         text = f"{type(error).__name__}: {error}".splitlines()[0]
     except Exception:  # noqa: BLE001 - an exception with a failing `__str__` is the policy's failure too
         text = type(error).__name__
     text = text.encode("utf-8", "backslashreplace").decode()  # a lone surrogate cannot be stored
+    text = _ADDRESS.sub("0x…", text)[:_SHOWN]
+    stated = isinstance(error, NoDecisionError | LingjingError)  # raised on purpose: the text states the reason
+    place = "" if stated else place_of(error)
+    detail = f"{text} ({place})" if place else text
     usage = error.usage if isinstance(error, NoDecisionError) and isinstance(error.usage, Usage) else None
     wall_s = time.monotonic() - started
-    return PolicyAnswer(reason="policy_error", detail=_ADDRESS.sub("0x…", text)[:300], wall_s=wall_s, usage=usage)
+    return PolicyAnswer(reason="policy_error", detail=detail, wall_s=wall_s, usage=usage)
 
 
 def _reset_call(policy: Policy, brief: Brief) -> Callable[[], Awaitable[Any]]:

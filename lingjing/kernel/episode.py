@@ -15,6 +15,7 @@ from lingjing.errors import ForeignCodeError, InfrastructureError, hint_of
 from lingjing.kernel.barrier import Barrier, OutageCheck, PolicyBarrier, no_outage
 from lingjing.kernel.step import Kernel, Published
 from lingjing.numerics import runtime_fingerprint
+from lingjing.plugins.foreign_errors import print_wanted_traceback
 from lingjing.plugins.policy import Policy
 from lingjing.processes.signals import deferring_signals
 from lingjing.trace.records import CUT_SHORT, BoundaryRecord, DecisionRecord, Outcome, Reason
@@ -128,6 +129,7 @@ def play(
     try:
         reason, detail = _loop(kernel, barrier, progress, started, since)
     except InfrastructureError as error:
+        print_wanted_traceback(error)
         reason, abort = "infrastructure-abort", error
     except KeyboardInterrupt:
         reason = "interrupted"

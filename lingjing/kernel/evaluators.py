@@ -12,10 +12,9 @@ from msgspec.structs import replace
 
 from lingjing.errors import InfrastructureError, LingjingError, PluginError
 from lingjing.mission.instance import GivenOption, Instance
-from lingjing.plugins.building import kind_of_value
 from lingjing.plugins.evaluator import Evaluation, Evaluator, EvaluatorPlugin, answer_fault
+from lingjing.plugins.foreign_errors import kind_of_value, one_line
 from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import one_line
 from lingjing.trace.records import AdjudicatedEvent
 
 

@@ -12,7 +12,7 @@ from types import ModuleType
 from typing import Any
 
 from lingjing.errors import ForeignCodeError, UsageError
-from lingjing.plugins.loading import one_line
+from lingjing.plugins.foreign_errors import one_line
 
 
 def load_file(path: Path, what: str, start: str = "") -> ModuleType:
@@ -43,7 +43,7 @@ def load_file(path: Path, what: str, start: str = "") -> ModuleType:
         ) from error
     except (Exception, SystemExit) as error:
         where = f"{path}:{_line_in(error, resolved)}"
-        raise ForeignCodeError(f"{where}: {one_line(error)}", hint=f"fix the {what} file") from error
+        raise ForeignCodeError(f"{where}: {one_line(error, with_place=False)}", hint=f"fix the {what} file") from error
     return module
 
 

@@ -7,6 +7,8 @@ kind has a Protocol, its values, and checks of conformance. `docs/plugins.md` li
 - `contract`      the version of the contract, and the modules that belong to it
 - `hookspecs`     the hooks; `host` finds plug-ins, `loading` builds policies, `building` scenes, `making` holds the
   default of the hooks that make objects, `lookup` finds scaffolds and backbones for policies
+- `foreign_errors`   an exception of a plug-in in one line, with the file and line of the plug-in's code; `hook_faults`
+  the faults of hooks
 - `options`       the models of options that plug-ins declare, and the reading of options that users give
 - `engine`, `policy`, `evaluator`   the Protocols and their values; `chat_model` declares a model, `backbone` is the
   Protocol of a model, `calls` the record of a policy's model calls
@@ -25,6 +27,7 @@ Nothing here imports the kernel or a built-in engine, or names a shipped type or
 
 __all__ = [
     "backbone", "bodies", "building", "calls", "chat_model", "conformance", "contract", "decisions", "engine",
-    "evaluator", "fleet", "frame_detector", "geometry", "hookspecs", "host", "loading", "lookup", "making", "options",
-    "policy", "prompts", "requests", "roads", "scaffold", "step_clock", "stock", "tasks", "terrain",
+    "evaluator", "fleet", "foreign_errors", "frame_detector", "geometry", "hook_faults", "hookspecs", "host",
+    "loading", "lookup", "making", "options", "policy", "prompts", "requests", "roads", "scaffold", "step_clock",
+    "stock", "tasks", "terrain",
 ]  # fmt: skip

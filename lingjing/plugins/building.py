@@ -10,8 +10,8 @@ import msgspec
 from lingjing.errors import LingjingError, PluginError
 from lingjing.mission.instance import SceneSpec
 from lingjing.mission.kinds import DISPLACEMENT
+from lingjing.plugins.foreign_errors import kind_of_value, one_line
 from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import one_line
 from lingjing.scene.city import City
 
 
@@ -30,11 +30,6 @@ def build_city(spec: SceneSpec, host: PluginHost) -> City:
     if not isinstance(city, City):
         raise PluginError(f"{failed}: it built {kind_of_value(city)}, no City", hint="correct its `build`")
     return city
-
-
-def kind_of_value(value: object) -> str:
-    """Return the kind of a value in words, for messages about wrong values of foreign code."""
-    return "None" if value is None else f"a value of type `{type(value).__name__}`"
 
 
 __all__ = ["build_city", "kind_of_value"]

@@ -7,18 +7,19 @@ not use it go on. A fault of a plug-in that the caller passes raises at once.
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import redirect_stdout
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import pluggy
 
-from lingjing.errors import LingjingError, PluginError, UsageError, hint_of
+from lingjing.errors import PluginError, UsageError
 from lingjing.installed_plugins.discovery import (
     InstalledPlugins,
     LoadablePlugin,
     PluginFault,
+    TrialFault,
     installed_plugins,
     is_core,
 )
@@ -31,8 +32,18 @@ from lingjing.plugins.contract import version_fault
 from lingjing.plugins.engine import EnginePlugin
 from lingjing.plugins.evaluator import Evaluator, EvaluatorPlugin
 from lingjing.plugins.frame_detector import DetectorPlugin
+from lingjing.plugins.hook_faults import (
+    DECLARATIONS,
+    as_declarations,
+    called_hook,
+    check_declaration,
+    end_of_traceback,
+    invalid_hook,
+    load_fault,
+    misused_hook,
+    reason_of,
+)
 from lingjing.plugins.hookspecs import ScenePlugin
-from lingjing.plugins.loading import one_line
 from lingjing.plugins.policy import Policy, PolicyPlugin
 from lingjing.plugins.prompts import PromptPlugin
 from lingjing.plugins.scaffold import ScaffoldPlugin
@@ -51,28 +62,11 @@ class _Named(Protocol):
 NamedT = TypeVar("NamedT", bound=_Named)
 
 
-_DECLARATIONS: dict[str, tuple[type, str]] = {
-    "lingjing_engines": (EnginePlugin, "factory"),
-    "lingjing_policies": (PolicyPlugin, "factory"),
-    "lingjing_scenes": (ScenePlugin, "build"),
-    "lingjing_evaluators": (EvaluatorPlugin, "build"),
-    "lingjing_models": (ModelPlugin, ""),
-    "lingjing_prompts": (PromptPlugin, ""),
-    "lingjing_detectors": (DetectorPlugin, "factory"),
-    "lingjing_backbones": (BackbonePlugin, "factory"),
-    "lingjing_scaffolds": (ScaffoldPlugin, "build"),
-}
-"""The declaration that each offering hook returns, and its field with the function that makes the object; "" without
-one."""
-
-HOOKS = tuple(_DECLARATIONS)
+HOOKS = tuple(DECLARATIONS)
 """The hooks that offer declarations. Each implementation is called alone, so that its fault is attributed to it."""
 
 MAKERS = ("lingjing_make_policy", "lingjing_make_evaluator")
 """The hooks that make an object of a declaration. pluggy calls them: `tryfirst`, `trylast` and `wrapper` count."""
-
-_SHOWN = 80
-"""The most characters of an object that a message shows. Chosen."""
 
 _PREFIX = "lingjing_"
 """The beginning of the name of every hook."""
@@ -204,9 +198,18 @@ class PluginHost:
     def register(self, plugin: object, name: str | None = None) -> None:
         """Add a plug-in object. Its hooks are called when their offers are needed.
 
-        Raises `PluginError` if it is written for another version of the contract.
+        Without a name it gets its `__name__`, else the name of its class. Raises `PluginError` if it is written for
+        another version of the contract, or if a hook has another signature.
         """
-        source = str(self._manager.register(plugin, name=name))
+        kind = type(plugin).__name__
+        if name is None and not hasattr(plugin, "__name__") and not self._manager.has_plugin(kind):
+            name = kind
+        source = name or self._manager.get_canonical_name(plugin)
+        try:
+            self._manager.register(plugin, name=source)
+        except pluggy.PluginValidationError as error:
+            self._manager.unregister(name=source)  # the hooks before it were added
+            raise invalid_hook(source, plugin, error) from error
         try:
             self._check_version(source)
             self._check_order(source)
@@ -215,21 +218,22 @@ class PluginHost:
             raise
         self._order.append(source)
 
-    def hook_fault(self, hook: str) -> str:
-        """Call a hook of all plug-ins. Returns the reason for which it fails; "" if it does not."""
+    def hook_fault(self, hook: str) -> TrialFault | None:
+        """Call a hook of all plug-ins. Returns its fault; None if it does not fail."""
         try:
             self._collect(hook)
         except PluginError as error:
-            return _reason(error, hook)
-        return ""
+            return TrialFault(reason_of(error), error.hint, end_of_traceback(error))
+        return None
 
     def _check_version(self, source: str) -> None:
         implementations = self._manager.hook.lingjing_api_version.get_hookimpls()
         for implementation in implementations:
             if implementation.plugin_name == source:
-                fault = version_fault(implementation.function())
+                written_for = called_hook("lingjing_api_version", implementation.function, source)
+                fault, _, remedy = version_fault(written_for).partition(": install ")
                 if fault:
-                    raise PluginError(f"plug-in `{source}`: {fault}")
+                    raise PluginError(f"plug-in `{source}`: {fault}", hint=f"install {remedy}" if remedy else "")
 
     def _check_order(self, source: str) -> None:
         """Raise `PluginError` for an offering hook that is a wrapper: each implementation of these is called alone."""
@@ -247,7 +251,7 @@ class PluginHost:
             with redirect_stdout(sys.stderr):  # standard output may be read by a program: `run --json`
                 self.register(plugin.point.load(), name)
         except (Exception, SystemExit) as error:
-            fault = PluginFault(name, owner, f"does not load: {one_line(error)}")
+            fault = load_fault(error).of(name, owner)
             if is_core(plugin.point):
                 raise PluginError(str(fault), hint="install this project again") from error
             self.faults.append(fault)
@@ -288,14 +292,15 @@ class PluginHost:
                 offers |= self._offered_by(stranger, hook, implementations[source])
         return {name: offers[name] for name in sorted(offers) if (hook, name) not in self._clashes}
 
-    def _offered_by(self, stranger: LoadablePlugin, hook: str, function: object) -> dict[str, NamedT]:
+    def _offered_by(self, stranger: LoadablePlugin, hook: str, function: Callable[[], object]) -> dict[str, NamedT]:
         """Return the offers of another party's hook that have names of their own; faults are added to `faults`."""
         name, owner = stranger.point.name, label(stranger.point.dist)
         try:
             with redirect_stdout(sys.stderr):
                 offered: tuple[NamedT, ...] = self._offered(hook, function, name)
         except PluginError as error:
-            self.faults.append(PluginFault(name, owner, f"failed in {hook}: {_reason(error, hook)}"))
+            fault = TrialFault(reason_of(error), error.hint, end_of_traceback(error))
+            self.faults.append(fault.of(name, owner, hook))
             return {}
         offers: dict[str, NamedT] = {}
         for item in offered:
@@ -309,18 +314,12 @@ class PluginHost:
                 self._clashes[hook, item.name] = clash
         return offers
 
-    def _offered(self, hook: str, function: object, source: str) -> tuple[NamedT, ...]:
-        try:
-            returned = function()  # type: ignore[operator]
-            if isinstance(returned, str):
-                raise TypeError(f"it returned the text {returned!r}, and a list of declarations is due")
-            offered: tuple[NamedT, ...] = tuple(returned)
-        except (Exception, SystemExit) as error:
-            hint = hint_of(error) if isinstance(error, LingjingError) else ""
-            reason = error if isinstance(error, Exception) else one_line(error)
-            raise PluginError(f"plug-in `{source}` failed in {hook}: {reason}", hint=hint) from error
+    def _offered(self, hook: str, function: Callable[[], object], source: str) -> tuple[NamedT, ...]:
+        offered = called_hook(hook, lambda: as_declarations(function()), source)
+        if not isinstance(offered, tuple):
+            raise misused_hook(hook, offered, source)
         for item in offered:
-            _check(item, hook, source)
+            check_declaration(item, hook, source)
         return offered
 
     def _get(self, kind: str, hook: str, table: dict[str, NamedT], name: str) -> NamedT:
@@ -328,32 +327,10 @@ class PluginHost:
             return table[name]
         if (hook, name) in self._clashes:
             raise PluginError(self._clashes[hook, name], hint="uninstall one of them")
-        proposal = nearest_or(name, table, f"known: {', '.join(table) or 'none'};")
         broken = ", ".join(dict.fromkeys(f"`{fault.plugin or fault.distribution}`" for fault in self.faults))
-        listed = (
-            f"see `lingjing plugins`, which says why {broken} is not loaded" if broken else "see `lingjing plugins`"
-        )
-        raise UsageError(f"no {kind} is called `{name}`", hint=f"{proposal} {listed}")
-
-
-def _reason(error: PluginError, hook: str) -> str:
-    """Return the part of a hook's error after the names of the plug-in and the hook."""
-    return str(error).partition(f" failed in {hook}: ")[2] or str(error)
-
-
-def _check(item: object, hook: str, source: str) -> None:
-    """Raise `PluginError` for an offer that is no declaration of the hook's kind with a name and a function."""
-    declaration, maker = _DECLARATIONS[hook]
-    wrong = f"plug-in `{source}` failed in {hook}: "
-    if not isinstance(item, declaration):
-        shown = repr(item)
-        shown = shown if len(shown) <= _SHOWN else f"{shown[:_SHOWN]}…"
-        raise PluginError(f"{wrong}it offers {shown}, which is no {declaration.__name__}")
-    name: object = getattr(item, "name")  # noqa: B009 - of any of them
-    if not isinstance(name, str) or name.split() != [name] or not name.isprintable():
-        raise PluginError(f"{wrong}the name of a {declaration.__name__} is {name!r}", hint="names are words")
-    if maker and not callable(getattr(item, maker)):
-        raise PluginError(f"{wrong}`{maker}` of `{name}` cannot be called")
+        listed = f"known: {', '.join(table) or 'none'}"
+        listed += f"; `lingjing plugins` says why {broken} is not loaded" if broken else ""
+        raise UsageError(f"no {kind} is called `{name}`", hint=nearest_or(name, table, listed))
 
 
 __all__ = ["HOOKS", "MAKERS", "PluginHost"]

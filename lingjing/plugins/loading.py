@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from lingjing.errors import ForeignCodeError, LingjingError, PluginError
 from lingjing.plugins.calls import ModelCalls, UnrecordedCalls
+from lingjing.plugins.foreign_errors import one_line
 from lingjing.plugins.making import lingjing_make_policy
 from lingjing.plugins.policy import Policy, PolicyPlugin
 
@@ -132,16 +133,7 @@ def _owner(plugin: PolicyPlugin) -> str:
     return f"policy `{plugin.name}`"
 
 
-def one_line(error: BaseException) -> str:
-    """Return the message of an exception in one line, with its type unless it is an error of this project."""
-    try:
-        text = str(error) if isinstance(error, LingjingError) else f"{type(error).__name__}: {error}"
-    except Exception:  # noqa: BLE001 - its own `__str__` may raise anything
-        text = type(error).__name__
-    return text.splitlines()[0].rstrip(": ").encode("utf-8", "backslashreplace").decode()
-
-
 __all__ = [
-    "build_policy", "one_line", "options_fingerprint", "options_model", "policy_of", "read_given_options",
+    "build_policy", "options_fingerprint", "options_model", "policy_of", "read_given_options",
     "takes_as_given",
 ]  # fmt: skip

@@ -9,9 +9,8 @@ from collections.abc import Callable, Mapping
 
 from lingjing.errors import LingjingError, PluginError
 from lingjing.plugins.backbone import Backbone, ServiceAccess
-from lingjing.plugins.building import kind_of_value
+from lingjing.plugins.foreign_errors import kind_of_value, one_line
 from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import one_line
 from lingjing.plugins.options import PluginOptions, declared_model, read_options
 from lingjing.plugins.scaffold import AgentParts, ScaffoldContext, ScaffoldPlugin
 

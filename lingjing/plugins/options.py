@@ -21,6 +21,7 @@ from pydantic.errors import PydanticUndefinedAnnotation, PydanticUserError
 
 from lingjing.errors import Fault, PluginError, UsageError
 from lingjing.option_reading import read_model
+from lingjing.plugins.foreign_errors import one_line
 
 if TYPE_CHECKING:
     from lingjing.mission.instance import Instance
@@ -54,8 +55,9 @@ def declared_model(reference: type[Any] | str | None, owner: str) -> type[Plugin
     if isinstance(reference, str):
         try:
             model = resolve_name(reference)
-        except Exception as error:
-            raise PluginError(f"the options of {owner} cannot be loaded from `{reference}`: {error}") from error
+        except (Exception, SystemExit) as error:
+            message = f"the options of {owner} cannot be loaded from `{reference}`: {one_line(error)}"
+            raise PluginError(message, hint="correct `options` in its declaration: package.module:Class") from error
     if not (isinstance(model, type) and issubclass(model, PluginOptions)):
         hint = "extend lingjing.plugins.options.PluginOptions"
         raise PluginError(

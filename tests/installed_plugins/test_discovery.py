@@ -7,7 +7,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -20,6 +20,7 @@ from lingjing.kernel.world.selection import select_engines
 from lingjing.mission.kinds import engine_kind
 from lingjing.play.policy_processes.preloading import policy_host, preload
 from lingjing.testing import PluginHost, run_command
+from tests.installed_plugins.conftest import Site
 
 OFFER = """
 from lingjing.plugins.hookspecs import hookimpl
@@ -43,11 +44,11 @@ FAULTS = {
     ),
     "wrong": (
         "from lingjing.plugins.hookspecs import hookimpl\n@hookimpl\ndef lingjing_policies(world): return []",
-        "does not load: PluginValidationError",
+        "does not load: failed in lingjing_policies: it takes `world`, and the hook has the parameters: none",
     ),
     "hook": (
         "from lingjing.plugins.hookspecs import hookimpl\n@hookimpl\ndef lingjing_scenes(): raise ValueError('no map')",
-        "failed in lingjing_scenes: no map",
+        "failed in lingjing_scenes: ValueError: no map (hook.py:3)",
     ),
     "leaves": (
         "from lingjing.plugins.hookspecs import hookimpl\n@hookimpl\ndef lingjing_models(): raise SystemExit(3)",
@@ -77,35 +78,6 @@ import subprocess, sys, time
 subprocess.Popen([sys.executable, "-S", "-c", "import time; time.sleep(3600)", __file__])
 time.sleep(3600)
 """
-
-
-class Site:
-    """A folder of Python's path with installed plug-ins."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-
-    def add(self, name: str, code: str | None, *, value: str | None = None, entry_points: bytes | None = None) -> None:
-        """Install a plug-in: its module, unless `code` is None, and its metadata."""
-        info = self.folder / f"lingjing_{name}-1.0.dist-info"
-        info.mkdir(parents=True)
-        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: lingjing-{name}\nVersion: 1.0\n")
-        written = f"[lingjing]\n{name} = {value or name}\n".encode()
-        (info / "entry_points.txt").write_bytes(written if entry_points is None else entry_points)
-        if code is not None:
-            (self.folder / f"{name}.py").write_text(code)
-
-
-@pytest.fixture
-def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Site]:
-    folder = tmp_path / "site"
-    folder.mkdir()
-    monkeypatch.syspath_prepend(str(folder))
-    monkeypatch.setenv("PYTHONPATH", str(folder))
-    monkeypatch.setenv(discovery.KNOWN, "{}")
-    yield Site(folder)
-    for name in [name for name, module in sys.modules.items() if str(folder) in str(getattr(module, "__file__", ""))]:
-        del sys.modules[name]
 
 
 def faults_of(host: PluginHost) -> dict[str, str]:
@@ -364,7 +336,9 @@ def test_a_hook_that_fails_leaves_the_policy_of_its_plugin_in_place(site: Site) 
     site.add("half", OFFER.format(name="scout") + code)
     host = policy_host(("half",))
     assert "scout" in host.policies
-    assert [(fault.plugin, fault.reason) for fault in host.faults] == [("half", "failed in lingjing_scenes: no map")]
+    assert [(fault.plugin, fault.reason) for fault in host.faults] == [
+        ("half", "failed in lingjing_scenes: ValueError: no map (half.py:10)")
+    ]
     assert host.sources["lingjing_policies", "scout"] == "half"
 
 

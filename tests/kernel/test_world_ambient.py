@@ -103,7 +103,7 @@ def test_both_worlds_carry_the_same(world, instance):
 @pytest.mark.parametrize(
     ("fault", "message"),
     [
-        ("ambient_nan", "engine `toy_crowd` failed in advance: entity `traffic/2` has a number that is not finite"),
+        ("ambient_nan", "engine `toy_crowd` .*failed in advance: entity `traffic/2` has a number that is not finite"),
         ("ambient_twice", "its background mover `traffic/0` appears twice"),
         ("ambient_entity", "its background mover `ant` has the id of an entity"),
         ("ambient_text", "its answer is malformed"),

@@ -106,12 +106,12 @@ def children():
 
 
 FAULTS = [
-    ("raise", "toy_b", "engine `toy_b` failed in advance: ValueError: the toy is broken"),
-    ("kill", "toy_b", "the world process died (SIGKILL) while engine `toy_b` was in advance"),
-    ("nan", "toy_a", "engine `toy_a` failed in advance: entity `ant` has a number that is not finite"),
-    ("stale", "toy_b", "engine `toy_b` failed in advance: its boundary is at 2.0 s instead of 2.1"),
-    ("hang", "toy_b", "engine `toy_b` (advance) did not answer within 2 s; the world process was killed"),
-    ("kill", "camera", "the camera process died (SIGKILL) while engine `camera` was in advance"),
+    ("raise", "toy_b", "engine `toy_b` of plug-in `toys` failed in advance: ValueError: the toy is broken"),
+    ("kill", "toy_b", "the world process died (SIGKILL) while engine `toy_b` of plug-in `toys` was in advance"),
+    ("nan", "toy_a", "engine `toy_a` of plug-in `toys` failed in advance: entity `ant` has a number that"),
+    ("stale", "toy_b", "engine `toy_b` of plug-in `toys` failed in advance: its boundary is at 2.0 s instead of 2.1"),
+    ("hang", "toy_b", "engine `toy_b` of plug-in `toys` (advance) did not answer within 2 s; the world"),
+    ("kill", "camera", "the camera process died (SIGKILL) while engine `camera` of plug-in `painter` was in advance"),
 ]
 
 

@@ -314,6 +314,8 @@ class ToyPlugin:
     movers.
     """
 
+    __name__ = "toys"
+
     @hookimpl
     def lingjing_engines(self):
         toys = [EnginePlugin(name=f"toy_{letter}", factory=Toy) for letter in "abc"]
@@ -325,6 +327,8 @@ class ToyPlugin:
 
 class PainterPlugin:
     """A plug-in with the painter alone, for hosts without another camera."""
+
+    __name__ = "painter"
 
     @hookimpl
     def lingjing_engines(self):

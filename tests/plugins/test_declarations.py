@@ -32,13 +32,16 @@ def offering(hook: str, offered: object) -> PluginHost:
 @pytest.mark.parametrize(("hook", "kind", "maker"), KINDS)
 def test_a_hook_that_returns_something_else_is_named_with_its_plugin(hook: str, kind: type, maker: str) -> None:
     start = f"plug-in `Stranger` failed in {hook}: "
+    named = f"{'an' if kind.__name__[0] == 'E' else 'a'} {kind.__name__}"
     wrong = [
         (("three",), f"it offers 'three', which is no {kind.__name__}"),
-        ((kind(3, len),), f"the name of a {kind.__name__} is 3"),
-        ((kind("", len),), f"the name of a {kind.__name__} is ''"),
-        ((kind("two words", len),), f"the name of a {kind.__name__} is 'two words'"),
+        ((kind(3, len),), f"the name of {named} is 3"),
+        ((kind("", len),), f"the name of {named} is ''"),
+        ((kind("two words", len),), f"the name of {named} is 'two words'"),
         ((kind("deaf", 3),), f"`{maker}` of `deaf` cannot be called"),
-        (3, "'int' object is not iterable"),
+        (3, f"it returned a value of type `int`, and a list of {kind.__name__} is due"),
+        (None, f"it returned None, and a list of {kind.__name__} is due"),
+        ("three", f"it returned the text 'three', and a list of {kind.__name__} is due"),
     ]
     for offered, said in wrong:
         with pytest.raises(PluginError) as caught:
@@ -71,7 +74,11 @@ def _fall(spec: SceneSpec) -> object:
 
 
 @pytest.mark.parametrize(
-    ("build", "said"), [(_fall, "ValueError: no river"), (lambda spec: None, "it built None, no City")]
+    ("build", "said"),
+    [
+        (_fall, "ValueError: no river (tests/plugins/test_declarations.py:73)"),
+        (lambda spec: None, "it built None, no City"),
+    ],
 )
 def test_a_scene_that_cannot_be_built_is_named(build: object, said: str) -> None:
     host = offering("lingjing_scenes", [ScenePlugin("canyon", build)])  # type: ignore[arg-type]

@@ -77,7 +77,7 @@ def test_what_an_engine_waits_for_a_processor_is_not_its_own(world, crowd):
 def test_a_spinning_engine_in_a_queue_is_killed(world, crowd):
     world.reset(faulty("spin", engine_s=0.3), toys.CITY)
     crowd(world._workers.world.pid)
-    with pytest.raises(InfrastructureError, match=r"engine `toy_b` \(advance\) did not answer within 0.3 s") as caught:
+    with pytest.raises(InfrastructureError, match=r"`toy_b` .*\(advance\) did not answer within 0.3 s") as caught:
         world.step(1, ())
     assert caught.value.cause == ""
 
@@ -142,7 +142,7 @@ def test_the_engine_that_was_slow_is_blamed(world, fault):
         engine_s=3.0,
     )
     world.reset(instance, toys.CITY)
-    said = r"engine `toy_a` took \S+ of 3 s, so that engine `toy_b` \(advance\) had no time left; the world process"
+    said = r"engine `toy_a` .*took \S+ of 3 s, so that engine `toy_b` \(advance\) had no time left; the world process"
     with pytest.raises(InfrastructureError, match=said):
         world.step(1, ())
 
@@ -169,14 +169,14 @@ def test_a_slow_remote_engine_is_blamed_and_nobody_else(world, monkeypatch):
     monkeypatch.setattr(toys.Toy, "advance", slow)
     far = toys.entity("far", "toy_remote", 4.0)
     world.reset(toys.instance(*toys.trio().entities, far, engine_s=0.7), toys.CITY)
-    with pytest.raises(InfrastructureError, match=r"of 0.7 s for one boundary; the slowest was `toy_remote`"):
+    with pytest.raises(InfrastructureError, match=r"of 0.7 s for one boundary; the slowest was engine `toy_remote` .*"):
         world.step(1, ())
 
 
 def test_in_the_caller_the_engine_that_was_slow_is_named():
     world = open_world("inline", plugins=TOYS, installed=False)
     world.reset(faulty("burn", engine_s=0.5), toys.CITY)
-    with pytest.raises(InfrastructureError, match=r"the engines took .* of 0.5 s .*; the slowest was `toy_b` with"):
+    with pytest.raises(InfrastructureError, match=r"of 0.5 s .*; the slowest was engine `toy_b` .*with"):
         world.step(1, ())
 
 

@@ -60,8 +60,15 @@ def known_paths(first: str, beside: str | None = None) -> list[str]:
     folder = _folder(first)
     if folder is None:
         shipped = (f"{word}.{name}" for word in SHIPPED for name in _files(shipped_folder(word)))
-        return [*shipped, *_plugin_names()]
+        return [*shipped, *sorted(name for name, _ in installed_types())]
     return [f"{first}.{name}" for name in _files(folder)]
+
+
+def installed_types() -> list[tuple[str, str]]:
+    """The packages of types of installed plug-ins: the name of each entry point with its module."""
+    from lingjing.installed_plugins.entry_points import TYPES, find_entries
+
+    return [(point.name, point.module) for point in find_entries(TYPES).points]
 
 
 def _folder(first: str) -> str | None:
@@ -79,12 +86,6 @@ def _files(folder: str) -> list[str]:
         return sorted(file.stem for file in Path(folder).iterdir() if file.suffix == ".ljs")
     except OSError:
         return []
-
-
-def _plugin_names() -> list[str]:
-    from lingjing.installed_plugins.entry_points import TYPES, find_entries
-
-    return sorted(point.name for point in find_entries(TYPES).points)
 
 
 def _plugin_folder(name: str) -> str | None:

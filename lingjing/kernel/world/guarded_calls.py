@@ -9,7 +9,12 @@ from typing import TypeVar
 
 from lingjing.errors import InfrastructureError, LingjingError, UsageError, hint_of
 from lingjing.plugins.engine import CaptureRequest
+from lingjing.plugins.foreign_errors import one_line
+from lingjing.plugins.host import PluginHost
 from lingjing.trace.records import Absent
+
+OWN_ENGINES = "builtin"
+"""The plug-in that offers the project's own engines."""
 
 ResultT = TypeVar("ResultT")
 
@@ -25,7 +30,16 @@ def no_note(engine: str, call: str) -> None:
 
 def engine_error(engine: str, call: str, problem: str, *, hint: str = "") -> InfrastructureError:
     """Return the error for an engine that failed in one of its five methods, or in `start`, its factory."""
-    return InfrastructureError(f"engine `{engine}` failed in {call}: {problem}", hint=hint)
+    return InfrastructureError(f"engine `{engine}` failed in {call}: {problem}", hint=hint, engine=engine)
+
+
+def name_plugin(error: BaseException, host: PluginHost) -> None:
+    """Add the plug-in of the engine that failed to the message of an error, unless it is this project's own."""
+    engine = error.engine if isinstance(error, InfrastructureError) else ""
+    plugin = host.sources.get(("lingjing_engines", engine), OWN_ENGINES)
+    if plugin != OWN_ENGINES:
+        named = f"engine `{engine}`"
+        error.args = (str(error).replace(named, f"{named} of plug-in `{plugin}`", 1),)
 
 
 def guarded(enter: Enter, engine: str, call: str, action: Callable[[], ResultT]) -> tuple[ResultT, float]:
@@ -39,7 +53,7 @@ def guarded(enter: Enter, engine: str, call: str, action: Callable[[], ResultT])
         result = action()
     except (Exception, SystemExit) as error:
         hint = hint_of(error) if isinstance(error, LingjingError) else ""
-        raise engine_error(engine, call, _describe(error), hint=hint) from error
+        raise engine_error(engine, call, one_line(error), hint=hint) from error
     return result, time.perf_counter() - started
 
 
@@ -62,9 +76,3 @@ def no_episode() -> UsageError:
 def no_sensor() -> UsageError:
     """Return the error for a capture without an installed sensor engine."""
     return UsageError("no installed engine draws pictures", hint="see `lingjing plugins`")
-
-
-def _describe(error: BaseException) -> str:
-    text = str(error)
-    name = type(error).__name__
-    return f"{name}: {text}" if text else name

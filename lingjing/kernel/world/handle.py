@@ -162,7 +162,7 @@ class Worker:
         if isinstance(reply, Refused):
             return InfrastructureError(reply.message)
         if isinstance(reply, Failed):
-            error = InfrastructureError(reply.message, hint=reply.hint)
+            error = InfrastructureError(reply.message, hint=reply.hint, engine=reply.engine)
             error.add_note(reply.traceback)
             return error
         return InfrastructureError(f"the {self.name} sent an unexpected {type(reply).__name__}")
@@ -198,7 +198,8 @@ class Worker:
         time.
         """
         call = self._progress.read()
-        late = _late(call, own_clock_of_s(self.pid), f"the {self.name}", allowed_s)
+        now_s = own_clock_of_s(self.pid)
+        late = _late(call, now_s, f"the {self.name}", allowed_s)
         # The stack is for the engine's author. The signal handler dumps it even from within a C call.
         self._signal(signal.SIGUSR2)
         until = self.deadline(_DUMP_S)
@@ -207,7 +208,9 @@ class Worker:
         self.kill()
         # Without an engine at work the process was stopped, or its answer was lost.
         cause: AbortCause = "" if call.engine else self._cause
-        error = InfrastructureError(f"{late}; the {self.name} was killed", cause=cause)
+        error = InfrastructureError(
+            f"{late}; the {self.name} was killed", cause=cause, engine=_slow_engine(call, now_s)
+        )
         error.add_note(_tail(self._output.text(), _DUMP_LINES))
         return error
 
@@ -236,7 +239,8 @@ class Worker:
         # The interpreter's crash dump is for the engine's author and goes into a note, not into the message.
         output, crash, dump = self._output.text().partition(_CRASH)
         last = f"; its last output: {_tail(output, _SHOWN_LINES)}" if output.strip() else ""
-        error = InfrastructureError(f"the {self.name} died{reason}{where}{last}", cause=self._cause)
+        text = f"the {self.name} died{reason}{where}{last}"
+        error = InfrastructureError(text, cause=self._cause, engine=call.engine)
         if crash:
             error.add_note(crash + dump)
         return error
@@ -319,10 +323,15 @@ def _late(call: CurrentCall, now_s: float, name: str, allowed_s: float) -> str:
     """
     if not call.engine:
         return f"{name} did not answer within {allowed_s:g} s"
-    if call.slowest != call.engine and call.slowest_s > now_s - call.since_s:
+    if _slow_engine(call, now_s) != call.engine:
         took = f"engine `{call.slowest}` took {call.slowest_s:.1f} of {allowed_s:g} s"
         return f"{took}, so that engine `{call.engine}` ({call.call}) had no time left"
     return f"engine `{call.engine}` ({call.call}) did not answer within {allowed_s:g} s"
+
+
+def _slow_engine(call: CurrentCall, now_s: float) -> str:
+    """Return the engine that took most of the time: the current one, or an earlier one of the same barrier."""
+    return call.slowest if call.slowest and call.slowest_s > now_s - call.since_s else call.engine
 
 
 def _tail(text: str, count: int) -> str:

@@ -16,7 +16,7 @@ from lingjing.errors import InfrastructureError, UsageError
 from lingjing.kernel.world.contract import StoredFrame, World, WorldBoundary
 from lingjing.kernel.world.cosimulation import CoSimulation, macro_steps
 from lingjing.kernel.world.engine_group import EngineGroup, close_engines, start_engines
-from lingjing.kernel.world.guarded_calls import absent, no_episode, no_sensor
+from lingjing.kernel.world.guarded_calls import absent, name_plugin, no_episode, no_sensor
 from lingjing.kernel.world.selection import select_engines
 from lingjing.kernel.world.sensor import Sensor
 from lingjing.kernel.world.times import EngineTimes
@@ -56,7 +56,8 @@ class InlineWorld:
             boundary = self._cosimulation.reset()
             self._times.check(instance.budget.engine_s)
             return boundary
-        except BaseException:
+        except BaseException as error:
+            name_plugin(error, self._host)
             self.close()
             raise
 
@@ -67,7 +68,8 @@ class InlineWorld:
             self._times.clear()
             boundary = cosimulation.step(tick, commands)
             self._times.check(instance.budget.engine_s)
-        except InfrastructureError:
+        except InfrastructureError as error:
+            name_plugin(error, self._host)
             self.close()
             raise
         return boundary
@@ -79,10 +81,14 @@ class InlineWorld:
         instance, _ = self._episode()
         if not requests:
             return ()
-        sensor = self._ready_sensor(instance)
-        deadline = OwnDeadline(os.getpid(), instance.budget.capture_s, watched=True)
-        sensor.move_to(tick * instance.clock.tick_s, states)
-        return tuple(self._draw(sensor, request, deadline) for request in requests)
+        try:
+            sensor = self._ready_sensor(instance)
+            deadline = OwnDeadline(os.getpid(), instance.budget.capture_s, watched=True)
+            sensor.move_to(tick * instance.clock.tick_s, states)
+            return tuple(self._draw(sensor, request, deadline) for request in requests)
+        except InfrastructureError as error:
+            name_plugin(error, self._host)
+            raise
 
     def fork(self) -> World:
         """Raise `UsageError`: engines in the caller cannot be copied."""

@@ -149,6 +149,8 @@ class Failed(WorkerMessage, frozen=True, kw_only=True):
     """The description, with engine and call."""
     hint: str = ""
     """The hint of the error; "" if it has none."""
+    engine: str = ""
+    """The engine that failed; "" if none did."""
     traceback: str = ""
     """The traceback, for the engine's author."""
 

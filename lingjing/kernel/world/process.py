@@ -27,7 +27,7 @@ from lingjing.kernel.world.engine_group import (
     start_engines,
 )
 from lingjing.kernel.world.extra_plugins import host_with
-from lingjing.kernel.world.guarded_calls import no_episode, no_sensor
+from lingjing.kernel.world.guarded_calls import OWN_ENGINES, name_plugin, no_episode, no_sensor
 from lingjing.kernel.world.handle import ReplyT, Worker
 from lingjing.kernel.world.held_cities import packed
 from lingjing.kernel.world.held_starts import HeldStarts
@@ -56,9 +56,6 @@ from lingjing.processes.deadlines import OwnDeadline
 from lingjing.processes.fork_client import ForkServerClient
 from lingjing.scene.city import City
 from lingjing.trace.records import Absent, BodyState, Command, Receipt
-
-OWN_ENGINES = "builtin"
-"""The plug-in that offers the project's own engines."""
 
 
 class _WorldProcessGroup:
@@ -215,7 +212,8 @@ class ProcessWorld:
                 drawn = Reset(instance=instance, city=carried, coupled=False)
                 self._workers.camera.begin(roles.sensor, drawn, at_once=takes_pictures_unasked(instance))
             return self._placed(_Episode(instance, roles), city, carried)
-        except BaseException:
+        except BaseException as error:
+            name_plugin(error, self._host)
             self._workers.abandon_world()
             self._abandon_camera()
             raise
@@ -227,7 +225,8 @@ class ProcessWorld:
             raise ValueError(f"boundary {tick} does not follow boundary {episode.tick}")
         try:
             boundary = self._step(episode, tick, tuple(commands))
-        except BaseException:
+        except BaseException as error:
+            name_plugin(error, self._host)
             self._episode = None
             self._workers.abandon_world()
             raise
@@ -246,7 +245,8 @@ class ProcessWorld:
         time_s = tick * episode.instance.clock.tick_s
         try:
             return self._workers.camera.capture(time_s, requests, states, episode.instance.budget.capture_s)
-        except BaseException:
+        except BaseException as error:
+            name_plugin(error, self._host)
             self._episode = None
             self._abandon_camera()
             raise

@@ -9,8 +9,8 @@ from functools import partial
 from lingjing.errors import ErrorCollector, UsageError
 from lingjing.mission.instance import Instance
 from lingjing.plugins.engine import EnginePlugin
+from lingjing.plugins.foreign_errors import one_line
 from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import one_line
 
 CAMERA = "camera"
 """The name of the sensor engine that is preferred if several are installed."""

@@ -44,7 +44,8 @@ class EngineTimes:
             name, seconds = self.slowest()
             raise InfrastructureError(
                 f"the engines took {total_s:.1f} s of {allowed_s:g} s for one boundary; "
-                f"the slowest was `{name}` with {seconds:.1f} s"
+                f"the slowest was engine `{name}` with {seconds:.1f} s",
+                engine=name,
             )
 
     def _book_time(self) -> float:

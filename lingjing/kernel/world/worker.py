@@ -21,7 +21,7 @@ from typing import NoReturn
 
 import msgspec
 
-from lingjing.errors import LingjingError, hint_of
+from lingjing.errors import InfrastructureError, LingjingError, hint_of
 from lingjing.kernel.world.extra_plugins import host_with
 from lingjing.kernel.world.handlers import CameraHandler, RequestHandler, WorldHandler
 from lingjing.kernel.world.launch import WorkerSettings
@@ -267,7 +267,8 @@ def _attempt(handler: RequestHandler, context: _WorkerContext, request: Request)
     except ChannelClosedError:
         raise
     except LingjingError as error:
-        context.reply(Failed(message=str(error), hint=hint_of(error), traceback=traceback.format_exc()))
+        engine = error.engine if isinstance(error, InfrastructureError) else ""
+        context.reply(Failed(message=str(error), hint=hint_of(error), engine=engine, traceback=traceback.format_exc()))
     except Exception as error:  # noqa: BLE001 - a bug of ours; the caller raises it
         message = f"the worker failed: {type(error).__name__}: {error}"
         context.reply(Failed(message=message, traceback=traceback.format_exc()))
