@@ -8,13 +8,18 @@ from collections.abc import Iterator
 from typing import Any
 
 import msgspec
+import shapely
 
+from lingjing.mission.geometry2d import Polygon
 from lingjing.mission.instance import SceneSpec
 from lingjing.mission.kinds import centre_m, extent_m
 from lingjing.scene.city import City, Pieces
 
 _LEAST = {"polygon": 3, "top": 3, "path": 2, "shape": 2}
 """Least number of points in a piece's field, by the field's name."""
+
+_LEAST_OVERLAP_M2 = 1.0
+"""The overlap of a land and a water that is no fault, square metres. Chosen: outlines that touch may cross a little."""
 
 
 def city_faults(city: City, spec: SceneSpec) -> Iterator[str]:
@@ -29,6 +34,7 @@ def city_faults(city: City, spec: SceneSpec) -> Iterator[str]:
         yield f"its origin {city.origin} is no latitude and longitude"
     if city.datum_m != spec.datum_m:
         yield f"its water lies at {city.datum_m:g} m, the mission says {spec.datum_m:g} m"
+    yield from _flooded_lands(city)
     if msgspec.msgpack.decode(msgspec.msgpack.encode(city), type=City) != city:
         yield "it changes on the way to another process (msgpack)"
     for kind in Pieces.__struct_fields__:
@@ -38,6 +44,30 @@ def city_faults(city: City, spec: SceneSpec) -> Iterator[str]:
                 yield f"{count} of its {kind} are called `{name}`"
         for number, piece in enumerate(pieces):
             yield from _piece_faults(f"{kind}[{number}]", msgspec.to_builtins(piece))
+
+
+def _flooded_lands(city: City) -> Iterator[str]:
+    """Yield the lands whose top is not above a water that they overlap: engines could not tell the surface there."""
+    waters = [(number, water, _area(water.polygon, water.holes)) for number, water in enumerate(city.waters)]
+    for number, land in enumerate(city.lands):
+        area = _area(land.polygon)
+        for of_water, water, wet in waters:
+            if land.top_m <= water.level_m and area is not None and wet is not None and area.intersects(wet):
+                overlap_m2 = area.intersection(wet).area
+                if overlap_m2 > _LEAST_OVERLAP_M2:
+                    yield (
+                        f"lands[{number}] has its top at {land.top_m:g} m and waters[{of_water}] its level at "
+                        f"{water.level_m:g} m, and they overlap by {overlap_m2:.0f} m²: raise the land, lower the "
+                        f"water, or cut a hole into the water"
+                    )
+
+
+def _area(polygon: Polygon, holes: tuple[Polygon, ...] = ()) -> shapely.Geometry | None:
+    """Return a polygon as a geometry; None for a faulty one, which another check reports."""
+    numbers = [number for outline in (polygon, *holes) for point in outline for number in point]
+    if min(map(len, (polygon, *holes))) < _LEAST["polygon"] or not all(map(math.isfinite, numbers)):
+        return None
+    return shapely.make_valid(shapely.Polygon(polygon, holes))
 
 
 def _piece_faults(where: str, value: Any) -> Iterator[str]:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from lingjing import builtin
+from lingjing.errors import PluginError
 from lingjing.mission.instance import ArgumentSpec, CameraSpec, Field, MessageSpec, SceneSpec, VerbSpec, Weather
 from lingjing.plugins import conformance as kit
 from lingjing.plugins.engine import Boundary, EnginePlugin, Frame
@@ -455,7 +456,28 @@ class Clinging(Sound):
             raise kit.ConformanceError("closed before it was reset")
 
 
+class Racing(Sound):
+    """An engine whose boat moves 30 m in a second; its `kinds.json` allows far less."""
+
+    def state(self, entity):
+        x, y, z = entity.position
+        return BodyState(id=entity.id, position=(x + 30.0 * self.now, y, z))
+
+
+class Mumbling(Sound):
+    def state(self, entity):
+        return BodyState(id=entity.id, position=entity.position, status="mumbling" if self.now else "")
+
+
+class Leaderless(Sound):
+    def reset(self, spec, city, seed):
+        super().reset(spec, city, seed)
+
+
 BROKEN = [
+    (Racing, kit.check_speed),
+    (Mumbling, kit.check_words),
+    (Leaderless, kit.check_ready),
     (Misplaced, kit.check_ready),
     (LateStart, kit.check_ready),
     (Ignorant, kit.check_commands),
@@ -526,7 +548,63 @@ def test_each_fault_is_caught_by_its_check(case, broken, check):
 
 
 def test_every_check_has_an_engine_that_fails_it():
-    assert {check for _, check in BROKEN} == set(kit.ENGINE_CHECKS)
+    assert {check for _, check in BROKEN} | {kit.check_options} == set(kit.ENGINE_CHECKS)
+
+
+def test_a_model_of_options_that_does_not_load_is_caught(case):
+    with pytest.raises(PluginError, match="the options of engine `vessel` cannot be loaded from `nowhere:Nope`"):
+        kit.check_options(case("vessel", declared(Sound, options="nowhere:Nope")))
+
+
+def test_a_boat_that_drifts_with_wind_and_current_is_not_too_fast(case):
+    """The described speed is that of a driven boat; without a command wind and current alone move it."""
+
+    class Drifting(Racing):
+        def state(self, entity):
+            x, y, z = entity.position
+            return BodyState(id=entity.id, position=(x + 1.5 * self.now, y, z))
+
+    kit.check_speed(case("vessel", declared(Drifting)))
+    plain = case("vessel", declared(Drifting))
+    idle = kit.EngineCase(plain.plugin, plain.instance, plain.city, (), (), 3, 20.0)
+    with pytest.raises(
+        kit.ConformanceError, match=r"\(1.50 m/s\), and its `kinds.json` allows .* m/s without a command"
+    ):
+        kit.check_speed(idle)
+
+
+class Failing(Sound):
+    def advance(self, until, mirrors):
+        return 1 / 0
+
+
+class Choking(Sound):
+    def is_number(self, value):
+        return isinstance(value, float) and int(value) == int(value)
+
+
+def test_an_engine_that_raises_is_named_with_its_line_once(case):
+    broken = case("vessel", declared(Failing))
+    with pytest.raises(kit.ConformanceError, match=r"engine `vessel` breaks its contract: ") as caught:
+        kit.check_engine(broken.plugin, broken.instance, broken.city, broken.commands)
+    assert str(caught.value).count("ZeroDivisionError: division by zero (tests/plugins/test_conformance.py:") == 1
+    assert isinstance(caught.value.__cause__, ZeroDivisionError)
+
+
+def test_an_argument_for_which_submit_raises_is_named(case):
+    said = (
+        r"submit: `moveTo` \{'x': nan, 'y': 40.0\} for `boat`: ValueError: cannot convert float NaN to integer \(tests"
+    )
+    with pytest.raises(kit.ConformanceError, match=said):
+        kit.check_arguments(case("vessel", declared(Choking)))
+
+
+def test_a_number_that_is_not_finite_is_one_fault_and_no_other(case):
+    broken = case("vessel", declared(Infinite))
+    with pytest.raises(kit.ConformanceError) as caught:
+        kit.check_engine(broken.plugin, broken.instance, broken.city, broken.commands)
+    faults = str(caught.value).partition("breaks its contract: ")[2].split("; ")
+    assert {fault.partition(": ")[2].rpartition(" at ")[0] for fault in faults} == {"`boat`"}, faults
 
 
 class Hopeless(Slow, Boastful):
@@ -535,7 +613,7 @@ class Hopeless(Slow, Boastful):
 
 def test_all_faults_are_told_at_once(case):
     broken = case("vessel", declared(Hopeless))
-    with pytest.raises(kit.ConformanceError, match=r"engine `vessel` breaks its contract: .*advance: .*receipts: "):
+    with pytest.raises(kit.ConformanceError, match=r"engine `vessel` breaks its contract: .*advance.*: .*receipts: "):
         kit.check_engine(broken.plugin, broken.instance, broken.city, broken.commands)
 
 
@@ -663,6 +741,23 @@ class Lost(Calm):
     message = Outgoing(kind="note", body={"text": "?"}, to=("nobody",))
 
 
+class Endless(Calm):
+    command = Action(verb="moveTo", arguments={"x": math.nan, "y": 2.0})
+
+
+class Silent(Calm):
+    command = Action(verb="moveTo", arguments={"x": 1.0})
+
+
+class Raising(Calm):
+    async def reset(self, brief):
+        self.brief = brief.nothing
+
+
+class Vague(Calm):
+    message = Outgoing(kind="note", body={"text": math.inf})
+
+
 class Wordless(Calm):
     async def act(self, observation, inbox):
         return {"command": None}
@@ -721,7 +816,17 @@ def test_a_sound_policy_passes(brief):
         (Whispering, "a message `secret`"),
         (Terse, "without text"),
         (Lost, "unknown agent"),
-        (Wordless, "a dict instead of a Decision"),
+        (Wordless, "a value of type `dict` instead of a Decision"),
+        (
+            Endless,
+            "policy `broken` breaks its contract: decisions: act: `moveTo`: `x` is nan, a finite number is due\nhint",
+        ),
+        (Silent, "act: `moveTo` without y"),
+        (Vague, "act: a `note`: `text` is inf, finite numbers are due"),
+        (
+            Raising,
+            r"AttributeError: 'Brief' object has no attribute 'nothing' \(tests/plugins/test_conformance.py:\d+\)",
+        ),
         (Fickle, "decide differently"),
     ],
 )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
@@ -14,10 +13,8 @@ from lingjing.errors import PluginError, UsageError
 from lingjing.mission import kinds
 from lingjing.mission.instance import Instance, SceneSpec
 from lingjing.plugins import conformance as kit
-from lingjing.plugins.evaluator import EpisodeState, Evaluation, EvaluatorPlugin
 from lingjing.plugins.hookspecs import ScenePlugin, hookimpl
-from lingjing.plugins.options import Field, PluginOptions
-from lingjing.scene.city import City, Road, Water
+from lingjing.scene.city import City, Land, Road, Water
 from lingjing.scene.city import Lane as CityLane
 from lingjing.testing import PluginHost, city_of, compile_text, instantiate
 from lingjing.trace.records import Command
@@ -90,66 +87,6 @@ def test_a_case_whose_commands_the_engine_does_not_know_fails() -> None:
     kit.check_commands(engine_case(order("uav", "takeoff")))
 
 
-# -- evaluators
-
-
-class Share(PluginOptions):
-    reward: float = Field(0.5, ge=0.0, le=1.0)
-
-
-def evaluator(evaluate: Callable[[EpisodeState, object], object], **declared: object) -> EvaluatorPlugin:
-    """One whose `evaluate` is this function."""
-    made = type("Made", (), {"evaluate": staticmethod(evaluate)})
-    return EvaluatorPlugin(name="made", build=lambda instance, *options: made(), **declared)  # type: ignore[arg-type]
-
-
-def test_an_evaluator_that_keeps_its_contract_passes() -> None:
-    kit.check_evaluator(evaluator(lambda state, events: Evaluation(0.5, state.tick == 2)), instance_with())
-    told: list[float] = []
-
-    def build_share(instance: Instance, options: Share) -> object:
-        told.append(options.reward)
-        return type("Made", (), {"evaluate": lambda self, state, events: Evaluation(options.reward, False)})()
-
-    plugin = EvaluatorPlugin(name="share", build=build_share, options=Share)  # type: ignore[arg-type]
-    kit.check_evaluator(plugin, instance_with(), {"reward": "0.25"})
-    assert told == [0.25, 0.25]
-    with pytest.raises(UsageError, match="option `reward` is '3', at most 1 is due"):
-        kit.check_evaluator(plugin, instance_with(), {"reward": "3"})
-
-
-def _forgetful(state: EpisodeState, events: object) -> Evaluation:
-    state.states.clear()  # type: ignore[attr-defined]
-    return Evaluation(0.0, False)
-
-
-def _counting() -> Callable[[EpisodeState, object], Evaluation]:
-    asked: list[int] = []
-
-    def evaluate(state: EpisodeState, events: object) -> Evaluation:
-        asked.append(state.tick)
-        return Evaluation(min(1.0, len(asked) / 10), False)
-
-    return evaluate
-
-
-@pytest.mark.parametrize(
-    ("evaluate", "said"),
-    [
-        (lambda state, events: 0.5, "at tick 0 answers a float instead of an Evaluation"),
-        (lambda state, events: Evaluation(state.tick * 0.75, False), "at tick 2: its reward is 1.5"),
-        (lambda state, events: Evaluation(0.5, True, "bored"), "its reason is 'bored'"),
-        (_counting(), "it keeps a state"),
-        (_forgetful, "changes the boundary that it receives"),
-    ],
-)
-def test_an_evaluator_that_breaks_its_contract_fails(
-    evaluate: Callable[[EpisodeState, object], object], said: str
-) -> None:
-    with pytest.raises(kit.ConformanceError, match=said):
-        kit.check_evaluator(evaluator(evaluate), instance_with())
-
-
 # -- scenes
 
 
@@ -176,6 +113,8 @@ def scenes(*cities: City) -> PluginHost:
 
 GOOD = City(id="moon", origin=(0.0, 0.0), bounds=(-50.0, -50.0, 50.0, 50.0))
 SQUARE = ((0.0, 0.0), (9.0, 0.0), (9.0, 9.0))
+WIDE = ((-40.0, -40.0), (40.0, -40.0), (40.0, 40.0), (-40.0, 40.0))
+HOLE = ((-1.0, -1.0), (10.0, -1.0), (10.0, 10.0), (-1.0, 10.0))
 
 
 def _changed(**changes: object) -> City:
@@ -191,6 +130,10 @@ def _changed(**changes: object) -> City:
         (_changed(waters=(Water(polygon=SQUARE[:2], level_m=0.0),)), r"waters\[0\].polygon has 2 points, 3 are due"),
         (_changed(waters=(Water(polygon=SQUARE, level_m=float("nan")),)), r"waters\[0\].level_m is nan"),
         (
+            _changed(waters=(Water(polygon=WIDE, level_m=0.0),), lands=(Land(polygon=SQUARE, top_m=0.0),)),
+            r"lands\[0\] has its top at 0 m and waters\[0\] its level at 0 m, and they overlap by .*: raise the land",
+        ),
+        (
             _changed(roads=(Road(id="r", lanes=()), Road(id="r", lanes=(CityLane(id="l", shape=(), width_m=3.0),)))),
             r"2 of its roads are called `r`; roads\[1\].lanes\[0\].shape has 0 points",
         ),
@@ -199,6 +142,19 @@ def _changed(**changes: object) -> City:
 def test_a_city_that_is_none_fails(city: City, said: str) -> None:
     with pytest.raises(kit.ConformanceError, match=said):
         kit.check_scene(SceneSpec(kind="moon"), scenes(city, city))
+
+
+@pytest.mark.parametrize(
+    ("water", "top_m"),
+    [
+        (Water(polygon=WIDE, level_m=0.0), 0.1),
+        (Water(polygon=WIDE, level_m=0.0, holes=(HOLE,)), -1.0),
+        (Water(polygon=tuple((x + 49.0, y) for x, y in WIDE), level_m=0.0), 0.0),
+    ],
+)
+def test_a_land_that_is_above_the_water_or_beside_it_passes(water: Water, top_m: float) -> None:
+    city = _changed(waters=(water,), lands=(Land(polygon=SQUARE, top_m=top_m),))
+    kit.check_scene(SceneSpec(kind="moon"), scenes(city, city))
 
 
 def test_a_scene_that_is_built_otherwise_the_second_time_fails() -> None:
@@ -239,6 +195,15 @@ def test_kinds_that_nobody_offers_or_describes_fail(tmp_path: Path, monkeypatch:
         kit.check_kinds("acme")
     assert {fault.where for fault in told.value.faults} == {"scenes[0].extent_m", "scenes[0].lacks[0]"}
     kinds._describing.cache_clear()
+
+
+def test_a_name_that_no_entry_point_has_fails() -> None:
+    for name in ("nope", "", "builtin.py"):
+        with pytest.raises(kit.ConformanceError, match=f"no installed entry point .* is called `{name}`"):
+            kit.check_kinds(name)
+    with pytest.raises(kit.ConformanceError) as caught:
+        kit.check_kinds("bulitin")
+    assert caught.value.hint == "did you mean `builtin`?"
 
 
 def test_the_scene_of_ones_own_on_the_page_keeps_its_contract(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

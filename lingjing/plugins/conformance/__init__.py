@@ -14,15 +14,16 @@ bodies collide with it. `check_evaluator(plugin, instance)`, `check_scene(spec)`
 other kinds, `check_scaffold(plugin)` and `check_backbone(plugin, model)` the parts of an agent over a chat model. A
 check makes its own objects from the plug-in's factory and raises `ConformanceError` with one sentence.
 
-`case` (the inputs of a check, one run of an engine) → `boundaries` (the checks of each boundary) → `engines` and
-`requests` (the checks of an engine); `policies`, `scaffolds`, `backbones`, `bodies` (a type's body) and `providers`
-(evaluators, scenes, files of kinds) hold the checks of the other kinds. `samples` has a brief for checks without a
-mission.
+`case` (the inputs of a check, one run of an engine) → `boundaries` (the checks of each boundary) → `engines`,
+`requests` and `described` (the checks of an engine, its commands and its `kinds.json`); `policies`, `evaluators`,
+`scaffolds`, `backbones`, `bodies` (a type's body) and `providers` (scenes, files of kinds) hold the checks of the other
+kinds. `samples` has a brief for checks without a mission.
 """
 
 from lingjing.plugins.conformance.backbones import BACKBONE_CHECKS, BackboneCase, check_backbone
 from lingjing.plugins.conformance.bodies import BODY_CHECKS, BodyCase, check_body, check_can_be_hit, check_is_seen
 from lingjing.plugins.conformance.case import ConformanceError, EngineCase, Run, case_of, check_name, instance_of
+from lingjing.plugins.conformance.described import check_speed, check_words
 from lingjing.plugins.conformance.engines import (
     ENGINE_CHECKS,
     check_advance,
@@ -31,11 +32,13 @@ from lingjing.plugins.conformance.engines import (
     check_cuts,
     check_engine,
     check_fork,
+    check_options,
     check_ready,
     check_repeatable,
     check_strangers,
     check_values,
 )
+from lingjing.plugins.conformance.evaluators import check_evaluator
 from lingjing.plugins.conformance.policies import (
     POLICY_CHECKS,
     PolicyCase,
@@ -43,7 +46,7 @@ from lingjing.plugins.conformance.policies import (
     check_policy,
     check_same_decisions,
 )
-from lingjing.plugins.conformance.providers import check_evaluator, check_kinds, check_scene
+from lingjing.plugins.conformance.providers import check_kinds, check_scene
 from lingjing.plugins.conformance.requests import (
     UNKNOWN_RESOURCE,
     UNKNOWN_VERB,
@@ -92,6 +95,7 @@ __all__ = [
     "check_is_seen",
     "check_kinds",
     "check_name",
+    "check_options",
     "check_policy",
     "check_preemption",
     "check_ready",
@@ -101,8 +105,10 @@ __all__ = [
     "check_same_decisions",
     "check_scaffold",
     "check_scene",
+    "check_speed",
     "check_strangers",
     "check_values",
+    "check_words",
     "instance_of",
     "sample_brief",
     "sample_observations",

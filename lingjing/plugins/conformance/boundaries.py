@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from lingjing.plugins.conformance.case import EngineCase, require
+from lingjing.plugins.conformance.case import EngineCase, require, require_finite
 from lingjing.plugins.engine import Boundary
 from lingjing.trace.records import BodyState, Route
 
@@ -44,9 +44,7 @@ def check_route_numbers(routes: Iterable[Route]) -> None:
 
 
 def _check_numbers(state: BodyState, until: float) -> None:
-    numbers = (*state.position, *state.velocity, state.heading_deg, state.pitch_deg, state.roll_deg)
-    finite = all(math.isfinite(number) for number in (*numbers, *state.resources.values(), *state.joints))
-    require(finite, f"`{state.id}` at {until} s holds a number that is not finite")
+    require_finite(state, until)
     require(0.0 <= state.heading_deg < 360.0, f"`{state.id}` at {until} s: heading {state.heading_deg} not in 0..360")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -9,18 +10,20 @@ from typing import TypeVar
 
 import msgspec
 
-from lingjing.errors import PluginError
+from lingjing.errors import ForeignCodeError, LingjingError, PluginError, UsageError
 from lingjing.mission.instance import Datum, Entity, Instance
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Mission
 from lingjing.plugins.building import build_city
 from lingjing.plugins.engine import Boundary, Engine, EnginePlugin, EngineSpec
+from lingjing.plugins.foreign_errors import kind_of_value, one_line
 from lingjing.plugins.host import PluginHost
 from lingjing.scene.anchor import anchor
 from lingjing.scene.city import City
 from lingjing.trace.records import BodyState, Command, Receipt
 
 CaseT = TypeVar("CaseT")
+ResultT = TypeVar("ResultT")
 
 
 class ConformanceError(PluginError):
@@ -121,9 +124,14 @@ def play(case: EngineCase, times: Sequence[float] | None = None) -> Run:
         return drive(engine, case, times)
 
 
+def reset(engine: Engine, case: EngineCase) -> Boundary:
+    """Reset the engine, and return READY(0)."""
+    return _sound("reset", engine.reset(case.spec, case.city, case.seed))
+
+
 def drive(engine: Engine, case: EngineCase, times: Sequence[float] | None = None) -> Run:
     """Reset the engine, submit the case's commands, and advance to each time."""
-    run = Run(ready=engine.reset(case.spec, case.city, case.seed), admissions=tuple(engine.submit(case.commands)))
+    run = Run(ready=reset(engine, case), admissions=tuple(engine.submit(case.commands)))
     run.boundaries += advance(engine, case, 0.0, case.times() if times is None else times)
     return run
 
@@ -132,9 +140,25 @@ def advance(engine: Engine, case: EngineCase, start: float, times: Sequence[floa
     """Advance from `start` to each time in turn, and return the boundaries."""
     boundaries = []
     for until in times:
-        boundaries.append(engine.advance(until, case.mirrors_at(start)))
+        boundaries.append(_sound("advance", engine.advance(until, case.mirrors_at(start))))
         start = until
     return boundaries
+
+
+def require_finite(state: BodyState, time_s: float) -> None:
+    """Raise `ConformanceError` unless all numbers of a body are finite."""
+    numbers = (*state.position, *state.velocity, state.heading_deg, state.pitch_deg, state.roll_deg)
+    finite = all(math.isfinite(number) for number in (*numbers, *state.resources.values(), *state.joints))
+    require(finite, f"`{state.id}` at {time_s} s holds a number that is not finite")
+
+
+def _sound(call: str, boundary: object) -> Boundary:
+    """Return a boundary that comparisons can use. NaN is unequal to itself, so that equal boundaries would differ."""
+    require(isinstance(boundary, Boundary), f"{call}: it returned {kind_of_value(boundary)}, not a Boundary")
+    assert isinstance(boundary, Boundary)
+    for state in (*boundary.states, *boundary.ambient):
+        require_finite(state, boundary.time_s)
+    return boundary
 
 
 def require(condition: bool, message: str) -> None:
@@ -143,18 +167,39 @@ def require(condition: bool, message: str) -> None:
         raise ConformanceError(message)
 
 
+def of_plugin(what: str, call: Callable[[], ResultT]) -> ResultT:
+    """Return the result of a plug-in's code. Raises `ConformanceError` for every exception, with the line of the code.
+
+    An error of this project passes: it is the plug-in's own way to report wrong options or a missing file.
+    """
+    try:
+        return call()
+    except LingjingError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise ConformanceError(f"{what}: {one_line(error)}") from error
+
+
 def run_all(who: str, checks: Iterable[Callable[[CaseT], None]], case: CaseT) -> None:
-    """Run every check. Raises one `ConformanceError` that lists all failed checks."""
-    faults = []
+    """Run every check. Raises one `ConformanceError` that lists all failed checks, also those in which the plug-in
+    raises."""
+    faults: dict[str, list[str]] = {}
+    causes: list[BaseException] = []
     for check in checks:
         try:
             check(case)
         except ConformanceError as fault:
-            faults.append(f"{check_name(check)}: {fault}")
+            faults.setdefault(str(fault), []).append(check_name(check))
+        except (Exception, SystemExit) as error:
+            if isinstance(error, UsageError) and not isinstance(error, ForeignCodeError):
+                raise  # the options or the files of the case are wrong
+            causes.append(error)
+            faults.setdefault(one_line(error), []).append(check_name(check))
     if faults:
+        listed = [f"{', '.join(names)}: {fault}" for fault, names in faults.items()]
         raise ConformanceError(
-            f"{who} breaks its contract: {'; '.join(faults)}", hint="see lingjing.plugins.conformance"
-        )
+            f"{who} breaks its contract: {'; '.join(listed)}", hint="see lingjing.plugins.conformance"
+        ) from (causes[0] if causes else None)
 
 
 def check_name(check: Callable[..., None]) -> str:
@@ -169,5 +214,5 @@ def _moved(state: BodyState, seconds: float) -> BodyState:
 
 __all__ = [
     "ConformanceError", "EngineCase", "Run", "advance", "case_of", "check_name", "drive", "engine_of", "instance_of",
-    "play", "require", "run_all",
+    "of_plugin", "play", "require", "require_finite", "reset", "run_all",
 ]  # fmt: skip

@@ -11,10 +11,20 @@ import msgspec
 import numpy as np
 
 from lingjing.mission.instance import CameraSpec, Instance
-from lingjing.mission.kinds import engine_kind
-from lingjing.mission.vocabulary import DORMANT
 from lingjing.plugins.conformance.boundaries import check_boundary, check_events, check_route_numbers
-from lingjing.plugins.conformance.case import EngineCase, Run, advance, drive, engine_of, play, require, run_all
+from lingjing.plugins.conformance.case import (
+    ConformanceError,
+    EngineCase,
+    Run,
+    advance,
+    drive,
+    engine_of,
+    play,
+    require,
+    reset,
+    run_all,
+)
+from lingjing.plugins.conformance.described import check_speed, check_words
 from lingjing.plugins.conformance.requests import (
     check_admission,
     check_arguments,
@@ -25,6 +35,7 @@ from lingjing.plugins.conformance.requests import (
     check_refusals,
 )
 from lingjing.plugins.engine import Boundary, CaptureRequest, Engine, EnginePlugin, Frame, KeyedPictures
+from lingjing.plugins.options import declared_model
 from lingjing.processes.linux import run_in_fork
 from lingjing.scene.city import City
 from lingjing.trace.records import BodyState, Command
@@ -52,7 +63,7 @@ def check_engine(
 def check_ready(case: EngineCase) -> None:
     """Check that `reset` returns every owned entity at time 0 and at its place, without receipts and events."""
     with engine_of(case) as engine:
-        ready = engine.reset(case.spec, case.city, case.seed)
+        ready = reset(engine, case)
     check_boundary(case, ready, 0.0)
     require(not ready.receipts and not ready.events, "reset: receipts or events before anything happened")
     for entity, state in zip(case.owned, ready.states, strict=True):
@@ -87,7 +98,7 @@ def check_strangers(case: EngineCase) -> None:
         BodyState(id="conformance/2", kind="conformance.noSuchKind", position=(4000.0, 4010.0, 0.0)),
     ]
     with engine_of(case) as engine:
-        engine.reset(case.spec, case.city, case.seed)
+        reset(engine, case)
         engine.submit(case.commands)
         for until in case.times()[:4]:
             boundary = engine.advance(until, crowd)
@@ -134,26 +145,19 @@ def check_cuts(case: EngineCase) -> None:
 
 
 def check_values(case: EngineCase) -> None:
-    """Check that boundaries stay equal when they are encoded and decoded (msgpack), and that the engine gives its
-    bodies only the status words that its `kinds.json` lists, if it lists any."""
+    """Check that boundaries stay equal when they are encoded and decoded (msgpack)."""
     run = play(case)
-    _check_words(case, run)
     for boundary in (run.ready, *run.boundaries):
-        packed = msgspec.msgpack.encode(boundary)
+        try:
+            packed = msgspec.msgpack.encode(boundary)
+        except TypeError as error:
+            raise ConformanceError(f"a boundary holds a value that is no plain number or text: {error}") from error
         require(msgspec.msgpack.decode(packed, type=Boundary) == boundary, "a boundary changes when it is packed")
 
 
-def _check_words(case: EngineCase, run: Run) -> None:
-    words = engine_kind(case.plugin.name).words
-    if words is None:
-        return
-    owned = {entity.id: entity for entity in case.owned}
-    for state in (state for boundary in (run.ready, *run.boundaries) for state in boundary.states):
-        entity = owned.get(state.id)
-        if entity is not None and state.status not in ("", *words, DORMANT):
-            done = {interaction.done_word for interaction in entity.interactions}
-            known = f"`kinds.json` lists {', '.join(words)}"
-            require(state.status in done, f"`{state.id}` has the status `{state.status}`: {known}")
+def check_options(case: EngineCase) -> None:
+    """Check that the model of options that the declaration names can be loaded."""
+    declared_model(case.plugin.options, f"engine `{case.plugin.name}`")
 
 
 def check_fork(case: EngineCase) -> None:
@@ -163,7 +167,7 @@ def check_fork(case: EngineCase) -> None:
     times = case.times()
     half = len(times) // 2
     with engine_of(case) as engine:
-        engine.reset(case.spec, case.city, case.seed)
+        reset(engine, case)
         engine.submit(case.commands)
         advance(engine, case, 0.0, times[:half])
         start = times[half - 1] if half else 0.0
@@ -180,7 +184,7 @@ def check_capture(case: EngineCase) -> None:
     """
     mounts = [(entity, camera) for entity in case.instance.entities for camera in entity.cameras]
     with engine_of(case) as engine:
-        engine.reset(case.spec, case.city, case.seed)
+        reset(engine, case)
         until = case.times()[0]
         engine.advance(until, case.mirrors)
         requests = tuple(
@@ -216,7 +220,7 @@ def check_close(case: EngineCase) -> None:
     with engine_of(case):
         pass
     with engine_of(case) as engine:
-        engine.reset(case.spec, case.city, case.seed)
+        reset(engine, case)
         engine.close()
 
 
@@ -234,6 +238,9 @@ ENGINE_CHECKS: tuple[Callable[[EngineCase], None], ...] = (
     check_repeatable,
     check_cuts,
     check_values,
+    check_words,
+    check_speed,
+    check_options,
     check_fork,
     check_capture,
     check_close,
@@ -277,5 +284,5 @@ def _frame(request: CaptureRequest, frame: Frame, camera: CameraSpec) -> None:
 
 __all__ = [
     "ENGINE_CHECKS", "check_advance", "check_capture", "check_close", "check_cuts", "check_engine", "check_fork",
-    "check_ready", "check_repeatable", "check_strangers", "check_values",
+    "check_options", "check_ready", "check_repeatable", "check_strangers", "check_values",
 ]  # fmt: skip

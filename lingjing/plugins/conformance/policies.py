@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
+import msgspec
+
 from lingjing.plugins.conformance.case import require, run_all
+from lingjing.plugins.foreign_errors import kind_of_value
 from lingjing.plugins.loading import build_policy
 from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, PolicyPlugin
 
@@ -45,7 +49,7 @@ def check_policy(
 def check_decisions(case: PolicyCase) -> None:
     """Check that `act` returns a `Decision` with a command and messages that the brief allows."""
     for decision in _decide(case):
-        require(isinstance(decision, Decision), f"act: a {type(decision).__name__} instead of a Decision")
+        require(isinstance(decision, Decision), f"act: {kind_of_value(decision)} instead of a Decision")
         _command(case.brief, decision)
         kinds = {message.kind: message for message in case.brief.messages}
         for message in decision.messages:
@@ -53,13 +57,18 @@ def check_decisions(case: PolicyCase) -> None:
             needed = {part.name for part in kinds[message.kind].fields if not part.optional}
             missing = sorted(needed - set(message.body))
             require(not missing, f"act: a `{message.kind}` without {', '.join(missing)}")
+            for name, value in message.body.items():
+                parts = value if isinstance(value, tuple) else (value,)
+                finite = all(math.isfinite(part) for part in parts if isinstance(part, float))
+                require(finite, f"act: a `{message.kind}`: `{name}` is {value!r}, finite numbers are due")
             require(set(message.to) <= {peer.id for peer in case.brief.peers}, "act: a message to an unknown agent")
 
 
 def check_same_decisions(case: PolicyCase) -> None:
     """Check that two objects with the same brief and observations decide the same."""
     if case.deterministic:
-        require(_decide(case) == _decide(case), "two policies with the same brief and observations decide differently")
+        first, second = (list(map(msgspec.msgpack.encode, _decide(case))) for _ in range(2))  # NaN equals itself there
+        require(first == second, "two policies with the same brief and observations decide differently")
 
 
 POLICY_CHECKS: tuple[Callable[[PolicyCase], None], ...] = (check_decisions, check_same_decisions)
@@ -75,9 +84,17 @@ def _command(brief: Brief, decision: Decision) -> None:
     require(name in resources, f"act: a command to `{name}`, which the agent may not command")
     verbs = {verb.name: verb for verb in resources[name].verbs}
     require(command.verb in verbs, f"act: `{name}` has no verb `{command.verb}`; it has {', '.join(verbs)}")
-    known = {argument.name for argument in verbs[command.verb].arguments}
-    strange = sorted(set(command.arguments) - known)
-    require(not strange, f"act: `{command.verb}` takes no {', '.join(strange)}")
+    declared = {argument.name: argument for argument in verbs[command.verb].arguments}
+    strange = sorted(set(command.arguments) - set(declared))
+    known = ", ".join(declared) or "nothing"
+    require(not strange, f"act: `{command.verb}` takes no {', '.join(strange)}; it takes {known}")
+    needed = [name for name, spec in declared.items() if spec.default is None and not spec.optional]
+    missing = [name for name in needed if name not in command.arguments]
+    require(not missing, f"act: `{command.verb}` without {', '.join(missing)}")
+    for name, value in command.arguments.items():
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        finite = is_number and math.isfinite(float(value))  # type: ignore[arg-type]
+        require(finite, f"act: `{command.verb}`: `{name}` is {value!r}, a finite number is due")
 
 
 def _decide(case: PolicyCase) -> list[Decision]:

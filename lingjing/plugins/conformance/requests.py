@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import partial
 
 import msgspec
 
 from lingjing.mission.vocabulary import STOP
-from lingjing.plugins.conformance.case import EngineCase, advance, engine_of, play, require
+from lingjing.plugins.conformance.case import EngineCase, advance, engine_of, of_plugin, play, require, reset
 from lingjing.trace.records import Command, Receipt
 
 UNKNOWN_VERB = "conformance.noSuchVerb"
@@ -27,7 +28,7 @@ def check_commands(case: EngineCase) -> None:
         known = command.verb in verbs or command.origin != "agent" or not verbs
         require(known, f"{what}: `{command.resource}` has no verb `{command.verb}`, it has {', '.join(verbs)}")
     with engine_of(case) as engine:
-        engine.reset(case.spec, case.city, case.seed)
+        reset(engine, case)
         receipts = engine.submit(case.commands)
     for receipt in receipts:
         knows = receipt.reason not in ("unknown_verb", "unknown_resource")
@@ -37,7 +38,7 @@ def check_commands(case: EngineCase) -> None:
 def check_admission(case: EngineCase) -> None:
     """Check that `submit` returns one `accepted` or `rejected` receipt for each command, in order."""
     with engine_of(case) as engine:
-        engine.reset(case.spec, case.city, case.seed)
+        reset(engine, case)
         receipts = tuple(engine.submit(case.commands))
         require(engine.submit(()) == (), "submit: receipts for no commands")
     require(len(receipts) == len(case.commands), f"submit: {len(receipts)} receipts, {len(case.commands)} commands")
@@ -77,11 +78,11 @@ def check_busy(case: EngineCase) -> None:
     """
     first, *rest = case.times()
     with engine_of(case) as engine:
-        engine.reset(case.spec, case.city, case.seed)
+        reset(engine, case)
         engine.submit(case.commands)
         alone = advance(engine, case, 0.0, (first, *rest))
     with engine_of(case) as engine:
-        engine.reset(case.spec, case.city, case.seed)
+        reset(engine, case)
         admitted = {r.request for r in engine.submit(case.commands) if r.status == "accepted"}
         boundaries = advance(engine, case, 0.0, (first,))
         ended = {r.request for r in boundaries[0].receipts if r.status != "running"}
@@ -141,14 +142,29 @@ def check_preemption(case: EngineCase) -> None:
 
 
 def _refused(case: EngineCase, commands: list[Command]) -> None:
-    with engine_of(case) as engine:
-        engine.reset(case.spec, case.city, case.seed)
-        receipts = tuple(engine.submit(commands))
+    receipts = _submitted(case, commands)
     require(len(receipts) == len(commands), f"submit: {len(receipts)} receipts, {len(commands)} commands")
     for command, receipt in zip(commands, receipts, strict=True):
-        what = f"`{command.verb}` {command.arguments or ''} for `{command.resource}`"
+        what = _worded(command)
         require(receipt.status == "rejected", f"submit: {what} is `{receipt.status}` instead of rejected")
         require(receipt.reason != "", f"submit: {what} is rejected with no reason")
+
+
+def _submitted(case: EngineCase, commands: list[Command]) -> tuple[Receipt, ...]:
+    """Return the receipts of commands at time 0. If `submit` raises, the error names the command for which it does."""
+    with engine_of(case) as engine:
+        reset(engine, case)
+        try:
+            return tuple(engine.submit(commands))
+        except (Exception, SystemExit):
+            for command in commands:
+                reset(engine, case)
+                of_plugin(f"submit: {_worded(command)}", partial(engine.submit, (command,)))
+            raise
+
+
+def _worded(command: Command) -> str:
+    return f"`{command.verb}` {command.arguments or ''} for `{command.resource}`"
 
 
 def _spoilt(command: Command) -> Iterator[Command]:
@@ -173,7 +189,7 @@ def _preempt(case: EngineCase, command: Command) -> None:
     stop = Command(id="c0-903", tick=0, sender=command.sender, resource=command.resource, verb=STOP)
     first, second = case.times()[:2]
     with engine_of(case) as engine:
-        engine.reset(case.spec, case.city, case.seed)
+        reset(engine, case)
         accepted = engine.submit((command,))[0].status == "accepted"
         (boundary,) = advance(engine, case, 0.0, (first,))
         ended = {r.request for r in boundary.receipts if r.status != "running"}
