@@ -10,8 +10,6 @@ import re
 from collections.abc import Callable, Iterable
 from typing import TypeVar
 
-import pluggy
-
 from lingjing.errors import LingjingError, PluginError, hint_of
 from lingjing.installed_plugins.discovery import TrialFault
 from lingjing.plugins import hookspecs
@@ -103,8 +101,8 @@ def misused_hook(hook: str, returned: object, source: str) -> PluginError:
 _HOOK_OF = re.compile(r"for hook '(\w+)'")
 
 
-def invalid_hook(source: str, plugin: object, error: pluggy.PluginValidationError) -> PluginError:
-    """Return the error for a hook with a signature that pluggy rejects. The last line of its message is the reason."""
+def invalid_hook(source: str, plugin: object, error: Exception) -> PluginError:
+    """Return the error for a hook that pluggy rejects (`PluginValidationError`): its last line is the reason."""
     match = _HOOK_OF.search(str(error))
     hook = match[1] if match else ""
     own, due = getattr(plugin, hook, None), getattr(hookspecs, hook, None)

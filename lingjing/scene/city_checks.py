@@ -47,7 +47,7 @@ def city_faults(city: City, spec: SceneSpec) -> Iterator[str]:
 
 
 def _flooded_lands(city: City) -> Iterator[str]:
-    """Yield the lands whose top is not above a water that they overlap: engines could not tell the surface there."""
+    """Yield each land with a top that is not above a water under it: the surface there is ambiguous."""
     waters = [(number, water, _area(water.polygon, water.holes)) for number, water in enumerate(city.waters)]
     for number, land in enumerate(city.lands):
         area = _area(land.polygon)

@@ -457,7 +457,7 @@ class Clinging(Sound):
 
 
 class Racing(Sound):
-    """An engine whose boat moves 30 m in a second; its `kinds.json` allows far less."""
+    """An engine with a boat that moves 30 m in a second; its `kinds.json` allows far less."""
 
     def state(self, entity):
         x, y, z = entity.position
@@ -592,10 +592,8 @@ def test_an_engine_that_raises_is_named_with_its_line_once(case):
 
 
 def test_an_argument_for_which_submit_raises_is_named(case):
-    said = (
-        r"submit: `moveTo` \{'x': nan, 'y': 40.0\} for `boat`: ValueError: cannot convert float NaN to integer \(tests"
-    )
-    with pytest.raises(kit.ConformanceError, match=said):
+    message = r"submit: `moveTo` \{'x': nan, 'y': 40.0\} for `boat`: ValueError: cannot convert float NaN to integer"
+    with pytest.raises(kit.ConformanceError, match=message):
         kit.check_arguments(case("vessel", declared(Choking)))
 
 

@@ -45,22 +45,22 @@ class Share(PluginOptions):
 
 
 def evaluator(evaluate: Callable[[EpisodeState, object], object], **declared: object) -> EvaluatorPlugin:
-    """One whose `evaluate` is this function."""
+    """An evaluator with this function as its `evaluate`."""
     made = type("Made", (), {"evaluate": staticmethod(evaluate)})
     return EvaluatorPlugin(name="made", build=lambda instance, *options: made(), **declared)  # type: ignore[arg-type]
 
 
 def test_an_evaluator_that_keeps_its_contract_passes(instance: Instance) -> None:
     kit.check_evaluator(evaluator(lambda state, events: Evaluation(0.5, state.tick == 2)), instance)
-    told: list[float] = []
+    rewards: list[float] = []
 
     def build_share(instance: Instance, options: Share) -> object:
-        told.append(options.reward)
+        rewards.append(options.reward)
         return type("Made", (), {"evaluate": lambda self, state, events: Evaluation(options.reward, False)})()
 
     plugin = EvaluatorPlugin(name="share", build=build_share, options=Share)  # type: ignore[arg-type]
     kit.check_evaluator(plugin, instance, {"reward": "0.25"})
-    assert set(told) == {0.25}
+    assert set(rewards) == {0.25}
     with pytest.raises(UsageError, match="option `reward` is '3', at most 1 is due"):
         kit.check_evaluator(plugin, instance, {"reward": "3"})
 
@@ -71,17 +71,17 @@ def _forgetful(state: EpisodeState, events: object) -> Evaluation:
 
 
 def _counting() -> Callable[[EpisodeState, object], Evaluation]:
-    asked: list[int] = []
+    ticks: list[int] = []
 
     def evaluate(state: EpisodeState, events: object) -> Evaluation:
-        asked.append(state.tick)
-        return Evaluation(min(1.0, len(asked) / 10), False)
+        ticks.append(state.tick)
+        return Evaluation(min(1.0, len(ticks) / 10), False)
 
     return evaluate
 
 
 @pytest.mark.parametrize(
-    ("evaluate", "said"),
+    ("evaluate", "message"),
     [
         (lambda state, events: 0.5, "at tick 0 answers a value of type `float` instead of an Evaluation"),
         (lambda state, events: Evaluation(state.tick * 0.75, False), "at tick 2: its reward is 1.5"),
@@ -91,9 +91,9 @@ def _counting() -> Callable[[EpisodeState, object], Evaluation]:
     ],
 )
 def test_an_evaluator_that_breaks_its_contract_fails(
-    instance: Instance, evaluate: Callable[[EpisodeState, object], object], said: str
+    instance: Instance, evaluate: Callable[[EpisodeState, object], object], message: str
 ) -> None:
-    with pytest.raises(kit.ConformanceError, match=said):
+    with pytest.raises(kit.ConformanceError, match=message):
         kit.check_evaluator(evaluator(evaluate), instance)
 
 
@@ -163,9 +163,10 @@ def _divide(state: EpisodeState, events: object) -> Evaluation:
 
 
 def test_an_evaluator_that_raises_is_named_with_its_line(instance: Instance) -> None:
-    said = r"evaluator `made` at tick 0: evaluate: ZeroDivisionError: division by zero \(.*evaluators.py:\d+\)"
-    with pytest.raises(kit.ConformanceError, match=said):
+    message = r"evaluator `made` at tick 0: evaluate: ZeroDivisionError: division by zero \(.*evaluators.py:\d+\)"
+    with pytest.raises(kit.ConformanceError, match=message):
         kit.check_evaluator(evaluator(_divide), instance)
-    for build, said in ((lambda instance: 1 / 0, "build: ZeroDivisionError"), (lambda instance: 3, "no method `eval")):
-        with pytest.raises(kit.ConformanceError, match=said):
+    faulty = ((lambda instance: 1 / 0, "build: ZeroDivisionError"), (lambda instance: 3, "no method `evaluate`"))
+    for build, message in faulty:
+        with pytest.raises(kit.ConformanceError, match=message):
             kit.check_evaluator(EvaluatorPlugin(name="made", build=build), instance)  # type: ignore[arg-type]

@@ -7,6 +7,7 @@ from lingjing.mission.instance import SceneSpec
 from lingjing.mission.kinds import described_by
 from lingjing.plugins.building import build_city
 from lingjing.plugins.conformance.case import ConformanceError, require
+from lingjing.plugins.conformance.evaluators import check_evaluator
 from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import content_sha256
 from lingjing.scene.city_checks import city_faults
@@ -44,4 +45,4 @@ def check_kinds(plugin: str, host: PluginHost | None = None) -> None:
         require(not left_out, f"kinds.json does not describe the scenes {', '.join(left_out)} that `{plugin}` offers")
 
 
-__all__ = ["check_kinds", "check_scene"]
+__all__ = ["check_evaluator", "check_kinds", "check_scene"]
