@@ -337,7 +337,7 @@ def test_a_hook_that_fails_leaves_the_policy_of_its_plugin_in_place(site: Site) 
     host = policy_host(("half",))
     assert "scout" in host.policies
     assert [(fault.plugin, fault.reason) for fault in host.faults] == [
-        ("half", "failed in lingjing_scenes: ValueError: no map (half.py:10)")
+        ("half", "failed in lingjing_scenes: ValueError: no map (half.py:11)")
     ]
     assert host.sources["lingjing_policies", "scout"] == "half"
 
