@@ -15,6 +15,7 @@ from lingjing.kernel.adjudication import Adjudicator
 from lingjing.kernel.budgets import Budgets
 from lingjing.kernel.context import RuntimeContext
 from lingjing.kernel.inspections import Inspections
+from lingjing.kernel.mission_events import MissionEvents
 from lingjing.kernel.registry import Registry, Report, initial
 from lingjing.kernel.registry_update import RegistryUpdate, update_registry
 from lingjing.trace.reader import Trace
@@ -40,12 +41,13 @@ def registries(trace: Trace) -> Iterator[RebuiltBoundary]:
     """
     instance = trace.header.instance
     adjudicator, budgets, inspections = Adjudicator(instance), Budgets(instance), Inspections(instance)
+    events = MissionEvents(instance)
     registry = initial(instance)
     for record in trace.boundaries:
         after = update_registry(registry, _update(registry, record, budgets), instance)
         after = inspections.advance(registry, after, record.snapshots)
         verdict = adjudicator.adjudicate(registry, after, record.snapshots)
-        registry = verdict.registry
+        registry, _ = events.occur(verdict.registry, adjudicator.context_of)
         at = adjudicator.context_at(registry, registry.states, registry.time_s)
         yield RebuiltBoundary(record, registry, at, verdict.events == record.events)
 

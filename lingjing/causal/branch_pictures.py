@@ -15,7 +15,9 @@ from lingjing.causal.recorded import recorded_frame
 from lingjing.kernel.world.contract import StoredFrame
 from lingjing.kernel.world.frames import without_pixels
 from lingjing.kernel.world.sensor import Sensor
+from lingjing.mission.schedule import Occurrence
 from lingjing.plugins.engine import CaptureRequest
+from lingjing.trace.occurrences import recorded_occurrences
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BodyState
 
@@ -30,14 +32,20 @@ class BranchPictures:
         self._recorded_keys: dict[str, bytes | None] = {}
 
     def picture(
-        self, request: CaptureRequest, time_s: float, states: Sequence[BodyState], *, pixels: bool = True
+        self,
+        request: CaptureRequest,
+        time_s: float,
+        states: Sequence[BodyState],
+        occurrences: Sequence[Occurrence] = (),
+        *,
+        pixels: bool = True,
     ) -> StoredFrame | None:
         """Return the picture of a boundary with these states; None if the engine renders none.
 
         Without `pixels` only its metadata are returned, which costs less to render and to send.
         """
         recorded = self._recorded_key(request)
-        self._sensor.move_to(time_s, states)
+        self._sensor.move_to(time_s, states, occurrences)
         key = self._sensor.key(request)
         if key is None:
             return self._sensor.picture(request, pixels=pixels)
@@ -68,7 +76,8 @@ class BranchPictures:
             key = None
             if name in self._trace.frames:
                 then = self._trace.boundaries[request.tick].snapshots[-1]
-                self._sensor.move_to(request.time_s, then.states + then.ambient)
+                occurrences = recorded_occurrences(self._trace.boundaries, request.tick)
+                self._sensor.move_to(request.time_s, then.states + then.ambient, occurrences)
                 key = self._sensor.key(request)
             self._recorded_keys[name] = key
         return self._recorded_keys[name]

@@ -19,6 +19,7 @@ from lingjing.kernel.world import WorldKind, open_world
 from lingjing.kernel.world.contract import StoredFrame, World, WorldBoundary
 from lingjing.kernel.world.frames import without_pixels
 from lingjing.mission.instance import Instance
+from lingjing.mission.schedule import Occurrence
 from lingjing.plugins.engine import CaptureRequest
 from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import City
@@ -26,7 +27,9 @@ from lingjing.trace.encoding import normalise
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import Absent, BodyState, BoundaryRecord, Command, DecisionRecord, Snapshot
 
-PictureSource = Callable[[int, Sequence[CaptureRequest], Sequence[BodyState], bool], tuple[StoredFrame | Absent, ...]]
+PictureSource = Callable[
+    [int, Sequence[CaptureRequest], Sequence[BodyState], Sequence[Occurrence], bool], tuple[StoredFrame | Absent, ...]
+]
 """A renderer, called like `World.capture` with a flag that is True if a policy may use the pixels."""
 
 
@@ -57,19 +60,23 @@ class _RecordedPictures:
         """Reset the engines."""
         return self._world.reset(instance, city)
 
-    def step(self, tick: int, commands: Sequence[Command]) -> WorldBoundary:
+    def step(self, tick: int, commands: Sequence[Command], occurrences: Sequence[Occurrence] = ()) -> WorldBoundary:
         """Step the engines."""
-        return self._world.step(tick, commands)
+        return self._world.step(tick, commands, occurrences)
 
     def capture(
-        self, tick: int, requests: Sequence[CaptureRequest], states: Sequence[BodyState]
+        self,
+        tick: int,
+        requests: Sequence[CaptureRequest],
+        states: Sequence[BodyState],
+        occurrences: Sequence[Occurrence] = (),
     ) -> tuple[StoredFrame | Absent, ...]:
         """Return the recorded pictures; one that the trace does not hold is `not_recorded`."""
         if self.until is None or tick <= self.until:
             record = self._trace.boundaries[tick]
             return tuple(self._recorded(request, record) for request in requests)
         if self.camera is None:
-            answers = self._world.capture(tick, requests, states)
+            answers = self._world.capture(tick, requests, states, occurrences)
             see = self.witness
             return (
                 answers
@@ -82,7 +89,7 @@ class _RecordedPictures:
         held = self._trace.frames if self._has_recorded_states(tick, states) else {}
         missing = [request for request in requests if request.frame not in held]
         self.asked += len(missing)
-        fresh = iter(self.camera(tick, missing, states, self.pixels) if missing else ())
+        fresh = iter(self.camera(tick, missing, states, occurrences, self.pixels) if missing else ())
         record = self._trace.boundaries[min(tick, len(self._trace.boundaries) - 1)]
         return tuple(
             self._recorded(request_or_answer, record) if request_or_answer.frame in held else next(fresh)

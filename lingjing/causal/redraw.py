@@ -15,6 +15,7 @@ from lingjing.kernel.world.selection import select_engines
 from lingjing.kernel.world.sensor import Sensor
 from lingjing.plugins.engine import CaptureRequest
 from lingjing.plugins.host import PluginHost
+from lingjing.trace.occurrences import recorded_occurrences
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BoundaryRecord
 
@@ -36,7 +37,8 @@ def redraw(trace: Trace, views: Sequence[tuple[str, str, BoundaryRecord]]) -> It
         sensor.reset(instance, city)
         for entity, camera, record in views:
             now = record.snapshots[-1]
-            sensor.move_to(now.time_s, now.states + now.ambient)
+            occurrences = recorded_occurrences(trace.boundaries, record.tick)
+            sensor.move_to(now.time_s, now.states + now.ambient, occurrences)
             request = CaptureRequest(
                 frame=f"l{record.tick}-{entity}-{camera}", entity=entity, camera=camera, tick=record.tick,
                 time_s=now.time_s,

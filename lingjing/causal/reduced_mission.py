@@ -173,8 +173,8 @@ def _in_mode(mission: model.Mission, instance: Instance) -> model.Mission:
 def _at_tick(event: model.EventDeclaration, instance: Instance) -> model.EventDeclaration:
     if not isinstance(event.at, ex.Draw):
         return event
-    tick = next(scheduled.tick for scheduled in instance.events if scheduled.name == event.name)
-    return replace(event, at=ex.Number(float(tick), "tick"))
+    tick = next(spec.tick for spec in instance.events if spec.name == event.name)
+    return event if tick is None else replace(event, at=ex.Number(float(tick), "tick"))
 
 
 def _like(expr: ex.Expr, value: float) -> ex.Expr:

@@ -30,6 +30,7 @@ from lingjing.kernel.world.messages import Failed, PictureReply, decoded_reply, 
 from lingjing.kernel.world.selection import select_engines
 from lingjing.kernel.world.sensor import Sensor
 from lingjing.kernel.world.shared import load_frame, store_frame
+from lingjing.mission.schedule import Occurrence
 from lingjing.plugins.engine import CaptureRequest
 from lingjing.plugins.host import PluginHost
 from lingjing.processes.channel import Channel, ChannelClosedError
@@ -48,6 +49,8 @@ class _PictureRequest(msgspec.Struct, frozen=True):
     requests: tuple[CaptureRequest, ...]
     states: tuple[BodyState, ...]
     """The states of all bodies."""
+    occurrences: tuple[Occurrence, ...]
+    """All occurrences of the mission's events before the boundary."""
     pixels: bool
     """False if only metadata are needed."""
 
@@ -76,12 +79,17 @@ class SharedCamera:
             return 0.0
 
     def capture(
-        self, tick: int, requests: Sequence[CaptureRequest], states: Sequence[BodyState], pixels: bool = True
+        self,
+        tick: int,
+        requests: Sequence[CaptureRequest],
+        states: Sequence[BodyState],
+        occurrences: Sequence[Occurrence] = (),
+        pixels: bool = True,
     ) -> tuple[StoredFrame | Absent, ...]:
         """Render the pictures of a boundary; without `pixels` each has a single black pixel. Raises
         `InfrastructureError` if the camera fails or has ended.
         """
-        message = _PictureRequest(tick, tick * self._tick_s, tuple(requests), tuple(states), pixels)
+        message = _PictureRequest(tick, tick * self._tick_s, tuple(requests), tuple(states), tuple(occurrences), pixels)
         try:
             channel = self._opened()
             channel.send(msgspec.msgpack.encode(message))
@@ -171,7 +179,9 @@ class _Service:
         try:
             pictures = self._ready()
             for index, capture in enumerate(request.requests):
-                frame = pictures.picture(capture, request.time_s, request.states, pixels=request.pixels)
+                frame = pictures.picture(
+                    capture, request.time_s, request.states, request.occurrences, pixels=request.pixels
+                )
                 if frame is None or not request.pixels:
                     info = None if frame is None else frame.info
                     channel.send(encoded(PictureReply(serial=request.tick, index=index, info=info)))

@@ -22,7 +22,6 @@ from lingjing.engines.neighbours import Neighbour, Neighbours
 from lingjing.engines.sea import GRAVITY
 from lingjing.mission.instance import Entity, Vector, Weather
 from lingjing.mission.kinds_format import EngineKind
-from lingjing.mission.schedule import Schedule
 from lingjing.mission.vocabulary import ARRIVED, COLLIDED
 from lingjing.plugins.bodies import entity_size, solid_size, sunk_m
 from lingjing.plugins.engine import EngineSpec
@@ -259,7 +258,7 @@ class AircraftEngine(FleetEngine):
     def build(self, spec: EngineSpec, city: City, seed: int) -> None:
         """Load one airframe for each aircraft at its declared place."""
         terrain = Terrain(city)
-        self._schedule = Schedule(spec.instance)
+        self._schedule = spec.schedule
         self._neighbours = Neighbours(spec.instance)
         weather = self._schedule.weather(0.0)
         self._fleet = {entity.id: self.aircraft(entity, terrain, weather, city.origin, seed) for entity in spec.owned()}

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from lingjing.kernel.scheduled import APPEARED, VANISHED, WEATHER
+from lingjing.kernel.mission_events import APPEARED, CHANGES, VANISHED, WEATHER
 from lingjing.mission.instance import Instance
 from lingjing.mission.vocabulary import ENGINE_EVENTS
 
@@ -17,7 +17,8 @@ STATUSES = ("accepted", "running", "completed", "rejected", "timed_out", "substi
 """Statuses of receipts; the status at index `i` has the number `i + 1`."""
 
 EVENT_KINDS = (*ENGINE_EVENTS, WEATHER, APPEARED, VANISHED)
-"""Kinds of events of the engines and of the schedule. The mission's interactions and rules follow them."""
+"""Kinds of events of the engines and of timed events. The mission's interactions and rules follow them, then the other
+changes of events if the mission has such events."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +74,11 @@ class Vocabulary:
                 )
             ),
             events=Words.of(
-                (*EVENT_KINDS, *(unlock.interaction for unlock in instance.unlocks), *(r.name for r in instance.rules))
+                (
+                    *EVENT_KINDS,
+                    *(unlock.interaction for unlock in instance.unlocks),
+                    *(rule.name for rule in instance.rules),
+                    *(() if all(event.is_fixed for event in instance.events) else CHANGES),
+                )
             ),
         )

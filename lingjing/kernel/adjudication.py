@@ -86,6 +86,10 @@ class Adjudicator:
         )
         return self._latest
 
+    def context_of(self, registry: Registry) -> RuntimeContext:
+        """Return the evaluation context of a registry at its own boundary."""
+        return self.context_at(registry, registry.states, registry.time_s)
+
     def adjudicate(self, before: Registry, registry: Registry, snapshots: Sequence[Snapshot]) -> Verdict:
         """Adjudicate the macro-steps of the boundary at which `registry` stands.
 

@@ -11,8 +11,8 @@
   target's status or stock either (`EventVisibility.withheld`).
 - Another engine event that involves an entity with a hidden position, such as a collision, is visible to the agents
   that control a body in it.
-- The mission's weather events are visible to all agents; its appearances and vanishings only if the position of a
-  concerned entity is public.
+- What the mission's events change is visible to all agents: the weather, and an entity that appears, vanishes or is
+  set if the position of a concerned entity is public. The marks `occurred` and `undone` are for the trace alone.
 
 A visible event names no entity with a hidden position. Event numbers count only the agent's own visible events.
 """
@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+from lingjing.kernel.mission_events import MARKS
 from lingjing.mission.conditions.survey import survey_instance
 from lingjing.mission.instance import AgentSpec, Entity, Instance, InteractionSpec
 from lingjing.trace.records import AdjudicatedEvent, EventView, TaskEvent
@@ -87,6 +88,8 @@ class EventVisibility:
         return audience == ALL or (audience == ACTOR and not set(agent.commands).isdisjoint(event.entities))
 
     def _audience(self, event: TaskEvent) -> str:
+        if event.name and event.kind in MARKS:
+            return NONE
         if event.name:
             return NONE if event.entities and self._unplaced.issuperset(event.entities) else ALL
         entities = [self._entities[name] for name in event.entities if name in self._entities]

@@ -16,6 +16,7 @@ from lingjing.kernel.append_only import AppendOnlyMap
 from lingjing.kernel.progress import EpisodeProgress
 from lingjing.mission.geometry2d import contains
 from lingjing.mission.instance import Cell, Datum, Entity, Instance
+from lingjing.mission.schedule import Occurrence
 from lingjing.mission.vocabulary import UNLOCK
 from lingjing.trace.records import BodyState, Command, FrameInfo, Receipt, Route, TaskEvent
 
@@ -112,6 +113,8 @@ class Registry(msgspec.Struct, frozen=True):
     """The state of budgets, inspections, stages and constraints."""
     unreachable_links: tuple[tuple[str, str], ...] = ()
     """Pairs of entities that radio does not connect."""
+    occurrences: tuple[Occurrence, ...] = ()
+    """Every time at which an event of the mission occurred, in order."""
 
     def with_boundary(
         self,

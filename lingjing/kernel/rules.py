@@ -99,7 +99,7 @@ class _Running:
 
     def field(self, node: Attr, base: Meaning) -> Meaning:
         name = node.name
-        return lambda scope, at: _field(base(scope, at), name, at)
+        return lambda scope, at: field_of(base(scope, at), name, at)
 
     def apply(self, node: Composite, operands: tuple[Meaning, ...]) -> Meaning:
         match node:
@@ -168,7 +168,8 @@ def _member(group: str, index: Meaning) -> Meaning:
     return member
 
 
-def _field(base: Value, name: str, at: RuntimeContext) -> Value:
+def field_of(base: Value, name: str, at: RuntimeContext) -> Value:
+    """Return a field of an entity, a report, a box or a position at an instant; None if it has none."""
     if isinstance(base, Entity):
         state = at.states.get(base.id)
         if state is None:

@@ -27,12 +27,12 @@ from lingjing.kernel.commands import CommandValidator, Resolution
 from lingjing.kernel.context import RuntimeContext
 from lingjing.kernel.evaluation import MissionEvaluator, combine
 from lingjing.kernel.inspections import Inspections
+from lingjing.kernel.mission_events import MissionEvents
 from lingjing.kernel.pictures import ReferencePictures
 from lingjing.kernel.progress import EpisodeProgress
 from lingjing.kernel.recording import inbox_record, observation_record, substitutions
 from lingjing.kernel.registry import Registry, Report, initial
 from lingjing.kernel.registry_update import RegistryUpdate, update_registry
-from lingjing.kernel.scheduled import ScheduledEvents
 from lingjing.kernel.subtasks import Subtasks
 from lingjing.kernel.supported import check_playable
 from lingjing.kernel.visibility import Projector
@@ -164,7 +164,7 @@ class Kernel:
         self._subtasks = Subtasks(instance, self._adjudicator)
         self._budgets = Budgets(instance)
         self._inspections = Inspections(instance)
-        self._scheduled = ScheduledEvents(instance)
+        self._mission_events = MissionEvents(instance)
         self._reference_pictures = ReferencePictures(instance)
         self._evaluators = tuple(evaluators) or (MissionEvaluator(instance),)
         self.state = KernelState(registry=initial(instance))
@@ -206,7 +206,7 @@ class Kernel:
         motion = tuple(command for command in resolved.commands if command.verb != PHOTO)
         reports = _reports(decisions, about_messages)
         own = self._own_commands(tick, reports)
-        boundary = self.world.step(tick, own + motion)  # lines 32 to 42
+        boundary = self.world.step(tick, own + motion, registry.occurrences)  # lines 32 to 42
         receipts = about_messages + resolved.receipts + substitutions(decisions, tick, registry.time_s)
         return self._commit(
             boundary, _Inputs(decisions, resolved, own, envelopes, reports, receipts, progress, started)
@@ -247,22 +247,26 @@ class Kernel:
     def _commit(self, boundary: WorldBoundary, inputs: _Inputs) -> Published:
         before = self.state.registry
         bus, delivered = self.state.bus.commit().deliver(boundary.tick)  # line 43
-        answers = self._capture(boundary, inputs.resolved.commands)
+        answers = self._capture(boundary, inputs.resolved.commands, before)
         frames = tuple(answer for answer in answers if isinstance(answer, StoredFrame))
         receipts = inputs.receipts + self._engine_receipts(boundary, inputs, answers)  # lines 44 and 45
         inboxes = self._inboxes(delivered, receipts)  # lines 46 and 47
         registry = self._update(before, boundary, inputs, receipts, frames)  # line 48: Update
-        happened = self._scheduled.at(boundary.tick) + boundary.events
-        observations, truths = self._observe(registry, happened, answers)  # line 49: ProjectVisible
         verdict = self._adjudicator.adjudicate(before, registry, boundary.snapshots)  # line 50: Adjudicate
-        latched = verdict.registry
+        latched, occurred = self._mission_events.occur(verdict.registry, self._adjudicator.context_of)
+        happened = occurred + boundary.events
+        # Line 49 (ProjectVisible): observations show the events of this boundary, but no verdict of it.
+        seen = replace(registry, occurrences=latched.occurrences) if occurred else registry
+        observations, truths = self._observe(seen, happened, answers)
         standing = self._adjudicator.context_at(latched, latched.states, latched.time_s)
         evaluation = combine([each.evaluate(standing, verdict.events) for each in self._evaluators])  # line 51
-        record = self._draft(boundary, happened, inputs, receipts, frames, verdict, evaluation, observations, inboxes)
+        record = self._draft(
+            boundary, happened, inputs, receipts, frames, verdict, latched, evaluation, observations, inboxes
+        )
         digest = next_digest(self.state.digest, record)
         record = _with_digest(record, digest, inputs.started)
         state = KernelState(
-            registry=verdict.registry,
+            registry=latched,
             bus=bus,
             unlocks=verdict.unlocks,
             adjudicated=verdict.events,
@@ -285,13 +289,15 @@ class Kernel:
             self.state = state
             self._record(record, frames)
 
-    def _capture(self, boundary: WorldBoundary, commands: Sequence[Command]) -> tuple[StoredFrame | Absent, ...]:
+    def _capture(
+        self, boundary: WorldBoundary, commands: Sequence[Command], before: Registry
+    ) -> tuple[StoredFrame | Absent, ...]:
         wanted = pictures.requests(self.instance, commands, boundary.tick, boundary.time_s)
         wanted += self._reference_pictures.requests(boundary.tick, boundary.time_s)
         if not wanted:
             return ()
         now = boundary.snapshots[-1]
-        return self.world.capture(boundary.tick, wanted, now.states + now.ambient)
+        return self.world.capture(boundary.tick, wanted, now.states + now.ambient, before.occurrences)
 
     def _engine_receipts(
         self, boundary: WorldBoundary, inputs: _Inputs, answers: Sequence[StoredFrame | Absent]
@@ -411,6 +417,7 @@ class Kernel:
         receipts: Sequence[Receipt],
         frames: Sequence[StoredFrame],
         verdict: Verdict,
+        latched: Registry,
         evaluation: Evaluation,
         observations: Mapping[str, Observation],
         inboxes: Mapping[str, Inbox],
@@ -436,7 +443,7 @@ class Kernel:
             stages=verdict.stages,
             reward=evaluation.reward,
             done=evaluation.done,
-            scr=self._subtasks.share(verdict.registry),
+            scr=self._subtasks.share(latched),
             routes=boundary.routes,
             unreachable_links=boundary.unreachable_links,
         )

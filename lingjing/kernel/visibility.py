@@ -19,7 +19,7 @@ from lingjing.kernel.registry import Registry
 from lingjing.kernel.rule_sentences import rule_sentences
 from lingjing.kernel.stocks import public_resources, stocks
 from lingjing.mission.appearance import PHYSICAL
-from lingjing.mission.instance import AgentSpec, Cell, ChannelSpec, Entity, Instance
+from lingjing.mission.instance import AgentSpec, Cell, ChannelSpec, Entity, Instance, Weather
 from lingjing.mission.kinds import admitted, engine_kind
 from lingjing.mission.schedule import Schedule
 from lingjing.mission.seeding import integer
@@ -161,8 +161,14 @@ class Projector:
             events=events,
             pictures=tuple(picture for picture in pictures if self._shows(agent, picture.entity, picture.camera)),
             absent=tuple(item for item in absent if self._shows(agent, item.entity, item.camera)),
-            weather=self._schedule.weather(registry.time_s),
+            weather=self._weather(registry),
         )
+
+    def _weather(self, registry: Registry) -> Weather:
+        """Return the weather of a boundary."""
+        if not registry.occurrences:
+            return self._schedule.weather(registry.time_s)
+        return Schedule(self._instance, registry.occurrences).weather(registry.time_s)
 
     def redacted(self, receipt: Receipt) -> Receipt:
         """Return the receipt as agents receive it: ids of entities with hidden positions are replaced in engine texts.

@@ -31,7 +31,7 @@ Modules in control-flow order:
 - `instance`: the concrete episode. `instantiate` makes it of its parts: `instance_entities`, `instance_agents` (with
   messages) and `instance_rules` (events, limits, texts). `trial`: errors that playing would
   report, found without playing.
-- `settings`: parameter values as text. `schedule`: weather and presence of entities at a given time.
+- `settings`: parameter values as text. `schedule`: the declared world under the events that have occurred.
 - `conditions`: one reading of all conditions: the quantities and needs of each. `feasibility`: proofs that a mission
   cannot be won. `tasks`: the members of each group that success requires.
 - `wording`: placeholders in texts, and values in words.

@@ -391,17 +391,49 @@ class InspectionSpec(Record, frozen=True, kw_only=True):
     """Id of the entity at the end of the route; "" if the asset's own command sets it."""
 
 
+class StateChange(Record, frozen=True, kw_only=True):
+    """A state or the status of a target that an event sets."""
+
+    entity: str
+    """Id of the target."""
+    field: str
+    """The state by its name in rules (`demand_kg`), or `status`."""
+    value: Expr
+    """The new value, evaluated when the event occurs."""
+
+
 class EventSpec(Record, frozen=True, kw_only=True):
-    """A timed event at boundary `tick`."""
+    """An event of the mission: at boundary `tick`, or at the first boundary at which `condition` holds."""
 
     name: str
-    tick: int
+    tick: int | None = None
+    """None for an event that a condition triggers."""
+    condition: Expr | None = None
+    """The condition that triggers it; None for an event at a time."""
+    until: Expr | None = None
+    """The condition that undoes it; None for an event that is never undone."""
+    pause_s: float | None = None
+    """Seconds after its last change (occurrence or undoing) until it may occur again; None if it occurs once."""
     weather: Weather | None = None
     """The weather from then on; None if it does not change."""
+    weather_fields: tuple[str, ...] = ()
+    """The fields of `weather` that it changes; () for all."""
     appear: tuple[str, ...] = ()
     """Ids of the entities that appear."""
     vanish: tuple[str, ...] = ()
     """Ids of the entities that vanish."""
+    changes: tuple[StateChange, ...] = ()
+    """States and status words that get another value."""
+
+    @property
+    def is_fixed(self) -> bool:
+        """True if its time and its changes are known from the start, so that engines need no message about it."""
+        return self.tick is not None and self.until is None and self.pause_s is None and not self.changes
+
+    @property
+    def entities(self) -> tuple[str, ...]:
+        """Ids of the entities that it concerns, each once."""
+        return tuple(dict.fromkeys((*self.appear, *self.vanish, *(change.entity for change in self.changes))))
 
 
 class RevealSpec(Record, frozen=True, kw_only=True):

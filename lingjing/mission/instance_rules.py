@@ -22,6 +22,7 @@ from lingjing.mission.instance import (
     LimitSpec,
     PermitSpec,
     RevealSpec,
+    StateChange,
     Weather,
 )
 from lingjing.mission.instance_entities import at_path, holds
@@ -32,25 +33,32 @@ _TICK_UNITS = ("", "tick", "ticks")
 def events(
     mission: model.Mission, scope: Scope, seed: int, weather: Callable[[tuple[model.Property, ...]], Weather]
 ) -> tuple[EventSpec, ...]:
-    """The mission's events in order of time. `weather` evaluates properties; each event changes those of the event
-    before."""
+    """The mission's events: first those at a time in order of time, then the others in order of declaration.
+
+    `weather` evaluates properties.
+    """
     active = [event for event in mission.events if holds(event.when, scope)]
-    timed = sorted(((_tick(mission, event, scope, seed), order) for order, event in enumerate(active)))
-    now = mission.weather
+    ticks = {event.name: _tick(mission, event, scope, seed) for event in active}
+    timed = sorted((event for event in active if event.at is not None), key=lambda event: ticks[event.name] or 0)
+    triggered = [event for event in active if event.at is None]
     specs = []
-    for tick, order in timed:
-        event = active[order]
+    for event in (*timed, *triggered):
         with at_path(f"{mission.name}/{event.name}"):
-            changes = [change for change in event.changes if change.kind == "weather"]
-            for change in changes:
-                now = _changed(now, change.weather)
+            changed: tuple[model.Property, ...] = ()
+            for change in event.changes:
+                changed = _changed(changed, change.weather)
             specs.append(
                 EventSpec(
                     name=event.name,
-                    tick=tick,
-                    weather=weather(now) if changes else None,
+                    tick=ticks[event.name],
+                    condition=event.condition,
+                    until=event.until,
+                    pause_s=None if event.pause is None else _pause_s(event.pause, scope),
+                    weather=weather(_changed(mission.weather, changed)) if changed else None,
+                    weather_fields=tuple(prop.name for prop in changed),
                     appear=_entities(event, "appear", scope),
                     vanish=_entities(event, "vanish", scope),
+                    changes=tuple(_changes(event, scope)),
                 )
             )
     return tuple(specs)
@@ -166,6 +174,11 @@ def _conditions(mission: model.Mission, scope: Scope) -> Iterator[tuple[str, ex.
     yield from ((stage.name, stage.condition) for stage in mission.stages)
     yield from (("permit", permit.condition) for permit in mission.permits)
     yield from ((item.name, item.condition) for item in mission.constraints if holds(item.when, scope))
+    for event in mission.events:
+        if holds(event.when, scope):
+            yield from (
+                (event.name, condition) for condition in (event.condition, event.until) if condition is not None
+            )
     yield ("success", mission.success)
     if mission.failure is not None:
         yield ("failure", mission.failure)
@@ -193,7 +206,24 @@ def _check_member(name: str, group: str, index: ex.Expr, scope: Scope) -> None:
         )
 
 
-def _tick(mission: model.Mission, event: model.EventDeclaration, scope: Scope, seed: int) -> int:
+def _pause_s(pause: ex.Expr, scope: Scope) -> float:
+    seconds = number(pause, scope)
+    if seconds <= 0:
+        raise MissionError(f"a pause of {seconds:g} s", hint="an event that repeats needs a pause above 0 s")
+    return seconds
+
+
+def _changes(event: model.EventDeclaration, scope: Scope) -> Iterator[StateChange]:
+    for change in event.changes:
+        if change.kind == "change" and change.entity is not None and change.value is not None:
+            for entity in _there(change.entity, scope):
+                yield StateChange(entity=entity, field=change.field, value=change.value)
+
+
+def _tick(mission: model.Mission, event: model.EventDeclaration, scope: Scope, seed: int) -> int | None:
+    """The tick of an event at a time; None for one that a condition triggers."""
+    if event.at is None:
+        return None
     path = f"{mission.name}/{event.name}/at"
     with at_path(path):
         if isinstance(event.at, ex.Draw):

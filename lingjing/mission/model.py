@@ -476,22 +476,35 @@ class Inspection(Record, frozen=True, kw_only=True):
 
 
 class Change(Record, frozen=True, kw_only=True):
-    """One effect of an event: a new weather, or an entity that appears or vanishes."""
+    """One effect of an event."""
 
-    kind: Literal["weather", "appear", "vanish"]
+    kind: Literal["weather", "appear", "vanish", "change"]
+    """`weather`: other weather. `appear`, `vanish`: a target begins or ceases to exist. `change`: a state or the status
+    word of a target gets another value."""
     weather: tuple[Property, ...] = ()
     entity: Expr | None = None
+    """The target, or the group of targets, that appears, vanishes or changes."""
+    field: str = ""
+    """For `change`: the state by its name in the graph (`demand_kg`), or `status`."""
+    value: Expr | None = None
+    """For `change`: the new value, evaluated when the event occurs."""
 
 
 class EventDeclaration(Record, frozen=True, kw_only=True):
-    """`event squall at 12 tick { weather { … }, appear jam[2] }`: a timed event.
+    """`event squall at 12 tick { weather { … }, appear jam[2] }`: an event at a time or when a condition holds.
 
     An entity that an event makes appear does not exist before.
     """
 
     name: str
-    at: Expr
-    """Ticks or, with a unit of time, seconds; may be a draw."""
+    at: Expr | None = None
+    """Ticks or, with a unit of time, seconds; may be a draw. None for an event that a condition triggers."""
+    condition: Expr | None = None
+    """The condition that triggers it; None for an event at a time."""
+    until: Expr | None = None
+    """The condition that undoes it; None for an event that is never undone."""
+    pause: Expr | None = None
+    """Seconds after which it may occur again; None for an event that occurs once."""
     changes: tuple[Change, ...]
     when: Guard | None = None
 

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lingjing.mission.instance import Entity, Instance
+from lingjing.mission.schedule import Schedule
 from lingjing.scene.city import City
 from lingjing.trace.images import JPEG_QUALITY
 from lingjing.trace.records import BodyState, CameraPose, Command, FrameInfo, Receipt, Route, TaskEvent
@@ -34,6 +35,14 @@ class EngineSpec(msgspec.Struct, frozen=True, kw_only=True):
     """The whole instance with its hidden values: engines are trusted."""
     owns: tuple[str, ...]
     """The ids of the entities that the engine owns."""
+    events: Schedule | None = None
+    """The schedule that the world updates before each tick; None for that of the timed events alone."""
+
+    @property
+    def schedule(self) -> Schedule:
+        """Weather, presence of entities and values that events set, over time. Keep the object: the world updates
+        it."""
+        return Schedule(self.instance) if self.events is None else self.events
 
     def owned(self) -> tuple[Entity, ...]:
         """The owned entities in declaration order."""

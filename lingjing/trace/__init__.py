@@ -23,6 +23,7 @@ Modules in the order in which data passes through them:
 - `schemas`: JSON Schemas of the records; `python -m lingjing.trace.schemas` writes them
 - `topics`: topic names
 - `admitted_messages`: the messages that the bus admitted at a boundary
+- `occurrences`: the occurrences of the mission's events, read back from records
 - `surroundings`: the city and the camera mounts, as input for viewers
 - `foxglove`: poses, scene, images, logs and geographic positions in Foxglove's schemas; `foxglove_city`: the city;
   `wire`: Protocol Buffers messages assembled from encoded parts

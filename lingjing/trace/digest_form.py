@@ -125,6 +125,7 @@ FORMS: Final[Mapping[type[msgspec.Struct], tuple[FormField, ...]]] = {
         FormField("time_s"),
         FormField("values", {}),
         FormField("name", ""),
+        FormField("word", "", since=2),
     ),
     records.Route: (
         FormField("entity"),

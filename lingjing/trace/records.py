@@ -197,18 +197,21 @@ class Receipt(TraceRecord, frozen=True, kw_only=True):
 class TaskEvent(TraceRecord, frozen=True, kw_only=True):
     """An event that an engine reports at an instant.
 
-    Examples are `arrived`, `rescue`, `collided` and `battery_empty`. An event with a `name` is a scheduled event of the
-    mission (`lingjing.kernel.scheduled`).
+    Examples are `arrived`, `rescue`, `collided` and `battery_empty`. An event with a `name` is one that the mission
+    declares (`lingjing.kernel.mission_events`).
     """
 
     kind: str
-    """For a scheduled event: `weather`, `appeared` or `vanished`."""
+    """For an event of the mission: `occurred`, `undone`, or a change (`weather`, `appeared`, `vanished`, `changed`)."""
     entities: tuple[str, ...]
     time_s: float
     values: dict[str, float] = {}
-    """Measured quantities. For `weather`: the fields that change, with their new values."""
+    """Measured quantities. For `weather`: the fields that change, with their new values. For `changed`: the new value
+    of a state."""
     name: str = ""
-    """The name that the mission gives to a scheduled event; "" for an event of an engine."""
+    """The name that the mission gives to an event; "" for an event of an engine."""
+    word: str = ""
+    """For `changed`: the new status word."""
 
     @property
     def line(self) -> str:
@@ -216,8 +219,10 @@ class TaskEvent(TraceRecord, frozen=True, kw_only=True):
         entities = " ".join(self.entities)
         if not self.name:
             return f"{self.kind} {entities}".rstrip()
-        changes = ", ".join(f"{key} {value:g}" for key, value in sorted(self.values.items()))
-        return f"{self.kind} {self.name}: {entities or changes or 'nothing changes'}"
+        changes = ", ".join(f"{key} {value:g}" for key, value in sorted(self.values.items())) or self.word
+        if self.kind in ("occurred", "undone"):
+            return f"{self.kind} {self.name}: {entities}" if entities else f"{self.kind} {self.name}"
+        return f"{self.kind} {self.name}: {' '.join(part for part in (entities, changes) if part) or 'nothing changes'}"
 
 
 class Route(TraceRecord, frozen=True, kw_only=True):

@@ -53,13 +53,19 @@ SLOTS = {
     "rule": "adjudicate seen() {{ when {atom} }}\n  success when now > 900 s",
     "unlock": "unlock open(b: box) when {atom}\n  success when now > 900 s",
     "unlock of goods": "unlock load(b: box) when {atom}\n  success when now > 900 s",
+    "event": "event e when {atom} {{ weather {{ visibility = 1 km }} }}\n  success when now > 900 s",
+    "event on a target": "event e when {atom} {{ change box.water to 3 kg }}\n  success when now > 900 s",
+    "end of an event": (
+        "event e at 1 tick until now > 15 s and ({atom}) {{ weather {{ visibility = 1 km }} }}\n"
+        "  success when now > 900 s"
+    ),
     "rule over a public target": "adjudicate seen(b: box) {{ when {atom} }}\n  success when now > 900 s",
 }
 """Declarations in which a condition may stand, each with a success that no other one decides."""
 
 LEAKING = {
     "success", "failure", "permit", "hard constraint", "late stage", "stage after another", "limit of a stage",
-    "limit of a stage after another",
+    "limit of a stage after another", "event", "event on a target", "end of an event",
 }  # fmt: skip
 """Slots that the compiler must refuse."""
 
@@ -114,7 +120,7 @@ def inputs(mission_text: str) -> Inputs | None:
                     agent: msgspec.msgpack.encode(
                         (
                             play.published.record.tick, seen.time_s, seen.entities, seen.cells, seen.events,
-                            play.inbox(agent).messages, play.inbox(agent).receipts, play.done,
+                            seen.weather, play.inbox(agent).messages, play.inbox(agent).receipts, play.done,
                         )
                     )
                     for agent, seen in play.published.observations.items()

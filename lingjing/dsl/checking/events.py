@@ -1,17 +1,28 @@
-"""Checkers of scripted events: `event squall at 12 tick { weather { … }, appear jam[2] }`."""
+"""Checkers of events: `event squall at 12 tick { weather { … }, appear jam[2] }`, `event surge when … until … { … }`.
+
+A new kind of effect is a statement with `event` among its places, a kind of `lingjing.mission.model.Change`, and a row
+of `_EFFECTS`.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
 
 import msgspec
 
 from lingjing.dsl.checking.blocks import BlockReader, DeclarationChecker
+from lingjing.dsl.checking.properties import suffix_of
 from lingjing.dsl.checking.settings import SettingsChecker
+from lingjing.dsl.checking.status_words import status_side
 from lingjing.dsl.checking.typenames import with_article
-from lingjing.dsl.checking.values import STATIC, UNKNOWN, TypedExpression
+from lingjing.dsl.checking.values import RULE, STATIC, UNKNOWN, TypedExpression
 from lingjing.dsl.syntax import tree as s
+from lingjing.dsl.syntax.statements import keyword_of
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.diagnostics import Span
+from lingjing.mission.functions import FLAG, Type
 from lingjing.mission.units import TICKS, TIME, si_value, unit_of
 
 
@@ -26,23 +37,33 @@ class EventChecker(DeclarationChecker):
     def event(self, node: s.EventBlock) -> model.EventDeclaration | None:
         """`event name at 12 tick { … }`, `event name at ~ uniform(5 tick, 20 tick) { … }`."""
         self.report.once(self.seen, node.name, "the event")
-        at = self._time(node)
+        at = None if node.at is None else self._time(node, node.at)
+        condition = self._condition(node.condition, "`when`")
+        until = self._condition(node.until, "`until`")
+        pause = None if node.pause is None else self._pause(node, node.pause)
         changes = [self._change(item, node) for item in node.block.items if not isinstance(item, s.Faulty)]
         guard = self.settings.guard(node.guard)
         if not node.block.items:
-            self.report.at(
-                "LJ0106", node.name, f"the event `{node.name.text}` changes nothing",
-                "add `weather { … }`, `appear …` or `vanish …`")  # fmt: skip
+            hint = f"add {', '.join(f'`{word} …`' for word in _EFFECTS)}"
+            self.report.at("LJ0106", node.name, f"the event `{node.name.text}` changes nothing", hint)
             return None
-        if at is None or None in changes:
+        parts = ((node.at, at), (node.condition, condition), (node.until, until), (node.pause, pause))
+        if None in changes or any(written is not None and part is None for written, part in parts):
             return None
-        kept = tuple(change for change in changes if change is not None)
-        return model.EventDeclaration(name=node.name.text, at=at.ir, changes=kept, when=guard)
+        return model.EventDeclaration(
+            name=node.name.text,
+            at=None if at is None else at.ir,
+            condition=condition,
+            until=until,
+            pause=pause,
+            changes=tuple(change for change in changes if change is not None),
+            when=guard,
+        )
 
     def after_the_end(self, node: s.EventBlock, budget: model.BudgetDeclaration, clock: model.ClockDeclaration) -> None:
         """Warn of an event that comes after the last tick of the episode."""
         ticks, tick_s = self.of.constant(budget.ticks), self.of.constant(clock.tick)
-        if not isinstance(node.at, s.NumberLiteral) or node.drawn or ticks is None or not tick_s:
+        if node.at is None or not isinstance(node.at, s.NumberLiteral) or node.drawn or ticks is None or not tick_s:
             return
         unit = unit_of(node.at.unit)
         if unit is None or unit.dimension not in (TICKS, TIME):
@@ -56,48 +77,113 @@ class EventChecker(DeclarationChecker):
 
     # -- private
 
-    def _time(self, node: s.EventBlock) -> TypedExpression | None:
-        value = self.of.calls.draw(node.at, STATIC) if node.drawn else self.of.value(node.at, STATIC)
+    def _condition(self, node: s.Expression | None, what: str) -> ex.Expr | None:
+        value = UNKNOWN if node is None else self.of.expect(node, RULE, FLAG, what)
+        return None if value is UNKNOWN else value.ir
+
+    def _pause(self, node: s.EventBlock, written: s.Expression) -> ex.Expr | None:
+        value = self.of.expect(written, STATIC, Type("quantity", TIME), "the pause of `repeat every`")
+        self.blocks.leak(value.taint, written, f"the pause of the event `{node.name.text}`")
+        seconds = self.of.constant(value.ir)
+        if seconds is not None and seconds <= 0:
+            message = f"the event `{node.name.text}` would repeat without end"
+            self.report.at("LJ0206", written, message, "give a pause above 0 s: `repeat every 60 s`")
+            return None
+        return None if value is UNKNOWN else value.ir
+
+    def _time(self, node: s.EventBlock, written: s.Expression) -> TypedExpression | None:
+        value = self.of.calls.draw(written, STATIC) if node.drawn else self.of.value(written, STATIC)
         if value is UNKNOWN:
             return None
         if value.type.kind != "quantity" or value.type.dimension not in (TICKS, TIME):
             unit = value.type.dimension == (0,) * 8
             code = "LJ0202" if unit else "LJ0203" if value.type.kind == "quantity" else "LJ0201"
             message = f"an event's time is in ticks or seconds, this is {with_article(value.type)}"
-            bare = isinstance(node.at, s.NumberLiteral) and not node.at.unit
-            text = self.report.source.text[node.at.start : node.at.end] if bare else "12"
+            bare = isinstance(written, s.NumberLiteral) and not written.unit
+            text = self.report.source.text[written.start : written.end] if bare else "12"
             hint = f"write `{text} tick`, or `{text} s`" if bare else "write `at 12 tick` or `at 90 s`"
-            self.report.at(code, node.at, message, hint, replace=f"{text} tick" if bare else None)
+            self.report.at(code, written, message, hint, replace=f"{text} tick" if bare else None)
             return None
         number = self.of.constant(value.ir)
         if number is not None and number < 0:
-            self.report.at("LJ0206", node.at, "an event cannot come before the mission begins")
+            self.report.at("LJ0206", written, "an event cannot come before the mission begins")
             return None
-        self.blocks.leak(value.taint, node.at, f"the time of the event `{node.name.text}`")
+        self.blocks.leak(value.taint, written, f"the time of the event `{node.name.text}`")
         counted_in = "s" if value.type.dimension == TIME else "tick"
         return msgspec.structs.replace(value, ir=_in_unit(value.ir, counted_in))
 
     def _change(self, item: s.Statement, node: s.EventBlock) -> model.Change | None:
-        if isinstance(item, s.SettingsBlock) and item.keyword == "weather":
-            if item.preset is None and not item.block.items:
-                message, hint = "this `weather` changes nothing", "write `weather { visibility = 1 km }`"
-                self.report("LJ0512", item.start, item.end, message, hint, severity="warning")
-            return model.Change(kind="weather", weather=self.settings.weather(item))
-        if not isinstance(item, s.ChangeLine):
-            self.blocks.misplaced(item, f"the event `{node.name.text}`", ("weather", "appear", "vanish"))
+        keyword = keyword_of(item)
+        check = _EFFECTS.get(keyword or "")
+        if check is None:
+            self.blocks.misplaced(item, f"the event `{node.name.text}`", _EFFECTS)
             return None
-        value = self.of.value(item.entity, STATIC)
+        return check(self, item, node)
+
+    def _weather(self, item: s.SettingsBlock, node: s.EventBlock) -> model.Change:
+        if item.preset is None and not item.block.items:
+            message, hint = "this `weather` changes nothing", "write `weather { visibility = 1 km }`"
+            self.report("LJ0512", item.start, item.end, message, hint, severity="warning")
+        return model.Change(kind="weather", weather=self.settings.weather(item))
+
+    def _presence(self, item: s.ChangeLine, node: s.EventBlock) -> model.Change | None:
+        entity = self._target(item.entity, node, item.keyword)
+        if entity is None:
+            return None
+        return model.Change(kind="appear" if item.keyword == "appear" else "vanish", entity=entity.ir)
+
+    def _state(self, item: s.StateLine, node: s.EventBlock) -> model.Change | None:
+        named = item.target
+        if not isinstance(named, s.FieldExpr):
+            self.report.at(
+                "LJ0201", named, "`change` gives a state of a target another value", "write `change fire.heat to 0.8`"
+            )
+            return None
+        entity = self._target(named.base, node, "be set by an event")
+        if entity is None:
+            return None
+        group, name = self.scope.groups[entity.type.of], named.name
+        if name.text == "status":
+            member = TypedExpression(ex.Ref(group.name, "group"), Type("status", of=group.name))
+            word = status_side(self.of, member, item.value, RULE)
+            if word is UNKNOWN:
+                return None
+            return model.Change(kind="change", entity=entity.ir, field="status", value=word.ir)
+        known = group.attributes.get(name.text)
+        if known is None or not known.state:
+            states = [each for each, attribute in group.attributes.items() if attribute.state]
+            message = f"`{name.text}` of `{group.name}` is no state, so no event changes it"
+            self.report.unknown("LJ0102", name, message, [*states, "status"])
+            return None
+        value = self.of.expect(item.value, RULE, known.type, f"`{name.text}`")
+        if value is UNKNOWN:
+            return None
+        stored = name.text + suffix_of(known.type.dimension)
+        return model.Change(kind="change", entity=entity.ir, field=stored, value=value.ir)
+
+    def _target(self, written: s.Expression, node: s.EventBlock, action: str) -> TypedExpression | None:
+        """The target or group of targets that an effect names; None for another expression, which is reported."""
+        value = self.of.value(written, STATIC)
         if value is UNKNOWN:
             return None
         if value.type.kind not in ("entity", "group") or self.scope.groups[value.type.of].role != "target":
             shown = with_article(value.type)
             if value.type.kind in ("entity", "group"):
                 shown = f"the asset `{value.type.of}`"
-            self.report.at("LJ0201", item.entity, f"only a target can {item.keyword}, this is {shown}")
+            self.report.at("LJ0201", written, f"only a target can {action}, this is {shown}")
             return None
         if isinstance(value.ir, ex.Index):
-            self.blocks.leak(value.taint, item.entity, f"the event `{node.name.text}`")
-        return model.Change(kind="appear" if item.keyword == "appear" else "vanish", entity=value.ir)
+            self.blocks.leak(value.taint, written, f"the event `{node.name.text}`")
+        return value
+
+
+_EFFECTS: dict[str, Callable[[EventChecker, Any, s.EventBlock], model.Change | None]] = {
+    "weather": EventChecker._weather,
+    "appear": EventChecker._presence,
+    "vanish": EventChecker._presence,
+    "change": EventChecker._state,
+}
+"""Keyword of an effect → its check."""
 
 
 def _in_unit(ir: ex.Expr, unit: str) -> ex.Expr:

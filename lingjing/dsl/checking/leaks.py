@@ -19,7 +19,8 @@ DECLARED_SINCE = 2
 """The version of the language that introduced `declassify`."""
 
 _NAMES = (
-    f"remove it; a name is `{END}`, a command `asset.verb`, or a constraint, a stage or a limit with a hidden value"
+    f"remove it; a name is `{END}`, a command `asset.verb`, or the name of a constraint, a stage, a limit or an event"
+    " with a hidden value"
 )
 
 
@@ -98,6 +99,8 @@ def _place(leak: Leak, node: s.MissionBlock) -> tuple[int, int]:
         if isinstance(item, s.PermitLine) and leak.at == f"permit/{declassified_name(item.resource)}":
             return item.resource.start, item.resource.end
         if isinstance(item, s.ConstraintBlock) and leak.at == f"constraint/{item.name.text}":
+            return item.name.start, item.name.end
+        if isinstance(item, s.EventBlock) and leak.at.startswith(f"event/{item.name.text}/"):
             return item.name.start, item.name.end
         if isinstance(item, s.StageBlock) and leak.at == f"stage/{item.name.text}":
             return item.name.start, item.name.end

@@ -75,8 +75,11 @@ def _statements() -> Iterator[str]:
     for place, title in _PLACES.items():
         lines = [line for kind in STATEMENTS if _home(kind) == place for line in _statement(kind)]
         yield f"## {title}\n\n" + "\n".join(lines)
-    inner = [line for kind in STATEMENTS if _home(kind) == "" for line in _statement(kind)]
-    yield "## Inside blocks\n\n" + "\n".join(inner)
+    places: dict[str, list[str]] = {}
+    for kind in STATEMENTS:
+        if _home(kind) == "" and kind.keyword != "ljs":
+            places.setdefault(", ".join(kind.within), []).append(_written(kind))
+    yield "## Inside blocks\n\n" + "\n".join(f"- {place}: {'; '.join(lines)}" for place, lines in places.items())
 
 
 def _home(kind: StatementKind) -> str:
@@ -86,16 +89,33 @@ def _home(kind: StatementKind) -> str:
 
 
 def _statement(kind: StatementKind) -> Iterator[str]:
-    if kind.keyword == "ljs":
-        return
-    first = next(forms(kind)) if kind.keyword in _MUTUAL else " | ".join(forms(kind))
+    if kind.keyword not in ("ljs", "asset"):  # an asset is written as a target is
+        yield f"- {_written(kind)}"
+
+
+def _written(kind: StatementKind) -> str:
+    first = next(forms(kind)) if kind.keyword in _MUTUAL else _alternatives(tuple(forms(kind)))
     written = kind.example if not kind.keys and kind.keyword in _BY_EXAMPLE else first
     for label, place in kind.names.items():
         if place.choices and place.spaces == () and label != "allowed":
             written = written.replace(f"‹{label}›", "|".join(place.choices), 1)
-    within = "" if _home(kind) else f" (in {', '.join(kind.within)})"
+    written = written.replace("target ", "target|asset ", 1) if kind.keyword == "target" else written
     keys = f": {', '.join(map(_key, kind.keys.values()))}" if kind.keys else ""
-    yield f"- `{written}`{within}{keys}"
+    return f"`{written}`{keys}"
+
+
+def _alternatives(ways: tuple[str, ...]) -> str:
+    """Forms of a statement side by side; a common beginning and end is written once."""
+    if len(ways) != 2:
+        return " | ".join(ways)
+    first, second = (way.split(" ") for way in ways)
+    begin = next((n for n, (a, b) in enumerate(zip(first, second, strict=False)) if a != b), 0)
+    rest = list(zip(reversed(first[begin:]), reversed(second[begin:]), strict=False))
+    end = next((n for n, (a, b) in enumerate(rest) if a != b), len(rest))
+    if begin < 2 or end < 1:
+        return " | ".join(ways)
+    middles = " | ".join(" ".join(words[begin : len(words) - end]) for words in (first, second))
+    return " ".join((*first[:begin], f"({middles})", *first[len(first) - end :]))
 
 
 _MUTUAL = ("relation",)

@@ -288,9 +288,16 @@ class Printer:
     def events(self) -> Iterable[str]:
         """Events."""
         for event in self.mission.events:
-            at = f"{'~ ' if isinstance(event.at, ex.Draw) else ''}{self.text(event.at, RANGE)}"
             lines = [line for change in event.changes for line in self._change(change)]
-            yield block(f"event {event.name} at {at}{self._when(event.when)}", lines, spread=len(lines) > 1)
+            yield block(f"event {event.name}{self._event_head(event)}", lines, spread=len(lines) > 1)
+
+    def _event_head(self, event: model.EventDeclaration) -> str:
+        head = f" when {self.text(event.condition)}" if event.condition is not None else ""
+        if event.at is not None:
+            drawn = "~ " if isinstance(event.at, ex.Draw) else ""
+            head = f" at {drawn}{self.text(event.at, RANGE)}{self._when(event.when)}"
+        head += f" until {self.text(event.until)}" if event.until is not None else ""
+        return head + (f" repeat every {self.text(event.pause)}" if event.pause is not None else "")
 
     def sweeps(self) -> Iterable[str]:
         """Sweeps."""
@@ -304,6 +311,8 @@ class Printer:
     def _change(self, change: model.Change) -> Iterable[str]:
         if change.entity is None:
             yield block("weather", self.properties(change.weather))
+        elif change.value is not None:
+            yield f"change {self.text(ex.Attr(change.entity, change.field))} to {self.text(change.value)}"
         else:
             yield f"{change.kind} {self.text(change.entity)}"
 

@@ -352,7 +352,7 @@ STATEMENTS = (
     StatementKind(
         "declassify", s.DeclassifyLine, (Form("what:channels because reason:STRING"),), ("mission",),
         example='declassify end because "the end of an episode tells that all are rescued"',
-        doc="agents may infer hidden values from the episode's end, a permit, a constraint, a stage or a limit",
+        doc="agents may infer hidden values from the end, a permit, a constraint, a stage, a limit or an event",
         part="declassified", paragraph="relations", layout=Layout("declassify {what} because {reason:quoted}"),
     ),
     StatementKind(
@@ -406,8 +406,14 @@ STATEMENTS = (
         example="always u.position.elevation >= 40 m", doc="a condition that must hold at every step",
     ),
     StatementKind(
-        "event", s.EventBlock, (Form("name:NAME at [drawn:~] at:value [guard] block"),), ("mission",),
-        example="event squall at 12 tick { weather { visibility = 1 km } }", doc="a scripted event",
+        "event", s.EventBlock,
+        (
+            Form("name:NAME at [drawn:~] at:value [guard] [until until:value] [repeat every pause:value] block"),
+            Form("name:NAME when condition:value [until until:value] [repeat every pause:value] block", "triggered"),
+        ),
+        ("mission",),
+        example="event squall at 12 tick { weather { visibility = 1 km } }",
+        doc="changes at a time or when a condition holds; `until` undoes them, `repeat` lets them occur again",
         part="events", paragraph="events",
     ),
     StatementKind(
@@ -417,6 +423,10 @@ STATEMENTS = (
     StatementKind(
         "vanish", s.ChangeLine, (Form("entity:value", "change"),), ("event",),
         example="vanish jam[1]", doc="the entity no longer exists from now on",
+    ),
+    StatementKind(
+        "change", s.StateLine, (Form("target:operand to value:value", "changed_state"),), ("event",),
+        example="change fire.heat to 0.8", doc="a state or the status of a target gets another value",
     ),
     StatementKind(
         "inspection", s.InspectionBlock, (Form("name:NAME of asset:operand by by:values [guard] block"),),

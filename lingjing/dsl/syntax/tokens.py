@@ -85,7 +85,7 @@ NAMES_IN_MESSAGES: dict[str, str] = {
 
 _CONTINUE = """
     EQUAL TILDE LE OP MINUS RANGE AND OR NOT COLON ARROW BOTH COMMA SEP DOT IN BY FROM TO AT OVER AS
-    WHEN FOR COUNTS EXTENDS
+    WHEN FOR COUNTS EXTENDS UNTIL REPEAT EVERY
 """
 OPERATORS_THAT_CONTINUE = frozenset(_CONTINUE.split())
 """Token types after which a line end does not end the statement."""

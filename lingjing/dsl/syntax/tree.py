@@ -418,13 +418,20 @@ class InspectionBlock(Statement, frozen=True, gc=False):
 
 
 class EventBlock(Statement, frozen=True, gc=False):
-    """`event name at 12 tick { … }`."""
+    """`event name at 12 tick { … }`, `event name when condition until other repeat every 60 s { … }`."""
 
     name: Name
-    at: Expression
+    at: Expression | None
+    """Its time; None for an event that a condition triggers."""
     drawn: bool
     """True if the time follows a `~`."""
     guard: Expression | None
+    condition: Expression | None
+    """The condition that triggers it; None for an event at a time."""
+    until: Expression | None
+    """The condition that undoes it."""
+    pause: Expression | None
+    """The time after which it may occur again."""
     block: BracedBlock
 
 
@@ -433,6 +440,13 @@ class ChangeLine(Statement, frozen=True, gc=False):
 
     keyword: str
     entity: Expression
+
+
+class StateLine(Statement, frozen=True, gc=False):
+    """`change fire.heat to 0.8`."""
+
+    target: Expression
+    value: Expression
 
 
 class Axis(SyntaxNode, frozen=True, gc=False):

@@ -82,7 +82,7 @@ class CameraEngine:
             self._build(self._renderer, city)
         self._spec, self._time_s, self._seed = spec, 0.0, seed
         self._quality = engine_options(CameraOptions, spec).quality
-        self._oceans, self._schedule = {}, Schedule(spec.instance)
+        self._oceans, self._schedule = {}, spec.schedule
         self._sites, self._redaction = {}, PictureRedaction(entities)
         if self._terrain is not None:
             self._change_town(self._renderer, self._terrain, Tiles(city), entities)

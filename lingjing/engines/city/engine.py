@@ -12,7 +12,6 @@ from lingjing.engines.city.target import CityTarget, Level, target_of
 from lingjing.engines.city.target_body import STEP_S, body_of
 from lingjing.mission.instance import InteractionSpec, Vector
 from lingjing.mission.natures import PEOPLE
-from lingjing.mission.schedule import Schedule
 from lingjing.mission.vocabulary import DORMANT, UNLOCK
 from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
 from lingjing.plugins.requests import Refusal, Requests
@@ -46,7 +45,7 @@ class CityEngine:
         self._events: list[TaskEvent] = []
         self._names = frozenset(entity.id for entity in instance.entities)
         self._actors: dict[tuple[str, str], tuple[str, ...]] = {}
-        self._schedule = Schedule(instance)
+        self._schedule = spec.schedule
         self._weather = self._schedule.weather(0.0)
         self._book = Goods(instance)
         terrain = Terrain(city)
@@ -72,6 +71,7 @@ class CityEngine:
         """Advance the targets to `until`, then carry out interactions with the actors within reach at that time."""
         elapsed = until - self._clock.time_s
         self._update_weather()
+        self._set_values()
         self._step(until)
         self._update_presence()
         self._bodies = {
@@ -116,6 +116,20 @@ class CityEngine:
             self._weather = weather
             for target in self._targets.values():
                 target.body.set_weather(weather)
+
+    def _set_values(self) -> None:
+        """Set the states and status words that events change at this boundary."""
+        for change in self._schedule.values_set(self._clock.time_s):
+            target = self._targets.get(change.entity)
+            if target is None:
+                continue
+            if isinstance(change.value, str):
+                target.word = change.value
+                continue
+            state = target.entity.state_of(change.field)
+            if state is not None:
+                self._book.put(target.id, state.name, change.value)
+                target.set_amount(state.name, change.value)
 
     def _step(self, until: float) -> None:
         moving = [target for target in self._targets.values() if target.present and target.carrier is None]

@@ -110,6 +110,24 @@ class CityTarget:
         self.attended = kept | {(name, actor): value for actor, value in now.items()}
         return now
 
+    def set_amount(self, state: str, amount: float) -> None:
+        """Adapt to a state that an event has set.
+
+        Interactions that had used it up are open again if there is something left. A fire that an event puts out takes
+        the status word that an actor would have given it.
+        """
+        served = [
+            name
+            for name, spec in self.possible.items()
+            if spec.own == state or (name in self.levels and self.levels[name].name == state)
+        ]
+        if amount > 0.0 and any(name in self.done for name in served):
+            self.done = [name for name in self.done if name not in served]
+            self.word = self.nature.word
+        elif amount <= 0.0 and state == self.nature.level:
+            self.done += [name for name in served if name not in self.done]
+            self.word = self.nature.over or self.word
+
     def finish(self, interaction: InteractionSpec, actor: str, over: str = "") -> None:
         """Finish an interaction for good.
 

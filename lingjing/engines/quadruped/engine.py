@@ -18,7 +18,6 @@ from lingjing.engines.quadruped.ground_ahead import GroundAhead
 from lingjing.engines.quadruped.moving_boxes import POOL, MirroredBodies
 from lingjing.engines.quadruped.physics import MovingBox, Touch
 from lingjing.mission.instance import Vector
-from lingjing.mission.schedule import Schedule
 from lingjing.mission.vocabulary import BATTERY_EMPTY, COLLIDED, DORMANT
 from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.fleet import FleetEngine
@@ -47,7 +46,7 @@ class QuadrupedEngine(FleetEngine):
     def build(self, spec: EngineSpec, city: City, seed: int) -> None:
         """Find the model and place the dogs. No random numbers are drawn."""
         self._assets: Assets = locate()
-        self._schedule = Schedule(spec.instance)
+        self._schedule = spec.schedule
         self._terrain = Terrain(city)
         self._around = CityShapes(city)
         self._lookout = MirroredBodies(spec.instance, spec.owns)

@@ -17,7 +17,6 @@ from lingjing.engines.road.vehicle import Vehicle
 from lingjing.engines.road.verbs import PLANNING, Planner
 from lingjing.errors import InfrastructureError
 from lingjing.mission.instance import Entity
-from lingjing.mission.schedule import Schedule
 from lingjing.mission.seeding import integer
 from lingjing.mission.vocabulary import ARRIVED, CLEARED, COLLIDED
 from lingjing.plugins.engine import EngineSpec
@@ -64,7 +63,7 @@ class RoadEngine(FleetEngine):
         sim = self._sim = Simulation(city.network, integer(seed, "road/simulation", bits=31))
         graph = read_graph(sim)
         instance = spec.instance
-        self._schedule = Schedule(instance)
+        self._schedule = spec.schedule
         kerb = Kerb(sim, graph, Tiles(city))
         self._vehicles = {entity.id: Vehicle(entity, sim, graph, kerb) for entity in owned}
         lowest, highest = elevations(sim, graph)

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from lingjing.engines.vessel.boat import Boat
 from lingjing.engines.vessel.hull import STEP_S
-from lingjing.mission.schedule import Schedule
 from lingjing.mission.vocabulary import ARRIVED
 from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.fleet import FleetEngine
@@ -25,7 +24,7 @@ class VesselEngine(FleetEngine):
     def build(self, spec: EngineSpec, city: City, seed: int) -> None:
         """Place the vessels on the water."""
         terrain = Terrain(city)
-        self._schedule = Schedule(spec.instance)
+        self._schedule = spec.schedule
         self._boats = {entity.id: Boat(entity, terrain, self._schedule.weather(0.0)) for entity in spec.owned()}
 
     def start(self, command: Command) -> None:

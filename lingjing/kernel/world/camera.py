@@ -16,6 +16,7 @@ from lingjing.kernel.world.guarded_calls import absent
 from lingjing.kernel.world.handle import Worker
 from lingjing.kernel.world.messages import Capture, PictureReply, Prepare, Ready, Reset, encoded
 from lingjing.kernel.world.shared import load_frame
+from lingjing.mission.schedule import Occurrence
 from lingjing.plugins.engine import CaptureRequest
 from lingjing.processes.deadlines import OwnDeadline
 from lingjing.trace.records import Absent, BodyState
@@ -59,7 +60,12 @@ class CameraProcess:
             self._prepare(self._due[0])
 
     def capture(
-        self, time_s: float, requests: Sequence[CaptureRequest], states: Sequence[BodyState], allowed_s: float
+        self,
+        time_s: float,
+        requests: Sequence[CaptureRequest],
+        states: Sequence[BodyState],
+        occurrences: Sequence[Occurrence],
+        allowed_s: float,
     ) -> tuple[StoredFrame | Absent, ...]:
         """Return one answer per request.
 
@@ -70,7 +76,16 @@ class CameraProcess:
             try:
                 if self._due is not None:
                     self._make_ready(*self._due)
-                return self._captured(time_s, requests, states, allowed_s)
+                return self._captured(
+                    Capture(
+                        serial=self._serial + 1,
+                        time_s=time_s,
+                        requests=tuple(requests),
+                        states=tuple(states),
+                        occurrences=tuple(occurrences),
+                    ),
+                    allowed_s,
+                )
             except BaseException:
                 self.worker.kill()
                 raise
@@ -87,13 +102,10 @@ class CameraProcess:
         self.runtime = self.worker.ask(reset, Ready, self.worker.deadline(START_S)).runtime
         self._due = self._preparing = None
 
-    def _captured(
-        self, time_s: float, requests: Sequence[CaptureRequest], states: Sequence[BodyState], allowed_s: float
-    ) -> tuple[StoredFrame | Absent, ...]:
-        deadline = self.worker.deadline(allowed_s)
-        self._serial += 1
+    def _captured(self, message: Capture, allowed_s: float) -> tuple[StoredFrame | Absent, ...]:
+        deadline, requests = self.worker.deadline(allowed_s), message.requests
+        self._serial = message.serial
         self._owed[self._serial] = (self.worker.deadline(_PATIENCE * allowed_s), len(requests))
-        message = Capture(serial=self._serial, time_s=time_s, requests=tuple(requests), states=tuple(states))
         self.worker.send(encoded(message), deadline)
         answers: list[StoredFrame | Absent] = [absent(request, "late") for request in requests]
         while self._serial in self._owed and self._collect(requests, answers, deadline):

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lingjing.mission.instance import Instance
+from lingjing.mission.schedule import Occurrence
 from lingjing.plugins.engine import CaptureRequest
 from lingjing.scene.city import City
 from lingjing.trace.records import (
@@ -85,15 +86,23 @@ class World(Protocol):
         """Reset every engine in parallel within `budget.engine_s` and return boundary 0."""
         ...
 
-    def step(self, tick: int, commands: Sequence[Command]) -> WorldBoundary:
-        """Submit `commands`, then advance every motion engine through all macro-steps to boundary `tick`."""
+    def step(self, tick: int, commands: Sequence[Command], occurrences: Sequence[Occurrence] = ()) -> WorldBoundary:
+        """Submit `commands`, then advance every motion engine through all macro-steps to boundary `tick`.
+
+        `occurrences` are those of all events before this tick.
+        """
         ...
 
     def capture(
-        self, tick: int, requests: Sequence[CaptureRequest], states: Sequence[BodyState]
+        self,
+        tick: int,
+        requests: Sequence[CaptureRequest],
+        states: Sequence[BodyState],
+        occurrences: Sequence[Occurrence] = (),
     ) -> tuple[StoredFrame | Absent, ...]:
         """Draw the pictures of boundary `tick` and return one answer per request, in order.
 
+        `occurrences` are those of all events before this boundary.
         `states` are those of all entities, then of all background movers. A picture later than `budget.capture_s` is
         `Absent`. Raises `InfrastructureError` if the camera has died.
         """

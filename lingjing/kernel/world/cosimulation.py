@@ -19,6 +19,7 @@ from lingjing.kernel.world.contract import WorldBoundary
 from lingjing.kernel.world.engine_group import NO_MOVERS, EngineReport, Movers, keep_movers
 from lingjing.kernel.world.stocks import Stocks
 from lingjing.mission.instance import Clock, Instance
+from lingjing.mission.schedule import Occurrence
 from lingjing.trace.records import BodyState, Command, EngineStatus, Receipt, Route, Snapshot, TaskEvent
 
 
@@ -32,6 +33,10 @@ class CoupledGroup(Protocol):
 
     def reset(self) -> tuple[EngineReport, ...]:
         """Return READY(0) of every engine."""
+        ...
+
+    def take_events(self, occurrences: Sequence[Occurrence]) -> None:
+        """Take over all occurrences of the mission's events so far."""
         ...
 
     def submit(self, commands: Sequence[Command]) -> dict[str, Receipt]:
@@ -99,12 +104,15 @@ class CoSimulation:
             unreachable_links=self._unreachable_links(),
         )
 
-    def step(self, tick: int, commands: Sequence[Command]) -> WorldBoundary:
+    def step(self, tick: int, commands: Sequence[Command], occurrences: Sequence[Occurrence] = ()) -> WorldBoundary:
         """Submit `commands`, then run every macro-step of `tick`. Raises `ValueError` if `tick` does not follow the
         last one.
         """
         if tick != self.tick + 1:
             raise ValueError(f"boundary {tick} does not follow boundary {self.tick}")
+        if occurrences:
+            for group in self._groups:
+                group.part.take_events(occurrences)
         admitted = self._submit(commands)
         snapshots: list[Snapshot] = []
         reports: list[EngineReport] = []

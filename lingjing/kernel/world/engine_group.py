@@ -16,6 +16,7 @@ from lingjing.errors import InfrastructureError
 from lingjing.kernel.world.boundary_checks import check_apart, checked_admissions, checked_boundary
 from lingjing.kernel.world.guarded_calls import Enter, engine_seed, guarded, no_note
 from lingjing.mission.instance import Instance
+from lingjing.mission.schedule import Occurrence, Schedule
 from lingjing.plugins.engine import Boundary, Engine, EngineSpec
 from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import City
@@ -71,6 +72,7 @@ class EngineGroup:
         self._city = city
         self._enter = enter
         self._members = tuple(_member(instance, name, engines[name]) for name in sorted(engines))
+        self._schedule = Schedule(instance)
         self._entities = frozenset(entity.id for entity in instance.entities)
         self._states: dict[str, BodyState] = {}
         self._ambient: dict[str, tuple[BodyState, ...]] = {}
@@ -79,6 +81,10 @@ class EngineGroup:
     def reset(self) -> tuple[EngineReport, ...]:
         """Return READY(0) of every engine."""
         return self._commit([self._reset(member) for member in self._members])
+
+    def take_events(self, occurrences: Sequence[Occurrence]) -> None:
+        """Take over all occurrences of the mission's events so far. All engines read the same schedule."""
+        self._schedule.update(occurrences)
 
     def submit(self, commands: Sequence[Command]) -> dict[str, Receipt]:
         """Submit each engine's commands. Return the valid admission receipts by command id; missing ones are left
@@ -104,7 +110,7 @@ class EngineGroup:
         return self._commit([self._advance(member, until, known, crowds) for member in self._members])
 
     def _reset(self, member: _Member) -> EngineReport:
-        spec = EngineSpec(engine=member.name, instance=self._instance, owns=member.owns)
+        spec = EngineSpec(engine=member.name, instance=self._instance, owns=member.owns, events=self._schedule)
         seed = engine_seed(self._instance.seed, member.name)
         report, wall_s = guarded(self._enter, member.name, "reset", lambda: member.engine.reset(spec, self._city, seed))
         return EngineReport(checked_boundary(member.name, "reset", report, 0.0, member.owns, self._entities), wall_s)

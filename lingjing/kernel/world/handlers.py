@@ -25,6 +25,7 @@ from lingjing.kernel.world.messages import (
     Step,
     Stepped,
     Submit,
+    TakeEvents,
     WorkerMessage,
 )
 from lingjing.kernel.world.placed_worlds import PlacedReplies, WorldStart, start_of
@@ -118,7 +119,10 @@ class WorldHandler(RequestHandler):
                 gc.freeze()
                 return ready
             case Step() if self._cosimulation is not None:
-                return Stepped(boundary=self._cosimulation.step(request.tick, request.commands))
+                return Stepped(boundary=self._cosimulation.step(request.tick, request.commands, request.occurrences))
+            case TakeEvents() if self._engine_group is not None:
+                self._engine_group.take_events(request.occurrences)
+                return Ready()
             case Submit() if self._engine_group is not None:
                 return Admitted(receipts=self._engine_group.submit(request.commands))
             case Advance() if self._engine_group is not None:
@@ -175,7 +179,7 @@ class CameraHandler(RequestHandler):
             for index, frame in enumerate(kept):
                 yield from _sent(request.serial, index, frame)
             return
-        sensor.move_to(request.time_s, request.states)
+        sensor.move_to(request.time_s, request.states, request.occurrences)
         drawn: list[StoredFrame | None] = []
         for index, wanted in enumerate(request.requests):
             frame = sensor.picture(wanted)

@@ -21,6 +21,7 @@ from lingjing.kernel.world.selection import select_engines
 from lingjing.kernel.world.sensor import Sensor
 from lingjing.kernel.world.times import EngineTimes
 from lingjing.mission.instance import Instance
+from lingjing.mission.schedule import Occurrence
 from lingjing.plugins.engine import CaptureRequest, Engine
 from lingjing.plugins.host import PluginHost
 from lingjing.processes.deadlines import OwnDeadline
@@ -61,12 +62,12 @@ class InlineWorld:
             self.close()
             raise
 
-    def step(self, tick: int, commands: Sequence[Command]) -> WorldBoundary:
+    def step(self, tick: int, commands: Sequence[Command], occurrences: Sequence[Occurrence] = ()) -> WorldBoundary:
         """Advance to boundary `tick` in the caller."""
         instance, cosimulation = self._episode()
         try:
             self._times.clear()
-            boundary = cosimulation.step(tick, commands)
+            boundary = cosimulation.step(tick, commands, occurrences)
             self._times.check(instance.budget.engine_s)
         except InfrastructureError as error:
             name_plugin(error, self._host)
@@ -75,7 +76,11 @@ class InlineWorld:
         return boundary
 
     def capture(
-        self, tick: int, requests: Sequence[CaptureRequest], states: Sequence[BodyState]
+        self,
+        tick: int,
+        requests: Sequence[CaptureRequest],
+        states: Sequence[BodyState],
+        occurrences: Sequence[Occurrence] = (),
     ) -> tuple[StoredFrame | Absent, ...]:
         """Draw the pictures one after another; those that end after `budget.capture_s` are absent."""
         instance, _ = self._episode()
@@ -84,7 +89,7 @@ class InlineWorld:
         try:
             sensor = self._ready_sensor(instance)
             deadline = OwnDeadline(os.getpid(), instance.budget.capture_s, watched=True)
-            sensor.move_to(tick * instance.clock.tick_s, states)
+            sensor.move_to(tick * instance.clock.tick_s, states, occurrences)
             return tuple(self._draw(sensor, request, deadline) for request in requests)
         except InfrastructureError as error:
             name_plugin(error, self._host)

@@ -8,6 +8,7 @@ from lingjing.kernel.world.contract import WorldBoundary
 from lingjing.kernel.world.engine_group import EngineReport
 from lingjing.kernel.world.shared import Layout
 from lingjing.mission.instance import Instance
+from lingjing.mission.schedule import Occurrence
 from lingjing.plugins.engine import CaptureRequest
 from lingjing.trace.records import BodyState, Command, FrameInfo, Receipt
 
@@ -43,6 +44,15 @@ class Step(WorkerMessage, frozen=True, kw_only=True):
 
     tick: int
     commands: tuple[Command, ...]
+    occurrences: tuple[Occurrence, ...] = ()
+    """All occurrences of the mission's events so far."""
+
+
+class TakeEvents(WorkerMessage, frozen=True, kw_only=True):
+    """Take over the mission's events before a tick; the caller drives."""
+
+    occurrences: tuple[Occurrence, ...]
+    """All occurrences so far."""
 
 
 class Submit(WorkerMessage, frozen=True, kw_only=True):
@@ -73,6 +83,8 @@ class Capture(WorkerMessage, frozen=True, kw_only=True):
     """The pictures to draw."""
     states: tuple[BodyState, ...]
     """The states of all entities, then of all background movers."""
+    occurrences: tuple[Occurrence, ...] = ()
+    """All occurrences of the mission's events before the boundary."""
 
 
 class Fork(WorkerMessage, frozen=True, kw_only=True):
@@ -155,7 +167,7 @@ class Failed(WorkerMessage, frozen=True, kw_only=True):
     """The traceback, for the engine's author."""
 
 
-Request = Prepare | Reset | Begin | Step | Submit | Advance | Capture | Fork | Close
+Request = Prepare | Reset | Begin | Step | TakeEvents | Submit | Advance | Capture | Fork | Close
 Reply = Ready | Stepped | Reported | Admitted | PictureReply | Forked | Closed | Refused | Failed
 
 _ENCODER = msgspec.msgpack.Encoder()

@@ -43,6 +43,7 @@ from lingjing.kernel.world.messages import (
     Step,
     Stepped,
     Submit,
+    TakeEvents,
     WorkerMessage,
     encoded,
 )
@@ -50,6 +51,7 @@ from lingjing.kernel.world.placed_worlds import world_start
 from lingjing.kernel.world.selection import EngineSelection, select_engines, takes_pictures_unasked
 from lingjing.kernel.world.times import EngineTimes
 from lingjing.mission.instance import Instance
+from lingjing.mission.schedule import Occurrence
 from lingjing.plugins.engine import CaptureRequest, Engine
 from lingjing.plugins.host import PluginHost
 from lingjing.processes.deadlines import OwnDeadline
@@ -74,6 +76,9 @@ class _WorldProcessGroup:
 
     def reset(self) -> tuple[EngineReport, ...]:
         return self._ask(Begin(), Reported).reports
+
+    def take_events(self, occurrences: Sequence[Occurrence]) -> None:
+        self._ask(TakeEvents(occurrences=tuple(occurrences)), Ready)
 
     def submit(self, commands: Sequence[Command]) -> dict[str, Receipt]:
         return self._ask(Submit(commands=tuple(commands)), Admitted).receipts
@@ -108,9 +113,9 @@ class _Driver:
         """Return boundary 0."""
         return self._within_budget(self.cosimulation.reset)
 
-    def step(self, tick: int, commands: Sequence[Command]) -> WorldBoundary:
+    def step(self, tick: int, commands: Sequence[Command], occurrences: Sequence[Occurrence]) -> WorldBoundary:
         """Return boundary `tick`."""
-        return self._within_budget(lambda: self.cosimulation.step(tick, commands))
+        return self._within_budget(lambda: self.cosimulation.step(tick, commands, occurrences))
 
     def _within_budget(self, barrier: Callable[[], WorldBoundary]) -> WorldBoundary:
         """Run a barrier. Remote engines cannot be killed, so their time is checked afterwards."""
@@ -218,13 +223,13 @@ class ProcessWorld:
             self._abandon_camera()
             raise
 
-    def step(self, tick: int, commands: Sequence[Command]) -> WorldBoundary:
+    def step(self, tick: int, commands: Sequence[Command], occurrences: Sequence[Occurrence] = ()) -> WorldBoundary:
         """Advance to boundary `tick` within `budget.engine_s`."""
         episode = self._playing()
         if tick != episode.tick + 1:
             raise ValueError(f"boundary {tick} does not follow boundary {episode.tick}")
         try:
-            boundary = self._step(episode, tick, tuple(commands))
+            boundary = self._step(episode, tick, tuple(commands), tuple(occurrences))
         except BaseException as error:
             name_plugin(error, self._host)
             self._episode = None
@@ -234,7 +239,11 @@ class ProcessWorld:
         return boundary
 
     def capture(
-        self, tick: int, requests: Sequence[CaptureRequest], states: Sequence[BodyState]
+        self,
+        tick: int,
+        requests: Sequence[CaptureRequest],
+        states: Sequence[BodyState],
+        occurrences: Sequence[Occurrence] = (),
     ) -> tuple[StoredFrame | Absent, ...]:
         """Draw the pictures of boundary `tick` in one round trip, within `budget.capture_s` for all of them."""
         episode = self._playing()
@@ -244,7 +253,9 @@ class ProcessWorld:
             raise no_sensor()
         time_s = tick * episode.instance.clock.tick_s
         try:
-            return self._workers.camera.capture(time_s, requests, states, episode.instance.budget.capture_s)
+            return self._workers.camera.capture(
+                time_s, requests, states, occurrences, episode.instance.budget.capture_s
+            )
         except BaseException as error:
             name_plugin(error, self._host)
             self._episode = None
@@ -379,14 +390,16 @@ class ProcessWorld:
             parts.append(far)
         return _Driver(CoSimulation(instance, parts), far, times, allowed_s)
 
-    def _step(self, episode: _Episode, tick: int, commands: tuple[Command, ...]) -> WorldBoundary:
+    def _step(
+        self, episode: _Episode, tick: int, commands: tuple[Command, ...], occurrences: tuple[Occurrence, ...]
+    ) -> WorldBoundary:
         if episode.driver is not None:
-            return episode.driver.step(tick, commands)
+            return episode.driver.step(tick, commands, occurrences)
         world = self._workers.world
         if world is None:
             raise no_episode()
         deadline = world.deadline(episode.instance.budget.engine_s)
-        return world.ask(Step(tick=tick, commands=commands), Stepped, deadline).boundary
+        return world.ask(Step(tick=tick, commands=commands, occurrences=occurrences), Stepped, deadline).boundary
 
     def _abandon_camera(self) -> None:
         camera, self._workers.camera = self._workers.camera, None

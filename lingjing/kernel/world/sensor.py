@@ -13,6 +13,7 @@ from lingjing.kernel.world.contract import StoredFrame
 from lingjing.kernel.world.frames import described, stored
 from lingjing.kernel.world.guarded_calls import Enter, engine_error, engine_seed, guarded, no_note
 from lingjing.mission.instance import Instance
+from lingjing.mission.schedule import Occurrence, Schedule
 from lingjing.plugins.engine import CaptureRequest, Engine, EngineSpec, KeyedPictures
 from lingjing.scene.city import City
 from lingjing.trace.records import BodyState
@@ -25,16 +26,20 @@ class Sensor:
         self.name = name
         self._engine = engine
         self._enter = enter
+        self._schedule: Schedule | None = None
 
     def reset(self, instance: Instance, city: City) -> None:
         """Build the drawn world of an episode."""
-        spec = EngineSpec(engine=self.name, instance=instance, owns=())
+        self._schedule = Schedule(instance)
+        spec = EngineSpec(engine=self.name, instance=instance, owns=(), events=self._schedule)
         seed = engine_seed(instance.seed, self.name)
         report, _ = guarded(self._enter, self.name, "reset", lambda: self._engine.reset(spec, city, seed))
         checked_boundary(self.name, "reset", report, 0.0, ())
 
-    def move_to(self, time_s: float, states: Sequence[BodyState]) -> None:
-        """Move every entity to its state at the boundary at `time_s`."""
+    def move_to(self, time_s: float, states: Sequence[BodyState], occurrences: Sequence[Occurrence] = ()) -> None:
+        """Move every entity to its state at the boundary at `time_s`. `occurrences` are those before it."""
+        if self._schedule is not None:
+            self._schedule.update(occurrences)
         mirrors = tuple(states)
         report, _ = guarded(self._enter, self.name, "advance", lambda: self._engine.advance(time_s, mirrors))
         checked_boundary(self.name, "advance", report, time_s, ())

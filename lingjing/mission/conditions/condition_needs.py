@@ -230,7 +230,7 @@ class _Needs:
         return lambda names, on: on.declared.name(node)
 
     def field(self, node: ex.Attr, base: Meaning) -> Meaning:
-        return lambda names, on: _field(base(names, on), node.name)
+        return lambda names, on: _field(base(names, on), node.name, on)
 
     def apply(self, node: Composite, operands: tuple[Meaning, ...]) -> Meaning:
         need_of = _applied(node, operands)
@@ -285,10 +285,12 @@ def _picked(group: str, index: Value, on: _ConditionNeeds) -> Body | None:
     return members[int(place.low) - 1] if inside else None
 
 
-def _field(base: Value, name: str) -> Value:
+def _field(base: Value, name: str, on: _ConditionNeeds) -> Value:
     match base:
         case Body() if name == "position":
             return _Position(base)
+        case Body() if (base.id, name) in on.outline.set_fields:
+            return None
         case Body(entity=entity):
             return _Amount(base, name) if entity.state_of(name) is not None else base.bounds(name)
         case _PictureValue():

@@ -71,6 +71,10 @@ class Declarations(msgspec.Struct, frozen=True):
     """Limit → the (kind, name) pairs that it counts; kind is `verb` or `message`."""
     presences: Mapping[str, tuple[str, ...]]
     """Group → the events that make members of it appear or vanish."""
+    settings: Mapping[tuple[str, str], tuple[str, ...]]
+    """(group, `status` or a state by its name in rules) → the events that set it."""
+    events: frozenset[str]
+    """The mission's own events."""
     roles: tuple[str, ...]
     scope: Scope = Scope()
     """The settings that radii depend on."""
@@ -119,6 +123,14 @@ def of_mission(mission: model.Mission) -> Declarations:
             (event.name, _names(change.entity for change in event.changes if change.entity is not None))
             for event in mission.events
         ),
+        settings=_settings(
+            (event.name, group, change.field)
+            for event in mission.events
+            for change in event.changes
+            if change.kind == "change" and change.entity is not None
+            for group in _names((change.entity,))
+        ),
+        events=frozenset(event.name for event in mission.events),
         roles=tuple(dict.fromkeys(agent.role for agent in mission.agents)),
         scope=default_scope(mission, mission.modes.default),
     )
@@ -163,6 +175,10 @@ def of_instance(instance: Instance) -> Declarations:
             (event.name, tuple(dict.fromkeys(group_of[name] for name in (*event.appear, *event.vanish))))
             for event in instance.events
         ),
+        settings=_settings(
+            (event.name, group_of[change.entity], change.field) for event in instance.events for change in event.changes
+        ),
+        events=frozenset(event.name for event in instance.events),
         roles=tuple(dict.fromkeys(agent.role for agent in instance.agents)),
         scope=Scope(parameters=instance.settings, mode=instance.mode),
     )
@@ -269,3 +285,10 @@ def _presences(pairs: Iterable[tuple[str, tuple[str, ...]]]) -> dict[str, tuple[
         for group in groups:
             presences[group] = (*presences.get(group, ()), event)
     return presences
+
+
+def _settings(triples: Iterable[tuple[str, str, str]]) -> dict[tuple[str, str], tuple[str, ...]]:
+    settings: dict[tuple[str, str], tuple[str, ...]] = {}
+    for event, group, field in triples:
+        settings[group, field] = tuple(dict.fromkeys((*settings.get((group, field), ()), event)))
+    return settings

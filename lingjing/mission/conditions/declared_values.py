@@ -18,6 +18,7 @@ class DeclaredValues(Knowledge):
 
     def __init__(self, instance: Instance) -> None:
         self._settings = instance.settings
+        self._set_fields = {(change.entity, change.field) for event in instance.events for change in event.changes}
         self._groups: dict[str, list[Entity]] = {}
         for entity in instance.entities:
             self._groups.setdefault(entity.group, []).append(entity)
@@ -31,8 +32,12 @@ class DeclaredValues(Knowledge):
 
     def field(self, value: Value, name: str) -> Value:
         """A declared number of an entity."""
-        amount = declared(value, name) if isinstance(value, Entity) else None
+        amount = self.number(value, name) if isinstance(value, Entity) else None
         return None if amount is None else exactly(amount)
+
+    def number(self, entity: Entity, field: str) -> float | None:
+        """A declared number of an entity; None for a state that may change during the episode."""
+        return None if (entity.id, field) in self._set_fields else declared(entity, field)
 
     def members(self, domain: str) -> Sequence[Value] | None:
         """The entities of a group."""
@@ -40,7 +45,7 @@ class DeclaredValues(Knowledge):
 
 
 def declared(entity: Entity, field: str) -> float | None:
-    """A declared number of an entity; None for a state that may change during the episode."""
+    """A declared number of an entity; None for a state that interactions or its engine may change."""
     spec = entity.state_of(field)
     return None if spec is not None and _may_change(entity, spec.name) else entity.number(field)
 

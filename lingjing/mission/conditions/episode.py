@@ -76,6 +76,7 @@ class EpisodeKnowledge(Knowledge):
         self._open: list[str] = []
         self._amounts: dict[tuple[str, str], Value] = {}
         self._last_s = outline.seconds(outline.ticks)
+        self._set_fields = outline.set_fields
 
     def name(self, ref: ex.Ref) -> Value:
         """The time of the episode, an entity, a region or a setting."""
@@ -144,6 +145,8 @@ class EpisodeKnowledge(Knowledge):
         if name == "heading_deg":
             return None if body.drawn else Bounds(min(0.0, entity.heading_deg), max(360.0, entity.heading_deg))
         state = entity.state_of(name)
+        if (entity.id, name) in self._set_fields:
+            return None
         if entity.engine not in builtin_engines():
             return None
         if state is not None:
@@ -180,6 +183,8 @@ class EpisodeKnowledge(Knowledge):
         """The status words that a body can have → the interactions that give them, none for a word that it may have at
         the start or without an interaction. None if the words are unknown."""
         entity, kind = body.entity, engine_kind(body.entity.engine)
+        if (entity.id, "status") in self._set_fields:
+            return None
         if entity.role == "asset":
             return None if kind.words is None else dict.fromkeys((*kind.words, DORMANT), ())
         if entity.engine != CITY or "status" in body.drawn:

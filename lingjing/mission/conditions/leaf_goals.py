@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
 from lingjing.mission.conditions.declarations import of_instance
-from lingjing.mission.conditions.declared_values import DeclaredValues, declared
+from lingjing.mission.conditions.declared_values import DeclaredValues
 from lingjing.mission.conditions.goals import (
     MET,
     AssignGoal,
@@ -71,7 +71,7 @@ class LeafReader:
         match expr:
             case ex.Attr(base=base, name=field):
                 entity = self.entity(base, names)
-                return None if entity is None else declared(entity, field)
+                return None if entity is None else self.known.number(entity, field)
             case ex.Binary(operator="+" | "-" | "*" | "/" as symbol, left=left, right=right):
                 first, second = self.number(left, names), self.number(right, names)
                 return None if first is None or second is None else _computed(symbol, first, second)

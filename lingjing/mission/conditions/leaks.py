@@ -1,8 +1,9 @@
 """Leaks: hidden values that decide something which agents notice, and the declarations that allow it.
 
 Agents notice the end of the episode, and receipts of commands and messages. A hidden value that decides one of these
-can be inferred from it. Events, and the state that an interaction changes, are no leaks: the kernel shows them as
-their rule and their type allow (`lingjing.kernel.event_visibility`). A soft constraint changes the score alone.
+can be inferred from it. Agents also notice what an event of the mission changes: the weather, the state of a target.
+Adjudicated events, and the state that an interaction changes, are no leaks: the kernel shows them as their rule and
+their type allow (`lingjing.kernel.event_visibility`). A soft constraint changes the score alone.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ class Leak(NamedTuple):
     """One thing that agents notice and that a hidden value decides."""
 
     what: str
-    """The name to declassify: `end`, `dog.forward`, or a constraint, a stage or a limit."""
+    """The name to declassify: `end`, `dog.forward`, or a constraint, a stage, a limit or an event."""
     at: str
     """The path of the declaration with the condition."""
     notice: str
@@ -66,6 +67,9 @@ def every_leak(mission: model.Mission, survey: Survey) -> Iterator[Leak]:
                 yield Leak(condition.name, condition.at, notice, _way(condition, survey))
             case "constraint" if condition.hidden and any(gate.kind == "end" for gate in condition.gates):
                 notice = f"the episode ends when `{condition.name}` is broken"
+                yield Leak(condition.name, condition.at, notice, _way(condition, survey))
+            case "event" if condition.hidden:
+                notice = f"agents observe what the event `{condition.name}` changes"
                 yield Leak(condition.name, condition.at, notice, _way(condition, survey))
             case "stage":
                 yield from _stage_leaks(condition, stages, mission, survey)

@@ -94,6 +94,11 @@ class Outline(msgspec.Struct, frozen=True):
     """True if the time of an event is drawn."""
 
     @property
+    def set_fields(self) -> frozenset[tuple[str, str]]:
+        """(entity, `status` or a state by its name in rules) of everything that events set."""
+        return frozenset((change.entity, change.field) for event in self.instance.events for change in event.changes)
+
+    @property
     def ticks(self) -> int:
         """The budget of the whole episode."""
         return self.instance.budget.ticks

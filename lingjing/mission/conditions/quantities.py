@@ -36,7 +36,7 @@ adjudicated event that another condition reads. A `counter` is what a limit or a
 CauseKind = Literal["time", "verb", "message", "interaction", "event", "engine"]
 """The kinds of causes of a change.
 
-A `verb` is a command of an agent, an `event` a scheduled one of the mission. An `engine` changes a quantity by itself
+A `verb` is a command of an agent, an `event` one that the mission declares. An `engine` changes a quantity by itself
 or as the result of commands: motion, collisions, batteries, pictures.
 """
 

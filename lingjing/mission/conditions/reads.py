@@ -351,6 +351,7 @@ def _status_causes(of: Declarations, group: Group, name: str) -> Iterator[Cause]
         yield Cause(kind="interaction", name=spec.name, by=of.actors(spec))
     yield Cause(kind="engine", name=group.engine)
     yield from _presence_causes(of, group, name)
+    yield from _set_causes(of, group, "status")
 
 
 def _state_causes(of: Declarations, group: Group, field: str) -> Iterator[Cause]:
@@ -362,6 +363,12 @@ def _state_causes(of: Declarations, group: Group, field: str) -> Iterator[Cause]
                 yield Cause(kind="interaction", name=spec.name, by=of.actors(spec))
     if group.engine != "city":
         yield Cause(kind="engine", name=group.engine)
+    yield from _set_causes(of, group, field)
+
+
+def _set_causes(of: Declarations, group: Group, field: str) -> Iterator[Cause]:
+    for event in of.settings.get((group.name, field), ()):
+        yield Cause(kind="event", name=event)
 
 
 def _presence_causes(of: Declarations, group: Group, name: str) -> Iterator[Cause]:

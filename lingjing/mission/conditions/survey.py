@@ -21,15 +21,16 @@ from lingjing.mission.conditions.reads import Leaf, Reader, domains_of
 from lingjing.mission.expression_text import spell
 from lingjing.mission.instance import Instance
 
-ConditionKind = Literal["success", "failure", "rule", "unlock", "permit", "constraint", "stage"]
+ConditionKind = Literal["success", "failure", "rule", "unlock", "permit", "constraint", "stage", "event"]
 """The declarations that have a condition."""
 
-GateKind = Literal["end", "event", "interaction", "command", "penalty", "stage", "count"]
+GateKind = Literal["end", "event", "interaction", "command", "penalty", "stage", "count", "world"]
 """The kinds of gates.
 
 `end`: the episode ends. `event`: an adjudicated event. `interaction`: an actor may perform it. `command`: the kernel
 admits a verb, or else sends a receipt `not_permitted`. `penalty`: the score falls. `stage`: a stage is complete.
-`count`: the kernel rejects further commands or messages while the condition does not hold.
+`count`: the kernel rejects further commands or messages while the condition does not hold. `world`: an event of the
+mission occurs, is undone, or sets a value.
 """
 
 
@@ -45,7 +46,8 @@ class Condition(Record, frozen=True, kw_only=True):
     """One condition of a mission."""
 
     at: str
-    """The path of its declaration: `success`, `rule/rescued`, `unlock/rescue`, `permit/uav.takePhoto`."""
+    """The path of its declaration: `success`, `rule/rescued`, `unlock/rescue`, `permit/uav.takePhoto`,
+    `event/surge/when`."""
     kind: ConditionKind
     name: str = ""
     """The name of its declaration; "" for success and failure."""
@@ -110,6 +112,9 @@ def survey_mission(mission: model.Mission) -> Survey:
     for permit in mission.permits:
         draft.permit(spell(permit.resource), permit.verb, permit.condition)
     draft.terms(mission.constraints, mission.stages)
+    for event in mission.events:
+        values = tuple(change.value for change in event.changes if change.value is not None)
+        draft.event(event.name, event.condition, event.until, values)
     return Survey(draft.of, tuple(draft.conditions))
 
 
@@ -121,6 +126,8 @@ def survey_instance(instance: Instance) -> Survey:
     for permit in instance.permits:
         draft.permit(permit.resource, permit.verb, permit.condition)
     draft.terms(instance.constraints, instance.stages)
+    for event in instance.events:
+        draft.event(event.name, event.condition, event.until, tuple(change.value for change in event.changes))
     return Survey(draft.of, tuple(draft.conditions))
 
 
@@ -169,13 +176,25 @@ class _Draft:
             gates += [Gate(kind="count", name=limit.name) for limit in stage.limits]
             self._add("stage", stage.name, stage.condition, _per(stage.variable, stage.domain), *gates)
 
-    def _add(self, kind: ConditionKind, name: str, expr: ex.Expr, names: Mapping[str, str], *gates: Gate) -> None:
+    def event(self, name: str, when: ex.Expr | None, until: ex.Expr | None, values: tuple[ex.Expr, ...]) -> None:
+        """The conditions of an event, and the values that it sets: agents notice what they depend on."""
+        gate = Gate(kind="world", name=name)
+        for part, condition in (("when", when), ("until", until)):
+            if condition is not None:
+                self._add("event", name, condition, {}, gate, part=part)
+        for number, value in enumerate(dict.fromkeys(values), 1):
+            if any(isinstance(leaf, ex.Ref) for leaf in ex.leaves(value)):
+                self._add("event", name, value, {}, gate, part=f"set {number}")
+
+    def _add(
+        self, kind: ConditionKind, name: str, expr: ex.Expr, names: Mapping[str, str], *gates: Gate, part: str = ""
+    ) -> None:
         reader = Reader(self.of)
         leaves = (*reader.bound(names), *reader.leaves(expr, names))
         quantities: tuple[Quantity, ...] = tuple(quantity for leaf in leaves for quantity in leaf.quantities)
         self.conditions.append(
             Condition(
-                at=f"{kind}/{name}" if name else kind,
+                at="/".join(word for word in (kind, name, part) if word),
                 kind=kind,
                 name=name,
                 text=spell(expr),

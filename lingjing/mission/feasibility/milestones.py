@@ -537,14 +537,14 @@ class Milestones:
 
     def present(self, target: str) -> Steps:
         """The macro-steps at which a target is there."""
-        body, events = self.outline.bodies[target], sorted(self.outline.instance.events, key=lambda each: each.tick)
+        body, events = self.outline.bodies[target], self.outline.instance.events
         concerned = [event for event in events if target in event.appear or target in event.vanish]
-        if self.outline.drawn_events and concerned:
+        if concerned and (self.outline.drawn_events or not all(event.is_fixed for event in concerned)):
             return self.clock.always
         there, since_step, steps = not body.entity.dormant, 0, []
-        for event in concerned:
+        for event in sorted(concerned, key=lambda each: each.tick or 0):
             now = (there or target in event.appear) and target not in event.vanish
-            step = event.tick * self.clock.per_tick
+            step = (event.tick or 0) * self.clock.per_tick
             if there and not now and step > since_step:
                 steps.append((since_step, step - 1))
             if now and not there:
@@ -640,7 +640,7 @@ class Milestones:
     def _changing(self, body: Body, field: str, low: float, high: float) -> Moment:
         """The moment at which a state can lie between two bounds."""
         state, start = body.entity.state_of(field), body.bounds(field)
-        if state is None or (start.high >= low and start.low <= high):
+        if state is None or (start.high >= low and start.low <= high) or (body.id, field) in self.outline.set_fields:
             return AT_ONCE
         raised = low > start.high
         if raised and state.name in _LEVELS:

@@ -85,7 +85,8 @@ def add_permits(mission: model.Mission, draft: GraphBuilder) -> None:
 
 
 def add_happenings(mission: model.Mission, draft: GraphBuilder) -> None:
-    """Timed events: an entity appears or vanishes, the weather changes."""
+    """Events: an entity appears, vanishes or is set, the weather changes. Conditions are edges to what they read."""
+    conditions = {condition.at: condition for condition in draft.survey.of_kind("event")}
     for event in mission.events:
         at = draft.presence(event.when)
         if at is None:
@@ -93,15 +94,26 @@ def add_happenings(mission: model.Mission, draft: GraphBuilder) -> None:
         name = f"{event.name}@" if draft.has(f"event:{event.name}") else event.name
         changed = (item for change in event.changes for item in change.weather)
         weather = (f"{item.name} {item.relation} {spell(item.value)}" for item in changed)
-        node = draft.node(
-            "event", name, title=event.name, detail=f"at {spell(event.at)}", text=", ".join(weather), at=at
-        )
+        node = draft.node("event", name, title=event.name, detail=_event_head(event), text=", ".join(weather), at=at)
+        for part in ("when", "until"):
+            condition = conditions.get(f"event/{event.name}/{part}")
+            for needed in needs(condition, draft) if condition is not None else ():
+                if needed != node:
+                    draft.edge("requires", node, needed, label=part)
         for change in event.changes:
             for entity in groups_in(change.entity, draft) if change.entity else ():
                 draft.edge("changes", node, entity, label=change.kind)
 
 
 # -- private
+
+
+def _event_head(event: model.EventDeclaration) -> str:
+    """The time or the condition of an event, with its end and its pause: `when f.heat > 0.5 until now > 90 s`."""
+    head = f"at {spell(event.at)}" if event.at is not None else ""
+    head += f"when {spell(event.condition)}" if event.condition is not None else ""
+    head += f" until {spell(event.until)}" if event.until is not None else ""
+    return head + (f" repeat every {spell(event.pause)}" if event.pause is not None else "")
 
 
 def _add_allowance(

@@ -1,11 +1,10 @@
-"""Scheduled events are recorded, logged and shown to agents, except for hidden parts."""
+"""Timed events are recorded, logged and shown to agents, except for hidden parts."""
 
 import msgspec
 import pytest
 
 from lingjing.kernel.barrier import PolicyBarrier
 from lingjing.kernel.episode import play
-from lingjing.kernel.scheduled import ScheduledEvents
 from lingjing.mission.expression import Call, Ref, Symbol
 from lingjing.mission.instance import ChannelSpec, EventSpec, Weather
 from lingjing.testing import compile_text
@@ -71,8 +70,8 @@ def test_events_of_one_tick_each_leave_a_mark_of_what_they_change():
     first = EventSpec(name="rain", tick=1, weather=Weather(wind_mps=4.0, rain=1.0))
     second = EventSpec(name="gale", tick=1, weather=Weather(wind_mps=20.0, rain=1.0))
     same = EventSpec(name="again", tick=1, weather=Weather(wind_mps=20.0, rain=1.0))
-    events = ScheduledEvents(instance(first, second, same)).at(1)
-    assert [event.line for event in events] == [
+    published = played(1, first, second, same)
+    assert [event.line for event in published[1].record.task_events] == [
         "weather rain: rain 1", "weather gale: wind_mps 20", "weather again: nothing changes",
     ]  # fmt: skip
 

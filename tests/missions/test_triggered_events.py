@@ -1,0 +1,212 @@
+"""Events with a condition: they occur, are undone and repeat, in a fixed order, and leave marks in the trace."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from lingjing.analysis.registries import registries
+from lingjing.dsl.formatting.formatter import format_text
+from lingjing.dsl.printing.printer import to_ljs
+from lingjing.testing import Stage, compile_text, compiled, episode, play, run_command, scripted
+
+TEXT = """ljs 2
+use std.sea {{ lifeboat }}
+
+target gauge {{
+  engine = city
+  state level = 1 m
+  state stock = 50 kg
+  interaction read {{ by = vessel, within = 30 m, status = taken }}
+}}
+mission tide "Tide" {{
+  goal "Wait."
+  scene bay {{ datum = sea level at -3.5 m }}
+  clock {{ tick = 10 s, sync = 1 s }}
+  budget {{ ticks <= 12 }}
+  weather {{ wind = 2 m/s from 90 deg, visibility = 8 km }}
+  target g : gauge {{ position = (20 m, -1330 m) }}
+  target buoy[1..2] : gauge {{ position = at(i, [(90 m, -1330 m)], spread 20 m) }}
+  asset boat : lifeboat {{ position = (10 m, -1350 m), heading = 30 deg }}
+  agent skipper as rescuer controls boat {{ observes boat.*, g.*, buoy.*, events }}
+  {events}
+  success when now > 115 s
+}}
+"""
+
+
+def text(*events: str) -> str:
+    return TEXT.format(events="\n  ".join(events))
+
+
+def lines(mission_text: str, ticks: int) -> list[list[str]]:
+    """The events of the mission at each boundary, as the log has them."""
+    with episode(mission_text, seed=1, stage=Stage()) as run:
+        rows = [[event.line for event in run.published.record.task_events if event.name]]
+        for _ in range(ticks):
+            run.do()
+            rows.append([event.line for event in run.published.record.task_events if event.name])
+    return rows
+
+
+def marks(mission_text: str, ticks: int = 12) -> dict[str, list[int]]:
+    """The ticks at which each event occurred (positive) or was undone (negative)."""
+    ticks_of: dict[str, list[int]] = {}
+    for tick, row in enumerate(lines(mission_text, ticks)):
+        for line in row:
+            kind, name, *_ = line.split()
+            if kind in ("occurred", "undone"):
+                ticks_of.setdefault(name.rstrip(":"), []).append(tick if kind == "occurred" else -tick)
+    return ticks_of
+
+
+def test_an_event_occurs_once_at_the_first_boundary_at_which_its_condition_holds() -> None:
+    assert marks(text("event gale when now > 25 s { weather { wind = 15 m/s from 220 deg } }")) == {"gale": [3]}
+
+
+def test_an_event_that_can_be_undone_gives_back_what_it_changed() -> None:
+    event = """event surge when now > 15 s until now > 35 s {
+      weather { visibility = 500 m }, change g.level to g.level + 2 m, vanish buoy[1] }"""
+    with episode(text(event), seed=1, stage=Stage()) as run:
+        seen = []
+        for _ in range(7):
+            observation = run.published.observations["skipper"]
+            views = {view.id: view for view in observation.entities}
+            buoy = "buoy[1]" in views and views["buoy[1]"].status != "dormant"
+            resources = views["g"].resources or {}
+            seen.append((observation.weather.visibility_m, resources["level"], buoy))
+            run.do()
+    calm, rough = (8000.0, 1.0, True), (500.0, 3.0, False)
+    # The weather of an observation changes with the event; engines take over the rest in the following tick.
+    assert seen[:3] == [calm, calm, (500.0, 1.0, True)]
+    assert seen[3] == rough
+    assert seen[4:] == [(8000.0, 3.0, False), calm, calm]
+
+
+def test_agents_observe_the_changes_and_the_trace_has_the_marks() -> None:
+    event = "event surge when now > 15 s until now > 35 s { weather { visibility = 500 m }, change g.level to 3 m }"
+    with episode(text(event), seed=1, stage=Stage()) as run:
+        for _ in range(2):
+            run.do()
+        observed = [(view.kind, view.entities) for view in run.published.observations["skipper"].events]
+        recorded = [happened.line for happened in run.published.record.task_events]
+    assert observed == [("weather", ()), ("changed", ("g",))]
+    assert recorded == ["occurred surge: g", "weather surge: visibility_m 500", "changed surge: g level_m 3"]
+
+
+def test_an_event_repeats_after_its_pause_and_not_before() -> None:
+    gust = "event gust when now >= 10 s repeat every {pause} {{ weather {{ wind = 9 m/s from 0 deg }} }}"
+    assert marks(text(gust.format(pause="30 s")), 8) == {"gust": [1, 4, 7]}
+    assert marks(text(gust.format(pause="1 s")), 4) == {"gust": [1, 2, 3, 4]}
+    undone = "event gust when now >= 10 s until now >= 10 s repeat every 20 s { weather { wind = 9 m/s from 0 deg } }"
+    assert marks(text(undone), 8) == {"gust": [1, -2, 4, -5, 7, -8]}
+
+
+def test_an_event_at_a_time_can_be_undone_and_repeat() -> None:
+    event = "event ebb at 20 s until g.level < 0.5 m repeat every 30 s { change g.level to 0.2 m }"
+    # The level falls in the tick after the event; undone, it is 1 m again.
+    assert marks(text(event), 9) == {"ebb": [2, -3, 6, -7]}
+
+
+def test_later_events_of_a_boundary_see_the_earlier_ones_and_each_changes_once() -> None:
+    """Two events that trigger each other end: each changes at most once at a boundary."""
+    up = "event up when g.level < 2 m repeat every 1 s { change g.level to 3 m }"
+    down = "event down when g.level > 2 m repeat every 1 s { change g.level to 1 m }"
+    ticks_of = marks(text(up, down), 6)
+    assert ticks_of == {"up": [0, 2, 4, 6], "down": [1, 3, 5]}
+
+
+def test_a_later_event_covers_an_earlier_one_and_leaves_it_in_force() -> None:
+    storm = "event storm when now > 5 s { weather { wind = 15 m/s from 220 deg } }"
+    fog = "event fog when now > 15 s until now > 35 s { weather { wind = 1 m/s from 0 deg, visibility = 100 m } }"
+    with episode(text(storm, fog), seed=1, stage=Stage()) as run:
+        winds = []
+        for _ in range(5):
+            run.do()
+            weather = run.published.observations["skipper"].weather
+            winds.append((weather.wind_mps, weather.visibility_m))
+    assert winds == [(15.0, 8000.0), (1.0, 100.0), (1.0, 100.0), (15.0, 8000.0), (15.0, 8000.0)]
+
+
+def test_undoing_an_event_does_not_overwrite_what_a_later_one_has_set() -> None:
+    first = "event first when now > 5 s until now > 35 s { change g.level to 3 m }"
+    second = "event second when now > 15 s { change g.level to 5 m }"
+    with episode(text(first, second), seed=1, stage=Stage()) as run:
+        levels = []
+        for _ in range(6):
+            run.do()
+            levels.append(run.state("g").resources["level"])
+    assert levels == [1.0, 3.0, 5.0, 5.0, 5.0, 5.0]
+
+
+def test_an_event_sets_a_status_word_and_opens_an_interaction_that_was_used_up() -> None:
+    swap = "event swap when now > 15 s { change g.status to taken }"
+    with episode(text(swap), seed=1, stage=Stage()) as run:
+        for _ in range(3):
+            run.do()
+        assert run.state("g").status == "taken"
+
+
+def test_a_replay_and_the_rebuilt_registry_agree_with_the_episode(tmp_path: Path) -> None:
+    event = "event surge when now > 15 s until now > 35 s repeat every 10 s { change g.level to 3 m, vanish buoy }"
+    played = play(text(event), folder=tmp_path, policy=scripted({}), seed=1)
+    rebuilt = list(registries(played.trace))
+    assert all(boundary.faithful for boundary in rebuilt)
+    assert [(item.tick, item.undone) for item in rebuilt[6].registry.occurrences] == [(2, 4), (5, 6)]
+    assert run_command(["replay", str(played.path)]) == 0
+
+
+def test_the_printer_and_the_formatter_write_all_forms() -> None:
+    source = text(
+        "event one when g.level > 2 m and now > 60 s until g.level < 1 m repeat every 5 min { change g.level to 3 m }",
+        "event two at ~ uniform(2 tick, 5 tick) when mode == broadcast until now > 90 s { vanish buoy[1] }",
+        "event three at 1 tick repeat every 60 s { change g.status to taken, weather { cloud = 1 } }",
+    )
+    mission = compiled(source)
+    printed = to_ljs(mission)
+    again = compiled(printed)
+    assert again.events == mission.events
+    formatted = format_text(source).text
+    assert formatted is not None and compiled(formatted).events == mission.events
+
+
+WRONG = {
+    "event e when now > 1 s repeat every 0 s { vanish g }": ("LJ0206", "without end"),
+    "event e when now { vanish g }": ("LJ0201", ""),
+    "event e when now > 1 s until 5 s { vanish g }": ("LJ0201", ""),
+    "event e when now > 1 s repeat every 5 m { vanish g }": ("LJ0203", ""),
+    "event e when now > 1 s { change g.position to (0 m, 0 m) }": ("LJ0102", "is no state"),
+    "event e when now > 1 s { change g.levl to 3 m }": ("LJ0102", "is no state"),
+    "event e when now > 1 s { change g.level to 3 kg }": ("LJ0203", ""),
+    "event e when now > 1 s { change g.status to takn }": ("LJ0109", "never"),
+    "event e when now > 1 s { change boat.heading to 3 deg }": ("LJ0201", "only a target"),
+    "event e when now > 1 s { change g to 3 m }": ("LJ0201", "another value"),
+    "event e when now > 1 s { }": ("LJ0106", "changes nothing"),
+    'event e when now > 1 s { goal "x" }': ("LJ0107", "no meaning"),
+}
+
+
+@pytest.mark.parametrize("event", WRONG)
+def test_a_wrong_event_has_one_error_that_names_it(event: str) -> None:
+    code, words = WRONG[event]
+    errors = [item for item in compile_text(text(event)).diagnostics if item.severity == "error"]
+    assert [item.code for item in errors] == [code], errors
+    assert words in errors[0].message
+
+
+@pytest.mark.parametrize(
+    "success",
+    [
+        "g.level > 2 m",
+        "g.stock <= 0 kg",
+        "g.status == taken",
+        "sum(b.level for b in buoy) > 5 m",
+        "not alive(boat) or g.level == 4 m",
+    ],
+)
+def test_what_an_event_may_bring_about_is_not_proved_impossible(success: str) -> None:
+    changes = "change g.level to 4 m, change g.stock to 0 kg, change g.status to taken, change buoy.level to 3 m"
+    event = f"event e when now > 5 s {{ {changes} }}"
+    winnable = text(event).replace("success when now > 115 s", f"success when {success}")
+    assert [item for item in compile_text(winnable).diagnostics if item.severity == "error"] == []
