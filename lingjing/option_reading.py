@@ -16,7 +16,7 @@ import msgspec
 from pydantic import AliasChoices, AliasPath, BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from lingjing.errors import Fault
+from lingjing.errors import Fault, LingjingError, hint_of
 from lingjing.suggest import nearest
 from lingjing.validation import worded
 
@@ -117,8 +117,10 @@ def _breaking(model: type[BaseModel], values: Mapping[str, object]) -> str:
 def _faults(model: type[BaseModel], values: Mapping[str, object], errors: _Errors) -> Iterator[Fault]:
     """Yield the faults in pydantic's order; of a value with several allowed types, one fault with all of them."""
     due: dict[tuple[str, str], list[str]] = {}
+    hints: dict[tuple[str, str], str] = {}
     for error in errors:
         where, message = _path(values, error), worded(error)
+        hints[where, message] = _hint_behind(error)
         is_due = _DUE_WORDS.fullmatch(message)
         due.setdefault((where, is_due[1] if is_due else message), []).append(is_due[2] if is_due else "")
     unknown = {
@@ -129,10 +131,16 @@ def _faults(model: type[BaseModel], values: Mapping[str, object], errors: _Error
         if where in unknown:
             yield unknown_option(where, spellings(model))
         elif kinds == ("",):
-            yield Fault(where, message)
+            yield Fault(where, message, hints.get((where, message), ""))
         else:
             as_json = {"a list", "an object"}.intersection(kinds) and message.endswith("'")
             yield Fault(where, f"{message}, {' or '.join(kinds)} is due", _AS_JSON if as_json else "")
+
+
+def _hint_behind(error: _Error) -> str:
+    """Return the hint of the project's error from which a validator has raised its own; "" without one."""
+    cause = getattr(error.get("ctx", {}).get("error"), "__cause__", None)
+    return hint_of(cause) if isinstance(cause, LingjingError) else ""
 
 
 _DUE_WORDS = re.compile(r"(is .*), (.+) is due", re.DOTALL)

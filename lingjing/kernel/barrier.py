@@ -296,7 +296,7 @@ def failure(error: BaseException, started: float) -> PolicyAnswer:
     text = _ADDRESS.sub("0x…", text)[:_SHOWN]
     stated = isinstance(error, NoDecisionError | LingjingError)  # raised on purpose: the text states the reason
     place = "" if stated else place_of(error)
-    detail = f"{text} ({place})" if place else text
+    detail = f"{text.rstrip(': ')} ({place})" if place else text
     usage = error.usage if isinstance(error, NoDecisionError) and isinstance(error.usage, Usage) else None
     wall_s = time.monotonic() - started
     return PolicyAnswer(reason="policy_error", detail=detail, wall_s=wall_s, usage=usage)

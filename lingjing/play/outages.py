@@ -43,7 +43,7 @@ class ServiceOutages:
         if not failure:
             return None
         return InfrastructureError(
-            f"{SERVICE_GONE}the service of `{agent}` gives the harness no answer either: {failure}",
+            f"{SERVICE_GONE}the harness gets no answer for `{agent}` either: {failure}",
             hint=hint_of(error),
             cause="service",
         )

@@ -12,7 +12,7 @@ kind has a Protocol, its values, and checks of conformance. `docs/plugins.md` li
 - `options`       the models of options that plug-ins declare, and the reading of options that users give
 - `engine`, `policy`, `evaluator`   the Protocols and their values; `chat_model` declares a model, `backbone` is the
   Protocol of a model, `calls` the record of a policy's model calls
-- `scaffold`      the replaceable parts of an agent over a chat model
+- `scaffold`      the replaceable parts of an agent over a chat model; `scaffold_parts` names them in errors
 - `decisions`     the JSON Schema of an agent's decisions, for policies that another program answers for
 - `fleet`         the five methods over moving bodies ← `requests` (admission, receipts), `step_clock` (fixed steps)
 - `tasks`         the tasks of a mission, for policies that may see its rules
@@ -28,6 +28,6 @@ Nothing here imports the kernel or a built-in engine, or names a shipped type or
 __all__ = [
     "backbone", "bodies", "building", "calls", "chat_model", "conformance", "contract", "decisions", "engine",
     "evaluator", "fleet", "foreign_errors", "frame_detector", "geometry", "hook_faults", "hookspecs", "host",
-    "loading", "lookup", "making", "options", "policy", "prompts", "requests", "roads", "scaffold", "step_clock",
-    "stock", "tasks", "terrain",
+    "loading", "lookup", "making", "options", "policy", "prompts", "requests", "roads", "scaffold", "scaffold_parts",
+    "step_clock", "stock", "tasks", "terrain",
 ]  # fmt: skip

@@ -20,9 +20,10 @@ Structured = Literal["json_schema", "json_object", "tool", "none"]
 """The way to request an answer in JSON: `response_format` with the JSON Schema, `response_format` without it, a tool
 with the schema as its parameters, or none of them."""
 
-FailureCause = Literal["service", "model", "time"]
-"""The cause of a failed call: the service is absent or rejects every request, the model rejects this one request, or
-the time is used up."""
+FailureCause = Literal["service", "model", "time", "backbone"]
+"""The cause of a failed call: the service is absent or rejects every request, the model rejects this one request, the
+time is used up, or the code of the backbone failed. A backbone does not raise the last one: its caller sets it for an
+exception that is no `ModelError`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,6 +139,9 @@ class BackbonePlugin:
     factory: Callable[[ServiceAccess], Backbone]
     """Returns the backbone for a service, once for each agent. Heavy imports belong here."""
     summary: str = ""
+    models: tuple[str, ...] | None = None
+    """The names of all models that it serves: another name is an error before the episode starts. None if it may serve
+    any."""
 
 
 __all__ = [

@@ -26,6 +26,20 @@ from lingjing.plugins.scaffold import ScaffoldPlugin
 
 ResultT = TypeVar("ResultT")
 
+_ARGUMENTS: dict[str, tuple[str, ...]] = {
+    "lingjing_engines": (),
+    "lingjing_scenes": ("spec",),
+    "lingjing_evaluators": ("instance",),
+    "lingjing_detectors": ("options",),
+    "lingjing_backbones": ("access",),
+    "lingjing_scaffolds": ("context",),
+}
+"""The arguments with which the function of a declaration is called, by hook. Policies without a model of options are
+called with their own parameters."""
+
+_WITH_OPTIONS = ("lingjing_evaluators", "lingjing_scaffolds")
+"""The hooks of declarations with a function that also takes the options, if the declaration names a model of them."""
+
 DECLARATIONS: dict[str, tuple[type, str]] = {
     "lingjing_engines": (EnginePlugin, "factory"),
     "lingjing_policies": (PolicyPlugin, "factory"),
@@ -137,6 +151,35 @@ def check_declaration(item: object, hook: str, source: str) -> None:
         )
     if maker and not callable(getattr(item, maker)):
         raise PluginError(f"{wrong}`{maker}` of `{name}` cannot be called")
+    if maker:
+        _check_arity(item, hook, f"{wrong}`{maker}` of `{name}`", getattr(item, maker))
+
+
+def _check_arity(item: object, hook: str, subject: str, function: Callable[..., object]) -> None:
+    """Raise `PluginError` for a function of a declaration that does not take the arguments with which it is called."""
+    arguments = _arguments(item, hook)
+    try:
+        signature = inspect.signature(function)
+    except (TypeError, ValueError):  # a callable in C
+        return
+    try:
+        if arguments is not None:
+            signature.bind(*arguments)
+    except TypeError as error:
+        called = f"it is called with ({', '.join(arguments or ())})"
+        hint = f"take ({', '.join(arguments or ())})"
+        if hook in _WITH_OPTIONS or isinstance(item, PolicyPlugin):
+            hint += "; `options` is passed if the declaration names a model of options"
+        parameters = ", ".join(signature.parameters)
+        raise PluginError(f"{subject} takes ({parameters}), and {called}: {error}", hint=hint) from error
+
+
+def _arguments(item: object, hook: str) -> tuple[str, ...] | None:
+    """Return the arguments of a declaration's function; None for the own parameters of a policy."""
+    has_options = bool(getattr(item, "options", None))
+    if isinstance(item, PolicyPlugin):
+        return ("options", "calls")[: 1 + item.calls] if has_options else None
+    return (*_ARGUMENTS[hook], "options") if has_options and hook in _WITH_OPTIONS else _ARGUMENTS[hook]
 
 
 __all__ = [

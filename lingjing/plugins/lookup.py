@@ -8,11 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from lingjing.errors import LingjingError, PluginError
-from lingjing.plugins.backbone import Backbone, ServiceAccess
+from lingjing.plugins.backbone import Backbone, ChatRequest, ModelCompletion, ModelError, ServiceAccess
 from lingjing.plugins.foreign_errors import kind_of_value, one_line
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.options import PluginOptions, declared_model, read_options
 from lingjing.plugins.scaffold import AgentParts, ScaffoldContext, ScaffoldPlugin
+from lingjing.plugins.scaffold_parts import named_parts
 
 ScaffoldBuilder = Callable[[ScaffoldContext], AgentParts]
 """Builds the parts of one agent."""
@@ -46,6 +47,12 @@ def _owner(find: Callable[[PluginHost, str], object], hook: str, name: str, host
     return host.owner(hook, name)
 
 
+def backbone_models(name: str, host: PluginHost | None = None) -> tuple[str, ...] | None:
+    """Return the names of the models that an installed backbone serves; None if it may serve any. Raises `UsageError`
+    for an unknown backbone."""
+    return (host or PluginHost()).backbone(name).models
+
+
 def open_backbone(name: str, access: ServiceAccess, host: PluginHost | None = None) -> Backbone:
     """Return an installed backbone for a service. Raises `UsageError` for an unknown name, `PluginError` if it cannot
     be built."""
@@ -61,7 +68,29 @@ def open_backbone(name: str, access: ServiceAccess, host: PluginHost | None = No
     if not callable(getattr(backbone, "complete", None)):
         built = kind_of_value(backbone)
         raise PluginError(f"{owner} built {built}, which has no method `complete`", hint="correct its `factory`")
-    return backbone
+    return _NamedBackbone(owner, backbone)
+
+
+class _NamedBackbone:
+    """A backbone that raises `ModelError` with its name for exceptions of its code and for wrong answers."""
+
+    def __init__(self, owner: str, backbone: Backbone) -> None:
+        self._owner = owner
+        self._backbone = backbone
+
+    async def complete(self, request: ChatRequest, timeout_s: float) -> ModelCompletion:
+        try:
+            answer: object = await self._backbone.complete(request, timeout_s)
+        except (ModelError, LingjingError, TimeoutError):
+            raise
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - foreign code; no traceback, which may hold the key
+            failure = ModelError(f"{self._owner} failed: {one_line(error)}", fault="backbone", billed=True)
+        else:
+            if isinstance(answer, ModelCompletion):
+                return answer
+            built = kind_of_value(answer)
+            failure = ModelError(f"{self._owner} returned {built}, no ModelCompletion", fault="backbone", billed=True)
+        raise failure  # outside of the `except`: the exception may quote the request with its key
 
 
 def _checked_builder(plugin: ScaffoldPlugin, arguments: Mapping[str, object], owner: str) -> ScaffoldBuilder:
@@ -77,9 +106,11 @@ def _checked_builder(plugin: ScaffoldPlugin, arguments: Mapping[str, object], ow
             raise PluginError(f"{owner} cannot be built: {one_line(error)}", hint="correct its `build`") from error
         if not isinstance(parts, AgentParts):
             raise PluginError(f"{owner} built {kind_of_value(parts)}, no AgentParts", hint="correct its `build`")
-        return parts
+        return named_parts(parts, context.react, owner)
 
     return build
 
 
-__all__ = ["ScaffoldBuilder", "backbone_owner", "open_backbone", "scaffold_builder", "scaffold_owner"]
+__all__ = [
+    "ScaffoldBuilder", "backbone_models", "backbone_owner", "open_backbone", "scaffold_builder", "scaffold_owner",
+]  # fmt: skip

@@ -129,6 +129,8 @@ def options_error(faults: Mapping[str, tuple[Fault, ...]]) -> UsageError:
     ]
     names = dict.fromkeys(owner.partition("`")[2].partition("`")[0] or "NAME" for owner, _ in each)
     hint = f"`lingjing plugins {next(iter(names)) if len(names) == 1 else 'NAME'}` lists the options"
+    if all(fault.hint for _, fault in each):
+        hint = ""  # each line names its own way out
     return UsageError("\n".join(lines), hint=hint, faults=tuple(fault for _, fault in each))
 
 

@@ -8,12 +8,13 @@ from typing import Literal
 
 import msgspec
 
-CallFault = Literal["", "service", "model", "time", "abandoned"]
+CallFault = Literal["", "service", "model", "time", "backbone", "abandoned"]
 """The cause of a call without an answer; "" for a call with an answer.
 
 - `service`: the service is unreachable or rejects the request.
 - `model`: the model declines to answer this request.
 - `time`: the policy's own deadline passed.
+- `backbone`: the code of the backbone failed.
 - `abandoned`: the kernel's barrier stopped the policy during the call.
 """
 

@@ -16,7 +16,7 @@ from lingjing.play.outages import SERVICE_GONE
 from tests.bench.suite_kit import SuiteRow, made_row
 from tests.play.report_kit import ABORTED, made_report
 
-GONE = f"{SERVICE_GONE}the service of `a` gives the harness no answer either: refused"
+GONE = f"{SERVICE_GONE}the harness gets no answer for `a` either: refused"
 
 
 def won(entrant: str, wins: int, of: int) -> list[SuiteRow]:

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.installed_plugins import discovery
+TRIED = "LINGJING_TRIED_PLUGINS"
+"""The environment variable with the results of earlier trials."""
 
 
 class Site:
@@ -34,7 +35,7 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Site]:
     folder.mkdir()
     monkeypatch.syspath_prepend(str(folder))
     monkeypatch.setenv("PYTHONPATH", str(folder))
-    monkeypatch.setenv(discovery.KNOWN, "{}")
+    monkeypatch.setenv(TRIED, "{}")
     yield Site(folder)
     for name in [name for name, module in sys.modules.items() if str(folder) in str(getattr(module, "__file__", ""))]:
         del sys.modules[name]

@@ -6,7 +6,6 @@ import json
 
 import pytest
 
-from lingjing.plugins.foreign_errors import VARIABLE
 from lingjing.testing import run_command
 from tests.installed_plugins.conftest import Site
 
@@ -15,7 +14,7 @@ from lingjing.plugins.hookspecs import hookimpl
 from lingjing.plugins.evaluator import EvaluatorPlugin
 @hookimpl
 def lingjing_evaluators():
-    return [EvaluatorPlugin(name="patience", build=len, options={options!r})]
+    return [EvaluatorPlugin(name="patience", build=lambda instance, options=None: None, options={options!r})]
 """
 
 RAISING = """\
@@ -40,7 +39,7 @@ def test_a_fault_has_a_file_a_line_and_one_hint(site: Site, capsys: pytest.Captu
 def test_a_traceback_is_shown_on_request(
     site: Site, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv(VARIABLE, "1")
+    monkeypatch.setenv("LINGJING_TRACEBACK", "1")
     site.add("acme", RAISING)
     assert run_command(["plugins"]) == 2
     printed = capsys.readouterr().err

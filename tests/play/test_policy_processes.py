@@ -64,7 +64,7 @@ WORDS = {
     "Flood": ("", "printed"),
     "Forks": ("", "forked"),
     "Threads": ("", "threads"),
-    "Hog": ("policy_error", "MemoryError: ?"),
+    "Hog": ("policy_error", r"MemoryError \(hostile_policies.py:\d+\)"),
     "Ambient": ("", r"[\d.e-]+ [\d.e-]+ -?\d+ \[.*\]"),
 }
 """What each attack comes to at every turn: the reason, and its detail or the thought."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from lingjing.cli.plugins import offers
@@ -47,7 +49,41 @@ def test_a_hook_that_returns_something_else_is_named_with_its_plugin(hook: str, 
         with pytest.raises(PluginError) as caught:
             offering(hook, offered)
         assert str(caught.value) == start + said
-    assert offering(hook, (kind("right", len),)).sources == {(hook, "right"): "Stranger"}
+    right = dict if kind is EnginePlugin else len
+    assert offering(hook, (kind("right", right),)).sources == {(hook, "right"): "Stranger"}
+
+
+def _two(instance: object, options: object) -> None: ...
+
+
+def _one(instance: object) -> None: ...
+
+
+class _Calling:
+    def __init__(self, options: object, calls: object) -> None: ...
+
+
+@pytest.mark.parametrize(
+    ("hook", "declaration", "takes"),
+    [
+        ("lingjing_evaluators", EvaluatorPlugin("mine", _two), "(instance, options), and it is called with (instance)"),
+        ("lingjing_evaluators", EvaluatorPlugin("mine", _one, options="a:B"), "and it is called with (instance, optio"),
+        ("lingjing_policies", PolicyPlugin("mine", _Calling, options="a:B"), "calls), and it is called with (options)"),
+        ("lingjing_engines", EnginePlugin("mine", _one), "(instance), and it is called with ()"),
+        ("lingjing_scenes", ScenePlugin("mine", _two), "(instance, options), and it is called with (spec)"),
+    ],
+)
+def test_a_function_with_other_parameters_is_named_with_both_lists(hook: str, declaration: object, takes: str) -> None:
+    with pytest.raises(PluginError) as caught:
+        offering(hook, [declaration])
+    assert re.match(f"plug-in `Stranger` failed in {hook}: `(build|factory)` of `mine` takes \\(", str(caught.value))
+    assert takes in str(caught.value)
+
+
+def test_functions_that_take_what_they_are_called_with_are_fine() -> None:
+    offering("lingjing_policies", [PolicyPlugin("mine", _Calling, options="a:B", calls=True)])
+    offering("lingjing_policies", [PolicyPlugin("mine", _one)])
+    offering("lingjing_evaluators", [EvaluatorPlugin("mine", lambda instance, options=None: None)])
 
 
 def test_models_are_listed_by_name_with_what_they_cost() -> None:
@@ -76,7 +112,7 @@ def _fall(spec: SceneSpec) -> object:
 @pytest.mark.parametrize(
     ("build", "said"),
     [
-        (_fall, "ValueError: no river (tests/plugins/test_declarations.py:73)"),
+        (_fall, "ValueError: no river (tests/plugins/test_declarations.py:109)"),
         (lambda spec: None, "it built None, no City"),
     ],
 )

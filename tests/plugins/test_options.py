@@ -80,6 +80,26 @@ def test_every_fault_is_told_at_once_at_the_options_spelling():
     assert caught.value.hint == "`lingjing plugins scout` lists the options"
 
 
+def test_faults_that_name_their_own_way_out_have_no_further_hint():
+    with pytest.raises(UsageError) as caught:
+        read_options(Flight, {"place": "here", "qiuck": "yes"}, "policy `scout`")
+    assert str(caught.value) == "policy `scout`: option `qiuck` is not known; did you mean `quick`?"
+    assert caught.value.hint == ""
+
+
+def test_the_hint_of_an_error_behind_a_validator_is_the_hint_of_the_fault():
+    class Named(PluginOptions):
+        name: str
+
+        @field_validator("name")
+        @classmethod
+        def _is_there(cls, name: str) -> str:
+            raise ValueError("is unknown") from UsageError("nothing is called so", hint="did you mean `b`?")
+
+    with pytest.raises(UsageError, match=r"^thing: option `name` is unknown; did you mean `b`\?$"):
+        read_options(Named, {"name": "a"}, "thing")
+
+
 def test_a_nested_fault_has_its_path():
     class Retry(PluginOptions):
         tries: int = 3

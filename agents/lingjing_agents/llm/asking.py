@@ -222,5 +222,5 @@ def _keys_of_environment() -> tuple[str, ...]:
 
 
 def _cause(result: CallResult) -> FailureCause:
-    assert result.fault in ("service", "model", "time")
+    assert result.fault in ("service", "model", "time", "backbone")
     return result.fault

@@ -69,14 +69,19 @@ class ModelOptions(PluginOptions):
 
     @field_validator("client")
     @classmethod
-    def _is_backbone(cls, name: str) -> str:
+    def _is_backbone(cls, name: str, info: ValidationInfo) -> str:
         if name not in OWN_BACKBONES:
-            from lingjing.plugins.lookup import backbone_owner  # its search for plug-ins costs time
+            from lingjing.plugins.lookup import backbone_models  # its search for plug-ins costs time
 
             try:
-                backbone_owner(name)
+                models = backbone_models(name)
             except UsageError as error:
-                raise ValueError(f"is neither direct nor litellm, and {error} ({error.hint})") from error
+                raise ValueError(f"is neither direct nor litellm, and {error}") from error
+            model = info.data.get("model", "")
+            if models is not None and model and model not in models:
+                close = difflib.get_close_matches(model, models, n=1)
+                hint = f"did you mean `{close[0]}`?" if close else f"its models: {', '.join(models) or 'none'}"
+                raise ValueError(f"is `{name}`, which serves no model `{model}`") from UsageError("", hint=hint)
         return name
 
     def fingerprint(self) -> dict[str, str]:
@@ -99,10 +104,8 @@ class ModelOptions(PluginOptions):
                 "and give base_url_env=VARIABLE; a bearer key goes by api_key_env"
             )
         if not url and not options.get("base_url_env") and _needs_address(options):
-            raise ValueError(
-                f"is missing: client=direct needs the service's address, {_FOR_INSTANCE}, or a model of the list"
-                f"{_nearest(options)}"
-            )
+            problem = f"is missing: client=direct needs the service's address, {_FOR_INSTANCE}, or a model of the list"
+            raise ValueError(problem) from UsageError("", hint=_nearest(options))
         return url
 
     @property
@@ -212,10 +215,10 @@ def _needs_address(options: Mapping[str, Any]) -> bool:
 
 
 def _nearest(options: Mapping[str, Any]) -> str:
-    """Return a suggestion for a misspelled model name, or a hint at the list of models."""
+    """Return the hint for a name of no model of the list: the nearest one, or the command that lists them."""
     names = read_models(options["models"]).models
     close = difflib.get_close_matches(str(options.get("model", "")).lower(), names, n=1)
-    return f" (did you mean `{close[0]}`?)" if close else " (`lingjing plugins` lists them)"
+    return f"did you mean `{close[0]}`?" if close else "`lingjing plugins` lists them"
 
 
 def _unset(named: Mapping[str, str]) -> Iterator[Fault]:

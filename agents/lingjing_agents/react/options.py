@@ -104,4 +104,4 @@ def _checked(call: Callable[[], object]) -> None:
     try:
         call()
     except UsageError as error:
-        raise ValueError(f"cannot be used: {error}" + f" ({error.hint})" * bool(error.hint)) from error
+        raise ValueError(f"cannot be used: {error}") from error  # the hint of the cause is that of the fault

@@ -221,9 +221,14 @@ class ReactPolicy:
         """Return the error of a failed call. Slow answers and refused topics are failures of the model; a service that
         answers nothing is not."""
         if error.fault != "time":
-            self._refused = self._refused + 1 if error.fault == "service" else 0
+            self._refused = self._refused + 1 if error.fault in ("service", "backbone") else 0
         if self._refused < PATIENCE:
             return ReactError(explained(error, shown, self._schema), self._bill())
+        if error.fault == "backbone":
+            return InfrastructureError(
+                f"`{self._brief.agent}` got no answer {self._refused} ticks in a row: {error}",
+                hint="correct the backbone: `pytest` on its package runs the conformance kit",
+            )
         return InfrastructureError(
             f"the model service refused `{self._brief.agent}` {self._refused} ticks in a row, at last with: {error}",
             hint=remedy(error, shown, self._schema) or "see that the service runs and answers, then run it again",

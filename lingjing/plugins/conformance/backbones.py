@@ -19,7 +19,8 @@ from lingjing.plugins.backbone import (
     ModelError,
     ServiceAccess,
 )
-from lingjing.plugins.conformance.case import require, run_all
+from lingjing.plugins.conformance.case import ConformanceError, require, run_all
+from lingjing.plugins.foreign_errors import kind_of_value, one_line
 from lingjing.trace.images import encode_jpeg
 
 GREY = 128
@@ -52,9 +53,8 @@ class BackboneCase:
             return asyncio.run(self.plugin.factory(self.access).complete(request, timeout_s))
         except ModelError as error:
             return error
-        except Exception as error:  # noqa: BLE001 - this is what the check is for
-            require(False, f"complete: raises {type(error).__name__}, not ModelError: {error}")
-            return None
+        except Exception as error:
+            raise ConformanceError(f"complete: {one_line(error)}; a ModelError is due") from error
 
 
 def check_backbone(
@@ -110,8 +110,10 @@ BACKBONE_CHECKS: tuple[Callable[[BackboneCase], None], ...] = (
 
 def _require_completion(what: str, answer: object) -> None:
     if isinstance(answer, BaseException):
-        require(False, f"complete: {what} fails: {type(answer).__name__}: {answer}")
-    require(isinstance(answer, ModelCompletion), f"complete: {what} gives a {type(answer).__name__}")
+        require(False, f"complete: {what} fails: {one_line(answer)}")
+    require(
+        isinstance(answer, ModelCompletion), f"complete: {what} returns {kind_of_value(answer)}, no ModelCompletion"
+    )
     assert isinstance(answer, ModelCompletion)
     texts = (answer.text, answer.finish_reason, answer.reasoning)
     require(all(isinstance(text, str) for text in texts), f"complete: {what}: a text of the completion is not a string")

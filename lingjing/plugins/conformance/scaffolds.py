@@ -10,9 +10,10 @@ from dataclasses import dataclass, field
 import msgspec
 
 from lingjing.plugins.backbone import ChatMessage
-from lingjing.plugins.conformance.case import require, run_all
+from lingjing.plugins.conformance.case import ConformanceError, require, run_all
 from lingjing.plugins.conformance.samples import sample_brief, sample_observations
 from lingjing.plugins.decisions import DecisionFormat, JsonSchema
+from lingjing.plugins.foreign_errors import one_line
 from lingjing.plugins.hookspecs import hookimpl
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.lookup import scaffold_builder
@@ -148,18 +149,9 @@ def _parsed(parse: Callable[[str], ModelStep], text: str) -> ModelStep | None:
         step = parse(text)
     except StepError:
         return None
-    except Exception as error:  # noqa: BLE001 - this is what the check is for
-        require(False, f"parser.parse: {text!r} raises {type(error).__name__}, not StepError")
-        return None
-    _require_step(text, step)
+    except Exception as error:
+        raise ConformanceError(f"parser.parse: {text!r}: {one_line(error)}; a StepError is due") from error
     return step
-
-
-def _require_step(text: str, step: object) -> None:
-    require(isinstance(step, ModelStep), f"parser.parse: {text!r} gives a {type(step).__name__}, not a ModelStep")
-    assert isinstance(step, ModelStep)
-    decision: object = step.decision
-    require(isinstance(decision, Decision), f"parser.parse: {text!r} gives a {type(decision).__name__}, not a Decision")
 
 
 def _require_text(where: str, text: object) -> None:
