@@ -16,6 +16,7 @@ from lingjing.mission.vocabulary import MODES
 from lingjing.terminal import visible
 
 if TYPE_CHECKING:
+    from lingjing.mission.instance import Instance
     from lingjing.scene.city import City
     from lingjing.scene.osm.summary import Summary
     from lingjing.scene.plan import PlanMarker, PlanRegion
@@ -55,6 +56,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     info.set_defaults(handler=_info)
     draw = actions.add_parser(
         "draw", help="draw a city, or a mission's placed instance, from above", description=_draw.__doc__
+    )
+    draw.add_argument(
+        "--view",
+        choices=("plan", "rendered"),
+        default="plan",
+        help="a plan, or a rendered picture of a mission's bodies",
     )
     draw.add_argument("--mode", choices=MODES, help="the communication mode, for a mission (default: its own)")
     _add_city(draw)
@@ -104,11 +111,12 @@ def _info(args: argparse.Namespace) -> int:
 def _draw(args: argparse.Namespace) -> int:
     """Draw a city from above: waters, surfaces, roads, buildings (higher is darker), trees. The plan of a mission also
     shows its regions and where its bodies begin for the seed: assets as triangles, targets as circles, hidden ones
-    dashed.
+    dashed. The rendered view shows them as the cameras do, from above.
     """
     from matplotlib import rc_context
 
     from lingjing.analysis.fonts import families, note_of_boxes
+    from lingjing.play.rendered_view import draw_view
     from lingjing.scene.plan import draw_plan
 
     target = Path(args.output)
@@ -116,40 +124,54 @@ def _draw(args: argparse.Namespace) -> int:
         raise UsageError(f"`{target.name}` has no suffix of a picture", hint=f"end the name in {', '.join(_PICTURES)}")
     if not target.parent.is_dir():
         raise UsageError(f"cannot write `{target}`: its folder does not exist", hint="choose another place with -o")
-    city, markers, regions, title = _placed(args)
-    names = [*(marker.name for marker in markers), *(region.name for region in regions)]
+    city, instance = _placed(args)
+    title = "" if instance is None else f"{instance.title}, seed {instance.seed}, {instance.mode}"
+    names = () if instance is None else (*(e.id for e in instance.entities), *(r.name for r in instance.regions))
     words = " ".join((city.id, city.attribution, title, *names))
     with rc_context({"font.family": families(words)}), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")  # noted below
-        draw_plan(city, target, markers=markers, regions=regions, title=title)
+        if args.view == "plan":
+            draw_plan(city, target, markers=_markers(instance), regions=_regions(instance), title=title)
+        elif instance is None:
+            raise UsageError("the rendered view shows the bodies of a mission", hint="name a mission, or draw the plan")
+        else:
+            draw_view(instance, city, target, title=title)
     print(target)
     for note in note_of_boxes(words):
         print(f"note: {note}", file=sys.stderr)
     return ExitCode.OK
 
 
-def _placed(args: argparse.Namespace) -> tuple[City, list[PlanMarker], list[PlanRegion], str]:
-    """Return the city, and for a mission the places of its bodies, its regions and a title."""
+def _placed(args: argparse.Namespace) -> tuple[City, Instance | None]:
+    """Return the city, and for a mission its instance with all bodies in their places."""
     path = Path(args.city)
     if path.is_dir() or (path.is_file() and path.suffix.lower() in _MAPS):
-        return _city(args), [], [], ""
+        return _city(args), None
     from lingjing.cli.arguments import parse_seed
     from lingjing.dsl.loading.load import load_mission
     from lingjing.kernel.cities import CityBuilder
     from lingjing.mission.instantiate import instantiate
     from lingjing.plugins.host import PluginHost
-    from lingjing.scene.plan import PlanMarker, PlanRegion
 
     mission = load_mission(args.city)
     instance = instantiate(mission, seed=parse_seed(args.seed), mode=args.mode)
     with _phases(f"building the scene of {args.city}"):
         placed, city = CityBuilder(PluginHost()).place(instance, imported=bool(mission.origin.places))
-    markers = [
-        PlanMarker(entity.id, *entity.position[:2], entity.role, "position" in entity.hidden)
-        for entity in placed.entities
-    ]
-    regions = [PlanRegion(region.name, region.polygon, region.hidden) for region in placed.regions if region.polygon]
-    return city, markers, regions, f"{instance.title}, seed {instance.seed}, {instance.mode}"
+    return city, placed
+
+
+def _markers(instance: Instance | None) -> list[PlanMarker]:
+    from lingjing.scene.plan import PlanMarker
+
+    entities = () if instance is None else instance.entities
+    return [PlanMarker(e.id, *e.position[:2], e.role, "position" in e.hidden) for e in entities]
+
+
+def _regions(instance: Instance | None) -> list[PlanRegion]:
+    from lingjing.scene.plan import PlanRegion
+
+    regions = () if instance is None else instance.regions
+    return [PlanRegion(region.name, region.polygon, region.hidden) for region in regions if region.polygon]
 
 
 def _city(args: argparse.Namespace) -> City:

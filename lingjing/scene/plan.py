@@ -21,6 +21,7 @@ from lingjing.whole_files import written_whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
     from matplotlib.path import Path as Outline
 
 Layer = Literal["water", "land", "slab", "area", "path", "road", "solid", "bridge", "building", "tree", "pipe"]
@@ -220,35 +221,27 @@ def draw_plan(
     bar = 10 ** len(str(int(wide / 5))) / 10.0
     axes.plot([west + wide * 0.03, west + wide * 0.03 + bar], [south + high * 0.03] * 2, color="black", lw=3, zorder=20)
     axes.text(west + wide * 0.03, south + high * 0.038, f"{bar:g} m", fontsize=9, zorder=20)
-    _mark(axes, markers, regions)
+    mark(axes, markers, regions)
     note = f"{title} · " * bool(title) + f"{city.id} · {city.attribution}"
     figure.text(0.01, 0.01, note, fontsize=8, parse_math=False)
+    written_figure(figure, path, DPI)
+
+
+def written_figure(figure: Figure, path: Path, dpi: int) -> None:
+    """Write a figure whole; the suffix gives the format. Raises `UsageError` if the file cannot be written."""
     kind = path.suffix[1:].lower()
     try:
         with written_whole(path) as partial:
-            figure.savefig(partial, format=kind, dpi=DPI, metadata={"Date": None} if kind == "svg" else None)
+            figure.savefig(partial, format=kind, dpi=dpi, metadata={"Date": None} if kind == "svg" else None)
     except OSError as error:
         raise UsageError(f"cannot write `{path}`: {error.strerror}", hint="choose another place with -o") from error
 
 
-# -- private
+def mark(axes: Axes, markers: Sequence[PlanMarker], regions: Sequence[PlanRegion]) -> None:
+    """Draw regions as outlines, assets as filled triangles, targets as filled circles, hidden ones dashed and empty.
 
-
-def _shown(city: City, markers: Sequence[PlanMarker], regions: Sequence[PlanRegion]) -> Extent:
-    """The part of the city to draw: around what is marked, or all of it."""
-    west, south, east, north = city.bounds
-    points = [(m.east, m.north) for m in markers if west <= m.east <= east and south <= m.north <= north]
-    points += [corner for region in regions for corner in region.outline]
-    if not points:
-        return city.bounds
-    left, bottom, right, top = bounds(points)
-    margin = max(_MARGIN_M, _MARGIN * max(right - left, top - bottom))
-    shown = max(west, left - margin), max(south, bottom - margin), min(east, right + margin), min(north, top + margin)
-    return shown if shown[0] < shown[2] and shown[1] < shown[3] else city.bounds
-
-
-def _mark(axes: Axes, markers: Sequence[PlanMarker], regions: Sequence[PlanRegion]) -> None:
-    """Draw regions as outlines, assets as filled triangles, targets as filled circles, hidden ones dashed and empty."""
+    Places are in the coordinates of the axes; bodies outside of them are left out.
+    """
     from matplotlib.patches import Polygon as Outlined
 
     for region in regions:
@@ -280,6 +273,22 @@ def _mark(axes: Axes, markers: Sequence[PlanMarker], regions: Sequence[PlanRegio
             zorder=24,
             bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.75},
         )
+
+
+# -- private
+
+
+def _shown(city: City, markers: Sequence[PlanMarker], regions: Sequence[PlanRegion]) -> Extent:
+    """The part of the city to draw: around what is marked, or all of it."""
+    west, south, east, north = city.bounds
+    points = [(m.east, m.north) for m in markers if west <= m.east <= east and south <= m.north <= north]
+    points += [corner for region in regions for corner in region.outline]
+    if not points:
+        return city.bounds
+    left, bottom, right, top = bounds(points)
+    margin = max(_MARGIN_M, _MARGIN * max(right - left, top - bottom))
+    shown = max(west, left - margin), max(south, bottom - margin), min(east, right + margin), min(north, top + margin)
+    return shown if shown[0] < shown[2] and shown[1] < shown[3] else city.bounds
 
 
 def _fills_its_box(shape: PlanShape) -> bool:

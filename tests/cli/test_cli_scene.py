@@ -13,6 +13,8 @@ import pytest
 from PIL import Image
 
 from lingjing.errors import ExitCode
+from lingjing.play.rendered_view import pose_over
+from lingjing.scene.camera_geometry import in_image, world_to_pixel
 from lingjing.testing import run_command
 from tests.scene.osm_maps import Map, convert, square, town
 
@@ -222,3 +224,29 @@ def test_the_plan_of_a_mission_shows_its_placed_bodies_and_marks_hidden_ones(fol
     for words in ("victim[1] (hidden)", "uav[2]", "boat", "search", "seed 3, star"):
         assert f"<!-- {words} -->" in drawn or words in drawn, words
     assert "boat (hidden)" not in drawn
+
+
+def test_the_rendered_view_marks_hidden_targets(folder: Path) -> None:
+    call = ["scene", "draw", "ssr", "--seed", "3", "--view", "rendered", "-o", "view.svg"]
+    assert run_command(call) == ExitCode.OK
+    drawn = (folder / "view.svg").read_text(encoding="utf-8")
+    for words in ("victim[1] (hidden)", "victim[3] (hidden)", "uav[2]", "boat", "search", "seed 3, broadcast"):
+        assert f"<!-- {words} -->" in drawn or words in drawn, words
+    assert "<image" in drawn and "boat (hidden)" not in drawn
+
+
+def test_a_rendered_view_needs_a_mission(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    town().write(folder / "town.osm")
+    assert run_command(["scene", "build", "town.osm", "-o", "city"]) == ExitCode.OK
+    assert run_command(["scene", "draw", "city", "--view", "rendered", "-o", "view.png"]) == ExitCode.USAGE
+    assert "name a mission" in capsys.readouterr().err and not (folder / "view.png").exists()
+
+
+@pytest.mark.parametrize("spread_m", [1.0, 300.0, 20_000.0])
+def test_the_pose_over_some_points_shows_all_of_them(spread_m: float) -> None:
+    points = [
+        (spread_m * x, spread_m * y, z) for x, y, z in ((0, 0, 0.0), (1, 0.2, 30.0), (-2, 3, 100.0), (0.5, -1, 2.0))
+    ]
+    pose = pose_over(points)
+    pixels = [world_to_pixel(pose, point) for point in points]
+    assert all(pixel is not None and in_image(pose, *pixel[:2]) for pixel in pixels)
