@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 from lingjing.errors import MissionError, hint_of
 from lingjing.mission import expression as ex
 from lingjing.mission import geometry2d, model
+from lingjing.mission.conditions import spread
 from lingjing.mission.draws import Drawn, draw, outline
 from lingjing.mission.evaluate import Interval, Members, Place, Scope, Value, describe, evaluate, flag_of, number, whole
 from lingjing.mission.instance import (
@@ -23,7 +25,6 @@ from lingjing.mission.instance import (
 )
 from lingjing.mission.kinds import engine_kind
 from lingjing.mission.kinds_format import EngineKind, VerbKind
-from lingjing.mission.units import without_unit
 
 _MAX_MEMBERS = 100_000
 """The largest number of members of a group (chosen)."""
@@ -154,7 +155,7 @@ def entities(
     )
     hidden = tuple(sorted({prop.name for prop in group.properties if prop.hidden}))
     state = tuple(StateSpec(name=prop.plain, unit=prop.unit) for prop in group.properties if prop.state)
-    _check_abilities(group, columns, mission)
+    _check_abilities(group, columns, mission, scope)
     drifts = "drift_mps" in columns
     interactions = tuple(
         _interaction(each, scope, f"{mission}/{group.name}/{each.name}", drifts) for each in group.interactions
@@ -203,23 +204,30 @@ def _interaction(interaction: model.Interaction, scope: Scope, path: str, drifts
         )
 
 
-def _check_abilities(group: model.Group, columns: Mapping[str, Collection[Value]], mission: str) -> None:
+def _check_abilities(group: model.Group, columns: Mapping[str, Collection[Value]], mission: str, scope: Scope) -> None:
     """Raise `MissionError` for an impossible speed, endurance or load, or for a negative state that interactions
-    change."""
+    change.
+
+    Of a value drawn from a list or a range, the least possible one is checked too: another seed draws it.
+    """
     if not engine_kind(group.engine).standard_properties:
         return
     moved = {interaction.own for interaction in group.interactions}
-    for name, column in columns.items():
-        plain = without_unit(name)
-        if name not in _POSITIVE and name not in _NON_NEGATIVE and plain not in moved:
+    for prop in group.properties:
+        if prop.name not in _POSITIVE and prop.name not in _NON_NEGATIVE and prop.plain not in moved:
             continue
-        numbers = [value for value in column if isinstance(value, float)]
-        with at_path(f"{mission}/{group.name}/{name}"):
-            for value in numbers:
-                if name in _POSITIVE and value <= 0.0:
-                    raise MissionError(f"`{plain}` is {value:g}", hint="it must be greater than 0")
-                if name not in _POSITIVE and value < 0.0:
-                    raise MissionError(f"`{plain}` is {value:g}", hint="it must be 0 or greater")
+        with at_path(f"{mission}/{group.name}/{prop.name}"):
+            for value in (value for value in columns[prop.name] if isinstance(value, float)):
+                _check_ability(prop, value, f"is {value:g}")
+            if isinstance(prop.value, ex.Draw) and math.isfinite(least := spread.numbers(prop.value, scope).low):
+                _check_ability(prop, least, f"can be {least:g}")
+
+
+def _check_ability(prop: model.Property, value: float, described: str) -> None:
+    if prop.name in _POSITIVE and value <= 0.0:
+        raise MissionError(f"`{prop.plain}` {described}", hint="it must be greater than 0")
+    if prop.name not in _POSITIVE and value < 0.0:
+        raise MissionError(f"`{prop.plain}` {described}", hint="it must be 0 or greater")
 
 
 def _drawn_in(

@@ -13,6 +13,7 @@ import tests.kernel.world_toys as toys
 from lingjing.errors import InfrastructureError
 from lingjing.kernel.world.boundary_checks import checked_boundary
 from lingjing.kernel.world.selection import select_engines
+from lingjing.mission.instance import RevealSpec
 from lingjing.plugins.engine import Boundary
 from lingjing.testing import PluginHost, does
 from lingjing.testing import rescue as kit
@@ -144,6 +145,14 @@ def test_an_engine_takes_part_for_an_entity_or_because_it_wants_to():
     assert select_engines(toys.instance(ant), host).local == ("toy_a",)
     assert select_engines(toys.instance(ant, crowd=1.0), host).local == ("toy_a", "toy_crowd")
     assert select_engines(toys.instance(toys.entity("cat", "toy_crowd")), host).local == ("toy_crowd",)
+
+
+def test_a_reference_picture_needs_the_sensor_engine_as_a_camera_does():
+    host = PluginHost(entry_points=False, extra=(toys.plugin, toys.painter))
+    bare = toys.instance(toys.entity("ant", "toy_a"))
+    assert select_engines(bare, host).sensor is None
+    reveal = RevealSpec(what="image", entities=("ant",), role="searcher")
+    assert select_engines(msgspec.structs.replace(bare, reveals=(reveal,)), host).sensor is not None
 
 
 def test_an_engine_without_entities_plays_along(world):

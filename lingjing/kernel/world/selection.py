@@ -25,7 +25,8 @@ class EngineSelection:
     remote: tuple[str, ...]
     """Motion engines in the caller: bridges to simulators elsewhere."""
     sensor: str | None
-    """The sensor engine; None without cameras in the instance or without a plug-in that draws pictures."""
+    """The sensor engine; None if the instance has neither cameras nor reference pictures, or without a plug-in that
+    draws pictures."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -51,7 +52,7 @@ def select_engines(instance: Instance, host: PluginHost) -> EngineSelection:
     return EngineSelection(
         local=tuple(sorted(name for name, place in places.items() if place == "world")),
         remote=tuple(sorted(name for name, place in places.items() if place == "remote")),
-        sensor=_sensor(host) if any(entity.cameras for entity in instance.entities) else None,
+        sensor=_sensor(host) if instance.reveals or any(entity.cameras for entity in instance.entities) else None,
     )
 
 
