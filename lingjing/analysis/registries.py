@@ -1,9 +1,9 @@
 """The kernel's registry at every boundary of a trace, computed from its records.
 
 Adjudication is a function of the instance, the admitted messages and commands, and the reports of engines. The trace
-contains all of these. The registry can therefore be computed again without engines, city or pictures, and any condition
-can be evaluated at any boundary. If the computed events differ from the recorded ones, `RebuiltBoundary.faithful` is
-False.
+contains all of these. The registry can therefore be computed again without engines or pictures, and any condition can
+be evaluated at any boundary. The city is built again only for a line of sight; if it cannot be built here, lines of
+sight have no value. If the computed events differ from the recorded ones, `RebuiltBoundary.faithful` is False.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from lingjing.analysis.played_city import city_of
 from lingjing.kernel.adjudication import Adjudicator
 from lingjing.kernel.budgets import Budgets
 from lingjing.kernel.context import RuntimeContext
@@ -40,8 +41,8 @@ def registries(trace: Trace) -> Iterator[RebuiltBoundary]:
     Raises `MissionError` for an instance that this version cannot adjudicate.
     """
     instance = trace.header.instance
-    adjudicator, budgets, inspections = Adjudicator(instance), Budgets(instance), Inspections(instance)
-    events = MissionEvents(instance)
+    adjudicator = Adjudicator(instance, lambda: city_of(trace))
+    budgets, inspections, events = Budgets(instance), Inspections(instance), MissionEvents(instance)
     registry = initial(instance)
     for record in trace.boundaries:
         after = update_registry(registry, _update(registry, record, budgets), instance)

@@ -11,7 +11,7 @@ entities the one with the highest overlap (intersection over union) is chosen.
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 
 import msgspec
 from msgspec.structs import replace
@@ -28,6 +28,8 @@ from lingjing.mission.fold import Meanings
 from lingjing.mission.instance import Datum, Entity, Instance
 from lingjing.mission.model import Rule
 from lingjing.mission.values import Area
+from lingjing.scene.city import City
+from lingjing.scene.sight import SightLines
 from lingjing.trace.records import AdjudicatedEvent, BodyState, Snapshot, StageChange
 
 
@@ -45,10 +47,14 @@ class Verdict(msgspec.Struct, frozen=True):
 
 
 class Adjudicator:
-    """The adjudicator of one instance. It orders rules after the rules that they call and holds no run-time state."""
+    """The adjudicator of one instance. It orders rules after the rules that they call and holds no run-time state.
 
-    def __init__(self, instance: Instance) -> None:
+    `city` supplies the city for lines of sight; it is called at the first one. Without a city they have no value.
+    """
+
+    def __init__(self, instance: Instance, city: Callable[[], City | None] = lambda: None) -> None:
         self._instance = instance
+        self._sight = SightLines(city)
         self.kinds = frozenset(message.kind for message in instance.messages)
         self._groups = _groups(instance.entities)
         self._monitor = ConstraintMonitor(instance)
@@ -83,6 +89,7 @@ class Adjudicator:
             self._areas,
             FACTS,
             self._meanings,
+            self._sight,
         )
         return self._latest
 

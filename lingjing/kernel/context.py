@@ -11,7 +11,8 @@ from lingjing.kernel.registry import Binding, Registry, Report
 from lingjing.mission.fold import Meanings
 from lingjing.mission.instance import Entity, Instance
 from lingjing.mission.model import Rule
-from lingjing.mission.values import Area, Place, Value
+from lingjing.mission.values import Area, Place, Value, is_number
+from lingjing.scene.sight import SightLines
 from lingjing.trace.records import BodyState
 
 Locals = Mapping[str, Entity | Report]
@@ -42,6 +43,8 @@ class RuntimeContext:
     """The functions that need a running mission."""
     meanings: Meanings
     """The compiled expressions of the mission; all its contexts share them."""
+    sight: SightLines
+    """The free lines of sight of the city."""
     evidence: dict[str, float] = field(default_factory=dict)
     """The numbers of the latest evaluation."""
 
@@ -75,14 +78,14 @@ class RuntimeContext:
         return tuple(reversed([report for report in new if report.kind == name]))
 
     def place(self, value: Value) -> Place | None:
-        """Return east and north of a position, or of an entity's present position."""
+        """Return a position, or an entity's present position; the elevation is None if a position has none."""
         if isinstance(value, Entity):
             state = self.states.get(value.id)
-            return None if state is None else Place(state.position[0], state.position[1])
+            return None if state is None else Place(*state.position)
         if isinstance(value, Place):
             return value
         position = point(value)
-        return None if position is None else Place(*position)
+        return None if position is None else Place(*position, _elevation(value))
 
     def note(self, name: str, number: float) -> None:
         """Store a number on which the result depends."""
@@ -91,3 +94,8 @@ class RuntimeContext:
     def fact(self, name: str, arguments: Sequence[Value]) -> Value:
         """Return the value of a function of a running mission; None if it has none."""
         return self.facts[name](self, *arguments)
+
+
+def _elevation(value: Value) -> float | None:
+    up = value[2] if isinstance(value, tuple | list) and len(value) > 2 else None
+    return float(up) if is_number(up) else None

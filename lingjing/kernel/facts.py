@@ -13,7 +13,8 @@ from lingjing.kernel.context import RuntimeContext
 from lingjing.mission.instance import Entity
 from lingjing.mission.values import Value
 from lingjing.mission.vocabulary import CLEARED, DORMANT
-from lingjing.trace.records import DEAD
+from lingjing.plugins.bodies import entity_size
+from lingjing.trace.records import DEAD, BodyState
 
 HANDOFF_M = 50.0
 """Largest distance in metres between a destination and a target that it refers to in `assigned` (the paper's vessel
@@ -94,6 +95,29 @@ def _blocks(entity: Entity, waypoints: Sequence[tuple[float, ...]], at: RuntimeC
     return any(math.dist((here.east, here.north), waypoint[:2]) <= radius for waypoint in waypoints)
 
 
+def _speed(at: RuntimeContext, body: Value) -> Value:
+    """Return the speed of a body in metres per second, in three dimensions; None if it is not there."""
+    state = _present(at, body)
+    return None if state is None else math.hypot(*state.velocity)
+
+
+def _line_of_sight(at: RuntimeContext, first: Value, second: Value) -> Value:
+    """Return whether the city leaves the line between the middles of two bodies free; False if one is not there."""
+    ends = []
+    for body in (first, second):
+        state = _present(at, body)
+        if state is None:
+            return False
+        east, north, up = state.position
+        ends.append((east, north, up + entity_size(body).height_m / 2.0))
+    return at.sight.is_free(*ends)
+
+
+def _present(at: RuntimeContext, body: Value) -> BodyState | None:
+    state = at.states.get(body.id) if isinstance(body, Entity) else None
+    return None if state is None or state.status == DORMANT else state
+
+
 def _replans(at: RuntimeContext, inspection: Value) -> Value:
     """Return how often the route was planned again. Routes are numbered from 1."""
     declared = next((inspected for inspected in at.instance.inspections if inspected.name == inspection), None)
@@ -117,6 +141,8 @@ FACTS: Mapping[str, Callable[..., Value]] = {
     "inspected": _inspected,
     "clear": _clear,
     "replans": _replans,
+    "speed": _speed,
+    "line_of_sight": _line_of_sight,
     "used": _used,
 }
 """The functions of a running mission by their names in the language."""

@@ -178,7 +178,7 @@ def field_of(base: Value, name: str, at: RuntimeContext) -> Value:
             return getattr(state, name)
         return current(base, state, name)
     if isinstance(base, Report):
-        return base.body.get(name)
+        return base.body[name] if name in base.body else _header(base, name, at)
     if isinstance(base, Box):
         return base.box if name == "box" else None
     if isinstance(base, tuple):
@@ -186,6 +186,21 @@ def field_of(base: Value, name: str, at: RuntimeContext) -> Value:
         value = base[axis] if axis is not None and axis < len(base) else None
         return float(value) if is_number(value) else None
     return getattr(base, name, None) if name in AXES else None
+
+
+def _header(report: Report, name: str, at: RuntimeContext) -> Value:
+    """Return one of `MESSAGE_FIELDS` of a message, unless its record declares a field of that name; else None."""
+    spec = next((spec for spec in at.instance.messages if spec.kind == report.kind), None)
+    if spec is not None and any(field.name == name for field in spec.fields):
+        return None
+    match name:
+        case "sender":
+            return report.sender
+        case "role":
+            return next((agent.role for agent in at.instance.agents if agent.id == report.sender), None)
+        case "sent":
+            return (report.tick - 1) * at.instance.clock.tick_s  # rules see it one boundary after the decision
+    return None
 
 
 def _aggregated(node: Aggregate, body: Meaning) -> Meaning:

@@ -159,7 +159,7 @@ class Kernel:
         self._blank = blank_pictures
         self._router = MessageRouter(instance)
         self._validator = CommandValidator(instance, city)
-        self._adjudicator = Adjudicator(instance)
+        self._adjudicator = Adjudicator(instance, lambda: city)
         self._projector = Projector(instance, policy_seed, city)
         self._subtasks = Subtasks(instance, self._adjudicator)
         self._budgets = Budgets(instance)

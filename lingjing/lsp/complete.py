@@ -18,6 +18,7 @@ from lingjing.lsp.analysis import Analysis
 from lingjing.lsp.context import Context, context_at
 from lingjing.lsp.pattern import due_in
 from lingjing.mission import functions as f
+from lingjing.mission.kinds import engine_kind
 from lingjing.mission.units import ANGLE, BY_NAME, NONE, SPEED, UNITS, Dimension, dimension_name, unit_of
 
 
@@ -397,9 +398,12 @@ def _members(completer: _Completer, chain: list[Token]) -> Iterator[tuple[str, s
             yield name, type_word(kind)
         for name, attribute in scope.groups[domain].attributes.items():
             yield name, type_word(attribute.type)
+        decl = scope.groups[domain].type
+        yield from ((name, "share, 0 to 1") for name in (engine_kind(decl.engine).shares if decl else ()))
     elif domain in scope.messages:
         record = scope.messages[domain][0]
         yield from ((field.name, field.type) for field in (record.fields if record else ()))
+        yield from ((name, type_word(kind)) for name, kind in f.MESSAGE_FIELDS.items())
     elif first == "peers":
         yield from ((name, "") for name in f.OBSERVED_FIELDS)
     elif (symbol := scope.symbols.get(first)) is not None and symbol.type.kind == "region":

@@ -10,8 +10,8 @@ from lingjing.dsl.syntax.statements import STATEMENTS
 from lingjing.lsp.analysis import Analysis, comment_above, library_file
 from lingjing.lsp.context import context_at
 from lingjing.lsp.names import Occurrence
-from lingjing.mission.functions import DISTRIBUTIONS, FUNCTIONS, STATE_FIELDS, Signature
-from lingjing.mission.kinds import engine_kind
+from lingjing.mission.functions import DISTRIBUTIONS, FUNCTIONS, MESSAGE_FIELDS, STATE_FIELDS, Signature
+from lingjing.mission.kinds import builtin_engines, engine_kind
 from lingjing.mission.kinds_format import VerbKind
 from lingjing.mission.units import NONE, dimension_name, dimension_unit, si_value, unit_of
 
@@ -21,6 +21,12 @@ KEYWORDS: dict[str, str] = {
     "forall": "`forall v in victim: …`: true if it holds for all.",
 }
 """Keyword → one line about it."""
+_SENDING = {
+    "sender": "the agent that sent the message",
+    "role": "the role of the agent that sent the message",
+    "sent": "the time of the decision to send the message",
+}
+"""Field of every message → its meaning."""
 
 
 def explain(analysis: Analysis, offset: int) -> tuple[str, int, int] | None:
@@ -134,6 +140,11 @@ def _word(analysis: Analysis, word: str, offset: int) -> str:
         return _signature(FUNCTIONS.get(word) or DISTRIBUTIONS[word])
     if word in STATE_FIELDS:
         return f"**{word}**: {with_article(STATE_FIELDS[word][1])}, of every entity while the mission runs"
+    if word in MESSAGE_FIELDS:
+        return f"**{word}**: {_SENDING[word]}, of every message in rules"
+    sharing = [kind.name for kind in builtin_engines().values() if word in kind.shares]
+    if sharing:
+        return f"**{word}**: the share that is left, 0 to 1, of every body of {', '.join(sharing)} in rules"
     types = analysis.scope.types
     own = types.get(context_at(analysis.source.text, offset).type_name())
     for decl in (*((own,) if own is not None else ()), *types.values()):

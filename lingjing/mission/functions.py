@@ -17,7 +17,7 @@ import msgspec
 
 from lingjing.mission import intervals, operations
 from lingjing.mission.expression import Binary, Call, Draw, Expr, Index, Point, Range, Sequence, Unary
-from lingjing.mission.units import ANGLE, LENGTH, NONE, SPEED, Dimension
+from lingjing.mission.units import ANGLE, LENGTH, NONE, SPEED, TIME, Dimension
 
 Kind = Literal[
     "quantity",
@@ -165,6 +165,14 @@ STATE_FIELDS: dict[str, tuple[str, Type]] = {
 OBSERVED_FIELDS = ("position", "velocity", "heading", "status", "resources", "busy", "route")
 """Fields that an observation channel of an entity or of `peers` may name, in the author's spelling."""
 
+MESSAGE_FIELDS: dict[str, Type] = {
+    "sender": Type("name", of="agent"),
+    "role": Type("name", of="role"),
+    "sent": Type("quantity", TIME),
+}
+"""Fields of every message in rules, unless its record declares a field of that name: the agent that sent it, the
+agent's role, and the time of the decision to send it."""
+
 FIELD_TYPES: dict[str, Type] = {
     "name": NAME,
     "text": TEXT,
@@ -217,7 +225,7 @@ _SIGNATURES = (
         where="static",
         doc="what lies within the width of a road",
     ),
-    Signature("distance", (_p("a", PLACE), _p("b", PLACE)), METRES, where="static"),
+    Signature("distance", (_p("a", PLACE), _p("b", PLACE)), METRES, doc="distance in space"),
     Signature("distance_xy", (_p("a", PLACE), _p("b", PLACE)), METRES, doc="horizontal distance"),
     Signature("min", (_SAME,), QUANTITY, variadic=True, least=2, same=True),
     Signature("max", (_SAME,), QUANTITY, variadic=True, least=2, same=True),
@@ -270,6 +278,14 @@ _SIGNATURES = (
         doc="an assignment of the asset to the target was delivered, or a command for it admitted",
     ),
     Signature("alive", (_p("asset", ENTITY),), FLAG, where="rule", doc="the asset is there and not dead"),
+    Signature("speed", (_p("body", ENTITY),), MPS, where="rule", doc="its present speed, climb and descent included"),
+    Signature(
+        "line_of_sight",
+        (_p("a", ENTITY), _p("b", ENTITY)),
+        FLAG,
+        where="rule",
+        doc="no ground, building, bridge or wall of the city stands between the middles of the two bodies",
+    ),
     Signature(
         "photographed",
         (_p("asset", ENTITY),),
@@ -364,6 +380,8 @@ OPERATIONS: Mapping[str, Operation] = {
         _fact("emitted", words="an engine has performed {0}[ on {1}]", of_time=True, about=("event",), at_start=False),
         _fact("assigned", words="{0} is assigned to {1}", at_start=False),
         _fact("alive", words="{0} is alive", of_time=True, at_start=True),
+        _fact("speed", words="the speed of {0}", of_time=True, measure="speed "),
+        _fact("line_of_sight", words="nothing of the city stands between {0} and {1}", of_time=True),
         _fact("photographed", words="{0} has taken a picture", at_start=False),
         _fact("inspected", words="the whole route of {0} has been inspected", of_time=True, about=("inspection",)),
         _fact("clear", words="nothing blocks the route of {0}", of_time=True, secret=True, about=("inspection",)),

@@ -144,6 +144,8 @@ class EngineKind(_Record, frozen=True, kw_only=True):
     words: tuple[str, ...] | None = None
     """The status words that the engine gives to its bodies; interactions and absence add theirs. None if they are not
     described: then a mission may compare a status with any word."""
+    shares: tuple[str, ...] = ()
+    """Resources between 0 and 1 that the engine reports of each body: `battery`, `fuel`. Rules read them as fields."""
     acts: bool = True
     """True if its entities can perform interactions."""
     landbound: bool = False

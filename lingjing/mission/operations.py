@@ -318,7 +318,9 @@ def distance(context: EvaluationContext, a: Value, b: Value) -> Value:
     """Metres between two places. A place without elevation is at elevation 0."""
     first, second = _ends(context, "distance", a, b)
     up = (first.elevation or 0.0) - (second.elevation or 0.0)
-    return math.hypot(first.east - second.east, first.north - second.north, up)
+    apart = math.hypot(first.east - second.east, first.north - second.north, up)
+    context.note("distance_3d_m", apart)
+    return apart
 
 
 def distance_xy(context: EvaluationContext, a: Value, b: Value) -> Value:

@@ -69,14 +69,14 @@ class Terrain:
 
         It may rest on ground, water, a roof, a deck or a slope.
         """
-        tops = [block.top_at(x, y) for block in self._near(x, y) if block.covers(x, y, margin_m)]
+        tops = [block.top_at(x, y) for block in self.blocks_near(x, y) if block.covers(x, y, margin_m)]
         return max([self.surface(x, y), *(top for top in tops if top <= below_m)])
 
     def solids_at(self, x: float, y: float, low_m: float, high_m: float, margin_m: float = 0.0) -> tuple[Block, ...]:
         """Return the blocks that touch a body of radius `margin_m` (at most `REACH_M`) between two elevations."""
         return tuple(
             block
-            for block in self._near(x, y)
+            for block in self.blocks_near(x, y)
             if block.area.bounds_hold(x, y, margin_m)  # a cheap test that rules out most blocks
             and block.base_at(x, y) < high_m
             and block.top_at(x, y) > low_m
@@ -87,7 +87,8 @@ class Terrain:
         """An elevation above which nothing is near a point: a quick answer for bodies that fly high."""
         return max(self._highest_ground_m, self._square(x, y).highest_m)
 
-    def _near(self, x: float, y: float) -> tuple[Block, ...]:
+    def blocks_near(self, x: float, y: float) -> tuple[Block, ...]:
+        """The blocks within `REACH_M` of a point, and others of its neighbourhood."""
         return self._square(x, y).near(x, y)
 
     def _square(self, x: float, y: float) -> Square:

@@ -28,6 +28,9 @@ ATOMS = (
     "count(far(v) for v in victim) >= 1",
     "exists v in victim: v.position.east > 25 m and now >= 0 s",
     "not min(distance_xy(boat, v) for v in victim) <= 103 m",
+    "distance(boat, victim) > 103 m",
+    "line_of_sight(boat, victim) and victim in east",
+    "speed(victim) >= 0 m/s and victim in east",
 )
 """Conditions that hold for one of the two places only, from the start on."""
 

@@ -35,6 +35,7 @@ class AgentChecker(DeclarationChecker):
     def head(self, node: s.AgentBlock) -> None:
         """Register the agent's name and role."""
         self.report.once(self.scope.agents, node.name, "the agent")
+        self.scope.agent_heads.setdefault(node.name.text, node)
         self.scope.roles.setdefault(node.role.text, self.report.span(node.role.start, node.role.end))
 
     def agent(self, node: s.AgentBlock) -> model.Agent:

@@ -41,15 +41,13 @@ class CallChecker:
             self._all_arguments(node, environment)
             right_name = CALLS.get(name)
             hint = f"write `{right_name}`" if right_name else FOREIGN_FUNCTIONS.get(name, "")
-            return self.of.unknown_name(node.function, [*FUNCTIONS, *self.scope.rules], "no function", hint, right_name)
+            known = [*self.scope.rules] if right_name else [*FUNCTIONS, *self.scope.rules]
+            return self.of.unknown_name(node.function, known, "no function", hint, right_name)
         if signature.where == "rule" and not environment.rule:
             self._misplaced(node, f"`{name}(…)` is known only while the mission runs", "use it in a rule")
             return UNKNOWN
         if signature.where == "static" and environment.rule:
-            message, hint = f"`{name}(…)` cannot stand in a rule", "declare a param or a region with it"
-            right_name = _IN_RULES.get(name)
-            hint = f"write `{right_name}`" if right_name else hint
-            self.report.at("LJ0304", node.function, message, hint, replace=right_name)
+            self._misplaced(node, f"`{name}(…)` cannot stand in a rule", "declare a param or a region with it")
             return UNKNOWN
         checked = self._arguments(node, signature, environment)
         if checked is None:
@@ -342,10 +340,6 @@ class CallChecker:
 
     def _misplaced(self, node: s.CallExpr, message: str, hint: str) -> None:
         self.report.at("LJ0304", node.function, message, hint)
-
-
-_IN_RULES = {"distance": "distance_xy"}
-"""Function that is known before the run alone → the one for rules."""
 
 
 def children(node: s.Expression) -> tuple[s.Expression, ...]:

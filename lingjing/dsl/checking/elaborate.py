@@ -15,6 +15,7 @@ from lingjing.dsl.checking.calls import CallChecker
 from lingjing.dsl.checking.corrections import with_units
 from lingjing.dsl.checking.expressions import ExpressionChecker
 from lingjing.dsl.checking.scope import SymbolTables
+from lingjing.dsl.checking.senders import is_sending, sender_side
 from lingjing.dsl.checking.status_words import status_side
 from lingjing.dsl.checking.typenames import dimension_of, of_type, with_article
 from lingjing.dsl.checking.values import UNKNOWN, Environment, Taint, TypedExpression
@@ -27,6 +28,7 @@ from lingjing.mission.functions import (
     ENTITY,
     FIELD_TYPES,
     FLAG,
+    MESSAGE_FIELDS,
     METRES,
     NAME,
     NUMBER,
@@ -37,6 +39,7 @@ from lingjing.mission.functions import (
     TRUTH_FIELDS,
     Type,
 )
+from lingjing.mission.kinds import engine_kind
 from lingjing.mission.units import (
     AREA,
     BY_DIMENSION,
@@ -58,6 +61,8 @@ _NAMELIKE = frozenset(("name", "names", "entity", "role", "text", "status"))
 """Kinds of types that can be compared as names."""
 _POINT_FIELDS = {"east": METRES, "north": METRES, "elevation": METRES, "x": METRES, "y": METRES, "z": METRES}
 """Fields of a position."""
+_SPEEDS = ("speed", "velocity_xy", "ground_speed")
+"""Fields elsewhere that mean `speed(…)`."""
 _REGION_FIELDS = {"centre": POSITION, "area": Type("quantity", AREA)}
 """Fields of a region."""
 
@@ -253,7 +258,7 @@ class Elaborator(ExpressionChecker):
         if kind == "entity":
             return self._entity_field(base, node, environment)
         if kind == "message":
-            return self._record_field(base, name)
+            return self._record_field(base, name, environment)
         tables: dict[str, dict[str, Type]] = {
             "truth": TRUTH_FIELDS,
             "position": _POINT_FIELDS,
@@ -275,8 +280,13 @@ class Elaborator(ExpressionChecker):
         if kind == STATUS:
             kind = of_type(STATUS, group.name)
         if kind is None:
+            shares = engine_kind(group.type.engine).shares if group.type is not None else ()
+            if attribute is None and name.text in shares:
+                return self._share(base, node, environment)
+            if attribute is None and name.text in _SPEEDS:
+                return self._no_speed(node)
             if attribute is None:
-                return self._no_field(name, f"`{group.name}`", [*STATE_FIELDS, *group.attributes], FIELDS)
+                return self._no_field(name, f"`{group.name}`", [*STATE_FIELDS, *group.attributes, *shares], FIELDS)
             kind = attribute.type
             suffix = BY_DIMENSION.get(kind.dimension or NONE) if kind.kind == "quantity" else None
             lowered = name.text + (suffix.suffix if suffix else "")
@@ -285,7 +295,21 @@ class Elaborator(ExpressionChecker):
             taint = (*attribute.taint, self.step(f"`{self.report.source.text[node.start : node.end]}`", node))
         return TypedExpression(ex.Attr(base.ir, lowered), kind, taint)
 
-    def _record_field(self, base: TypedExpression, name: s.Name) -> TypedExpression:
+    def _share(self, base: TypedExpression, node: s.FieldExpr, environment: Environment) -> TypedExpression:
+        """A resource that the engine reports, such as `uav.battery`."""
+        name = node.name
+        if not environment.rule:
+            self.report.at("LJ0304", name, f"`{name.text}` is known only while the mission runs", "use it in a rule")
+            return UNKNOWN
+        return TypedExpression(ex.Attr(base.ir, name.text), NUMBER, base.taint)
+
+    def _no_speed(self, node: s.FieldExpr) -> TypedExpression:
+        written = f"speed({self.report.source.text[node.base.start : node.base.end]})"
+        message = f"the present speed is no field: `{node.name.text}`"
+        self.report.at("LJ0102", node, message, f"write `{written}`", replace=written)
+        return UNKNOWN
+
+    def _record_field(self, base: TypedExpression, name: s.Name, environment: Environment) -> TypedExpression:
         record = self.scope.messages[base.type.of][0]
         if record is None:
             return UNKNOWN
@@ -295,7 +319,10 @@ class Elaborator(ExpressionChecker):
                 return TypedExpression(
                     ex.Attr(base.ir, name.text), of_type(kind, "type") if name.text == "class" else kind
                 )
-        return self._no_field(name, f"a message of the record `{record.name}`", [f.name for f in record.fields])
+        if name.text in MESSAGE_FIELDS and environment.rule:
+            return TypedExpression(ex.Attr(base.ir, name.text), MESSAGE_FIELDS[name.text])
+        known = [*(field.name for field in record.fields), *MESSAGE_FIELDS]
+        return self._no_field(name, f"a message of the record `{record.name}`", known)
 
     def _no_field(
         self, name: s.Name, owner: str, known: list[str], foreign: Mapping[str, str] | None = None
@@ -334,6 +361,14 @@ class Elaborator(ExpressionChecker):
     def _first(self, node: s.Expression, first: s.BinaryExpr, environment: Environment) -> TypedExpression:
         """The leftmost operand of a chain. A word before `==` is looked up by the type of the other side."""
         other = first.right if first.operator in ("==", "!=") else None
+        if (
+            isinstance(node, s.Name | s.Subscript)
+            and isinstance(other, s.FieldExpr)
+            and other.name.text in MESSAGE_FIELDS
+        ):
+            sending = self.value(other, environment)
+            if is_sending(sending):
+                return sender_side(self, sending, node, environment)
         if isinstance(node, s.Name | s.TextLiteral) and isinstance(other, s.FieldExpr) and other.name.text == "status":
             status = self.value(other, environment)
             if status.type.kind == "status":
@@ -376,6 +411,8 @@ class Elaborator(ExpressionChecker):
         """The right side of a comparison with a name. A bare word is looked up among the names of the same kind."""
         if left.type.kind == "status":
             return status_side(self, left, node, environment)
+        if is_sending(left):
+            return sender_side(self, left, node, environment)
         if left.type.of == "mode" and isinstance(node, s.Name):
             return self._one_of(node, self.scope.modes, "mode")
         if left.type.of == "mode" and isinstance(node, s.TextLiteral) and node.value not in self.scope.modes:

@@ -153,6 +153,7 @@ class SymbolTables:
         self.hidden_regions: dict[str, Taint] = {}
         """Region → the path by which it is hidden. Filled before regions are checked."""
         self.agents: dict[str, Span] = {}
+        self.agent_heads: dict[str, s.AgentBlock] = {}
         self.roles: dict[str, Span] = {}
         self.messages: dict[str, tuple[RecordDecl | None, Span]] = {}
         self.rules: dict[str, RuleInfo] = {}

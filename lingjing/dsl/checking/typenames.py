@@ -45,6 +45,8 @@ def word(typed: Type) -> str:
         return "type's name"
     if typed.kind == "name" and typed.of == "mode":
         return "mode"
+    if typed.kind == "name" and typed.of in ("agent", "role"):
+        return typed.of
     if typed.kind == "status":
         return "status word"
     if typed.kind == "message" and typed.of:

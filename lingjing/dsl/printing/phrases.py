@@ -105,7 +105,7 @@ class Phrases(ExpressionWriter):
     def right(self, node: ex.Binary, rank: int, names: LocalNames) -> str:
         """The right side of an operator. Lists of names become sets; a final quantifier needs no brackets."""
         right = node.right
-        words = isinstance(right, ex.Sequence) and all(isinstance(item, ex.Symbol | ex.Ref) for item in right.items)
+        words = isinstance(right, ex.Sequence) and all(map(_is_word, right.items))
         if node.operator == "in" and isinstance(right, ex.Sequence) and words and right.items:
             return f"{{ {self.listed(right.items, names)} }}"
         if isinstance(right, ex.Quantified) and rank == 0:
@@ -115,6 +115,11 @@ class Phrases(ExpressionWriter):
     def quantified(self, node: ex.Quantified, body: str) -> tuple[str, int]:
         """A quantifier with its domain."""
         return f"{node.quantifier} {node.variable} in {node.domain}: {body}", 0
+
+
+def _is_word(item: ex.Expr) -> bool:
+    """True for a name; a member of a group of agents (`scout[1]`) is none."""
+    return isinstance(item, ex.Ref) or (isinstance(item, ex.Symbol) and "[" not in item.name)
 
 
 def _entity(node: ex.Expr, names: LocalNames) -> str:

@@ -134,6 +134,9 @@ FUNCTIONS: dict[str, str] = {
 """Function elsewhere → the way to write it."""
 CALLS: dict[str, str] = {
     **dict.fromkeys(("dist", "distance_to", "distance2d", "dist_xy", "euclidean"), "distance_xy"),
+    **dict.fromkeys(("distance_3d", "distance3d", "dist3d"), "distance"),
+    **dict.fromkeys(("sees", "visible", "can_see", "los", "has_line_of_sight"), "line_of_sight"),
+    **dict.fromkeys(("velocity", "speed_of"), "speed"),
     **dict.fromkeys(("overlap", "IoU", "IOU"), "iou"),
     **dict.fromkeys(("done", "performed", "completed", "happened"), "emitted"),
 }
@@ -144,7 +147,7 @@ FIELDS: dict[str, str] = {
     **dict.fromkeys(("pos", "location", "place", "coordinates", "xy"), "position"),
     **dict.fromkeys(("yaw", "bearing", "direction"), "heading"),
     **dict.fromkeys(("state", "condition"), "status"),
-    **dict.fromkeys(("vel", "speed"), "velocity"),
+    "vel": "velocity",
 }
 """Field of an entity elsewhere → the field."""
 AXES: dict[str, str] = {"altitude": "elevation", "alt": "elevation", "height": "elevation", "up": "elevation"}

@@ -40,6 +40,8 @@ class Group(msgspec.Struct, frozen=True):
     """True if one of its cameras takes a picture at each tick."""
     commanded_by: tuple[str, ...] = ()
     """The roles that may command it."""
+    shares: tuple[str, ...] = ()
+    """Resources between 0 and 1 that its engine reports, such as `battery`, without those that are declared."""
 
     @property
     def moving_verbs(self) -> tuple[str, ...]:
@@ -213,6 +215,7 @@ def _group(group: model.Group, commanded_by: tuple[str, ...]) -> Group:
         drifts=_drifts(group.engine, names),
         photographs=any(camera.capture == "each_tick" for camera in group.cameras),
         commanded_by=commanded_by,
+        shares=tuple(name for name in engine_kind(group.engine).shares if name not in names),
     )
 
 
@@ -229,6 +232,7 @@ def _entity_group(entity: Entity, hidden: frozenset[str], commanded_by: tuple[st
         drifts=_drifts(entity.engine, entity.properties),
         photographs=any(camera.capture == "each_tick" for camera in entity.cameras),
         commanded_by=commanded_by,
+        shares=tuple(name for name in engine_kind(entity.engine).shares if name not in entity.properties),
     )
 
 

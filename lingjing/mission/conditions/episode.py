@@ -103,7 +103,9 @@ class EpisodeKnowledge(Knowledge):
                 return self.coordinate(body, AXES[name])
             case AnyMessage(kind=kind):
                 field = self._fields.get(kind, {}).get(name)
-                return None if field is None else _field_bounds(field)
+                if field is not None:
+                    return _field_bounds(field)
+                return Bounds(0.0, self._last_s) if name == "sent" else None
         return None
 
     def members(self, domain: str) -> Sequence[Value] | None:
@@ -151,6 +153,8 @@ class EpisodeKnowledge(Knowledge):
             return None
         if state is not None:
             return self._stock(body, name, state.name)
+        if name in engine_kind(entity.engine).shares and name not in entity.properties:
+            return Bounds(0.0, 1.0)
         if name in _MEASURED and entity.role == "asset":
             return None
         value = entity.properties.get(name)

@@ -31,6 +31,10 @@ from lingjing.mission.natures import nature_of, traits_of, worked_levels
 Names = Mapping[str, Entity | None]
 """Bound names → the entity, or None for a message."""
 
+_SEEN_M = 10.0
+"""The distance at which the goal of a free line of sight brings one body to the other, metres (chosen: less than the
+width of a street)."""
+
 _OVER = "position"
 """The field that stands for its entity in distances."""
 
@@ -214,6 +218,8 @@ class LeafReader:
                 return MET
             case ex.Call(function="photographed", arguments=(one,)) if asset := self.entity(one, names):
                 return PictureGoal(at=at, text=spell(expr), asset=asset.id)
+            case ex.Call(function="line_of_sight", arguments=(one, other)):
+                return self._seen(expr, one, other, names, at)
             case ex.Call(function="inspected" | "clear", arguments=(ex.Symbol(name=name) | ex.Ref(name=name),)):
                 return InspectGoal(at=at, text=spell(expr), inspection=name)
             case ex.Call(function="assigned", arguments=(one, other)):
@@ -221,6 +227,14 @@ class LeafReader:
                 if asset is not None and target is not None:
                     return AssignGoal(at=at, text=spell(expr), asset=asset.id, target=target.id)
         return self._open(expr, names, at)
+
+    def _seen(self, expr: ex.Expr, one: ex.Expr, other: ex.Expr, names: Names, at: str) -> Goal:
+        """A body near another one has a free line to it nearly always."""
+        first, second = self.entity(one, names), self.entity(other, names)
+        if first is None or second is None:
+            return self._open(expr, names, at)
+        mover, goal = sorted((first, second), key=lambda entity: entity.role == "target")
+        return ReachGoal(at=at, text=spell(expr), movers=(mover.id,), entity=goal.id, radius_m=_SEEN_M)
 
     def _inside(self, expr: ex.Expr, item: ex.Expr, region: str, names: Names, at: str) -> Goal:
         body, outline = self.entity(item, names), self._regions[region]

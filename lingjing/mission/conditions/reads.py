@@ -200,8 +200,16 @@ class Reader:
     def _of_group(self, group: Group, kind: QuantityKind, name: str = "", *, indirect: bool = False) -> Quantity:
         shown = name or (kind if kind in ("position", "velocity", "heading", "status") else "")
         causes = tuple(_CAUSES[kind](self._of, group, name)) if kind in _CAUSES else ()
+        share = name in group.shares
         return Quantity(
-            kind=kind, owner=group.name, name=shown, causes=causes, hidden=bool(group.hidden), indirect=indirect
+            kind=kind,
+            owner=group.name,
+            name=shown,
+            causes=causes,
+            least=0.0 if share else None,
+            most=1.0 if share else None,
+            hidden=bool(group.hidden),
+            indirect=indirect,
         )
 
     def _message(self, kind: str, field: str = "", *, indirect: bool = False) -> Quantity:
@@ -211,7 +219,7 @@ class Reader:
             owner=kind,
             name=field,
             causes=(Cause(kind="message", name=kind, by=self._of.senders(kind)),),
-            least=None if spec is None else spec.minimum,
+            least=(0.0 if field == "sent" else None) if spec is None else spec.minimum,
             most=None if spec is None else spec.maximum,
             indirect=indirect,
         )
@@ -274,6 +282,13 @@ class Reader:
             if group is not None:
                 yield self._of_group(group, "picture", indirect=_is_bound(argument))
 
+    def _speed(self, call: ex.Call, names: Names) -> Iterator[Quantity]:
+        for argument in call.arguments:
+            group = self._of.group(self._owner(argument, names) or "")
+            if group is not None:
+                yield from self._index(argument, names)
+                yield self._of_group(group, "velocity", indirect=_is_bound(argument))
+
     def _truth(self, call: ex.Call, names: Names) -> Iterator[Quantity]:
         group = self._of.group(self._owner(call.arguments[0], names) or "")
         causes = tuple(
@@ -323,6 +338,7 @@ _FACTS: Mapping[str, Callable[[Reader, ex.Call, Names], Iterator[Quantity]]] = {
     "assigned": Reader._assigned,
     "alive": Reader._alive,
     "photographed": Reader._photographed,
+    "speed": Reader._speed,
     "truth": Reader._truth,
     "inspected": Reader._inspection,
     "clear": Reader._inspection,
@@ -333,7 +349,8 @@ _FACTS: Mapping[str, Callable[[Reader, ex.Call, Names], Iterator[Quantity]]] = {
 
 
 def _kind_of(group: Group, field: str) -> QuantityKind:
-    return _FIELDS.get(field) or ("state" if field in group.states else "property")
+    changing = field in group.states or field in group.shares
+    return _FIELDS.get(field) or ("state" if changing else "property")
 
 
 def _motion_causes(of: Declarations, group: Group, name: str) -> Iterator[Cause]:
@@ -355,7 +372,11 @@ def _status_causes(of: Declarations, group: Group, name: str) -> Iterator[Cause]
 
 
 def _state_causes(of: Declarations, group: Group, field: str) -> Iterator[Cause]:
-    plain = group.states[field]
+    plain = group.states.get(field, "")
+    if not plain:  # a share that the engine reports, such as a battery: motion consumes it
+        yield from _motion_causes(of, group, field)
+        yield Cause(kind="engine", name=group.engine)
+        return
     for target in of.groups.values():
         for spec in target.interactions:
             own = target.name == group.name and spec.own == plain

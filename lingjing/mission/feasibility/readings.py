@@ -67,6 +67,8 @@ class Apart(msgspec.Struct, frozen=True):
 
     first: Value
     second: Value
+    in_space: bool = False
+    """True for the distance in three dimensions, which is at least the horizontal one."""
 
 
 class Gauge(msgspec.Struct, frozen=True):
@@ -306,7 +308,12 @@ def _computed(node: Composite, values: list[Value], on: World) -> Value:
             case "truth", [Body() as body, *_]:
                 return Pictured(body)
             case (("distance" | "distance_xy"), [first_place, second_place]):
-                return Apart(first_place, second_place)
+                return Apart(first_place, second_place, node.function == "distance")
+            case "speed", [Body() as body]:
+                return Gauge(("speed", body.id), Bounds(0.0, math.inf))
+            case "line_of_sight", [Body() as one, Body() as other]:
+                free = ("line_of_sight", *sorted((one.id, other.id)))
+                return Truth(on.clock.always, (), {free: YES}, {free: NO})
             case "emitted", [str() as name, *rest]:
                 about = rest[0] if rest else None
                 return on.emitted(name, about) if isinstance(about, Body) or not rest else None
@@ -636,7 +643,7 @@ def _within(distance: Apart, limit: Bounds, on: World, *, strict: bool) -> Truth
 def _beyond(distance: Apart, limit: Bounds, on: World, *, strict: bool) -> Truth:
     """A distance that must be large."""
     key, least = _distance_key(distance), limit.low
-    most = on.apart(distance.first, distance.second)
+    most = math.inf if distance.in_space else on.apart(distance.first, distance.second)
     if least > most:
         words = f"a distance of {spelled(least)} m is beyond the largest possible one, {spelled(round(most, 3))} m"
         return constant(False, on.clock, Reason(lambda: words, "LJ0612"))
@@ -647,7 +654,8 @@ def _beyond(distance: Apart, limit: Bounds, on: World, *, strict: bool) -> Truth
 
 def _distance_key(distance: Apart) -> Quantity:
     ids = [_place_id(distance.first), _place_id(distance.second)]
-    return () if None in ids else ("distance_xy", *sorted(str(name) for name in ids))
+    name = "distance" if distance.in_space else "distance_xy"
+    return () if None in ids else (name, *sorted(str(each) for each in ids))
 
 
 def _place_id(value: Value) -> str | None:
