@@ -56,17 +56,16 @@ class MissionEvaluator:
         if self._failure is not None and holds(self._failure, NO_BINDINGS, at):
             return Evaluation(score, True, "failure")
         late = tuple(self._declared_stages.late(registry))
-        return Evaluation(score, True, "late", _lateness(late, registry.tick)) if late else Evaluation(score, False)
+        return Evaluation(score, True, "late", _lateness(late)) if late else Evaluation(score, False)
 
     def _share(self, registry: Registry, parts: Sequence[bool]) -> float:
         score = self._declared_stages.score(registry)
         return sum(parts) / len(parts) if score is None else score
 
 
-def _lateness(late: Sequence[LateStage], tick: int) -> str:
+def _lateness(late: Sequence[LateStage]) -> str:
     first, *others = late
-    had = f"{first.ticks} tick{'s' * (first.ticks != 1)}"
-    text = f"the stage {first.name} was not done in the {had} it had (from tick {first.began} to tick {tick})"
+    text = f"the stage {first.name} was not done {first.allowed}"
     return text + (f"; so were {some([stage.name for stage in others])}" if others else "")
 
 

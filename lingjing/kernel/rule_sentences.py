@@ -9,9 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from lingjing.mission.condition_words import ConditionWords
-from lingjing.mission.expression import Expr, Number
+from lingjing.mission.conditions.declared_values import deadlines_s
+from lingjing.mission.expression import Attr, Expr, Number, parts
 from lingjing.mission.instance import Instance, InteractionSpec, LimitSpec
 from lingjing.mission.instance_text import InstanceText, public_values
+from lingjing.mission.model import Stage
 
 
 def rule_sentences(instance: Instance) -> tuple[str, ...]:
@@ -100,6 +102,22 @@ class _Rules:
                 each = f" of each {stage.domain} `{stage.variable}`" if domains else ""
                 when = self._condition(stage.condition, domains)
                 yield f"the stage *{stage.name}*{each} must be done within {stage.ticks.value:g} ticks: when {when}"
+            if stage.deadline is not None:
+                domains = {stage.variable: stage.domain} if stage.variable and stage.domain else {}
+                times = ", ".join(self._deadlines(stage))
+                when = self._condition(stage.condition, domains)
+                yield f"the stage *{stage.name}* must be done by {times}, or the mission ends: when {when}"
+
+    def _deadlines(self, stage: Stage) -> Iterator[str]:
+        """Yield the deadline of each subject. A group with a hidden property in the deadline is named without times."""
+        read = {part.name for part in parts(stage.deadline) if isinstance(part, Attr)} if stage.deadline else set()
+        hidden = {name for entity in self._instance.entities if entity.group == stage.domain for name in entity.hidden}
+        if read & hidden:
+            yield f"a time that each {stage.domain} has"
+            return
+        for (name, subject), time_s in deadlines_s(self._instance).items():
+            if name == stage.name:
+                yield f"{time_s:g} s{f' for {subject}' if subject else ''}"
 
 
 def _course(spec: InteractionSpec) -> str:

@@ -2,22 +2,28 @@
 
 A stage begins when the stages that it depends on are done, for the same subject if both have subjects. A stage without
 dependencies begins with the episode. A stage with `ticks` is late if it is not done that many ticks after its
-beginning. A late stage ends the episode, even if success does not need it. If any stage has a weight, the score is the
+beginning. A stage with a `deadline` is late if it is not done at the first boundary that is not before that time. A
+late stage ends the episode, even if success does not need it. If any stage has a weight, the score is the
 weighted share of completed stages, each by the share of its subjects; otherwise the success condition determines the
 score.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 from msgspec.structs import replace
 
 from lingjing.kernel.registry import Registry
+from lingjing.mission.conditions.declared_values import deadlines_s
 from lingjing.mission.expression import Number
 from lingjing.mission.instance import Instance
 from lingjing.mission.model import Stage
+
+_TOLERANCE_S = 1e-6
+"""Tolerance of comparisons of simulated time, seconds (chosen: far below a macro-step)."""
 
 NO_SUBJECT = ""
 """The subject of a stage without subjects."""
@@ -31,10 +37,8 @@ class LateStage:
     """The stage's name."""
     subject: str
     """The id of the subject; "" for a stage without subjects."""
-    ticks: int
-    """The allowed number of ticks."""
-    began: int
-    """The tick at which the stage began for the subject."""
+    allowed: str
+    """The time that it had, in words: `the 3 ticks it had (from tick 2 to tick 5)`."""
 
     @property
     def name(self) -> str:
@@ -52,7 +56,12 @@ class Stages:
         for relation in instance.relations:
             if relation.kind == "dependency" and relation.target in self._needs:
                 self._needs[relation.target] = (*self._needs[relation.target], relation.source)
+        self._deadlines_s = deadlines_s(instance)
         self._weights = {stage.name: _number(stage.weight, 1.0) for stage in instance.stages}
+        self._ticks = {
+            stage.name: int(_number(stage.ticks, 0.0)) for stage in instance.stages if stage.ticks is not None
+        }
+        self._timed = [part for part in self.parts if part[0] in self._ticks or part in self._deadlines_s]
         self._weighted = any(stage.weight is not None for stage in instance.stages)
 
     @property
@@ -76,18 +85,12 @@ class Stages:
 
     def late(self, registry: Registry) -> Iterator[LateStage]:
         """Yield the stages that have exceeded their ticks without being done, in declaration order."""
-        for stage in self._stages:
-            if stage.ticks is None:
+        for name, subject in self._timed:
+            if (name, subject) in registry.stages:
                 continue
-            allowed = int(_number(stage.ticks, 0.0))
-            for subject in self._subjects[stage.name]:
-                began = registry.progress.began.get((stage.name, subject))
-                if (
-                    began is not None
-                    and registry.tick - began >= allowed
-                    and (stage.name, subject) not in registry.stages
-                ):
-                    yield LateStage(stage.name, subject, allowed, began)
+            allowed = self._used_up(name, subject, registry) or self._passed(name, subject, registry)
+            if allowed:
+                yield LateStage(name, subject, allowed)
 
     def score(self, registry: Registry) -> float | None:
         """Return the weighted share of completed stages, 0 to 1, or None if no stage has a weight."""
@@ -99,6 +102,19 @@ class Stages:
             share = sum((name, subject) in registry.stages for subject in subjects) / max(1, len(subjects))
             done += self._weights[name] * share
         return done / whole
+
+    def _used_up(self, name: str, subject: str, registry: Registry) -> str:
+        """Describe the ticks of a stage if none is left; else ""."""
+        allowed, began = self._ticks.get(name), registry.progress.began.get((name, subject))
+        if allowed is None or began is None or registry.tick - began < allowed:
+            return ""
+        plural = "tick" if allowed == 1 else "ticks"
+        return f"in the {allowed} {plural} it had (from tick {began} to tick {registry.tick})"
+
+    def _passed(self, name: str, subject: str, registry: Registry) -> str:
+        """Describe the deadline of a stage if it has passed; else ""."""
+        deadline_s = self._deadlines_s.get((name, subject), math.inf)
+        return f"by its deadline, {deadline_s:g} s" if registry.time_s >= deadline_s - _TOLERANCE_S else ""
 
     def _may_begin(self, stage: Stage, subject: str, registry: Registry) -> bool:
         return all(

@@ -136,7 +136,8 @@ def _number(text: str, unit: str) -> str:
 
 
 def _word(analysis: Analysis, word: str, offset: int) -> str:
-    if word in FUNCTIONS or word in DISTRIBUTIONS:
+    called = analysis.source.text.startswith("(", offset + len(word))
+    if (word in FUNCTIONS and (called or not _is_attribute(analysis, word))) or word in DISTRIBUTIONS:
         return _signature(FUNCTIONS.get(word) or DISTRIBUTIONS[word])
     if word in STATE_FIELDS:
         return f"**{word}**: {with_article(STATE_FIELDS[word][1])}, of every entity while the mission runs"
@@ -153,3 +154,8 @@ def _word(analysis: Analysis, word: str, offset: int) -> str:
         if word in decl.verbs:
             return f"**{word}**: {_verb(analysis, word)}"
     return KEYWORDS.get(word, "")
+
+
+def _is_attribute(analysis: Analysis, word: str) -> bool:
+    """True if a type has a property of this name, such as `speed`, which is a function too."""
+    return any(word in decl.attributes for decl in analysis.scope.types.values())

@@ -17,6 +17,7 @@ from lingjing.mission import expression as ex
 from lingjing.mission import grid as grids
 from lingjing.mission import instance_agents, instance_rules, model
 from lingjing.mission.clock import clock_fault
+from lingjing.mission.conditions.declared_values import deadlines_s
 from lingjing.mission.evaluate import Area, Interval, Place, Scope, Value, area, describe, evaluate, number, whole
 from lingjing.mission.instance import Budget, Cell, Clock, Entity, Instance, Option, Region, SceneSpec, Weather
 from lingjing.mission.instance_entities import at_path, datum, entities, holds, member_ids, single
@@ -56,7 +57,7 @@ def instantiate(
     scope = msgspec.structs.replace(scope, areas=_areas(mission, scope, members))
     agents = instance_agents.agents(mission, scope)
     fill = PromptFiller(mission, scope, members)
-    return Instance(
+    instance = Instance(
         mission=mission.name,
         title=mission.title,
         goal=fill(mission.goal),
@@ -88,6 +89,9 @@ def instantiate(
         reveals=instance_rules.reveals(mission, scope),
         redrawn=redrawn,
     )
+    with at_path(f"{mission.name}/stages"):
+        deadlines_s(instance)  # raises an error for one without a value
+    return instance
 
 
 def choose_settings(

@@ -428,6 +428,8 @@ class Stage(Record, frozen=True, kw_only=True):
     or at the start."""
     weight: Expr | None = None
     """Share in the subtask score; None for 1."""
+    deadline: Expr | None = None
+    """Mission time in seconds at which it must be done; it may read declared numbers of the member. None for none."""
     limits: tuple[Limit, ...] = ()
     """Budgets that count within the stage."""
 

@@ -23,6 +23,7 @@ use std.sea { lifeboat, person_in_water }
 use std.messages { report, assignment, trafficJam }
 use std.sensors { nadir_hd }
 use std.traffic { destination }
+use std.logistics { drop_point, cargo_quadrotor }
 """
 # A statement's beginning → what stands in the mission if an example does not say it itself.
 REST = {

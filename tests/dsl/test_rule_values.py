@@ -105,8 +105,8 @@ def condition(small: str, text: str) -> Condition:
 )
 def test_the_model_of_conditions_lists_its_causes(small: str, text: str, key: str, causes: set[str]) -> None:
     quantities = [quantity for leaf in condition(small, text).leaves for quantity in leaf.quantities]
-    found = next(quantity for quantity in quantities if quantity.key == key)
-    assert {cause.name for cause in found.causes} == causes and not found.hidden
+    quantity = next(quantity for quantity in quantities if quantity.key == key)
+    assert {cause.name for cause in quantity.causes} == causes and not quantity.hidden
 
 
 @pytest.mark.parametrize(

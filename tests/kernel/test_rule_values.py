@@ -39,7 +39,7 @@ def events_of(ticks: int) -> dict[str, list[int]]:
         for tick in range(ticks + 1):
             if tick > 0:
                 hello = {name: says("hello", text="hi") for name in ("skipper", "pilot")}
-                play.do({name: together(does("stop"), said) for name, said in hello.items()})
+                play.do({name: together(does("stop"), greeting) for name, greeting in hello.items()})
             for event in play.published.record.events:
                 ticks_of.setdefault(event.kind, []).append(play.published.record.tick)
     return ticks_of

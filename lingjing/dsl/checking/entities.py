@@ -24,6 +24,9 @@ from lingjing.mission.instance_entities import place_fault
 from lingjing.mission.units import NONE
 from lingjing.mission.vocabulary import MOTION
 
+DEADLINE = "deadline"
+"""The property of an entity with the mission time at which something must be done with it."""
+
 
 class EntityChecker(DeclarationChecker):
     """Checks the entities of a mission."""
@@ -39,6 +42,9 @@ class EntityChecker(DeclarationChecker):
         attributes: dict[str, PropertyType] = {"position": PropertyType(POSITION), "heading": PropertyType(DEGREES)}
         if decl is not None:
             attributes.update(decl.attributes)
+        own = [item.name.text for item in (node.block.items if node.block else ()) if isinstance(item, s.PropertyLine)]
+        if DEADLINE in own:
+            attributes.setdefault(DEADLINE, PropertyType(COMMON_KEYS[DEADLINE].type))
         for item in node.block.items if node.block else ():
             if isinstance(item, s.PropertyLine) and item.hidden:
                 known = attributes.get(item.name.text)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from lingjing.dsl.checking.blocks import DeclarationChecker
 from lingjing.dsl.checking.calls import children
 from lingjing.dsl.checking.scope import RuleInfo, SymbolTables
-from lingjing.dsl.checking.values import RULE, UNKNOWN, Environment
+from lingjing.dsl.checking.values import RULE, STATIC, UNKNOWN, Environment
 from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.statements import KINDS
 from lingjing.mission import expression as ex
@@ -72,12 +72,20 @@ class RuleChecker(DeclarationChecker):
         environment = self.per(node.variable, node.domain)
         what = f"the stage `{node.name.text}`"
         others = (s.Condition, s.LimitLine)
-        entries = self.blocks.read(node.block, KINDS["stage"].keys, what, others=others, owner=node.name)
+        known = STATIC if environment is None else Environment(environment.locals)
+        entries = self.blocks.read(
+            node.block, KINDS["stage"].keys, what, environment=known, others=others, owner=node.name
+        )
         condition = self.only_condition(node.block, "done", what, node.name, others=(s.PropertyLine, s.LimitLine))
         limits = [limit(item) for item in node.block.items if isinstance(item, s.LimitLine)]
         if condition is None or environment is None:
             return None
         value = self.of.expect(condition, environment, FLAG, "`done when`")
+        deadline = entries.get("deadline")
+        if deadline is not None and not self._is_declared(deadline.value.ir):
+            hint = "use numbers, params, and properties of the member that nothing changes: `v.deadline`"
+            self.report.at("LJ0304", deadline.node.value, "a deadline is known before the run", hint)
+            return None
         return model.Stage(
             name=node.name.text,
             condition=value.ir,
@@ -85,6 +93,7 @@ class RuleChecker(DeclarationChecker):
             domain=node.domain.text if node.domain else None,
             ticks=entries["ticks"].value.ir if "ticks" in entries else None,
             weight=entries["weight"].value.ir if "weight" in entries else None,
+            deadline=None if deadline is None else deadline.value.ir,
             limits=tuple(item for item in limits if item is not None),
         )
 
@@ -165,6 +174,17 @@ class RuleChecker(DeclarationChecker):
         return first.condition if first else None
 
     # -- private
+
+    def _is_declared(self, value: ex.Expr) -> bool:
+        """True if a value is made of numbers, params, and declared properties of a bound member."""
+        match value:
+            case ex.Number() | ex.Ref(kind="param" | "clock"):
+                return True
+            case ex.Attr(base=ex.Ref(kind="local"), name=name):
+                return name not in ("position", "heading_deg", "status", "velocity")
+            case ex.Binary() | ex.Unary() | ex.Call(function="min" | "max"):
+                return all(map(self._is_declared, ex.children(value)))
+        return False
 
     def _check_unlocked_groups(self, node: s.UnlockLine) -> None:
         """Report an unlock for groups that do not have the interaction."""

@@ -20,7 +20,7 @@ from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.checking.values import STATIC, UNKNOWN, Environment
 from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.keys import PropertyKey, keyed
-from lingjing.dsl.syntax.statements import CATEGORIES, KINDS
+from lingjing.dsl.syntax.statements import CATEGORIES, KINDS, SECONDS
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.diagnostics import Span
@@ -38,6 +38,7 @@ COMMON_KEYS = (
         PropertyKey("label", TEXT),
         PropertyKey("labels", Type("list", item="text")),
         PropertyKey("on", Type("name"), choices=SURFACES),
+        PropertyKey("deadline", SECONDS, ("=", "~"), hideable=True, public=False, above=0),
     )
     | BODY_KEYS
 )

@@ -16,7 +16,7 @@ from lingjing.dsl.syntax.keys import PropertyKey
 from lingjing.dsl.syntax.statement_kinds import FILE, TYPE, StatementKind
 from lingjing.dsl.syntax.statements import STATEMENTS
 from lingjing.mission import model
-from lingjing.mission.functions import AGGREGATES, DISTRIBUTIONS, FUNCTIONS, STATE_FIELDS, Signature
+from lingjing.mission.functions import AGGREGATES, DISTRIBUTIONS, FUNCTIONS, MESSAGE_FIELDS, STATE_FIELDS, Signature
 from lingjing.mission.kinds import builtin_engines, builtin_scenes
 from lingjing.mission.units import UNITS, dimension_unit
 from lingjing.mission.vocabulary import PHOTO
@@ -68,18 +68,29 @@ def language_card() -> str:
     """The card as Markdown."""
     parts = [_HEAD, f"```ljs\n{EXAMPLE}```", *_statements(), *_expressions(), *_bodies(), *_library()]
     card = "\n".join(part.rstrip("\n") + "\n" for part in parts)
-    return card.replace("‹", "<").replace("›", ">")  # ASCII costs fewer tokens
+    return (
+        card.replace("[when ‹condition›]", "[when …]").replace("‹", "<").replace("›", ">")
+    )  # ASCII costs fewer tokens
 
 
 def _statements() -> Iterator[str]:
     for place, title in _PLACES.items():
-        lines = [line for kind in STATEMENTS if _home(kind) == place for line in _statement(kind)]
+        lines = _joined([kind for kind in STATEMENTS if _home(kind) == place])
         yield f"## {title}\n\n" + "\n".join(lines)
     places: dict[str, list[str]] = {}
     for kind in STATEMENTS:
         if _home(kind) == "" and kind.keyword != "ljs":
             places.setdefault(", ".join(kind.within), []).append(_written(kind))
     yield "## Inside blocks\n\n" + "\n".join(f"- {place}: {'; '.join(lines)}" for place, lines in places.items())
+
+
+def _joined(kinds: list[StatementKind]) -> list[str]:
+    """The lines of statements. Those that differ in their keyword alone share a line: `success|failure when …`."""
+    keywords: dict[str, list[str]] = {}
+    for kind in kinds:
+        for line in _statement(kind):
+            keywords.setdefault(line.replace(f"`{kind.keyword} ", "`‹keyword› ", 1), []).append(kind.keyword)
+    return [line.replace("‹keyword›", "|".join(words), 1) for line, words in keywords.items()]
 
 
 def _home(kind: StatementKind) -> str:
@@ -138,12 +149,17 @@ def _expressions() -> Iterator[str]:
     draws = [_call(each) for each in DISTRIBUTIONS.values()]
     yield (
         "## Expressions\n\n"
-        f"- in rules: {_listed(rules)}; over a group {_listed(f'{name}(… for v in g)' for name in AGGREGATES)}; `now`; "
-        f"`v.{', v.'.join(STATE_FIELDS)}` and declared properties; `v.status == moving`\n"
+        f"- in rules: {_listed(rules)}; over a group `{'|'.join(AGGREGATES)}(… for v in g)`; `now`; "
+        f"`v.{', v.'.join(STATE_FIELDS)}`, {_shares()} and declared properties; `v.status == moving`; "
+        f"`r.{', r.'.join(MESSAGE_FIELDS)}` of a message\n"
         f"- before the run: {_listed(before)}\n"
         f"- after `~`: {_listed(draws)}\n"
         f"- units: {' '.join(UNITS)}, and compounds `m/s` `km/h` `m/s^2`"
     )
+
+
+def _shares() -> str:
+    return ", ".join(dict.fromkeys(f"`v.{share}`" for kind in builtin_engines().values() for share in kind.shares))
 
 
 def _call(signature: Signature) -> str:
@@ -173,7 +189,7 @@ def _library() -> Iterator[str]:
     for path in known_paths("std"):
         declared = load_library(f"{shipped_folder('std')}/{path.removeprefix('std.')}.ljs")[0].declared
         lines.append(f"- `{path}`: {', '.join(map(_declared, declared.values()))}")
-    yield "## The standard library: `use std.air { quadrotor }`\n\n" + "\n".join(lines)
+    yield "## The standard library: `use std.air { quadrotor }`, interactions with their reach\n\n" + "\n".join(lines)
 
 
 def _declared(decl: object) -> str:
@@ -194,4 +210,4 @@ def _verb(verb: model.Verb) -> str:
 
 def _interaction(interaction: model.Interaction) -> str:
     reach = getattr(interaction.within, "value", 0.0)
-    return f"{interaction.name} by {interaction.by} within {reach:g} m"
+    return f"{interaction.name} by {interaction.by}, {reach:g} m"

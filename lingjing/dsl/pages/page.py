@@ -179,6 +179,9 @@ class _Page:
             each = f"each {stage.domain} `{stage.variable}`" if stage.domain else "the mission"
             ticks = f"{self.printer.text(stage.ticks)} ticks" if stage.ticks is not None else ""
             weight = self.printer.text(stage.weight) if stage.weight is not None else "1"
+            ticks += (
+                f"{', ' if ticks else ''}by {self.printer.text(stage.deadline)}" if stage.deadline is not None else ""
+            )
             rows.append((stage.name, each, self.words.sentence(stage.condition), ticks, weight))
         if rows:
             yield from _table(("Stage", "For", "Done when", "Within", "Weight"), rows)

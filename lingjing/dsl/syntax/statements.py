@@ -242,11 +242,15 @@ STATEMENTS = (
         keys=keyed(
             PropertyKey("ticks", NUMBER, ("<=",), low=1, whole=True),
             PropertyKey("weight", NUMBER, above=0, default="1"),
+            PropertyKey("deadline", SECONDS, public=False, above=0),
         ),
         part="stages", paragraph="stages",
         layout=Layout(
             "stage {name}[ per {variable} in {domain}]",
-            ("done when {condition}", "[ticks <= {ticks}]", "[weight = {weight}]", "*limits"),
+            (
+                "done when {condition}", "[ticks <= {ticks}]", "[deadline = {deadline}]", "[weight = {weight}]",
+                "*limits",
+            ),
         ),
     ),
     StatementKind(

@@ -1,13 +1,15 @@
-"""`DeclaredValues`: the numbers of an instance that nothing changes during the episode."""
+"""`DeclaredValues`: the numbers of an instance that nothing changes during the episode. `deadlines_s`: the deadlines
+of its stages, which read these numbers."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-from lingjing.mission.certain import Knowledge, known
+from lingjing.errors import MissionError
+from lingjing.mission.certain import Knowledge, certain, known
 from lingjing.mission.expression import Ref
 from lingjing.mission.instance import Entity, Instance
-from lingjing.mission.intervals import exactly
+from lingjing.mission.intervals import Bounds, exactly
 from lingjing.mission.natures import FIRE, LEAK, PEOPLE
 from lingjing.mission.values import Value
 
@@ -19,12 +21,15 @@ class DeclaredValues(Knowledge):
     def __init__(self, instance: Instance) -> None:
         self._settings = instance.settings
         self._set_fields = {(change.entity, change.field) for event in instance.events for change in event.changes}
+        self._tick_s = instance.clock.tick_s
         self._groups: dict[str, list[Entity]] = {}
         for entity in instance.entities:
             self._groups.setdefault(entity.group, []).append(entity)
 
     def name(self, ref: Ref) -> Value:
         """A setting, or the single entity of a group."""
+        if ref.kind == "clock":
+            return exactly(self._tick_s) if ref.name == "tick" else None
         if ref.kind == "param":
             return known(self._settings.get(ref.name))
         members = self._groups.get(ref.name, [])
@@ -48,6 +53,28 @@ def declared(entity: Entity, field: str) -> float | None:
     """A declared number of an entity; None for a state that interactions or its engine may change."""
     spec = entity.state_of(field)
     return None if spec is not None and _may_change(entity, spec.name) else entity.number(field)
+
+
+def deadlines_s(instance: Instance) -> Mapping[tuple[str, str], float]:
+    """The deadline of each (stage, subject) that has one, seconds; the subject of a stage without subjects is "".
+
+    Raises `MissionError` for a subject without the number that a deadline reads.
+    """
+    known, deadlines = DeclaredValues(instance), dict[tuple[str, str], float]()
+    for stage in instance.stages:
+        if stage.deadline is None:
+            continue
+        members = [entity for entity in instance.entities if entity.group == stage.domain]
+        for member in members if stage.variable else [None]:
+            names = {stage.variable or "": member}
+            time_s = certain(stage.deadline, names, known)
+            subject = "" if member is None else member.id
+            if not isinstance(time_s, Bounds) or not time_s.exact:
+                owner = f"`{stage.name}` of `{subject}`" if subject else f"`{stage.name}`"
+                message = f"the deadline of the stage {owner} reads a number that is not declared, or that changes"
+                raise MissionError(message, hint="use numbers, params, and properties that nothing changes")
+            deadlines[stage.name, subject] = time_s.low
+    return deadlines
 
 
 def _may_change(entity: Entity, state: str) -> bool:

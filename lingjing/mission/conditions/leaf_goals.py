@@ -218,8 +218,8 @@ class LeafReader:
                 return MET
             case ex.Call(function="photographed", arguments=(one,)) if asset := self.entity(one, names):
                 return PictureGoal(at=at, text=spell(expr), asset=asset.id)
-            case ex.Call(function="line_of_sight", arguments=(one, other)):
-                return self._seen(expr, one, other, names, at)
+            case ex.Call(function="line_of_sight", arguments=(first, second)):
+                return self._seen(expr, first, second, names, at)
             case ex.Call(function="inspected" | "clear", arguments=(ex.Symbol(name=name) | ex.Ref(name=name),)):
                 return InspectGoal(at=at, text=spell(expr), inspection=name)
             case ex.Call(function="assigned", arguments=(one, other)):
@@ -228,9 +228,9 @@ class LeafReader:
                     return AssignGoal(at=at, text=spell(expr), asset=asset.id, target=target.id)
         return self._open(expr, names, at)
 
-    def _seen(self, expr: ex.Expr, one: ex.Expr, other: ex.Expr, names: Names, at: str) -> Goal:
+    def _seen(self, expr: ex.Expr, start: ex.Expr, end: ex.Expr, names: Names, at: str) -> Goal:
         """A body near another one has a free line to it nearly always."""
-        first, second = self.entity(one, names), self.entity(other, names)
+        first, second = self.entity(start, names), self.entity(end, names)
         if first is None or second is None:
             return self._open(expr, names, at)
         mover, goal = sorted((first, second), key=lambda entity: entity.role == "target")

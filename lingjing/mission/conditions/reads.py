@@ -79,6 +79,11 @@ class Reader:
         """The leaves of a condition in reading order, with those of the rules that it calls."""
         yield from self._leaves(expr, names, _WHOLE)
 
+    def value(self, expr: ex.Expr, names: Names) -> Leaf:
+        """The quantities of a value that decides together with a condition, such as a deadline."""
+        place = _WHOLE._replace(necessary=False)
+        return self._leaf(expr, place, tuple(dict.fromkeys(self._read(expr, names))))
+
     def _leaves(self, expr: ex.Expr, names: Names, place: _PartPlace) -> Iterator[Leaf]:
         match expr:
             case ex.Binary(operator="and" | "or" as operator, left=left, right=right):

@@ -172,9 +172,10 @@ class _Draft:
             self._add("constraint", constraint.name, constraint.condition, names, decided, event)
         for stage in stages:
             gates = [Gate(kind="stage", name=stage.name)]
-            gates += [Gate(kind="end")] if stage.ticks is not None else []
+            gates += [Gate(kind="end")] if stage.ticks is not None or stage.deadline is not None else []
             gates += [Gate(kind="count", name=limit.name) for limit in stage.limits]
-            self._add("stage", stage.name, stage.condition, _per(stage.variable, stage.domain), *gates)
+            names = _per(stage.variable, stage.domain)
+            self._add("stage", stage.name, stage.condition, names, *gates, also=stage.deadline)
 
     def event(self, name: str, when: ex.Expr | None, until: ex.Expr | None, values: tuple[ex.Expr, ...]) -> None:
         """The conditions of an event, and the values that it sets: agents notice what they depend on."""
@@ -187,10 +188,19 @@ class _Draft:
                 self._add("event", name, value, {}, gate, part=f"set {number}")
 
     def _add(
-        self, kind: ConditionKind, name: str, expr: ex.Expr, names: Mapping[str, str], *gates: Gate, part: str = ""
+        self,
+        kind: ConditionKind,
+        name: str,
+        expr: ex.Expr,
+        names: Mapping[str, str],
+        *gates: Gate,
+        part: str = "",
+        also: ex.Expr | None = None,
     ) -> None:
+        """Add a condition. `also` is a value that decides together with it."""
         reader = Reader(self.of)
         leaves = (*reader.bound(names), *reader.leaves(expr, names))
+        leaves += () if also is None else (reader.value(also, names),)
         quantities: tuple[Quantity, ...] = tuple(quantity for leaf in leaves for quantity in leaf.quantities)
         self.conditions.append(
             Condition(

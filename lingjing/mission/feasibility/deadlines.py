@@ -5,12 +5,15 @@ The episode reaches a boundary only if no hard constraint is broken, no failure 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
+from functools import partial
 
 import msgspec
 
 from lingjing.errors import LingjingError
 from lingjing.mission import model
+from lingjing.mission.certain import certain
 from lingjing.mission.conditions.outline import Outline
 from lingjing.mission.evaluate import number
 from lingjing.mission.feasibility.limits import TimeLimit, episode, of_stage
@@ -18,6 +21,8 @@ from lingjing.mission.feasibility.milestones import Milestones
 from lingjing.mission.feasibility.proof import Proof, spelled
 from lingjing.mission.feasibility.steps import NEVER, common, first
 from lingjing.mission.feasibility.truths import Reason, Truth
+from lingjing.mission.intervals import Bounds
+from lingjing.mission.values import Value
 
 
 class Cut(msgspec.Struct, frozen=True):
@@ -107,7 +112,7 @@ class _Roots:
         return cuts
 
     def _stages(self) -> list[Cut]:
-        """Stages without a predecessor that cannot be done within their own ticks."""
+        """Stages that cannot be done by their deadline, or without a predecessor within their own ticks."""
         clock, cuts = self._on.clock, []
         followers = {relation.target for relation in self._instance.relations if relation.kind == "dependency"}
         sources = {
@@ -116,14 +121,27 @@ class _Roots:
             if relation.kind == "dependency" and relation.mutual
         }
         for stage in self._instance.stages:
-            allowed = _ticks(stage, self._on.outline)
-            if allowed is None or stage.name in followers | sources:
+            allowed = None if stage.name in followers | sources else _ticks(stage, self._on.outline)
+            if allowed is None and stage.deadline is None:
                 continue
             for names in self._on.subjects(stage.variable, stage.domain):
                 done = clock.first_boundary(self._on.subject_truth(stage.condition, names).may)
-                if done > allowed * clock.per_tick:
+                deadline_s = self._deadline_s(stage, names)
+                last = math.ceil(deadline_s / self._instance.clock.tick_s - 1e-9) if deadline_s < math.inf else None
+                if allowed is not None and done > allowed * clock.per_tick:
                     cuts.append(_late(stage, allowed, self._on.outline, clock.per_tick))
+                if last is not None and done > last * clock.per_tick:
+                    words = f"the deadline of stage `{stage.name}` is at {spelled(deadline_s)} s at the latest"
+                    cuts.append(Cut(last * clock.per_tick, partial(str, words), f"stage/{stage.name}"))
         return cuts
+
+    def _deadline_s(self, stage: model.Stage, names: Mapping[str, Value]) -> float:
+        """The latest possible deadline of a stage for one subject, seconds; infinity without one."""
+        bound = math.inf
+        if stage.deadline is not None:
+            value = certain(stage.deadline, names, self._on.knowledge)
+            bound = value.high if isinstance(value, Bounds) else math.inf
+        return bound
 
 
 def _broken(constraint: model.Constraint, step: int, time_s: float) -> Cut:

@@ -84,6 +84,7 @@ def add_stages(mission: model.Mission, draft: GraphBuilder) -> None:
     for stage in mission.stages:
         details = [f"per {stage.domain}"] if stage.domain else []
         details += [f"≤ {draft.value(stage.ticks)} ticks"] if stage.ticks else []
+        details += [f"by {draft.value(stage.deadline)}"] if stage.deadline else []
         details += [f"weight {spell(stage.weight)}"] if stage.weight else []
         per = draft.find(stage.domain, "target", "asset") if stage.domain else None
         draft.node("stage", stage.name, detail=", ".join(details), text=spell(stage.condition), per=per)
