@@ -28,11 +28,10 @@ def test_a_post_counts_with_a_free_line_of_sight_and_a_battery_above_its_reserve
 def test_a_parcel_that_is_late_ends_the_mission(tmp_path: Path) -> None:
     won, lost = played("parcels", tmp_path), played("parcels", tmp_path, policy="random")
     assert won.trace.outcome is not None and won.trace.outcome.success
-    deadlines = {
-        e.id: e.properties["deadline_s"] for e in lost.trace.header.instance.entities if "deadline_s" in e.properties
-    }
-    assert len(set(deadlines.values())) == 3 and all(90.0 <= float(each) <= 150.0 for each in deadlines.values())
-    first = min(deadlines, key=deadlines.__getitem__)
+    entities = lost.trace.header.instance.entities
+    deadlines = {each.id: each.number_or("deadline_s", 0.0) for each in entities if "deadline_s" in each.properties}
+    assert len(set(deadlines.values())) == 3 and all(90.0 <= time_s <= 150.0 for time_s in deadlines.values())
     outcome = lost.trace.outcome
-    assert outcome is not None and outcome.reason == "late"
-    assert f"`deliver` of {first} was not done by its deadline, {deadlines[first]:g} s" in outcome.detail
+    assert outcome is not None and outcome.reason == "late" and "was not done by its deadline" in outcome.detail
+    named = [order for order in deadlines if order in outcome.detail]
+    assert named and all(deadlines[order] <= 10.0 * outcome.ticks for order in named)

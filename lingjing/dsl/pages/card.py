@@ -68,9 +68,8 @@ def language_card() -> str:
     """The card as Markdown."""
     parts = [_HEAD, f"```ljs\n{EXAMPLE}```", *_statements(), *_expressions(), *_bodies(), *_library()]
     card = "\n".join(part.rstrip("\n") + "\n" for part in parts)
-    return (
-        card.replace("[when ‹condition›]", "[when …]").replace("‹", "<").replace("›", ">")
-    )  # ASCII costs fewer tokens
+    card = card.replace("[when ‹condition›]", "[when …]")
+    return card.replace("‹", "<").replace("›", ">")  # ASCII costs fewer tokens
 
 
 def _statements() -> Iterator[str]:
