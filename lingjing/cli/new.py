@@ -43,12 +43,16 @@ def handler(args: argparse.Namespace) -> int:
     if args.kind == "mission":
         path = write_mission(args.name, folder)
         print(f"wrote {path}")
+        print(f"check it: lingjing validate {path}")
         print(f"play it: lingjing run {path}")
         return ExitCode.OK
     path, class_name = write_agent(args.name, folder)
     print(f"wrote {path}")
     shown = path if path.is_absolute() else f"./{path}"
+    print("install it: a file needs no installation")
     print(f"play it: lingjing run ssr --policy {shown}:{class_name}")
+    print(f"test it: python {path}")
+    print(f"list its options: lingjing plugins {shown}:{class_name}")
     return ExitCode.OK
 
 

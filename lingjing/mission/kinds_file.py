@@ -32,7 +32,7 @@ def read(file: Path, plugin: str, builtin: KindsFile) -> KindsFile:
     Raises `PluginError` that names plug-in and file, with all errors of the file.
     """
     prefix = f"plug-in `{plugin}`: {file} does not describe kinds of scenes and engines"
-    hint = "docs/scenes.md says what the file holds"
+    hint = "docs/kinds.md has a table of all fields"
     try:
         content = msgspec.json.decode(file.read_bytes())
     except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:

@@ -24,7 +24,9 @@ def lingjing(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[s
 
 def test_a_new_mission_compiles_and_is_formatted(tmp_path: Path) -> None:
     done = lingjing("new", "mission", "bay-watch", cwd=tmp_path)
-    assert done.stdout == "wrote bay_watch.ljs\nplay it: lingjing run bay_watch.ljs\n"
+    assert done.stdout.splitlines() == [
+        "wrote bay_watch.ljs", "check it: lingjing validate bay_watch.ljs", "play it: lingjing run bay_watch.ljs",
+    ]  # fmt: skip
     path = tmp_path / "bay_watch.ljs"
     compilation = compile_file(str(path))
     assert compilation.diagnostics == () and compilation.mission is not None
@@ -39,6 +41,19 @@ def test_a_new_mission_runs_at_once(tmp_path: Path) -> None:
     report = package.run(mission, seed=3, world="inline", overview=False, out=tmp_path / "out")
     assert report.reason in ("success", "budget")
     assert (tmp_path / "out" / "trace.mcap").is_file()
+
+
+def test_a_new_agent_says_how_to_play_it_and_to_test_it_and_passes(tmp_path: Path) -> None:
+    printed = lingjing("new", "agent", "scout", cwd=tmp_path).stdout.splitlines()
+    assert printed == [
+        "wrote scout.py",
+        "install it: a file needs no installation",
+        "play it: lingjing run ssr --policy ./scout.py:Scout",
+        "test it: python scout.py",
+        "list its options: lingjing plugins ./scout.py:Scout",
+    ]
+    tested = subprocess.run([sys.executable, "scout.py"], capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert (tested.returncode, tested.stdout) == (0, "Scout keeps the promises of the contract\n"), tested.stderr
 
 
 @pytest.mark.slow

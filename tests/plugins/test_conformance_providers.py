@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
@@ -208,7 +209,8 @@ def test_a_name_that_no_entry_point_has_fails() -> None:
 
 def test_the_scene_of_ones_own_on_the_page_keeps_its_contract(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     page = (Path(__file__).parents[2] / "docs" / "scenes.md").read_text("utf-8")
-    (code,), (file,) = (re.findall(rf"```{kind}\n(.*?)```", page, re.DOTALL) for kind in ("python", "json"))
+    code, flooded = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    (file,) = re.findall(r"```json\n(.*?)```", page, re.DOTALL)
     package, info = tmp_path / "page_canyon", tmp_path / "page_canyon-1.0.dist-info"
     package.mkdir()
     info.mkdir()
@@ -223,3 +225,7 @@ def test_the_scene_of_ones_own_on_the_page_keeps_its_contract(tmp_path: Path, mo
     with pytest.raises(UsageError, match="`depth` is 5"):
         kit.check_scene(SceneSpec(kind="canyon", options={"depth_m": 5.0}))
     kinds._describing.cache_clear()
+    names: dict[str, Any] = {}
+    exec(code + flooded, names)
+    sea = SceneSpec(kind="moon", datum_m=-3.0)
+    kit.check_scene(sea, scenes(names["flooded"](sea), names["flooded"](sea)))

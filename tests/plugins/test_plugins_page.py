@@ -16,14 +16,14 @@ from lingjing.plugins.conformance import sample_brief, sample_observations
 from lingjing.plugins.contract import API_VERSION
 from lingjing.plugins.host import HOOKS, MAKERS
 from lingjing.plugins.policy import Inbox, Observation
-from lingjing.testing import PluginHost, build_policy
+from lingjing.testing import PluginHost, build_policy, play
 
 PAGE = (Path(__file__).parents[2] / "docs" / "plugins.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture
 def host(monkeypatch: pytest.MonkeyPatch) -> PluginHost:
-    code, _ = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    code, _, _ = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     module = ModuleType("page_plugin")
     monkeypatch.setitem(sys.modules, "page_plugin", module)
     exec(compile(code, "docs/plugins.md", "exec"), module.__dict__)
@@ -47,8 +47,20 @@ def test_the_page_names_every_hook_and_the_version() -> None:
     assert {name for name in hookspecs.__all__ if name.startswith("lingjing_")} == every
 
 
+def test_the_path_length_of_the_page_is_that_of_the_trace(tmp_path: Path) -> None:
+    _, code, _ = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    page, ferry = ModuleType("page_path"), ModuleType("page_ferry")
+    exec(compile(code, "docs/plugins.md", "exec"), page.__dict__)
+    testing = (Path(__file__).parents[2] / "docs" / "testing.md").read_text(encoding="utf-8")
+    (module,) = re.findall(r"^```python\n(.*?)^```", testing, flags=re.MULTILINE | re.DOTALL)
+    exec(compile(module, "docs/testing.md", "exec"), ferry.__dict__)
+    played = play(ferry.MISSION, tmp_path, policy=ferry.Skipper, plugins=[ferry.PLUGIN])
+    assert page.path_length_m(played.report.trace, "raft") == pytest.approx(30.0)
+    assert page.path_length_m(played.report.trace, "buoy") == 0.0
+
+
 def test_the_wrapper_of_the_page_wraps_a_policy(capsys: pytest.CaptureFixture[str]) -> None:
-    _, code = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    _, _, code = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     module = ModuleType("page_wrapper")
     exec(compile(code, "docs/plugins.md", "exec"), module.__dict__)
     wrapped = PluginHost(extra=(module,))
