@@ -44,13 +44,9 @@ from lingjing.analysis.completion import completion_ticks, required_target_group
 from lingjing.analysis.detection import OVERLAP, confused_with, detect, iou, matching_rules, shots
 from lingjing.analysis.idleness import still_steps
 from lingjing.analysis.repetition import assignments_of
-from lingjing.mission.conditions.condition_needs import mentions
-from lingjing.mission.conditions.needs import Handover
-from lingjing.mission.conditions.outline import Outline, of_instance
-from lingjing.mission.conditions.survey import survey_instance
-from lingjing.mission.expression import Ref, parts
+from lingjing.mission.conditions.quantities import QuantityKind
+from lingjing.mission.conditions.survey import Condition, survey_instance
 from lingjing.mission.instance import Instance
-from lingjing.mission.model import Stage
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import CUT_SHORT, Receipt
 
@@ -133,6 +129,8 @@ class _Story:
     """True if a stage requires an assignment."""
     handing: set[str] = field(default_factory=set)
     """Names of the stages that require an assignment."""
+    stages: dict[str, Condition] = field(default_factory=dict)
+    """The conditions of the stages, by stage."""
 
     def __post_init__(self) -> None:
         instance = self.trace.header.instance
@@ -142,8 +140,8 @@ class _Story:
         matching = matching_rules(self.trace)
         locating = _locating_rules(instance, matching)
         self.judged, self.locates = bool(matching), bool(locating)
-        outline = of_instance(instance)
-        self.handing = {stage.name for stage in instance.stages if _requires_assignment(stage, outline)}
+        self.stages = {stage.name: stage for stage in survey_instance(instance).of_kind("stage")}
+        self.handing = {name for name, stage in self.stages.items() if _reads(stage, "assignment")}
         self.assigns = bool(self.handing)
         assignments = assignments_of(self.trace)
         owners = {body: agent.id for agent in instance.agents for body in agent.controls}
@@ -204,9 +202,9 @@ class _Story:
         waited = sources - set(self.done)
         blocking: dict[str, None] = {}
         for stage in instance.stages:
-            names = {part.name for part in parts(stage.condition) if isinstance(part, Ref)} | {stage.domain}
+            read = {quantity.owner for leaf in self.stages[stage.name].leaves for quantity in leaf.quantities}
             if stage.name in waited:
-                blocking |= dict.fromkeys(name for name, group in groups.items() if name in names or group in names)
+                blocking |= dict.fromkeys(name for name, group in groups.items() if name in read or group in read)
         return tuple(blocking)
 
     def actions(self) -> tuple[EvaluatedAction, ...]:
@@ -477,10 +475,9 @@ def _locating_rules(instance: Instance, matching: frozenset[str]) -> frozenset[s
     )
 
 
-def _requires_assignment(stage: Stage, outline: Outline) -> bool:
-    """Return whether a stage is completed by giving an agent a destination."""
-    domains = {stage.variable: stage.domain} if stage.variable and stage.domain else {}
-    return any(isinstance(need, Handover) for need in mentions(stage.condition, outline, domains))
+def _reads(condition: Condition, kind: QuantityKind) -> bool:
+    """Return whether a condition reads a quantity of a kind, itself or through rules."""
+    return any(quantity.kind == kind for leaf in condition.leaves for quantity in leaf.quantities)
 
 
 def _controller(instance: Instance, body: str) -> str:

@@ -12,9 +12,9 @@ from lingjing.analysis import families
 from lingjing.analysis.ending import why
 from lingjing.analysis.families import FAMILIES, Attribution, attribute
 from lingjing.bench.played import Played
-from lingjing.mission.expression import Attr, Binary, Call, Quantified, Ref
+from lingjing.mission.expression import Attr, Binary, Call, Flag, Quantified, Ref, Symbol
 from lingjing.mission.instance import MessageSpec
-from lingjing.mission.model import Field, Rule, RuleParameter
+from lingjing.mission.model import Field, Relation, Rule, RuleParameter, Stage
 from lingjing.play.report import report_of
 from lingjing.testing import bare_instance, shipped_missions
 from lingjing.trace.records import (
@@ -185,6 +185,23 @@ def test_a_request_of_the_kernel_is_no_assignment(lost, real_rules) -> None:  # 
         fields = {**there, "commands": (replace(own, origin=origin),)}
         attribution = attributed(real_rules(lost({5: SEEN, 6: LOCATED, 8: fields, 14: handed(14), **refused})))
         assert attribution.family == family
+
+
+def test_a_stage_that_waits_for_a_target_through_a_rule_blocks(lost, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+    def story(called: Call) -> families._Story:
+        instance = trace.header.instance
+        known = Call(function="emitted", arguments=(Symbol("rescue"), Ref("victim", "group")))
+        rule = Rule(name="all_saved", parameters=(), condition=known)
+        stages = (Stage(name="first", condition=called), Stage(name="second", condition=Flag(value=True)))
+        relation = Relation(kind="dependency", source="first", target="second")
+        changed = replace(instance, rules=(*instance.rules, rule), stages=stages, relations=(relation,))
+        played = lost({})
+        return families._Story(
+            Trace(played.path, replace(played.header, instance=changed), played.boundaries, None, True)
+        )
+
+    assert set(story(Call(function="all_saved", rule=True)).blocking) == {"victim[1]", "victim[2]", "victim[3]"}
+    assert story(Call(function="all_saved", rule=False)).blocking == ()
 
 
 def test_an_assigned_body_sent_elsewhere_or_stubborn_is_drift(lost, real_rules) -> None:  # type: ignore[no-untyped-def]

@@ -36,7 +36,11 @@ CASES = [
     ("lifeboat {", "lifeboat when mode == star {", "LJ0507", 27, 9, "in broadcast mode, there is no entity 'boat'"),
     ("(1 m, 2 m), (3 m, 4 m)], spread 8 m", "(1 m, 2 m)]", "LJ0507", 22, 5, "member 2 has no place"),
     ("  param alt", "  sweep all over uavs in [1, 5]\n  param alt", "LJ0507", 23, 5, "with uavs = 5, m"),
-    ("speed <= 3 m/s }", "speed ~ choice([3 m/s, 2 m/s, 4 m/s, 5 m/s, 6 m/s, -1 m/s]) }", "LJ0507", 26, 75, "`speed` can be -1"),
+    (
+        "speed <= 3 m/s }",
+        "speed ~ choice([3 m/s, 2 m/s, 4 m/s, 5 m/s, 6 m/s, -1 m/s]) }",
+        "LJ0507", 26, 75, "`speed` can be -1",
+    ),
     ("speed <= 3 m/s }", "speed ~ uniform(-1 m/s, 3 m/s) }", "LJ0507", 26, 75, "`speed` can be -1"),
     ("speed <= 3 m/s }", "speed <= 3 m/s, on = water }", "LJ0109", 26, 96, "`on` cannot be `water`"),
     ("speed <= 3 m/s }", "speed <= 3 m/s, on = road }", "LJ0509", 26, 91, "the scene `bay` has none"),
