@@ -16,7 +16,7 @@ from lingjing.dsl.pages.statements import statements_page
 from lingjing.dsl.syntax.statement_kinds import PatternElement, StatementKind
 from lingjing.dsl.syntax.statements import STATEMENTS
 from lingjing.dsl.syntax.tables import FILE
-from lingjing.dsl.syntax.tokens import INNER
+from lingjing.dsl.syntax.tokens import INNER, OWN_WORDS
 
 ROOT = Path(__file__).parents[1]
 GRAMMAR = FILE.with_name("ljs.lark")
@@ -32,12 +32,16 @@ def grammar() -> str:
     alternatives = "\n    | ".join(line for kind in STATEMENTS for line in _productions(kind))
     text = _ALTERNATIVES.sub(lambda match: f"{match[1]}{alternatives}{match[2]}", GRAMMAR.read_text(encoding="utf-8"))
     words = [kind.token for kind in STATEMENTS]
-    words += [token for token in INNER.values() if token not in words]
+    words += [token for token in (*INNER.values(), *OWN_WORDS.values()) if token not in words]
     return _WORDS.sub(lambda match: match[1] + "\n".join(_declared(words)) + "\n", text)
 
 
 def _productions(kind: StatementKind) -> list[str]:
-    return [f"{kind.token}{_symbols(form.elements())} -> {form.alias or kind.keyword}" for form in kind.forms]
+    return [
+        f"{_symbols(form.subject_elements())} {kind.token}".lstrip()
+        + f"{_symbols(form.elements())} -> {form.alias or kind.keyword}"
+        for form in kind.forms
+    ]
 
 
 def _symbols(elements: tuple[PatternElement, ...]) -> str:

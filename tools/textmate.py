@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 from lingjing.dsl.syntax.statements import KINDS
-from lingjing.dsl.syntax.tokens import INNER, STATEMENTS
+from lingjing.dsl.syntax.tokens import AFTER_SUBJECT, INNER, STATEMENTS
 from lingjing.mission.functions import DISTRIBUTIONS, FUNCTIONS
 from lingjing.mission.units import UNITS
 
@@ -27,7 +27,7 @@ DECLARATIONS = tuple(
 )
 """Keywords of statements that declare the name behind them."""
 ORDER = (
-    "comment", "text", "declaration", "statement", "property", "number", "constant", "wordOperator", "inner",
+    "comment", "text", "declaration", "statement", "subject", "property", "number", "constant", "wordOperator", "inner",
     "distribution", "function", "operator",
 )  # fmt: skip
 """The rules, in the order in which an editor tries them."""
@@ -65,6 +65,10 @@ def grammar() -> dict[str, object]:
             "statement": {
                 "match": rf"{begins}({_words(STATEMENTS)}){follows}(?!\s*(?:=(?!=)|~|:|<=))",
                 "captures": {"1": {"name": "keyword.control.ljs"}},
+            },
+            "subject": {
+                "match": rf"{begins}(\S+)[ \t]+({_words(AFTER_SUBJECT)})\b(?!\s*=)",
+                "captures": {"2": {"name": "keyword.control.ljs"}},
             },
             "property": {
                 "match": r"([\p{L}_][\p{L}\p{N}_]*)(?=\s*(?:=(?!=)|~))",

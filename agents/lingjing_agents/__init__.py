@@ -7,8 +7,7 @@ brief what an agent can do.
 
 Modules: `plugin` declares the policies and the models of their options. `perception` detects targets in pictures;
 `ground_plane`, `paths` and `flight_levels` plan motion; `errands` are simple tasks of a single body. The policies are
-`chance` (random), `heuristic` (the rule baseline), `oracle` (privileged), `react` over `llm` (a chat model), `replay`
-(scripted) and `faulty` (the baselines with planted faults). `scaffolds` are examples of
-agent scaffolds for `react` that use the contract alone. `frame_detectors` answer questions about single pictures
-outside of episodes.
+`idle`, `chance` (random), `heuristic` (the rule baseline), `oracle` (privileged), `react` over `llm` (a chat model),
+`replay` (scripted) and `faulty` (the baselines with planted faults). `scaffolds` are examples of agent scaffolds for
+`react` that use the contract alone. `frame_detectors` answer questions about single pictures outside of episodes.
 """

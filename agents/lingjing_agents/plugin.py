@@ -23,8 +23,14 @@ _MODEL = ("lingjing_agents.react.policy", "jsonschema", "cv2", "numpy.ma")
 
 @hookimpl
 def lingjing_policies() -> Iterable[PolicyPlugin]:
-    """Return the six reference policies and two policies with planted faults."""
+    """Return the seven reference policies and two policies with planted faults."""
     return (
+        PolicyPlugin(
+            name="idle",
+            factory=_Deferred("idle", "IdlePolicy"),
+            summary="never acts: a mission that it wins needs no agents",
+            imports=("lingjing_agents.idle",),
+        ),
         PolicyPlugin(
             name="random",
             factory=_Deferred("chance", "RandomPolicy"),

@@ -8,6 +8,7 @@ the description in `--help`.
 the signals and the end of the process. `files` reads missions and writes files. `console` draws on terminals.
 
 - `validate`, `compile`, `fmt`, `explain`, `lsp`   mission text: its errors, graph, layout; the meaning of an error code
+- `test`, `generate`                               the expectations of missions, and composed missions that meet theirs
 - `graph` ← `conditions`, `docs` ← `missionpage`   a mission as a picture, its conditions, and as a page
 - `scene`                                          a city built from a map
 - `run` ← `arguments` (parsing of option values), `progress` (the live line), `watch` (the episode in the terminal),

@@ -57,6 +57,7 @@ VERBS = (
     _CommandVerb("metrics", "compute the paper's metrics of traces"),
     _CommandVerb("report", "make the paper's figures from your own runs", computes=True),
     _CommandVerb("validate", "report every error of mission files"),
+    _CommandVerb("test", "run the expectations of missions: who wins, what is infeasible", computes=True),
     _CommandVerb("explain", "explain an error code"),
     _CommandVerb("compile", "write the typed mission graph as JSON"),
     _CommandVerb("graph", "draw the mission graph"),
@@ -68,6 +69,7 @@ VERBS = (
     _CommandVerb("prompts", "list, show and improve the prompts of policies", computes=True),
     _CommandVerb("frames", "make labelled sets of frames; test detectors with them", computes=True),
     _CommandVerb("new", "write a policy, a mission or an engine to start from"),
+    _CommandVerb("generate", "compose missions, each with a certificate that it can be won", computes=True),
     _CommandVerb("calls", "list and print the recorded model calls of an episode"),
     _CommandVerb("doctor", "check that this machine can play missions", computes=True),
 )

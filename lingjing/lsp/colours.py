@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.syntax.lexer import lex
-from lingjing.dsl.syntax.tokens import INNER, STATEMENTS, Token
+from lingjing.dsl.syntax.tokens import AFTER_SUBJECT, INNER, OWN_WORDS, STATEMENTS, Token
 from lingjing.lsp.analysis import Analysis
 from lingjing.mission.functions import AGGREGATES, DISTRIBUTIONS, FUNCTIONS
 
@@ -17,7 +17,7 @@ KINDS = (
     "parameter", "enumMember",
 )  # fmt: skip
 """Kinds of tokens, in the order in which the protocol numbers them."""
-_KEYWORDS = frozenset((*STATEMENTS.values(), *INNER.values()))
+_KEYWORDS = frozenset((*STATEMENTS.values(), *AFTER_SUBJECT.values(), *INNER.values(), *OWN_WORDS.values()))
 _OF_SPACE = {
     "symbol": "variable", "type": "type", "record": "type", "preset": "type", "rule": "function", "verb": "method",
     "interaction": "method", "agent": "class", "role": "class", "message": "struct", "local": "parameter",

@@ -16,7 +16,7 @@ from lingjing.dsl.syntax.statements import KINDS, STATEMENTS
 from lingjing.dsl.syntax.tokens import Token
 from lingjing.lsp.analysis import Analysis
 from lingjing.lsp.context import Context, context_at
-from lingjing.lsp.pattern import due_in
+from lingjing.lsp.pattern import due_in, keyword_place
 from lingjing.mission import functions as f
 from lingjing.mission.kinds import engine_kind
 from lingjing.mission.units import ANGLE, BY_NAME, NONE, SPEED, UNITS, Dimension, dimension_name, unit_of
@@ -86,7 +86,8 @@ class _Completer:
     def _beginnings(self) -> Iterator[CompletionItem]:
         if not self.at.statement:
             place = self._place()
-            yield from (CompletionItem(kind.keyword, "keyword") for kind in STATEMENTS if place in kind.within)
+            kinds = [kind for kind in STATEMENTS if place in kind.within and not kind.has_subject]
+            yield from (CompletionItem(kind.keyword, "keyword") for kind in kinds)
             if place == TYPE:
                 yield CompletionItem("engine", "keyword")
         for name, detail in self._keys():
@@ -132,6 +133,9 @@ class _Completer:
 
     def _inner(self) -> Iterator[CompletionItem]:
         at = self.at
+        if len(at.statement) == 1 and at.before() in ("NAME", "STRING") and (words := self._after_subject()):
+            yield from words
+            return
         proposals = list(self._of_pattern())
         if proposals:
             yield from proposals
@@ -152,9 +156,16 @@ class _Completer:
         else:
             yield from self._expression()
 
+    def _after_subject(self) -> list[CompletionItem]:
+        """The keywords that follow the first word of a statement in this block."""
+        place = self._place()
+        return [
+            CompletionItem(kind.keyword, "keyword") for kind in STATEMENTS if kind.has_subject and place in kind.within
+        ]
+
     def _of_pattern(self) -> Iterator[CompletionItem]:
         """The names, or else the words, that the statement's pattern requires at the cursor."""
-        due, kind = self.due, KINDS.get(self.at.head().lower())
+        due, kind = self.due, KINDS.get(self.at.statement[keyword_place(self.at.statement)].type.lower())
         if kind is None or due.within_value:
             return
         if due.element is None:

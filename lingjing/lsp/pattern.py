@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from lingjing.dsl.syntax.statement_kinds import PatternElement
 from lingjing.dsl.syntax.statements import KINDS
-from lingjing.dsl.syntax.tokens import Token
+from lingjing.dsl.syntax.tokens import AFTER_SUBJECT, Token
 
 _OPENING = frozenset(("LPAR", "LSQB", "LSET"))
 _CLOSING = frozenset(("RPAR", "RSQB", "RSET"))
@@ -33,12 +33,18 @@ class DueInPattern:
 
 
 def due_in(statement: list[Token]) -> DueInPattern:
-    """The continuations after the tokens of a statement, the keyword first. Of several forms, the best fit counts."""
-    kind = KINDS.get(statement[0].type.lower()) if statement else None
+    """The continuations after the tokens of a statement. Of several forms, the best fit counts."""
+    at = keyword_place(statement)
+    kind = KINDS.get(statement[at].type.lower()) if statement else None
     if kind is None or not kind.forms:
         return DueInPattern()
-    walks = [_Walk(form.elements()).over(statement[1:]) for form in kind.forms]
+    walks = [_Walk(form.elements()).over(statement[at + 1 :]) for form in kind.forms]
     return max(walks, key=lambda walk: (not walk.misfit, walk.position)).due()
+
+
+def keyword_place(statement: list[Token]) -> int:
+    """The index of a statement's keyword: 1 behind a subject, else 0."""
+    return 1 if len(statement) > 1 and statement[1].type in AFTER_SUBJECT.values() else 0
 
 
 class _Walk:

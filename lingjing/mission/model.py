@@ -560,6 +560,60 @@ class Declassification(Record, frozen=True, kw_only=True):
     """The author's reason."""
 
 
+class Setting(Record, frozen=True, kw_only=True):
+    """`victims = 2` of an expectation: the value of a parameter."""
+
+    name: str
+    value: Expr
+
+
+class ExpectedEpisodes(Record, frozen=True, kw_only=True):
+    """The instances that an expectation is about: an inclusive range of seeds, the settings and the mode."""
+
+    first_seed: int = 0
+    last_seed: int = 4
+    settings: tuple[Setting, ...] = ()
+    mode: str = ""
+    """"" for the mission's default mode."""
+
+    @property
+    def seeds(self) -> range:
+        """The seeds in order."""
+        return range(self.first_seed, self.last_seed + 1)
+
+
+class PolicyExpectation(Record, frozen=True, kw_only=True, tag="policy", tag_field="expects"):
+    """`oracle wins at least 4 of 5 within 40 ticks for seeds 0..4`."""
+
+    policy: str
+    """The name of a policy, or `FILE.py:CLASS`."""
+    outcome: Literal["wins", "loses"]
+    share: Literal["all", "some", "none", "at_least"] = "all"
+    """The share of the episodes that have this outcome."""
+    least: int = 0
+    """The least number of episodes for `at_least`; 0 for other shares."""
+    within: Expr | None = None
+    """The episode ends within this many ticks or seconds, inclusive; None for no bound."""
+    episodes: ExpectedEpisodes = ExpectedEpisodes()
+
+
+class InfeasibleExpectation(Record, frozen=True, kw_only=True, tag="infeasible", tag_field="expects"):
+    """`infeasible when boats == 0`: with settings for which the condition holds, the mission cannot be won."""
+
+    condition: Expr
+
+
+class SpreadExpectation(Record, frozen=True, kw_only=True, tag="spread", tag_field="expects"):
+    """`draws spread over search for seeds 0..19`: the drawn positions cover the region."""
+
+    region: str
+    episodes: ExpectedEpisodes = ExpectedEpisodes(last_seed=19)
+
+
+Expectation = PolicyExpectation | InfeasibleExpectation | SpreadExpectation
+"""A test that the mission states about itself; `lingjing test` runs it."""
+
+
 class Origin(Record, frozen=True, kw_only=True):
     """The source of the mission."""
 
@@ -611,6 +665,7 @@ class Mission(Record, frozen=True, kw_only=True):
     events: tuple[EventDeclaration, ...] = ()
     sweeps: tuple[Sweep, ...] = ()
     declassified: tuple[Declassification, ...] = ()
+    expectations: tuple[Expectation, ...] = ()
 
     def __repr__(self) -> str:
         """One line; `lingjing.mission.document.encode` writes the complete mission."""

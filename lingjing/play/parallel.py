@@ -8,7 +8,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -201,7 +201,7 @@ class EpisodeProcesses:
         self._shared: set[bytes] = set()
         self._preloaded: set[str] = set()
 
-    def play(self, tasks: Iterable[EpisodeTask], jobs: int) -> Iterator[tuple[EpisodeTask, EpisodeReport]]:
+    def play(self, tasks: Iterable[EpisodeTask], jobs: int) -> Generator[tuple[EpisodeTask, EpisodeReport]]:
         """Play in child processes, `jobs` at a time, and yield reports in order of completion; see `play_apart`."""
         return _play_all(self, iter(tasks), jobs)
 
@@ -287,7 +287,7 @@ def play_apart(tasks: Iterable[EpisodeTask], jobs: int) -> Iterator[tuple[Episod
 
 def _play_all(
     processes: EpisodeProcesses, waiting: Iterator[EpisodeTask], jobs: int
-) -> Iterator[tuple[EpisodeTask, EpisodeReport]]:
+) -> Generator[tuple[EpisodeTask, EpisodeReport]]:
     """Start a task whenever fewer than `jobs` children run, and yield the report of each child that has ended.
 
     A policy could stop a process of its episode, or the one that starts all others, and the suite would wait forever.

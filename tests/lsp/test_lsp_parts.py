@@ -274,10 +274,12 @@ def test_every_keyword_is_explained_and_offered_somewhere() -> None:
         "target": "mission m { target a : t { | } }", "agent": "mission m { agent a as b { | } }",
         "adjudicate": "mission m { adjudicate a(v: b) { | } }", "stage": "mission m { stage a { | } }",
         "constraint": "mission m { constraint hard a { | } }", "event": "mission m { event a at 1 tick { | } }",
+        "expect": "mission m { expect { | } }",
     }  # fmt: skip
     for word, kind in KINDS.items():
         for place in kind.within:
-            assert word in labels(blocks[place]), (word, place)
+            block = blocks[place].replace("|", "oracle |") if kind.has_subject else blocks[place]
+            assert word in labels(block), (word, place)
 
 
 @pytest.mark.parametrize(

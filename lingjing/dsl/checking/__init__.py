@@ -15,7 +15,7 @@ The modules in control-flow order:
 - `calls`, `aggregates`, `status_words`, `elaborate`: expressions with their types and taints.
 - `blocks`: the properties of a block against its keys. `properties`: their form in the mission.
 - `types`, `bodies`, `interactions`, `settings`, `entities`, `equipment`, `agents`, `wording`, `rules`, `conduct`,
-  `events`, `studies`: a checker for each kind of declaration.
+  `events`, `studies`, `expectations`: a checker for each kind of declaration.
 - `unseen_pictures`: the warning for agents that observe fields of an asset but not its cameras.
 - `checker`: a whole mission. `leaks`: hidden values that decide something which agents notice.
 """

@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 from lingjing.dsl.checking.agents import AgentChecker
 from lingjing.dsl.checking.conduct import ConductChecker
 from lingjing.dsl.checking.events import EventChecker
+from lingjing.dsl.checking.expectations import ExpectationChecker
 from lingjing.dsl.checking.inherit import merge_base
 from lingjing.dsl.checking.rules import RuleChecker
 from lingjing.dsl.checking.scope import SymbolTables
@@ -88,6 +89,7 @@ class _MissionChecker:
         self.conduct = ConductChecker(file.blocks, file.settings, self.rules)
         self.events = EventChecker(file.blocks, file.settings)
         self.studies = StudyChecker(file.blocks, file.settings)
+        self.expectations = ExpectationChecker(file.blocks, file.settings)
 
     def mission(self, node: s.MissionBlock) -> model.Mission | None:
         """Run all passes over a mission's block."""
@@ -101,6 +103,7 @@ class _MissionChecker:
         declarations = _by_part(items)
         parts: dict[str, Any] = {part: self._items(part, declarations[part]) for part in _FIRST}
         self.studies.bounds = {param.name: param.bounds for param in parts["parameters"]}
+        self.expectations.bounds = self.studies.bounds
         sections = self._sections(items)
         goal = self._one(items, s.TextLine, "goal")
         scene_block = self._one(items, s.SceneBlock, "scene")
@@ -303,6 +306,7 @@ _CHECKS: dict[str, Callable[[_MissionChecker, Any], object]] = {
     "inspections": lambda mission, node: mission.conduct.inspection(node),
     "events": lambda mission, node: mission.events.event(node),
     "sweeps": lambda mission, node: mission.studies.sweep(node),
+    "expectations": lambda mission, node: mission.expectations.expect(node),
 }
 """Field of a mission → the check of a statement that adds items to it, in the order of checking. A check returns an
 item, a tuple of items, or None for a faulty statement."""

@@ -132,6 +132,7 @@ def _nothing_to_override(report: Reporter, node: s.MissionBlock) -> None:
 
 
 def _merged(report: Reporter, base: Items, node: s.MissionBlock) -> Items:
+    base = tuple(item for item in base if not isinstance(item, s.ExpectBlock))  # tests of the base, which has its own
     places = {key: at for at, item in enumerate(base) if (key := _key(item)) is not None}
     items: list[s.Statement] = list(base)
     assert node.base is not None

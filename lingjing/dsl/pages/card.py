@@ -7,6 +7,7 @@ it cannot differ from them. A test holds it below 3,000 tokens.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from itertools import groupby
 
 from lingjing.dsl.checking.library import known_paths, shipped_folder
 from lingjing.dsl.checking.scope import CameraDecl, RecordDecl, TypeDecl, WeatherDecl
@@ -78,7 +79,7 @@ def _statements() -> Iterator[str]:
         yield f"## {title}\n\n" + "\n".join(lines)
     places: dict[str, list[str]] = {}
     for kind in STATEMENTS:
-        if _home(kind) == "" and kind.keyword != "ljs":
+        if _home(kind) == "" and kind.keyword != "ljs" and kind.within != _IN_EXPECT:
             places.setdefault(", ".join(kind.within), []).append(_written(kind))
     yield "## Inside blocks\n\n" + "\n".join(f"- {place}: {'; '.join(lines)}" for place, lines in places.items())
 
@@ -109,6 +110,7 @@ def _written(kind: StatementKind) -> str:
     for label, place in kind.names.items():
         if place.choices and place.spaces == () and label != "allowed":
             written = written.replace(f"‹{label}›", "|".join(place.choices), 1)
+    written = written.replace("[when ‹condition›]", "[when …]")
     written = written.replace("target ", "target|asset ", 1) if kind.keyword == "target" else written
     keys = f": {', '.join(map(_key, kind.keys.values()))}" if kind.keys else ""
     return f"`{written}`{keys}"
@@ -128,10 +130,12 @@ def _alternatives(ways: tuple[str, ...]) -> str:
     return " ".join((*first[:begin], f"({middles})", *first[len(first) - end :]))
 
 
+_IN_EXPECT = ("expect",)
+"""Place of the statements that the example of `expect` shows."""
 _MUTUAL = ("relation",)
 """Statements with two forms that differ in one sign; the card shows the first."""
-_BY_EXAMPLE = ("hidden", "state", "override", "verb", "record", "camera", "use", "actions")
-"""Statements that an example shows better than their form."""
+_BY_EXAMPLE = ("hidden", "state", "override", "verb", "record", "camera", "use", "actions", "expect")
+"""Statements that an example shows better than their form. That of `expect` shows the statements inside it too."""
 
 
 def _key(key: PropertyKey) -> str:
@@ -194,7 +198,7 @@ def _library() -> Iterator[str]:
 def _declared(decl: object) -> str:
     if isinstance(decl, TypeDecl):
         acts = [_interaction(each) for each in decl.interactions.values()]
-        verbs = [_verb(verb) for verb in decl.verbs.values() if verb.name != PHOTO] if not decl.bases else []
+        verbs = list(_verbs([verb for verb in decl.verbs.values() if verb.name != PHOTO])) if not decl.bases else []
         inside = "; ".join(acts or ([" ".join(verbs)] if verbs else []))
         return f"{decl.name}{f' ({inside})' if inside else ''}"
     if isinstance(decl, RecordDecl):
@@ -203,8 +207,10 @@ def _declared(decl: object) -> str:
     return decl.name
 
 
-def _verb(verb: model.Verb) -> str:
-    return f"{verb.name}({', '.join(argument.name for argument in verb.arguments)})"
+def _verbs(verbs: list[model.Verb]) -> Iterator[str]:
+    """Verbs with their arguments; neighbours with the same arguments are joined."""
+    for arguments, alike in groupby(verbs, lambda verb: ", ".join(argument.name for argument in verb.arguments)):
+        yield f"{'|'.join(verb.name for verb in alike)}({arguments})"
 
 
 def _interaction(interaction: model.Interaction) -> str:

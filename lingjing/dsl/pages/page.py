@@ -135,6 +135,10 @@ class _Page:
             yield ""
             yield from self._code(bus)
 
+    def expectations(self) -> Iterator[str]:
+        """The mission's own tests."""
+        yield from self._code(self.printer.paragraph("expectations"), "`lingjing test` checks:")
+
     def hidden(self) -> Iterator[str]:
         """Hidden values, and the audited reveals."""
         for group in self.mission.groups:
@@ -289,6 +293,7 @@ _SECTIONS: tuple[tuple[str, Callable[[_Page], Iterator[str]]], ...] = (
     ("Relations between roles", _Page.relations),
     ("Events", _Page.events),
     ("Outcome", _Page.outcomes),
+    ("Expectations", _Page.expectations),
     ("The mission graph", _Page.picture),
 )
 """The sections in their order."""

@@ -17,6 +17,8 @@ from lingjing.dsl.printing.imports import Imports, find_imports
 from lingjing.dsl.printing.layouts import block, has_layout, lay_out
 from lingjing.dsl.printing.phrases import Phrases, long_text, number_text, quoted
 from lingjing.dsl.syntax.statements import KINDS, LANGUAGE_VERSION, PARAGRAPHS, STATEMENTS
+from lingjing.dsl.syntax.tokens import INNER
+from lingjing.dsl.syntax.tokens import STATEMENTS as STATEMENTS_BY_WORD
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
 from lingjing.mission import model
@@ -325,6 +327,38 @@ class Printer:
         if self.mission.failure is not None:
             yield f"failure when {self.text(self.mission.failure)}"
 
+    def expectations(self) -> Iterable[str]:
+        """The block of expectations."""
+        lines = [self.expectation(expectation) for expectation in self.mission.expectations]
+        if lines:
+            yield block("expect", lines, spread=True)
+
+    def expectation(self, expectation: model.Expectation) -> str:
+        """One line of the block of expectations."""
+        match expectation:
+            case model.InfeasibleExpectation():
+                return f"infeasible when {self.text(expectation.condition)}"
+            case model.SpreadExpectation():
+                terms = self._terms(expectation.episodes, _SPREAD)
+                return " ".join([f"draws spread over {expectation.region}", *terms])
+        words = [_subject(expectation.policy), expectation.outcome]
+        seeds, default = len(expectation.episodes.seeds), _EPISODES
+        if expectation.share == "at_least":
+            words.append(f"at least {expectation.least} of {seeds}")
+            default = model.ExpectedEpisodes(last_seed=seeds - 1)
+        words += [expectation.share] if expectation.share in ("some", "none") else []
+        words += [f"within {self.text(expectation.within)}"] if expectation.within is not None else []
+        return " ".join([*words, *self._terms(expectation.episodes, default)])
+
+    def _terms(self, episodes: model.ExpectedEpisodes, default: model.ExpectedEpisodes) -> Iterator[str]:
+        first, last = episodes.first_seed, episodes.last_seed
+        if (first, last) != (default.first_seed, default.last_seed):
+            yield f"for seeds {first}" if first == last else f"for seeds {first}..{last}"
+        settings = [f"{setting.name} = {self.text(setting.value, SUM)}" for setting in episodes.settings]
+        settings += [f"mode = {episodes.mode}"] if episodes.mode else []
+        if settings:
+            yield f"with {', '.join(settings)}"
+
     # -- shared
 
     def tidy(self, lines: Iterable[str]) -> str:
@@ -391,6 +425,7 @@ _WRITERS: dict[str, Callable[[Printer], Iterable[str]]] = {
     "sweeps": Printer.sweeps,
     "success": Printer.success,
     "failure": Printer.failure,
+    "expectations": Printer.expectations,
 }
 """Fields of a mission with statements that need more than a layout."""
 
@@ -398,6 +433,14 @@ _KNOWN = frozenset(("format", "name", "title", "origin", *(part for kind in STAT
 """The fields of a mission that the text has. `origin` is included, because a text does not express it."""
 
 _DEFAULT_COMMS = model.Comms()
+_EPISODES = model.PolicyExpectation(policy="", outcome="wins").episodes
+_SPREAD = model.SpreadExpectation(region="").episodes
+
+
+def _subject(policy: str) -> str:
+    """The policy of an expectation: a word, or else a quoted text."""
+    plain = policy.isidentifier() and policy not in STATEMENTS_BY_WORD and policy not in INNER
+    return policy if plain else quoted(policy)
 
 
 def _mount(mount: model.CameraMount) -> Iterator[str]:

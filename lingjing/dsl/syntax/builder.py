@@ -47,6 +47,12 @@ _OTHER_NODES: dict[str, tuple[type[s.SyntaxNode], str]] = {
     "named": (s.CallArgument, "name _ value"),
     "named_number": (s.CallArgument, "name value"),
     "range": (s.ForClause, "variable _ domain"),
+    "share": (s.ShareTerm, "word"),
+    "least": (s.LeastTerm, "_ _ least _ of"),
+    "within": (s.WithinTerm, "_ limit"),
+    "seeds": (s.SeedsTerm, "_ _ first _ last"),
+    "settings": (s.SettingsTerm, "_ settings"),
+    "setting": (s.Axis, "name _ values"),
 }
 """The reductions without a row in `lingjing.dsl.syntax.statements`."""
 
@@ -58,7 +64,8 @@ def _statement_nodes() -> dict[str, tuple[type[s.SyntaxNode], str]]:
             if kind.node is not None and not form.built:
                 first = "keyword" if "keyword" in kind.node.__struct_fields__ else "_"
                 labels = [element.label or "_" for element in form.elements()]
-                nodes[form.alias or kind.keyword] = (kind.node, " ".join([first, *labels]))
+                subject = [element.label for element in form.subject_elements()]
+                nodes[form.alias or kind.keyword] = (kind.node, " ".join([*subject, first, *labels]))
     return nodes
 
 

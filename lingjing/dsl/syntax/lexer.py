@@ -21,7 +21,16 @@ from lingjing.dsl.syntax.foreign_text import ForeignText
 from lingjing.dsl.syntax.indentation import Indentation
 from lingjing.dsl.syntax.statement_kinds import FILE
 from lingjing.dsl.syntax.statements import KINDS
-from lingjing.dsl.syntax.tokens import INNER, OPERATORS_THAT_CONTINUE, STATEMENTS, SYMBOLS, Token
+from lingjing.dsl.syntax.tokens import (
+    AFTER_SUBJECT,
+    INNER,
+    OPERATORS_THAT_CONTINUE,
+    OWN_STATEMENTS,
+    OWN_WORDS,
+    STATEMENTS,
+    SYMBOLS,
+    Token,
+)
 from lingjing.mission.diagnostics import Related
 from lingjing.suggest import is_certain, nearest
 
@@ -29,7 +38,7 @@ DEEPEST = 64
 """Deepest nesting of brackets (chosen): missions need about six levels, and the limit bounds recursion in all later
 phases."""
 
-_NOT_A_UNIT = rf"(?!(?:{'|'.join(INNER)})\b)"
+_NOT_A_UNIT = rf"(?!(?:{'|'.join((*INNER, *OWN_WORDS))})\b)"
 _FACTOR = r"(?:[^\W\d_]+|[%°])(?:\^-?\d|\d)?"
 _UNIT = rf"[ \t]*{_NOT_A_UNIT}(?P<UNIT>{_FACTOR}(?:[/*]{_FACTOR})*)(?!\w)"
 _DIGITS = r"\d+(?!\d)"
@@ -68,6 +77,12 @@ _INNER_IS_NAME = re.compile(r"[ \t]*(?:=(?!=)|~|:)")
 _NEXT_ITEM = re.compile(
     r"[ \t\r\n]*(?:\#[^\r\n]*[ \t\r\n]*){0,1000}(?:(?P<close>\})|(?P<word>[^\W\d]\w*)(?P<after>[ \t]*(?:=(?!=)|~)?))"
 )
+_SUBJECT_FOLLOWS = re.compile(
+    r"[ \t\r\n]*(?:\#[^\r\n]*[ \t\r\n]*){0,1000}(?:[^\W\d]\w*|\"[^\"\r\n]*\")[ \t]+(?:"
+    + "|".join(AFTER_SUBJECT)
+    + r")\b(?![ \t]*=)"
+)
+"""The beginning of a statement with a subject before its keyword."""
 _CONTINUES = re.compile(r"[ \t]*(?:(?:and|or)\b|->|<->)")
 _STARTS = re.compile(r"[ \t]*(?:(?P<word>[^\W\d]\w*)|\})")
 _SEA_LEVEL = re.compile(r"[ \t]+level\b")
@@ -102,6 +117,8 @@ class Lexer(ForeignText):
         self.guide = Indentation(text) if guided else None
         self.depths: dict[int, int] = {}
         self.unbalanced = False
+        self.own_from = -1
+        """Index of the keyword of the last statement with words of its own; -1 before the first."""
         self.headless: dict[int, tuple[int, str, str]] = {}
         """Place of a `{` that the text lacks → the beginning, message and hint of its report."""
 
@@ -175,8 +192,10 @@ class Lexer(ForeignText):
             return skip
         if word in _TEXT_KEYWORDS and (skip := self._unopened_long(word, start, end)):
             return skip
+        if previous in ("NAME", "STRING") and self._is_second() and self._after_subject(word, start, end):
+            return 0
         if previous in _BEFORE_STATEMENTS and word in STATEMENTS and self._begins(end, previous):
-            self._add(STATEMENTS[word], start, end)
+            self._add_keyword(STATEMENTS[word], start, end)
             return (
                 self._without_brackets(word, end)
                 if word == "observes" and self.text[end:].lstrip(" ")[:1] == "{"
@@ -190,6 +209,8 @@ class Lexer(ForeignText):
             return skip
         elif previous in ("NL", "LBRACE") and (keyword := self._misspelt_block(word, end)):
             self._add(STATEMENTS[keyword], start, end, text=keyword)
+        elif word in OWN_WORDS and self._in_own_statement() and self._means(word, end):
+            self._add(OWN_WORDS[word], start, end)
         elif word in INNER and previous != "DOT" and self._means(word, end):
             self._add(INNER[word], start, end)
             return self._without_brackets(word, end) if word == "controls" else 0
@@ -199,6 +220,36 @@ class Lexer(ForeignText):
         else:
             self._add("NAME", start, end)
         return 0
+
+    def _add_keyword(self, kind: str, start: int, end: int, *, text: str | None = None) -> None:
+        self._add(kind, start, end, text=text)
+        if kind in OWN_STATEMENTS:
+            self.own_from = len(self.tokens) - 1
+
+    def _is_second(self) -> bool:
+        """True if the statement has one token so far."""
+        return len(self.tokens) == 1 or self.tokens[-2].type in ("NL", "LBRACE", "RBRACE")
+
+    def _after_subject(self, word: str, start: int, end: int) -> bool:
+        """Read the keyword of a statement that begins with its subject: `oracle wins`. In such a block a misspelt word
+        counts too."""
+        if word not in AFTER_SUBJECT:
+            close = nearest(word, AFTER_SUBJECT) if self._owner() in _BLOCKS_OF_SUBJECTS else None
+            if close is None:
+                return False
+            hint = f"did you mean `{close}`?"
+            self.report("LJ0010", start, end, f"`{word}` does not fit here", hint, replace=close, safe=True)
+            word = close
+        self._add_keyword(AFTER_SUBJECT[word], start, end, text=word)
+        return True
+
+    def _in_own_statement(self) -> bool:
+        """True if the current statement is one with words of its own."""
+        if self.own_from < 0:
+            return False
+        if any(token.type in ("NL", "LBRACE", "RBRACE") for token in self.tokens[self.own_from :]):
+            self.own_from = -1
+        return self.own_from >= 0
 
     def _foreign_keyword(self, word: str, start: int, end: int) -> int:
         """Read a keyword before a sign or a bracket that it cannot have. 0 if this is none."""
@@ -410,12 +461,21 @@ class Lexer(ForeignText):
         if self.previous in ("NUMBER", "QUANTITY") and (skip := self._number_after_comma(start)):
             return skip
         follow = _NEXT_ITEM.match(self.text, end)
-        if follow and (follow["close"] or self._item_starts(follow)):
+        if follow and (follow["after"] or "").strip() == "=" and self._lists_settings():
+            self._add("SEP", start, end)
+            return 0
+        if (follow and (follow["close"] or self._item_starts(follow))) or _SUBJECT_FOLLOWS.match(self.text, end):
             if self.previous not in ("NL", "LBRACE"):
                 self._add("NL", start, end)
             return 0
         self._add("SEP", start, end)
         return 0
+
+    def _lists_settings(self) -> bool:
+        """True after `with mode = star` of an expectation, where a comma precedes a further setting."""
+        kinds = [token.type for token in self.tokens[-_SETTING_TOKENS:]] if self._in_own_statement() else []
+        begun = [kind for kind in kinds if kind in _TERM_STARTS]
+        return begun[-1:] == ["WITH"] and kinds[-1] in OPERANDS
 
     def _number_after_comma(self, start: int) -> int:
         """Handle a comma in a block after a number and before another one, which is no item. 0 if it is another."""
@@ -696,6 +756,12 @@ _LINES = re.compile(r"(?P<line>[^\r\n]*)(?:\r\n|\n|\r)(?:[ \t]*(?:\r\n|\n|\r))*(
 _NEXT_LINE = re.compile(r"[}\s]*?(?:\#[^\r\n]*)?(?P<lines>[\r\n]+)")
 _OF_MISSIONS = frozenset(word for word, kind in KINDS.items() if "mission" in kind.within and FILE not in kind.within)
 """Keywords of statements that stand in a mission, and not at the top of a file."""
+_BLOCKS_OF_SUBJECTS = frozenset(place for word, kind in KINDS.items() if kind.has_subject for place in kind.within)
+"""Keywords of the blocks with statements that begin with their subject."""
+_TERM_STARTS = frozenset((*OWN_WORDS.values(), "AT", "FOR"))
+"""Token types of the words in an expectation."""
+_SETTING_TOKENS = 60
+"""Most tokens of the settings of an expectation (chosen)."""
 _HEADERS = frozenset([kind.token for word, kind in KINDS.items() if kind.opens_block and word != "use"])
 """Statements with a block, in which a line that is indented deeper belongs to them even if `{` is missing."""
 

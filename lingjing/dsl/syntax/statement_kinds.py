@@ -7,6 +7,8 @@ Its elements are separated by blanks:
   `ljs.lark` (`value`, `values`, `names`, `channels`, …). A rule alone (`block`, `guard`) fills the field of its name.
 - A word or a sign (`by`, `=`) stands for itself. `[…]` is optional.
 
+A statement may have a *subject* before its keyword: `oracle wins`. Its subject is a pattern of one element (ADR 0043).
+
 A *layout* is the text of a printed statement. `{field}` or `{field:form}` stands for a field of the mission's part, and
 `[…]` is left out if all its fields are empty or have their default. `lingjing.dsl.printing.layouts` reads it.
 """
@@ -25,7 +27,7 @@ TYPE = "type"
 """Place of a statement: the block of an asset or target type, at the top of a file."""
 
 RULES = frozenset(
-    "axes block channel channels clauses guard index item names operand params path set value values".split()  # noqa: SIM905 - one word each
+    "axes block channel channels clauses guard index item names operand params path policy set terms value values".split()  # noqa: SIM905, E501 - one word each
 )
 """Rules of `ljs.lark` that patterns use."""
 LISTS = frozenset(("axes", "channels", "names", "values"))
@@ -35,7 +37,11 @@ SIGNS: dict[str, str] = {
     ".": "DOT",
 }  # fmt: skip
 """Signs of patterns → token types."""
-_RULE_WORDS = {"guard": ("when",), "clauses": ("carries", "over", "by", "per")}
+_RULE_WORDS = {
+    "guard": ("when",),
+    "clauses": ("carries", "over", "by", "per"),
+    "terms": ("all", "some", "none", "at", "least", "within", "for", "seeds", "with"),
+}
 """Rules that begin with a word → the words."""
 _PIECE = re.compile(r"\[|\]|\s+|(?:[a-z_]+:)?[^\s\[\]]+")
 
@@ -66,22 +72,32 @@ class Form:
     """The grammar of the rest; see the module's docstring."""
     alias: str = ""
     """Name of the reduction in `ljs.lark`; empty for the keyword. Statements with one alias share a node."""
+    subject: str = ""
+    """The pattern before the keyword, `policy:policy`; empty for a statement that begins with its keyword."""
     built: bool = False
     """True if a method of `lingjing.dsl.syntax.builder.Builder` builds the node, because it computes a field."""
 
     def elements(self) -> tuple[PatternElement, ...]:
-        """The symbols in order."""
-        elements: list[PatternElement] = []
-        group = groups = 0
-        for piece in _PIECE.findall(self.pattern):
-            if piece == "[":
-                groups += 1
-                group = groups
-            elif piece == "]":
-                group = 0
-            elif piece.strip():
-                elements.append(_element(piece, group))
-        return tuple(elements)
+        """The symbols after the keyword, in order."""
+        return _elements(self.pattern)
+
+    def subject_elements(self) -> tuple[PatternElement, ...]:
+        """The symbols before the keyword; empty without a subject."""
+        return _elements(self.subject)
+
+
+def _elements(pattern: str) -> tuple[PatternElement, ...]:
+    elements: list[PatternElement] = []
+    group = groups = 0
+    for piece in _PIECE.findall(pattern):
+        if piece == "[":
+            groups += 1
+            group = groups
+        elif piece == "]":
+            group = 0
+        elif piece.strip():
+            elements.append(_element(piece, group))
+    return tuple(elements)
 
 
 def _element(piece: str, group: int) -> PatternElement:
@@ -143,6 +159,8 @@ class StatementKind:
     names: dict[str, NamePlace] = field(default_factory=dict)
     """Field, or word of a clause → the meaning of the names in it. A field `name` without an entry declares a name in
     the space of the keyword."""
+    has_own_words: bool = False
+    """True if the words of its patterns, other than those of other statements, are names everywhere else."""
     keys: PropertyKeys = field(default_factory=dict)
     """The properties of its block. Those of scenes, assets, targets and types depend on more."""
     part: str = ""
@@ -162,6 +180,11 @@ class StatementKind:
     def opens_block(self) -> bool:
         """True if it may have a block of statements."""
         return any(element.symbol == "block" for form in self.forms for element in form.elements())
+
+    @property
+    def has_subject(self) -> bool:
+        """True if its keyword is its second word."""
+        return any(form.subject for form in self.forms)
 
     @property
     def is_section(self) -> bool:

@@ -449,12 +449,38 @@ STATEMENTS = (
             ("within = {within}", "[order = {order}]", "[replan = {replan}]", "[destination = {destination}]"),
         ),
     ),
+    StatementKind(
+        "expect", s.ExpectBlock, (Form("block"),), ("mission",),
+        example="expect { oracle wins at least 4 of 5 within 40 ticks with uavs = 2, random loses for seeds 0..2, "
+        "infeasible when boats == 0, draws spread over search }",
+        doc="the mission's own tests, which `lingjing test` runs",
+        part="expectations", paragraph="expectations",
+    ),
+    StatementKind(
+        "wins", s.PolicyLine, (Form("[terms]", "policy_line", subject="policy:policy"),), ("expect",),
+        example="oracle wins at least 4 of 5 within 40 ticks with mode = star",
+        doc="episodes of the policy succeed: all of them, or the given share", has_own_words=True,
+    ),
+    StatementKind(
+        "loses", s.PolicyLine, (Form("[terms]", "policy_line", subject="policy:policy"),), ("expect",),
+        example="random loses for seeds 0..2", doc="episodes of the policy do not succeed", has_own_words=True,
+    ),
+    StatementKind(
+        "infeasible", s.InfeasibleLine, (Form("condition:guard"),), ("expect",),
+        example="infeasible when boats == 0",
+        doc="with settings for which the condition holds, the mission is proved to be impossible or is refused",
+    ),
+    StatementKind(
+        "draws", s.DrawsLine, (Form("spread over region:NAME [terms]"),), ("expect",),
+        example="draws spread over search", doc="the positions that the seeds draw cover the region",
+        has_own_words=True, names={"region": NamePlace(offers="region")},
+    ),
 )  # fmt: skip
 """Every statement that begins with a word of the language."""
 
 PARAGRAPHS = (
     "settings", "parameters", "places", "groups", "agents", "messages", "rules", "limits", "stages", "relations",
-    "events", "sweeps", "outcomes",
+    "events", "sweeps", "outcomes", "expectations",
 )  # fmt: skip
 """The groups of statements that are printed together, in the order of a printed mission."""
 

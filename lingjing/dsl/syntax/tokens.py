@@ -27,15 +27,29 @@ class Token(msgspec.Struct, frozen=True, gc=False):
     """Unit of a quantity; empty for other tokens."""
 
 
-STATEMENTS: dict[str, str] = {word: kind.token for word, kind in KINDS.items()}
+STATEMENTS: dict[str, str] = {word: kind.token for word, kind in KINDS.items() if not kind.has_subject}
 """Words that begin a statement → token types."""
 
+AFTER_SUBJECT: dict[str, str] = {word: kind.token for word, kind in KINDS.items() if kind.has_subject}
+"""Words that follow the first name or text of a statement (`oracle wins`) → token types. No other statement has a word
+there, so that they are names everywhere else."""
+
 _OF_EXPRESSIONS = "in from to by at optional and or not exists forall for true false"
-_OF_PATTERNS = [
-    word for kind in KINDS.values() for form in kind.forms for part in form.elements() for word in part.words()
-]
-INNER: dict[str, str] = {word: word.upper() for word in (*_OF_EXPRESSIONS.split(), *_OF_PATTERNS)}
+
+
+def _of_patterns(*, own: bool) -> list[str]:
+    """The words of the patterns of all statements that have words of their own, or of all others."""
+    kinds = [kind for kind in KINDS.values() if kind.has_own_words == own]
+    return [word for kind in kinds for form in kind.forms for part in form.elements() for word in part.words()]
+
+
+INNER: dict[str, str] = {word: word.upper() for word in (*_OF_EXPRESSIONS.split(), *_of_patterns(own=False))}
 """Words with a meaning inside a statement → token types: those of expressions and of the statements' patterns."""
+
+OWN_WORDS: dict[str, str] = {word: word.upper() for word in _of_patterns(own=True) if word not in INNER}
+"""Words with a meaning only inside the statements of `OWN_STATEMENTS` → token types."""
+OWN_STATEMENTS = frozenset([kind.token for kind in KINDS.values() if kind.has_own_words])
+"""Token types of the keywords of statements with words of their own."""
 
 SYMBOLS: dict[str, str] = {
     "{": "LBRACE",
@@ -79,13 +93,13 @@ NAMES_IN_MESSAGES: dict[str, str] = {
     "OP": "an operator",
     "$END": "the end of the file",
     **{kind: f"`{symbol}`" for symbol, kind in SYMBOLS.items() if kind not in ("OP", "RANGE")},
-    **{kind: f"`{word}`" for word, kind in {**STATEMENTS, **INNER}.items()},
+    **{kind: f"`{word}`" for word, kind in {**STATEMENTS, **AFTER_SUBJECT, **INNER, **OWN_WORDS}.items()},
 }
 """Names of token types in messages."""
 
 _CONTINUE = """
     EQUAL TILDE LE OP MINUS RANGE AND OR NOT COLON ARROW BOTH COMMA SEP DOT IN BY FROM TO AT OVER AS
-    WHEN FOR COUNTS EXTENDS UNTIL REPEAT EVERY
+    WHEN FOR COUNTS EXTENDS UNTIL REPEAT EVERY WITH WITHIN
 """
 OPERATORS_THAT_CONTINUE = frozenset(_CONTINUE.split())
 """Token types after which a line end does not end the statement."""

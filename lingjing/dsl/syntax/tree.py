@@ -464,6 +464,69 @@ class SweepLine(Statement, frozen=True, gc=False):
     guard: Expression | None
 
 
+class ShareTerm(SyntaxNode, frozen=True, gc=False):
+    """`all`, `some`, `none`: the share of an expectation's seeds."""
+
+    word: str
+
+
+class LeastTerm(SyntaxNode, frozen=True, gc=False):
+    """`at least 3 of 5`."""
+
+    least: NumberLiteral | Broken
+    of: NumberLiteral | Broken
+
+
+class WithinTerm(SyntaxNode, frozen=True, gc=False):
+    """`within 40 ticks`, `within 400 s`."""
+
+    limit: Expression
+
+
+class SeedsTerm(SyntaxNode, frozen=True, gc=False):
+    """`for seeds 0..4`, `for seeds 7`."""
+
+    first: NumberLiteral | Broken
+    last: NumberLiteral | Broken | None
+
+
+class SettingsTerm(SyntaxNode, frozen=True, gc=False):
+    """`with victims = 2, mode = star`."""
+
+    settings: tuple[Axis, ...]
+
+
+Term = ShareTerm | LeastTerm | WithinTerm | SeedsTerm | SettingsTerm
+"""A part of an expectation."""
+
+
+class ExpectBlock(Statement, frozen=True, gc=False):
+    """`expect { … }`."""
+
+    block: BracedBlock
+
+
+class PolicyLine(Statement, frozen=True, gc=False):
+    """`oracle wins within 40 ticks for seeds 0..4`, `random loses`."""
+
+    policy: Name | TextLiteral
+    keyword: str
+    terms: tuple[Term, ...]
+
+
+class InfeasibleLine(Statement, frozen=True, gc=False):
+    """`infeasible when victims > 8`."""
+
+    condition: Expression
+
+
+class DrawsLine(Statement, frozen=True, gc=False):
+    """`draws spread over search`."""
+
+    region: Name
+    terms: tuple[Term, ...]
+
+
 class VerbLine(Statement, frozen=True, gc=False):
     """`verb name(…)`."""
 
