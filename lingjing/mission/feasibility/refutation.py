@@ -65,7 +65,7 @@ def _leaf(leaf: Need, limit: TimeLimit, outline: Outline) -> Proof | None:
         case Handover():
             return _refute_handover(leaf, outline)
         case Impossible(message=message, at=at):
-            return Proof("LJ0612", at, message, "declare the missing element, or do not require it")
+            return Proof("LJ0612", at, message, "correct the condition, or declare the element that it needs")
         case Supply() | Performed() | AtLeast():
             return None
 
