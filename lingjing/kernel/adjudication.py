@@ -210,11 +210,14 @@ class Adjudicator:
         at = self.context_at(registry, registry.states, registry.time_s)
         done = dict(registry.stages)
         changes = []
+        waiting = self._declared_stages.waiting(registry)
         for stage in self._instance.stages:
             domain = ((stage.variable, stage.domain),) if stage.variable and stage.domain else ()
             for scope in bindings(domain, at):
                 subject = "".join(identity(value) for value in scope.values())
-                if (stage.name, subject) not in done and holds(stage.condition, scope, at):
+                if (stage.name, subject) in done or (stage.name, subject) in waiting:
+                    continue
+                if holds(stage.condition, scope, at):
                     done[stage.name, subject] = registry.tick
                     changes.append(
                         StageChange(stage=stage.name, subject=subject, tick=registry.tick, time_s=registry.time_s)

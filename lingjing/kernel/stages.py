@@ -3,7 +3,8 @@
 A stage begins when the stages that it depends on are done, for the same subject if both have subjects. A stage without
 dependencies begins with the episode. A stage with `ticks` is late if it is not done that many ticks after its
 beginning. A stage with a `deadline` is late if it is not done at the first boundary that is not before that time. A
-late stage ends the episode, even if success does not need it. If any stage has a weight, the score is the
+late stage ends the episode, even if success does not need it. A stage of a `serial` counts only at a boundary after
+the one at which the stage before it was done. If any stage has a weight, the score is the
 weighted share of completed stages, each by the share of its subjects; otherwise the success condition determines the
 score.
 """
@@ -11,7 +12,7 @@ score.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass
 
 from msgspec.structs import replace
@@ -56,6 +57,10 @@ class Stages:
         for relation in instance.relations:
             if relation.kind == "dependency" and relation.target in self._needs:
                 self._needs[relation.target] = (*self._needs[relation.target], relation.source)
+        self._serial: dict[str, tuple[str, ...]] = {}
+        for relation in instance.relations:
+            if relation.serial:
+                self._serial[relation.target] = (*self._serial.get(relation.target, ()), relation.source)
         self._deadlines_s = deadlines_s(instance)
         self._weights = {stage.name: _number(stage.weight, 1.0) for stage in instance.stages}
         self._ticks = {
@@ -82,6 +87,15 @@ class Stages:
         if not fresh:
             return registry
         return replace(registry, progress=replace(registry.progress, began={**registry.progress.began, **fresh}))
+
+    def waiting(self, registry: Registry) -> Container[tuple[str, str]]:
+        """The (stage, subject) pairs that do not count yet, because a stage before them in a `serial` is not done."""
+        return {
+            (name, subject)
+            for name, sources in self._serial.items()
+            for subject in self._subjects.get(name, ())
+            if not self._are_done(sources, subject, registry)
+        }
 
     def late(self, registry: Registry) -> Iterator[LateStage]:
         """Yield the stages that have exceeded their ticks without being done, in declaration order."""
@@ -117,11 +131,11 @@ class Stages:
         return f"by its deadline, {deadline_s:g} s" if registry.time_s >= deadline_s - _TOLERANCE_S else ""
 
     def _may_begin(self, stage: Stage, subject: str, registry: Registry) -> bool:
-        return all(
-            (source, each) in registry.stages
-            for source in self._needs[stage.name]
-            for each in self._of(source, subject)
-        )
+        return self._are_done(self._needs[stage.name], subject, registry)
+
+    def _are_done(self, sources: tuple[str, ...], subject: str, registry: Registry) -> bool:
+        """Return whether stages are done, for the subject if they have it."""
+        return all((source, each) in registry.stages for source in sources for each in self._of(source, subject))
 
     def _of(self, source: str, subject: str) -> tuple[str, ...]:
         """Return the subjects for which `source` must be done: `subject` if it is one of them, else all subjects of

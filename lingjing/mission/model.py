@@ -540,6 +540,8 @@ class Relation(Record, frozen=True, kw_only=True):
     """The element by which it is exercised."""
     per: str | None = None
     """A group: the relation holds for each of its members."""
+    serial: bool = False
+    """True for a dependency of the statement `serial`: the target counts only after the source."""
     when: Guard | None = None
 
 

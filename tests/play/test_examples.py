@@ -35,3 +35,13 @@ def test_a_parcel_that_is_late_ends_the_mission(tmp_path: Path) -> None:
     assert outcome is not None and outcome.reason == "late" and "was not done by its deadline" in outcome.detail
     named = [order for order in deadlines if order in outcome.detail]
     assert named and all(deadlines[order] <= 10.0 * outcome.ticks for order in named)
+
+
+@pytest.mark.slow
+def test_stages_count_in_their_order(tmp_path: Path) -> None:
+    trace = played("rounds", tmp_path).trace
+    assert trace.outcome is not None and trace.outcome.success
+    ticks = {change.stage: change.tick for boundary in trace.boundaries for change in boundary.stages}
+    assert (
+        ticks["rise"] < min(ticks["survey"], ticks["walk"]) <= max(ticks["survey"], ticks["walk"]) < ticks["come_home"]
+    )

@@ -17,6 +17,7 @@ from lingjing.dsl.checking.conduct import ConductChecker
 from lingjing.dsl.checking.events import EventChecker
 from lingjing.dsl.checking.expectations import ExpectationChecker
 from lingjing.dsl.checking.inherit import merge_base
+from lingjing.dsl.checking.orders import OrderChecker
 from lingjing.dsl.checking.rules import RuleChecker
 from lingjing.dsl.checking.scope import SymbolTables
 from lingjing.dsl.checking.settings import NO_HUB
@@ -90,6 +91,7 @@ class _MissionChecker:
         self.events = EventChecker(file.blocks, file.settings)
         self.studies = StudyChecker(file.blocks, file.settings)
         self.expectations = ExpectationChecker(file.blocks, file.settings)
+        self.orders = OrderChecker(file.blocks)
 
     def mission(self, node: s.MissionBlock) -> model.Mission | None:
         """Run all passes over a mission's block."""
@@ -115,6 +117,7 @@ class _MissionChecker:
         clock = self.settings.clock(sections["clock"]) if "clock" in sections else None
         budget = self.settings.budget(sections["budget"]) if "budget" in sections else None
         parts |= {part: self._items(part, declarations[part]) for part in _CHECKS if part not in _FIRST}
+        parts["relations"] = self.orders.relations(_all(items, s.OrderLine), parts["relations"])
         mission = partial(
             model.Mission,
             name=node.name.text,

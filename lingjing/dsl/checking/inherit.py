@@ -200,6 +200,8 @@ def _key(item: s.Statement) -> tuple[str, str] | None:
     keyword, name = keyword_of(item), getattr(item, "name", None)
     if keyword is not None and isinstance(name, s.Name):
         return keyword, name.text
+    if isinstance(item, s.OrderLine):
+        return item.keyword, " ".join(name.text for name in item.stages)
     if isinstance(item, s.RelationLine):
         return "relation", f"{item.kind.text} {item.source.text} {item.target.text}"
     if isinstance(item, s.PermitLine):

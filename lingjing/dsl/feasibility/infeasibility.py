@@ -7,6 +7,8 @@ name.
 
 from __future__ import annotations
 
+import itertools
+
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission.diagnostics import Related, Severity
@@ -68,6 +70,9 @@ def _named(item: s.Statement) -> list[tuple[str, _Place]]:
             return [(f"stage/{item.name.text}", _at(item.name)), *inner]
         case s.RelationLine():
             return [(f"{item.kind.text}/{item.source.text}/{item.target.text}", (item.source.start, item.target.end))]
+        case s.OrderLine(keyword="serial"):
+            places = itertools.pairwise(item.stages)
+            return [(f"dependency/{a.text}/{b.text}", (a.start, b.end)) for a, b in places]
         case s.PermitLine():
             return [(f"permit/{_permitted(item.resource)}", (item.resource.start, item.resource.end))]
         case s.OutcomeLine():

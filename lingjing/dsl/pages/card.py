@@ -202,7 +202,7 @@ def _declared(decl: object) -> str:
         inside = "; ".join(acts or ([" ".join(verbs)] if verbs else []))
         return f"{decl.name}{f' ({inside})' if inside else ''}"
     if isinstance(decl, RecordDecl):
-        return f"{decl.name} ({', '.join(field.name for field in decl.fields)})"
+        return f"{decl.name} ({' '.join(field.name for field in decl.fields)})"
     assert isinstance(decl, CameraDecl | WeatherDecl)
     return decl.name
 

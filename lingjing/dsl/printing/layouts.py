@@ -49,6 +49,9 @@ def lay_out(part: str, item: msgspec.Struct, write: WriteExpression) -> str:
     """The statement that declares an item of a field of a mission."""
     layout = _LAYOUTS[part]
     writer = _ItemWriter(item, write)
+    field, template = layout.instead
+    if field and getattr(item, field):
+        return writer.filled(template)
     head = writer.filled(layout.head)
     return block(head, writer.lines(layout.lines)) if layout.lines else head
 

@@ -138,6 +138,8 @@ class Layout:
     """Template of its first line."""
     lines: tuple[str, ...] = ()
     """Templates of the lines of its block; `*field` prints the statements of a field. Empty for one without a block."""
+    instead: tuple[str, str] = ("", "")
+    """A field and the template of items in which the field is true; ("", "") if all items have one template."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -272,8 +272,19 @@ STATEMENTS = (
         part="relations", paragraph="relations",
         layout=Layout(
             "relation {kind} {source} {mutual:arrow} {target}"
-            "[ carries {carries}][ over {over}][ by {by}][ per {per}]" + _WHEN
+            "[ carries {carries}][ over {over}][ by {by}][ per {per}]" + _WHEN,
+            instead=("serial", "serial {source}, {target}"),
         ),
+    ),
+    StatementKind(
+        "serial", s.OrderLine, (Form("stages:names", "order"),), ("mission",),
+        example="serial detect, execute", doc="stages of which each counts only after the one before",
+        names={"stages": NamePlace(spaces=("stage",))},
+    ),
+    StatementKind(
+        "parallel", s.OrderLine, (Form("stages:names", "order"),), ("mission",),
+        example="parallel scan, guard", doc="stages that begin together, and for which the same stages wait",
+        names={"stages": NamePlace(spaces=("stage",))},
     ),
     StatementKind(
         "success", s.OutcomeLine, (Form("when condition:value", "outcome"),), ("mission",),

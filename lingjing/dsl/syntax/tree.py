@@ -352,6 +352,13 @@ class RelationLine(Statement, frozen=True, gc=False):
     guard: Expression | None
 
 
+class OrderLine(Statement, frozen=True, gc=False):
+    """`serial find, save`, `parallel scan, guard`."""
+
+    keyword: str
+    stages: tuple[Name, ...]
+
+
 class OutcomeLine(Statement, frozen=True, gc=False):
     """`success when …`, `failure when …`."""
 
