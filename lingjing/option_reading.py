@@ -70,6 +70,9 @@ def _tried(model: type[ModelT], values: Mapping[str, object]) -> tuple[ModelT | 
         return model.model_validate(dict(values)), (), ()
     except ValidationError as error:
         return None, tuple(error.errors(include_url=False)), ()
+    except LingjingError as error:  # such as the fault of a plug-in that an option names
+        fault = Fault(_breaking(model, values), f"cannot be used: {error}", hint_of(error))
+        return None, (), (fault,)
     except Exception as error:  # noqa: BLE001 - a plug-in's validator may raise anything
         at = traceback.extract_tb(error.__traceback__)[-1]
         problem = (

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from lingjing.errors import InfrastructureError, LingjingError
+from lingjing.errors import InfrastructureError, LingjingError, PluginError
 from lingjing.kernel.ambient_random import load_generators, with_detection
 from lingjing.kernel.budgets import ALLOWANCE
 from lingjing.kernel.step import Published
@@ -289,7 +289,8 @@ def failure(error: BaseException, started: float) -> PolicyAnswer:
     """
     print_wanted_traceback(error)
     try:
-        text = f"{type(error).__name__}: {error}".splitlines()[0]
+        kind = "" if isinstance(error, PluginError) else f"{type(error).__name__}: "  # a `PluginError` names its code
+        text = f"{kind}{error}".splitlines()[0]
     except Exception:  # noqa: BLE001 - an exception with a failing `__str__` is the policy's failure too
         text = type(error).__name__
     text = text.encode("utf-8", "backslashreplace").decode()  # a lone surrogate cannot be stored

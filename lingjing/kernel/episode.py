@@ -105,7 +105,7 @@ def reset_policies(kernel: Kernel, barrier: Barrier) -> None:
             barrier.close()
             raise ForeignCodeError(
                 f"the policy of `{agent}` failed in `reset`: {answer.detail}",
-                hint="correct the policy's `reset`, or choose another with --policy",
+                hint="correct the code that failed, or choose another policy with --policy",
             )
 
 

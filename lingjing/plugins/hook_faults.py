@@ -168,8 +168,8 @@ def _check_arity(item: object, hook: str, subject: str, function: Callable[..., 
     except TypeError as error:
         called = f"it is called with ({', '.join(arguments or ())})"
         hint = f"take ({', '.join(arguments or ())})"
-        if hook in _WITH_OPTIONS or isinstance(item, PolicyPlugin):
-            hint += "; `options` is passed if the declaration names a model of options"
+        if hook in _WITH_OPTIONS and not getattr(item, "options", None):
+            hint = f"declare `options`, the model of its options, or {hint} alone"
         parameters = ", ".join(signature.parameters)
         raise PluginError(f"{subject} takes ({parameters}), and {called}: {error}", hint=hint) from error
 

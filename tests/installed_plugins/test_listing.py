@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from lingjing.testing import run_command
+from lingjing.testing import compile_text, run_command
 from tests.installed_plugins.conftest import Site
 
 OFFER = """\
@@ -99,3 +99,7 @@ def test_packages_of_types_are_listed(site: Site, capsys: pytest.CaptureFixture[
     assert "error: the types `lost` name `lost.types`, which is no package" in printed.err
     assert run_command(["plugins", "acme"]) == 0
     assert "acme.bodies, acme.goods" in capsys.readouterr().out
+    hints = {"acme.bodys": "did you mean `acme.bodies`?", "empty.bodies": "the installed types `empty` hold no .ljs"}
+    for path, hint in hints.items():
+        faults = {fault.code: fault.hint for fault in compile_text(f"ljs 2\nuse {path} {{ a }}\n").diagnostics}
+        assert faults["LJ0118"].startswith(hint)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 import pytest
 
-from lingjing.errors import UsageError
+from lingjing.errors import PluginError, UsageError
 from lingjing.mission.instance import Instance
 from lingjing.plugins import conformance as kit
 from lingjing.plugins.evaluator import EpisodeState, Evaluation, EvaluatorPlugin
@@ -170,3 +170,16 @@ def test_an_evaluator_that_raises_is_named_with_its_line(instance: Instance) -> 
     for build, message in faulty:
         with pytest.raises(kit.ConformanceError, match=message):
             kit.check_evaluator(EvaluatorPlugin(name="made", build=build), instance)  # type: ignore[arg-type]
+
+
+def _with_options(instance: Instance, options: Share) -> _Stages:
+    return _Stages(instance)
+
+
+def test_a_declaration_without_its_options_is_named_and_not_the_option(instance: Instance) -> None:
+    message = r"`build` of `mine` takes \(instance, options\), and it is called with \(instance\)"
+    with pytest.raises(PluginError, match=message) as caught:
+        kit.check_evaluator(EvaluatorPlugin(name="mine", build=_with_options), instance, {"reward": 0.5})
+    assert caught.value.hint == "declare `options`, the model of its options, or take (instance) alone"
+    with pytest.raises(kit.ConformanceError, match="declares no model of options, and the check passes reward"):
+        kit.check_evaluator(EvaluatorPlugin(name="mine", build=_Stages), instance, {"reward": 0.5})

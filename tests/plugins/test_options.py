@@ -100,6 +100,21 @@ def test_the_hint_of_an_error_behind_a_validator_is_the_hint_of_the_fault():
         read_options(Named, {"name": "a"}, "thing")
 
 
+def test_an_error_of_a_plugin_behind_a_validator_is_told_as_it_is():
+    class Named(PluginOptions):
+        name: str
+
+        @field_validator("name")
+        @classmethod
+        def _is_there(cls, name: str) -> str:
+            raise PluginError("the options of scaffold `mine` cannot be loaded", hint="correct it")
+
+    message = r"^thing: option `name` cannot be used: the options of scaffold `mine` cannot be loaded; correct it$"
+    with pytest.raises(UsageError, match=message.replace("$", "")) as caught:
+        read_options(Named, {"name": "a"}, "thing")
+    assert caught.value.hint == ""
+
+
 def test_a_nested_fault_has_its_path():
     class Retry(PluginOptions):
         tries: int = 3

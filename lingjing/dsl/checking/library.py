@@ -104,5 +104,5 @@ def _plugin_folder(name: str) -> str | None:
     folder = next((place for place in package_folders(points[0].value) if place.is_dir()), None)
     if folder is None:
         message = f"the types `{name}` name `{points[0].value}`, which is no package"
-        raise PluginError(message, hint="reinstall the plug-in")
+        raise PluginError(message, hint=f"add the package with its .ljs files, or correct the entry point `{name}`")
     return str(folder)

@@ -196,6 +196,8 @@ class FileChecker:
         self.scope.incomplete = True
         known = library.known_paths(words[0], folder) if folder or not node.relative else []
         hint = did_you_mean(shown, known)
+        if not known and words[0] in dict(library.installed_types()):
+            hint = f"the installed types `{words[0]}` hold no .ljs file"
         if node.relative and folder is None:
             hint = "`use .NAME` needs a mission in a file"
         close = nearest(shown, known)

@@ -40,6 +40,8 @@ def name_plugin(error: BaseException, host: PluginHost) -> None:
     if plugin != OWN_ENGINES:
         named = f"engine `{engine}`"
         error.args = (str(error).replace(named, f"{named} of plug-in `{plugin}`", 1),)
+        if isinstance(error, InfrastructureError) and not error.hint:
+            error.hint = "correct the engine: `check_engine` of the conformance kit tests it"
 
 
 def guarded(enter: Enter, engine: str, call: str, action: Callable[[], ResultT]) -> tuple[ResultT, float]:

@@ -21,6 +21,7 @@ from lingjing.plugins.backbone import (
 )
 from lingjing.plugins.conformance.case import ConformanceError, require, run_all
 from lingjing.plugins.foreign_errors import kind_of_value, one_line
+from lingjing.plugins.hook_faults import check_declaration
 from lingjing.trace.images import encode_jpeg
 
 GREY = 128
@@ -61,6 +62,7 @@ def check_backbone(
     plugin: BackbonePlugin, model: str, access: ServiceAccess | None = None, *, images: bool = False
 ) -> None:
     """Run every check of a backbone with a model of its service; one `ConformanceError` lists all that failed."""
+    check_declaration(plugin, "lingjing_backbones", plugin.name)
     case = BackboneCase(plugin, model, access or ServiceAccess(""), images)
     run_all(f"backbone `{plugin.name}`", BACKBONE_CHECKS, case)
 

@@ -35,6 +35,7 @@ from lingjing.plugins.conformance.requests import (
     check_refusals,
 )
 from lingjing.plugins.engine import Boundary, CaptureRequest, Engine, EnginePlugin, Frame, KeyedPictures
+from lingjing.plugins.hook_faults import check_declaration
 from lingjing.plugins.options import declared_model
 from lingjing.processes.linux import run_in_fork
 from lingjing.scene.city import City
@@ -56,6 +57,7 @@ def check_engine(
     placed: bool = True,
 ) -> None:
     """Run every check of an engine. Raises one `ConformanceError` that lists all failed checks."""
+    check_declaration(plugin, "lingjing_engines", plugin.name)
     case = EngineCase(plugin, instance, city, tuple(commands), tuple(mirrors), seed, seconds, placed)
     run_all(f"engine `{plugin.name}`", ENGINE_CHECKS, case)
 

@@ -17,6 +17,7 @@ from lingjing.mission.instance import GivenOption, Instance
 from lingjing.plugins.conformance.case import of_plugin, require
 from lingjing.plugins.evaluator import Evaluation, Evaluator, EvaluatorPlugin, answer_fault
 from lingjing.plugins.foreign_errors import kind_of_value
+from lingjing.plugins.hook_faults import check_declaration
 from lingjing.plugins.options import PluginOptions, declared_model, read_options
 from lingjing.trace.records import AdjudicatedEvent, BodyState
 
@@ -45,6 +46,9 @@ def check_evaluator(
     `ConformanceError` with the first fault.
     """
     owner = f"evaluator `{plugin.name}`"
+    check_declaration(plugin, "lingjing_evaluators", plugin.name)
+    named = ", ".join(options or {})
+    require(bool(plugin.options) or not options, f"{owner} declares no model of options, and the check passes {named}")
     model = declared_model(plugin.options, owner)
     arguments = (read_options(model or PluginOptions, options or {}, owner),) if plugin.options or options else ()
 

@@ -12,6 +12,7 @@ import msgspec
 
 from lingjing.plugins.conformance.case import require, run_all
 from lingjing.plugins.foreign_errors import kind_of_value
+from lingjing.plugins.hook_faults import check_declaration
 from lingjing.plugins.loading import build_policy
 from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, PolicyPlugin
 
@@ -38,6 +39,7 @@ def check_policy(
     arguments: dict[str, str] | None = None,
 ) -> None:
     """Run every check of a policy. Without observations it receives three empty ones."""
+    check_declaration(plugin, "lingjing_policies", plugin.name)
     shown = tuple(observations) or tuple(
         Observation(agent=brief.agent, tick=tick, time_s=tick * brief.tick_s, weather=brief.weather)
         for tick in range(3)

@@ -53,13 +53,8 @@ class ScaffoldCase:
         """Return the parts of one agent."""
         plugin = self.plugin
 
-        class Declared:
-            @staticmethod
-            @hookimpl
-            def lingjing_scaffolds() -> tuple[ScaffoldPlugin, ...]:
-                return (plugin,)
-
-        host = PluginHost(entry_points=False, extra=(Declared,))
+        hook = staticmethod(hookimpl(lambda: (plugin,), specname="lingjing_scaffolds"))
+        host = PluginHost(entry_points=False, extra=(type(plugin.name, (), {"lingjing_scaffolds": hook}),))
         return scaffold_builder(plugin.name, self.arguments, host)(ScaffoldContext(self.brief, plain_parts(self.brief)))
 
 
