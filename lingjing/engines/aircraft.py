@@ -33,6 +33,7 @@ from lingjing.scene.city import City
 from lingjing.scene.flight_floor import FlightFloor
 from lingjing.scene.outlines import compass
 from lingjing.scene.terrain import Terrain
+from lingjing.sums import total
 from lingjing.trace.records import DEAD, BodyState, Command
 
 PERIOD_S = 0.02
@@ -346,7 +347,7 @@ def _touch(first: Aircraft, second: Aircraft) -> bool:
 
 def path_length(start: Vector, legs: Sequence[Vector]) -> float:
     """Return the length of the way from `start` through all `legs`, metres."""
-    return sum(math.dist(a, b) for a, b in zip((start, *legs), legs, strict=False))
+    return total(math.dist(a, b) for a, b in zip((start, *legs), legs, strict=False))
 
 
 def _exhausted(aircraft: Aircraft) -> str:

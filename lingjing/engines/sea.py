@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from lingjing.mission.instance import Weather
+from lingjing.sums import total
 
 GRAVITY = 9.80665
 """Standard gravity, m/s^2."""
@@ -80,12 +81,14 @@ def waves(weather: Weather) -> tuple[WaveComponent, ...]:
 
 def elevation(components: Sequence[WaveComponent], x: float, y: float, t: float) -> float:
     """Return the height of the surface over still water at (x, y) metres and t seconds."""
-    return sum(wave.amplitude_m * math.cos(wave.angle(x, y, t)) for wave in components)
+    return total(wave.amplitude_m * math.cos(wave.angle(x, y, t)) for wave in components)
 
 
 def rise(components: Sequence[WaveComponent], x: float, y: float, t: float) -> float:
     """Return the vertical velocity of the surface, m/s: the time derivative of `elevation`."""
-    return sum(wave.amplitude_m * 2.0 * math.pi / wave.period_s * math.sin(wave.angle(x, y, t)) for wave in components)
+    return total(
+        wave.amplitude_m * 2.0 * math.pi / wave.period_s * math.sin(wave.angle(x, y, t)) for wave in components
+    )
 
 
 def slope(components: Sequence[WaveComponent], x: float, y: float, t: float) -> tuple[float, float]:

@@ -16,6 +16,7 @@ from msgspec.structs import replace
 from lingjing.kernel.progress import EpisodeProgress, Spent
 from lingjing.kernel.registry import Registry
 from lingjing.mission.instance import Allowance, Budget, Instance, LimitSpec
+from lingjing.sums import total
 from lingjing.trace.records import DecisionRecord
 
 ALLOWANCE = "allowance"
@@ -162,6 +163,6 @@ def _is_running(stage: str, registry: Registry) -> bool:
 def _total(spent: Mapping[str, Spent]) -> Spent:
     return Spent(
         tokens=sum(each.tokens for each in spent.values()),
-        money_usd=sum(each.money_usd for each in spent.values()),
+        money_usd=total(each.money_usd for each in spent.values()),
         messages=sum(each.messages for each in spent.values()),
     )

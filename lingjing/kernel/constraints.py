@@ -13,6 +13,7 @@ from lingjing.mission.expression import Number
 from lingjing.mission.instance import Instance
 from lingjing.mission.model import Constraint
 from lingjing.mission.wording import some
+from lingjing.sums import total
 from lingjing.trace.records import AdjudicatedEvent, BodyState, Snapshot
 
 ContextAt = Callable[[Registry, Mapping[str, BodyState], float], RuntimeContext]
@@ -70,7 +71,7 @@ class ConstraintMonitor:
         if not registry.progress.broken:
             return 0.0
         cost = {each.name: each.penalty.value for each in self._constraints if isinstance(each.penalty, Number)}
-        return sum(cost.get(name, 0.0) for name, _ in registry.progress.broken)
+        return total(cost.get(name, 0.0) for name, _ in registry.progress.broken)
 
 
 def _offenders(constraint: Constraint, at: RuntimeContext) -> list[str]:

@@ -22,6 +22,7 @@ from lingjing.mission.conditions.declared_values import deadlines_s
 from lingjing.mission.expression import Number
 from lingjing.mission.instance import Instance
 from lingjing.mission.model import Stage
+from lingjing.sums import total
 
 _TOLERANCE_S = 1e-6
 """Tolerance of comparisons of simulated time, seconds (chosen: far below a macro-step)."""
@@ -108,7 +109,7 @@ class Stages:
 
     def score(self, registry: Registry) -> float | None:
         """Return the weighted share of completed stages, 0 to 1, or None if no stage has a weight."""
-        whole = sum(self._weights.values()) if self._weighted else 0.0
+        whole = total(self._weights.values()) if self._weighted else 0.0
         if whole <= 0:
             return None
         done = 0.0

@@ -12,6 +12,8 @@ from __future__ import annotations
 
 import math
 
+from lingjing.sums import total
+
 EQUATOR_M = 6_378_137.0
 """Semi-major axis of WGS84, metres (NIMA TR8350.2)."""
 FLATTENING = 1.0 / 298.257223563
@@ -63,8 +65,8 @@ def to_geodetic(east: float, north: float, origin: tuple[float, float]) -> tuple
     """(east, north) in metres about `origin` to (latitude, longitude) in degrees."""
     xi = (north + _project(origin[0], 0.0)[1]) / _RECTIFYING_M
     eta = east / _RECTIFYING_M
-    xi0 = xi - sum(b * math.sin(2 * j * xi) * math.cosh(2 * j * eta) for j, b in enumerate(_BETA, start=1))
-    eta0 = eta - sum(b * math.cos(2 * j * xi) * math.sinh(2 * j * eta) for j, b in enumerate(_BETA, start=1))
+    xi0 = xi - total(b * math.sin(2 * j * xi) * math.cosh(2 * j * eta) for j, b in enumerate(_BETA, start=1))
+    eta0 = eta - total(b * math.cos(2 * j * xi) * math.sinh(2 * j * eta) for j, b in enumerate(_BETA, start=1))
     conformal = math.sin(xi0) / math.hypot(math.sinh(eta0), math.cos(xi0))
     longitude = math.degrees(math.atan2(math.sinh(eta0), math.cos(xi0)))
     return math.degrees(math.atan(_geodetic_tangent(conformal))), (origin[1] + longitude + 180.0) % 360.0 - 180.0
@@ -76,8 +78,8 @@ def _project(latitude: float, longitude: float) -> tuple[float, float]:
     difference = math.radians((longitude + 180.0) % 360.0 - 180.0)
     xi = math.atan2(tangent, math.cos(difference))
     eta = math.asinh(math.sin(difference) / math.hypot(tangent, math.cos(difference)))
-    northing = xi + sum(a * math.sin(2 * j * xi) * math.cosh(2 * j * eta) for j, a in enumerate(_ALPHA, start=1))
-    easting = eta + sum(a * math.cos(2 * j * xi) * math.sinh(2 * j * eta) for j, a in enumerate(_ALPHA, start=1))
+    northing = xi + total(a * math.sin(2 * j * xi) * math.cosh(2 * j * eta) for j, a in enumerate(_ALPHA, start=1))
+    easting = eta + total(a * math.cos(2 * j * xi) * math.sinh(2 * j * eta) for j, a in enumerate(_ALPHA, start=1))
     return easting * _RECTIFYING_M, northing * _RECTIFYING_M
 
 

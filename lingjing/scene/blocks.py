@@ -15,6 +15,7 @@ from lingjing.mission.geometry2d import Polygon
 from lingjing.mission.instance import Vector
 from lingjing.scene.city import Bridge, Building, Pieces, Slope, Solid
 from lingjing.scene.outlines import BoundedPolygon, inside
+from lingjing.sums import total
 
 PIER_M = 1.8
 """Side of the square leg of a pier, metres (chosen)."""
@@ -133,7 +134,7 @@ def pier_places(bridge: Bridge) -> Iterator[Vector]:
     Piers stand in the middles of equal fields of at most `pier_spacing_m`. A narrow deck has one leg per pier, a wide
     one two.
     """
-    whole = sum(math.dist(a[:2], b[:2]) for a, b in itertools.pairwise(bridge.path))
+    whole = total(math.dist(a[:2], b[:2]) for a, b in itertools.pairwise(bridge.path))
     if bridge.pier_spacing_m <= 0.0 or whole < 1.0:
         return
     fields = int(whole // bridge.pier_spacing_m) + 1

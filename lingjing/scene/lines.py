@@ -11,6 +11,7 @@ from typing import Generic, TypeVar
 from lingjing.mission.geometry2d import Vector2
 from lingjing.mission.instance import Vector
 from lingjing.scene.camera_geometry import bearing_deg
+from lingjing.sums import total
 
 P = TypeVar("P", Vector2, Vector)
 
@@ -65,7 +66,7 @@ def project(line: Sequence[P], x: float, y: float) -> LinePlace[P]:
 
 def line_length(line: Iterable[Vector]) -> float:
     """Length of a line in plan, metres."""
-    return sum(hypot(bx - ax, by - ay) for (ax, ay, _), (bx, by, _) in pairwise(line))
+    return total(hypot(bx - ax, by - ay) for (ax, ay, _), (bx, by, _) in pairwise(line))
 
 
 def point_at(line: Sequence[Vector], at: float) -> tuple[Vector, float]:

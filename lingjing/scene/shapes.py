@@ -17,6 +17,7 @@ from lingjing.mission.instance import Vector
 from lingjing.scene.blocks import PIER_M, pier_places
 from lingjing.scene.city import Bridge, Building, Pieces, Pipe, Prop, Slope, Solid
 from lingjing.scene.sizes import BOXES, RODS
+from lingjing.sums import total
 
 _TINY_M = 1e-4
 """Tolerance of geometry, metres: shorter edges and thinner prisms are dropped."""
@@ -206,7 +207,7 @@ def _is_convex(points: Sequence[Vector2]) -> bool:
         return False
     # Left turns alone do not prove convexity: a star turns left everywhere too, but goes round twice.
     ways = [math.atan2(points[n][1] - points[n - 1][1], points[n][0] - points[n - 1][0]) for n in range(count)]
-    around = sum((ways[n] - ways[n - 1] + math.pi) % (2.0 * math.pi) - math.pi for n in range(count))
+    around = total((ways[n] - ways[n - 1] + math.pi) % (2.0 * math.pi) - math.pi for n in range(count))
     return abs(around - 2.0 * math.pi) < 1.0
 
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from lingjing.engines.flight_dynamics import FOOT_M, POUND_KG, POUND_N, FlightDynamics
 from lingjing.mission.instance import Vector
+from lingjing.sums import total
 
 MASS_KG = 1.6
 """Mass of `aircraft/quad450` without load, kg. The controller uses it to turn acceleration into thrust."""
@@ -70,6 +71,6 @@ class QuadrotorAirframe(FlightDynamics):
             velocity=self.velocity(),
             attitude=self.attitude(),
             air_velocity=(forward() * FOOT_M, right() * FOOT_M, down() * FOOT_M),
-            thrust_n=sum([thrust() for thrust in self._motors]) * POUND_N,
+            thrust_n=total([thrust() for thrust in self._motors]) * POUND_N,
             density=self._density() * _SLUGS_FT3,
         )

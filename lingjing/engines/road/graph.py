@@ -17,6 +17,7 @@ from lingjing.mission.geometry2d import Vector2
 from lingjing.scene.camera_geometry import turn_deg
 from lingjing.scene.lines import LinePlace, project
 from lingjing.scene.network import THROUGH_KEY
+from lingjing.sums import total
 
 CAR = "passenger"
 """SUMO's vehicle class of passenger cars."""
@@ -192,7 +193,7 @@ def elevations(sim: Simulation, graph: Graph) -> tuple[float, float]:
     heights = [0.0] if not graph.edges else []
     for lane in (lane for edge in graph.edges.values() for lane in edge.lanes):
         steps = [math.dist(*pair) for pair in itertools.pairwise(lane.shape)]
-        scale = lane.length_m / (sum(steps) or 1.0)
+        scale = lane.length_m / (total(steps) or 1.0)
         for at_m in (0.0, *itertools.accumulate(steps)):
             at = min(at_m * scale, lane.length_m)
             heights.append(float(sim.simulation.convert3D(lane.edge, at, lane.index)[2]))

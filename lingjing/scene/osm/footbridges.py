@@ -17,6 +17,7 @@ from lingjing.scene.network import LAYER_M
 from lingjing.scene.osm.elevation import bridge_heights, is_surface_way
 from lingjing.scene.osm.features import Feature, Features
 from lingjing.scene.osm.tags import is_below, is_set, layer, metres
+from lingjing.sums import total
 
 WIDTHS_M = {"footway": 3.5, "path": 2.5, "cycleway": 3.5, "pedestrian": 6.0}
 """Usual widths of decks, metres (chosen)."""
@@ -91,7 +92,7 @@ def _ramps(way: Feature, grade: float, ends: dict[tuple[float, float], float], f
 def _descent(points: list[tuple[float, float]], height: float, grade: float) -> tuple[Vector, ...]:
     """The line descending from its beginning; steeper than `grade` if the line is too short."""
     lengths = [dist(a, b) for a, b in pairwise(points)]
-    grade = max(grade, height / sum(lengths))
+    grade = max(grade, height / total(lengths))
     path: list[Vector] = [(*points[0], height)]
     for (a, b), length in zip(pairwise(points), lengths, strict=True):
         top = path[-1][2]

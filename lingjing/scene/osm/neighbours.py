@@ -24,6 +24,7 @@ from lingjing.scene.osm.features import AROUND_M
 from lingjing.scene.osm.heights import tagged_height_m, tagged_levels
 from lingjing.scene.osm.storeys import DEEP_M, HOUSES_M2, StoreyRange
 from lingjing.scene.osm.uses import LOW, is_landmark
+from lingjing.sums import total
 
 NEAR_M = 300.0
 """Radius for the median footprint and the usual storeys of a neighbourhood, metres (chosen)."""
@@ -187,10 +188,10 @@ def _is_hall(shape: Any) -> bool:
 
 
 def _weighted_median(ballot: list[tuple[float, float]]) -> float:
-    half, total = sum(weight for _, weight in ballot) / 2.0, 0.0
+    half, reached = total(weight for _, weight in ballot) / 2.0, 0.0
     for storeys, weight in sorted(ballot):
-        total += weight
-        if total >= half:
+        reached += weight
+        if reached >= half:
             return storeys
     return max(storeys for storeys, _ in ballot)
 

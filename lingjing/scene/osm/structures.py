@@ -19,6 +19,7 @@ from lingjing.scene.cutting import polygons, rings
 from lingjing.scene.lines import line_length
 from lingjing.scene.osm.features import Features
 from lingjing.scene.osm.tags import is_below, is_set, layer, metres
+from lingjing.sums import total
 
 DECK_M = 0.9
 """Height over the ground from which a raised way gets a deck, metres (chosen). A lower one is drawn on the ground."""
@@ -102,7 +103,7 @@ def decks(roads: Iterable[Road]) -> Iterator[Bridge]:
 
 def middle(road: Road) -> tuple[tuple[Vector, ...], float]:
     """The centre line of all lanes of a road, and their total width in metres."""
-    width = sum(lane.width_m for lane in road.lanes)
+    width = total(lane.width_m for lane in road.lanes)
     first, last = road.lanes[0], road.lanes[-1]
     if len(first.shape) == len(last.shape):
         # Uses the outer edges, not the lane centres, because lanes may differ in width (sidewalks do).
