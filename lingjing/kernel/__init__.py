@@ -29,7 +29,7 @@ Modules in the order of control:
 - `visibility` projects observations (ProjectVisible) and builds briefs; `event_visibility` selects the events of an
   observation; `rule_sentences` words the mission's rules;
 - `context` is the environment in which expressions are evaluated, `facts` the functions that need a running mission,
-  `rules` the evaluator of expressions;
+  `rules` the evaluator of expressions; `temporal` updates the past of conditions over time, a `memory` for each;
 - `adjudication` latches rules as events (Adjudicate); `constraints` checks invariants; `stages` times the stages;
 - `subtasks` counts the parts of success; `evaluation` computes score and termination (Evaluate, TerminationReason);
   `evaluators` builds evaluators of plug-ins and checks their results;

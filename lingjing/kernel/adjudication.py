@@ -11,7 +11,7 @@ entities the one with the highest overlap (intersection over union) is chosen.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 
 import msgspec
 from msgspec.structs import replace
@@ -23,6 +23,7 @@ from lingjing.kernel.facts import FACTS
 from lingjing.kernel.registry import Binding, Registry, Report
 from lingjing.kernel.rules import RUNNING, bindings, holds, identity, is_decided_on_arrival, rule_depends_on_motion
 from lingjing.kernel.stages import Stages
+from lingjing.kernel.temporal import TemporalCall, remember, temporal_calls
 from lingjing.mission.expression import Call, Expr, parts
 from lingjing.mission.fold import Meanings
 from lingjing.mission.instance import Datum, Entity, Instance
@@ -63,6 +64,8 @@ class Adjudicator:
         ordered = _sorted_rules(instance.rules)
         self._moving = tuple(rule for rule in ordered if rule_depends_on_motion(rule, self._rules, self.kinds))
         self._static = tuple(rule for rule in ordered if rule not in self._moving)
+        self._temporal = {rule.name: temporal_calls(rule.condition, dict(_domains(rule))) for rule in ordered}
+        self._others = tuple(_other_calls(instance))
         self._areas = {region.name: Area(region.polygon) for region in instance.regions}
         self._meanings = Meanings(RUNNING)
         # A boundary needs the same context several times: for permits, observations, adjudication and evaluation.
@@ -104,13 +107,15 @@ class Adjudicator:
         messages are committed only with the boundary.
         """
         events: list[AdjudicatedEvent] = []
-        if self._moving and len(snapshots) > 1:
+        if (self._moving or self._others) and len(snapshots) > 1:
             early = replace(registry, reports=before.reports)
             for snapshot in snapshots[:-1]:
                 states = {state.id: state for state in snapshot.states}
                 early = self._apply(self._moving, early, states, snapshot.time_s, events)
+                early = self._remember(early, self._others, states, snapshot.time_s)
             registry = replace(early, reports=registry.reports)
         registry = self._apply(self._static + self._moving, registry, registry.states, registry.time_s, events)
+        registry = self._remember(registry, self._others, registry.states, registry.time_s)
         registry, broken = self._monitor.check(registry, snapshots, self.context_at, len(events) + 1)
         events.extend(broken)
         registry, stages = self._stages(registry)
@@ -127,9 +132,17 @@ class Adjudicator:
         events: list[AdjudicatedEvent],
     ) -> Registry:
         for rule in rules:
+            registry = self._remember(registry, self._temporal[rule.name], states, time_s)
             at = self.context_at(registry, states, time_s)
             registry = self._match(rule, at, events) if rule.matching else self._latch(rule, at, events)
         return registry
+
+    def _remember(
+        self, registry: Registry, calls: Sequence[TemporalCall], states: Mapping[str, BodyState], time_s: float
+    ) -> Registry:
+        if not calls:
+            return registry
+        return remember(registry, calls, lambda current: self.context_at(current, states, time_s))
 
     def _latch(self, rule: Rule, at: RuntimeContext, events: list[AdjudicatedEvent]) -> Registry:
         achieved: dict[Binding, float] = {}
@@ -238,6 +251,24 @@ class Adjudicator:
         if not fresh:
             return registry, ()
         return replace(registry, unlocked={**registry.unlocked, **fresh}), tuple(fresh)
+
+
+def _other_calls(instance: Instance) -> Iterator[TemporalCall]:
+    """Yield the functions over time outside of rules and constraints."""
+    yield from temporal_calls(instance.success, {})
+    yield from temporal_calls(instance.failure, {})
+    for stage in instance.stages:
+        yield from temporal_calls(
+            stage.condition, {stage.variable: stage.domain} if stage.variable and stage.domain else {}
+        )
+    for unlock in instance.unlocks:
+        domains = {parameter.name: parameter.domain for parameter in unlock.parameters}
+        yield from temporal_calls(unlock.condition, domains)
+    for permit in instance.permits:
+        yield from temporal_calls(permit.condition, {})
+    for event in instance.events:
+        for condition in (event.condition, event.until, *(change.value for change in event.changes)):
+            yield from temporal_calls(condition, {})
 
 
 def _domains(rule: Rule) -> tuple[tuple[str, str], ...]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 from msgspec.structs import replace
 
 from lingjing.kernel.context import RuntimeContext
 from lingjing.kernel.registry import Registry
 from lingjing.kernel.rules import bindings, holds, identity
+from lingjing.kernel.temporal import remember, temporal_calls
 from lingjing.mission.expression import Number
 from lingjing.mission.instance import Instance
 from lingjing.mission.model import Constraint
@@ -25,6 +27,11 @@ class ConstraintMonitor:
 
     def __init__(self, instance: Instance) -> None:
         self._constraints = instance.constraints
+        self._temporal = tuple(
+            call
+            for constraint in instance.constraints
+            for call in temporal_calls(constraint.condition, dict(_domain(constraint)))
+        )
 
     def check(
         self, registry: Registry, snapshots: Sequence[Snapshot], context_at: ContextAt, first: int
@@ -39,7 +46,10 @@ class ConstraintMonitor:
         events: list[AdjudicatedEvent] = []
         broken = dict(registry.progress.broken)
         for snapshot in snapshots:
-            at = context_at(registry, {state.id: state for state in snapshot.states}, snapshot.time_s)
+            states = {state.id: state for state in snapshot.states}
+            if self._temporal:
+                registry = remember(registry, self._temporal, partial(_context_of, context_at, states, snapshot.time_s))
+            at = context_at(registry, states, snapshot.time_s)
             for constraint in self._constraints:
                 for subject in _offenders(constraint, at):
                     if (constraint.name, subject) not in broken:
@@ -74,8 +84,18 @@ class ConstraintMonitor:
         return total(cost.get(name, 0.0) for name, _ in registry.progress.broken)
 
 
+def _context_of(
+    context_at: ContextAt, states: Mapping[str, BodyState], time_s: float, registry: Registry
+) -> RuntimeContext:
+    return context_at(registry, states, time_s)
+
+
+def _domain(constraint: Constraint) -> tuple[tuple[str, str], ...]:
+    return ((constraint.variable, constraint.domain),) if constraint.variable and constraint.domain else ()
+
+
 def _offenders(constraint: Constraint, at: RuntimeContext) -> list[str]:
-    domain = ((constraint.variable, constraint.domain),) if constraint.variable and constraint.domain else ()
+    domain = _domain(constraint)
     return [
         "".join(identity(value) for value in scope.values())
         for scope in bindings(domain, at)

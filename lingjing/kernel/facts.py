@@ -132,6 +132,21 @@ def _used(at: RuntimeContext, limit: Value) -> Value:
     return float(sum(used.get(key, 0) for key in keys)) if keys else None
 
 
+def _count(at: RuntimeContext, name: Value, *entities: Value) -> Value:
+    """Return how often an event of the mission occurred, or an interaction with all these entities was performed."""
+    if any(event.name == name for event in at.instance.events):
+        occurred = (item.tick * at.instance.clock.tick_s for item in at.registry.occurrences if item.event == name)
+        return float(sum(time_s <= at.time_s for time_s in occurred))
+    names = {entity.id for entity in entities if isinstance(entity, Entity)}
+    earlier = sum(
+        number for (kind, about), number in at.registry.counts.items() if kind == name and names.issubset(about)
+    )
+    recent = sum(
+        kind == name and time_s <= at.time_s and names.issubset(about) for kind, about, time_s in at.registry.recent
+    )
+    return float(earlier + recent)
+
+
 FACTS: Mapping[str, Callable[..., Value]] = {
     "truth": _truth,
     "emitted": _emitted,
@@ -144,5 +159,6 @@ FACTS: Mapping[str, Callable[..., Value]] = {
     "speed": _speed,
     "line_of_sight": _line_of_sight,
     "used": _used,
+    "count": _count,
 }
 """The functions of a running mission by their names in the language."""

@@ -13,6 +13,7 @@ from msgspec import field
 from msgspec.structs import replace
 
 from lingjing.kernel.append_only import AppendOnlyMap
+from lingjing.kernel.memory import ConditionPast
 from lingjing.kernel.progress import EpisodeProgress
 from lingjing.mission.geometry2d import contains
 from lingjing.mission.instance import Cell, Datum, Entity, Instance
@@ -115,6 +116,12 @@ class Registry(msgspec.Struct, frozen=True):
     """Pairs of entities that radio does not connect."""
     occurrences: tuple[Occurrence, ...] = ()
     """Every time at which an event of the mission occurred, in order."""
+    memory: Mapping[tuple[str, Binding], ConditionPast] = field(default_factory=dict)
+    """The past of each function over time, by its text and the ids of its free names (`lingjing.kernel.temporal`)."""
+    counts: Mapping[tuple[str, tuple[str, ...]], int] = field(default_factory=dict)
+    """The number of task events of each (kind, entities) before this boundary."""
+    recent: tuple[tuple[str, tuple[str, ...], float], ...] = ()
+    """(kind, entities, time in seconds) of each task event of this boundary."""
 
     def with_boundary(
         self,
@@ -143,11 +150,18 @@ class Registry(msgspec.Struct, frozen=True):
     def with_events(self, events: Iterable[TaskEvent]) -> Registry:
         """Return the registry with the boundary's task events. Of equal events the first counts."""
         fresh: dict[tuple[str, tuple[str, ...]], float] = {}
+        events = tuple(events)
         for event in events:
             key = (event.kind, event.entities)
             if key not in self.emitted:
                 fresh[key] = min(event.time_s, fresh.get(key, event.time_s))
-        return replace(self, emitted={**self.emitted, **fresh}) if fresh else self
+        if not (self.recent or events):
+            return self
+        counts = dict(self.counts)
+        for kind, about, _ in self.recent:
+            counts[kind, about] = counts.get((kind, about), 0) + 1
+        recent = tuple((event.kind, event.entities, event.time_s) for event in events)
+        return replace(self, emitted={**self.emitted, **fresh}, counts=counts, recent=recent)
 
     def with_routes(self, routes: Iterable[Route]) -> Registry:
         """Return the registry with newly planned routes; the latest of an entity counts."""

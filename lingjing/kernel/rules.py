@@ -31,8 +31,9 @@ from lingjing.mission.expression import (
     children,
     parts,
 )
+from lingjing.mission.expression_text import spell
 from lingjing.mission.fold import Composite, Literal, Meaning, meaning
-from lingjing.mission.functions import OPERATIONS, operation
+from lingjing.mission.functions import OPERATIONS, TEMPORAL, free_names, operation
 from lingjing.mission.instance import Entity
 from lingjing.mission.model import Rule
 from lingjing.mission.operations import AXES
@@ -116,6 +117,8 @@ class _Running:
                 return _member(name, operands[1])
             case Call(rule=True, function=name):
                 return lambda scope, at: (name, _binding(scope, at, operands)) in at.registry.achieved
+            case Call(function=name) if name in TEMPORAL:
+                return _remembered(node, operands)
         known = operation(node)
         if known is None:
             raise LingjingError(f"`{getattr(node, 'function', type(node).__name__)}` cannot stand in a rule")
@@ -158,6 +161,25 @@ def _applied(function: Callable[..., Value], operands: tuple[Meaning, ...]) -> M
             return None
 
     return applied
+
+
+def _remembered(call: Call, operands: tuple[Meaning, ...]) -> Meaning:
+    """Compile a function over time as a look-up of what the registry remembers of it."""
+    text, names, duration = spell(call), free_names(call), operands[-1]
+
+    def remembered(scope: Locals, at: RuntimeContext) -> Value:
+        binding = tuple(identity(scope[name]) for name in names if name in scope)
+        past = at.registry.memory.get((text, binding))
+        if past is None:
+            return False
+        if call.function == "before":
+            return past.before()
+        duration_s = duration(scope, at)
+        if not is_number(duration_s):
+            return None
+        return past.held(duration_s, at.time_s) if call.function == "held" else past.within(duration_s)
+
+    return remembered
 
 
 def _member(group: str, index: Meaning) -> Meaning:

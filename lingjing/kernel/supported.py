@@ -42,3 +42,5 @@ def _conditions(instance: Instance) -> Iterator[Expr]:
     yield from (permit.condition for permit in instance.permits)
     yield from (constraint.condition for constraint in instance.constraints)
     yield from (stage.condition for stage in instance.stages)
+    for event in instance.events:
+        yield from (condition for condition in (event.condition, event.until) if condition is not None)

@@ -16,7 +16,21 @@ from typing import Any, Literal
 import msgspec
 
 from lingjing.mission import intervals, operations
-from lingjing.mission.expression import Binary, Call, Draw, Expr, Index, Point, Range, Sequence, Unary
+from lingjing.mission.expression import (
+    Aggregate,
+    Binary,
+    Call,
+    Draw,
+    Expr,
+    Index,
+    Point,
+    Quantified,
+    Range,
+    Ref,
+    Sequence,
+    Unary,
+    children,
+)
 from lingjing.mission.units import ANGLE, LENGTH, NONE, SPEED, TIME, Dimension
 
 Kind = Literal[
@@ -48,6 +62,7 @@ Kind = Literal[
     "inspection",
     "limit",
     "status",
+    "happening",
     "any",
 ]
 
@@ -134,6 +149,7 @@ ANY = Type("any")
 NUMBER = Type("quantity", NONE)
 QUANTITY = Type("quantity")
 METRES = Type("quantity", LENGTH)
+SECONDS = Type("quantity", TIME)
 MPS = Type("quantity", SPEED)
 DEGREES = Type("quantity", ANGLE)
 FLAG = Type("flag")
@@ -311,7 +327,57 @@ _SIGNATURES = (
         "replans", (_p("inspection", INSPECTION),), NUMBER, where="rule", doc="how often the route was replanned"
     ),
     Signature("used", (_p("limit", Type("limit")),), NUMBER, where="rule", doc="what a counted budget has counted"),
+    Signature(
+        "held",
+        (_p("condition", FLAG), _p("time", SECONDS)),
+        FLAG,
+        where="rule",
+        doc="the condition has been true for that time without a break",
+    ),
+    Signature(
+        "within",
+        (_p("first", FLAG), _p("second", FLAG), _p("time", SECONDS)),
+        FLAG,
+        where="rule",
+        doc="the second condition has become true within that time of the first",
+    ),
+    Signature(
+        "before",
+        (_p("first", FLAG), _p("second", FLAG)),
+        FLAG,
+        where="rule",
+        doc="the first condition became true before the second",
+    ),
+    Signature(
+        "count",
+        (_p("event", Type("happening")), _p("entity", ENTITY, optional=True)),
+        NUMBER,
+        where="rule",
+        doc="how often an event of the mission occurred, or an interaction was performed",
+    ),
 )
+
+TEMPORAL: Mapping[str, int] = {"held": 1, "within": 2, "before": 2}
+"""Functions over time, with the number of conditions among their arguments, which stand first."""
+
+
+def conditions_of(call: Call) -> tuple[Expr, ...]:
+    """The conditions among the arguments of a function over time."""
+    return call.arguments[: TEMPORAL[call.function]]
+
+
+def free_names(expr: Expr) -> tuple[str, ...]:
+    """The bound names that an expression reads and does not bind itself, sorted."""
+    return tuple(sorted(_free(expr, frozenset())))
+
+
+def _free(expr: Expr, bound: frozenset[str]) -> frozenset[str]:
+    if isinstance(expr, Quantified | Aggregate):
+        bound |= {expr.variable}
+    if isinstance(expr, Ref) and expr.kind == "local" and expr.name not in bound:
+        return frozenset({expr.name})
+    return frozenset().union(*(_free(child, bound) for child in children(expr)))
+
 
 AGGREGATES: dict[str, Type] = {"count": FLAG, "sum": QUANTITY, "min": QUANTITY, "max": QUANTITY}
 """Functions over a group, `sum(o.demand for o in order)`, with the type of their body. They stand in rules only."""
@@ -387,6 +453,10 @@ OPERATIONS: Mapping[str, Operation] = {
         _fact("clear", words="nothing blocks the route of {0}", of_time=True, secret=True, about=("inspection",)),
         _fact("replans", words="the number of replans of {0}", about=("inspection",), at_start=0.0),
         _fact("used", words="what {0} has counted", about=("resource",), at_start=0.0),
+        _fact("held", words="for {1} without a break, {0}", of_time=True),
+        _fact("within", words="{1}, at most {2} after {0}", of_time=True),
+        _fact("before", words="{0}, before {1}", of_time=True),
+        _fact("count", words="the number of times of {0}[ on {1}]", about=("event",)),
     )
 }
 """The meaning of every operator and function, by name."""

@@ -31,6 +31,10 @@ ATOMS = (
     "distance(boat, victim) > 103 m",
     "line_of_sight(boat, victim) and victim in east",
     "speed(victim) >= 0 m/s and victim in east",
+    "held(victim.position.east > 25 m, 0 s)",
+    "within(now >= 0 s, far(victim), 5 s)",
+    "before(victim in east, now > 1 s)",
+    "count(held(far(v), 0 s) for v in victim) >= 1",
 )
 """Conditions that hold for one of the two places only, from the start on."""
 

@@ -53,7 +53,7 @@ class CallChecker:
         if checked is None:
             return UNKNOWN
         arguments, named, dimension, taint = checked
-        if name == "emitted" and not self._is_offered(node, environment):
+        if name in ("emitted", "count") and not self._is_offered(node, environment):
             return UNKNOWN
         result = Type("quantity", dimension) if signature.same else signature.result
         if name == "at":
@@ -246,6 +246,8 @@ class CallChecker:
     ) -> TypedExpression:
         if due.kind == "interaction":
             return self._interaction(node)
+        if due.kind == "happening":
+            return self._happening(node)
         if due.kind in ("inspection", "limit"):
             return self._named(node, due.kind)
         what = f"`{parameter.name}` of `{signature.name}`"
@@ -277,6 +279,16 @@ class CallChecker:
         hint = f"write `{quoted}`" if quoted else ""
         self.report.at("LJ0201", node, "an interaction's name is due here", hint, replace=quoted, safe=True)
         return UNKNOWN
+
+    def _happening(self, node: s.Expression) -> TypedExpression:
+        """The name of an event of the mission or of an interaction."""
+        if not isinstance(node, s.Name) or node.text not in self.scope.events:
+            return self._interaction(node)
+        if node.text in self.scope.interactions():
+            message = f"`{node.text}` is both an event and an interaction"
+            self.report.at("LJ0104", node, message, "give the event another name")
+            return UNKNOWN
+        return TypedExpression(ex.Symbol(node.text), Type("happening"))
 
     def _is_offered(self, node: s.CallExpr, environment: Environment) -> bool:
         """True if the entity of `emitted(…)` has the interaction. Reports an entity of a type without it."""

@@ -131,6 +131,7 @@ class _MissionChecker:
         )
         self.interactions.between(_all(items, s.EntityBlock), parts["agents"])
         self.rules.cycles(_all(items, s.RuleBlock))
+        self.events.cycles(_all(items, s.EventBlock), parts["events"], parts["rules"])
         self.rules.unlocked_once(_all(items, s.UnlockLine))
         if budget is not None and clock is not None:
             for event in _all(items, s.EventBlock):
@@ -189,6 +190,8 @@ class _MissionChecker:
                 self.conduct.head(item)
             elif isinstance(item, s.RuleBlock):
                 self.rules.head(item)
+            elif isinstance(item, s.EventBlock):
+                self.events.head(item)
 
     def _taints(self, items: tuple[s.Statement, ...]) -> None:
         """Propagate taints until no further property or region becomes hidden. Each round hides at least one, so it

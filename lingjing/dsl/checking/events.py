@@ -13,6 +13,7 @@ import msgspec
 
 from lingjing.dsl.checking.blocks import BlockReader, DeclarationChecker
 from lingjing.dsl.checking.properties import suffix_of
+from lingjing.dsl.checking.rules import way_back
 from lingjing.dsl.checking.settings import SettingsChecker
 from lingjing.dsl.checking.status_words import status_side
 from lingjing.dsl.checking.typenames import with_article
@@ -21,7 +22,6 @@ from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.statements import keyword_of
 from lingjing.mission import expression as ex
 from lingjing.mission import model
-from lingjing.mission.diagnostics import Span
 from lingjing.mission.functions import FLAG, Type
 from lingjing.mission.units import TICKS, TIME, si_value, unit_of
 
@@ -32,11 +32,29 @@ class EventChecker(DeclarationChecker):
     def __init__(self, blocks: BlockReader, settings: SettingsChecker) -> None:
         super().__init__(blocks)
         self.settings = settings
-        self.seen: dict[str, Span] = {}
+
+    def head(self, node: s.EventBlock) -> None:
+        """Register the event's name, for `count(…)`."""
+        self.report.once(self.scope.events, node.name, "the event")
+
+    def cycles(
+        self, nodes: list[s.EventBlock], events: tuple[model.EventDeclaration, ...], rules: tuple[model.Rule, ...]
+    ) -> None:
+        """Report events with a condition over themselves, directly or through rules and other events."""
+        reads = {event.name: _counted(event, rules) & self.scope.events.keys() for event in events}
+        by_name = {node.name.text: node.name for node in nodes}
+        reported: set[str] = set()
+        for name in reads:
+            way = way_back(name, {key: sorted(value) for key, value in reads.items()})
+            if way and name in by_name and not reported.intersection(way):
+                reported.update(way)
+                message = f"the condition of the event `{name}` depends on the event itself: {' → '.join(way)}"
+                self.report.at(
+                    "LJ0308", by_name[name], message, "use `until` to undo it, and `repeat every` to repeat it"
+                )
 
     def event(self, node: s.EventBlock) -> model.EventDeclaration | None:
         """`event name at 12 tick { … }`, `event name at ~ uniform(5 tick, 20 tick) { … }`."""
-        self.report.once(self.seen, node.name, "the event")
         at = None if node.at is None else self._time(node, node.at)
         condition = self._condition(node.condition, "`when`")
         until = self._condition(node.until, "`until`")
@@ -184,6 +202,24 @@ _EFFECTS: dict[str, Callable[[EventChecker, Any, s.EventBlock], model.Change | N
     "change": EventChecker._state,
 }
 """Keyword of an effect → its check."""
+
+
+def _counted(event: model.EventDeclaration, rules: tuple[model.Rule, ...]) -> set[str]:
+    """The events and interactions that the conditions and values of an event count, also through rules."""
+    conditions = {rule.name: rule.condition for rule in rules}
+    waiting = [event.condition, event.until, *(change.value for change in event.changes)]
+    counted: set[str] = set()
+    expanded: set[str] = set()
+    while waiting:
+        condition = waiting.pop()
+        calls = (part for part in ex.parts(condition) if isinstance(part, ex.Call)) if condition is not None else ()
+        for call in calls:
+            if call.rule and call.function in conditions and call.function not in expanded:
+                expanded.add(call.function)
+                waiting.append(conditions[call.function])
+            elif call.function == "count" and isinstance(call.arguments[0], ex.Symbol):
+                counted.add(call.arguments[0].name)
+    return counted
 
 
 def _in_unit(ir: ex.Expr, unit: str) -> ex.Expr:

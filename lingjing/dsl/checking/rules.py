@@ -122,7 +122,7 @@ class RuleChecker(DeclarationChecker):
         by_name = {node.name.text: node for node in nodes}
         reported: set[str] = set()
         for node in nodes:
-            way = _way_back(node.name.text, calls)
+            way = way_back(node.name.text, calls)
             if way and not reported.intersection(way):
                 reported.update(way)
                 related = tuple(
@@ -237,8 +237,8 @@ def _called(node: s.RuleBlock, scope: SymbolTables) -> list[str]:
     return sorted(set(called))
 
 
-def _way_back(start: str, calls: dict[str, list[str]]) -> list[str]:
-    """The shortest cycle from a rule back to itself; empty without one."""
+def way_back(start: str, calls: dict[str, list[str]]) -> list[str]:
+    """The shortest cycle from a name back to itself over the names that each one reads; empty without one."""
     came: dict[str, str] = {}
     waiting = [start]
     while waiting:

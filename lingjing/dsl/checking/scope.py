@@ -160,6 +160,7 @@ class SymbolTables:
         self.stages: dict[str, tuple[str | None, Span]] = {}
         self.inspections: dict[str, Span] = {}
         self.limits: dict[str, Span] = {}
+        self.events: dict[str, Span] = {}
         self.constraints: dict[str, Span] = {}
         self.mounted: dict[str, list[str]] = {}
         """Group → names of its cameras."""

@@ -20,11 +20,11 @@ from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.checking.values import STATIC, UNKNOWN, Environment
 from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.keys import PropertyKey, keyed
-from lingjing.dsl.syntax.statements import CATEGORIES, KINDS, SECONDS
+from lingjing.dsl.syntax.statements import CATEGORIES, KINDS
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.diagnostics import Span
-from lingjing.mission.functions import DEGREES, FIELD_TYPES, NUMBER, POSITION, TEXT, Type
+from lingjing.mission.functions import DEGREES, FIELD_TYPES, NUMBER, POSITION, SECONDS, TEXT, Type
 from lingjing.mission.units import BY_NAME, NAMED, dimension_unit, without_unit
 
 SURFACES = ("ground", "road", "roof", "facade", "bridge", "pipe")

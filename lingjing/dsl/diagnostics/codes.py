@@ -64,7 +64,7 @@ CODES: dict[str, str] = {
     "LJ0304": "known only while the mission runs, or only before",
     "LJ0306": "wrong arguments",
     "LJ0307": "a condition that is not possible here",
-    "LJ0308": "a rule refers to itself",
+    "LJ0308": "a rule or an event refers to itself",
     # hidden values
     "LJ0401": "a hidden value becomes visible",
     "LJ0402": "this cannot be hidden",

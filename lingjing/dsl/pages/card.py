@@ -24,7 +24,7 @@ from lingjing.mission.vocabulary import PHOTO
 
 _HEAD = """# .ljs on one card
 
-Declarative: no loops, no `if`, no assignment. A statement ends with its line or a comma in a block; `#` begins a comment; texts stand in "…" or \"""…\""". Every number has its unit (`10 s`, `4 m/s`, `30 deg`, `20 %`), except counts. `=` fixes, `~` draws from a distribution, `<=` bounds. Conditions: `and or not == != < <= > >= in`, `exists r: c`, `forall v in group: c`. Places are `(east, north)` or `(east, north, elevation)` in metres; ranges `1..4`; lists `[a, b]`; sizes `3 by 4`. Members count from 1: `uav[1]`. Names are declared once, anywhere. ‹…› is a name or value, […] optional, … more after commas.
+Declarative: no loops, no `if`, no assignment. A statement ends with its line or a comma in a block; `#` begins a comment; texts stand in "…" or \"""…\""". Every number has its unit (`10 s`, `4 m/s`, `30 deg`, `20 %`), except counts. `=` fixes, `~` draws from a distribution, `<=` bounds. Conditions: `and or not == != < <= > >= in`, `exists r: c`, `forall v in group: c`. Places are `(east, north[, elevation])` in metres; ranges `1..4`; lists `[a, b]`; sizes `3 by 4`. Members count from 1: `uav[1]`. Names are declared once, anywhere. ‹…› is a name or value, […] optional, … more after commas.
 
 A mission needs goal, scene, clock, budget with ticks, success and an agent. Hidden values (`hidden position ~ …`) may be read by `adjudicate` and sensors only; what agents notice of them needs `declassify … because "…"`.
 """  # noqa: E501 - a paragraph of Markdown is one line
@@ -79,7 +79,7 @@ def _statements() -> Iterator[str]:
         yield f"## {title}\n\n" + "\n".join(lines)
     places: dict[str, list[str]] = {}
     for kind in STATEMENTS:
-        if _home(kind) == "" and kind.keyword != "ljs" and kind.within != _IN_EXPECT:
+        if _home(kind) == "" and kind.keyword not in ("ljs", *_TWINS.values()) and kind.within != _IN_EXPECT:
             places.setdefault(", ".join(kind.within), []).append(_written(kind))
     yield "## Inside blocks\n\n" + "\n".join(f"- {place}: {'; '.join(lines)}" for place, lines in places.items())
 
@@ -100,7 +100,7 @@ def _home(kind: StatementKind) -> str:
 
 
 def _statement(kind: StatementKind) -> Iterator[str]:
-    if kind.keyword not in ("ljs", "asset"):  # an asset is written as a target is
+    if kind.keyword not in ("ljs", *_TWINS.values()):
         yield f"- {_written(kind)}"
 
 
@@ -110,8 +110,9 @@ def _written(kind: StatementKind) -> str:
     for label, place in kind.names.items():
         if place.choices and place.spaces == () and label != "allowed":
             written = written.replace(f"‹{label}›", "|".join(place.choices), 1)
-    written = written.replace("[when ‹condition›]", "[when …]")
-    written = written.replace("target ", "target|asset ", 1) if kind.keyword == "target" else written
+    written = written.replace("when ‹condition›", "when …")
+    twin = _TWINS.get(kind.keyword)
+    written = written.replace(kind.keyword, f"{kind.keyword}|{twin}", 1) if twin else written
     keys = f": {', '.join(map(_key, kind.keys.values()))}" if kind.keys else ""
     return f"`{written}`{keys}"
 
@@ -134,6 +135,8 @@ _IN_EXPECT = ("expect",)
 """Place of the statements that the example of `expect` shows."""
 _MUTUAL = ("relation",)
 """Statements with two forms that differ in one sign; the card shows the first."""
+_TWINS = {"target": "asset", "success": "failure", "appear": "vanish"}
+"""Statements with one form: the card writes both keywords on one line."""
 _BY_EXAMPLE = ("hidden", "state", "override", "verb", "record", "camera", "use", "actions", "expect")
 """Statements that an example shows better than their form. That of `expect` shows the statements inside it too."""
 

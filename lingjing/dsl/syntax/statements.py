@@ -11,14 +11,13 @@ from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.keys import PropertyKey, keyed
 from lingjing.dsl.syntax.statement_kinds import FILE, TYPE, Form, Layout, NamePlace, StatementKind
 from lingjing.mission.appearance import COLOURS, LEAST_M, MEASURES, MOST_M, SHAPES
-from lingjing.mission.functions import DEGREES, ENTITY, FLAG, METRES, NUMBER, Type
-from lingjing.mission.units import DATA, MONEY, TICKS, TIME, TOKENS
+from lingjing.mission.functions import DEGREES, ENTITY, FLAG, METRES, NUMBER, SECONDS, Type
+from lingjing.mission.units import DATA, MONEY, TICKS, TOKENS
 from lingjing.mission.vocabulary import EVERYONE, MODES
 
 LANGUAGE_VERSION = 2
 """The newest version of the language. Version 2 added `declassify`; texts of version 1 compile."""
 
-SECONDS = Type("quantity", TIME)
 DRAWN = ("=", "~")
 """Relations of a property that may be drawn."""
 

@@ -420,6 +420,9 @@ _CALLS: Mapping[str, Callable[..., Value]] = {
     "emitted": _emitted,
     "distance": _distance,
     "distance_xy": _distance,
+    "held": lambda on, condition, time: _as_need(condition),
+    "within": lambda on, first, second, time: _all((_as_need(first), _as_need(second))),
+    "before": lambda on, first, second: _as_need(first),
 }
 """Functions that agents make true by acting, in contrast to computed ones."""
 

@@ -16,6 +16,7 @@ from lingjing.mission import expression as ex
 from lingjing.mission.certain import Knowledge, known, truth
 from lingjing.mission.conditions.outline import Body, Outline
 from lingjing.mission.conditions.spread import extent
+from lingjing.mission.functions import TEMPORAL
 from lingjing.mission.instance import InteractionSpec
 from lingjing.mission.intervals import Bounds
 from lingjing.mission.kinds import builtin_engines, engine_kind, levels_m, scene_kind
@@ -119,7 +120,7 @@ class EpisodeKnowledge(Knowledge):
     def answer(self, call: ex.Call, arguments: Sequence[Value]) -> Value:
         """False for a rule that never holds, the bounds of a counter; None for everything else."""
         if not call.rule:
-            return self._counter(call, arguments)
+            return never_over_time(call, arguments) if call.function in TEMPORAL else self._counter(call, arguments)
         rule = self._rules.get(call.function)
         if rule is None or rule.name in self._open or len(rule.parameters) != len(arguments):
             return None
@@ -274,7 +275,7 @@ class EpisodeKnowledge(Knowledge):
         if call.function == "used" and arguments:
             limits = [limit.most for limit in self.outline.instance.limits if limit.name == str(arguments[0])]
             return Bounds(0.0, float(sum(limits))) if limits else None
-        return Bounds(0.0, math.inf) if call.function == "replans" else None
+        return Bounds(0.0, math.inf) if call.function in ("replans", "count") else None
 
     def _may_lack(self, part: ex.Expr) -> bool:
         match part:
@@ -288,6 +289,12 @@ class EpisodeKnowledge(Knowledge):
                 fields = [fields[name] for fields in self._fields.values() if name in fields]
                 return any(field.optional for field in fields) or (bool(fields) and name == "position")
         return False
+
+
+def never_over_time(call: ex.Call, arguments: Sequence[Value]) -> Value:
+    """False for a function over time with a condition that is never true; None for another one."""
+    required = arguments[:1] if call.function == "before" else arguments[: TEMPORAL[call.function]]
+    return False if any(value is False for value in required) else None
 
 
 def _field_bounds(field: Field) -> Bounds | None:

@@ -73,6 +73,12 @@ class _GoalReader:
                 return self._quantified(expr, names, at)
             case ex.Call(rule=True):
                 return self._called(expr, names, at)
+            case ex.Call(function="held", arguments=(condition, _)):
+                return self.part(condition, names, at)
+            case ex.Call(function="within", arguments=(first, second, _)):
+                return _ordered(self.part(first, names, at), self.part(second, names, at))
+            case ex.Call(function="before", arguments=(first, _)):
+                return self.part(first, names, at)
         return self._leaf(expr, names, at)
 
     def _negated(self, expr: ex.Expr, names: Names, at: str) -> Goal:
@@ -154,7 +160,26 @@ class _GoalReader:
                 return self._counted(expr, left, symbol, self._leaves.number(right, names), names, at)
             case ex.Aggregate(function="min" | "max" as function, domain=domain) if domain in self._groups:
                 return self._extreme(left, function, symbol, right, names, at)
+            case ex.Call(function="count", arguments=(ex.Symbol(name=name), *_)):
+                return self._times(expr, left, name, symbol, names, at)
         return self._behind_unlocks(self._leaves.comparison(expr, left, symbol, right, names, at))
+
+    def _times(self, expr: ex.Expr, count: ex.Call, name: str, symbol: str, names: Names, at: str) -> Goal:
+        """The goal that an event occurs, or that an interaction is performed. An upper limit needs no action."""
+        if symbol in ("<", "<="):
+            return MET
+        event = next((each for each in self._instance.events if each.name == name), None)
+        if event is None:
+            return self._performed(ex.Call("emitted", count.arguments), names, at)
+        if event.condition is None:
+            return MET  # its time comes without action
+        path = f"event/{name}/when"
+        if path in self._open:
+            return OpenGoal(at=at, text=spell(expr), reason="the event depends on itself")
+        self._open.append(path)
+        goal = self.part(event.condition, {}, path)
+        self._open.pop()
+        return goal
 
     def _counted(
         self, expr: ex.Expr, count: ex.Aggregate, symbol: str, bound: float | None, names: Names, at: str

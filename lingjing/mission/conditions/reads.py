@@ -15,7 +15,7 @@ from lingjing.mission.conditions.declarations import Declarations, Group
 from lingjing.mission.conditions.quantities import Cause, Quantity, QuantityKind, Record
 from lingjing.mission.evaluate import Scope, number
 from lingjing.mission.expression_text import spell
-from lingjing.mission.functions import OPERATIONS
+from lingjing.mission.functions import OPERATIONS, TEMPORAL, conditions_of
 from lingjing.mission.vocabulary import PHOTO
 
 _DISTANCES = ("distance", "distance_xy")
@@ -98,10 +98,18 @@ class Reader:
                 yield from self._leaves(body, {**names, variable: domain}, place)
             case ex.Call(rule=True):
                 yield from self._called(expr, names, place)
+            case ex.Call(function=function) if function in TEMPORAL:
+                yield self._leaf(expr, place, (_TIME,))
+                for number, condition in enumerate(conditions_of(expr)):
+                    necessary = place.necessary and not place.negated and (function != "before" or number == 0)
+                    yield from self._leaves(condition, names, place._replace(necessary=necessary))
             case _:
                 yield self._leaf(
                     expr, place, tuple(dict.fromkeys(self._read(expr, names))), _radius_m(expr, self._of.scope)
                 )
+                for over_time in _over_time_in(expr):  # inside of `count(held(…) for …)`
+                    inner = place._replace(necessary=False)
+                    yield from self._leaves(over_time, {**names, **_bound_in(expr)}, inner)
                 for call in _rules_in(expr):  # inside of `count(…)` and the like
                     yield from self._called(call, {**names, **_bound_in(expr)}, place._replace(necessary=False))
 
@@ -259,6 +267,14 @@ class Reader:
                 hidden=bool(group.hidden),
             )
 
+    def _count(self, call: ex.Call, names: Names) -> Iterator[Quantity]:
+        counted = call.arguments[0]
+        if isinstance(counted, ex.Symbol) and counted.name in self._of.events:
+            cause = Cause(kind="event", name=counted.name)
+            yield Quantity(kind="event", name=counted.name, causes=(cause,), least=0.0)
+        else:
+            yield from self._emitted(call, names)
+
     def _assigned(self, call: ex.Call, names: Names) -> Iterator[Quantity]:
         asset, target = (self._of.group(self._owner(argument, names) or "") for argument in call.arguments[:2])
         causes = [Cause(kind="verb", name=verb, by=asset.commanded_by) for verb in asset.moving_verbs] if asset else []
@@ -349,6 +365,7 @@ _FACTS: Mapping[str, Callable[[Reader, ex.Call, Names], Iterator[Quantity]]] = {
     "clear": Reader._inspection,
     "replans": Reader._inspection,
     "used": Reader._used,
+    "count": Reader._count,
 }
 """Functions of a running mission. Their arguments name things and are not read as positions."""
 
@@ -454,6 +471,11 @@ def _radius_m(expr: ex.Expr, scope: Scope) -> float | None:
         return number(bound, scope)
     except MissionError:
         return None
+
+
+def _over_time_in(expr: ex.Expr) -> Iterator[ex.Call]:
+    """The calls of functions over time below an aggregate or another value."""
+    return (part for part in ex.parts(expr) if isinstance(part, ex.Call) and part.function in TEMPORAL)
 
 
 def _rules_in(expr: ex.Expr) -> Iterator[ex.Call]:
