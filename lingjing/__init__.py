@@ -10,7 +10,8 @@ missions as learning environments; `testing` makes instances, episodes and trace
 Modules that all share:
 
 - `errors`: the exceptions; `validation`: faults found by pydantic, in words
-- `option_reading`: options checked by their models; `option_listing`: options in words; `suggest`: spelling suggestions
+- `option_reading`: options checked by their models; `option_listing`: options in words; `suggest`: spellings;
+  `articles`: "a" or "an"
 - `collector`: pauses of the garbage collector; `numerics`: all that fixes the last bits of numbers
 - `data`: the place of shipped files; `kept_files`: files of the cache; `whole_files`: atomic writes
 - `file_names`: names that are not UTF-8

@@ -6,6 +6,7 @@ import keyword
 from dataclasses import dataclass
 from pathlib import Path
 
+from lingjing.articles import with_article
 from lingjing.errors import UsageError
 from lingjing.installation import CORE, name_of
 from lingjing.plugins.contract import API_VERSION
@@ -60,8 +61,7 @@ def plugin_name(name: str, kind: str = "plug-in") -> str:
         else:
             hint = "use letters, digits and _, such as hovercraft"
         thing = "package of types" if kind == "types" else kind
-        article = "an" if thing[0] in "aeiou" else "a"
-        raise UsageError(f"`{name}` cannot be the name of {article} {thing}", hint=hint)
+        raise UsageError(f"`{name}` cannot be the name of {with_article(thing)}", hint=hint)
     return word
 
 

@@ -14,6 +14,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from lingjing.articles import with_article
 from lingjing.trace.records import Decision, DecisionRecord
 
 THOUGHT_LETTERS = 20_000
@@ -55,7 +56,7 @@ def plain_copy(decision: Decision) -> Decision:
 def _from_numpy(value: object) -> object:
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
-    raise TypeError(f"a {type(value).__name__} cannot stand in a decision")
+    raise TypeError(f"{with_article(type(value).__name__)} cannot stand in a decision")
 
 
 def _representable(value: Any) -> Any:

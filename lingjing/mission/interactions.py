@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
+from lingjing.articles import with_article
 from lingjing.mission.expression import Flag, Number, Point, Ref, Symbol, Text, parts
 from lingjing.mission.expression import Sequence as Listed
 from lingjing.mission.instance import Entity
@@ -157,8 +158,7 @@ def _holder(group: Group) -> Holder:
 
 def _kind(prop: Property) -> str:
     unit = unit_of(prop.unit) if prop.unit else None
-    noun = "bare number" if unit is None or unit.dimension == NONE else dimension_name(unit.dimension)
-    return f"an {noun}" if noun[:1] in "aeiou" else f"a {noun}"
+    return with_article("bare number" if unit is None or unit.dimension == NONE else dimension_name(unit.dimension))
 
 
 def unrestricted_unlocks(entities: Iterable[Entity], unlocks: Iterable[Unlock]) -> tuple[Unlock, ...]:

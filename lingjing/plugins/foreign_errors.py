@@ -59,11 +59,6 @@ def kind_of_value(value: object) -> str:
     return "None" if value is None else f"a value of type `{type(value).__name__}`"
 
 
-def with_article(noun: str) -> str:
-    """Return a noun with its indefinite article: "an EvaluatorPlugin"."""
-    return f"{'an' if noun[:1].lower() in 'aeiou' else 'a'} {noun}"
-
-
 def wants_traceback() -> bool:
     """Return True if the user wants to see tracebacks."""
     return os.environ.get(VARIABLE, "") not in {"", "0"}
@@ -119,5 +114,5 @@ def _first_line(text: str) -> str:
 
 __all__ = [
     "VARIABLE", "kind_of_value", "one_line", "place_of", "print_wanted_traceback", "wanted_traceback",
-    "wants_traceback", "with_article",
+    "wants_traceback",
 ]  # fmt: skip

@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable, Iterable
 from typing import TypeVar
 
+from lingjing.articles import with_article
 from lingjing.errors import LingjingError, PluginError, hint_of
 from lingjing.installed_plugins.discovery import TrialFault
 from lingjing.plugins import hookspecs
@@ -17,7 +18,7 @@ from lingjing.plugins.backbone import BackbonePlugin
 from lingjing.plugins.chat_model import ModelPlugin
 from lingjing.plugins.engine import EnginePlugin
 from lingjing.plugins.evaluator import EvaluatorPlugin
-from lingjing.plugins.foreign_errors import kind_of_value, one_line, wanted_traceback, with_article
+from lingjing.plugins.foreign_errors import kind_of_value, one_line, wanted_traceback
 from lingjing.plugins.frame_detector import DetectorPlugin
 from lingjing.plugins.hookspecs import ScenePlugin
 from lingjing.plugins.policy import PolicyPlugin

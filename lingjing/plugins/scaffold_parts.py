@@ -9,11 +9,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
+from lingjing.articles import with_article
 from lingjing.errors import LingjingError, PluginError
 from lingjing.plugins.backbone import ChatMessage, ModelError
 from lingjing.plugins.calls import AbandonedCallError
 from lingjing.plugins.decisions import JsonSchema
-from lingjing.plugins.foreign_errors import kind_of_value, one_line, with_article
+from lingjing.plugins.foreign_errors import kind_of_value, one_line
 from lingjing.plugins.policy import Decision, NoDecisionError, Observation
 from lingjing.plugins.scaffold import AgentParts, MemoryLimits, ModelQuestion, ModelStep, Situation, StepError, Turn
 

@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
+from lingjing.articles import with_article
 from lingjing.errors import InfrastructureError
 
 RecordT = TypeVar("RecordT", bound=msgspec.Struct)
@@ -41,7 +42,7 @@ def normalise(record: RecordT) -> RecordT:
         return from_json(to_json(record), type(record))
     except (msgspec.ValidationError, TypeError) as error:
         raise InfrastructureError(
-            f"a {type(record).__name__} holds a value that cannot be kept: {error}",
+            f"{with_article(type(record).__name__)} holds a value that cannot be kept: {error}",
             hint="an engine or a plug-in reported a number that is not finite, or not a plain value",
         ) from error
 
@@ -51,7 +52,7 @@ def _plain(value: object) -> object:
         return int(value)
     if isinstance(value, numbers.Real):
         return float(value)
-    raise TypeError(f"a trace record cannot contain a {type(value).__name__}")
+    raise TypeError(f"a trace record cannot contain {with_article(type(value).__name__)}")
 
 
 def _without_surrogates(value: Any) -> Any:

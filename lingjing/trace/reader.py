@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from lingjing.articles import with_article
 from lingjing.collector import collector_at_rest
 from lingjing.errors import UsageError
 from lingjing.mission.clock import clock_fault
@@ -237,7 +238,7 @@ class TraceBuilder:
             return from_json(stored.data, kind)
         except (msgspec.ValidationError, msgspec.DecodeError, RecursionError) as error:
             raise UsageError(
-                f"{self.path} holds a {stored.topic} record that this version cannot read: {error}",
+                f"{self.path} holds {with_article(stored.topic)} record that this version cannot read: {error}",
                 hint="it was written by another version",
             ) from error
 

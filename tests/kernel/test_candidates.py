@@ -155,7 +155,7 @@ def test_the_address_of_an_object_is_not_part_of_the_story():
         barrier = PolicyBarrier({"a": Raising(ValueError(object()))}, 5.0)
         details.add(barrier.act({"a": (None, None)})[0].detail)
         barrier.close()
-    assert details == {"ValueError: <object object at 0x…>"}
+    assert details == {"ValueError: <object object at 0x…> (tests/kernel/test_candidates.py:126)"}
 
 
 def test_the_time_of_a_call_is_its_own_and_not_that_of_the_call_before_it():

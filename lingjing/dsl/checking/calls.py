@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from lingjing import articles
 from lingjing.dsl.checking.expressions import ExpressionChecker
 from lingjing.dsl.checking.scope import GroupInfo
 from lingjing.dsl.checking.typenames import with_article
@@ -148,7 +149,7 @@ class CallChecker:
             return TypedExpression(ex.Symbol(node.text), Type("inspection" if kind == "inspection" else "limit"))
         if isinstance(node, s.Name):
             return self.of.unknown_name(node, list(known), f"no {kind}")
-        self.report.at("LJ0201", node, f"the name of {'an' if kind[0] == 'i' else 'a'} {kind} is due here")
+        self.report.at("LJ0201", node, f"the name of {articles.with_article(kind)} is due here")
         return UNKNOWN
 
     def _inferred(self, node: s.Expression, variable: str) -> list[s.Name]:

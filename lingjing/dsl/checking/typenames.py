@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from lingjing import articles
 from lingjing.mission.functions import Type
 from lingjing.mission.units import NONE, Dimension, dimension_name
 
@@ -60,8 +61,7 @@ def word(typed: Type) -> str:
 
 def with_article(typed: Type) -> str:
     """`a length`, `an angle`."""
-    noun = word(typed)
-    return f"an {noun}" if noun.lstrip("`")[:1] in "aeiou" else f"a {noun}"
+    return articles.with_article(word(typed))
 
 
 def of_type(typed: Type, of: str) -> Type:
