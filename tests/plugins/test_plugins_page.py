@@ -14,6 +14,7 @@ from lingjing.cli.new import KINDS
 from lingjing.plugins import conformance, hookspecs
 from lingjing.plugins.conformance import sample_brief, sample_observations
 from lingjing.plugins.contract import API_VERSION
+from lingjing.plugins.fleet import FleetEngine
 from lingjing.plugins.host import HOOKS, MAKERS
 from lingjing.plugins.policy import Inbox, Observation
 from lingjing.testing import PluginHost, build_policy, play
@@ -76,3 +77,11 @@ def test_each_kind_of_the_page_can_be_begun() -> None:
     assert begun - {"KIND"} == set(KINDS)
     checks = set(re.findall(r"`(check_\w+)`", PAGE))
     assert checks <= set(conformance.__all__)
+
+
+def test_the_page_of_engines_names_each_member_that_a_fleet_leaves_open() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "engines.md").read_text(encoding="utf-8")
+    section = page.partition("## An engine of your own")[2].partition("\n## ")[0]
+    named = set(re.findall(r"^\| `(\w+)", section, re.MULTILINE))
+    provided = {"reset", "submit", "advance", "capture", "close", "emit", "publish", "at_once"}
+    assert named == {name for name in (*vars(FleetEngine), "step_s") if not name.startswith("_")} - provided
