@@ -99,7 +99,7 @@ class Projector:
             classes=tuple(classes),
             weather=self._schedule.weather(0.0),
             water_level_m=instance.scene.datum_m,
-            settings=dict(instance.settings),
+            settings={k: v for k, v in instance.settings.items() if k not in instance.hidden_settings},
             rules=self._rules,
             bounds=None if self._city is None else reachable(self._city.bounds),
             payload_bytes=instance.comms.payload_bytes,

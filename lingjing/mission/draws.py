@@ -129,6 +129,17 @@ def _uniform(expr: ex.Draw, scope: Scope, seed: int, path: str, count: int) -> D
     return Drawn(tuple(stream.uniform(low, high) for _ in range(count)))
 
 
+def _integer(expr: ex.Draw, scope: Scope, seed: int, path: str, count: int) -> Drawn:
+    _named(expr, scope, ())
+    low, high = _pair(expr, scope)
+    if low != int(low) or high != int(high) or low > high:
+        raise MissionError(
+            f"integer({low:g}, {high:g}) has no whole number", hint="write two whole numbers, the lower first"
+        )
+    stream = Stream(seed, path)
+    return Drawn(tuple(low + stream.below(int(high - low) + 1) for _ in range(count)))
+
+
 def _normal(expr: ex.Draw, scope: Scope, seed: int, path: str, count: int) -> Drawn:
     named = _named(expr, scope, ("low", "high"))
     low, high = named.get("low", -math.inf), named.get("high", math.inf)
@@ -230,6 +241,7 @@ def _named(expr: ex.Draw, scope: Scope, allowed: tuple[str, ...]) -> dict[str, f
 _DISTRIBUTIONS: dict[str, Callable[[ex.Draw, Scope, int, str, int], Drawn]] = {
     "sites": _sites,
     "uniform": _uniform,
+    "integer": _integer,
     "normal": _normal,
     "choice": _choice,
     "subset": _subset,

@@ -252,6 +252,9 @@ _SIGNATURES = (
     Signature("round", (_p("value", NUMBER),), NUMBER, where="static"),
     Signature("uniform", (_SAME, _SAME), QUANTITY, where="draw", same=True, doc="between low and high"),
     Signature(
+        "integer", (_p("low", NUMBER), _p("high", NUMBER)), NUMBER, where="draw", doc="a whole number from low to high"
+    ),
+    Signature(
         "normal",
         (_SAME, _SAME),
         QUANTITY,

@@ -453,6 +453,7 @@ class Instance(Record, frozen=True, kw_only=True):
     goal: str
     seed: int
     settings: dict[str, float]
+    """Value of each parameter; those in `hidden_settings` reach no agent."""
     scene: SceneSpec
     clock: Clock
     budget: Budget
@@ -475,6 +476,8 @@ class Instance(Record, frozen=True, kw_only=True):
     inspections: tuple[InspectionSpec, ...] = ()
     events: tuple[EventSpec, ...] = ()
     reveals: tuple[RevealSpec, ...] = ()
+    hidden_settings: tuple[str, ...] = ()
+    """The parameters that agents must not learn."""
     engine_options: dict[str, dict[str, GivenOption]] = {}
     """Options of the episode for engines, by engine and name."""
     redrawn: tuple[str, ...] = ()

@@ -25,6 +25,7 @@ from lingjing.mission.instance import (
 )
 from lingjing.mission.kinds import engine_kind
 from lingjing.mission.kinds_format import EngineKind, VerbKind
+from lingjing.mission.seeding import redrawn_path
 
 _MAX_MEMBERS = 100_000
 """The largest number of members of a group (chosen)."""
@@ -61,6 +62,10 @@ def place_fault(place: tuple[float, ...], engine: str) -> str:
     if not engine_kind(engine).orbits and len(place) == 3 and not _LOWEST_M <= place[2] <= _HIGHEST_M:
         return f"{shown} is no place: elevations lie between {_LOWEST_M:g} m and {_HIGHEST_M:,.0f} m"
     return ""
+
+
+COUNT = "count"
+"""The hidden property of a group with a hidden number of members."""
 
 
 class NodeError(MissionError):
@@ -134,16 +139,31 @@ class DrawnGroup(NamedTuple):
 
 
 def entities(
-    group: model.Group, scope: Scope, *, mission: str, seed: int, datum_m: float, template_draw: ex.Expr | None = None
+    group: model.Group,
+    scope: Scope,
+    *,
+    mission: str,
+    seed: int,
+    datum_m: float,
+    template_draw: ex.Expr | None = None,
+    redraw: int = 0,
 ) -> DrawnGroup:
     """The members of one group. `scope.members` must have every group; `mission` is part of the names of random
     streams.
 
     `template_draw` is the draw by which a document's template places a group. The document then gives the places.
+    `redraw` is the number of draws that did not meet a requirement.
     """
     ids = scope.members[group.name]
     drawn = {
-        prop.name: _values(group, prop, scope, seed=seed, path=f"{mission}/{group.name}/{prop.name}", count=len(ids))
+        prop.name: _values(
+            group,
+            prop,
+            scope,
+            seed=seed,
+            path=redrawn_path(f"{mission}/{group.name}/{prop.name}", redraw),
+            count=len(ids),
+        )
         for prop in group.properties
     }
     columns = {name: values.values for name, values in drawn.items()}
@@ -153,7 +173,9 @@ def entities(
     verbs = tuple(
         _verb(verb, scope, f"{mission}/{group.name}/{verb.name}", engine_kind(group.engine)) for verb in group.verbs
     )
-    hidden = tuple(sorted({prop.name for prop in group.properties if prop.hidden}))
+    hidden = tuple(
+        sorted({prop.name for prop in group.properties if prop.hidden} | ({COUNT} if group.hides_count else set()))
+    )
     state = tuple(StateSpec(name=prop.plain, unit=prop.unit) for prop in group.properties if prop.state)
     _check_abilities(group, columns, mission, scope)
     drifts = "drift_mps" in columns

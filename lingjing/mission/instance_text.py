@@ -19,14 +19,14 @@ class InstanceText(ExpressionWriter):
     """Writes the rules of one instance; it has no run-time state."""
 
     def __init__(self, instance: Instance) -> None:
-        self._settings = instance.settings
+        self._settings = {k: v for k, v in instance.settings.items() if k not in instance.hidden_settings}
 
     def number(self, value: float, unit: str) -> str:
         """The number with six decimals at most."""
         return shown_number(value, unit, si_value(1.0, unit) if unit else 1.0)
 
     def name(self, node: ex.Ref) -> str:
-        """A parameter's value, `time` for the clock, else the name."""
+        """A public parameter's value, `time` for the clock, else the name."""
         if node.kind == "param" and node.name in self._settings:
             return shown_number(self._settings[node.name])
         return "time" if node.kind == "clock" else node.name

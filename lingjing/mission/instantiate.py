@@ -8,6 +8,7 @@ stages and the success condition stay expressions.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Mapping
 
 import msgspec
@@ -18,16 +19,22 @@ from lingjing.mission import grid as grids
 from lingjing.mission import instance_agents, instance_rules, model
 from lingjing.mission.clock import clock_fault
 from lingjing.mission.conditions.declared_values import deadlines_s
+from lingjing.mission.conditions.spread import numbers
+from lingjing.mission.draws import draw
 from lingjing.mission.evaluate import Area, Interval, Place, Scope, Value, area, describe, evaluate, number, whole
+from lingjing.mission.expression_text import spell
 from lingjing.mission.instance import Budget, Cell, Clock, Entity, Instance, Option, Region, SceneSpec, Weather
 from lingjing.mission.instance_entities import at_path, datum, entities, holds, member_ids, single
 from lingjing.mission.interactions import unrestricted_unlocks
 from lingjing.mission.kinds import SEA_M, scene_kind
-from lingjing.mission.seeding import integer
-from lingjing.mission.values import is_finite
+from lingjing.mission.requirements import drawn_names, unmet
+from lingjing.mission.seeding import integer, redrawn_path
+from lingjing.mission.values import as_number, is_finite
 from lingjing.mission.wording import PromptFiller
 from lingjing.suggest import nearest, nearest_or
 
+REDRAWS = 100
+"""The largest number of times that draws are repeated for requirements (chosen)."""
 _MAX_CELLS = 10_000
 """The largest number of cells of a grid (chosen)."""
 
@@ -41,10 +48,38 @@ def instantiate(
 ) -> Instance:
     """Apply seed, mode and settings (SI values by parameter name) to a mission.
 
-    Equal arguments give equal instances in every process. Raises `UsageError` with all errors of mode and settings
-    (faults at `mode` and `settings.NAME`), `MissionError` if the mission cannot be evaluated.
+    Equal arguments give equal instances in every process. If the draws do not meet a requirement, those on which it
+    depends are drawn anew, at most `REDRAWS` times. Raises `UsageError` with all errors of mode and settings (faults at
+    `mode` and `settings.NAME`), `MissionError` if the mission cannot be evaluated or a requirement is not met.
     """
-    chosen, values = choose_settings(mission, mode, settings or {})
+    redraws: dict[str, int] = {}
+    for repetition in itertools.count():
+        instance = _instance(mission, seed, mode, settings or {}, redraws)
+        with at_path(f"{mission.name}/require"):
+            requirement = unmet(mission, instance)
+            if requirement is None:
+                break
+            names = drawn_names(mission, requirement.condition) - set(settings or ())
+            if not names or repetition == REDRAWS:
+                raise _unmet_error(requirement, seed, sorted(names))
+            redraws |= {name: redraws.get(name, 0) + 1 for name in names}
+    return instance
+
+
+def _unmet_error(requirement: model.Requirement, seed: int, names: list[str]) -> MissionError:
+    condition = f"`{spell(requirement.condition)}` does not hold, because {requirement.reason}"
+    if not names:
+        return MissionError(f"{condition}: it depends on nothing that is drawn", hint="change the declared values")
+    drawn = " and ".join(f"`{name}`" for name in names)
+    message = f"seed {seed} meets the requirement in none of {REDRAWS + 1} draws of {drawn}: {condition}"
+    return MissionError(message, hint="widen what is drawn, or loosen the requirement")
+
+
+def _instance(
+    mission: model.Mission, seed: int, mode: str | None, settings: Mapping[str, float], redraws: Mapping[str, int]
+) -> Instance:
+    """The instance with the draws of some names repeated: name → the number of discarded draws."""
+    chosen, values = choose_settings(mission, mode, settings, seed, redraws)
     scope = Scope(parameters=values, mode=chosen)
     clock = _clock(mission, scope)
     scope = msgspec.structs.replace(scope, tick_s=clock.tick_s)
@@ -53,7 +88,7 @@ def instantiate(
     scope = msgspec.structs.replace(scope, members=_members(mission, scope))
     instance_rules.check_members(mission, scope)
     scope = msgspec.structs.replace(scope, areas=areas)
-    members, redrawn = _entities(mission, scope, seed, scene.datum_m)
+    members, redrawn = _entities(mission, scope, seed, scene.datum_m, redraws)
     scope = msgspec.structs.replace(scope, areas=_areas(mission, scope, members))
     agents = instance_agents.agents(mission, scope)
     fill = PromptFiller(mission, scope, members)
@@ -88,6 +123,7 @@ def instantiate(
         ),
         reveals=instance_rules.reveals(mission, scope),
         redrawn=redrawn,
+        hidden_settings=tuple(param.name for param in mission.parameters if param.hidden),
     )
     with at_path(f"{mission.name}/stages"):
         deadlines_s(instance)  # raises an error for one without a value
@@ -95,12 +131,16 @@ def instantiate(
 
 
 def choose_settings(
-    mission: model.Mission, mode: str | None, settings: Mapping[str, float]
+    mission: model.Mission,
+    mode: str | None,
+    settings: Mapping[str, float],
+    seed: int = 0,
+    redraws: Mapping[str, int] = {},
 ) -> tuple[str, dict[str, float]]:
     """The mode and every parameter's value. Raises `UsageError` and `MissionError` like `instantiate`."""
     errors = ErrorCollector()
     chosen = errors.attempt(lambda: choose_mode(mission, mode), mission.modes.default)
-    values = errors.attempt(lambda: parameters(mission, chosen, settings), {})
+    values = errors.attempt(lambda: parameters(mission, chosen, settings, seed, redraws), {})
     errors.check()
     return chosen, values
 
@@ -115,8 +155,14 @@ def choose_mode(mission: model.Mission, mode: str | None) -> str:
     return chosen
 
 
-def parameters(mission: model.Mission, mode: str, settings: Mapping[str, float]) -> dict[str, float]:
-    """Every parameter's value: the setting if there is one, else the default, checked against its bounds.
+def parameters(
+    mission: model.Mission,
+    mode: str,
+    settings: Mapping[str, float],
+    seed: int = 0,
+    redraws: Mapping[str, int] = {},
+) -> dict[str, float]:
+    """Every parameter's value: the setting if there is one, else the drawn or declared value, within its bounds.
 
     Raises `UsageError` with all errors of the settings, `MissionError` for a default that cannot be evaluated.
     """
@@ -130,7 +176,9 @@ def parameters(mission: model.Mission, mode: str, settings: Mapping[str, float])
     for parameter in mission.parameters:
         scope = Scope(parameters=dict(values), mode=mode)
         try:
-            values[parameter.name] = _parameter(mission, parameter, settings.get(parameter.name), scope)
+            values[parameter.name] = _parameter(
+                mission, parameter, settings.get(parameter.name), scope, seed, redraws.get(parameter.name, 0)
+            )
         except UsageError as error:
             errors.add(error)
         except MissionError:
@@ -175,8 +223,13 @@ def _option(value: Value, level: float) -> Option:
     return datum(value, level)
 
 
-def _parameter(mission: model.Mission, parameter: model.Parameter, setting: float | None, scope: Scope) -> float:
+def _parameter(
+    mission: model.Mission, parameter: model.Parameter, setting: float | None, scope: Scope, seed: int, redraw: int
+) -> float:
     with at_path(f"{mission.name}/{parameter.name}"):
+        if setting is None and isinstance(parameter.default, ex.Draw):
+            path = redrawn_path(f"{mission.name}/param/{parameter.name}", redraw)
+            return as_number(draw(parameter.default, scope, seed=seed, path=path, count=1).values[0])
         if setting is None:
             value = number(parameter.default, scope)
             fault = _bound_fault(parameter, value, scope)
@@ -201,6 +254,12 @@ def _usage(where: str, message: str, hint: str) -> UsageError:
 
 def _bound_fault(parameter: model.Parameter, value: float, scope: Scope) -> str:
     """`is outside of its range 1..10`, or "" if the value is allowed."""
+    if isinstance(parameter.default, ex.Draw):
+        low, high = numbers(parameter.default, scope)
+        whole_only = parameter.default.distribution == "integer" and value != int(value)
+        if low <= value <= high and not whole_only:
+            return ""
+        return f"cannot be drawn: its values lie in {low:g}..{high:g}{', in whole numbers' if whole_only else ''}"
     if parameter.bounds is None:
         return ""
     unit = _unit(parameter.default)
@@ -328,9 +387,9 @@ def _members(mission: model.Mission, scope: Scope) -> dict[str, tuple[str, ...]]
 
 
 def _entities(
-    mission: model.Mission, scope: Scope, seed: int, datum_m: float
+    mission: model.Mission, scope: Scope, seed: int, datum_m: float, redraws: Mapping[str, int]
 ) -> tuple[tuple[Entity, ...], tuple[str, ...]]:
-    """All entities, and `group.property` of what was drawn anew."""
+    """All entities, and `group.property` of what was drawn anew for want of room."""
     dormant = instance_rules.dormant(mission, scope) if mission.events else frozenset()
     drawn = [
         entities(
@@ -340,6 +399,7 @@ def _entities(
             seed=seed,
             datum_m=datum_m,
             template_draw=mission.origin.draws.get(group.name),
+            redraw=redraws.get(group.name, 0),
         )
         for group in mission.groups
         if group.name in scope.members

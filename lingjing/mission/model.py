@@ -15,7 +15,7 @@ from typing import Literal
 
 import msgspec
 
-from lingjing.mission.expression import Expr
+from lingjing.mission.expression import Draw, Expr
 
 
 class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -98,9 +98,17 @@ class Parameter(Record, frozen=True, kw_only=True):
 
     name: str
     default: Expr
+    """Its value; a `Draw` if each seed draws one."""
     bounds: Expr | None = None
     """A range or a list of allowed values; None for no bound."""
     doc: str = ""
+    hidden: bool = False
+    """True if agents must not learn the drawn value."""
+
+    @property
+    def is_drawn(self) -> bool:
+        """True if each seed draws its value."""
+        return isinstance(self.default, Draw)
 
 
 class Modes(Record, frozen=True, kw_only=True):
@@ -276,6 +284,8 @@ class Group(Record, frozen=True, kw_only=True):
     """The number of entities; None for a single entity."""
     index: str = "i"
     """Name of the index inside the block."""
+    hides_count: bool = False
+    """True if agents must not learn the number of entities."""
     properties: tuple[Property, ...] = ()
     cameras: tuple[Camera, ...] = ()
     verbs: tuple[Verb, ...] = ()
@@ -553,6 +563,15 @@ class Reveal(Record, frozen=True, kw_only=True):
     role: str
 
 
+class Requirement(Record, frozen=True, kw_only=True):
+    """`require distance_xy(victim[1], victim[2]) >= 100 m else "…"`: a condition that the draws of a seed must meet."""
+
+    condition: Expr
+    """A condition over declared places, properties, params and the sizes of groups."""
+    reason: str
+    """The author's reason, for the error."""
+
+
 class Declassification(Record, frozen=True, kw_only=True):
     """`declassify dog.forward because "…"`: agents may infer hidden values from what a condition decides."""
 
@@ -667,6 +686,7 @@ class Mission(Record, frozen=True, kw_only=True):
     events: tuple[EventDeclaration, ...] = ()
     sweeps: tuple[Sweep, ...] = ()
     declassified: tuple[Declassification, ...] = ()
+    requirements: tuple[Requirement, ...] = ()
     expectations: tuple[Expectation, ...] = ()
 
     def __repr__(self) -> str:

@@ -34,6 +34,12 @@ def integer(seed: int, path: str, bits: int = 53) -> int:
     return int.from_bytes(digest(seed, path), "big") >> (256 - bits)
 
 
+def redrawn_path(path: str, redraw: int) -> str:
+    """The name of the stream of a draw that is repeated for the `redraw`-th time; the path itself for the first
+    draw."""
+    return f"{path}~{redraw}" if redraw else path
+
+
 def generator(seed: int, path: str) -> np.random.Generator:
     """A numpy generator for the stream `path` (PCG64). numpy is imported here, because few callers need it."""
     import numpy as np

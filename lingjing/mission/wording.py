@@ -93,6 +93,8 @@ class PromptFiller:
         self._scope = scope
         self._entities = {entity.id: entity for entity in entities}
         self._units = {param.name: _unit(param) for param in mission.parameters}
+        self._hidden = {param.name for param in mission.parameters if param.hidden}
+        self._hidden |= {group.name for group in mission.groups if group.hides_count}
 
     def __call__(self, text: str, index: tuple[str, int] | None = None) -> str:
         """The text with its placeholders replaced; `index` binds an index variable."""
@@ -110,6 +112,8 @@ class PromptFiller:
             return self._scope.mode
         if index is not None and name == index[0]:
             return str(index[1])
+        if name in self._hidden and at is None:
+            return None
         if name in self._scope.parameters:
             return shown_number(self._scope.parameters[name], *self._units[name])
         if name in self._scope.areas:

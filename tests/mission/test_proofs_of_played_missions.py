@@ -182,7 +182,7 @@ ATOMS = (
     *("uav.position.elevation in 20 m..80 m", "distance_xy(boat, victim) in 30 m..200 m", "uav.status == moving"),
     *("count(rescued(v) for v in victim) >= 1", "count(r.confidence > 0.5 for r in detection) == 0"),
     *("distance(uav, boat) > 60 m", "distance(boat, victim) in 30 m..200 m", "speed(boat) > 1 m/s"),
-    *("uav.battery < 90 %", "line_of_sight(uav, boat)", "exists r: r.sent > 40 s and r.role == searcher"),
+    *("uav.battery < 90 %", "line_of_sight(uav, boat)", "exists r in detection: r.sent > 40 s and r.role == searcher"),
     *("max(now, 100 s) > 150 s", "abs(boat.position.north) > 1200 m", "victim.status == adrift", "1 == 1"),
 )
 

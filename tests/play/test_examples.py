@@ -45,3 +45,16 @@ def test_stages_count_in_their_order(tmp_path: Path) -> None:
     assert (
         ticks["rise"] < min(ticks["survey"], ticks["walk"]) <= max(ticks["survey"], ticks["walk"]) < ticks["come_home"]
     )
+
+
+@pytest.mark.slow
+def test_a_hidden_number_of_people_is_drawn_and_all_are_rescued(tmp_path: Path) -> None:
+    counts = set()
+    for seed in (0, 1):
+        trace = played("castaways", tmp_path, seed).trace
+        assert trace.outcome is not None and trace.outcome.success
+        rescued = [event for boundary in trace.boundaries for event in boundary.events if event.kind == "rescued"]
+        instance = trace.header.instance
+        assert len(rescued) == instance.settings["people"] and instance.hidden_settings == ("people",)
+        counts.add(len(rescued))
+    assert counts == {2, 4}

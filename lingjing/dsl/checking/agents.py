@@ -125,6 +125,8 @@ class AgentChecker(DeclarationChecker):
             self.report.at("LJ0201", node.entity, f"a target is due here, this is {with_article(value.type)}")
             return None
         self.role(node.role)
+        if value.type.kind == "group":
+            self.blocks.leak(self.scope.groups[value.type.of].count_taint, node.entity, "the number of pictures")
         return None if value is UNKNOWN else model.Reveal(what="image", entity=value.ir, role=node.role.text)
 
     def relation(self, node: s.RelationLine) -> model.Relation | None:

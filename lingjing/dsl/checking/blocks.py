@@ -217,7 +217,7 @@ class BlockReader:
             if ir.distribution == "normal":
                 ends = [cuts[name] for name in ("low", "high") if name in cuts]
                 endless = [end for name, end in (("low", -math.inf), ("high", math.inf)) if name not in cuts]
-            elif ir.distribution != "uniform":
+            elif ir.distribution not in ("uniform", "integer"):
                 ends = [item for listed in ends if isinstance(listed, ex.Sequence) for item in listed.items]
         return [number for end in ends if (number := self.of.constant(end)) is not None] + endless
 

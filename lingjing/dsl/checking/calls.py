@@ -79,8 +79,11 @@ class CallChecker:
         if checked is None:
             return UNKNOWN
         arguments, named, dimension, taint = checked
-        if signature.name == "uniform":
+        if signature.name in ("uniform", "integer"):
             low, high = (self.of.constant(argument) for argument in arguments)
+            if signature.name == "integer" and any(end is not None and end != int(end) for end in (low, high)):
+                self.report.at("LJ0206", node, "whole numbers are drawn between two whole numbers")
+                return UNKNOWN
             if low is not None and high is not None and low > high:
                 self.report.at("LJ0206", node, "the range of the draw is empty", "the smaller end stands first")
         result = Type("quantity", dimension) if signature.same else signature.result

@@ -100,6 +100,9 @@ class _MissionChecker:
         self._misplaced(items)
         modes = self._mode(items)
         self.scope.ceilings.update(_ceilings(_all(items, s.Param)))
+        for param in _all(items, s.Param):
+            if param.hidden:
+                self.scope.hidden_params[param.name.text] = (self.entities.of.step(f"`{param.name.text}`", param.name),)
         self._heads(items)
         self._taints(items)
         declarations = _by_part(items)
@@ -312,6 +315,7 @@ _CHECKS: dict[str, Callable[[_MissionChecker, Any], object]] = {
     "inspections": lambda mission, node: mission.conduct.inspection(node),
     "events": lambda mission, node: mission.events.event(node),
     "sweeps": lambda mission, node: mission.studies.sweep(node),
+    "requirements": lambda mission, node: mission.rules.requirement(node),
     "expectations": lambda mission, node: mission.expectations.expect(node),
 }
 """Field of a mission → the check of a statement that adds items to it, in the order of checking. A check returns an
@@ -355,6 +359,8 @@ def _ceilings(nodes: list[s.Param]) -> dict[str, float]:
     for node in nodes:
         bounds = node.value.right if isinstance(node.value, s.BinaryExpr) and node.value.operator == "in" else None
         items = bounds.items if isinstance(bounds, s.List) else ()
+        if node.drawn and isinstance(node.value, s.CallExpr) and node.value.function.text == "integer":
+            items = tuple(argument.value for argument in node.value.arguments[1:])
         if isinstance(bounds, s.BinaryExpr) and bounds.operator == "..":
             items = (bounds.right,)
         values = [item.value for item in items if isinstance(item, s.NumberLiteral) and not item.unit]

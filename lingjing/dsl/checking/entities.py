@@ -65,7 +65,10 @@ class EntityChecker(DeclarationChecker):
             most = None if node.index is None else self._most(node.index)
             items = node.block.items if node.block else ()
             lines = {item.name.text: item.value for item in items if isinstance(item, s.PropertyLine)}
-            self.scope.groups[node.name.text] = GroupInfo(node.name.text, node.keyword, decl, attributes, lines, most)
+            counted = () if node.index is None else self.hidden_source(node.index)
+            self.scope.groups[node.name.text] = GroupInfo(
+                node.name.text, node.keyword, decl, attributes, lines, most, counted
+            )
 
     def propagate_taints(self, node: s.EntityBlock) -> None:
         """Hide properties that are computed from hidden ones. It runs over all entities until nothing changes."""
@@ -117,6 +120,8 @@ class EntityChecker(DeclarationChecker):
     def _named_taint(self, name: str) -> Taint:
         if name in self.scope.hidden_regions:
             return self.scope.hidden_regions[name]
+        if name in self.scope.hidden_params:
+            return self.scope.hidden_params[name]
         symbol, info = self.scope.symbols.get(name), self.scope.groups.get(name)
         if symbol is not None and symbol.taint:
             return symbol.taint
@@ -128,7 +133,7 @@ class EntityChecker(DeclarationChecker):
         decl = self.scope.types.get(node.type.text) if node.type else None
         if decl is not None and decl.role != node.keyword:
             decl = None
-        count, index = self.count(node.index)
+        count, index = self.count(node.index, of_hidden=self._hides_members(node))
         environment = STATIC.binding(index, NUMBER) if node.index is not None else STATIC
         what = f"`{node.name.text}`"
         keys = self._keys_of(decl)
@@ -166,6 +171,7 @@ class EntityChecker(DeclarationChecker):
             engine=decl.engine,
             count=count,
             index=index,
+            hides_count=bool(self.scope.groups[node.name.text].count_taint),
             properties=(*own, *inherited),
             cameras=cameras,
             verbs=verbs,
@@ -177,8 +183,11 @@ class EntityChecker(DeclarationChecker):
             parts=() if anew else tuple(decl.parts.values()),
         )
 
-    def count(self, index: s.Expression | None) -> tuple[ex.Expr | None, str]:
-        """`[1..n]` or `[i in 1..n]`: the number of members and the name of the index."""
+    def count(self, index: s.Expression | None, *, of_hidden: bool = False) -> tuple[ex.Expr | None, str]:
+        """`[1..n]` or `[i in 1..n]`: the number of members and the name of the index.
+
+        A hidden number is an error, unless the members are `of_hidden` places, so that no agent can count them.
+        """
         if index is None:
             return None, "i"
         name, range_node = "i", index
@@ -202,10 +211,16 @@ class EntityChecker(DeclarationChecker):
         high = self.of.constant(value.ir.high)
         if high is not None and (high < 0 or high != int(high) or high > 100_000):
             self.report.at("LJ0206", range_node, "a group has 0 to 100000 members, in whole numbers")
-        self.blocks.leak(value.taint, range_node, "the number of members")
+        if not of_hidden:
+            self.blocks.leak(value.taint, range_node, "the number of members, whose places are not hidden")
         return value.ir.high, name
 
     # -- private
+
+    def _hides_members(self, node: s.EntityBlock) -> bool:
+        """True for targets with a hidden place: an agent does not observe them, so that it cannot count them."""
+        place = self.scope.groups[node.name.text].attributes.get("position")
+        return node.keyword == "target" and place is not None and bool(place.taint)
 
     def _most(self, index: s.Expression) -> float | None:
         """Most members of `[1..n]`; None if it is computed, or a param without bounds."""

@@ -14,6 +14,9 @@ from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.diagnostics import Related
 from lingjing.mission.functions import AGGREGATES, FLAG, FUNCTIONS
+from lingjing.mission.kinds import engine_kind
+
+_REQUIREMENT_HINT = "a requirement reads declared places and properties, params and the sizes of groups"
 
 
 class RuleChecker(DeclarationChecker):
@@ -104,6 +107,18 @@ class RuleChecker(DeclarationChecker):
         kind = self.of.calls.domain_type(domain)
         return None if kind is None else RULE.binding(variable.text, kind)
 
+    def requirement(self, node: s.RequireLine) -> model.Requirement | None:
+        """`require condition because "…"`: a condition over what is known before the run."""
+        value = self.of.expect(node.condition, RULE, FLAG, "`require`")
+        if value is UNKNOWN:
+            return None
+        for part in ex.parts(value.ir):
+            text = self._known_in_a_run(part)
+            if text:
+                self.report.at("LJ0304", node.condition, f"`{text}` is not known before the run", _REQUIREMENT_HINT)
+                return None
+        return model.Requirement(condition=value.ir, reason=node.reason.value)
+
     def outcome(self, node: s.OutcomeLine) -> ex.Expr:
         """`success when …`, `failure when …`."""
         return self.of.expect(node.condition, RULE, FLAG, f"`{node.keyword} when`").ir
@@ -174,6 +189,23 @@ class RuleChecker(DeclarationChecker):
         return first.condition if first else None
 
     # -- private
+
+    def _known_in_a_run(self, part: ex.Expr) -> str:
+        """The name of a value that only a run has; "" for a declared value."""
+        match part:
+            case ex.Call(function=name, rule=called):
+                return f"{name}(…)" if called or FUNCTIONS[name].where == "rule" else ""
+            case ex.Ref(kind="clock", name="now"):
+                return "now"
+            case ex.Quantified(domain=domain) | ex.Aggregate(domain=domain) if domain in self.scope.messages:
+                return domain
+            case ex.Attr(name="status" | "velocity" as name):
+                return name
+            case ex.Attr(base=ex.Ref(name=owner) | ex.Index(base=ex.Ref(name=owner)), name=name):
+                info = self.scope.groups.get(owner)
+                shares = engine_kind(info.type.engine).shares if info is not None and info.type is not None else ()
+                return name if name in shares else ""
+        return ""
 
     def _is_declared(self, value: ex.Expr) -> bool:
         """True if a value is made of numbers, params, and declared properties of a bound member."""

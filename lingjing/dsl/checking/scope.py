@@ -129,6 +129,8 @@ class GroupInfo(msgspec.Struct, frozen=True):
     """Values that the entity's own block declares, by name, before they are checked."""
     most: float | None = None
     """Most members, if the text states them as a number or as a param with bounds; else None."""
+    count_taint: Taint = ()
+    """The path by which the number of members is hidden; empty for a public one."""
 
 
 class RuleInfo(msgspec.Struct, frozen=True):
@@ -150,6 +152,8 @@ class SymbolTables:
         self.missions: dict[str, MissionDecl] = {}
         self.symbols: dict[str, DeclaredName] = {}
         self.groups: dict[str, GroupInfo] = {}
+        self.hidden_params: dict[str, Taint] = {}
+        """Param → the path by which it is hidden. Filled before anything else is checked."""
         self.hidden_regions: dict[str, Taint] = {}
         """Region → the path by which it is hidden. Filled before regions are checked."""
         self.agents: dict[str, Span] = {}

@@ -153,7 +153,23 @@ class SettingsChecker(DeclarationChecker):
         with self.of.without_clock():
             return self._param(node)
 
+    def _drawn_param(self, node: s.Param) -> model.Parameter | None:
+        """`param name ~ integer(2, 5)`."""
+        value = self.of.calls.draw(node.value, STATIC)
+        if value is not UNKNOWN and value.type.kind != "quantity":
+            self.report.at("LJ0201", node.value, f"a param is a number, this draws {with_article(value.type)}")
+            value = UNKNOWN
+        self.blocks.leak(value.taint, node.value, f"the param `{node.name.text}`")
+        span = self.report.span(node.name.start, node.name.end)
+        taint = self.scope.hidden_params.get(node.name.text, ())
+        self.declare(node.name, DeclaredName("param", Type("any") if value is UNKNOWN else value.type, span, taint))
+        if value is UNKNOWN:
+            return None
+        return model.Parameter(name=node.name.text, default=value.ir, hidden=node.hidden)
+
     def _param(self, node: s.Param) -> model.Parameter | None:
+        if node.drawn:
+            return self._drawn_param(node)
         default_node, bounds_node = self._default_and_bounds(node.value)
         default = self.of.expect(default_node, STATIC, Type("quantity"), f"the param `{node.name.text}`")
         bounds = self._bounds(node, bounds_node, default) if bounds_node is not None else None

@@ -76,6 +76,8 @@ class WordingChecker(DeclarationChecker):
             self.report("LJ0101", start, end, f"nothing is called `{index}`", did_you_mean(index, known))
             return
         place = s.Broken(start, end)
+        if index is None and name in self.scope.groups:
+            self.blocks.leak(self.scope.groups[name].count_taint, place, f"the {node.keyword}'s text")
         if field is None:
             self._shown(symbol.type, place)
             self.blocks.leak(symbol.taint, place, f"the {node.keyword}'s text")

@@ -156,11 +156,11 @@ def _expressions() -> Iterator[str]:
     yield (
         "## Expressions\n\n"
         f"- in rules: {_listed(rules)}; over a group `{'|'.join(AGGREGATES)}(… for v in g)`; `now`; "
-        f"`v.{', v.'.join(STATE_FIELDS)}`, {_shares()} and declared properties; `v.status == moving`; "
+        f"`v.{', v.'.join(STATE_FIELDS)}`, {_shares()} and declared properties; "
         f"`r.{', r.'.join(MESSAGE_FIELDS)}` of a message\n"
         f"- before the run: {_listed(before)}\n"
         f"- after `~`: {_listed(draws)}\n"
-        f"- units: {' '.join(UNITS)}, and compounds `m/s` `km/h` `m/s^2`"
+        f"- units: {' '.join(UNITS)}, compounds `m/s^2`"
     )
 
 
@@ -195,7 +195,7 @@ def _library() -> Iterator[str]:
     for path in known_paths("std"):
         declared = load_library(f"{shipped_folder('std')}/{path.removeprefix('std.')}.ljs")[0].declared
         lines.append(f"- `{path}`: {', '.join(map(_declared, declared.values()))}")
-    yield "## The standard library: `use std.air { quadrotor }`, interactions with their reach\n\n" + "\n".join(lines)
+    yield "## The standard library: `use std.air { quadrotor }`\n\n" + "\n".join(lines)
 
 
 def _declared(decl: object) -> str:

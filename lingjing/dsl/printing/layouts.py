@@ -2,9 +2,9 @@
 
 `{field}` in a template is the text of a field of the mission's part: a name, an expression, a condition, or a list of
 them. Forms change it: `range` and `sum` put an expression in brackets if it binds looser than a range or a sum; `arrow`
-writes a flag as `<->` or `->`; `all` writes an empty name as `*`; `quoted` writes a text with its quotes; `nonzero` is
-empty for the number 0. A part in `[…]`
-is left out if one of its fields is empty or has its default.
+writes a flag as `<->` or `->`; `mark` writes a flag as its name; `all` writes an empty name as `*`; `quoted` writes a
+text with its quotes; `nonzero` is empty for the number 0. A part in `[…]` is left out if one of its fields is empty or
+has its default.
 """
 
 from __future__ import annotations
@@ -95,6 +95,8 @@ class _ItemWriter:
         value = getattr(self.item, field)
         if form == "arrow":
             return "<->" if value else "->"
+        if form == "mark":
+            return f"{field} " if value else ""
         if form == "all":
             return value or "*"
         if form == "quoted":

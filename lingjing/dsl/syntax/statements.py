@@ -148,10 +148,21 @@ STATEMENTS = (
         doc="the type's verbs that may be commanded, with bounds of their first arguments",
     ),
     StatementKind(
-        "param", s.Param, (Form("name:NAME = value"),), ("mission",),
+        "param", s.Param, (Form("name:NAME = value"), Form("[hidden:hidden] name:NAME drawn:~ value", "drawn_param")),
+        ("mission",),
         example="param uavs = 3 in 1..10", doc="a value that a run may set, within bounds",
         names={"name": _SYMBOL}, part="parameters", paragraph="parameters",
-        layout=Layout("param {name} = {default:range}[ in {bounds:range}]"),
+        layout=Layout(
+            "param {name} = {default:range}[ in {bounds:range}]",
+            instead=("is_drawn", "param {hidden:mark}{name} ~ {default}"),
+        ),
+    ),
+    StatementKind(
+        "require", s.RequireLine, (Form("condition:value because reason:STRING"),), ("mission",),
+        example='require distance_xy(victim[1], victim[2]) >= 100 m because "the victims are apart"',
+        doc="a condition that the draws of a seed must meet; they are drawn anew until they do",
+        part="requirements", paragraph="groups",
+        layout=Layout("require {condition} because {reason:quoted}"),
     ),
     StatementKind(
         "mode", s.ModeLine, (Form("default:NAME [in allowed:set]", built=True),), ("mission",),

@@ -224,10 +224,21 @@ class SettingsBlock(Statement, frozen=True, gc=False):
 
 
 class Param(Statement, frozen=True, gc=False):
-    """`param name = default in low..high`. The value contains the bounds as the right side of `in`."""
+    """`param name = default in low..high`, `param hidden name ~ integer(2, 5)`. The value contains the bounds as the
+    right side of `in`."""
 
     name: Name
     value: Expression
+    hidden: bool
+    drawn: bool
+    """True if the value follows a `~`."""
+
+
+class RequireLine(Statement, frozen=True, gc=False):
+    """`require condition because "…"`."""
+
+    condition: Expression
+    reason: TextLiteral
 
 
 class ModeLine(Statement, frozen=True, gc=False):

@@ -15,6 +15,7 @@ from lingjing.mission import model
 from lingjing.mission.evaluate import Scope, number
 from lingjing.mission.expression import Attr, Expr, Index, Ref, parts
 from lingjing.mission.instance import Entity, Instance
+from lingjing.mission.instance_entities import COUNT
 from lingjing.mission.kinds import engine_kind
 from lingjing.mission.vocabulary import EVERYONE, PHOTO, STOP
 
@@ -78,6 +79,8 @@ class Declarations(msgspec.Struct, frozen=True):
     events: frozenset[str]
     """The mission's own events."""
     roles: tuple[str, ...]
+    hidden_settings: frozenset[str] = frozenset()
+    """The params that agents must not learn."""
     scope: Scope = Scope()
     """The settings that radii depend on."""
 
@@ -134,6 +137,7 @@ def of_mission(mission: model.Mission) -> Declarations:
         ),
         events=frozenset(event.name for event in mission.events),
         roles=tuple(dict.fromkeys(agent.role for agent in mission.agents)),
+        hidden_settings=frozenset(param.name for param in mission.parameters if param.hidden),
         scope=default_scope(mission, mission.modes.default),
     )
 
@@ -182,6 +186,7 @@ def of_instance(instance: Instance) -> Declarations:
         ),
         events=frozenset(event.name for event in instance.events),
         roles=tuple(dict.fromkeys(agent.role for agent in instance.agents)),
+        hidden_settings=frozenset(instance.hidden_settings),
         scope=Scope(parameters=instance.settings, mode=instance.mode),
     )
 
@@ -207,7 +212,8 @@ def _group(group: model.Group, commanded_by: tuple[str, ...]) -> Group:
         name=group.name,
         role=group.role,
         engine=group.engine,
-        hidden=frozenset(prop.name for prop in group.properties if prop.hidden),
+        hidden=frozenset(prop.name for prop in group.properties if prop.hidden)
+        | (frozenset({COUNT}) if group.hides_count else frozenset()),
         states=states,
         verbs=tuple(verb.name for verb in group.verbs),
         interactions=group.interactions,

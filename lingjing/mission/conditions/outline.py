@@ -7,9 +7,11 @@ draw open: a proof holds for every seed. Checks read only outlines.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import msgspec
 
+from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.conditions.motion import Air, bounds, ceiling, flight_s, moving_verbs, roaming_verbs
@@ -123,10 +125,16 @@ def of_instance(instance: Instance) -> Outline:
     return _outline(instance, _scope(instance), air, {}, frozenset(message.kind for message in instance.messages))
 
 
-def of_mission(mission: model.Mission, mode: str) -> Outline:
-    """The outline of a mission at its default settings, for every seed. Raises `MissionError` if it cannot be
-    evaluated."""
-    instance = instantiate(_without_draws(mission), mode=mode)
+def of_mission(mission: model.Mission, mode: str, settings: Mapping[str, float] | None = None) -> Outline:
+    """The outline of a mission at its default settings, for every seed. `settings` has a value for each drawn param.
+
+    Raises `MissionError` if it cannot be evaluated, or if a param without a setting is drawn.
+    """
+    settings = settings or {}
+    for param in mission.parameters:
+        if isinstance(param.default, ex.Draw) and param.name not in settings:
+            raise MissionError(f"the value of `{param.name}` is drawn: nothing holds for every seed")
+    instance = instantiate(_without_draws(mission), mode=mode, settings=settings)
     scope = _scope(instance, _open_regions(mission))
     opened = {group.name: _opened(group, scope) for group in mission.groups if _is_there(group.name, instance)}
     kinds = frozenset(kind.name for kind in mission.messages)
@@ -274,6 +282,7 @@ def _without_draws(mission: model.Mission) -> model.Mission:
     fail by chance."""
     return msgspec.structs.replace(
         mission,
+        requirements=(),
         groups=tuple(msgspec.structs.replace(g, properties=_constant_properties(g.properties)) for g in mission.groups),
         weather=_constant_properties(mission.weather),
         scene=msgspec.structs.replace(mission.scene, options=_constant_properties(mission.scene.options)),

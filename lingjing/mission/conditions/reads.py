@@ -159,7 +159,7 @@ class Reader:
             case ex.Ref(kind="region" | "grid", name=name):
                 yield Quantity(kind="region", name=name, hidden=name in self._of.hidden_regions)
             case ex.Ref(name=name):
-                yield Quantity(kind="setting", name=name)
+                yield Quantity(kind="setting", name=name, hidden=name in self._of.hidden_settings)
             case ex.Call(rule=True):
                 yield Quantity(kind="rule", name=expr.function)
             case ex.Call(function=function) if function in _FACTS:

@@ -83,7 +83,7 @@ def outlines_of(value: Value) -> tuple[geometry2d.Polygon, ...]:
 
 def numbers(draw: ex.Draw, scope: Scope) -> Bounds:
     """The bounds of a drawn number."""
-    if draw.distribution == "uniform":
+    if draw.distribution in ("uniform", "integer"):
         argument_bounds = [_bounds(evaluate(argument, scope)) for argument in draw.arguments]
         return (
             Bounds(min(low for low, _ in argument_bounds), max(high for _, high in argument_bounds))

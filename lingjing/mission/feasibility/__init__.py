@@ -20,11 +20,16 @@ Modules in control-flow order:
 
 Only needs of success count. A stage that cannot end matters if its own budget of ticks ends the episode before success
 can hold. Missions are checked at their default settings, in each of their modes; other settings are checked when their
-instance is made. Pictures from below an asset's altitude band do not count, because a climb passes through these
+instance is made. A param that each seed draws takes each of its values; with too many values nothing is proved before
+the instance is made. Pictures from below an asset's altitude band do not count, because a climb passes through these
 altitudes only by chance.
 """
 
 from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
 
 import msgspec
 
@@ -33,7 +38,9 @@ from lingjing.mission import model
 from lingjing.mission.conditions.condition_needs import needs, some_member
 from lingjing.mission.conditions.needs import Need
 from lingjing.mission.conditions.outline import ENTITIES_MOST, Outline, of_instance, of_mission, too_large
-from lingjing.mission.evaluate import number
+from lingjing.mission.conditions.spread import numbers
+from lingjing.mission.evaluate import Scope, evaluate, number
+from lingjing.mission.expression import Draw
 from lingjing.mission.feasibility.deadlines import deadline
 from lingjing.mission.feasibility.limits import TimeLimit, episode, of_stage
 from lingjing.mission.feasibility.proof import Proof, gathered
@@ -41,6 +48,10 @@ from lingjing.mission.feasibility.refutation import refute
 from lingjing.mission.feasibility.start import lost_at_boundary_0
 from lingjing.mission.feasibility.start_places import OVERLAP, refute_overlaps, refute_places, refute_standing
 from lingjing.mission.instance import Instance
+from lingjing.mission.values import is_number
+
+COMBINATIONS = 32
+"""The largest number of combinations of drawn params that are proved one by one (chosen)."""
 
 __all__ = ["Proof", "prove", "prove_instance", "prove_outline"]
 
@@ -54,20 +65,61 @@ def prove(mission: model.Mission) -> tuple[Proof, ...]:
     modes = mission.modes.allowed
     modes_of_proof: dict[Proof, list[str]] = {}
     lost: set[str] = set()
+    drawn = tuple(drawn_settings(mission))
     for mode in modes:
         try:
             if too_large(mission, mode):
                 return ()
-            outline = of_mission(mission, mode)
+            proofs = _of_every_draw(mission, mode, drawn)
         except LingjingError:
             continue
-        for proof in prove_outline(outline):
-            if proof.code == OVERLAP and mission.origin.places:
-                continue  # bodies of an imported document are kept apart when the city is there
+        for proof in proofs:
             modes_of_proof.setdefault(proof, []).append(mode)
             lost.add(mode)
     partly = mission.modes.default not in lost
     return tuple(_in_modes(proof, where, modes, partly=partly) for proof, where in modes_of_proof.items())
+
+
+def _of_every_draw(mission: model.Mission, mode: str, drawn: tuple[dict[str, float], ...]) -> tuple[Proof, ...]:
+    """Proofs for each possible value of the drawn params: those of the first one if all have some, else none."""
+    first: tuple[Proof, ...] = ()
+    for settings in drawn:
+        proofs = prove_outline(of_mission(mission, mode, settings))
+        # bodies of an imported document are kept apart when the city is there
+        kept = tuple(proof for proof in proofs if not (proof.code == OVERLAP and mission.origin.places))
+        if not kept:
+            return ()
+        first = first or kept
+    return first
+
+
+def drawn_settings(mission: model.Mission) -> Iterator[dict[str, float]]:
+    """Every combination of values of the drawn params; nothing if they are more than `COMBINATIONS`, or not known."""
+    columns: dict[str, tuple[float, ...]] = {}
+    for param in mission.parameters:
+        if isinstance(param.default, Draw):
+            values = _values_of(param.default)
+            if not values:
+                return
+            columns[param.name] = values
+    if math.prod(len(values) for values in columns.values()) <= COMBINATIONS:
+        for row in itertools.product(*columns.values()):
+            yield dict(zip(columns, row, strict=True))
+
+
+def _values_of(draw: Draw) -> tuple[float, ...]:
+    """The values of a drawn whole number or of a choice among numbers; empty for others."""
+    try:
+        if draw.distribution == "integer":
+            low, high = numbers(draw, Scope())
+            return tuple(float(n) for n in range(int(low), int(high) + 1)) if high - low <= COMBINATIONS else ()
+        if draw.distribution == "choice":
+            items = [evaluate(argument, Scope()) for argument in draw.arguments]
+            values = items[0] if len(items) == 1 and isinstance(items[0], tuple) else tuple(items)
+            return tuple(float(value) for value in values) if all(map(is_number, values)) else ()
+    except LingjingError:
+        return ()
+    return ()
 
 
 def prove_instance(instance: Instance) -> tuple[Proof, ...]:

@@ -1,0 +1,161 @@
+"""Requirements: conditions that the draws of a seed must meet, `require distance_xy(a, b) >= 100 m because "…"`.
+
+A requirement reads declared places and properties, params and the sizes of groups. `unmet` finds the first one that an
+instance does not meet, and `drawn_names` the draws that it depends on, which are then drawn anew.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+from lingjing.errors import MissionError
+from lingjing.mission import expression as ex
+from lingjing.mission import model, operations
+from lingjing.mission.evaluate import Area, Members, Place, Scope, Value
+from lingjing.mission.fold import Composite, Literal, Meaning, meaning
+from lingjing.mission.functions import operation
+from lingjing.mission.instance import Entity, Instance
+from lingjing.mission.values import as_flag, as_whole, is_number
+
+
+def unmet(mission: model.Mission, instance: Instance) -> model.Requirement | None:
+    """The first requirement that an instance does not meet; None if it meets all.
+
+    Raises `MissionError` for a requirement without a value.
+    """
+    world = _Draws(instance)
+    for requirement in mission.requirements:
+        if not as_flag(meaning(requirement.condition, _SEMANTICS)({}, world)):
+            return requirement
+    return None
+
+
+def drawn_names(mission: model.Mission, condition: ex.Expr) -> frozenset[str]:
+    """The groups and params with draws on which a condition depends, directly or through other declarations."""
+    values = {param.name: (param.default,) for param in mission.parameters}
+    values |= {region.name: (region.shape,) for region in mission.regions}
+    for group in mission.groups:
+        counts = () if group.count is None else (group.count,)
+        values[group.name] = (*counts, *(prop.value for prop in group.properties))
+    reached: set[str] = set()
+    queue = list(_referred(condition))
+    while queue:
+        name = queue.pop()
+        if name in values and name not in reached:
+            reached.add(name)
+            queue.extend(other for value in values[name] for other in _referred(value))
+    return frozenset(name for name in reached if any(isinstance(value, ex.Draw) for value in values[name]))
+
+
+def _referred(expr: ex.Expr) -> Iterator[str]:
+    for part in ex.parts(expr):
+        if isinstance(part, ex.Ref):
+            yield part.name
+        elif isinstance(part, ex.Quantified | ex.Aggregate):
+            yield part.domain
+
+
+class _Draws:
+    """The drawn values of an instance; an `EvaluationContext` of `lingjing.mission.values`."""
+
+    def __init__(self, instance: Instance) -> None:
+        self.groups: dict[str, tuple[Entity, ...]] = {}
+        for entity in instance.entities:
+            self.groups[entity.group] = (*self.groups.get(entity.group, ()), entity)
+        self.scope = Scope(
+            parameters=instance.settings,
+            mode=instance.mode,
+            areas={region.name: Area(region.polygon) for region in instance.regions if region.polygon},
+            tick_s=instance.clock.tick_s,
+        )
+
+    def place(self, value: Value) -> Place | None:
+        """A point itself, or the declared position of an entity."""
+        if isinstance(value, Entity):
+            return Place(*value.position)
+        return value if isinstance(value, Place) else None
+
+    def note(self, name: str, number: float) -> None:
+        """Discard a measured number."""
+
+    def fact(self, name: str, arguments: Sequence[Value]) -> Value:
+        """Raise `MissionError`: facts of a run do not exist before the first tick."""
+        raise MissionError(f"`{name}(…)` is known only while the mission runs")
+
+
+class _Requirements:
+    """Semantics of conditions over drawn values."""
+
+    def literal(self, node: Literal) -> Meaning:
+        constant = node.name if isinstance(node, ex.Symbol) else node.value
+        return lambda names, world: constant
+
+    def name(self, node: ex.Ref) -> Meaning:
+        def value_of(names: Mapping[str, Value], world: _Draws) -> Value:
+            if node.name in names:
+                return names[node.name]
+            members = world.groups.get(node.name, ())
+            return members[0] if len(members) == 1 else Members(()) if members else world.scope.refer(node)
+
+        return value_of
+
+    def field(self, node: ex.Attr, base: Meaning) -> Meaning:
+        return lambda names, world: _field(base(names, world), node.name)
+
+    def apply(self, node: Composite, operands: tuple[Meaning, ...]) -> Meaning:
+        match node:
+            case ex.Binary(operator="and"):
+                left, right = operands
+                return lambda names, world: as_flag(left(names, world)) and as_flag(right(names, world))
+            case ex.Binary(operator="or"):
+                left, right = operands
+                return lambda names, world: as_flag(left(names, world)) or as_flag(right(names, world))
+            case ex.Index(base=ex.Ref(name=group)):
+                return lambda names, world: _member(world.groups.get(group, ()), group, operands[1](names, world))
+        known = operation(node)
+        if known is None:
+            raise MissionError("a requirement reads drawn values alone")
+        return lambda names, world: known.value(world, *[operand(names, world) for operand in operands])
+
+    def over(self, node: ex.Quantified | ex.Aggregate, body: Meaning) -> Meaning:
+        def value_of(names: Mapping[str, Value], world: _Draws) -> Value:
+            members = world.groups.get(node.domain, ())
+            values = (body({**names, node.variable: member}, world) for member in members)
+            if isinstance(node, ex.Quantified):
+                return any(map(as_flag, values)) if node.quantifier == "exists" else all(map(as_flag, values))
+            return _aggregated(node.function, list(values))
+
+        return value_of
+
+
+_SEMANTICS = _Requirements()
+
+
+def _field(value: Value, name: str) -> Value:
+    if not isinstance(value, Entity):
+        return operations.field(value, name)
+    if name == "position":
+        return Place(*value.position)
+    number = value.heading_deg if name == "heading_deg" else value.properties.get(name)
+    if number is None:
+        raise MissionError(f"`{value.id}` has no `{name}` before the run")
+    return number
+
+
+def _member(members: tuple[Entity, ...], group: str, index: Value) -> Entity:
+    place = as_whole(index)
+    if not 1 <= place <= len(members):
+        raise MissionError(f"`{group}` has {len(members)} members, there is no {place}")
+    return members[place - 1]
+
+
+def _aggregated(function: str, values: list[Value]) -> float:
+    if function == "count":
+        return float(sum(value is True for value in values))
+    numbers = [float(value) for value in values if is_number(value)]
+    if function == "sum":
+        return math.fsum(numbers)
+    if not numbers:
+        raise MissionError(f"{function}(…) of nothing has no value")
+    return min(numbers) if function == "min" else max(numbers)
