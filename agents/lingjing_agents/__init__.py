@@ -9,5 +9,6 @@ Modules: `plugin` declares the policies and the models of their options. `percep
 `ground_plane`, `paths` and `flight_levels` plan motion; `errands` are simple tasks of a single body. The policies are
 `idle`, `chance` (random), `heuristic` (the rule baseline), `oracle` (privileged), `react` over `llm` (a chat model),
 `replay` (scripted) and `faulty` (the baselines with planted faults). `scaffolds` are examples of agent scaffolds for
-`react` that use the contract alone. `frame_detectors` answer questions about single pictures outside of episodes.
+`react` that use the contract alone. `mission_writer` writes missions. `frame_detectors` answer questions about single
+pictures outside of episodes.
 """

@@ -14,6 +14,7 @@ from lingjing.plugins.hookspecs import hookimpl
 from lingjing.plugins.policy import PolicyPlugin
 from lingjing.plugins.prompts import PromptPlugin
 from lingjing.plugins.scaffold import ScaffoldPlugin
+from lingjing.plugins.writers import WriterPlugin
 
 _RULES = ("lingjing_agents.heuristic.policy", "cv2", "numpy.ma")
 _TRUTH = ("lingjing_agents.oracle",)
@@ -170,6 +171,18 @@ def lingjing_prompts() -> Iterable[PromptPlugin]:
             check=_Deferred("react.prompt_files", "check_text"),
             reviser=_Deferred("react.prompt_reviser", "make_reviser"),
             summary="what a chat model is told beside what it may command and say",
+        ),
+    )
+
+
+@hookimpl
+def lingjing_writers() -> Iterable[WriterPlugin]:
+    """Return the writer of missions over `llm`."""
+    return (
+        WriterPlugin(
+            name="chat",
+            factory=_Deferred("mission_writer", "make_writer"),
+            summary="a chat model that writes missions (options: model=NAME and those of `react` for its service)",
         ),
     )
 

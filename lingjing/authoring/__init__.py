@@ -14,6 +14,7 @@ Modules in the order of a run:
 - `junit`         results as JUnit XML
 - `composing`     a seed → the text of a mission
 - `screening`     tests a composed mission and writes its certificate
+- `drafting`      a sentence → a mission, in a conversation with a chat model
 
 An infrastructure abort never passes or fails a check. A check is decided in the order of its seeds, so that its result
 does not depend on the number of processes.

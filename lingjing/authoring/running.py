@@ -54,7 +54,8 @@ class CheckResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class CheckRunner:
-    """Runs checks; a context manager."""
+    """Runs checks; a context manager. A mission's file must not change while the runner is open: episodes are known by
+    its path."""
 
     def __init__(self, jobs: int = 1) -> None:
         self.on_episode: Callable[[int, int], None] = lambda done, due: None

@@ -24,8 +24,8 @@ from lingjing.errors import InfrastructureError, UsageError
 from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeProcesses, EpisodeTask
 from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport
-from lingjing.play.spending import SpendingLimits
-from lingjing.plugins.calls import CallRequest, CallResult, ModelCalls, SpendingLimitError
+from lingjing.play.spending import CountedCalls, SpendingLimits
+from lingjing.plugins.calls import ModelCalls, SpendingLimitError
 from lingjing.plugins.prompts import PromptReviser, TriedPrompt
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import BoundaryRecord, DecisionRecord
@@ -155,7 +155,7 @@ class PromptSearch:
         Raises `UsageError` if the folder holds another search, is in use or cannot be written, or if the money is
         spent; `InfrastructureError` if an episode cannot be played or the reviser does not answer.
         """
-        reviser = self.reviser(_CountedCalls(SpendingLimits(self.options.max_cost, None, self._ledger)))
+        reviser = self.reviser(CountedCalls(SpendingLimits(self.options.max_cost, None, self._ledger)))
         with lock_folder(self.folder, "search of prompts"), _explained_limits(), self._processes:
             known = self._known(start)
             best = self._played(known, PromptCandidate(number=0, text=start))
@@ -279,28 +279,6 @@ class PromptSearch:
         write_whole(self.folder / f"revision-{number}-asked.txt", revision.asked.encode())
         write_whole(self.folder / f"revision-{number}-answered.txt", revision.answered.encode("utf-8", "replace"))
         return PromptCandidate(number=number, text="" if fault else revision.text, fault=fault)
-
-
-class _CountedCalls:
-    """`ModelCalls` that adds the cost to that of the episodes. The search itself stores requests and answers."""
-
-    replaying = False
-
-    def __init__(self, limits: SpendingLimits) -> None:
-        self._limits = limits
-
-    @property
-    def capped(self) -> bool:
-        """True if the cost is limited."""
-        return self._limits.money_is_capped
-
-    def begin(self, request: CallRequest) -> None:
-        """Reserve the greatest cost of the request."""
-        self._limits.reserve(request)
-
-    def end(self, request: CallRequest, result: CallResult) -> None:
-        """Replace the reservation by the actual cost."""
-        self._limits.settle(request, result)
 
 
 @contextmanager

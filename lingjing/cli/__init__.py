@@ -22,6 +22,6 @@ the signals and the end of the process. `files` reads missions and writes files.
 - `calls`                                          the recorded model calls of an episode
 - `prompts`                                        prompts of policies, and their revision from failed traces
 - `frames`                                         labelled sets of frames for detectors, and a probe of detectors
-- `plugins` ← `installed`, `new` ← `newpackage`    installed plug-ins, and files to start a new one from
+- `plugins` ← `installed`, `new` ← `newpackage`, `newmission`    installed plug-ins, and files to start a new one from
 - `doctor` ← `libraries`                           a check of the machine
 """

@@ -6,6 +6,7 @@ import argparse
 import keyword
 from pathlib import Path
 
+from lingjing.cli import newmission
 from lingjing.errors import ExitCode, UsageError
 
 _TEMPLATES = Path(__file__).parent / "templates"
@@ -23,20 +24,35 @@ KINDS = {
 """The kinds and what each is; all but agent and mission are packages."""
 
 
+DEFAULT_FILE = "mission.ljs"
+"""The file of a mission from a sentence without a name."""
+
+
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     kinds = "; ".join(f"{name}: {what}" for name, what in KINDS.items())
     parser.add_argument("kind", choices=tuple(KINDS), metavar="KIND", help=kinds)
     parser.add_argument(
-        "name", metavar="NAME", help="a name such as scout: scout.py with class Scout, scout.ljs, or the folder scout"
+        "name",
+        metavar="NAME",
+        nargs="?",
+        help="a name such as scout: scout.py with class Scout, scout.ljs, or the folder scout; with --from: the file's "
+        "(default mission)",
     )
     parser.add_argument(
         "-o", "--output", metavar="DIR", help="the folder to write into; a package's own (default: a new one, NAME)"
     )
+    newmission.add_options(parser)
 
 
 def handler(args: argparse.Namespace) -> int:
     """Write the file or the package and print how to use it."""
+    if args.sentence is not None:
+        return _from_sentence(args)
+    if args.name is None:
+        raise UsageError(f"the {args.kind} has no name", hint=f"lingjing new {args.kind} NAME")
+    if args.model is not None:
+        raise UsageError("--model writes a mission from a sentence", hint='add --from "…"')
     if args.kind not in ("agent", "mission"):
         return _new_package(args.kind, args.name, args.output)
     folder = Path(args.output or "")
@@ -54,6 +70,14 @@ def handler(args: argparse.Namespace) -> int:
     print(f"test it: python {path}")
     print(f"list its options: lingjing plugins {shown}:{class_name}")
     return ExitCode.OK
+
+
+def _from_sentence(args: argparse.Namespace) -> int:
+    if args.kind != "mission":
+        raise UsageError(f"--from writes a mission, and `{args.kind}` is none", hint="lingjing new mission --from …")
+    return newmission.write_from_sentence(
+        args, Path(args.output or "") / f"{_mission_word(args.name or DEFAULT_FILE)}.ljs"
+    )
 
 
 def _new_package(kind: str, name: str, output: str | None) -> int:
@@ -81,17 +105,23 @@ def write_agent(name: str, folder: Path) -> tuple[Path, str]:
 
 def write_mission(name: str, folder: Path) -> Path:
     """Write `<folder>/<name>.ljs` and return its path. Raises `UsageError` if the file exists."""
-    from lingjing.dsl.syntax.tokens import INNER, STATEMENTS
-
-    word = name.removesuffix(".ljs").replace("-", "_")
-    if not word.isidentifier() or word in STATEMENTS or word in INNER:
-        hint = "use letters, digits and _, such as bay_search"
-        if word.isidentifier():
-            hint = f"`{word}` is a word of the language; choose another name, such as my_{word}"
-        raise UsageError(f"`{name}` cannot be the name of a mission", hint=hint)
+    word = _mission_word(name)
     title = word.replace("_", " ").strip().capitalize() or word
     text = (_TEMPLATES / "mission.ljs.txt").read_text(encoding="utf-8")
     return _write_new(folder / f"{word}.ljs", text.replace("mission0", word).replace("Title0", title))
+
+
+def _mission_word(name: str) -> str:
+    """Return the name as a word of the language. Raises `UsageError` if it cannot be one."""
+    from lingjing.dsl.syntax.tokens import INNER, STATEMENTS
+
+    word = name.removesuffix(".ljs").replace("-", "_")
+    if name == DEFAULT_FILE or (word.isidentifier() and word not in STATEMENTS and word not in INNER):
+        return word
+    hint = "use letters, digits and _, such as bay_search"
+    if word.isidentifier():
+        hint = f"`{word}` is a word of the language; choose another name, such as my_{word}"
+    raise UsageError(f"`{name}` cannot be the name of a mission", hint=hint)
 
 
 def _write_new(path: Path, text: str) -> Path:

@@ -120,6 +120,7 @@ def offers(host: PluginHost, faults: list[PluginError]) -> Iterator[_Offer]:
     yield from _plain_offers("detector", "lingjing_detectors", host, _read(lambda: host.detectors, faults))
     yield from _plain_offers("backbone", "lingjing_backbones", host, _read(lambda: host.backbones, faults))
     yield from _plain_offers("scaffold", "lingjing_scaffolds", host, _read(lambda: host.scaffolds, faults))
+    yield from _plain_offers("writer", "lingjing_writers", host, _read(lambda: host.writers, faults))
     for hook in MAKERS:
         for name in host.makers(hook):
             yield _Offer(kind="maker", name=name, source=name, notes=hook, summary=f"makes or wraps by {hook}")

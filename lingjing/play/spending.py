@@ -126,6 +126,28 @@ class SpendingLimits:
                 _write(file, msgspec.json.encode(account), self._ledger)
 
 
+class CountedCalls:
+    """`ModelCalls` outside of an episode: the cost is counted against limits, and nothing is recorded."""
+
+    replaying = False
+
+    def __init__(self, limits: SpendingLimits) -> None:
+        self._limits = limits
+
+    @property
+    def capped(self) -> bool:
+        """True if the cost is limited."""
+        return self._limits.money_is_capped
+
+    def begin(self, request: CallRequest) -> None:
+        """Reserve the greatest cost of the request."""
+        self._limits.reserve(request)
+
+    def end(self, request: CallRequest, result: CallResult) -> None:
+        """Replace the reservation by the actual cost."""
+        self._limits.settle(request, result)
+
+
 @contextmanager
 def _locked(path: Path) -> Iterator[int]:
     try:

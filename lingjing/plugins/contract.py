@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 
-API_VERSION = "1.7"
+API_VERSION = "1.8"
 """MAJOR.MINOR. A new major version may remove or change a name; a new minor version adds names alone."""
 
 CONTRACT_MODULES = (
@@ -41,6 +41,7 @@ CONTRACT_MODULES = (
     "lingjing.plugins.stock",
     "lingjing.plugins.tasks",
     "lingjing.plugins.terrain",
+    "lingjing.plugins.writers",
     "lingjing.scene.city",
     "lingjing.testing",
     "lingjing.trace.calls",

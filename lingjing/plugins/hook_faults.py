@@ -24,6 +24,7 @@ from lingjing.plugins.hookspecs import ScenePlugin
 from lingjing.plugins.policy import PolicyPlugin
 from lingjing.plugins.prompts import PromptPlugin
 from lingjing.plugins.scaffold import ScaffoldPlugin
+from lingjing.plugins.writers import WriterPlugin
 
 ResultT = TypeVar("ResultT")
 
@@ -34,6 +35,7 @@ _ARGUMENTS: dict[str, tuple[str, ...]] = {
     "lingjing_detectors": ("options",),
     "lingjing_backbones": ("access",),
     "lingjing_scaffolds": ("context",),
+    "lingjing_writers": ("options", "calls"),
 }
 """The arguments with which the function of a declaration is called, by hook. Policies without a model of options are
 called with their own parameters."""
@@ -51,6 +53,7 @@ DECLARATIONS: dict[str, tuple[type, str]] = {
     "lingjing_detectors": (DetectorPlugin, "factory"),
     "lingjing_backbones": (BackbonePlugin, "factory"),
     "lingjing_scaffolds": (ScaffoldPlugin, "build"),
+    "lingjing_writers": (WriterPlugin, "factory"),
 }
 """The declaration that each offering hook returns, and its field with the function that makes the object; "" without
 one."""

@@ -21,6 +21,7 @@ from lingjing.plugins.frame_detector import DetectorPlugin
 from lingjing.plugins.policy import Policy, PolicyPlugin
 from lingjing.plugins.prompts import PromptPlugin
 from lingjing.plugins.scaffold import ScaffoldPlugin
+from lingjing.plugins.writers import WriterPlugin
 from lingjing.scene.city import City
 
 if TYPE_CHECKING:
@@ -93,6 +94,11 @@ def lingjing_scaffolds() -> Iterable[ScaffoldPlugin]:  # type: ignore[empty-body
     """Return the agent scaffolds of this plug-in. Called once, when a scaffold is looked up or listed."""
 
 
+@hookspec
+def lingjing_writers() -> Iterable[WriterPlugin]:  # type: ignore[empty-body]
+    """Return the writers of missions of this plug-in. Called once, when a writer is looked up or listed."""
+
+
 @hookspec(firstresult=True)
 def lingjing_make_policy(declaration: PolicyPlugin, options: PluginOptions, calls: ModelCalls) -> Policy:  # type: ignore[empty-body]
     """Return the policy object of one agent, or None to leave it to the next plug-in.
@@ -117,4 +123,5 @@ __all__ = [
     "ScenePlugin", "hookimpl", "hookspec", "lingjing_api_version", "lingjing_backbones", "lingjing_detectors",
     "lingjing_engines", "lingjing_evaluators", "lingjing_make_evaluator", "lingjing_make_policy", "lingjing_models",
     "lingjing_policies", "lingjing_prompts", "lingjing_scaffolds", "lingjing_scenes",
+    "lingjing_writers",
 ]  # fmt: skip

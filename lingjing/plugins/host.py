@@ -47,6 +47,7 @@ from lingjing.plugins.hookspecs import ScenePlugin
 from lingjing.plugins.policy import Policy, PolicyPlugin
 from lingjing.plugins.prompts import PromptPlugin
 from lingjing.plugins.scaffold import ScaffoldPlugin
+from lingjing.plugins.writers import WriterPlugin
 from lingjing.suggest import nearest_or
 
 if TYPE_CHECKING:
@@ -137,6 +138,11 @@ class PluginHost:
         """The agent scaffolds, by name."""
         return self._collect("lingjing_scaffolds")
 
+    @cached_property
+    def writers(self) -> dict[str, WriterPlugin]:
+        """The writers of missions, by name."""
+        return self._collect("lingjing_writers")
+
     def engine(self, name: str) -> EnginePlugin:
         """Return the engine of that name. Raises `UsageError` that lists the known ones."""
         return self._get("engine", "lingjing_engines", self.engines, name)
@@ -164,6 +170,10 @@ class PluginHost:
     def scaffold(self, name: str) -> ScaffoldPlugin:
         """Return the scaffold of that name. Raises `UsageError` that lists the known ones."""
         return self._get("scaffold", "lingjing_scaffolds", self.scaffolds, name)
+
+    def writer(self, name: str) -> WriterPlugin:
+        """Return the writer of that name. Raises `UsageError` that lists the known ones."""
+        return self._get("writer", "lingjing_writers", self.writers, name)
 
     def owner(self, hook: str, name: str) -> str:
         """Return the distribution, with its version, of the plug-in that offers `name`; without one, the plug-in's
