@@ -137,7 +137,8 @@ _NUMPY_FIRST = """
 import numpy, sys
 import lingjing
 from lingjing.play import selfcheck
-result = lingjing.run(selfcheck.MISSION, policy=selfcheck.Scripted, seed=7, out=sys.argv[1], overview=False)
+from lingjing.testing import shortened
+result = lingjing.run(shortened(selfcheck.MISSION, 1), policy=selfcheck.Scripted, seed=7, out=sys.argv[1], overview=False)
 print(*result.withdrawn, *result.warnings, sep="\\n")
 """
 
