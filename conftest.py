@@ -4,14 +4,18 @@ or under `nohup`, where its children ignore them. Numerical libraries are pinned
 Compiled modules are kept: the suite starts a thousand interpreters, and without its `.pyc` files each compiles 400
 modules, one second of CPU.
 
+Processes that this project starts are forks of one that has imported it, except in tests of processes.
+
 Files with slow tests come first, so that no worker is left with one when the others have nothing more to do.
 """
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import sys
+from collections.abc import Iterator
 
 import pytest
 from hypothesis import settings
@@ -35,3 +39,30 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The files in which a test is marked `slow` first, otherwise in their order."""
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: item.path not in slow)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def workers_are_forks() -> Iterator[None]:
+    """Fork the processes of worlds, policies and branches that tests start in this process, on Linux."""
+    from tools.python_forks import forked_starts
+
+    with forked_starts() if sys.platform == "linux" else contextlib.nullcontext():
+        yield
+
+
+@pytest.fixture(scope="module")
+def workers_are_interpreters() -> Iterator[None]:
+    """Start the processes of worlds, policies and branches as a user does, for tests of their start and end."""
+    from tools.python_forks import true_starts
+
+    with true_starts():
+        yield
+
+
+@pytest.fixture
+def workers_are_interpreters_once(workers_are_forks: None) -> Iterator[None]:
+    """Do the same for one test."""
+    from tools.python_forks import true_starts
+
+    with true_starts():
+        yield

@@ -5,7 +5,6 @@ import json
 import logging
 import os
 import re
-import subprocess
 import sys
 import traceback
 from base64 import b64encode
@@ -22,6 +21,7 @@ from agents.tests.agent_kit import Inbox, brief, observe, react
 from agents.tests.hostile_server import answered, completion, header_of, serve_raw
 from lingjing.plugins.policy import InfrastructureError, NoDecisionError, UsageError
 from lingjing.trace.container import scan
+from tools.python_forks import run_python
 
 KEY = 'Zq8vT3kX9-mWn2bLs/7"Rü'
 PASSWORD = "hUn7er42 &co"
@@ -220,14 +220,15 @@ def test_a_run_against_a_service_that_echoes_its_key_leaves_it_nowhere(client: s
     with serve_raw(lambda request: echo("401 Unauthorized", next(spellings))(request)) as url:
         arguments = {"base_url": url, "api_key_env": "SERVICE_KEY", **client_arguments(client)}
         pairs = [part for name, value in arguments.items() for part in ("--policy-arg", f"{name}={value}")]
-        done = subprocess.run(
+        done = run_python(
             [
                 *(sys.executable, "-m", "lingjing.cli.main", "run", "trip.ljs"),
                 *("--policy", "react", *pairs, "-o", "run", "--json", "--no-overview"),
             ],
-            cwd=tmp_path, env={**os.environ, "SERVICE_KEY": key, "LINGJING_TRACEBACK": "1"},
-            capture_output=True, text=True, timeout=1500, check=False,
-        )  # fmt: skip
+            cwd=tmp_path,
+            env={**os.environ, "SERVICE_KEY": key, "LINGJING_TRACEBACK": "1"},
+            timeout=1500.0,
+        )
     assert done.returncode == 3, done.stderr
     report = json.loads(done.stdout)
     assert report["metrics"]["calls"] > 0

@@ -9,7 +9,6 @@ import os
 import pty
 import re
 import sqlite3
-import subprocess
 import sys
 from base64 import b64decode
 from collections.abc import Iterator
@@ -20,6 +19,7 @@ import pytest
 
 from agents.tests.hostile_server import answered, completion, header_of, serve_raw
 from lingjing.trace.container import scan
+from tools.python_forks import start_python
 
 KEY = "sk-Planted4711-of-the-service"
 OTHER_KEY = "sk-Planted0815-of-nobody-here"
@@ -87,10 +87,8 @@ class EchoingService:
 def on_terminal(folder: Path, environment: dict[str, str], *arguments: str) -> tuple[int, str]:
     """Return the exit code and the complete output on a terminal."""
     primary, secondary = pty.openpty()
-    process = subprocess.Popen(
-        [sys.executable, "-m", "lingjing.cli.main", *arguments],
-        stdin=secondary, stdout=secondary, stderr=secondary, cwd=folder, env={**os.environ, **environment},
-    )  # fmt: skip
+    command = [sys.executable, "-m", "lingjing.cli.main", *arguments]
+    process = start_python(command, (secondary,) * 3, cwd=folder, env={**os.environ, **environment})
     os.close(secondary)
     shown = b""
     while True:

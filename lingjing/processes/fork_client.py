@@ -147,6 +147,10 @@ class ForkServerClient:
         keep_result(key, result)
         send_request(self._channel, KeepResult(key, result), ())
 
+    def fileno(self) -> int:
+        """Return the descriptor of the connection."""
+        return self._channel.fileno()
+
     def close(self) -> None:
         """Close this end."""
         self._channel.close()

@@ -25,6 +25,7 @@ from lingjing.errors import ExitCode, InfrastructureError, UsageError
 from lingjing.testing import mission_file, run_command, shortened
 from lingjing.trace.records import Action, Decision, Faculty, MessageChange, Substitution
 from tests.causal.erring import ASTRAY_FROM
+from tools.python_forks import true_starts
 
 replace = msgspec.structs.replace
 ERRING = str(Path(__file__).parent / "erring.py")
@@ -285,7 +286,8 @@ def test_nobody_but_the_reference_sees_the_truth(idle: Trace, tmp_path: Path) ->
 
 def test_no_process_outlives_its_caller(lost: Trace) -> None:
     options = BranchOptions(trace=str(lost.path), files=(f"{ERRING}:Astray",), referenced=())
-    host = BranchHost(lost, options)
+    with true_starts():
+        host = BranchHost(lost, options)
     host.play([BranchPlan(at=2)])
     group = host._process.pid
     assert len(members(group)) > 2  # the driver, the camera, the boundaries that are held
@@ -295,7 +297,7 @@ def test_no_process_outlives_its_caller(lost: Trace) -> None:
 
 
 def test_a_boundary_that_is_killed_while_it_is_held_is_told(idle: Trace) -> None:
-    with BranchHost(idle, of_idle(idle, "Unseeing")) as host:
+    with true_starts(), BranchHost(idle, of_idle(idle, "Unseeing")) as host:
         host.play([BranchPlan(at=2)])
         driver = host._process.pid
         for held in Path(f"/proc/{driver}/task/{driver}/children").read_text().split():

@@ -8,11 +8,12 @@ import sys
 from pathlib import Path
 
 from lingjing.testing import mission_file
+from tools.python_forks import run_python
 
 
 def lingjing(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "lingjing.cli.main", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=900, check=False)
+    return run_python(command)
 
 
 def test_text_and_json_go_round(tmp_path: Path) -> None:

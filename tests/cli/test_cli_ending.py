@@ -22,6 +22,7 @@ from lingjing.errors import LingjingError, UsageError
 from lingjing.play.report import summarise
 from lingjing.testing import compiled, mission_file, run_command
 from tests.play.report_kit import ABORTED, INTERRUPTED, blank_metrics, made_report
+from tools.python_forks import run_python
 
 pytestmark = pytest.mark.slow
 
@@ -75,9 +76,7 @@ def write_policy(folder: Path, init: str = "pass", reset: str = "pass", act: str
 
 
 def lingjing(*arguments: object, cwd: Path, **options: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*COMMAND, *map(str, arguments)], cwd=cwd, capture_output=True, text=True, timeout=900, check=False, **options
-    )  # type: ignore[call-overload]
+    return run_python([*COMMAND, *map(str, arguments)], cwd=cwd, **options)  # type: ignore[call-overload]
 
 
 @pytest.mark.parametrize("init", ["raise RuntimeError('boom')", "sys.exit('boom')"])

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from lingjing.testing import mission_file
+from tools.python_forks import run_python
 
 UGLY = "ljs   1\nasset  a{engine=vessel,speed=3m/s}\n"
 NEAT = "ljs 1\nasset a { engine = vessel, speed = 3 m/s }\n"
@@ -14,7 +15,7 @@ NEAT = "ljs 1\nasset a { engine = vessel, speed = 3 m/s }\n"
 
 def fmt(*arguments: str | Path, stdin: str = "") -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "lingjing.cli.main", "fmt", *map(str, arguments)]
-    return subprocess.run(command, input=stdin, capture_output=True, text=True, timeout=900, check=False)
+    return run_python(command, input=stdin)
 
 
 def test_a_file_is_written_in_place_and_then_left(tmp_path: Path) -> None:

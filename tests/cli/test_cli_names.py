@@ -14,6 +14,7 @@ import lingjing
 from lingjing.data import data_path
 from lingjing.errors import UsageError
 from lingjing.testing import mission_file
+from tools.python_forks import run_python
 
 LINGJING = (sys.executable, "-m", "lingjing.cli.main")
 NOT_TEXT = b"s\xffr"
@@ -21,7 +22,7 @@ NOT_TEXT = b"s\xffr"
 
 def run_in(folder: str | bytes, *arguments: str | bytes) -> tuple[int, str]:
     """Return exit code and standard error of a command in a folder."""
-    done = subprocess.run([*LINGJING, *arguments], cwd=folder, capture_output=True, text=True, timeout=600)
+    done = run_python([*LINGJING, *arguments], cwd=folder, timeout=600)
     return done.returncode, done.stderr
 
 

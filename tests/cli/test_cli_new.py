@@ -15,11 +15,12 @@ from lingjing.cli.new import write_mission
 from lingjing.dsl.formatting.formatter import format_text
 from lingjing.errors import UsageError
 from lingjing.testing import compile_file
+from tools.python_forks import run_python
 
 
 def lingjing(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "lingjing.cli.main", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=900, check=False, cwd=cwd)
+    return run_python(command, cwd=cwd)
 
 
 def test_a_new_mission_compiles_and_is_formatted(tmp_path: Path) -> None:

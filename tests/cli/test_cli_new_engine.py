@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import subprocess
 import sys
 import tomllib
 from pathlib import Path
@@ -16,15 +15,14 @@ from lingjing.cli.newpackage import plugin_name, write_package
 from lingjing.dsl.formatting.formatter import format_text
 from lingjing.errors import UsageError
 from lingjing.installation import CORE, name_of
+from tools.python_forks import run_python
 
 
 def call(*command: object, cwd: Path, site: Path | None = None, code: int = 0) -> str:
     env = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     if site is not None:
         env["PYTHONPATH"] = str(site)
-    done = subprocess.run(
-        [sys.executable, *map(str, command)], cwd=cwd, env=env, capture_output=True, text=True, timeout=900, check=False
-    )
+    done = run_python([sys.executable, *map(str, command)], cwd=cwd, env=env)
     assert done.returncode == code, f"{command}\n{done.stdout}\n{done.stderr}"
     return done.stdout + done.stderr
 

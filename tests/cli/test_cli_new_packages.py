@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from lingjing.cli.new import KINDS
 from lingjing.cli.newpackage import PACKAGES, plugin_name, write_package
 from lingjing.dsl.formatting.formatter import format_text
 from lingjing.errors import UsageError
+from tools.python_forks import run_python
 
 PLACEHOLDERS = ("NAME0", "Name0", "Title0", "CORE0", "API0")
 PIP = ("-m", "pip", "--disable-pip-version-check", "install", "-q", "--no-deps", "--no-build-isolation")
@@ -26,9 +26,7 @@ def call(*command: object, cwd: Path, site: Path | None = None) -> str:
     env = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     if site is not None:
         env["PYTHONPATH"] = str(site)
-    done = subprocess.run(
-        [sys.executable, *map(str, command)], cwd=cwd, env=env, capture_output=True, text=True, check=False
-    )
+    done = run_python([sys.executable, *map(str, command)], cwd=cwd, env=env)
     assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
     return done.stdout + done.stderr
 

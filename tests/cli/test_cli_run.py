@@ -24,6 +24,7 @@ from lingjing.errors import LingjingError
 from lingjing.testing import mission_file, run_command
 from tests.kernel.test_world_process import is_running
 from tests.play.report_kit import made_report
+from tools.python_forks import run_python
 
 pytestmark = pytest.mark.slow
 
@@ -62,9 +63,7 @@ def without_warning(stderr: str) -> str:
 
 
 def lingjing_run(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*RUN, *map(str, arguments)], cwd=cwd, capture_output=True, text=True, timeout=900, check=False
-    )
+    return run_python([*RUN, *map(str, arguments)], cwd=cwd)
 
 
 @dataclass(frozen=True)

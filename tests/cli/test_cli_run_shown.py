@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from tools.python_forks import run_python
+
 RUN = (sys.executable, "-m", "lingjing.cli.main", "run")
 MISSION = """ljs 1
 use std.air { quadrotor }
@@ -69,7 +71,7 @@ def test_the_page_shows_the_episode_and_stays(tmp_path: Path) -> None:
     ],
 )
 def test_wrong_use_is_told(tmp_path: Path, arguments: tuple[str, ...], message: str) -> None:
-    done = subprocess.run([*RUN, *arguments], cwd=tmp_path, capture_output=True, text=True, timeout=600)
+    done = run_python([*RUN, *arguments], cwd=tmp_path, timeout=600)
     assert done.returncode == 2 and message in done.stderr and "Traceback" not in done.stderr
     assert list(tmp_path.iterdir()) == []
 

@@ -14,6 +14,7 @@ import pytest
 
 import lingjing
 from lingjing.terminal import aligned, visible
+from tools.python_forks import start_python
 
 EVIL = [
     "\x1b]0;EVIL\x07",
@@ -99,19 +100,23 @@ def on_terminal(*arguments: str, cwd: Path, stdin: bytes | None = None, controll
     """Return the output of `lingjing …` on a terminal, both streams, with its newlines as written; `controlling`: it
     is the process's own, `/dev/tty`."""
     primary, secondary = pty.openpty()
+    reading, writing = os.pipe() if stdin is not None else (os.dup(secondary), -1)
+    command = [sys.executable, "-m", "lingjing.cli.main", *arguments]
+    variables = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "120", "LINES": "40"}
     try:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "lingjing.cli.main", *arguments],
-            stdin=subprocess.PIPE if stdin is not None else secondary, stdout=secondary, stderr=secondary, cwd=cwd,
-            env={**os.environ, "TERM": "xterm-256color", "COLUMNS": "120", "LINES": "40"},
-            start_new_session=controlling,
-            preexec_fn=(lambda: fcntl.ioctl(1, termios.TIOCSCTTY, 0)) if controlling else None,
+        process = (
+            subprocess.Popen(
+                command, stdin=reading, stdout=secondary, stderr=secondary, cwd=cwd, env=variables,
+                start_new_session=True, preexec_fn=lambda: fcntl.ioctl(1, termios.TIOCSCTTY, 0),
+            )
+            if controlling
+            else start_python(command, (reading, secondary, secondary), cwd=cwd, env=variables)
         )  # fmt: skip
+        os.close(reading)
         os.close(secondary)
         if stdin is not None:
-            assert process.stdin is not None
-            process.stdin.write(stdin)
-            process.stdin.close()
+            os.write(writing, stdin)
+            os.close(writing)
         shown = b""
         while piece := _read(primary):
             shown += piece

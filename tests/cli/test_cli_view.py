@@ -15,6 +15,7 @@ from urllib.parse import parse_qs, urlsplit
 import pytest
 
 from lingjing.testing import sea_rescue
+from tools.python_forks import run_python
 
 VIEW = (sys.executable, "-m", "lingjing.cli.main", "view")
 
@@ -27,7 +28,7 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def view(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*VIEW, *map(str, arguments)], capture_output=True, text=True, timeout=600)
+    return run_python([*VIEW, *map(str, arguments)], timeout=600)
 
 
 def test_one_file_is_written_whole(path: Path, tmp_path: Path) -> None:
@@ -56,7 +57,7 @@ def test_wrong_use_is_told(path: Path, tmp_path: Path) -> None:
 def test_metrics_count_a_file_once_under_whatever_names(path: Path, tmp_path: Path) -> None:
     (tmp_path / "link.mcap").symlink_to(path)
     command = [sys.executable, "-m", "lingjing.cli.main", "metrics", path, tmp_path / "link.mcap", path]
-    done = subprocess.run([*map(str, command), "--output-format", "json"], capture_output=True, text=True, timeout=600)
+    done = run_python([*map(str, command), "--output-format", "json"], timeout=600)
     document = json.loads(done.stdout)
     assert [item["trace"] for item in document["episodes"]] == [str(path)] and document["together"]["episodes"] == 1
     assert done.stderr.splitlines() == [
@@ -70,7 +71,7 @@ def test_a_damaged_file_is_said_to_hold_a_part(path: Path, tmp_path: Path) -> No
     cut.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     for arguments in (("view", cut, "-o", tmp_path / "x.html"), ("metrics", cut), ("view", cut.parent)):
         command = [sys.executable, "-m", "lingjing.cli.main", *map(str, arguments)]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=600)
+        done = run_python(command, timeout=600)
         if arguments[1] == cut:
             assert done.returncode == 0 and f"note: {cut} " in done.stderr and "without an outcome" in done.stderr
         else:
@@ -94,7 +95,7 @@ def test_no_output_replaces_a_trace_or_what_is_read(path: Path, tmp_path: Path) 
         (("compile", mission, "--emit", "mission", "-o", mission), "this command reads it"),
     ):
         command = [sys.executable, "-m", "lingjing.cli.main", *map(str, arguments)]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=600)
+        done = run_python(command, timeout=600)
         assert done.returncode == 2 and f"cannot write `{arguments[-1]}`: {message}" in done.stderr, done.stderr
     assert trace.read_bytes() == other.read_bytes() == path.read_bytes()
     assert mission.read_text(encoding="utf-8") == source

@@ -8,7 +8,6 @@ import pty
 import re
 import select
 import struct
-import subprocess
 import sys
 import termios
 import time
@@ -30,6 +29,7 @@ from lingjing.scene.city import City
 from lingjing.testing import PluginHost, mission_file, sea_rescue
 from lingjing.trace.records import BodyState, TaskEvent
 from lingjing.viewer.state import EpisodeState
+from tools.python_forks import run_python
 
 RUN = (sys.executable, "-m", "lingjing.cli.main", "run")
 
@@ -175,18 +175,14 @@ def test_drawing_keeps_to_its_share_of_the_time(trace: Trace, city: City, monkey
 
 
 def test_without_a_terminal_it_is_refused_with_a_way_out(tmp_path: Path) -> None:
-    done = subprocess.run(
-        [*RUN, "ssr", "--watch", "--policy", "random"], cwd=tmp_path, capture_output=True, text=True, timeout=900
-    )
+    done = run_python([*RUN, "ssr", "--watch", "--policy", "random"], cwd=tmp_path)
     assert done.returncode == 2
     assert "error: --watch draws on the terminal" in done.stderr and "hint: remove --watch" in done.stderr
     assert "Traceback" not in done.stderr and done.stdout == "" and list(tmp_path.iterdir()) == []
 
 
 def test_several_at_a_time_cannot_be_watched(tmp_path: Path) -> None:
-    done = subprocess.run(
-        [*RUN, "ssr", "--watch", "--seeds", "0-1", "-j", "2"], cwd=tmp_path, capture_output=True, text=True, timeout=900
-    )
+    done = run_python([*RUN, "ssr", "--watch", "--seeds", "0-1", "-j", "2"], cwd=tmp_path)
     assert done.returncode == 2 and "one episode at a time" in done.stderr
 
 

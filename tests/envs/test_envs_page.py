@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from lingjing.envs import parallel_env
+from tools.python_forks import run_python
 
 PAGE = (Path(__file__).parents[2] / "docs" / "envs.md").read_text(encoding="utf-8")
 
@@ -18,10 +19,7 @@ PAGE = (Path(__file__).parents[2] / "docs" / "envs.md").read_text(encoding="utf-
 def test_the_examples_run(tmp_path: Path) -> None:
     examples = re.findall(r"^```python\n(.*?)^```", PAGE, flags=re.MULTILINE | re.DOTALL)
     assert len(examples) == 2
-    done = subprocess.run(
-        [sys.executable, "-c", "\n".join(examples)], cwd=tmp_path, capture_output=True, text=True, check=False,
-        timeout=900,
-    )  # fmt: skip
+    done = run_python([sys.executable, "-c", "\n".join(examples)], cwd=tmp_path)  # fmt: skip
     assert done.returncode == 0, done.stderr
     first, second = done.stdout.splitlines()
     assert first.startswith("5 ")

@@ -11,6 +11,8 @@ from lingjing.testing import PluginHost, declared
 from lingjing.testing.worlds import open_world
 from lingjing.trace.records import Command
 
+pytestmark = pytest.mark.usefixtures("workers_are_interpreters")
+
 CAMERA = CameraSpec(
     name="nadir",
     view="nadir",

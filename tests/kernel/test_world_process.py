@@ -20,6 +20,11 @@ from lingjing.errors import InfrastructureError, UsageError
 from lingjing.testing.worlds import open_world
 from lingjing.trace.records import Absent
 
+pytestmark = pytest.mark.usefixtures("workers_are_interpreters")
+
+starts_interpreters = pytest.mark.usefixtures("workers_are_interpreters_once")
+"""For tests of the start and the end of workers. The others fork them."""
+
 ROOT = str(Path(__file__).parents[2])
 TOYS = ("tests.kernel.world_toys:plugin", "tests.kernel.world_toys:painter")
 
@@ -132,6 +137,7 @@ def test_no_camera_no_camera_process(world):
         world.capture(0, [toys.request(0)], ())
 
 
+@starts_interpreters
 def test_the_world_process_is_lean_and_single_threaded(world):
     world.reset(toys.trio(), toys.CITY)
     pid = pids(world)[0]
@@ -170,12 +176,14 @@ def test_a_broken_engine_is_named_and_the_world_starts_afresh(world, fault, mess
     assert world.step(1, ()).tick == 1
 
 
+@starts_interpreters
 def test_the_last_words_of_a_dead_worker_are_shown(world):
     world.reset(faulty("kill"), toys.CITY)
     with pytest.raises(InfrastructureError, match="last words of the toy"):
         world.step(1, ())
 
 
+@starts_interpreters
 def test_the_stack_of_a_crashed_worker_is_a_note(world):
     world.reset(faulty("crash"), toys.CITY)
     with pytest.raises(InfrastructureError) as caught:
@@ -224,6 +232,7 @@ def test_a_wrong_tick_is_a_programmers_mistake(world):
     assert world.step(1, ()).tick == 1
 
 
+@starts_interpreters
 def test_a_worker_that_cannot_be_started_is_an_abort(world, monkeypatch):
     monkeypatch.setattr(sys, "executable", "/nowhere/python")
     before = open_descriptors()
@@ -232,6 +241,7 @@ def test_a_worker_that_cannot_be_started_is_an_abort(world, monkeypatch):
     assert open_descriptors() == before
 
 
+@starts_interpreters
 def test_a_worker_that_does_not_come_up_says_why(tmp_path):
     (tmp_path / "msgspec.py").write_text('raise RuntimeError("a broken installation")\n')
     world = open_world("process", plugins=TOYS, paths=(str(tmp_path),), installed=False)
@@ -330,6 +340,7 @@ def test_large_pictures_arrive_bit_for_bit(world):
     assert not frame.depth.flags.writeable
 
 
+@starts_interpreters
 def test_fifty_episodes_and_captures_leave_nothing_open(world):
     instance = toys.trio(tick_s=0.2)
     ready = world.reset(instance, toys.CITY)
@@ -346,6 +357,7 @@ def test_fifty_episodes_and_captures_leave_nothing_open(world):
     assert [len(os.listdir(f"/proc/{pid}/fd")) for pid in pids(world)] == theirs
 
 
+@starts_interpreters
 def test_opening_and_closing_leaves_no_descriptor_and_no_zombie():
     before = open_descriptors()
     for _ in range(3):
@@ -450,6 +462,7 @@ def test_an_engine_with_threads_cannot_be_forked_and_plays_on(world):
 # Lives and deaths of the caller
 
 
+@starts_interpreters
 def test_a_world_survives_the_thread_that_started_it(world):
     starter = threading.Thread(target=lambda: world.reset(toys.trio(), toys.CITY))
     starter.start()
@@ -458,6 +471,7 @@ def test_a_world_survives_the_thread_that_started_it(world):
     assert world.step(1, ()).tick == 1
 
 
+@starts_interpreters
 def test_workers_ignore_ctrl_c(world):
     world.reset(toys.trio(), toys.CITY)
     twin = world.fork()
@@ -556,6 +570,7 @@ def test_a_caller_that_just_ends_leaves_nothing_behind():
     await_gone(workers)
 
 
+@starts_interpreters
 def test_a_forgotten_world_ends_its_workers():
     world = opened()
     world.reset(toys.trio(), toys.CITY)
@@ -565,6 +580,7 @@ def test_a_forgotten_world_ends_its_workers():
     await_gone(seen)
 
 
+@starts_interpreters
 def test_a_process_forked_by_the_caller_leaves_the_workers_alone(world):
     world.reset(toys.trio(), toys.CITY)
     child = os.fork()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import shlex
-import subprocess
 import sys
 from collections import Counter
 from pathlib import Path
@@ -13,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import lingjing.cli.main as door
+from tools.python_forks import run_python
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -85,10 +85,7 @@ def test_its_error_message_is_what_one_gets(tmp_path: Path) -> None:
     assert command == "$ lingjing validate ssr.ljs"
     wrong = SSR.replace("drift = 0.1 m/s", "drift = 0.1 m").replace("~ sites(search", "~ sites(serch")
     (tmp_path / "ssr.ljs").write_text(wrong, encoding="utf-8")
-    done = subprocess.run(
-        [sys.executable, "-m", "lingjing.cli.main", "validate", "ssr.ljs"],
-        cwd=tmp_path, capture_output=True, text=True, check=False, timeout=900,
-    )  # fmt: skip
+    done = run_python([sys.executable, "-m", "lingjing.cli.main", "validate", "ssr.ljs"], cwd=tmp_path)  # fmt: skip
     assert done.returncode == 1
     assert (done.stdout + done.stderr).strip() == output.strip()
 
@@ -98,9 +95,7 @@ def test_its_python_runs(tmp_path: Path) -> None:
     (code,) = blocks("python")
     (tmp_path / "scenarios").mkdir()
     (tmp_path / "scenarios" / "ssr.ljs").write_text(SSR.replace("ticks <= 60", "ticks <= 12"), encoding="utf-8")
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=900
-    )
+    done = run_python([sys.executable, "-c", code], cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     success, targets, trace = done.stdout.split()
     assert success in {"True", "False"}

@@ -17,6 +17,8 @@ from lingjing.processes import kept_results
 from lingjing.processes.fork_client import ForkServer, ForkServerClient
 from tests.play.test_policy_options import MISSION
 
+pytestmark = pytest.mark.usefixtures("workers_are_interpreters")
+
 POLICY = """\
 import os
 from pathlib import Path

@@ -138,7 +138,8 @@ import numpy, sys
 import lingjing
 from lingjing.play import selfcheck
 from lingjing.testing import shortened
-result = lingjing.run(shortened(selfcheck.MISSION, 1), policy=selfcheck.Scripted, seed=7, out=sys.argv[1], overview=False)
+mission = shortened(selfcheck.MISSION, 1)
+result = lingjing.run(mission, policy=selfcheck.Scripted, seed=7, out=sys.argv[1], overview=False)
 print(*result.withdrawn, *result.warnings, sep="\\n")
 """
 

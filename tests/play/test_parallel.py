@@ -23,6 +23,8 @@ from lingjing.trace.writer import trace_removed_error
 from tests.kernel.test_world_process import await_gone
 from tests.play.report_kit import ABORTED
 
+pytestmark = pytest.mark.usefixtures("workers_are_interpreters")
+
 PLAYER = """
 import os, signal
 from pathlib import Path

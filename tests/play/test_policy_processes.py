@@ -33,6 +33,8 @@ from lingjing.plugins.loading import UNRECORDED
 from lingjing.processes.fork_client import ForkServer, ForkServerClient
 from lingjing.trace.records import DecisionRecord
 
+pytestmark = pytest.mark.usefixtures("workers_are_interpreters")
+
 POLICIES = Path(__file__).with_name("hostile_policies.py")
 
 MISSION = """\

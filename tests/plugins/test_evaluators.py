@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -20,6 +19,7 @@ from lingjing.plugins.evaluator import EpisodeState, Evaluation, EvaluatorPlugin
 from lingjing.plugins.hookspecs import hookimpl
 from lingjing.plugins.options import Field, PluginOptions
 from lingjing.testing import PluginHost
+from tools.python_forks import run_python
 
 MISSION = """\
 ljs 1
@@ -81,7 +81,7 @@ def installed(tmp_path: Path) -> dict[str, str]:
 
 def lingjing(environment: dict[str, str], *arguments: object) -> str:
     command = [sys.executable, "-m", "lingjing.cli.main", *map(str, arguments)]
-    return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout
+    return run_python(command, env=environment, check=True).stdout
 
 
 def test_an_installed_evaluator_is_listed_and_scores_episodes(

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from lingjing.errors import PluginError
 from lingjing.plugins.contract import API_VERSION, version_fault
 from lingjing.plugins.hookspecs import hookimpl
 from lingjing.testing import PluginHost, mission_file
+from tools.python_forks import run_python
 
 DATA = Path(__file__).parent / "data"
 LINGJING = ("-m", "lingjing.cli.main")
@@ -27,9 +27,7 @@ def call(*command: object, cwd: Path, site: Path | None = None, code: int = 0) -
     env = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     if site is not None:
         env["PYTHONPATH"] = str(site)
-    done = subprocess.run(
-        [sys.executable, *map(str, command)], cwd=cwd, env=env, capture_output=True, text=True, check=False
-    )
+    done = run_python([sys.executable, *map(str, command)], cwd=cwd, env=env)
     assert done.returncode == code, f"{command}\n{done.stdout}\n{done.stderr}"
     return done.stdout, done.stderr
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
 import sys
 from pathlib import Path
 
@@ -12,6 +11,7 @@ import pytest
 from lingjing import testing
 from lingjing.errors import ForeignCodeError, MissionError, UsageError
 from lingjing.testing import bare_instance, compiled, does, episode, play, rescue, scripted, shortened
+from tools.python_forks import run_python
 
 PAGE = (Path(__file__).parents[2] / "docs" / "testing.md").read_text(encoding="utf-8")
 (CODE,) = re.findall(r"^```python\n(.*?)^```", PAGE, flags=re.MULTILINE | re.DOTALL)
@@ -22,7 +22,7 @@ def results(code: str, folder: Path) -> list[str]:
     file = folder / "test_ferry.py"
     file.write_text(code, encoding="utf-8")
     command = [sys.executable, "-m", "pytest", "-q", "-rA", "-p", "no:cacheprovider", f"--rootdir={folder}", str(file)]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=600)
+    done = run_python(command, cwd=folder, timeout=600)
     return re.findall(r"^((?:PASSED|FAILED|ERROR) \S+)", done.stdout, flags=re.MULTILINE)
 
 

@@ -14,7 +14,6 @@ import pytest
 import tests.kernel.world_toys as toys
 from lingjing.errors import InfrastructureError
 from lingjing.processes import deadlines
-from lingjing.processes.deadlines import OwnDeadline, own_now_s
 from lingjing.testing.worlds import open_world
 from lingjing.trace.records import Absent
 
@@ -67,7 +66,7 @@ def test_what_an_engine_waits_for_a_processor_is_not_its_own(world, crowd):
     world.reset(faulty("burn"), toys.CITY)
     pid = world._workers.world.pid
     crowd(pid)
-    own = OwnDeadline(pid, 3600.0, watched=True)
+    own = deadlines.OwnDeadline(pid, 3600.0, watched=True)
     assert world.step(1, ()).tick == 1
     spent = own.spent_s()
     assert own._last[str(pid)].waited_ns > own._first[str(pid)].waited_ns  # it did stand in the queue
@@ -113,7 +112,7 @@ def test_a_wait_that_goes_on_counts_before_it_is_over(monkeypatch):
 
     monkeypatch.setattr(deadlines, "_threads", threads)
     monkeypatch.setattr(deadlines, "_is_runnable", lambda pid, thread: True)
-    own = OwnDeadline(7, 0.02, watched=True)
+    own = deadlines.OwnDeadline(7, 0.02, watched=True)
     lefts = []
     while not lefts or (lefts[-1] > 0.0 and len(lefts) < 50):
         lefts.append(own.left_s())
@@ -124,7 +123,7 @@ def test_a_wait_that_goes_on_counts_before_it_is_over(monkeypatch):
 def test_a_sleeper_is_late():
     sleeper = subprocess.Popen(["sleep", "3600"])
     try:
-        own = OwnDeadline(sleeper.pid, 0.1)
+        own = deadlines.OwnDeadline(sleeper.pid, 0.1)
         while own.left_s() > 0.0:
             pass
         assert own.spent_s() >= 0.1
@@ -204,19 +203,19 @@ print(world.step(1, ()).tick)
 def test_a_kernel_that_does_not_count_leaves_the_wall_clock(monkeypatch):
     monkeypatch.setattr(deadlines, "_threads", lambda pid: {})
     assert not deadlines.is_counted()
-    own = OwnDeadline(os.getpid(), 0.02, watched=True)
+    own = deadlines.OwnDeadline(os.getpid(), 0.02, watched=True)
     while own.left_s() > 0.0:
         pass
     assert own.spent_s() >= 0.02
 
 
 def test_a_threads_own_clock_does_not_run_backwards_and_survives_a_fork():
-    before = own_now_s()
+    before = deadlines.own_now_s()
     toys.burn(0.02)
-    assert own_now_s() - before >= 0.019
+    assert deadlines.own_now_s() - before >= 0.019
     child = os.fork()
     if child == 0:
-        started = own_now_s()
+        started = deadlines.own_now_s()
         toys.burn(0.02)
-        os._exit(0 if own_now_s() - started >= 0.019 else 1)
+        os._exit(0 if deadlines.own_now_s() - started >= 0.019 else 1)
     assert os.waitpid(child, 0)[1] == 0

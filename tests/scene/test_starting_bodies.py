@@ -4,7 +4,6 @@ reported."""
 import itertools
 import json
 import math
-import subprocess
 import sys
 
 import msgspec
@@ -23,6 +22,7 @@ from lingjing.scene.footing import Footing
 from lingjing.scene.terrain import Terrain
 from lingjing.testing import PluginHost, instantiate, mission_file, placed
 from lingjing.trace.records import Decision
+from tools.python_forks import run_python
 
 HEAD = """ljs 1
 use std.air {{ quadrotor, fixed_wing }}
@@ -231,7 +231,7 @@ def test_a_move_stands_in_the_summary_of_a_run(tmp_path):
         text(drawn("a", "quadrotor", z=30), drawn("b", "quadrotor", z=30), drawn("c", "quadrotor", 9, 9, 0.9))
     )
     command = [sys.executable, "-m", "lingjing.cli.main", "run", str(file), "--policy", "random", "--no-overview"]
-    shown = subprocess.run([*command, "-o", str(tmp_path / "o"), "--json"], capture_output=True, text=True, check=False)
+    shown = run_python([*command, "-o", str(tmp_path / "o"), "--json"])
     summary = json.loads(shown.stdout)
     assert [moved_body["entity"] for moved_body in summary["moved"]] == ["b", "c"]
     warnings = " ".join(summary["warnings"])
@@ -247,9 +247,7 @@ def test_bodies_of_a_document_at_one_place_are_parted_and_noted(tmp_path):
         drone["data"] = drones[0]["data"]
     file = tmp_path / "one-place.json"
     file.write_text(json.dumps(document))
-    shown = subprocess.run(
-        [sys.executable, "-m", "lingjing.cli.main", "validate", str(file)], capture_output=True, text=True, check=False
-    )
+    shown = run_python([sys.executable, "-m", "lingjing.cli.main", "validate", str(file)])
     assert shown.returncode == 0, shown.stderr
     notes = shown.stdout + shown.stderr
     assert "droneEntityList[1]" in notes and "m away, clear of what stands there" in notes
