@@ -14,7 +14,7 @@ import lingjing as package
 from lingjing.cli.new import write_mission
 from lingjing.dsl.formatting.formatter import format_text
 from lingjing.errors import UsageError
-from lingjing.testing import compile_file
+from lingjing.testing import compile_file, shortened
 from tools.python_forks import run_python
 
 
@@ -39,7 +39,7 @@ def test_a_new_mission_compiles_and_is_formatted(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_new_mission_runs_at_once(tmp_path: Path) -> None:
     mission = write_mission("first", tmp_path)
-    report = package.run(mission, seed=3, world="inline", overview=False, out=tmp_path / "out")
+    report = package.run(shortened(mission, 10), seed=3, world="inline", overview=False, out=tmp_path / "out")
     assert report.reason in ("success", "budget")
     assert (tmp_path / "out" / "trace.mcap").is_file()
 
