@@ -113,7 +113,7 @@ def lingjing_engines() -> Iterable[EnginePlugin]:
             name="city",
             factory=_engine("city.engine", "CityEngine"),
             native_dt_s=0.1,
-            wanted=lambda instance: instance.comms.range_m is not None,
+            wanted=lambda instance: instance.comms.range_m is not None or any(event.radio for event in instance.events),
             summary="Targets, interactions with them, goods and queues; radio links.",
         ),
         EnginePlugin(

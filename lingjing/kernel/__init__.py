@@ -15,7 +15,8 @@ Modules in the order of control:
   of global random generators in policies;
 - `candidates` copies decisions into plain values; `admission` compiles the checks of command arguments and message
   bodies;
-- `bus` validates and expands messages (ValidateAndExpand, Stage, Commit, DeliveredTo) over the links between agents;
+- `bus` validates and expands messages (ValidateAndExpand, Stage, Commit, DeliveredTo) over the links between agents,
+  which `changing_radio` makes worse where events say so;
 - `commands` validates and resolves physical commands (ValidateAndResolve) within `command_limits`; `budgets` counts
   what commands and messages consume;
 - `world` hosts and couples the engines; the kernel depends on `world.contract` alone;

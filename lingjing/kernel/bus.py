@@ -71,6 +71,19 @@ _BITS = 53
 """Random bits of a draw: the precision of a double."""
 
 
+class RadioConditions(msgspec.Struct, frozen=True):
+    """The radio at one boundary, if events change it."""
+
+    everywhere: float
+    """Share of lost edges outside of jammed regions, 0..1."""
+    jammed: Mapping[str, float] = {}
+    """Agent → the greatest loss among the jammed regions in which it has a body."""
+
+    def loss(self, agents: Iterable[str]) -> float:
+        """Return the loss of an edge between agents: the worst of its ends."""
+        return max((self.everywhere, *(self.jammed.get(agent, 0.0) for agent in agents)))
+
+
 class _MessageLinks:
     """The links between the agents of one instance. Holds no run-time state.
 
@@ -87,7 +100,12 @@ class _MessageLinks:
         self._bodies = {agent.id: agent.controls for agent in instance.agents}
 
     def loss_reason(
-        self, message: str, sender: str, recipient: str, unreachable_links: Iterable[tuple[str, str]]
+        self,
+        message: str,
+        sender: str,
+        recipient: str,
+        unreachable_links: Iterable[tuple[str, str]],
+        conditions: RadioConditions | None = None,
     ) -> LossReason:
         """Return the reason for which the edge of a message (by id) to one recipient is dropped; "" if it is delivered.
 
@@ -95,9 +113,10 @@ class _MessageLinks:
         """
         if not self._in_reach(sender, recipient, unreachable_links):
             return "out_of_range"
-        if self._loss > 0.0:
+        loss = self._loss if conditions is None else conditions.loss((sender, recipient))
+        if loss > 0.0:
             chance = integer(self._seed, f"{self._path}/{message}/{recipient}", _BITS) / 2**_BITS
-            return "lost" if chance < self._loss else ""
+            return "lost" if chance < loss else ""
         return ""
 
     def _in_reach(self, sender: str, recipient: str, unreachable_links: Iterable[tuple[str, str]]) -> bool:
@@ -118,6 +137,7 @@ class MessageRouter:
         self._kinds: Mapping[str, MessageSpec] = {message.kind: message for message in instance.messages}
         self._bodies = {message.kind: body_check(message) for message in instance.messages}
         self._links = _MessageLinks(instance)
+        self._conditions: RadioConditions | None = None
 
     def expand(
         self,
@@ -127,14 +147,16 @@ class MessageRouter:
         tally: Tally | None = None,
         unreachable_links: Sequence[tuple[str, str]] = (),
         removed_ids: Container[str] = (),
+        conditions: RadioConditions | None = None,
     ) -> tuple[tuple[Envelope, ...], tuple[Receipt, ...]]:
         """Return admitted edges [M̂] and bus receipts [C^M] of the candidates, in policy order.
 
         `frames` are the ids of the pictures taken so far, the only ones that a report may cite. `tally` counts admitted
         messages. `unreachable_links` are the pairs of entities that radio does not connect. `removed_ids` are ids that
         are skipped: those of messages that a branch removed, so that the other messages keep their ids and the losses
-        derived from them.
+        derived from them. `conditions` are those of the radio, if events change it.
         """
+        self._conditions = conditions
         edges: list[Envelope] = []
         receipts: list[Receipt] = []
         sent = [(sender, place, message) for sender, each in candidates for place, message in enumerate(each)]
@@ -209,7 +231,9 @@ class MessageRouter:
         losses).
         """
         fates = {
-            recipient: self._links.loss_reason(candidate.id, candidate.sender, recipient, unreachable_links)
+            recipient: self._links.loss_reason(
+                candidate.id, candidate.sender, recipient, unreachable_links, self._conditions
+            )
             for recipient in recipients
         }
         reached = tuple(recipient for recipient in recipients if not fates[recipient])

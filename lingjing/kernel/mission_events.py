@@ -25,16 +25,18 @@ from lingjing.mission.values import Value
 from lingjing.trace.records import TaskEvent
 
 WEATHER, APPEARED, VANISHED, CHANGED = "weather", "appeared", "vanished", "changed"
+CLOSED, REOPENED, COMMS, JAMMED, JAM_ENDED = "closed", "reopened", "comms", "jammed", "jam_ended"
 """The kinds of task events for single changes.
 
 `weather` carries the changed values. `appeared` and `vanished` list the concerned entities; an entity that is present
 does not appear again. `changed` carries the new value of a state, or the new status word.
+`closed`, `reopened`, `jammed` and `jam_ended` list the region, and `comms` and `jammed` carry the loss and the range.
 """
 
 MARKS = (OCCURRED, UNDONE)
 """Kinds that are for the trace alone. Agents observe the changes."""
 
-CHANGES = (WEATHER, APPEARED, VANISHED, CHANGED)
+CHANGES = (WEATHER, APPEARED, VANISHED, CHANGED, CLOSED, REOPENED, COMMS, JAMMED, JAM_ENDED)
 """Kinds of changes that agents may observe."""
 
 ContextAt = Callable[[Registry], RuntimeContext]
@@ -133,11 +135,31 @@ class MissionEvents:
             values = _changes(self._world.weather(before), self._world.weather(after))
             yield TaskEvent(kind=WEATHER, name=event.name, entities=(), time_s=time_s, values=values)
         yield from self._presences(event, before, after, time_s)
+        yield from self._roads_and_radio(event, before, after, time_s)
         for value in transition.values:
             number = {} if isinstance(value.value, str) else {value.field: value.value}
             word = value.value if isinstance(value.value, str) else ""
             entities = (value.entity,)
             yield TaskEvent(kind=CHANGED, name=event.name, entities=entities, time_s=time_s, values=number, word=word)
+
+    def _roads_and_radio(
+        self, event: EventSpec, before: Sequence[Layer], after: Sequence[Layer], time_s: float
+    ) -> Iterator[TaskEvent]:
+        earlier, now = self._world.closed(before), self._world.closed(after)
+        for kind, regions in ((CLOSED, set(now) - set(earlier)), (REOPENED, set(earlier) - set(now))):
+            for region in sorted(regions):
+                yield TaskEvent(kind=kind, name=event.name, entities=(region,), time_s=time_s)
+        if not event.radio:
+            return
+        old, new = self._world.radio(before), self._world.radio(after)
+        if (old.loss, old.range_m) != (new.loss, new.range_m):
+            values = _radio_values(new.loss, new.range_m)
+            yield TaskEvent(kind=COMMS, name=event.name, entities=(), time_s=time_s, values=values)
+        for jam in event.radio:
+            if jam.region:
+                kind = JAMMED if len(new.jams) > len(old.jams) else JAM_ENDED
+                values = _radio_values(jam.loss, jam.range_m) if kind == JAMMED else {}
+                yield TaskEvent(kind=kind, name=event.name, entities=(jam.region,), time_s=time_s, values=values)
 
     def _presences(
         self, event: EventSpec, before: Sequence[Layer], after: Sequence[Layer], time_s: float
@@ -179,3 +201,7 @@ def _restored(ended: Occurrence, occurrences: Sequence[Occurrence]) -> Iterator[
 def _changes(before: Weather, after: Weather) -> dict[str, float]:
     fields = Weather.__struct_fields__
     return {name: getattr(after, name) for name in fields if getattr(after, name) != getattr(before, name)}
+
+
+def _radio_values(loss: float | None, range_m: float | None) -> dict[str, float]:
+    return {name: value for name, value in (("loss", loss), ("range_m", range_m)) if value is not None}

@@ -23,6 +23,7 @@ from lingjing.kernel.adjudication import Adjudicator, Verdict
 from lingjing.kernel.budgets import Budgets
 from lingjing.kernel.bus import Bus, MessageRouter
 from lingjing.kernel.candidates import normalise_decision
+from lingjing.kernel.changing_radio import ChangingRadio
 from lingjing.kernel.commands import CommandValidator, Resolution
 from lingjing.kernel.context import RuntimeContext
 from lingjing.kernel.evaluation import MissionEvaluator, combine
@@ -163,6 +164,7 @@ class Kernel:
         self._projector = Projector(instance, policy_seed, city)
         self._subtasks = Subtasks(instance, self._adjudicator)
         self._budgets = Budgets(instance)
+        self._radio = ChangingRadio(instance)
         self._inspections = Inspections(instance)
         self._mission_events = MissionEvents(instance)
         self._reference_pictures = ReferencePictures(instance)
@@ -191,6 +193,7 @@ class Kernel:
             tally,
             registry.unreachable_links,
             self.removed_ids,
+            self._radio.at(registry),
         )
         if self.transit is not None:
             envelopes = self.transit(tick, envelopes)

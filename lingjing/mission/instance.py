@@ -402,6 +402,17 @@ class StateChange(Record, frozen=True, kw_only=True):
     """The new value, evaluated when the event occurs."""
 
 
+class RadioChange(Record, frozen=True, kw_only=True):
+    """Other settings of the radio, everywhere or in a region."""
+
+    region: str = ""
+    """The region in which a sender or a recipient has the worse of both settings; "" for everywhere."""
+    loss: float | None = None
+    """Share of lost messages, 0..1; None if it stays."""
+    range_m: float | None = None
+    """Largest distance between sender and recipient, metres; None if it stays."""
+
+
 class EventSpec(Record, frozen=True, kw_only=True):
     """An event of the mission: at boundary `tick`, or at the first boundary at which `condition` holds."""
 
@@ -424,6 +435,12 @@ class EventSpec(Record, frozen=True, kw_only=True):
     """Ids of the entities that vanish."""
     changes: tuple[StateChange, ...] = ()
     """States and status words that get another value."""
+    closes: tuple[str, ...] = ()
+    """Regions with roads that it closes."""
+    reopens: tuple[str, ...] = ()
+    """Regions with roads that it opens again."""
+    radio: tuple[RadioChange, ...] = ()
+    """Changes of the radio."""
 
     @property
     def is_fixed(self) -> bool:

@@ -21,6 +21,7 @@ from lingjing.mission.instance import (
     InspectionSpec,
     LimitSpec,
     PermitSpec,
+    RadioChange,
     RevealSpec,
     StateChange,
     Weather,
@@ -59,6 +60,9 @@ def events(
                     appear=_entities(event, "appear", scope),
                     vanish=_entities(event, "vanish", scope),
                     changes=tuple(_changes(event, scope)),
+                    closes=tuple(change.region for change in event.changes if change.kind == "close"),
+                    reopens=tuple(change.region for change in event.changes if change.kind == "reopen"),
+                    radio=tuple(_radio(change, scope) for change in event.changes if change.kind in ("comms", "jam")),
                 )
             )
     return tuple(specs)
@@ -211,6 +215,12 @@ def _pause_s(pause: ex.Expr, scope: Scope) -> float:
     if seconds <= 0:
         raise MissionError(f"a pause of {seconds:g} s", hint="an event that repeats needs a pause above 0 s")
     return seconds
+
+
+def _radio(change: model.Change, scope: Scope) -> RadioChange:
+    loss = None if change.loss is None else number(change.loss, scope)
+    range_m = None if change.range is None else number(change.range, scope)
+    return RadioChange(region=change.region, loss=loss, range_m=range_m)
 
 
 def _changes(event: model.EventDeclaration, scope: Scope) -> Iterator[StateChange]:

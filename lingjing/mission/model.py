@@ -490,9 +490,10 @@ class Inspection(Record, frozen=True, kw_only=True):
 class Change(Record, frozen=True, kw_only=True):
     """One effect of an event."""
 
-    kind: Literal["weather", "appear", "vanish", "change"]
+    kind: Literal["weather", "appear", "vanish", "change", "close", "reopen", "comms", "jam"]
     """`weather`: other weather. `appear`, `vanish`: a target begins or ceases to exist. `change`: a state or the status
-    word of a target gets another value."""
+    word of a target gets another value. `close`, `reopen`: the roads in a region. `comms`: other radio. `jam`: worse
+    radio for everyone in a region."""
     weather: tuple[Property, ...] = ()
     entity: Expr | None = None
     """The target, or the group of targets, that appears, vanishes or changes."""
@@ -500,6 +501,12 @@ class Change(Record, frozen=True, kw_only=True):
     """For `change`: the state by its name in the graph (`demand_kg`), or `status`."""
     value: Expr | None = None
     """For `change`: the new value, evaluated when the event occurs."""
+    region: str = ""
+    """For `close`, `reopen` and `jam`: the region."""
+    loss: Expr | None = None
+    """For `comms` and `jam`: the share of lost messages, 0..1; None if it stays."""
+    range: Expr | None = None
+    """For `comms` and `jam`: the largest distance between sender and recipient, metres; None if it stays."""
 
 
 class EventDeclaration(Record, frozen=True, kw_only=True):

@@ -16,7 +16,7 @@ from collections.abc import Iterable, Sequence
 import msgspec
 from msgspec.structs import replace
 
-from lingjing.mission.instance import EventSpec, Instance, Weather
+from lingjing.mission.instance import EventSpec, Instance, RadioChange, Weather
 
 _TOLERANCE_S = 1e-6
 """Tolerance of comparisons of simulated time, seconds (chosen: far below a macro-step)."""
@@ -55,12 +55,43 @@ Layer = tuple[int, int, EventSpec]
 """An event in force: the boundary at which it occurred, its place among the instance's events, and the event."""
 
 
+class Radio(msgspec.Struct, frozen=True):
+    """The radio at one time."""
+
+    loss: float
+    """Share of lost messages outside of jammed regions, 0..1."""
+    range_m: float | None
+    """Largest distance outside of jammed regions, metres; None for no limit."""
+    jams: tuple[RadioChange, ...] = ()
+    """The settings in jammed regions."""
+
+
 class DeclaredWorld:
     """The declared world of an instance under layers of events."""
 
     def __init__(self, instance: Instance) -> None:
         self._weather = instance.weather
+        self._radio = Radio(instance.comms.loss, instance.comms.range_m)
         self._dormant = frozenset(entity.id for entity in instance.entities if entity.dormant)
+
+    def closed(self, layers: Iterable[Layer]) -> tuple[str, ...]:
+        """The regions with closed roads under these layers, sorted."""
+        regions: set[str] = set()
+        for _, _, event in layers:
+            regions = (regions | set(event.closes)) - set(event.reopens)
+        return tuple(sorted(regions))
+
+    def radio(self, layers: Iterable[Layer]) -> Radio:
+        """The radio under these layers."""
+        current = self._radio
+        for change in (change for _, _, event in layers for change in event.radio):
+            if change.region:
+                current = replace(current, jams=(*current.jams, change))
+            else:
+                loss = current.loss if change.loss is None else change.loss
+                range_m = current.range_m if change.range_m is None else change.range_m
+                current = replace(current, loss=loss, range_m=range_m)
+        return current
 
     def weather(self, layers: Iterable[Layer]) -> Weather:
         """The weather under these layers."""
@@ -109,6 +140,14 @@ class Schedule:
     def present(self, entity: str, time_s: float) -> bool:
         """True if an entity exists at `time_s`: it has appeared and has not vanished."""
         return self._world.present(entity, self._at(time_s))
+
+    def closed(self, time_s: float) -> tuple[str, ...]:
+        """The regions with closed roads at `time_s`, sorted."""
+        return self._world.closed(self._at(time_s))
+
+    def radio(self, time_s: float) -> Radio:
+        """The radio at `time_s`."""
+        return self._world.radio(self._at(time_s))
 
     def values_set(self, time_s: float) -> tuple[SetValue, ...]:
         """The values that events set or restore at the boundary at `time_s`, in order; () between two boundaries."""

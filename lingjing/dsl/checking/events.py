@@ -7,7 +7,7 @@ of `_EFFECTS`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 
@@ -19,7 +19,7 @@ from lingjing.dsl.checking.status_words import status_side
 from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.checking.values import RULE, STATIC, UNKNOWN, TypedExpression
 from lingjing.dsl.syntax import tree as s
-from lingjing.dsl.syntax.statements import keyword_of
+from lingjing.dsl.syntax.statements import KINDS, keyword_of
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.functions import FLAG, Type
@@ -179,6 +179,39 @@ class EventChecker(DeclarationChecker):
         stored = name.text + suffix_of(known.type.dimension)
         return model.Change(kind="change", entity=entity.ir, field=stored, value=value.ir)
 
+    def _roads(self, item: s.RoadLine, node: s.EventBlock) -> model.Change | None:
+        region = self._region(item.region, node)
+        if region is None:
+            return None
+        return model.Change(kind="close" if item.keyword == "close" else "reopen", region=region)
+
+    def _comms(self, item: s.SettingsBlock, node: s.EventBlock) -> model.Change:
+        return self._radio(item, "comms", "")
+
+    def _jam(self, item: s.JamBlock, node: s.EventBlock) -> model.Change | None:
+        region = self._region(item.region, node)
+        return None if region is None else self._radio(item, "jam", region)
+
+    def _radio(self, item: s.SettingsBlock | s.JamBlock, kind: Literal["comms", "jam"], region: str) -> model.Change:
+        if not item.block.items:
+            message, hint = f"this `{kind}` changes nothing", "write `loss = 80 %` or `range <= 50 m`"
+            self.report("LJ0512", item.start, item.end, message, hint, severity="warning")
+        entries = self.blocks.read(item.block, KINDS["jam"].keys, f"`{kind}` of an event")
+        values = {name: entry.value.ir for name, entry in entries.items()}
+        return model.Change(kind=kind, region=region, loss=values.get("loss"), range=values.get("range"))
+
+    def _region(self, written: s.Expression, node: s.EventBlock) -> str | None:
+        """The name of the region that an effect names; None for another expression, which is reported."""
+        value = self.of.value(written, STATIC)
+        if value is UNKNOWN:
+            return None
+        if not isinstance(value.ir, ex.Ref) or value.type.kind != "region":
+            message = f"the name of a region is due here, this is {with_article(value.type)}"
+            self.report.at("LJ0201", written, message, "declare it: `region bridge = …`")
+            return None
+        self.blocks.leak(value.taint, written, f"the event `{node.name.text}`")
+        return value.ir.name
+
     def _target(self, written: s.Expression, node: s.EventBlock, action: str) -> TypedExpression | None:
         """The target or group of targets that an effect names; None for another expression, which is reported."""
         value = self.of.value(written, STATIC)
@@ -200,6 +233,10 @@ _EFFECTS: dict[str, Callable[[EventChecker, Any, s.EventBlock], model.Change | N
     "appear": EventChecker._presence,
     "vanish": EventChecker._presence,
     "change": EventChecker._state,
+    "close": EventChecker._roads,
+    "reopen": EventChecker._roads,
+    "comms": EventChecker._comms,
+    "jam": EventChecker._jam,
 }
 """Keyword of an effect → its check."""
 

@@ -24,7 +24,7 @@ from lingjing.mission.vocabulary import PHOTO
 
 _HEAD = """# .ljs on one card
 
-Declarative: no loops, no `if`, no assignment. A statement ends with its line or a comma in a block; `#` begins a comment; texts stand in "…" or \"""…\""". Every number has its unit (`10 s`, `4 m/s`, `30 deg`, `20 %`), except counts. `=` fixes, `~` draws from a distribution, `<=` bounds. Conditions: `and or not == != < <= > >= in`, `exists r: c`, `forall v in group: c`. Places are `(east, north[, elevation])` in metres; ranges `1..4`; lists `[a, b]`; sizes `3 by 4`. Members count from 1: `uav[1]`. Names are declared once, anywhere. ‹…› is a name or value, […] optional, … more after commas.
+Declarative: no loops, no `if`, no assignment. A statement ends with its line or a comma in a block; `#` begins a comment; texts stand in "…" or \"""…\""". Every number has its unit (`10 s`, `4 m/s`, `30 deg`, `20 %`), except counts. `=` fixes, `~` draws from a distribution, `<=` bounds. Conditions: `and or not == != < <= > >= in`, `exists r: c`, `forall v in group: c`. Places are `(east, north[, elevation])` in metres; ranges `1..4`; lists `[a, b]`; sizes `3 by 4`. Members count from 1: `uav[1]`. ‹…›: a name or value; […]: optional; …: more after commas.
 
 A mission needs goal, scene, clock, budget with ticks, success and an agent. Hidden values (`hidden position ~ …`) may be read by `adjudicate` and sensors only; what agents notice of them needs `declassify … because "…"`.
 """  # noqa: E501 - a paragraph of Markdown is one line
@@ -135,7 +135,7 @@ _IN_EXPECT = ("expect",)
 """Place of the statements that the example of `expect` shows."""
 _MUTUAL = ("relation",)
 """Statements with two forms that differ in one sign; the card shows the first."""
-_TWINS = {"target": "asset", "success": "failure", "appear": "vanish"}
+_TWINS = {"target": "asset", "success": "failure", "appear": "vanish", "close": "reopen"}
 """Statements with one form: the card writes both keywords on one line."""
 _BY_EXAMPLE = ("hidden", "state", "override", "verb", "record", "camera", "use", "actions", "expect")
 """Statements that an example shows better than their form. That of `expect` shows the statements inside it too."""

@@ -311,7 +311,13 @@ class Printer:
             yield f"sweep {sweep.name} over {axes}{self._when(sweep.when)}"
 
     def _change(self, change: model.Change) -> Iterable[str]:
-        if change.entity is None:
+        if change.kind in ("close", "reopen"):
+            yield f"{change.kind} {change.region}"
+        elif change.kind in ("comms", "jam"):
+            lines = [f"loss = {self.text(change.loss)}"] if change.loss is not None else []
+            lines += [f"range <= {self.text(change.range)}"] if change.range is not None else []
+            yield block(f"jam {change.region}" if change.region else "comms", lines)
+        elif change.entity is None:
             yield block("weather", self.properties(change.weather))
         elif change.value is not None:
             yield f"change {self.text(ex.Attr(change.entity, change.field))} to {self.text(change.value)}"

@@ -130,7 +130,7 @@ STATEMENTS = (
         layout=Layout("message {name} : {type} from {senders} to {recipients}" + _WHEN),
     ),
     StatementKind(
-        "comms", s.SettingsBlock, (Form("block", "section"),), ("mission",),
+        "comms", s.SettingsBlock, (Form("block", "section"),), ("mission", "event"),
         example="comms { hub = base when mode == star, delay = 1 tick, payload <= 4 kB }", doc="the message bus",
         keys=keyed(
             PropertyKey("hub", Type("name"), guarded=True),
@@ -452,6 +452,23 @@ STATEMENTS = (
     StatementKind(
         "change", s.StateLine, (Form("target:operand to value:value", "changed_state"),), ("event",),
         example="change fire.heat to 0.8", doc="a state or the status of a target gets another value",
+    ),
+    StatementKind(
+        "close", s.RoadLine, (Form("region:value", "roads"),), ("event",),
+        example="close bridge", doc="no vehicle drives onto the roads in the region from now on",
+    ),
+    StatementKind(
+        "reopen", s.RoadLine, (Form("region:value", "roads"),), ("event",),
+        example="reopen bridge", doc="the roads in the region are open again",
+    ),
+    StatementKind(
+        "jam", s.JamBlock, (Form("region:NAME block"),), ("event",),
+        example="jam harbour { loss = 80 %, range <= 50 m }", doc="worse radio for senders and recipients in a region",
+        names={"region": NamePlace(offers="region")},
+        keys=keyed(
+            PropertyKey("range", METRES, ("<=",), above=0),
+            PropertyKey("loss", NUMBER, low=0, high=1),
+        ),
     ),
     StatementKind(
         "inspection", s.InspectionBlock, (Form("name:NAME of asset:operand by by:values [guard] block"),),

@@ -467,6 +467,20 @@ class StateLine(Statement, frozen=True, gc=False):
     value: Expression
 
 
+class RoadLine(Statement, frozen=True, gc=False):
+    """`close bridge`, `reopen bridge`."""
+
+    keyword: str
+    region: Expression
+
+
+class JamBlock(Statement, frozen=True, gc=False):
+    """`jam harbour { loss = 80 % }`."""
+
+    region: Name
+    block: BracedBlock
+
+
 class Axis(SyntaxNode, frozen=True, gc=False):
     """`uavs in [1, 2, 3]` of a sweep."""
 

@@ -83,7 +83,8 @@ class CityEngine:
             self._interact(target, elapsed)
         if self._clock.is_boundary(self._tick_s):
             places = {name: place for name, (place, _) in self._bodies.items()}
-            self._unlinked = self._coverage.unlinked(places, self._schedule.weather(until))
+            radio = self._schedule.radio(until)
+            self._unlinked = self._coverage.unlinked(places, self._schedule.weather(until), radio)
         return self._boundary()
 
     def capture(self, requests: Sequence[CaptureRequest]) -> tuple[Frame, ...]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,8 +18,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lingjing.engines.close_pairs import close_pairs
-from lingjing.mission.geometry2d import Polygon
-from lingjing.mission.instance import Entity, Instance, Vector, Weather
+from lingjing.mission.geometry2d import Polygon, contains
+from lingjing.mission.instance import Entity, Instance, RadioChange, Vector, Weather
+from lingjing.mission.schedule import Radio
 from lingjing.plugins.bodies import entity_size
 from lingjing.scene.roofs import Roofs
 from lingjing.scene.terrain import Terrain
@@ -57,18 +58,37 @@ class Coverage:
         embodied = {name for agent in instance.agents for name in agent.controls}
         carriers = [entity for entity in instance.entities if entity.id in embodied]
         self._range_m = instance.comms.range_m
+        self._outlines = {region.name: region.polygon for region in instance.regions}
         self._terrain, self._roofs = terrain, Roofs(terrain)
         self._heights = {entity.id: _antenna(entity) for entity in carriers}
 
-    def unlinked(self, places: Mapping[str, Vector], weather: Weather) -> tuple[Pair, ...]:
+    def unlinked(self, places: Mapping[str, Vector], weather: Weather, radio: Radio | None = None) -> tuple[Pair, ...]:
         """Return the pairs without a link; each pair is in the instance's order.
 
-        An asset without an entry in `places` is out of reach.
+        An asset without an entry in `places` is out of reach. `radio` is the present one, if events change it.
         """
-        if self._range_m is None:
-            return ()
-        linked = self._linked(places, self._range_m * clearness(weather))
-        return tuple(pair for pair in itertools.combinations(self._heights, 2) if pair not in linked)
+        range_m = self._range_m if radio is None else radio.range_m
+        pairs = tuple(itertools.combinations(self._heights, 2))
+        cut: set[Pair] = set()
+        if range_m is not None:
+            linked = self._linked(places, range_m * clearness(weather))
+            cut.update(pair for pair in pairs if pair not in linked)
+        for jam in radio.jams if radio is not None else ():
+            cut.update(self._jammed(jam, pairs, places, clearness(weather)))
+        return tuple(pair for pair in pairs if pair in cut)
+
+    def _jammed(
+        self, jam: RadioChange, pairs: Sequence[Pair], places: Mapping[str, Vector], clear: float
+    ) -> Iterator[Pair]:
+        """Yield the pairs with an end in a jammed region that are farther apart than its range."""
+        if jam.range_m is None:
+            return
+        outline = self._outlines[jam.region]
+        inside = {name for name, place in places.items() if contains(outline, place[0], place[1])}
+        for first, second in pairs:
+            is_jammed = first in places and second in places and not inside.isdisjoint((first, second))
+            if is_jammed and math.dist(places[first], places[second]) > jam.range_m * clear:
+                yield first, second
 
     def _linked(self, places: Mapping[str, Vector], reach_m: float) -> set[Pair]:
         names = [name for name in self._heights if name in places]

@@ -11,6 +11,7 @@ from lingjing.engines.road.foreign_bodies import ForeignBodies
 from lingjing.engines.road.graph import LanePoint, elevations, read_graph
 from lingjing.engines.road.kerb import Kerb
 from lingjing.engines.road.options import traffic
+from lingjing.engines.road.routing import edges_in
 from lingjing.engines.road.simulation import STEP_S, Simulation
 from lingjing.engines.road.traffic import Occupied, Traffic
 from lingjing.engines.road.vehicle import Vehicle
@@ -74,6 +75,8 @@ class RoadEngine(FleetEngine):
         blockers = (entity for entity in instance.entities if entity.blocked_m is not None)
         self._congestion = Congestion(sim, graph, tuple(jam_of(entity, seed) for entity in blockers))
         self._planner = Planner(sim, graph, self._congestion, self.publish)
+        self._outlines = {region.name: region.polygon for region in instance.regions}
+        self._closed_regions: tuple[str, ...] = ()
         self._graph = graph
         self._cleared: set[str] = set()
         self._blocking_rounds: dict[str, int] = {}
@@ -104,6 +107,7 @@ class RoadEngine(FleetEngine):
 
     def start(self, command: Command) -> None:
         """Begin a command; raises `Refusal` if it cannot be carried out."""
+        self._update_closures(self.clock.time_s)
         self._planner.start(self._vehicles[command.resource], command, self.clock.time_s)
 
     def look(self, mirrors: Sequence[BodyState]) -> None:
@@ -116,6 +120,7 @@ class RoadEngine(FleetEngine):
             vehicle.stock.read(book)
             vehicle.update_load()
         self._update_jams(self.clock.time_s)
+        self._update_closures(self.clock.time_s)
 
     def step(self) -> None:
         """Advance the simulation by one step."""
@@ -181,7 +186,21 @@ class RoadEngine(FleetEngine):
             wanted = jam.id not in self._cleared and self._schedule.present(jam.id, time_s)
             if wanted != jam.blocking:
                 (self._congestion.appear if wanted else self._congestion.clear)(jam)
-                self._traffic.set_blocked(self._congestion.blocked)
+                self._traffic.set_blocked(self._congestion.blocked | self._planner.closed)
+
+    def _update_closures(self, time_s: float) -> None:
+        """Close and open the roads of regions. A vehicle with a closed way takes another one, or halts."""
+        regions = self._schedule.closed(time_s)
+        if regions == self._closed_regions:
+            return
+        self._closed_regions = regions
+        closed = (edges_in(self._graph, self._outlines[region]) for region in regions)
+        self._planner.closed = frozenset().union(*closed)
+        self._traffic.set_blocked(self._congestion.blocked | self._planner.closed)
+        for vehicle in self._vehicles.values():
+            if not self._planner.evade(vehicle, time_s):
+                vehicle.halt()
+                self.requests.fail(vehicle.id, time_s, "road_closed", f"the way of `{vehicle.id}` is closed")
 
     def _make_room(self) -> None:
         """Let vehicles make room.

@@ -8,16 +8,20 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 from lingjing.engines.road.graph import Graph, LanePoint, RoadLink
+from lingjing.mission.geometry2d import Polygon, Vector2, contains
 
 TURN_S = {"s": 1.0, "r": 3.0, "R": 2.0, "l": 6.0, "L": 4.0, "t": 25.0}
 """Time that a link of each direction adds to its driving time, seconds: slowing down and giving way (chosen)."""
 
 NO_THROUGH_S = 1800.0
 """Longest detour around streets that are closed to through traffic, seconds (chosen)."""
+
+_SAMPLE_M = 2.0
+"""Distance between the points of a lane that are compared with a closed region, metres (chosen)."""
 
 _SAME_EDGE_MARGIN_M = 1.0
 """Distance by which a goal on the same edge may lie behind the vehicle, metres (chosen)."""
@@ -99,6 +103,22 @@ def edges_at(graph: Graph, place: Avoided, goal: LanePoint | None = None) -> fro
             continue
         passing.add(near.lane.edge)
     return frozenset(passing)
+
+
+def edges_in(graph: Graph, outline: Polygon) -> frozenset[str]:
+    """Return the edges with a lane that passes through a polygon."""
+    return frozenset(
+        name
+        for name, edge in graph.edges.items()
+        if any(contains(outline, *point) for lane in edge.lanes for point in _points(lane.shape))
+    )
+
+
+def _points(shape: Sequence[Vector2]) -> Iterator[Vector2]:
+    """Yield points on a line, at most `_SAMPLE_M` apart."""
+    for (ax, ay), (bx, by) in itertools.pairwise(shape):
+        steps = max(1, math.ceil(math.dist((ax, ay), (bx, by)) / _SAMPLE_M))
+        yield from ((ax + (bx - ax) * n / steps, ay + (by - ay) * n / steps) for n in range(steps + 1))
 
 
 def _search(graph: Graph, origin: str, target: str, avoid: frozenset[str]) -> tuple[str, ...] | None:

@@ -9,7 +9,7 @@ route.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from lingjing.engines.road.congestion import Congestion
 from lingjing.engines.road.graph import Graph, RoadLink
@@ -67,6 +67,28 @@ class Planner:
         self._graph = graph
         self._publish = publish
         self._congestion = congestion
+        self.closed: frozenset[str] = frozenset()
+        """The edges that events have closed."""
+
+    def evade(self, vehicle: Vehicle, time_s: float) -> bool:
+        """Plan a way around closed edges for a vehicle with a task over one. Return False if there is none."""
+        task = vehicle.task
+        if task is None or task.kind not in ("drive", "distance"):
+            return True
+        edges = task.plan.way.edges if task.plan is not None else task.edges
+        start = vehicle.route_start()
+        rest = edges[edges.index(start.edge) + 1 :] if start.edge in edges else edges
+        if self.closed.isdisjoint(rest):
+            return True
+        if task.plan is None:
+            return False
+        try:
+            plan = self._plan(vehicle, task.plan.x, task.plan.y)
+        except Refusal:
+            return False
+        self._announce(vehicle, plan, "", time_s)
+        vehicle.drive(plan)
+        return True
 
     def start(self, vehicle: Vehicle, command: Command, time_s: float) -> None:
         """Begin a command; raises `Refusal` if it cannot be carried out."""
@@ -130,12 +152,13 @@ class Planner:
         vehicle.avoided = tuple(place for place in vehicle.avoided if not self._congestion.is_over(place.because))
         for goal in self._graph.places(x, y, near.off_m + _OTHER_SIDE_M):
             avoid = {name for spot in vehicle.avoided for name in edges_at(self._graph, spot, goal)}
+            avoid |= self.closed - {start.edge}
             if start.edge in avoid:  # the vehicle is on it and must leave by one of the following edges
                 avoid -= {link.edge for link in self._graph.edges[start.edge].links}
             way = find_way(self._graph, origin, (goal.lane.edge, goal.at_m), avoid, vehicle.braking_m())
             if way is not None:
                 return DrivingPlan(x, y, goal, way)
-        around = " around the places to avoid" if vehicle.avoided else ""
+        around = " around the places to avoid" if vehicle.avoided else " around the closed roads" if self.closed else ""
         raise Refusal("unreachable", f"no road leads from `{vehicle.id}` to ({x:.1f}, {y:.1f}){around}")
 
     def _from_here(self, vehicle: Vehicle, planned: DrivingPlan) -> DrivingPlan | None:
@@ -144,6 +167,8 @@ class Planner:
         if start.edge not in edges:
             return None
         rest = edges[edges.index(start.edge) :]
+        if not self.closed.isdisjoint(rest[1:]):
+            return None
         if len(rest) == 1 and goal.at_m < _middle(vehicle, start) + vehicle.braking_m() - 1.0:
             return None
         way = measure(self._graph, rest, _middle(vehicle, start), goal.at_m)
@@ -180,6 +205,7 @@ class Planner:
             ahead += link.length_m + self._graph.edges[link.edge].length_m
         if ahead < distance:
             raise Refusal("unreachable", f"the road ends {ahead:.0f} m ahead of `{vehicle.id}`")
+        self._check_open(edges[1:], vehicle)
         vehicle.cover(tuple(edges), distance)
 
     def _turn(self, vehicle: Vehicle, verb: str) -> None:
@@ -193,9 +219,15 @@ class Planner:
         turns = [link for link in links if link.direction in _TURNS[verb]]
         if not turns:
             raise Refusal("no_turn", f"no way leads {verb} at the next junction; it leads {_possible(links)}")
+        turns = [link for link in turns if link.edge not in self.closed] or turns
         turn = min(turns, key=lambda link: _TURNS[verb].index(link.direction))
+        self._check_open((*edges[1:], turn.edge), vehicle)
         behind = min(vehicle.size.length_m + _BEHIND_TURN_M, self._graph.edges[turn.edge].length_m - 0.5)
         vehicle.cover((*edges, turn.edge), ahead + turn.length_m + behind, onto=turn.edge)
+
+    def _check_open(self, edges: Iterable[str], vehicle: Vehicle) -> None:
+        if not self.closed.isdisjoint(edges):
+            raise Refusal("unreachable", f"the road ahead of `{vehicle.id}` is closed")
 
     def _forward_links(self, edge: str) -> list[RoadLink]:
         return [link for link in self._graph.edges[edge].links if link.direction != "t"]

@@ -101,6 +101,8 @@ def add_happenings(mission: model.Mission, draft: GraphBuilder) -> None:
                 if needed != node:
                     draft.edge("requires", node, needed, label=part)
         for change in event.changes:
+            if draft.has(f"region:{change.region}"):
+                draft.edge("changes", node, f"region:{change.region}", label=change.kind)
             for entity in groups_in(change.entity, draft) if change.entity else ():
                 draft.edge("changes", node, entity, label=change.kind)
 
