@@ -24,7 +24,7 @@ from lingjing.mission.vocabulary import PHOTO
 
 _HEAD = """# .ljs on one card
 
-Declarative: no loops, no `if`, no assignment. A statement ends with its line or a comma in a block; `#` begins a comment; texts stand in "…" or \"""…\""". Every number has its unit (`10 s`, `4 m/s`, `30 deg`, `20 %`), except counts. `=` fixes, `~` draws from a distribution, `<=` bounds. Conditions: `and or not == != < <= > >= in`, `exists r: c`, `forall v in group: c`. Places are `(east, north[, elevation])` in metres; ranges `1..4`; lists `[a, b]`; sizes `3 by 4`. Members count from 1: `uav[1]`. ‹…›: a name or value; […]: optional; …: more after commas.
+Declarative: no loops, no `if`, no assignment. A statement ends with its line or a comma in a block; `#` begins a comment; texts: "…" or \"""…\""". Every number has its unit (`10 s`, `4 m/s`, `30 deg`, `20 %`), except counts. `=` fixes, `~` draws from a distribution, `<=` bounds. Conditions: `and or not == != < <= > >= in`, `exists r: c`, `forall v in group: c`. Places are `(east, north[, elevation])` in metres; ranges `1..4`; lists `[a, b]`; sizes `3 by 4`. Members count from 1: `uav[1]`. […] is optional; … goes on after commas.
 
 A mission needs goal, scene, clock, budget with ticks, success and an agent. Hidden values (`hidden position ~ …`) may be read by `adjudicate` and sensors only; what agents notice of them needs `declassify … because "…"`.
 """  # noqa: E501 - a paragraph of Markdown is one line
