@@ -86,7 +86,7 @@ def test_it_installs_is_found_and_plays_its_mission(package: Path, site: Path, t
 @pytest.mark.slow
 def test_its_own_tests_pass_and_catch_a_fault(package: Path, site: Path) -> None:
     pytest_ = ("-m", "pytest", "-q", "-p", "no:cacheprovider", "-o", "asyncio_default_fixture_loop_scope=function")
-    assert "18 passed" in call("-P", *pytest_, cwd=package, site=site)
+    assert "21 passed" in call("-P", *pytest_, cwd=package, site=site)
     engine = site / "lingjing_hover_craft" / "engine.py"
     sound = engine.read_text()
     assert sound.count("% 360.0 % 360.0") == 1

@@ -17,7 +17,7 @@ from tools.python_forks import run_python
 PLACEHOLDERS = ("NAME0", "Name0", "Title0", "CORE0", "API0")
 PIP = ("-m", "pip", "--disable-pip-version-check", "install", "-q", "--no-deps", "--no-build-isolation")
 PYTEST = ("-P", "-m", "pytest", "-q", "-p", "no:cacheprovider", "-o", "asyncio_default_fixture_loop_scope=function")
-LISTED = {"backbone": 2, "evaluator": 1, "scaffold": 1, "scene": 1, "types": 0}
+LISTED = {"backbone": 2, "evaluator": 1, "scaffold": 1, "scene": 1, "types": 1}
 """Lines of `lingjing plugins` that name the plug-in."""
 OWN = sorted(LISTED)
 
