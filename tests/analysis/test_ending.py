@@ -11,7 +11,7 @@ from lingjing.analysis.clauses import condition_text, unmet_parts
 from lingjing.analysis.ending import why
 from lingjing.analysis.registries import registries
 from lingjing.mission.expression import Attr, Binary, Call, Number, Quantified, Ref
-from lingjing.testing import run_command, sea_rescue
+from lingjing.testing import mission_file, play, run_command, sea_rescue
 from lingjing.trace.records import BoundaryRecord, Decision, DecisionRecord, Outcome
 
 replace = msgspec.structs.replace
@@ -165,3 +165,11 @@ def test_the_verb_takes_the_folder_of_a_run(lost: Trace, tmp_path: Path, capsys:
         (tmp_path / name).symlink_to(lost.path)
         assert run_command(["why", str(tmp_path)]) == 0
         assert "ended by: " in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_lines_of_sight_are_found_again_from_a_trace(tmp_path: Path) -> None:
+    """The registry builds the city again; without it a line has no value and the events would differ."""
+    trace = play(mission_file("ssr").parent / "examples" / "overwatch.ljs", tmp_path, policy="oracle").trace
+    assert any(event.kind == "covered" for boundary in trace.boundaries for event in boundary.events)
+    assert all(boundary.faithful for boundary in registries(trace))

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
+
 import pytest
+
+from lingjing.testing import compiled, run_command
 
 SMALL = """\
 ljs 2
@@ -52,3 +57,18 @@ mission small "A small mission" {
 def small() -> str:
     """A mission without errors, one declaration a line."""
     return SMALL
+
+
+@pytest.fixture
+def printed_again(tmp_path: Path) -> Callable[[str], tuple[object, object]]:
+    """The mission of a text, and the mission of its printed text."""
+
+    def both(text: str) -> tuple[object, object]:
+        source, printed = tmp_path / "source.ljs", tmp_path / "printed.ljs"
+        source.write_text(text)
+        assert run_command(["compile", str(source), "--emit", "ljs", "-o", str(printed)]) == 0
+        mission, again = compiled(source), compiled(printed)
+        parts = ("parameters", "groups", "rules", "stages", "relations", "constraints", "requirements")
+        return tuple(getattr(mission, part) for part in parts), tuple(getattr(again, part) for part in parts)
+
+    return both

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
 import pytest
 
-from lingjing.dsl.printing.printer import to_ljs
 from lingjing.errors import ExitCode, MissionError, UsageError
-from lingjing.mission.feasibility import prove
 from lingjing.mission.instance import Instance
 from lingjing.testing import Stage, brief_of, compile_text, compiled, does, episode, instantiate, run_command
 
@@ -83,12 +82,9 @@ def test_a_setting_replaces_the_draw_within_its_range() -> None:
     ["param victims ~ integer(2, 5)", "param hidden victims ~ integer(2, 5)", "param victims ~ choice([2, 4])",
      "param least = 2 in 1..4\n  param victims ~ integer(least, 5)"],
 )  # fmt: skip
-def test_it_prints_as_it_was_written(param: str) -> None:
-    mission = compiled(text(param, 'require victims >= 2 because "two at least"'))
-    again = compiled(to_ljs(mission))
-    assert (again.parameters, again.requirements, again.groups) == (
-        mission.parameters, mission.requirements, mission.groups,
-    )  # fmt: skip
+def test_it_prints_as_it_was_written(param: str, printed_again: Callable[[str], tuple[object, object]]) -> None:
+    before, after = printed_again(text(param, 'require victims >= 2 because "two at least"'))
+    assert before == after
 
 
 @pytest.mark.parametrize(
@@ -206,5 +202,3 @@ def test_a_proof_holds_for_every_value_of_the_draw(params: str, success: str, pr
     compilation = compile_text(text(params, success=success))
     errors = [item for item in compilation.diagnostics if item.severity == "error"]
     assert bool(errors) is proved and all(item.code.startswith("LJ06") for item in errors), errors
-    if compilation.mission is not None:
-        assert prove(compilation.mission) == ()

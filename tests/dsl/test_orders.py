@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 
-from lingjing.dsl.printing.printer import to_ljs
-from lingjing.mission.model import Mission
 from lingjing.testing import Stage, compile_text, compiled, episode
 
 TEXT = """ljs 2
@@ -34,9 +34,13 @@ def text(*orders: str, more: str = "") -> str:
     return TEXT.format(orders="\n  ".join(orders), more=more)
 
 
-def waits(mission: Mission) -> set[tuple[str, str]]:
-    assert all(relation.kind == "dependency" for relation in mission.relations)
-    return {(relation.source, relation.target) for relation in mission.relations if relation.serial}
+Printed = Callable[[str], tuple[object, object]]
+
+
+def waits(source: str) -> set[tuple[str, str]]:
+    relations = compiled(source).relations
+    assert all(relation.kind == "dependency" for relation in relations)
+    return {(relation.source, relation.target) for relation in relations if relation.serial}
 
 
 @pytest.mark.parametrize(
@@ -51,18 +55,18 @@ def waits(mission: Mission) -> set[tuple[str, str]]:
         (("relation dependency a -> b", "serial a, b"), {"ab"}),
     ],
 )
-def test_the_dependencies_of_an_order(orders: tuple[str, ...], pairs: set[str]) -> None:
-    mission = compiled(text(*orders))
-    assert waits(mission) == {(pair[0], pair[1]) for pair in pairs}
-    again = compiled(to_ljs(mission))
-    assert again.relations == mission.relations
+def test_the_dependencies_of_an_order(orders: tuple[str, ...], pairs: set[str], printed_again: Printed) -> None:
+    assert waits(text(*orders)) == {(pair[0], pair[1]) for pair in pairs}
+    before, after = printed_again(text(*orders))
+    assert before == after
 
 
-def test_a_plain_dependency_stays_one_and_is_shared_as_one() -> None:
-    mission = compiled(text("relation dependency a -> b", "parallel b, c", "serial c, d"))
+def test_a_plain_dependency_stays_one_and_is_shared_as_one(printed_again: Printed) -> None:
+    mission = compiled(source := text("relation dependency a -> b", "parallel b, c", "serial c, d"))
     kinds = {(relation.source, relation.target): relation.serial for relation in mission.relations}
     assert kinds == {("a", "b"): False, ("a", "c"): False, ("c", "d"): True, ("b", "d"): True}
-    assert compiled(to_ljs(mission)).relations == mission.relations
+    before, after = printed_again(source)
+    assert before == after
 
 
 @pytest.mark.parametrize(

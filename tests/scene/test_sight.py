@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import pytest
 from hypothesis import example, given
@@ -10,7 +11,6 @@ from hypothesis import strategies as st
 
 from lingjing.scene.city import Bridge, Building, City, Land, Slope
 from lingjing.scene.sight import SightLines
-from lingjing.scene.terrain import Terrain
 
 SQUARE = ((0.0, 0.0), (40.0, 0.0), (40.0, 40.0), (0.0, 40.0))
 YARD = ((10.0, 10.0), (30.0, 10.0), (30.0, 30.0), (10.0, 30.0))
@@ -29,7 +29,6 @@ CITY = City(
     bridges=(Bridge(id="bridge", path=DECK, width_m=8.0, thickness_m=1.0, pier_spacing_m=0.0),),
 )
 SIGHT = SightLines(lambda: CITY)
-TERRAIN = Terrain(CITY)
 Point = tuple[float, float, float]
 POINTS = st.tuples(st.floats(-150, 150), st.floats(-150, 150), st.floats(-2, 20)).map(
     lambda point: (point[0] + 0.0371, point[1] + 0.0617, point[2])
@@ -38,11 +37,20 @@ POINTS = st.tuples(st.floats(-150, 150), st.floats(-150, 150), st.floats(-2, 20)
 
 
 def depth_m(point: Point) -> float:
-    """The depth of a point below or inside of the nearest surface that covers it; negative in free space."""
+    """The depth of a point inside of the city; negative in free space. All outlines here are upright rectangles."""
     x, y, z = point
-    solids = TERRAIN.solids_at(x, y, -math.inf, math.inf)
-    depths = [min(block.top_at(x, y) - z, z - block.base_at(x, y)) for block in solids]
-    return max([TERRAIN.surface(x, y) - z, *depths])
+    ramp = (x - 60.0) / 4.0
+    prisms = [(QUAY, -math.inf, 2.0), (SQUARE, -3.0, 12.0), (RAMP, ramp - 1.0, ramp)]
+    prisms.append((((-150.0, 46.0), (-50.0, 54.0)), 7.0, 8.0))
+    holds = [(low, high) for outline, low, high in prisms if is_over(outline, x, y)]
+    if is_over(SQUARE, x, y) and is_over(YARD, x, y):
+        holds.remove((-3.0, 12.0))
+    return max([-math.inf, *(min(high - z, z - low) for low, high in holds)])
+
+
+def is_over(outline: Sequence[tuple[float, ...]], x: float, y: float) -> bool:
+    xs, ys = [corner[0] for corner in outline], [corner[1] for corner in outline]
+    return min(xs) <= x <= max(xs) and min(ys) <= y <= max(ys)
 
 
 @given(POINTS, POINTS)
