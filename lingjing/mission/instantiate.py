@@ -61,7 +61,8 @@ def instantiate(
                 break
             names = drawn_names(mission, requirement.condition) - set(settings or ())
             if not names or repetition == REDRAWS:
-                raise _unmet_error(requirement, seed, sorted(names))
+                with at_path(f"{mission.name}/require/{1 + mission.requirements.index(requirement)}"):
+                    raise _unmet_error(requirement, seed, sorted(names))
             redraws |= {name: redraws.get(name, 0) + 1 for name in names}
     return instance
 

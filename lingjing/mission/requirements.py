@@ -1,7 +1,7 @@
 """Requirements: conditions that the draws of a seed must meet, `require distance_xy(a, b) >= 100 m because "…"`.
 
 A requirement reads declared places and properties, params and the sizes of groups. `unmet` finds the first one that an
-instance does not meet, and `drawn_names` the draws that it depends on, which are then drawn anew.
+instance does not meet, and `drawn_names` the draws that it depends on, which are then drawn anew (ADR 0042).
 """
 
 from __future__ import annotations

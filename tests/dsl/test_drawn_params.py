@@ -95,6 +95,7 @@ def test_it_prints_as_it_was_written(param: str, printed_again: Callable[[str], 
         (text("param victims ~ integer(2, 5 m)"), "LJ0203"),
         (text('param victims ~ choice(["a", "b"])'), "LJ0201"),
         (text("param victims = integer(2, 5)"), "LJ0302"),
+        (text("param victims ~ integer(2, 5) in 2..5"), "LJ0110"),
         (text("param victims ~ integer(2, 5)", success="emitted(rescue, victim[6])"), "LJ0206"),
         (text(DRAWN, 'require now > 3 s because "x"'), "LJ0304"),
         (text(DRAWN, 'require boat.status == moving because "x"'), "LJ0304"),
@@ -180,6 +181,7 @@ def test_a_requirement_that_no_draw_meets_names_its_reason_and_the_seed(
     file.write_text(source)
     assert run_command(["run", str(file), "--seed", "7", "-o", str(tmp_path / "out")]) == ExitCode.MISSION
     error = capsys.readouterr().err
+    assert f"{file}:{1 + source[: source.index('victims >= 4')].count(chr(10))}:" in error
     assert "`victims >= 4`" in error and "a team is needed" in error and not (tmp_path / "out").exists()
     required = compiled(text("param victims ~ integer(2, 4)", 'require victims >= 4 because "x"'))
     narrow = msgspec.structs.replace(required, parameters=compiled(text("param victims ~ integer(2, 3)")).parameters)

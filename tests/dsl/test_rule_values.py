@@ -99,7 +99,7 @@ def test_a_field_of_the_record_has_priority(small: str) -> None:
 
 
 def quantities(small: str, text: str, folder: Path) -> list[dict[str, object]]:
-    """What the condition reads, as `mission.json` lists it."""
+    """The quantities that the condition reads, as `mission.json` lists them."""
     source, target = folder / "small.ljs", folder / "small.json"
     source.write_text(with_rule(small, text))
     assert run_command(["compile", str(source), "-o", str(target)]) == 0

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
+import msgspec
+
 from lingjing.dsl.checking.blocks import DeclarationChecker
 from lingjing.dsl.checking.corrections import range_of
 from lingjing.dsl.checking.keys import PropertyEntry, word_of
@@ -155,6 +157,11 @@ class SettingsChecker(DeclarationChecker):
 
     def _drawn_param(self, node: s.Param) -> model.Parameter | None:
         """`param name ~ integer(2, 5)`."""
+        if isinstance(node.value, s.BinaryExpr) and node.value.operator == "in":
+            place = node.value
+            hint, edits = "leave the bounds out", ((place.left.end, place.right.end, ""),)
+            self.report.at("LJ0110", place.right, "a drawn param has the bounds of its distribution", hint, edits=edits)
+            return self._drawn_param(msgspec.structs.replace(node, value=place.left))
         value = self.of.calls.draw(node.value, STATIC)
         if value is not UNKNOWN and value.type.kind != "quantity":
             self.report.at("LJ0201", node.value, f"a param is a number, this draws {with_article(value.type)}")

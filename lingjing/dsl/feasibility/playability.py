@@ -53,6 +53,10 @@ def _place(node: s.MissionBlock, path: str) -> _Place:
     _, _, rest = path.partition("/")
     owner, _, name = rest.partition("/")
     owner = owner.partition("[")[0]
+    required = [item for item in node.block.items if isinstance(item, s.RequireLine)]
+    if owner == "require" and name.isdigit() and int(name) <= len(required):
+        condition = required[int(name) - 1].condition
+        return condition.start, condition.end
     for item in node.block.items:
         inner = item.item if isinstance(item, s.Override) else item
         head = _head(inner, owner)
