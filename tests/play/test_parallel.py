@@ -23,8 +23,6 @@ from lingjing.trace.writer import trace_removed_error
 from tests.kernel.test_world_process import await_gone
 from tests.play.report_kit import ABORTED
 
-pytestmark = pytest.mark.usefixtures("workers_are_interpreters")
-
 PLAYER = """
 import os, signal
 from pathlib import Path
@@ -104,6 +102,7 @@ def processes() -> Iterator[EpisodeProcesses]:
         yield started
 
 
+@pytest.mark.usefixtures("workers_are_interpreters_once")
 def test_forked_episodes_are_those_of_fresh_processes_and_know_nothing_of_one_another(
     processes: EpisodeProcesses, tmp_path: Path
 ) -> None:
@@ -156,6 +155,7 @@ except Begun:
     assert told.stdout.splitlines() == ["[]", "[]", "0"], told.stderr
 
 
+@pytest.mark.usefixtures("workers_are_interpreters_once")
 def test_a_killed_holder_is_an_abort_of_its_episode_and_the_next_has_a_world_of_its_own(tmp_path: Path) -> None:
     first, second = tasks(tmp_path, player(tmp_path), (3, 3))
     first = first._replace(options=replace(first.options, policy_args={"fatal": "holder"}))
@@ -168,6 +168,7 @@ def test_a_killed_holder_is_an_abort_of_its_episode_and_the_next_has_a_world_of_
     await_gone(holders)
 
 
+@pytest.mark.usefixtures("workers_are_interpreters_once")
 def test_an_instance_that_comes_once_is_not_held(processes: EpisodeProcesses, tmp_path: Path) -> None:
     given = [task._replace(repeated=False) for task in tasks(tmp_path, player(tmp_path), (5,))]
     ((_, report),) = processes.play(given, jobs=1)
@@ -175,6 +176,7 @@ def test_an_instance_that_comes_once_is_not_held(processes: EpisodeProcesses, tm
     assert not list(tmp_path.glob("holder-*"))
 
 
+@pytest.mark.usefixtures("workers_are_interpreters_once")
 def test_a_killed_server_is_an_abort_of_its_episode_and_the_next_is_played(tmp_path: Path) -> None:
     first, second = tasks(tmp_path, player(tmp_path), (3, 4))
     first = first._replace(options=replace(first.options, policy_args={"fatal": "yes"}))

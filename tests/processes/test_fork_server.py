@@ -20,6 +20,8 @@ from lingjing.processes import fork_server, kept_results
 from lingjing.processes.fork_client import ForkedProcess, ForkServer
 from tests.kernel.test_world_process import ROOT, await_gone, is_running, open_descriptors
 
+pytestmark = pytest.mark.usefixtures("workers_are_interpreters")
+
 MODULE = "tests.processes.forked_module"
 
 

@@ -15,6 +15,8 @@ import pytest
 from lingjing.processes.fork_client import ForkServer, ForkServerClient
 from tests.kernel.test_world_process import ROOT, await_gone, is_running
 
+pytestmark = pytest.mark.usefixtures("workers_are_interpreters")
+
 FUNCTIONS = "tests.processes.prepared_functions"
 
 

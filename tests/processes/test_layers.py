@@ -13,6 +13,8 @@ from lingjing.errors import InfrastructureError
 from lingjing.processes.fork_client import ForkedProcess, ForkServer, ForkServerClient
 from tests.kernel.test_world_process import ROOT, await_gone, is_running
 
+pytestmark = pytest.mark.usefixtures("workers_are_interpreters")
+
 FUNCTIONS = "tests.processes.layer_functions"
 MORE = "xml.dom.minidom"
 

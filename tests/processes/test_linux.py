@@ -20,7 +20,10 @@ ALONE = {"fork", "forkpty", "prctl", "sendmsg", "recvmsg", "recv_fds", "send_fds
 
 def calls(path: Path) -> Iterator[str]:
     """The names of the calls in a module, and the texts that may be code of another interpreter."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    text = path.read_text(encoding="utf-8")
+    if not any(name in text for name in ALONE):
+        return
+    for node in ast.walk(ast.parse(text)):
         match node:
             case ast.Call(func=ast.Attribute(value=ast.Name(id="os" | "socket"), attr=name)):
                 yield name
@@ -28,7 +31,7 @@ def calls(path: Path) -> Iterator[str]:
                 yield name
             case ast.Constant(value="prctl"):  # looked up in the C library
                 yield "prctl"
-            case ast.Constant(value=str(text)) if "os.fork(" in text:
+            case ast.Constant(value=str(code)) if "os.fork(" in code:
                 yield "fork"
 
 

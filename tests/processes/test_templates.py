@@ -17,6 +17,8 @@ from lingjing.processes.fork_requests import Template
 from lingjing.processes.templates import MOST_TEMPLATES
 from tests.kernel.test_world_process import ROOT, await_gone, is_running
 
+pytestmark = pytest.mark.usefixtures("workers_are_interpreters")
+
 FUNCTIONS = "tests.processes.prepared_functions"
 
 
