@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import io
 import os
 import pty
 import re
@@ -16,10 +17,11 @@ from pathlib import Path
 import msgspec
 import pytest
 from rich.console import Console
+from rich.live import Live
 
 import lingjing
 from lingjing import PlayOptions, Trace, read_trace
-from lingjing.cli.watch import EpisodeDisplays
+from lingjing.cli import console, watch
 from lingjing.cli.watch.chart import TARGET_SIGNS, Chart, window_around
 from lingjing.cli.watch.displays import SHARE, EpisodeDisplay
 from lingjing.cli.watch.screen import Screen
@@ -31,6 +33,7 @@ from lingjing.trace.records import BodyState, TaskEvent
 from lingjing.viewer.state import EpisodeState
 from tools.python_forks import run_python
 
+EpisodeDisplays = watch.EpisodeDisplays
 RUN = (sys.executable, "-m", "lingjing.cli.main", "run")
 
 
@@ -314,3 +317,19 @@ def test_narrow_lines_leave_out_the_only_asset_an_agent_has(trace: Trace, city: 
         what = agent.command.partition(".")[2]
         fits = len(f"{agent.agent} {agent.command}") <= round(70 * 0.38)
         assert f"{agent.agent} {agent.command if fits else what}"[:24] in narrow
+
+
+def test_a_console_of_rich_writes_control_characters_of_texts_as_escapes() -> None:
+    shown = io.StringIO()
+    console.console(shown).print("a\x1b[2Jb", markup=False)
+    assert shown.getvalue() == "a\\x1b[2Jb\n"
+
+
+def test_prints_during_a_display_of_rich_are_written_as_escapes() -> None:
+    shown = io.StringIO()
+    with Live(console=console.VisibleConsole(file=shown, force_terminal=True), auto_refresh=False):
+        console.spell_proxies()
+        print("said\x1b[2J\x1b[31m")
+        print("warned\x1b]0;title\x07", file=sys.stderr)
+    assert "said\\x1b[2J\\x1b[31m" in shown.getvalue()
+    assert "warned\\x1b]0;title\\x07" in shown.getvalue()

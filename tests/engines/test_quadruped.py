@@ -1,12 +1,13 @@
 """The quadruped engine with the real model, policy and physics."""
 
+import itertools
 import math
 from collections.abc import Callable
 
 import msgspec
 import pytest
 
-from lingjing.engines.quadruped.engine import QuadrupedEngine
+from lingjing.engines.quadruped import dog_model, engine, tasks
 from lingjing.mission.instance import Entity, EventSpec, Instance, StateSpec, VerbSpec
 from lingjing.plugins.conformance import check_engine
 from lingjing.scene.city import Building, City, Land, Slope, Solid, Water
@@ -58,7 +59,7 @@ def truck(x: float, y: float, speed: float = 0.0, heading: float = 90.0) -> Body
 @pytest.fixture
 def play(player: Callable, instance_of: Callable[..., Instance]) -> Callable:
     def begin(city: City, *dogs: Entity, sync_s: float = 0.1):
-        return player(QuadrupedEngine(), instance_of(dogs or (dog(),), sync_s=sync_s), city, "quadruped")
+        return player(engine.QuadrupedEngine(), instance_of(dogs or (dog(),), sync_s=sync_s), city, "quadruped")
 
     return begin
 
@@ -187,6 +188,17 @@ def test_no_edge_is_stepped_over_between_two_looks(play, start):
     before = [state.velocity[0] for state in states if 5.5 < state.position[0] < 6.0]
     assert min(free) > 1.2
     assert max(before) < 1.1
+
+
+def test_a_walk_that_meets_a_riser_pushes_and_steps_back_by_another_length_each_time():
+    """A retry of the same length would meet the riser in the same phase of the gait, for ever."""
+    there = dog_model.DogState((0.0, 0.0, 0.3), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
+    walk = tasks.WalkTask(x=0.0, y=0.0, yaw=0.0, length=10.0, cruise=1.5, climbing=True)
+    ahead = [walk.wanted(there)[0] > 0.0 for _ in range(round(9.3 / tasks.PERIOD_S))]
+    runs_s = [(forward, len(list(same)) * tasks.PERIOD_S) for forward, same in itertools.groupby(ahead)]
+    assert [forward for forward, _ in runs_s] == [True, False] * 4 + [True]
+    assert [length for _, length in runs_s[1:8:2]] == pytest.approx([0.7, 1.0, 0.5, 1.2], abs=2.5 * tasks.PERIOD_S)
+    assert [length for _, length in runs_s[:8:2]] == pytest.approx([1.4] * 4, abs=2.5 * tasks.PERIOD_S)
 
 
 def test_walls_hold_and_are_named(play):
@@ -341,7 +353,7 @@ def test_a_dormant_dog_appears_where_it_is_declared(player, instance_of):
         **{name: getattr(instance, name) for name in instance.__struct_fields__ if name != "events"},
         events=(EventSpec(name="deploy", tick=1, appear=("dog[2]",)),),
     )
-    session = player(QuadrupedEngine(), instance, city_of(), "quadruped")
+    session = player(engine.QuadrupedEngine(), instance, city_of(), "quadruped")
     walk = session.command("dog[1]", "forward", distance=3.0)
     assert session.command("dog[2]", "forward", distance=3.0).reason == "dormant"
     assert session.boundary.states[1].status == "dormant"
