@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from lingjing.analysis.completion import completion_ticks, required_target_groups
@@ -10,6 +10,7 @@ from lingjing.analysis.detection import MatchedReport, detect, judged_kinds, sho
 from lingjing.analysis.incidents import Incident, incidents
 from lingjing.analysis.messages import admitted_messages
 from lingjing.mission.instance import Instance
+from lingjing.mission.schedule import OCCURRED, UNDONE
 from lingjing.trace.admitted_messages import AdmittedMessage
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import REFUSED, FrameInfo
@@ -42,6 +43,20 @@ class HistoryEvent:
 
 
 @dataclass(frozen=True, slots=True)
+class EventSpan:
+    """One time for which an event of the mission was in force."""
+
+    name: str
+    """The event's name."""
+    begin: int
+    """The tick at which it occurred."""
+    end: int
+    """The tick at which it was undone, or the last one before it occurred again or the episode ended."""
+    undone: bool = False
+    """True if it was undone."""
+
+
+@dataclass(frozen=True, slots=True)
 class History:
     """The data of one episode that the overview draws."""
 
@@ -57,6 +72,8 @@ class History:
     """True if a rule compares reports with the truth."""
     messages: tuple[AdmittedMessage, ...]
     events: tuple[HistoryEvent, ...]
+    spans: tuple[EventSpan, ...]
+    """The times for which events with a condition, an end or a pause were in force."""
     incidents: tuple[Incident, ...]
     refusals: tuple[tuple[int, str], ...]
     """Tick and sender of each request that was not carried out."""
@@ -91,6 +108,7 @@ def history_of(trace: Trace) -> History:
         judging=bool(judged_kinds(trace)),
         messages=admitted_messages(trace),
         events=_events(trace),
+        spans=tuple(_spans(trace)),
         incidents=incidents(trace),
         refusals=tuple(
             (receipt.tick, receipt.sender)
@@ -142,7 +160,7 @@ def _events(trace: Trace) -> tuple[HistoryEvent, ...]:
         HistoryEvent(event.kind, record.tick, name)
         for record in trace.boundaries
         for event in record.task_events
-        if event.name
+        if event.name and event.kind not in (OCCURRED, UNDONE)
         for name in event.entities or ("",)
     ]
     adjudicated = (
@@ -151,6 +169,21 @@ def _events(trace: Trace) -> tuple[HistoryEvent, ...]:
         for event in record.events
     )
     return (*scheduled, *adjudicated)
+
+
+def _spans(trace: Trace) -> Iterator[EventSpan]:
+    """Yield the times of events, in the order in which they ended; those in force at the end come last."""
+    began: dict[str, int] = {}
+    for record in trace.boundaries:
+        for event in record.task_events:
+            if event.name and event.kind == OCCURRED:
+                if event.name in began:
+                    yield EventSpan(event.name, began[event.name], record.tick)
+                began[event.name] = record.tick
+            elif event.name and event.kind == UNDONE:
+                yield EventSpan(event.name, began.pop(event.name), record.tick, undone=True)
+    last = trace.boundaries[-1].tick if trace.boundaries else 0
+    yield from (EventSpan(name, tick, last) for name, tick in began.items())
 
 
 def _deeds(trace: Trace) -> dict[str, str]:

@@ -138,8 +138,8 @@ class EpisodeState:
         """Return the event with `?` for hidden entities that a scheduled event lets appear or vanish."""
         if not task.name or not task.entities:
             return task
-        visible = {entity.id for entity in self.instance.entities if self.sight(entity) is not None}
-        entities = tuple(name if name in visible else "?" for name in task.entities)
+        unseen = {entity.id for entity in self.instance.entities if self.sight(entity) is None}
+        entities = tuple("?" if name in unseen else name for name in task.entities)
         return msgspec.structs.replace(task, entities=entities)
 
     # -- parts

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+import lingjing
+from lingjing.analysis.history import history_of
 from lingjing.dsl.printing.printer import to_ljs
 from lingjing.testing import Stage, compile_text, compiled, does, episode, play, says, scripted
 
@@ -27,6 +29,7 @@ mission town "Town" {{
   success when distance_xy(van, stop) <= 30 m
 }}
 """
+EXAMPLES = Path(lingjing.__file__).parents[1] / "scenarios" / "examples"
 DRIVE = {0: does("setDestination", x=203.0, y=150.0)}
 
 
@@ -168,3 +171,15 @@ def test_a_wrong_effect_has_one_error_that_names_it(event: str) -> None:
     ]
     assert [item.code for item in errors] == [code], errors
     assert words in errors[0].message + errors[0].hint
+
+
+def test_the_harbour_with_a_bridge_that_closes_is_won(tmp_path: Path) -> None:
+    """Seed 0: both vans are on their way to the bridge when it closes, and it reopens behind the boat."""
+    played = play(EXAMPLES / "harbour.ljs", tmp_path, policy="oracle", seed=0)
+    assert played.report.success
+    routes = {(route.entity, route.number) for record in played.trace.boundaries for route in record.routes}
+    assert {("van[1]", 2), ("van[2]", 2)} <= routes
+    history = history_of(played.trace)
+    assert [(span.name, span.undone) for span in history.spans] == [("opening", True)]
+    kinds = [event.kind for event in history.events if event.kind in ("closed", "reopened", "occurred", "undone")]
+    assert kinds == ["closed", "reopened"]

@@ -42,10 +42,12 @@ def draw_events(axes: Axes, history: History) -> None:
     """Draw a lane for each kind of event, and a dot in the target's colour for each event.
 
     The dot contains the target's index within its group, preceded by the group's letter if several groups have indices.
-    A target without an index has only the letter. Scheduled events are grey dots. Incidents are crosses in their own
-    lane.
+    A target without an index has only the letter. The changes of the mission's own events are grey dots. An event with
+    a condition has a lane with a bar for each time in force; a hollow end marks that it was undone. Incidents are
+    crosses in their own lane.
     """
     kinds = [rule.name for rule in history.instance.rules]
+    kinds += [span.name for span in history.spans if span.name not in kinds]
     kinds += [event.kind for event in history.events if event.kind not in kinds]
     kinds += ["incident"] if history.incidents else []
     lanes = {kind: place for place, kind in enumerate(dict.fromkeys(kinds))}
@@ -56,6 +58,12 @@ def draw_events(axes: Axes, history: History) -> None:
         crowd[event.kind, event.tick].append(event.entity)
     for lane in lanes.values():
         axes.axhline(lane, color=style.RULE, linewidth=0.8, zorder=1)
+    for span in history.spans:
+        lane = lanes[span.name]
+        axes.plot((span.begin, span.end), (lane, lane), "-", color=style.FAINT, linewidth=5, alpha=0.5, zorder=2)
+        axes.plot(span.begin, lane, "o", ms=8, mfc=style.FAINT, mec="white", mew=0.7, zorder=3)
+        if span.undone:
+            axes.plot(span.end, lane, "o", ms=7, mfc="white", mec=style.FAINT, mew=1.4, zorder=3)
     for (kind, tick), entities in crowd.items():
         for place, entity in enumerate(entities):
             x = tick + 0.55 * (place - (len(entities) - 1) / 2)
