@@ -22,7 +22,7 @@ from lingjing.authoring.coverage import cover
 from lingjing.authoring.impossible import Refusal, refusals
 from lingjing.authoring.shares import ShareDecision
 from lingjing.bench.running import TRIES, remove_run
-from lingjing.errors import LingjingError, MissionError, hint_of
+from lingjing.errors import InfrastructureError, LingjingError, MissionError, PluginError, hint_of
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.evaluate import Scope, number
@@ -80,9 +80,14 @@ class CheckRunner:
         try:
             result = self._run(check)
         except LingjingError as error:
+            is_broken = isinstance(error, PluginError | InfrastructureError)
             hint = hint_of(error)
-            details = (f"hint: {hint}",) if hint else ()
-            result = CheckResult(check=check, state="error", summary=str(error), details=details)
+            result = CheckResult(
+                check=check,
+                state="aborted" if is_broken else "error",
+                summary=str(error),
+                details=(f"hint: {hint}",) if hint else (),
+            )
         return msgspec.structs.replace(result, wall_s=time.monotonic() - begun)
 
     @property

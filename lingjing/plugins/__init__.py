@@ -13,6 +13,7 @@ kind has a Protocol, its values, and checks of conformance. `docs/plugins.md` li
 - `engine`, `policy`, `evaluator`   the Protocols and their values; `chat_model` declares a model, `backbone` is the
   Protocol of a model, `calls` the record of a policy's model calls
 - `scaffold`      the replaceable parts of an agent over a chat model; `scaffold_parts` names them in errors
+- `writers`       writers of missions: chat models that continue a conversation about a text
 - `decisions`     the JSON Schema of an agent's decisions, for policies that another program answers for
 - `fleet`         the five methods over moving bodies ← `requests` (admission, receipts), `step_clock` (fixed steps)
 - `tasks`         the tasks of a mission, for policies that may see its rules
