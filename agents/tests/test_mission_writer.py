@@ -57,7 +57,7 @@ def test_errors_and_failed_expectations_go_back_until_everything_holds(capsys: C
         assert write(server, "--model-arg", "grammar=grammar") == 0
     captured = capsys.readouterr()
     assert Path("small.ljs").read_text() == GOOD and not Path("small.draft.ljs").exists()
-    assert "after 3 answers" in captured.out and "round 2 of 6: 1 expectations fail" in captured.err
+    assert "after 3 answers" in captured.out and "round 2 of 6: 1 of 3 expectations fail" in captured.err
     system, user = said(server, 0)
     assert "# .ljs on one card" in system and user == "Write this mission: a boat saves one person"
     assert "did you mean `area`?" in said(server, 1)[-1] and said(server, 1)[-2].startswith("Here it is")

@@ -156,7 +156,10 @@ def _problem(text: str, answer: WrittenAnswer, runner: CheckRunner, number: int)
     mission = compilation.mission
     if errors or mission is None:
         shown = render_text(errors[:_MOST_DIAGNOSTICS], compilation.source) or "the file holds no mission"
-        return f"The file has {len(errors)} errors:\n\n{shown}{cut}", f"{len(errors)} errors, first: {_first(errors)}"
+        return (
+            f"The file has errors ({len(errors)}):\n\n{shown}{cut}",
+            f"errors ({len(errors)}), first: {_first(errors)}",
+        )
     refused = _refused(mission)
     if refused:
         return refused, refused.splitlines()[0]
@@ -168,7 +171,9 @@ def _problem(text: str, answer: WrittenAnswer, runner: CheckRunner, number: int)
     if not failed:
         return "", f"valid, {len(results)} expectations hold"
     lines = [line for result in failed for line in _failed(result)]
-    return "The file is valid, but expectations fail:\n\n" + "\n".join(lines), f"{len(failed)} expectations fail"
+    return "The file is valid, but expectations fail:\n\n" + "\n".join(
+        lines
+    ), f"{len(failed)} of {len(results)} expectations fail"
 
 
 def _refused(mission: model.Mission) -> str:

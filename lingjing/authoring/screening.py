@@ -8,7 +8,6 @@ certificate without success names one reason. A certificate holds no time, so th
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
@@ -23,9 +22,10 @@ from lingjing.mission import model
 from lingjing.mission.instantiate import instantiate
 from lingjing.whole_files import written_whole
 
-Verdict = Literal["certified", "invalid", "draws", "idle", "random", "oracle", "aborted"]
-"""`certified`, or the test that failed: the text does not validate, draws do not spread or repeat, a policy that should
-lose does not, the oracle does not win, or the infrastructure aborted an episode."""
+Verdict = Literal["certified", "invalid", "draws", "unplaced", "idle", "random", "oracle", "aborted"]
+"""`certified`, or the test that failed: the text does not validate, draws do not spread or repeat, an instance has no
+place in its city, a policy that should lose does not, the oracle does not win, or the infrastructure aborted an
+episode."""
 
 DRAWS = 20
 """Seeds with instances that must all differ (chosen)."""
@@ -134,6 +134,8 @@ def _verdict(check: MissionCheck, result: CheckResult) -> Verdict:
         return "aborted"
     if not isinstance(check.expectation, model.PolicyExpectation):
         return "draws"
+    if result.state == "error":
+        return "unplaced"
     verdicts: dict[str, Verdict] = {"idle": "idle", "random": "random", "oracle": "oracle"}
     return verdicts[check.expectation.policy]
 
@@ -174,12 +176,3 @@ def _known(composed: Composed, folder: Path) -> Certificate | None:
         if certificate.sha256 == _sha256(composed) and certificate.generator == VERSION:
             return certificate
     return None
-
-
-def tally(certificates: list[Certificate], by: Callable[[Certificate], str]) -> dict[str, dict[str, int]]:
-    """Counts of verdicts by a property of the missions, the most frequent property first."""
-    counts: dict[str, dict[str, int]] = {}
-    for certificate in certificates:
-        row = counts.setdefault(by(certificate), {})
-        row[certificate.verdict] = row.get(certificate.verdict, 0) + 1
-    return dict(sorted(counts.items(), key=lambda item: -sum(item[1].values())))

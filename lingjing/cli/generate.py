@@ -81,4 +81,4 @@ def _screen(seeds: range, folder: Path, jobs: int, certificates: list[Certificat
 def _print_counts(certificates: list[Certificate]) -> None:
     counted = Counter(certificate.verdict for certificate in certificates)
     listed = ", ".join(f"{number} {verdict}" for verdict, number in counted.most_common())
-    print(f"{len(certificates)} missions: {listed or 'none'}")
+    print(f"{len(certificates)} mission{'s' * (len(certificates) != 1)}: {listed or 'none'}")

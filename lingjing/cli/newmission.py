@@ -103,7 +103,7 @@ def _write_with_model(sentence: str, target: Path, writer: MissionWriter, rounds
         raise
     if result.is_certified:
         write_whole(str(target), result.text)
-        print(f"wrote {target}, after {len(result.rounds)} answers: it validates and its expectations hold")
+        print(f"wrote {target}, after {_answers(len(result.rounds))}: it validates and its expectations hold")
         print(f"play it: lingjing run {target} --policy oracle")
         return ExitCode.OK
     return _report_failure(result, draft_file(target))
@@ -111,10 +111,14 @@ def _write_with_model(sentence: str, target: Path, writer: MissionWriter, rounds
 
 def _report_failure(result: Draft, place: Path) -> int:
     last = result.rounds[-1]
-    say(f"error: after {len(result.rounds)} answers no mission holds; the last: {last.summary}")
+    say(f"error: after {_answers(len(result.rounds))} no mission holds; the last: {last.summary}")
     say("hint: a larger --rounds, another --model, or a sentence with numbers and places may help")
     if result.text:
         write_whole(str(place), result.text)
         print(f"wrote {place}, the last draft")
         print(last.problem)
     return ExitCode.MISSION
+
+
+def _answers(number: int) -> str:
+    return f"{number} answer{'s' * (number != 1)}"

@@ -67,6 +67,8 @@ def test_a_certificate_names_the_first_test_that_fails() -> None:
         assert screen(0, small(TEXT.replace("~ sites(area)", "= (110 m, -1250 m)")), runner).verdict == "draws"
         won = screen(0, small(TEXT.replace("emitted(rescue, victim)", "now >= 20 s")), runner)
         assert won.verdict == "idle" and "0 of 1 episodes were lost; seed 0: won at tick 1" in won.reason
+        roofless = screen(15, compose(15), runner)
+        assert roofless.verdict == "unplaced" and "no flat roof" in roofless.reason
         late = screen(0, small(TEXT.replace("oracle wins", "oracle wins within 1 ticks")), runner)
         assert late.verdict == "oracle" and [check.state for check in late.checks] == ["passed", "passed", "failed"]
 
@@ -75,7 +77,7 @@ def test_a_certificate_names_the_first_test_that_fails() -> None:
 def test_a_certified_mission_has_its_text_and_its_certificate(tmp_path: Path, capsys: Capture) -> None:
     command = ["generate", "--seed", str(CERTIFIED), "-o", str(tmp_path)]
     assert run_command(command) == ExitCode.OK
-    assert capsys.readouterr().out == f"generated_{CERTIFIED}  certified\n1 missions: 1 certified\n"
+    assert capsys.readouterr().out == f"generated_{CERTIFIED}  certified\n1 mission: 1 certified\n"
     text, file = tmp_path / f"generated_{CERTIFIED}.ljs", tmp_path / f"generated_{CERTIFIED}.json"
     assert text.read_text() == compose(CERTIFIED).text
     certificate = json.loads(file.read_text())
