@@ -244,7 +244,11 @@ def _reduced(mission: model.Mission, instance: Instance, kept: _Kept) -> model.M
         permits=tuple(item for item in mission.permits if stands(item.resource)),
         constraints=tuple(item for item in mission.constraints if item.domain not in lost),
         inspections=tuple(item for item in mission.inspections if stands(item.asset, *item.by, item.destination)),
-        events=tuple(_event_changes(item, stands) for item in mission.events if item.name in kept.events),
+        events=tuple(
+            _event_changes(item, stands)
+            for item in mission.events
+            if item.name in kept.events and stands(item.condition, item.until)
+        ),
     )  # fmt: skip
 
 
@@ -360,4 +364,4 @@ def _limits(limits: Sequence[model.Limit], kinds: set[str], stands: Resolvable) 
 
 
 def _event_changes(event: model.EventDeclaration, stands: Resolvable) -> model.EventDeclaration:
-    return replace(event, changes=tuple(change for change in event.changes if stands(change.entity)))
+    return replace(event, changes=tuple(change for change in event.changes if stands(change.entity, change.value)))
