@@ -21,6 +21,7 @@ The modules, in the order in which an episode uses them:
 - `flight_floor`   the lowest points to which flying bodies may be sent
 - `obstacles`   ground that legged robots can walk; `shapes`, `sizes`: bodies to collide with and their sizes
 - `roofs`       upper bounds of a city's height at many places at once
+- `sight`       free straight lines through a city
 - `regions`     regions that only the city can resolve, such as those along a road
 - `camera_geometry`   pixels, rays and points; headings; camera mounts of a body
 - `city_checks`       the checks that every city passes
