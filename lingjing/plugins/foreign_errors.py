@@ -90,7 +90,9 @@ def _top(module: str) -> str:
 
 
 def _is_library(file: str) -> bool:
-    return file.startswith("<") or (file.startswith(_LIBRARY + os.sep) and "site-packages" not in file)
+    """Return True for code of Python itself; packages may be installed in a folder within that of its modules."""
+    within = file.startswith(_LIBRARY + os.sep)
+    return file.startswith("<") or (within and "site-packages" not in file and "dist-packages" not in file)
 
 
 def _short_path(file: str, package: str) -> str:

@@ -182,9 +182,9 @@ def test_the_mission_is_judged_by_the_kernels_own_rules_alone(mission: Path, tmp
 
 
 def _counting(init: Callable[..., None], made: list[object]) -> Callable[..., None]:
-    def counted(self: object, instance: object) -> None:
+    def counted(self: object, *arguments: object) -> None:
         made.append(self)
-        init(self, instance)
+        init(self, *arguments)
 
     return counted
 
@@ -217,7 +217,7 @@ def _raise(instance: object) -> object:
     ("build", "said"),
     [
         (_raise, r"evaluator `boom` of plug-in `Wrong` cannot be built: KeyError: 'uav'"),
-        (lambda: None, "evaluator `boom` of plug-in `Wrong` cannot be built: TypeError"),
+        (lambda instance: instance(), "evaluator `boom` of plug-in `Wrong` cannot be built: TypeError"),
         (lambda instance: None, "evaluator `boom` of plug-in `Wrong` built None, which has no method `evaluate`"),
     ],
 )
