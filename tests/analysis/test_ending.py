@@ -173,3 +173,29 @@ def test_lines_of_sight_are_found_again_from_a_trace(tmp_path: Path) -> None:
     trace = play(mission_file("ssr").parent / "examples" / "overwatch.ljs", tmp_path, policy="oracle").trace
     assert any(event.kind == "covered" for boundary in trace.boundaries for event in boundary.events)
     assert all(boundary.faithful for boundary in registries(trace))
+
+
+TIDE = """ljs 2
+use std.sea { lifeboat }
+
+mission tide "Tide" {
+  goal "Wait."
+  scene bay { datum = sea level at -3.5 m }
+  clock { tick = 10 s, sync = 1 s }
+  budget { ticks <= 8 }
+  asset boat : lifeboat { position = (10 m, -1350 m), heading = 30 deg }
+  agent skipper as rescuer controls boat { observes boat.*, events }
+  event gale when now > 15 s until now > 35 s repeat every 20 s { weather { wind = 15 m/s from 220 deg } }
+  adjudicate calm() { when held(count(gale) >= 1 and now < 900 s, 20 s) and before(now >= 0 s, now >= 40 s) }
+  success when now > 75 s and count(gale) == 2
+}
+"""
+
+
+def test_rebuilt_registries_have_the_events_and_the_memory(tmp_path: Path) -> None:
+    played = play(TIDE, tmp_path, policy="random", seed=1)
+    rebuilt = list(registries(played.trace))
+    assert all(boundary.faithful for boundary in rebuilt)
+    assert [(item.tick, item.undone) for item in rebuilt[-1].registry.occurrences] == [(2, 4), (6, 7)]
+    assert len(rebuilt[-1].registry.memory) == 2
+    assert played.report.success and [event.kind for event in played.events] == ["calm"]

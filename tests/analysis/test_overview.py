@@ -22,6 +22,7 @@ from lingjing.analysis.overview.score import draw_score
 from lingjing.analysis.overview.timeline import draw_batteries, draw_events, draw_messages
 from lingjing.errors import UsageError
 from lingjing.mission.instance import InteractionSpec
+from lingjing.testing import play, scripted
 from lingjing.trace.records import Outcome, TaskEvent
 
 replace = msgspec.structs.replace
@@ -296,3 +297,33 @@ def test_an_exhausted_budget_is_printed_as_out_of_time(trace: Trace) -> None:
     lost = replace(metrics(trace), success=False, reason="budget")
     assert "OUT OF TIME" in written(draw_score, lost, complete=True)
     assert "INFRASTRUCTURE ABORT" in written(draw_score, replace(lost, reason="infrastructure-abort"), complete=True)
+
+
+TIDE = """ljs 2
+use std.sea { lifeboat }
+
+mission tide "Tide" {
+  goal "Wait."
+  scene bay { datum = sea level at -3.5 m }
+  clock { tick = 10 s, sync = 1 s }
+  budget { ticks <= 8 }
+  asset boat : lifeboat { position = (10 m, -1350 m), heading = 30 deg }
+  agent skipper as rescuer controls boat { observes boat.*, events }
+  event gale when now > 15 s until now > 35 s repeat every 20 s { weather { wind = 15 m/s from 220 deg } }
+  event dusk when now > 55 s { weather { sun_elevation = 2 deg } }
+  success when now > 75 s
+}
+"""
+
+
+def test_events_in_force_are_bars_of_the_timeline(tmp_path: Path) -> None:
+    played = play(TIDE, tmp_path, policy=scripted({}), seed=1)
+    history = history_of(played.trace)
+    spans = [(span.name, span.begin, span.end, span.undone) for span in history.spans]
+    assert spans == [("gale", 2, 4, True), ("gale", 6, 7, True), ("dusk", 6, 8, False)]
+    assert {event.kind for event in history.events} == {"weather"}
+    axes = Figure().subplots()
+    draw_events(axes, history)
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["gale", "dusk", "weather"]
+    bars = [tuple(line.get_xdata()) for line in axes.lines if line.get_linewidth() == 5]
+    assert bars == [(2, 4), (6, 7), (6, 8)]
