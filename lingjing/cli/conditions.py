@@ -25,6 +25,7 @@ _GATES = {
     "penalty": "a penalty",
     "stage": "the end of the stage {}",
     "count": "the limit {}",
+    "world": "the mission's event {}",
 }
 
 

@@ -181,3 +181,20 @@ def test_the_harbour_with_a_bridge_that_closes_is_won(tmp_path: Path) -> None:
     assert {("van[1]", 2), ("van[2]", 2)} <= routes
     kinds = [event.kind for record in played.trace.boundaries for event in record.task_events if event.name]
     assert kinds == ["occurred", "closed", "comms", "undone", "reopened", "comms"]
+
+
+@pytest.mark.parametrize("how", [["--emit", "mission"], ["--emit", "graphml"], ["--emit", "ljs"]])
+def test_the_harbour_compiles_to_every_form(how: list[str], tmp_path: Path) -> None:
+    out = tmp_path / "harbour.out"
+    assert run_command(["compile", str(EXAMPLES / "harbour.ljs"), *how, "-o", str(out)]) == 0
+    assert "opening" in out.read_text(encoding="utf-8")
+
+
+def test_the_conditions_of_an_event_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["graph", str(EXAMPLES / "harbour.ljs"), "--conditions"]) == 0
+    shown = capsys.readouterr().out
+    assert "[event/opening/when]" in shown and "[event/opening/until]" in shown
+    assert "decides: the mission's event opening" in shown and "event opening" in shown
+    for form in ("mermaid", "dot", "svg"):
+        assert run_command(["graph", str(EXAMPLES / "harbour.ljs"), "--format", form]) == 0
+    assert run_command(["docs", str(EXAMPLES / "harbour.ljs")]) == 0

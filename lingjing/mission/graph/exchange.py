@@ -340,6 +340,7 @@ class _Draft:
             "count": (f"resource:{condition.name}.{gate.name}",),
             "command": self._permitted(gate.name),
             "penalty": (),
+            "world": (f"event:{gate.name}@",) if f"event:{gate.name}@" in self.nodes else (f"event:{gate.name}",),
         }[gate.kind]
         yield from (name for name in names if name in self.nodes)
 
