@@ -19,8 +19,10 @@ from msgspec.structs import replace
 from lingjing.kernel.context import RuntimeContext
 from lingjing.kernel.registry import Registry
 from lingjing.kernel.rules import evaluate, field_of, holds
-from lingjing.mission.instance import EventSpec, Instance, StateChange, Weather
+from lingjing.mission.instance import Entity, EventSpec, Instance, StateChange, Weather
+from lingjing.mission.natures import is_never_negative
 from lingjing.mission.schedule import OCCURRED, UNDONE, DeclaredWorld, Layer, Occurrence, SetValue
+from lingjing.mission.units import without_unit
 from lingjing.mission.values import Value
 from lingjing.trace.records import TaskEvent
 
@@ -106,9 +108,14 @@ class MissionEvents:
 
     def _set_value(self, change: StateChange, at: RuntimeContext) -> tuple[SetValue, SetValue] | None:
         """Return the new and the present value of a state or status; None if one of them has no value."""
+        entity = self._entities[change.entity]
         new = _as_set(change, evaluate(change.value, {}, at))
-        present = _as_set(change, field_of(self._entities[change.entity], change.field, at))
-        return None if new is None or present is None else (new, present)
+        present = _as_set(change, field_of(entity, change.field, at))
+        if new is None or present is None:
+            return None
+        if not isinstance(new.value, str) and new.value < 0 and _is_amount(entity, change.field):
+            new = replace(new, value=0.0)
+        return new, present
 
     def _layers(self, registry: Registry) -> list[Layer]:
         """The events in force after the occurrences of a registry."""
@@ -185,6 +192,10 @@ def _as_set(change: StateChange, value: Value) -> SetValue | None:
     if isinstance(value, bool) or not isinstance(value, float | int | str):
         return None
     return SetValue(change.entity, change.field, value)
+
+
+def _is_amount(entity: Entity, field: str) -> bool:
+    return is_never_negative(without_unit(field), entity.interactions)
 
 
 def _restored(ended: Occurrence, occurrences: Sequence[Occurrence]) -> Iterator[SetValue]:

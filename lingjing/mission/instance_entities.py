@@ -25,6 +25,7 @@ from lingjing.mission.instance import (
 )
 from lingjing.mission.kinds import engine_kind
 from lingjing.mission.kinds_format import EngineKind, VerbKind
+from lingjing.mission.natures import is_never_negative
 from lingjing.mission.seeding import redrawn_path
 
 _MAX_MEMBERS = 100_000
@@ -49,7 +50,7 @@ free ground, metres (chosen)."""
 
 _POSITIVE = ("cruise_mps", "endurance_s", "swath_m")
 """Abilities of bodies that must be greater than zero."""
-_NON_NEGATIVE = ("speed_mps", "drift_mps", "payload_kg", "load_kg", "people", "radius_m")
+_NON_NEGATIVE = ("speed_mps", "drift_mps", "payload_kg", "load_kg", "radius_m")
 """Abilities of bodies that must not be negative."""
 
 
@@ -234,9 +235,9 @@ def _check_abilities(group: model.Group, columns: Mapping[str, Collection[Value]
     """
     if not engine_kind(group.engine).standard_properties:
         return
-    moved = {interaction.own for interaction in group.interactions}
     for prop in group.properties:
-        if prop.name not in _POSITIVE and prop.name not in _NON_NEGATIVE and prop.plain not in moved:
+        amount = is_never_negative(prop.plain, group.interactions)
+        if not amount and prop.name not in _POSITIVE and prop.name not in _NON_NEGATIVE:
             continue
         with at_path(f"{mission}/{group.name}/{prop.name}"):
             for value in (value for value in columns[prop.name] if isinstance(value, float)):

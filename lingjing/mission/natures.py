@@ -97,6 +97,15 @@ class TargetTraits:
     """True if it closes the road at its place."""
 
 
+def is_never_negative(state: str, interactions: Iterable[PlayedInteraction]) -> bool:
+    """True if a target's state is an amount: heat, flow, people, or what one of its interactions moves.
+
+    `state`: the author's name. Declarations, draws and events give it 0 or more.
+    """
+    amounts = (FIRE.level, LEAK.level, PEOPLE)
+    return state in amounts or any(state == interaction.own for interaction in interactions)
+
+
 def traits_of(entity: Entity) -> TargetTraits:
     """The facts about a target of an instance."""
     return TargetTraits(

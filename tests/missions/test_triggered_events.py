@@ -179,6 +179,7 @@ WRONG = {
     "event e when now > 1 s { change g to 3 m }": ("LJ0201", "another value"),
     "event e when now > 1 s { }": ("LJ0106", "changes nothing"),
     'event e when now > 1 s { goal "x" }': ("LJ0107", "no meaning"),
+    'event e when now > 1 s { close road("x") }': ("LJ0201", "without a name"),
 }
 
 
@@ -205,3 +206,33 @@ def test_what_an_event_may_bring_about_is_not_proved_impossible(success: str) ->
     event = f"event e when now > 5 s {{ {changes} }}"
     winnable = text(event).replace("success when now > 115 s", f"success when {success}")
     assert [item for item in compile_text(winnable).diagnostics if item.severity == "error"] == []
+
+
+@pytest.mark.parametrize("change", ["g.stock = 5 kg", "set g.stock = 5 kg"])
+def test_an_assignment_in_an_event_is_read_as_the_change_that_is_meant(change: str) -> None:
+    compilation = compile_text(text(f"event drain when now > 20 s {{ {change} }}"))
+    (error,) = compilation.diagnostics
+    assert (error.code, error.message) == ("LJ0010", "`g.stock = …` is no statement")
+    assert error.hint == "write `change g.stock to …`"
+    assert error.fix is not None and error.fix.safe and error.fix.edits[0].text == "change g.stock to"
+
+
+def test_an_assignment_elsewhere_is_one_error_that_names_the_block_of_its_entity() -> None:
+    (error,) = compile_text(text("boat.speed = 3 m/s")).diagnostics
+    assert error.message == "`boat.speed = …` is no statement"
+    assert "stands in the block of its entity" in error.hint
+
+
+def test_an_amount_never_falls_below_0() -> None:
+    blaze = TEXT.replace("state stock = 50 kg", "state stock = 50 kg, state heat = 0.5")
+    constant = blaze.format(events="event drain when now > 20 s { change g.heat to -4 }")
+    (error,) = compile_text(constant).diagnostics
+    assert (error.code, error.message) == ("LJ0206", "`heat` of `g` is never below 0")
+    computed = blaze.format(events="event drain when now > 20 s { change g.heat to g.heat - 4 }")
+    assert "changed drain: g heat 0" in [line for row in lines(computed, 4) for line in row]
+
+
+@pytest.mark.parametrize("condition", ["held(g.level > 0 m, -3 s)", "within(g.level > 0 m, now > 3 s, 2 s - 5 s)"])
+def test_a_function_over_time_has_a_time_of_0_or_more(condition: str) -> None:
+    (error,) = compile_text(text(f"event e when {condition} {{ vanish g }}")).diagnostics
+    assert error.code == "LJ0206" and error.message.endswith("is below 0 s")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from lingjing import articles
 from lingjing.dsl.checking.expressions import ExpressionChecker
 from lingjing.dsl.checking.scope import GroupInfo
@@ -15,6 +17,7 @@ from lingjing.mission.functions import (
     DISTRIBUTIONS,
     FLAG,
     FUNCTIONS,
+    TEMPORAL,
     FunctionOption,
     FunctionParameter,
     Signature,
@@ -55,6 +58,8 @@ class CallChecker:
             return UNKNOWN
         arguments, named, dimension, taint = checked
         if name in ("emitted", "count") and not self._is_offered(node, environment):
+            return UNKNOWN
+        if name in TEMPORAL and not self._is_span(node, arguments[TEMPORAL[name] :]):
             return UNKNOWN
         result = Type("quantity", dimension) if signature.same else signature.result
         if name == "at":
@@ -125,6 +130,15 @@ class CallChecker:
         return None
 
     # -- private
+
+    def _is_span(self, node: s.CallExpr, times: Sequence[ex.Expr]) -> bool:
+        """True if the time of a function over time is 0 or more, as far as it is known. Reports any other."""
+        seconds = self.of.constant(times[0]) if times else None
+        if seconds is None or seconds >= 0:
+            return True
+        written = node.arguments[-1].value
+        self.report.at("LJ0206", written, f"the time of `{node.function.text}` is below 0 s", "give 0 s or more")
+        return False
 
     def _item_type(self, node: s.CallExpr, environment: Environment) -> Type:
         """The type of `at(i, [items], rest = …)`: that of the items."""

@@ -23,6 +23,7 @@ from lingjing.dsl.syntax.statements import KINDS, keyword_of
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.functions import FLAG, Type
+from lingjing.mission.natures import is_never_negative
 from lingjing.mission.units import TICKS, TIME, si_value, unit_of
 
 
@@ -176,6 +177,11 @@ class EventChecker(DeclarationChecker):
         value = self.of.expect(item.value, RULE, known.type, f"`{name.text}`")
         if value is UNKNOWN:
             return None
+        number = self.of.constant(value.ir)
+        interactions = group.type.interactions.values() if group.type is not None else ()
+        if number is not None and number < 0 and is_never_negative(name.text, interactions):
+            self.report.at("LJ0206", item.value, f"`{name.text}` of `{group.name}` is never below 0", "give 0 or more")
+            return None
         stored = name.text + suffix_of(known.type.dimension)
         return model.Change(kind="change", entity=entity.ir, field=stored, value=value.ir)
 
@@ -206,8 +212,11 @@ class EventChecker(DeclarationChecker):
         if value is UNKNOWN:
             return None
         if not isinstance(value.ir, ex.Ref) or value.type.kind != "region":
-            message = f"the name of a region is due here, this is {with_article(value.type)}"
-            self.report.at("LJ0201", written, message, "declare it: `region bridge = …`")
+            shape = self.report.source.text[written.start : written.end] if value.type.kind == "region" else "…"
+            message = (
+                f"the event `{node.name.text}` names a region here, this is {with_article(value.type)} without a name"
+            )
+            self.report.at("LJ0201", written, message, f"declare it: `region bridge = {shape}`")
             return None
         self.blocks.leak(value.taint, written, f"the event `{node.name.text}`")
         return value.ir.name

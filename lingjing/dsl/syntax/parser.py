@@ -148,6 +148,8 @@ class Parser:
         first, token = tokens[begin], tokens[fault]
         if first.text in CONTROL:
             return -1
+        if _sets_field(tokens, begin):
+            return self._mend_assignment(tokens, begin)
         if first.type == "NAME" and fault - begin <= 1 and token.type in (*_AFTER_KEYWORD, *_AFTER_NAME):
             mended = self._mend_keyword(tokens, begin, fault)
             if mended >= 0:
@@ -175,6 +177,27 @@ class Parser:
                 tokens[fault] = Token(kind, close, token.start, token.end)
                 return fault
         return self._apply(tokens, begin, fault, due)
+
+    def _mend_assignment(self, tokens: list[Token], begin: int) -> int:
+        """Read `fire.heat = 0.8` in an event as `change fire.heat to 0.8`. Elsewhere it is explained alone."""
+        at = begin + (tokens[begin + 1].type != "DOT")
+        owner, _, name, sign = tokens[at : at + 4]
+        message = f"`{owner.text}.{name.text} = …` is no statement"
+        if _keyword_around(tokens, begin) != "event":
+            hint = f"a property stands in the block of its entity: `{owner.text} … {{ {name.text} = … }}`"
+            self.report("LJ0010", tokens[begin].start, sign.end, message, hint)
+            self._drop_statement()
+            stop = _statement_stop(tokens, at + 3)
+            self.states.append(self.tables.states[self.states[-1]]["ERROR"])
+            self.values.append(Token("ERROR", "", tokens[begin].start, tokens[stop - 1].end))
+            return stop
+        written = f"change {owner.text}.{name.text} to"
+        hint = f"write `{written} …`"
+        self.report("LJ0010", tokens[begin].start, sign.end, message, hint, replace=written, safe=True)
+        keyword = Token(STATEMENTS["change"], "change", tokens[begin].start, tokens[begin].start)
+        tokens[begin : at + 4] = [keyword, *tokens[at : at + 3], Token(INNER["to"], "to", sign.start, sign.end)]
+        self._drop_statement()
+        return begin
 
     def _mend_keyword(self, tokens: list[Token], begin: int, fault: int) -> int:
         """Read the first word of a statement as the keyword that it resembles or stands for."""
@@ -330,6 +353,22 @@ def _shown(token: Token) -> str:
         return NAMES_IN_MESSAGES[token.type]
     text = f"{token.text} {token.unit}" if token.unit else token.text
     return f"`{text}`" if len(text) <= 30 else NAMES_IN_MESSAGES.get(token.type, "this")
+
+
+def _sets_field(tokens: list[Token], begin: int) -> bool:
+    """True if a statement is `a.b = …`, perhaps after one word such as `set`."""
+    kinds = [token.type for token in tokens[begin : begin + 5]]
+    return kinds[:4] == ["NAME", "DOT", "NAME", "EQUAL"] or kinds == ["NAME", "NAME", "DOT", "NAME", "EQUAL"]
+
+
+def _keyword_around(tokens: list[Token], begin: int) -> str:
+    """The keyword of the statement whose block holds a statement; "" at the top of the file."""
+    depth = 0
+    for at in range(begin - 1, -1, -1):
+        depth += (tokens[at].type == "RBRACE") - (tokens[at].type == "LBRACE")
+        if depth < 0:
+            return tokens[_statement_begin(tokens, at)].text
+    return ""
 
 
 _AFTER_KEYWORD = frozenset(("NAME", "STRING", "NUMBER", "QUANTITY", "LBRACE", "WHEN"))
