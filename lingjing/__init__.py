@@ -12,7 +12,8 @@ Modules that all share:
 - `errors`: the exceptions; `validation`: faults found by pydantic, in words
 - `option_reading`: options checked by their models; `option_listing`: options in words; `suggest`: spellings;
   `articles`: "a" or "an"
-- `collector`: pauses of the garbage collector; `numerics`: all that fixes the last bits of numbers
+- `collector`: pauses of the garbage collector; `numerics`: all that fixes the last bits of numbers;
+  `sums`: sums that every version of Python computes alike
 - `data`: the place of shipped files; `kept_files`: files of the cache; `whole_files`: atomic writes
 - `file_names`: names that are not UTF-8
 - `builtin`: the built-in plug-in, which declares the engines, scenes, evaluators and types that ship

@@ -4,7 +4,8 @@ Concepts: *options* (`PlayOptions`) decide an episode. An *assigned policy* play
 (`EpisodeReport`) is the result. The trace in the run's folder holds the rest. In the order of a call:
 
 - `options`         the options of an episode, from Python values or JSON
-- `deep_check`      the places of a mission's instances in its built city, without an episode.
+- `deep_check`      the places of a mission's instances in its built city, without an episode
+- `rendered_view`   a picture of a placed instance from above, without an episode
 - `preparation`     draws the instance and checks every option
   ← `policies` (the policy of each agent), `policy_files` (policies in files), `python_files` (loads a file of a user),
   `option_sharing` (the options of each plug-in)

@@ -362,7 +362,7 @@ def _sets_field(tokens: list[Token], begin: int) -> bool:
 
 
 def _keyword_around(tokens: list[Token], begin: int) -> str:
-    """The keyword of the statement whose block holds a statement; "" at the top of the file."""
+    """The keyword of the block around a statement; "" at the top of the file."""
     depth = 0
     for at in range(begin - 1, -1, -1):
         depth += (tokens[at].type == "RBRACE") - (tokens[at].type == "LBRACE")
