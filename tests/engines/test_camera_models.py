@@ -34,7 +34,8 @@ from tests.engines.camera_town import CLASSES
 
 TYPES = sorted(library_types())
 CALM = Weather(wind_mps=3.0, wind_from_deg=220.0)
-MOST = {"robot_dog": 2000, "car": 600, "person": 400, "street_tree": 150, "poplar": 150, "birch": 150, "conifer": 150}
+MOST = {"robot_dog": 2000, "person": 400, "street_tree": 150, "poplar": 150, "birch": 150, "conifer": 150}
+MOST |= dict.fromkeys(("car", "taxi", "delivery_van", "truck", "parked_car", "parked_van", "parked_truck"), 4000)
 UNBODIED = {"building_fire", "bridge_fracture", "congestion"}
 
 

@@ -29,10 +29,11 @@ from lingjing.engines.camera.effects.drawing import EffectPass
 from lingjing.engines.camera.effects.particles import BILLBOARD, DECAL, Rows
 from lingjing.engines.camera.far_country import HIGH_M
 from lingjing.engines.camera.ground import Ground, LandSurface
-from lingjing.engines.camera.instances import Batch, afloat, in_sight, visible
+from lingjing.engines.camera.instances import Batch, afloat, by_detail, in_sight, visible
 from lingjing.engines.camera.lamps import lamp_rows
 from lingjing.engines.camera.light import Light, light_of
 from lingjing.engines.camera.meshes import indexed
+from lingjing.engines.camera.models import levels
 from lingjing.engines.camera.noise import GRAIN, cloud_texture, grain_texture, noise_texture
 from lingjing.engines.camera.ocean import SeaSurface
 from lingjing.engines.camera.programs import build, source
@@ -345,7 +346,7 @@ class Renderer:
         for batch in merged([self._town.resident(key).props for key in view.casters]):
             mesh = reduced(batch)
             key = f"shade/{batch.key}"
-            model, array = self._caster(key, batch.mesh if mesh is None else mesh, len(batch.rows))
+            model, array = self._caster(key, levels(batch.mesh)[-1] if mesh is None else mesh, len(batch.rows))
             model.place(batch.rows)
             array.render(instances=len(batch.rows))
 
@@ -462,7 +463,7 @@ class Renderer:
         """
         drawn = []
         slack = 1.0 + 2.0 / max(light.sun[2], 0.2)
-        for batch in scenery.batches:
+        for batch in (part for whole in scenery.batches for part in by_detail(whole, pose)):
             near = visible(batch.rows, batch.radius, pose, slack) | _casts_far(batch)
             if not near.any():
                 continue

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import cos, radians, sin
 from typing import TYPE_CHECKING
@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from lingjing.engines.camera.classes import prop_class
 from lingjing.engines.camera.meshes import Mesh
-from lingjing.engines.camera.models import prop_model
+from lingjing.engines.camera.models import level_of, levels, prop_model
 from lingjing.engines.camera.ocean import SeaSurface
 from lingjing.mission.instance import Entity
 from lingjing.scene.camera_geometry import camera_axes, focal_px
@@ -102,6 +102,21 @@ def entity_batches(drawn: Iterable[tuple[npt.NDArray[np.float64], str, Mesh, int
         Batch(key, mesh, np.concatenate(rows), np.full(len(rows), mesh_radius(mesh)), np.zeros(len(rows), bool))
         for key, (mesh, rows) in sorted(groups.items())
     )
+
+
+def by_detail(batch: Batch, pose: CameraPose) -> Iterator[Batch]:
+    """Yield the instances of a batch by the level of detail that fits their size in the picture."""
+    meshes = levels(batch.mesh)
+    if len(meshes) == 1:
+        yield batch
+        return
+    away = np.linalg.norm(batch.rows["rows"][:, :, 3].astype(np.float64) - np.array(pose.position), axis=1)
+    level = level_of(batch.radius * focal_px(pose) / np.maximum(away, 0.1), len(meshes))
+    for number, mesh in enumerate(meshes):
+        mine = level == number
+        if mine.any():
+            key = f"{batch.key}/level-{number}" if number else batch.key
+            yield Batch(key, mesh, batch.rows[mine], batch.radius[mine], batch.floating[mine])
 
 
 def afloat(batch: Batch, swell: SeaSurface) -> Rows:

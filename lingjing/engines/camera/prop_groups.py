@@ -6,10 +6,12 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from lingjing.engines.camera.effects.particles import Rows
 from lingjing.engines.camera.instances import Batch, in_sight
 from lingjing.engines.camera.meshes import Mesh
+from lingjing.engines.camera.models import level_of, levels
 from lingjing.engines.camera.reduced_meshes import (
     FAR_M,
     FAR_PX,
@@ -95,8 +97,21 @@ def looks_of(batch: Batch, pose: CameraPose, lump_m: float) -> Iterator[Look]:
         ("/tiny", reduced(batch, TINY), tiny & ~speck), ("/speck", reduced(batch, SPECK), speck),
         ("/far", coarse, far & ~lump), ("/lump", coarsened(batch, lump=True), lump),
     ):  # fmt: skip
-        if mesh is not None and which.any():
+        if mesh is batch.mesh and which.any():
+            yield from _by_detail(batch, which, size)
+        elif mesh is not None and which.any():
             yield Look(batch.key + suffix, mesh, batch.rows[which], plant(batch) or suffix == "/lump")
+
+
+def _by_detail(batch: Batch, which: npt.NDArray[np.bool_], size: npt.NDArray[np.float64]) -> Iterator[Look]:
+    """Yield instances that are drawn in full, by the level of detail that fits their size in the picture."""
+    meshes = levels(batch.mesh)
+    level = level_of(size, len(meshes))
+    for number, mesh in enumerate(meshes):
+        mine = which & (level == number)
+        if mine.any():
+            key = f"{batch.key}/level-{number}" if number else batch.key
+            yield Look(key, mesh, batch.rows[mine], plant(batch))
 
 
 __all__ = ["Look", "MergedProps", "looks_of", "merged"]

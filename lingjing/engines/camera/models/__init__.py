@@ -2,7 +2,8 @@
 
 `catalogue` selects a model by name: `entity_parts` for an entity of a mission, `ambient_parts` for background traffic,
 `prop_model` for a prop. Its tables refer to `sea`, `air`, `dog`, `vehicles`, `people`, `nature`, `street` and `places`.
-These build meshes with `shapes` in the colours of `palette`. Moving parts such as flames and water are in
+These build meshes with `shapes` in the colours of `palette`. Cars, van and truck come from `stored`, as data with three
+levels of detail. Moving parts such as flames and water are in
 `camera.effects`.
 
 Frames: x right, y ahead, z up; metres. The origin of vehicles, people and props is the middle of their footprint on the
@@ -31,6 +32,7 @@ from lingjing.engines.camera.models.catalogue import (
 )
 from lingjing.engines.camera.models.sea import CLOTHES, POSES
 from lingjing.engines.camera.models.shapes import ModelPart
+from lingjing.engines.camera.models.stored import level_of, levels
 
 __all__ = [
     "CLOTHES",
@@ -40,6 +42,8 @@ __all__ = [
     "ambient_parts",
     "entity_model",
     "entity_parts",
+    "level_of",
+    "levels",
     "look_of",
     "prop_model",
 ]

@@ -1,5 +1,7 @@
 """Road vehicles: cars in several shapes and colours, van, truck, bus, fire truck, motorcycle and bicycle with riders.
 
+Cars, van and truck are stored models (`stored`), the others are built here.
+
 The origin is the middle of the footprint on the ground. Dimensions are those of `scene.sizes.SIZES`.
 """
 
@@ -9,7 +11,8 @@ from functools import cache
 
 from lingjing.engines.camera.meshes import Mesh, box, cylinder, ellipsoid, merge
 from lingjing.engines.camera.models.palette import BLACK, GREY, RED, SKINS, WHITE, WOOD, YELLOW
-from lingjing.engines.camera.models.shapes import limb, mirrored, pane, quad, shell, wheel
+from lingjing.engines.camera.models.shapes import limb, mirrored, pane, shell, wheel
+from lingjing.engines.camera.models.stored import stored
 from lingjing.mission.appearance import LinearRgb
 from lingjing.mission.instance import Vector
 
@@ -27,80 +30,19 @@ PAINTS: tuple[LinearRgb, ...] = (
 )  # fmt: skip
 """Colours of cars in usual proportions: mostly white, silver and dark."""
 
-_BODIES: dict[str, list[tuple[float, float, float, float]]] = {
-    "sedan": [(-2.25, 0.72, 0.36, 0.80), (-2.14, 0.85, 0.24, 0.95), (-1.3, 0.90, 0.22, 0.96), (0.95, 0.90, 0.22, 0.93),
-              (2.02, 0.86, 0.24, 0.76), (2.25, 0.70, 0.34, 0.62)],
-    "hatch": [(-2.05, 0.74, 0.36, 0.85), (-1.97, 0.84, 0.24, 0.99), (-1.2, 0.88, 0.22, 0.98), (1.00, 0.88, 0.22, 0.95),
-              (1.88, 0.84, 0.24, 0.80), (2.08, 0.68, 0.34, 0.64)],
-    "suv": [(-2.3, 0.78, 0.45, 0.95), (-2.2, 0.89, 0.32, 1.10), (-1.3, 0.92, 0.30, 1.10), (1.00, 0.92, 0.30, 1.08),
-            (2.05, 0.89, 0.32, 0.98), (2.3, 0.76, 0.42, 0.80)],
-}  # fmt: skip
-"""Stations along the body of each shape: y, half width, sill, top (m)."""
-_CABINS: dict[str, list[tuple[float, float, float, float, float]]] = {
-    "sedan": [(-1.82, 0.76, 0.94, 0.72, 0.97), (-1.20, 0.81, 0.94, 0.63, 1.42), (0.10, 0.81, 0.93, 0.63, 1.46),
-              (1.02, 0.80, 0.92, 0.74, 0.95)],
-    "hatch": [(-2.00, 0.76, 0.98, 0.70, 1.02), (-1.72, 0.79, 0.97, 0.63, 1.44), (0.15, 0.79, 0.95, 0.63, 1.49),
-              (1.08, 0.78, 0.94, 0.72, 0.97)],
-    "suv": [(-2.22, 0.80, 1.09, 0.74, 1.14), (-1.98, 0.84, 1.09, 0.70, 1.70), (0.20, 0.84, 1.08, 0.70, 1.74),
-            (1.02, 0.83, 1.07, 0.76, 1.10)],
-}  # fmt: skip
-"""Stations of the cabin of each shape: y, half width and height of its foot, half width and height of its roof (m)."""
-SHAPES = tuple(_BODIES)
+SHAPES = ("sedan", "hatch", "suv")
+"""Shapes of cars."""
 
 
-@cache
 def motorcar(shape: str, paint: int) -> Mesh:
-    """Return a `sedan`, `hatch` or `suv` in one of `PAINTS`; about 400 triangles."""
-    return _motorcar(shape, PAINTS[paint % len(PAINTS)])
+    """Return a `sedan`, `hatch` or `suv` in one of `PAINTS`."""
+    return stored(shape, PAINTS[paint % len(PAINTS)])
 
 
 @cache
 def taxi() -> Mesh:
     """Return a yellow sedan with a sign on its roof."""
-    return merge(_motorcar("sedan", YELLOW), box((0.0, -0.5, 1.53), (0.5, 0.2, 0.14), WHITE))
-
-
-def _motorcar(shape: str, colour: LinearRgb) -> Mesh:
-    stations, cabin = _BODIES[shape], _CABINS[shape]
-    lower = [
-        (y, [(-0.93 * h, sill), (-h, 0.55 * sill + 0.45 * top), (-0.94 * h, top), (0.94 * h, top),
-             (h, 0.55 * sill + 0.45 * top), (0.93 * h, sill)])
-        for y, h, sill, top in stations
-    ]  # fmt: skip
-    upper = [(y, [(-foot, z0), (-roof, z1), (roof, z1), (foot, z0)]) for y, foot, z0, roof, z1 in cabin]
-    nose, tail = stations[-1], stations[0]
-    radius = 0.36 if shape == "suv" else 0.32
-    track, axle = stations[2][1] - 0.11, 1.36
-    return merge(
-        shell(lower, colour, 0.6),
-        shell(upper, colour, 0.6),
-        *_glazing(cabin),
-        *(wheel(x, y, radius, 0.21) for x in (-track, track) for y in (-axle, axle)),
-        mirrored(box((0.52, nose[0] - 0.04, nose[3] - 0.02), (0.34, 0.10, 0.13), LAMP, 0.6)),
-        mirrored(box((0.58, tail[0] + 0.03, tail[3] - 0.03), (0.28, 0.10, 0.14), TAIL, 0.4)),
-        box((0.0, nose[0] + 0.01, nose[2] + 0.10), (0.9, 0.06, 0.16), BLACK),
-        box((0.0, tail[0] - 0.01, tail[2] + 0.22), (0.52, 0.03, 0.12), WHITE),
-        mirrored(box((cabin[2][1] + 0.10, 0.62, cabin[2][2] + 0.08), (0.16, 0.10, 0.12), colour, 0.5)),
-    )
-
-
-def _glazing(cabin: list[tuple[float, float, float, float, float]]) -> list[Mesh]:
-    inside: Vector = (0.0, -0.4, 1.1)
-
-    def across(at: int) -> list[Vector]:
-        (y0, f0, _, _, z0), (y1, _, _, r1, z1) = (cabin[k] for k in ((0, 1) if at == 0 else (3, 2)))
-        return [(-f0, y0, z0), (f0, y0, z0), (r1, y1, z1), (-r1, y1, z1)]
-
-    panes = [pane(across(at), GLASS, 0.9, 0.88, away=inside) for at in (0, 1)]
-    y0, y3 = cabin[0][0], cabin[3][0]
-    (y1, f1, b1, r1, z1), (y2, f2, b2, r2, z2) = cabin[1:3]
-    middle = 0.5 * (y1 + y2)
-    for s in (-1.0, 1.0):
-        for a, b in ((y0 * 0.65 + y1 * 0.35, middle), (middle, y3 * 0.68 + y2 * 0.32)):
-            top_a, top_b = max(a, y1), min(b, y2)
-            corners: list[Vector] = [(s * f1, a, b1), (s * f2, b, b2), (s * r2, top_b, z2), (s * r1, top_a, z1)]
-            panes.append(pane(corners, GLASS, 0.9, 0.84, away=inside))
-    return panes
+    return merge(stored("sedan", YELLOW), box((0.0, -0.4, 1.52), (0.5, 0.2, 0.14), WHITE))
 
 
 def _axles(half: float, ys: tuple[float, ...], radius: float, width: float = 0.28) -> list[Mesh]:
@@ -111,52 +53,22 @@ VAN_PAINTS: tuple[LinearRgb, ...] = ((0.76, 0.76, 0.74), (0.72, 0.47, 0.04), (0.
 """Linear colours of vans (chosen)."""
 
 
-@cache
 def van(paint: int) -> Mesh:
-    """Return a 5.9 m delivery van with a stripe along its sides."""
-    colour = VAN_PAINTS[paint % len(VAN_PAINTS)]
-    stripe: LinearRgb = (0.62, 0.10, 0.02) if paint % 2 == 0 else WHITE
-
-    def section(y: float, low: float, high: float, half: float) -> tuple[float, list[tuple[float, float]]]:
-        return y, [(-half, low), (-half, high - 0.12), (-half + 0.14, high), (half - 0.14, high), (half, high - 0.12),
-                   (half, low)]  # fmt: skip
-
-    body = [section(-2.95, 0.35, 2.58, 1.0), section(1.15, 0.30, 2.60, 1.03), section(1.75, 0.30, 2.30, 1.02),
-            section(2.45, 0.30, 1.25, 0.98), section(2.95, 0.40, 1.02, 0.88)]  # fmt: skip
-    inside: Vector = (0.0, 0.0, 1.2)
-    side: list[Vector] = [(1.03, 1.0, 1.35), (1.0, 2.2, 1.35), (1.0, 1.80, 2.05), (1.03, 1.0, 2.15)]
-    return merge(
-        shell(body, colour, 0.4),
-        pane([(-0.96, 2.42, 1.30), (0.96, 2.42, 1.30), (0.86, 1.78, 2.26), (-0.86, 1.78, 2.26)], GLASS, 0.9, 0.92,
-             0.03, inside),
-        mirrored(pane(side, GLASS, 0.9, 0.9, 0.02, inside)),
-        mirrored(quad((1.045, -2.8, 1.25), (1.045, 0.8, 1.25), (1.045, 0.8, 1.62), (1.045, -2.8, 1.62), stripe)),
-        mirrored(quad((0.98, -2.965, 1.6), (0.1, -2.965, 1.6), (0.1, -2.965, 2.3), (0.98, -2.965, 2.3), GLASS, 0.6)),
-        mirrored(box((0.66, 2.93, 0.92), (0.32, 0.10, 0.20), LAMP, 0.6)),
-        mirrored(box((0.92, -2.96, 1.2), (0.14, 0.06, 0.5), TAIL, 0.4)),
-        box((0.0, 2.95, 0.52), (1.7, 0.12, 0.24), BLACK),
-        *_axles(0.88, (-1.75, 1.75), 0.35, 0.24),
-    )  # fmt: skip
+    """Return a 5.9 m delivery van."""
+    return stored("van", VAN_PAINTS[paint % len(VAN_PAINTS)])
 
 
 BOX_PAINTS: tuple[LinearRgb, ...] = ((0.70, 0.70, 0.68), (0.30, 0.36, 0.42), (0.42, 0.26, 0.10), (0.08, 0.20, 0.30))
 """Linear colours of the boxes of trucks (chosen)."""
 
 
-@cache
+CAB_PAINTS: tuple[LinearRgb, ...] = ((0.55, 0.05, 0.04), (0.70, 0.70, 0.68), (0.06, 0.16, 0.36), (0.75, 0.75, 0.73))
+"""Linear colours of the cabs of trucks (chosen)."""
+
+
 def truck(paint: int) -> Mesh:
     """Return a 9 m box truck with a cab and a box of different colours."""
-    cab: LinearRgb = ((0.55, 0.05, 0.04), (0.70, 0.70, 0.68), (0.06, 0.16, 0.36), (0.75, 0.75, 0.73))[paint % 4]
-    cargo = BOX_PAINTS[paint % len(BOX_PAINTS)]
-    return merge(
-        box((0.0, -1.15, 2.22), (2.5, 6.6, 2.65), cargo, 0.15),
-        *(box((s * 1.252, -1.15, 2.22), (0.02, 6.3, 0.10), GREY) for s in (-1.0, 1.0)),
-        box((0.0, -0.9, 0.72), (1.1, 7.0, 0.28), BLACK),
-        _cab(3.45, 2.05, 2.4, 2.75, cab),
-        mirrored(box((0.9, -4.46, 0.95), (0.35, 0.06, 0.18), TAIL, 0.4)),
-        box((0.0, -4.44, 0.62), (2.3, 0.10, 0.18), GREY),
-        *_axles(1.05, (-3.1, -2.0, 3.2), 0.48),
-    )
+    return stored("truck", CAB_PAINTS[paint % len(CAB_PAINTS)], BOX_PAINTS[paint % len(BOX_PAINTS)])
 
 
 def _cab(y: float, length: float, width: float, top: float, colour: LinearRgb) -> Mesh:
