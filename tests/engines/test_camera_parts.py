@@ -204,6 +204,7 @@ def test_the_level_follows_the_size_in_the_picture() -> None:
     assert [part.key for part in parts] == ["entity/car", "entity/car/level-1", "entity/car/level-2"]
     assert [part.rows["id"].tolist() for part in parts] == [[256], [257], [258]]
     assert [len(part.mesh) for part in parts] == [len(m) for m in levels(mesh)]
+    assert all(part.coarsest is levels(mesh)[-1] for part in parts)  # of every level, for its shadow
 
 
 def test_a_mesh_without_levels_is_drawn_as_it_is() -> None:

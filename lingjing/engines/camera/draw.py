@@ -470,10 +470,18 @@ class Renderer:
             rows = afloat(batch, scenery.sea[0])
             seen = visible(rows, batch.radius, pose) & near
             ordered: Rows = np.concatenate([rows[seen], rows[near & ~seen]])
-            model = self._loaded(batch.key, batch.mesh, len(batch.rows))
-            model.place(ordered)
-            drawn.append((model, len(ordered), int(seen.sum())))
+            drawn += self._placed(batch, ordered, int(seen.sum()))
         return drawn
+
+    def _placed(self, batch: Batch, ordered: Rows, seen: int) -> list[tuple[Model, int, int]]:
+        """Return the models of a batch as in `_fill`. The coarsest level of detail casts the shadows of all levels."""
+        model = self._loaded(batch.key, batch.mesh, len(batch.rows))
+        model.place(ordered)
+        if batch.coarsest is batch.mesh:
+            return [(model, len(ordered), seen)]
+        caster = self._loaded(f"{batch.key}/shadow", batch.coarsest, len(batch.rows))
+        caster.place(ordered)
+        return [(model, 0, seen), (caster, len(ordered), 0)]
 
     def _loaded(self, key: str, mesh: npt.NDArray[np.float32], needed: int, dull: bool = False) -> Model:
         model = self._models.get(key)
@@ -503,7 +511,7 @@ class Renderer:
     def _cast(self, casters: list[tuple[Model, int]], alpha: float, blend: tuple[int, ...]) -> None:
         self._shadow["u_shade_left"] = alpha
         self.context.blend_func = blend  # type: ignore[assignment] # two or four factors
-        for model, count in casters:
+        for model, count in ((model, count) for model, count in casters if count):
             model.shadow.render(instances=count)
 
     def _marks(self, target: Target, scenery: Scenery) -> None:

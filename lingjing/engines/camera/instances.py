@@ -40,6 +40,13 @@ class Batch:
     """Bounding radius of each, metres."""
     floating: npt.NDArray[np.bool_]
     """True for those that float on the waves."""
+    shadow: Mesh | None = None
+    """A coarser mesh that casts the shadows; None for the mesh itself."""
+
+    @property
+    def coarsest(self) -> Mesh:
+        """The mesh that casts the shadows."""
+        return self.mesh if self.shadow is None else self.shadow
 
 
 def matrix(
@@ -116,7 +123,7 @@ def by_detail(batch: Batch, pose: CameraPose) -> Iterator[Batch]:
         mine = level == number
         if mine.any():
             key = f"{batch.key}/level-{number}" if number else batch.key
-            yield Batch(key, mesh, batch.rows[mine], batch.radius[mine], batch.floating[mine])
+            yield Batch(key, mesh, batch.rows[mine], batch.radius[mine], batch.floating[mine], meshes[-1])
 
 
 def afloat(batch: Batch, swell: SeaSurface) -> Rows:
