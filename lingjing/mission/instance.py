@@ -178,6 +178,19 @@ class InteractionSpec(Exchange, frozen=True, kw_only=True):
     """True if the actor takes the target along."""
 
 
+class BehaviourSpec(Record, frozen=True, kw_only=True):
+    """The motion of a target by itself (`lingjing.mission.model.Behaviour`), evaluated."""
+
+    kind: Literal["flee", "wander", "follow"]
+    speed_mps: float
+    of: tuple[str, ...] = ()
+    """Ids of the bodies that it flees from or follows."""
+    distance_m: float = 0.0
+    """It flees from bodies that are nearer, and follows one that is farther away."""
+    region: str = ""
+    """The region that it wanders in."""
+
+
 _MIN_BLOCKED_M = 15.0
 """Smallest radius that a target with `blocks` closes around its place, metres (chosen: the length of a short queue)."""
 
@@ -220,6 +233,8 @@ class Entity(Record, frozen=True, kw_only=True):
     """The camera mounts of its type."""
     parts: tuple[BodyPart, ...] = ()
     """The body parts of its type."""
+    behaviour: BehaviourSpec | None = None
+    """The motion of a target by itself; None if it has none."""
 
     def is_aboard(self, status: str) -> bool:
         """True if its status word means that an actor has taken it along."""

@@ -14,6 +14,7 @@ from lingjing.mission.draws import Drawn, draw, outline
 from lingjing.mission.evaluate import Interval, Members, Place, Scope, Value, describe, evaluate, flag_of, number, whole
 from lingjing.mission.instance import (
     ArgumentSpec,
+    BehaviourSpec,
     CameraSpec,
     Datum,
     Entity,
@@ -211,6 +212,7 @@ def entities(
                     drawn_in=drawn_in,
                     mounts=group.mounts,
                     parts=group.parts,
+                    behaviour=_behaviour(group, scope.binding(group.index, float(k + 1)), entity_id),
                 )
             )
     return DrawnGroup(tuple(members), tuple(f"{group.name}.{name}" for name, values in drawn.items() if values.anew))
@@ -225,6 +227,27 @@ def _interaction(interaction: model.Interaction, scope: Scope, path: str, drifts
             aboard=drifts if interaction.aboard is None else flag_of(interaction.aboard, scope),
             **common_fields,
         )
+
+
+def _behaviour(group: model.Group, scope: Scope, own_id: str) -> BehaviourSpec | None:
+    declared = group.behaviour
+    if declared is None:
+        return None
+    speed_mps = number(declared.speed, scope)
+    distance_m = 0.0 if declared.distance is None else number(declared.distance, scope)
+    if speed_mps <= 0.0 or distance_m < 0.0:
+        message = f"`{declared.kind}` has a speed of {speed_mps:g} m/s and a distance of {distance_m:g} m"
+        raise MissionError(message, hint="the speed must be greater than 0, the distance 0 or greater")
+    others = Members(()) if declared.of is None else evaluate(declared.of, scope)
+    if not isinstance(others, Members):
+        raise MissionError(f"`{declared.kind}` names bodies, not {describe(others)}")
+    return BehaviourSpec(
+        kind=declared.kind,
+        speed_mps=speed_mps,
+        of=tuple(name for name in others.ids if name != own_id),
+        distance_m=distance_m,
+        region=declared.region,
+    )
 
 
 def _check_abilities(group: model.Group, columns: Mapping[str, Collection[Value]], mission: str, scope: Scope) -> None:

@@ -273,6 +273,20 @@ class BodyPart(Record, frozen=True, kw_only=True):
     colour: str = "grey"
 
 
+class Behaviour(Record, frozen=True, kw_only=True):
+    """`behaviour flee { from = uav, speed = 2 m/s, within = 60 m }` of a target: its motion by itself."""
+
+    kind: Literal["flee", "wander", "follow"]
+    speed: Expr
+    """Metres per second."""
+    of: Expr | None = None
+    """The bodies that it flees from or follows."""
+    distance: Expr | None = None
+    """Metres: it flees from bodies that are nearer, and follows one that is farther away."""
+    region: str = ""
+    """The region that it wanders in."""
+
+
 class Group(Record, frozen=True, kw_only=True):
     """A declared entity or an indexed group of them: `asset uav[1..uavs] : quadrotor` or `target victim[…] : …`."""
 
@@ -297,6 +311,8 @@ class Group(Record, frozen=True, kw_only=True):
     interactions: tuple[Interaction, ...] = ()
     mounts: tuple[CameraMount, ...] = ()
     parts: tuple[BodyPart, ...] = ()
+    behaviour: Behaviour | None = None
+    """The motion of a target by itself; None if it has none."""
 
 
 class Channel(Record, frozen=True, kw_only=True):

@@ -46,5 +46,11 @@ bare number)."""
 LEFT = "left"
 """Field of that event with the amount that the target still has, or still lacks, with the same unit."""
 
+BEHAVIOURS = {
+    "flee": ("from", "speed", "within"),
+    "wander": ("in", "speed"),
+    "follow": ("of", "speed", "distance"),
+}
+"""Behaviours of targets → the properties that each has."""
 MOTION = ("speed", "cruise", "acceleration", "braking", "drift")
 """Properties that an observer can derive from a body's motion: they affect its position and the end of its commands."""

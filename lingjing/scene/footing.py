@@ -72,6 +72,10 @@ class Footing:
                 return False
         return True
 
+    def is_road(self, x: float, y: float) -> bool:
+        """True if a place is on a lane for vehicles."""
+        return any(_on_road(tile.roads, x, y, 0.0) for tile in self._tiles.near(x, y, 7.0))
+
     def is_water(self, x: float, y: float) -> bool:
         """True if a place is in the water: inside a body of water, and on no land above its surface."""
         levels = (

@@ -57,3 +57,13 @@ def test_a_hidden_number_of_people_is_drawn_and_all_are_rescued(tmp_path: Path) 
         assert len(rescued) == instance.settings["people"] and instance.hidden_settings == ("people",)
         counts.add(len(rescued))
     assert counts == {2, 4}
+
+
+@pytest.mark.slow
+def test_the_oracle_comes_near_targets_that_flee_wander_and_follow(tmp_path: Path) -> None:
+    trace = played("chase", tmp_path).trace
+    assert trace.outcome is not None and trace.outcome.success
+    first, last = trace.boundaries[0].snapshots[0], trace.boundaries[-1].snapshots[-1]
+    start, end = ({body.id: body.position for body in snapshot.states} for snapshot in (first, last))
+    strays = [entity.id for entity in trace.header.instance.entities if entity.role == "target"]
+    assert len(strays) == 3 and all(start[name] != end[name] for name in strays)

@@ -14,8 +14,8 @@ The modules in control-flow order:
 - `expressions`: the base of the checkers of expressions, and the numbers that expressions always equal.
 - `calls`, `aggregates`, `status_words`, `senders`, `elaborate`: expressions with their types and taints.
 - `blocks`: the properties of a block against its keys. `properties`: their form in the mission.
-- `types`, `bodies`, `interactions`, `settings`, `entities`, `equipment`, `agents`, `wording`, `rules`, `conduct`,
-  `events`, `studies`, `orders`, `expectations`: a checker for each kind of declaration.
+- `types`, `bodies`, `interactions`, `settings`, `entities`, `equipment`, `behaviours`, `agents`, `wording`, `rules`,
+  `conduct`, `events`, `studies`, `orders`, `expectations`: a checker for each kind of declaration.
 - `unseen_pictures`: the warning for agents that observe fields of an asset but not its cameras.
 - `checker`: a whole mission. `leaks`: hidden values that decide something which agents notice.
 """

@@ -6,6 +6,7 @@ from typing import Literal
 
 import msgspec
 
+from lingjing.dsl.checking.behaviours import BehaviourChecker
 from lingjing.dsl.checking.blocks import BlockReader, DeclarationChecker
 from lingjing.dsl.checking.bodies import reshaped
 from lingjing.dsl.checking.equipment import EquipmentChecker
@@ -35,6 +36,7 @@ class EntityChecker(DeclarationChecker):
         super().__init__(blocks)
         self.settings = settings
         self.equipment = EquipmentChecker(blocks)
+        self.behaviours = BehaviourChecker(blocks)
 
     def head(self, node: s.EntityBlock) -> None:
         """Register the name before other declarations refer to it, with the facts that need no values."""
@@ -137,7 +139,7 @@ class EntityChecker(DeclarationChecker):
         environment = STATIC.binding(index, NUMBER) if node.index is not None else STATIC
         what = f"`{node.name.text}`"
         keys = self._keys_of(decl)
-        others = (s.CameraBlock, s.SettingsBlock) if node.keyword == "asset" else ()
+        others = (s.CameraBlock, s.SettingsBlock) if node.keyword == "asset" else (s.BehaviourBlock,)
         entries = self.blocks.read(node.block, keys, what, environment=environment, others=others, lenient=decl is None)
         cameras, verbs = self.equipment.equipment(node, decl)
         guard = self.settings.guard(node.guard)
@@ -164,6 +166,7 @@ class EntityChecker(DeclarationChecker):
             if prop.name not in replaced
         )
         role: Literal["asset", "target"] = "asset" if node.keyword == "asset" else "target"
+        behaviour = self.behaviours.of_target(node, (*own, *inherited), decl.engine, environment)
         return model.Group(
             name=node.name.text,
             role=role,
@@ -181,6 +184,7 @@ class EntityChecker(DeclarationChecker):
             interactions=tuple(decl.interactions.values()),
             mounts=tuple(decl.mounts.values()),
             parts=() if anew else tuple(decl.parts.values()),
+            behaviour=behaviour,
         )
 
     def count(self, index: s.Expression | None, *, of_hidden: bool = False) -> tuple[ex.Expr | None, str]:

@@ -34,8 +34,8 @@ use std.sea { lifeboat, person_in_water }
 use std.messages { report }
 use std.sensors { nadir_hd }
 
-mission rescue "A small rescue" {
-  goal "Find the person in the water and bring the boat."
+mission rescue {
+  goal "Find the person and bring the boat."
   scene bay { datum = sea level at -3.5 m }
   clock { tick = 10 s, sync = 500 ms }
   budget { ticks <= 60 }
@@ -45,7 +45,7 @@ mission rescue "A small rescue" {
     position = at(i, [(300 m, -620 m, 1 m)], spread 8 m)
     camera nadir : nadir_hd
   }
-  asset boat : lifeboat { position = (10 m, -1350 m), heading = 30 deg }
+  asset boat : lifeboat { position = (10 m, -1350 m) }
   agent scout[i in 1..2] as searcher controls uav[i] { observes uav[i].*, boat.position, events }
   agent skipper as rescuer controls boat { observes boat.*, events }
   message detection : report from searcher to all
@@ -53,11 +53,11 @@ mission rescue "A small rescue" {
     when r.class == person_in_water and iou(r.box, truth(v, r.frame).box) >= 0.5
   }
   unlock rescue(v: victim) when exists r: matched(v, r)
-  adjudicate rescued(v: victim) { when emitted(rescue, v) and distance_xy(boat, v) <= 50 m }
+  adjudicate rescued(v: victim) { when emitted(rescue, v) }
   stage find { done when exists r: matched(victim, r) }
   stage save { done when rescued(victim) }
   relation dependency find -> save
-  declassify end because "the rescue is over when the person is aboard"
+  declassify end because "the rescue ends it"
   success when rescued(victim)
 }
 """

@@ -26,6 +26,7 @@ from lingjing.mission.appearance import MEASURES
 from lingjing.mission.conditions.leaks import declared_as_before
 from lingjing.mission.expression_text import RANGE, SUM, LocalNames
 from lingjing.mission.units import BY_NAME
+from lingjing.mission.vocabulary import BEHAVIOURS
 
 _LOW = re.compile(r"(.+)_low(_[a-z0-9]+)?")
 """Name of the lower bound of a range."""
@@ -211,6 +212,8 @@ class Printer:
             if group.labels:
                 labels = ", ".join(map(quoted, group.labels))
                 own.append(f"label = {labels}" if group.count is None else f"labels = [{labels}]")
+            if group.behaviour is not None:
+                own.append(block(f"behaviour {group.behaviour.kind}", self.behaviour(group.behaviour)))
             equipment = [self.camera(camera) for camera in group.cameras]
             if group.verbs != self.imports.verbs[group.type]:
                 equipment.append(self._actions(group))
@@ -222,6 +225,17 @@ class Printer:
             return ""
         index = "" if declared.index == "i" and isinstance(declared, model.Group) else f"{declared.index} in "
         return f"[{index}1..{self.text(declared.count, SUM)}]"
+
+    def behaviour(self, behaviour: model.Behaviour) -> Iterator[str]:
+        """The lines of `behaviour kind { … }`."""
+        values = {"speed": behaviour.speed, **dict.fromkeys(("from", "of"), behaviour.of)}
+        values |= dict.fromkeys(("within", "distance"), behaviour.distance)
+        for name in BEHAVIOURS[behaviour.kind]:
+            value = values.get(name)
+            if name == "in":
+                yield f"in = {behaviour.region}"
+            elif value is not None:
+                yield f"{name} = {self.text(value)}"
 
     def camera(self, camera: model.Camera) -> str:
         """`camera name { … }`."""

@@ -11,9 +11,9 @@ from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.keys import PropertyKey, keyed
 from lingjing.dsl.syntax.statement_kinds import FILE, TYPE, Form, Layout, NamePlace, StatementKind
 from lingjing.mission.appearance import COLOURS, LEAST_M, MEASURES, MOST_M, SHAPES
-from lingjing.mission.functions import DEGREES, ENTITY, FLAG, METRES, NUMBER, SECONDS, Type
+from lingjing.mission.functions import ANY, DEGREES, ENTITY, FLAG, METRES, MPS, NUMBER, REGION, SECONDS, Type
 from lingjing.mission.units import DATA, MONEY, TICKS, TOKENS
-from lingjing.mission.vocabulary import EVERYONE, MODES
+from lingjing.mission.vocabulary import BEHAVIOURS, EVERYONE, MODES
 
 LANGUAGE_VERSION = 2
 """The newest version of the language. Version 2 added `declassify`; texts of version 1 compile."""
@@ -41,6 +41,9 @@ _DAY_S = 86_400.0
 """Longest deadline of a barrier, seconds (chosen: one day; timers of the system need a limit)."""
 _MOUNTED_M = 100.0
 """Greatest distance of a camera from its body's position, ahead or above, metres (chosen)."""
+
+_FASTEST_MPS = 50.0
+"""Greatest speed of a target's behaviour, m/s (chosen: bodies turn and halt at once)."""
 
 _SYMBOL = NamePlace(declares="symbol")
 _WORD = NamePlace(spaces=())
@@ -337,6 +340,19 @@ STATEMENTS = (
             PropertyKey("gives", Type("name")),
             PropertyKey("up_to", Type("name")),
             PropertyKey("told", Type("name"), choices=("all", "actor", "none")),
+        ),
+    ),
+    StatementKind(
+        "behaviour", s.BehaviourBlock, (Form("kind:NAME block"),), ("target",),
+        example="behaviour flee { from = uav, speed = 2 m/s, within = 60 m }", doc="the motion of a target by itself",
+        names={"kind": NamePlace(spaces=(), choices=tuple(BEHAVIOURS))},
+        keys=keyed(
+            PropertyKey("speed", MPS, above=0, high=_FASTEST_MPS, public=False),
+            PropertyKey("from", ANY, public=False),
+            PropertyKey("within", METRES, above=0, public=False),
+            PropertyKey("in", REGION, public=False),
+            PropertyKey("of", ANY, public=False),
+            PropertyKey("distance", METRES, low=0, public=False),
         ),
     ),
     StatementKind(

@@ -573,6 +573,13 @@ class InteractionBlock(Statement, frozen=True, gc=False):
     block: BracedBlock
 
 
+class BehaviourBlock(Statement, frozen=True, gc=False):
+    """`behaviour kind { … }` of a target."""
+
+    kind: Name
+    block: BracedBlock
+
+
 class MountBlock(Statement, frozen=True, gc=False):
     """`mount view { … }`."""
 

@@ -9,7 +9,8 @@ Modules:
 
 - `engine`: the engine contract, and the actors within reach of a target.
 - `target`: the state of one target, and its nature (`lingjing.mission.natures`).
-- `target_body`: the motion of a target, fixed or adrift.
+- `target_body`: the motion of a target: fixed, adrift or by itself.
+- `roaming`: the way of a target that flees, wanders or follows.
 - `arrivals`: queues of people that grow and shrink.
 - `goods`: the stocks of all entities and transfers between them.
 - `radio`: the pairs of assets without a radio link.

@@ -9,7 +9,7 @@ from lingjing.engines.bodies import extrapolate
 from lingjing.engines.city.goods import Goods, check_exchange
 from lingjing.engines.city.radio import Coverage
 from lingjing.engines.city.target import CityTarget, Level, target_of
-from lingjing.engines.city.target_body import STEP_S, body_of
+from lingjing.engines.city.target_body import STEP_S, BodyMaker
 from lingjing.mission.instance import InteractionSpec, Vector
 from lingjing.mission.natures import PEOPLE
 from lingjing.mission.vocabulary import DORMANT, UNLOCK
@@ -31,8 +31,8 @@ _Actor = tuple[str, Vector]
 class CityEngine:
     """The engine of all targets.
 
-    Targets burn, leak, drift and wait at 10 Hz. Unlocked interactions are carried out at the end of each macro-step.
-    Each decision boundary reports the pairs of assets without a radio link.
+    Targets burn, leak, drift, wait and move by themselves at 10 Hz. Unlocked interactions are carried out at the end of
+    each macro-step. Each decision boundary reports the pairs of assets without a radio link.
     """
 
     def reset(self, spec: EngineSpec, city: City, seed: int) -> Boundary:
@@ -49,8 +49,9 @@ class CityEngine:
         self._weather = self._schedule.weather(0.0)
         self._book = Goods(instance)
         terrain = Terrain(city)
+        maker = BodyMaker(instance, city, terrain, seed)
         self._targets = {
-            entity.id: target_of(entity, body_of(entity, terrain, self._weather, seed), seed) for entity in spec.owned()
+            entity.id: target_of(entity, maker.body(entity, self._weather), seed) for entity in spec.owned()
         }
         for target in self._targets.values():
             for interaction in target.possible.values():
@@ -72,6 +73,7 @@ class CityEngine:
         elapsed = until - self._clock.time_s
         self._update_weather()
         self._set_values()
+        self._look_around(mirrors)
         self._step(until)
         self._update_presence()
         self._bodies = {
@@ -132,8 +134,21 @@ class CityEngine:
                 self._book.put(target.id, state.name, change.value)
                 target.set_amount(state.name, change.value)
 
+    def _look_around(self, mirrors: Sequence[BodyState]) -> None:
+        """Show each target with a behaviour the places of all present bodies at the beginning of the macro-step."""
+        roaming = [target for target in self._targets.values() if target.entity.behaviour is not None]
+        if not roaming:
+            return
+        places = {body.id: body.position for body in mirrors if body.status not in _IDLE}
+        places |= {target.id: self._pose(target)[0] for target in self._targets.values() if target.present}
+        for target in roaming:
+            target.body.look(places)
+
     def _step(self, until: float) -> None:
-        moving = [target for target in self._targets.values() if target.present and target.carrier is None]
+        moving = [target for target in self._targets.values() if target.moves]
+        for target in self._targets.values():
+            if not target.moves:
+                target.body.halt()
         for _ in range(self._clock.steps_until(until)):
             self._clock.done += 1
             for target in moving:
@@ -239,7 +254,7 @@ class CityEngine:
             id=target.id,
             position=position,
             velocity=velocity,
-            heading_deg=target.entity.heading_deg if carrier is None else carrier[1].heading_deg,
+            heading_deg=target.heading_deg if carrier is None else carrier[1].heading_deg,
             status=target.status,
             resources=self._resources(target),
         )

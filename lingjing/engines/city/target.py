@@ -128,6 +128,18 @@ class CityTarget:
             self.done += [name for name in served if name not in self.done]
             self.word = self.nature.over or self.word
 
+    @property
+    def moves(self) -> bool:
+        """True if its body moves: it is present and not aboard, and one with a behaviour waits for no more service."""
+        is_settled = self.entity.behaviour is not None and self.entity.is_served(self.word)
+        return self.present and self.carrier is None and not is_settled
+
+    @property
+    def heading_deg(self) -> float:
+        """The heading of its motion, or else the declared one."""
+        own = self.body.heading_deg
+        return self.entity.heading_deg if own is None else own
+
     def finish(self, interaction: InteractionSpec, actor: str, over: str = "") -> None:
         """Finish an interaction for good.
 

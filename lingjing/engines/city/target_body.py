@@ -1,15 +1,20 @@
-"""The motion of a target: fixed, or adrift with current, wind and waves.
+"""The motion of a target: fixed, adrift with current, wind and waves, or by itself.
 
-A drifting target wanders a little around its mean course and is never washed ashore.
+A drifting target wanders a little around its mean course and is never washed ashore. A target with a behaviour moves on
+its surface (`lingjing.engines.city.roaming`); one in the water rises and falls with the waves.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from lingjing.engines import sea
-from lingjing.mission.instance import Entity, Vector, Weather
+from lingjing.engines.city.roaming import MARGIN_M, GroundPlaces, Roaming
+from lingjing.mission.instance import BehaviourSpec, Entity, Instance, Vector, Weather
 from lingjing.mission.seeding import Stream
+from lingjing.scene.city import City
+from lingjing.scene.footing import HEAD_M
 from lingjing.scene.terrain import Terrain
 
 STEP_S = 0.1
@@ -23,13 +28,42 @@ _WANDER_TIME_S = 30.0
 """Correlation time of the wander, seconds (chosen)."""
 
 
-def body_of(entity: Entity, terrain: Terrain, weather: Weather, seed: int) -> TargetBody:
-    """Return a drifting body for a target that drifts or stands on water, otherwise a fixed one (on a bridge, for
-    example)."""
-    x, y, _ = entity.position
-    floating = "drift_mps" in entity.properties or entity.properties.get("on") == "water"
-    level = terrain.water_level(x, y) if floating else None
-    return TargetBody(entity.position) if level is None else _DriftingBody(entity, terrain, level, weather, seed)
+class BodyMaker:
+    """Makes the bodies of an instance's targets in one city."""
+
+    def __init__(self, instance: Instance, city: City, terrain: Terrain, seed: int) -> None:
+        self._regions = {region.name: region.polygon for region in instance.regions}
+        self._city = city
+        self._terrain = terrain
+        self._seed = seed
+        self._ground: GroundPlaces | None = None
+
+    def body(self, entity: Entity, weather: Weather) -> TargetBody:
+        """A body that moves by itself if the target has a behaviour, a drifting one for a target that drifts or stands
+        on water, otherwise a fixed one (on a bridge, for example)."""
+        x, y, _ = entity.position
+        floating = "drift_mps" in entity.properties or entity.properties.get("on") == "water"
+        level = self._terrain.water_level(x, y) if floating else None
+        if entity.behaviour is not None:
+            return self._roaming(entity, entity.behaviour, level, weather)
+        if level is None:
+            return TargetBody(entity.position)
+        return _DriftingBody(entity, self._terrain, level, weather, self._seed)
+
+    def _roaming(self, entity: Entity, behaviour: BehaviourSpec, level_m: float | None, weather: Weather) -> TargetBody:
+        stream = Stream(self._seed, f"city/{entity.id}/{behaviour.kind}")
+        region = self._regions.get(behaviour.region, ())
+        if level_m is not None:
+            roaming = Roaming(behaviour, self._is_open_water, region, stream)
+            return _SwimmingBody(entity, self._terrain, level_m, weather, self._seed, roaming)
+        self._ground = self._ground or GroundPlaces(self._city, self._terrain)
+        on_road = entity.properties.get("on") == "road"
+        is_free = self._ground.is_free_road if on_road else self._ground.is_free
+        return _WalkingBody(entity.position, self._ground, Roaming(behaviour, is_free, region, stream))
+
+    def _is_open_water(self, x: float, y: float) -> bool:
+        level_m = self._terrain.water_level(x, y) if self._terrain.holds(x, y) else None
+        return level_m is not None and not self._terrain.solids_at(x, y, level_m, level_m + HEAD_M, MARGIN_M)
 
 
 class TargetBody:
@@ -37,9 +71,17 @@ class TargetBody:
 
     def __init__(self, position: Vector) -> None:
         self._position = position
+        self.heading_deg: float | None = None
+        """The heading that its motion gives it; None if it keeps the declared one."""
 
     def set_weather(self, weather: Weather) -> None:
         """Take over the weather."""
+
+    def look(self, places: Mapping[str, Vector]) -> None:
+        """Take over the places of the present bodies, by id, at the beginning of a macro-step."""
+
+    def halt(self) -> None:
+        """End a motion of its own; what the water does to it goes on."""
 
     def step(self) -> None:
         """Move by `STEP_S`."""
@@ -47,6 +89,35 @@ class TargetBody:
     def pose(self, time_s: float, remainder_s: float) -> tuple[Vector, Vector]:
         """Return position and velocity at `time_s`, which is `remainder_s` after the last step."""
         return self._position, (0.0, 0.0, 0.0)
+
+
+class _WalkingBody(TargetBody):
+    """A target that moves on the ground by itself."""
+
+    def __init__(self, position: Vector, ground: GroundPlaces, roaming: Roaming) -> None:
+        super().__init__(position)
+        self._ground = ground
+        self._roaming = roaming
+        self._above_m = position[2] - ground.height(position[0], position[1])
+
+    def look(self, places: Mapping[str, Vector]) -> None:
+        """Take over the places of the present bodies."""
+        self._roaming.look(places)
+
+    def halt(self) -> None:
+        """Stand still."""
+        self._roaming.halt()
+
+    def step(self) -> None:
+        """Move by `STEP_S`."""
+        x, y = self._roaming.step(self._position[0], self._position[1], STEP_S)
+        if self._roaming.velocity != (0.0, 0.0):
+            self._position = (x, y, self._ground.height(x, y) + self._above_m)
+            self.heading_deg = _heading_deg(self._roaming.velocity)
+
+    def pose(self, time_s: float, remainder_s: float) -> tuple[Vector, Vector]:
+        """Return position and velocity. Between two steps it is still at the place of the last one."""
+        return self._position, (*self._roaming.velocity, 0.0)
 
 
 class _DriftingBody(TargetBody):
@@ -92,6 +163,36 @@ class _DriftingBody(TargetBody):
         slope_east, slope_north = sea.slope(self._waves, x, y, time_s)
         rise = sea.rise(self._waves, x, y, time_s) + slope_east * east + slope_north * north
         return (x, y, self._level + sea.elevation(self._waves, x, y, time_s)), (east, north, rise)
+
+
+class _SwimmingBody(_DriftingBody):
+    """A target that moves on the water by itself, against the current too."""
+
+    def __init__(
+        self, entity: Entity, terrain: Terrain, level_m: float, weather: Weather, seed: int, roaming: Roaming
+    ) -> None:
+        super().__init__(entity, terrain, level_m, weather, seed)
+        self._roaming = roaming
+
+    def look(self, places: Mapping[str, Vector]) -> None:
+        """Take over the places of the present bodies."""
+        self._roaming.look(places)
+
+    def halt(self) -> None:
+        """Stand still in the plane."""
+        self._roaming.halt()
+        self._velocity = (0.0, 0.0)
+
+    def step(self) -> None:
+        """Move by `STEP_S`."""
+        x, y = self._roaming.step(self._position[0], self._position[1], STEP_S)
+        self._position, self._velocity = (x, y, self._level), self._roaming.velocity
+        if self._velocity != (0.0, 0.0):
+            self.heading_deg = _heading_deg(self._velocity)
+
+
+def _heading_deg(velocity: tuple[float, float]) -> float:
+    return math.degrees(math.atan2(velocity[0], velocity[1])) % 360.0
 
 
 def _course(weather: Weather, speed: float) -> tuple[float, float]:

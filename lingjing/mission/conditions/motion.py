@@ -48,6 +48,8 @@ def ceiling(entity: Entity, drawn: dict[str, Bounds], air: Air, *, driven: bool)
     `driven` is True if some agent may command it to move.
     """
     kind = engine_kind(entity.engine)
+    if entity.behaviour is not None:
+        return entity.behaviour.speed_mps
     if kind.drift_factor is not None:
         return kind.drift_factor * max(0.0, bounds(entity, drawn, _DRIFT)[1]) if _DRIFT in entity.properties else 0.0
     top = kind.top_speed
