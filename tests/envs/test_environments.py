@@ -161,6 +161,7 @@ def test_a_change_of_the_weather_is_observed(short: str) -> None:
         made.close()
 
 
+@pytest.mark.usefixtures("workers_are_interpreters_once")
 def test_closing_leaves_no_process(short: str) -> None:
     made = parallel_env(short, mode="broadcast", picture_width=0, world="process")
     made.reset(seed=1)
