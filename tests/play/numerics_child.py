@@ -36,7 +36,7 @@ def main() -> None:
         if "short" not in sys.argv:
             search = folder / "search.ljs"
             whole = data_path("scenarios", "ssr.ljs").read_text()
-            search.write_text(re.sub(r"ticks <= \d+", "ticks <= 5", whole, count=1))
+            search.write_text(re.sub(r"ticks <= \d+", "ticks <= 8", whole, count=1))
             played.append(session.run(search, policy="heuristic", seed=5, out=folder / "b", **how))
         print(
             json.dumps(
