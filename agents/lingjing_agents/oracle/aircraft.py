@@ -139,12 +139,14 @@ class _SearchAbility(Ability):
         self.aim = mine[0] if mine else ""
         if mine:
             return self._above(truth, mine[0], looking=True)
-        for task in truth.left:
-            near = truth.distance(body.id, task.target) <= 0.8 * task.within_m
-            if body.id in task.actors and not task.moves_goods and not near:
-                self.aim = task.target
-                return self._above(truth, task.target, looking=False)
-        return None
+        tasks = [task for task in truth.tasks_of(body.id) if not task.moves_goods]
+        near = [task for task in tasks if truth.distance(body.id, task.target) <= 0.8 * task.within_m]
+        staying = next((task for task in near if task.lasting_s), None)
+        following = staying or next((task for task in tasks if task not in near), None)
+        self.aim = following.target if following is not None else ""
+        if following is None or following is staying:
+            return None
+        return self._above(truth, following.target, looking=False)
 
     def _share(self, truth: PrivilegedState) -> list[str]:
         open_now = self._reports.open(truth)

@@ -54,8 +54,7 @@ class DogPath:
 
     def task(self, truth: PrivilegedState) -> Task | None:
         """Return the task of this dog, or None."""
-        able = (task for task in truth.left if self.dog.id in task.actors)
-        tasks = {task.target: task for task in able if not task.moves_goods}
+        tasks = {task.target: task for task in truth.tasks_of(self.dog.id) if not task.moves_goods}
         if not tasks:
             return None
         places = {name: truth.place(name) for name in tasks}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from functools import cached_property
 
 from msgspec.structs import replace
@@ -20,7 +21,20 @@ from lingjing.plugins.policy import (
     Route,
     UsageError,
 )
-from lingjing.plugins.tasks import Task, asked, field_named, goals, possible, reported
+from lingjing.plugins.tasks import (
+    Alternatives,
+    Goal,
+    Judged,
+    Ordered,
+    PerformGoal,
+    Task,
+    asked,
+    field_named,
+    goals,
+    leaves_of,
+    possible,
+    reported,
+)
 from lingjing_agents.ground_plane import GroundPoint
 
 ABSENT = (DORMANT, CLEARED)
@@ -36,6 +50,8 @@ class InstanceIndex:
         self.tasks = tuple(_of_inspected(task, instance) for task in asked(instance))
         self.kinds = reported(instance)
         self.goals = goals(instance)
+        self.earlier = {(task.name, task.target): tuple(_earlier(self.goals, task)) for task in self.tasks}
+        """The interactions that unlock each task, by its interaction and target."""
         self.supplies = tuple(task for entity in instance.entities for task in possible(entity, instance) if task.gives)
         self.owners = {name: agent for agent in instance.agents for name in agent.controls}
         self.first_seen: dict[str, tuple[GroundPoint, float]] = {}
@@ -127,6 +143,13 @@ class PrivilegedState:
             return self.stock(task.target, task.takes) <= 0.0
         return any(kind == task.name and task.target in about for kind, about in self.known.emitted)
 
+    def tasks_of(self, body: str) -> list[Task]:
+        """Return the open tasks that a body may do now: not those that other open tasks of it unlock."""
+        able = [task for task in self.left if body in task.actors]
+        mine = {(task.name, task.target) for task in able}
+        ready = [task for task in able if not mine.intersection(self.plan.earlier[task.name, task.target])]
+        return ready or able
+
     @cached_property
     def unreported(self) -> tuple[str, ...]:
         """Present targets that a rule wants reported and that no report has been matched with."""
@@ -135,6 +158,22 @@ class PrivilegedState:
             for entity in self.plan.instance.entities
             if entity.group in self.plan.kinds and self.present(entity.id) and entity.id not in self.matched
         )
+
+
+def _earlier(goal: Goal, task: Task) -> Iterator[tuple[str, str]]:
+    """Yield (interaction, target) of each interaction that a task waits for."""
+    match goal:
+        case Ordered(first=first, then=then):
+            leaves = (leaf for leaf in leaves_of(then) if isinstance(leaf, PerformGoal))
+            if any((leaf.interaction, leaf.target) == (task.name, task.target) for leaf in leaves):
+                yield from ((f.interaction, f.target) for f in leaves_of(first) if isinstance(f, PerformGoal))
+            yield from _earlier(first, task)
+            yield from _earlier(then, task)
+        case Alternatives(parts=parts):
+            for part in parts:
+                yield from _earlier(part, task)
+        case Judged(part=part):
+            yield from _earlier(part, task)
 
 
 def _of_inspected(task: Task, instance: Instance) -> Task:

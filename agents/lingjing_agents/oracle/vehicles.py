@@ -53,8 +53,7 @@ class _TargetApproach:
 
     def tour(self, truth: PrivilegedState) -> list[Task]:
         """Return the body's open tasks in the order of its tour."""
-        able = (task for task in truth.left if self.resource.id in task.actors)
-        tasks = {task.target: task for task in able if not task.moves_goods}
+        tasks = {task.target: task for task in truth.tasks_of(self.resource.id) if not task.moves_goods}
         if not tasks:
             return []
         places = {name: truth.place(name) for name in tasks}
