@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lingjing.testing import instantiate, play
 from lingjing_agents.oracle.privileged_state import InstanceIndex
+
+from lingjing.testing import instantiate, play
 
 CHAIN = """ljs 2
 use std.sea { lifeboat }
