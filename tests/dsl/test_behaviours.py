@@ -96,7 +96,7 @@ def test_a_faulty_behaviour_has_one_error_that_names_it(line: str, error: str) -
 
 @pytest.mark.parametrize(
     ("kind", "why"),
-    [("barrier", "blocks a road"), ("wreck", "stands on a `roof`"), ("person_in_water", "drifts")],
+    [("barrier", "blocks a road"), ("wreck", "stands on a `roof`")],
 )
 def test_a_target_that_cannot_move_by_itself_has_no_behaviour(kind: str, why: str) -> None:
     reported = errors(text(more=f"target other : {kind} {{ position = (0 m, 9 m), {FLEE} }}"))

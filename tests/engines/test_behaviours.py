@@ -52,9 +52,10 @@ def is_clear(terrain: Terrain, place: Vector) -> bool:
 
 
 def roaming(name: str, behaviour: BehaviourSpec, place: Vector = (0.0, 0.0, 0.0), on: str = "ground") -> Entity:
+    afloat = {"drift_mps": 0.3} if on == "water" else {"on": on}
     return Entity(
         id=name, group=name.partition("[")[0], index=1, role="target", type="stray", engine="city", position=place,
-        properties={"on": on}, behaviour=behaviour,
+        properties=afloat, behaviour=behaviour,
     )  # fmt: skip
 
 

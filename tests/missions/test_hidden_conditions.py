@@ -161,6 +161,41 @@ def test_without_the_check_of_the_compiler_the_comparison_finds_the_leak(
     assert differing == list(ATOMS[:2])
 
 
+MOTIONS = {
+    "flee": "behaviour flee {{ from = victim, speed = 2 m/s, within = 500 m }}",
+    "follow": "behaviour follow {{ of = victim, speed = 2 m/s, distance = 10 m }}",
+    "wander": "behaviour wander {{ in = near, speed = 2 m/s }}",
+}
+"""Behaviours of a target that a hidden place directs."""
+
+
+def moved(motion: str, place: str, *, hidden: bool) -> Inputs | None:
+    """The inputs of a mission in which a swimmer moves by the hidden place; None if the compiler refuses it."""
+    mark = "hidden " if hidden else ""
+    line = f"target swan : person_in_water {{{{ {mark}position = (20 m, -1200 m), {MOTIONS[motion]} }}}}"
+    near = "region near = circle(victim, 20 m)"
+    seen = TEXT.replace("observes boat.*, box.*", "observes boat.*, box.*" + ("" if hidden else ", swan.*"))
+    slot = f"{near}\n  {line}\n  success when now > 900 s".format()
+    return inputs(seen.format(place=place, slot=slot))
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_a_target_that_moves_by_a_hidden_place_is_refused_or_hidden_itself(motion: str) -> None:
+    assert [moved(motion, place, hidden=False) for place in PLACES] == [None, None]
+    first, second = (moved(motion, place, hidden=True) for place in PLACES)
+    assert first is not None and first == second
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_without_the_check_of_behaviours_the_comparison_finds_the_leak(
+    motion: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("lingjing.dsl.checking.blocks.BlockReader.leak", lambda *arguments: None)
+    monkeypatch.setattr("lingjing.dsl.checking.behaviours.is_shown", lambda taint, own: False)
+    first, second = (moved(motion, place, hidden=False) for place in PLACES)
+    assert first is not None and first != second
+
+
 GUARDS: Mapping[str, tuple[object, str, object]] = {
     "unlock": (EventVisibility, "_is_secret", lambda self, interaction, group: False),
     "unlock of goods": (EventVisibility, "withheld", lambda self, agent, entity: frozenset()),

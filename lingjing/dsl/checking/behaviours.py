@@ -16,8 +16,13 @@ from lingjing.mission import model
 from lingjing.mission.natures import CITY
 from lingjing.mission.vocabulary import BEHAVIOURS
 
-SURFACES = ("ground", "road", "water")
-"""Surfaces that a target can move on by itself."""
+SURFACES = ("ground", "road")
+"""Surfaces that a target can move on by itself, besides the water on which one with a `drift` floats."""
+
+
+def is_shown(taint: Taint, own: Taint) -> bool:
+    """True if a motion by a value shows a hidden one. `own`: the taint of the moving body's place."""
+    return bool(taint) and not own
 
 
 class BehaviourChecker(DeclarationChecker):
@@ -89,9 +94,10 @@ class BehaviourChecker(DeclarationChecker):
             message = f"`{name}` of a behaviour depends on a drawn value"
             self.report.at("LJ0307", place, message, "write a number, or a param with a fixed default")
             return False
-        if not (own is not None and own.taint):
+        shown = is_shown(taint, own.taint if own is not None else ())
+        if shown:
             self.blocks.leak(taint, place, f"the motion of `{target.name.text}`, whose place is not hidden")
-        return not taint or bool(own is not None and own.taint)
+        return not shown
 
     def _is_fixed(self, value: ex.Expr) -> bool:
         """True if a number depends on no draw: proofs hold for every seed and read it."""
@@ -108,10 +114,8 @@ class BehaviourChecker(DeclarationChecker):
             fault = f"stands on a `{surface.name}`"
         elif isinstance(blocks, ex.Flag) and blocks.value:
             fault = "blocks a road"
-        elif "drift_mps" in words:
-            fault = "drifts"
         if fault:
-            hint = f"targets of the engine `{CITY}` on {', '.join(SURFACES)} that neither block nor drift can move"
+            hint = f"it needs the engine `{CITY}`, the surface {' or '.join(SURFACES)} (or a `drift`), and no `blocks`"
             self.report.at("LJ0110", node.kind, f"`{target}` {fault}, so it has no behaviour", hint)
         return not fault
 
