@@ -49,11 +49,11 @@ def test_a_slip_in_a_word_is_met_with_the_word(
         ),
         (
             ["run", "ssr", "--policy", "heuristc"],
-            "error: no policy is called `heuristc`\nhint: did you mean `heuristic`? see `lingjing plugins`\n",
+            "error: no policy is called `heuristc`\nhint: did you mean `heuristic`?\n",
         ),
         (
             ["run", "ssr", "--evaluator", "mision"],
-            "error: no evaluator is called `mision`\nhint: did you mean `mission`? see `lingjing plugins`\n",
+            "error: no evaluator is called `mision`\nhint: did you mean `mission`?\n",
         ),
         (
             ["run", "ssr", "--policy-for", "searchr=random"],
