@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
 from lingjing.errors import MissionError
 from lingjing.mission.instance import BehaviourSpec
-from lingjing.testing import compile_text, instantiate
+from lingjing.testing import compile_text, instantiate, run_command
 
 TEXT = """ljs 2
 use std.ground {{ robot_dog }}
@@ -153,3 +154,10 @@ def test_a_param_that_makes_the_speed_impossible_is_refused() -> None:
     assert errors(source) == []
     with pytest.raises(MissionError, match=r"hare\[1\].*`wander` has a speed of 0 m/s"):
         instantiate(source, settings={"pace": 1.0})
+
+
+def test_the_page_of_a_mission_shows_the_behaviour(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "strays.ljs").write_text(text())
+    assert run_command(["docs", str(tmp_path / "strays.ljs")]) == 0
+    line = "- moves by itself: `flee { from = dog, speed = 2 m/s, within = 60 m }`"
+    assert capsys.readouterr().out.count(line) == 1

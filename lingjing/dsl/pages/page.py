@@ -241,6 +241,9 @@ class _Page:
         yield from (f"- `{line}`" for line in own)
         if inherited:
             yield f"- from its type: {', '.join(f'`{line}`' for line in inherited)}"
+        if group.behaviour is not None:
+            lines = ", ".join(self.printer.behaviour(group.behaviour))
+            yield f"- moves by itself: `{group.behaviour.kind} {{ {lines} }}`"
         for interaction in group.interactions:
             yield f"- interaction: `{interaction.name} {{ {', '.join(self.printer.interaction(interaction))} }}`"
         for camera in group.cameras:
