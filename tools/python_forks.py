@@ -136,7 +136,12 @@ def start_python(
 
 @contextmanager
 def forked_starts() -> Iterator[None]:
-    """Let the workers that this process starts within the block be forks."""
+    """Let the workers that this process starts within the block be forks.
+
+    The process that forks starts here. At its first use it could be started by a command of a test that ends before
+    that process is ready, and it would end with the command.
+    """
+    _server(os.getpid())
     with _starting_with(_start_fork):
         yield
 
