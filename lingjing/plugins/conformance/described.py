@@ -22,6 +22,9 @@ ALLOWANCE_M = 0.05
 """The distance in one interval that is allowed beyond the described speed, metres. Chosen: a contact moves a body
 aside."""
 
+PUSHES = frozenset(("collided", "fell"))
+"""The events after which a body's speed is not its own."""
+
 _ROUNDING = 1.001
 """The factor for the rounding of times and positions. Chosen."""
 
@@ -55,8 +58,11 @@ def check_words(case: EngineCase) -> None:
 
 
 def _check_speed(entity: Entity, most_mps: float, boundaries: Sequence[Boundary], *, is_driven: bool) -> None:
-    states = [(boundary.time_s, _state_of(entity, boundary)) for boundary in boundaries]
-    for (start_s, before), (end_s, after) in pairwise(states):
+    for first, second in pairwise(boundaries):
+        if any(event.kind in PUSHES and entity.id in event.entities for event in second.events):
+            return  # from a contact or a fall on it moves as the other body pushes it
+        before, after = _state_of(entity, first), _state_of(entity, second)
+        start_s, end_s = first.time_s, second.time_s
         if before is None or after is None or end_s <= start_s:
             continue
         moved_m = math.dist(before.position[:2], after.position[:2])
@@ -79,4 +85,4 @@ def _air(instance: Instance) -> Air:
     return Air(max(each.wind_mps for each in weathers), max(each.current_mps for each in weathers))
 
 
-__all__ = ["ALLOWANCE_M", "check_speed", "check_words"]
+__all__ = ["ALLOWANCE_M", "PUSHES", "check_speed", "check_words"]
