@@ -171,13 +171,17 @@ def test_closing_leaves_no_process(short: str) -> None:
     assert children() == []
 
 
+_WORKER = "-m\0lingjing.kernel.world.worker\0"
+"""A part of the command line of a world's process."""
+
+
 def children() -> list[str]:
     """Return the running processes that this one has started."""
     workers = []
     for tasks in Path("/proc/self/task").glob("*/children"):  # a child belongs to the thread that started it
         with suppress(OSError):  # the thread has just ended, and its child
             children = tasks.read_text().split()
-            workers += [child for child in children if "world.worker" in Path(f"/proc/{child}/cmdline").read_text()]
+            workers += [child for child in children if _WORKER in Path(f"/proc/{child}/cmdline").read_text()]
     return workers
 
 
