@@ -236,3 +236,13 @@ def test_an_amount_never_falls_below_0() -> None:
 def test_a_function_over_time_has_a_time_of_0_or_more(condition: str) -> None:
     (error,) = compile_text(text(f"event e when {condition} {{ vanish g }}")).diagnostics
     assert error.code == "LJ0206" and error.message.endswith("is below 0 s")
+
+
+def test_a_value_that_counts_hidden_members_is_a_leak() -> None:
+    source = text(
+        "param hidden people ~ integer(2, 5)",
+        "target person[1..people] : person_in_water { hidden position ~ sites(box((0 m, -1500 m), (90 m, -1400 m))) }",
+        "event e at 10 s { change g.stock to sum(1 kg for p in person) }",
+    ).replace("use std.sea { lifeboat }", "use std.sea { lifeboat, person_in_water }")
+    (error,) = compile_text(source).diagnostics
+    assert error.code == "LJ0404" and "event `e`" in error.message and "`person`" in error.message

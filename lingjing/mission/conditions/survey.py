@@ -184,7 +184,7 @@ class _Draft:
             if condition is not None:
                 self._add("event", name, condition, {}, gate, part=part)
         for number, value in enumerate(dict.fromkeys(values), 1):
-            if any(isinstance(leaf, ex.Ref) for leaf in ex.leaves(value)):
+            if any(isinstance(part, ex.Ref | ex.Call | ex.Aggregate | ex.Quantified) for part in ex.parts(value)):
                 self._add("event", name, value, {}, gate, part=f"set {number}")
 
     def _add(
