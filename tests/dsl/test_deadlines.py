@@ -103,3 +103,11 @@ def test_a_deadline_before_the_earliest_rescue_is_proved_impossible(small: str, 
     assert bool(errors) is proved
     if proved:
         assert "deadline of stage `execute`" in errors[0].message
+
+
+def test_a_stage_without_members_reads_the_deadline_of_a_single_entity(small: str) -> None:
+    text = small.replace("speed <= 3 m/s }", "speed <= 3 m/s, deadline = 200 s }", 1)
+    home = "  stage home { done when distance_xy(boat, (0 m, 0 m)) <= 10 m, deadline = boat.deadline }\n"
+    text = text.replace(STAGE, home + STAGE, 1)
+    assert codes(text) == []
+    assert "200 s" in sentence(text)

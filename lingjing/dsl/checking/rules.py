@@ -86,7 +86,7 @@ class RuleChecker(DeclarationChecker):
         value = self.of.expect(condition, environment, FLAG, "`done when`")
         deadline = entries.get("deadline")
         if deadline is not None and not self._is_declared(deadline.value.ir):
-            hint = "use numbers, params, and properties of the member that nothing changes: `v.deadline`"
+            hint = "use numbers, params, and properties of a member or an entity that nothing changes: `v.deadline`"
             self.report.at("LJ0304", deadline.node.value, "a deadline is known before the run", hint)
             return None
         return model.Stage(
@@ -208,11 +208,11 @@ class RuleChecker(DeclarationChecker):
         return ""
 
     def _is_declared(self, value: ex.Expr) -> bool:
-        """True if a value is made of numbers, params, and declared properties of a bound member."""
+        """True if a value is made of numbers, params, and declared properties of a bound member or a single entity."""
         match value:
             case ex.Number() | ex.Ref(kind="param" | "clock"):
                 return True
-            case ex.Attr(base=ex.Ref(kind="local"), name=name):
+            case ex.Attr(base=ex.Ref(kind="local" | "entity"), name=name):
                 return name not in ("position", "heading_deg", "status", "velocity")
             case ex.Binary() | ex.Unary() | ex.Call(function="min" | "max"):
                 return all(map(self._is_declared, ex.children(value)))
