@@ -130,6 +130,8 @@ FUNCTIONS: dict[str, str] = {
     "len": "write `count(true for v in …)`", "size": "write `count(true for v in …)`",
     **dict.fromkeys(("Vector", "vec", "vec2", "vec3", "point", "Point", "Location", "pos"), "write `(… m, … m)`"),
     "range": "write `1..4`",
+    **dict.fromkeys(("battery", "energy", "charge", "soc"), "write `uav.battery`, a share: `uav.battery >= 20 %`"),
+    "fuel": "write `plane.fuel`, a share: `plane.fuel >= 20 %`",
 }  # fmt: skip
 """Function elsewhere → the way to write it."""
 CALLS: dict[str, str] = {
