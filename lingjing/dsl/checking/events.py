@@ -212,10 +212,10 @@ class EventChecker(DeclarationChecker):
         if value is UNKNOWN:
             return None
         if not isinstance(value.ir, ex.Ref) or value.type.kind != "region":
-            shape = self.report.source.text[written.start : written.end] if value.type.kind == "region" else "…"
-            message = (
-                f"the event `{node.name.text}` names a region here, this is {with_article(value.type)} without a name"
-            )
+            is_region = value.type.kind == "region"
+            shown = "a region without a name" if is_region else with_article(value.type)
+            shape = self.report.source.text[written.start : written.end] if is_region else "…"
+            message = f"the name of a region is due here, this is {shown}"
             self.report.at("LJ0201", written, message, f"declare it: `region bridge = {shape}`")
             return None
         self.blocks.leak(value.taint, written, f"the event `{node.name.text}`")
