@@ -317,7 +317,7 @@ def test_plugins_lists_the_rest_where_the_own_list_of_models_is_faulty(
     assert run_command(["plugins"]) == ExitCode.USAGE
     told = capsys.readouterr()
     assert {line.split()[0] for line in told.out.splitlines()} == {
-        "engine", "policy", "scene", "evaluator", "detector", "backbone", "scaffold",
+        "engine", "policy", "scene", "evaluator", "detector", "backbone", "scaffold", "writer",
     }  # fmt: skip
     assert "models.mine.service: is missing" in told.err
     assert "hint: models.toml" in told.err

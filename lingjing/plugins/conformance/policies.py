@@ -93,7 +93,8 @@ def _command(brief: Brief, decision: Decision) -> None:
     needed = [name for name, spec in declared.items() if spec.default is None and not spec.optional]
     missing = [name for name in needed if name not in command.arguments]
     require(not missing, f"act: `{command.verb}` without {', '.join(missing)}")
-    for name, value in command.arguments.items():
+    numbers = {name: value for name, value in command.arguments.items() if declared[name].unit != "name"}
+    for name, value in numbers.items():
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
         finite = is_number and math.isfinite(float(value))  # type: ignore[arg-type]
         require(finite, f"act: `{command.verb}`: `{name}` is {value!r}, a finite number is due")
