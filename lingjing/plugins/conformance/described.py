@@ -22,7 +22,7 @@ ALLOWANCE_M = 0.05
 """The distance in one interval that is allowed beyond the described speed, metres. Chosen: a contact moves a body
 aside."""
 
-PUSHES = frozenset(("collided", "fell"))
+_PUSHES = frozenset(("collided", "fell"))
 """The events after which a body's speed is not its own."""
 
 _ROUNDING = 1.001
@@ -59,7 +59,7 @@ def check_words(case: EngineCase) -> None:
 
 def _check_speed(entity: Entity, most_mps: float, boundaries: Sequence[Boundary], *, is_driven: bool) -> None:
     for first, second in pairwise(boundaries):
-        if any(event.kind in PUSHES and entity.id in event.entities for event in second.events):
+        if any(event.kind in _PUSHES and entity.id in event.entities for event in second.events):
             return  # from a contact or a fall on it moves as the other body pushes it
         before, after = _state_of(entity, first), _state_of(entity, second)
         start_s, end_s = first.time_s, second.time_s
@@ -85,4 +85,4 @@ def _air(instance: Instance) -> Air:
     return Air(max(each.wind_mps for each in weathers), max(each.current_mps for each in weathers))
 
 
-__all__ = ["ALLOWANCE_M", "PUSHES", "check_speed", "check_words"]
+__all__ = ["ALLOWANCE_M", "check_speed", "check_words"]
