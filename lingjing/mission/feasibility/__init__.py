@@ -20,9 +20,9 @@ Modules in control-flow order:
 
 Only needs of success count. A stage that cannot end matters if its own budget of ticks ends the episode before success
 can hold. Missions are checked at their default settings, in each of their modes; other settings are checked when their
-instance is made. A param that each seed draws takes each of its values; with too many values nothing is proved before
-the instance is made. Pictures from below an asset's altitude band do not count, because a climb passes through these
-altitudes only by chance.
+instance is made. A param that each seed draws takes each of its values; with too many values, or with a draw from a
+continuous range, nothing at all is proved before the instance is made. Pictures from below an asset's altitude band do
+not count, because a climb passes through these altitudes only by chance.
 """
 
 from __future__ import annotations
