@@ -50,10 +50,13 @@ def failing(cause: str, times: int, held: list[socket.socket] | None = None) -> 
                 if number < times:
                     with suppress(OSError):
                         connection.recv(65536)
-                        if cause == RESET:  # closing with data that waits resets the connection
+                        if cause == RESET:
                             connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
-                        else:
+                        else:  # what is still unread at the close would reset the connection: read to the end
                             connection.sendall(BYTES[cause])
+                            connection.shutdown(socket.SHUT_WR)
+                            while connection.recv(65536):
+                                pass
                     connection.close()
 
     threading.Thread(target=serve, daemon=True).start()
