@@ -75,7 +75,7 @@ def test_every_standard_library_has_a_page(page: Callable[[str], str], path: str
 def test_a_page_shows_verbs_states_words_and_interactions(page: Callable[[str], str]) -> None:
     air, fire, logistics = page("std.air"), page("std.fire"), page("std.logistics")
     assert "- verb `takeoff(altitude: length in 1 m..500 m optional)`: climbs" in air
-    assert "`band = 0 m..120 m`" in air and "`dead`, `grounded`, `hovering`, `moving`" in air
+    assert "`band = 0 m..120 m`" in air and "`dead`, `drifting`, `grounded`, `hovering`, `moving`" in air
     assert "- states: `heat = 100 %`\n- status words: `burning`, `dormant`, `out`\n" in fire
     assert "- interaction `extinguish`: by `road`, within 30 m, its event is visible to all" in fire
     assert "takes `demand` from the actor's `load`" in logistics

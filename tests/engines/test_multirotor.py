@@ -49,6 +49,27 @@ def test_arrives_within_two_metres_and_holds_in_wind(fly, speed, turbulence):
     assert play.state.status == "hovering"
 
 
+@pytest.mark.parametrize(
+    ("speed", "turbulence", "word", "least_m", "most_m"),
+    [(0.0, 0.0, "hovering", 0.0, 0.1), (14.0, 0.3, "hovering", 0.5, 3.0), (25.0, 0.0, "drifting", 300.0, 900.0)],
+)
+def test_a_vehicle_that_the_wind_carries_away_drifts(fly, speed, turbulence, word, least_m, most_m):
+    play = fly(wind(speed, turbulence), position=(0.0, 0.0, 80.0))
+    states = [play.step().states[0] for _ in range(240)]
+    assert least_m <= max(math.dist(state.position, (0.0, 0.0, 80.0)) for state in states) < most_m
+    assert {state.status for state in states[20:]} == {word}
+
+
+def test_a_vehicle_without_a_command_hovers_again_after_the_gale(fly, uav, instance_of, player, open_sea):
+    gale = EventSpec(name="gale", tick=1, weather=wind(25.0), weather_fields=("wind_mps",))
+    calm = EventSpec(name="calm", tick=3, weather=wind(0.0), weather_fields=("wind_mps",))
+    instance = msgspec.structs.replace(instance_of([uav(position=(0.0, 0.0, 80.0))], wind(0.0)), events=(gale, calm))
+    play = player(MultirotorEngine(), instance, open_sea, "multirotor")
+    words = [play.step().states[0].status for _ in range(200)]
+    assert words[0] == words[-1] == "hovering" and "drifting" in words
+    assert math.dist(play.state.position, (0.0, 0.0, 80.0)) < 0.5
+
+
 def test_flies_263_metres_at_cruise_speed_without_overshoot(fly):
     play = fly(wind(4.0), position=(0.0, 0.0, 100.0))
     receipt = play.command("uav[1]", "setDestination", x=263.0, y=0.0, z=100.0)

@@ -150,8 +150,8 @@ def _key(key: PropertyKey) -> str:
 
 
 def _expressions() -> Iterator[str]:
-    rules = [_call(each) for each in FUNCTIONS.values() if each.where != "static"]
-    before = [_call(each) for each in FUNCTIONS.values() if each.where == "static"]
+    rules = _calls(each for each in FUNCTIONS.values() if each.where != "static")
+    before = _calls(each for each in FUNCTIONS.values() if each.where == "static")
     draws = [_call(each) for each in DISTRIBUTIONS.values()]
     yield (
         "## Expressions\n\n"
@@ -166,6 +166,15 @@ def _expressions() -> Iterator[str]:
 
 def _shares() -> str:
     return ", ".join(dict.fromkeys(f"`v.{share}`" for kind in builtin_engines().values() for share in kind.shares))
+
+
+def _calls(signatures: Iterable[Signature]) -> list[str]:
+    """The calls of functions. Those with the same parameters share one: `floor|ceil(value)`."""
+    names: dict[str, list[str]] = {}
+    for signature in signatures:
+        name, _, parameters = _call(signature).partition("(")
+        names.setdefault(parameters, []).append(name)
+    return [f"{'|'.join(words)}({parameters}" for parameters, words in names.items()]
 
 
 def _call(signature: Signature) -> str:
