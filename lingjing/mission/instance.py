@@ -84,6 +84,10 @@ class Weather(Record, frozen=True, kw_only=True):
     """From 0 (dry) to 1 (downpour)."""
     sun_azimuth_deg: float = 150.0
     sun_elevation_deg: float = 45.0
+    ice: float = 0.0
+    """Share of the roads under ice or packed snow, 0..1. It has no effect without `effects`."""
+    effects: bool = False
+    """True if the weather acts on drivers, dogs, boats and pictures as well (docs/weather.md)."""
 
 
 class Region(Record, frozen=True, kw_only=True):

@@ -33,6 +33,8 @@ from lingjing.mission.values import as_number, is_finite
 from lingjing.mission.wording import PromptFiller
 from lingjing.suggest import nearest, nearest_or
 
+_FLAGS = ("effects",)
+"""The fields of a weather that are true or false."""
 REDRAWS = 100
 """The largest number of times that draws are repeated for requirements (chosen)."""
 _MAX_CELLS = 10_000
@@ -319,15 +321,15 @@ def _weather(
     mission: model.Mission, scope: Scope, seed: int, properties: tuple[model.Property, ...] | None = None
 ) -> Weather:
     path = f"{mission.name}/weather"
-    values: dict[str, float] = {}
+    values: dict[str, float | bool] = {}
     for prop in mission.weather if properties is None else properties:
         if prop.name not in Weather.__struct_fields__:
             with at_path(path):
                 raise MissionError(f"there is no '{prop.name}'", hint=_suggestion(prop.name, Weather.__struct_fields__))
         value = single(prop, scope, seed=seed, path=f"{path}/{prop.name}")
         with at_path(path):
-            values[prop.name] = _number(value, prop.name)
-    return Weather(**values)
+            values[prop.name] = _flag(value, prop.name) if prop.name in _FLAGS else _number(value, prop.name)
+    return Weather(**values)  # type: ignore[arg-type]
 
 
 def _areas(mission: model.Mission, scope: Scope, placed: tuple[Entity, ...] = ()) -> dict[str, Area]:
@@ -413,6 +415,12 @@ def _entities(
 def _number(value: Value, name: str) -> float:
     if isinstance(value, bool) or not isinstance(value, float):
         raise MissionError(f"'{name}' is a number, not {describe(value)}")
+    return value
+
+
+def _flag(value: Value, name: str) -> bool:
+    if not isinstance(value, bool):
+        raise MissionError(f"'{name}' is true or false, not {describe(value)}")
     return value
 
 

@@ -218,6 +218,8 @@ FORMS: Final[Mapping[type[msgspec.Struct], tuple[FormField, ...]]] = {
         FormField("rain", 0.0),
         FormField("sun_azimuth_deg", 150.0),
         FormField("sun_elevation_deg", 45.0),
+        FormField("ice", 0.0, since=2),
+        FormField("effects", False, since=2),
     ),
     records.ObservationRecord: (
         FormField("agent"),

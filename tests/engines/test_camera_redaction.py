@@ -139,7 +139,7 @@ def test_a_redrawn_part_equals_the_whole_picture(engine: CameraEngine, view: str
     near_m = renderer.near_plane(whole.info.pose, scenery)
     for place in ((0, 0, 480, 270), (100, 37, 211, 101), (479, 269, 1, 1)):
         left, top, width, height = place
-        rgb, _ = renderer.redraw(whole.info.pose, scenery, True, place, near_m)
+        rgb = renderer.redraw(whole.info.pose, scenery, True, place, near_m).rgb
         assert np.array_equal(rgb, whole.rgb[top : top + height, left : left + width])
 
 

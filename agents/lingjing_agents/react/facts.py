@@ -66,8 +66,9 @@ def known(brief: Brief) -> dict[str, object]:
 
 
 def weather(now: Weather) -> dict[str, float]:
-    """Return the weather by names that contain the units."""
-    return {name: round(value, 3) for name, value in msgspec.structs.asdict(now).items()}
+    """Return the weather by names that contain the units. Ice is named where there is some."""
+    values = {name: round(value, 3) for name, value in msgspec.structs.asdict(now).items() if name != "effects"}
+    return values if now.ice else {name: value for name, value in values.items() if name != "ice"}
 
 
 def compact(value: object) -> str:

@@ -118,6 +118,8 @@ STATEMENTS = (
             PropertyKey("rain", NUMBER, DRAWN, low=0, high=1, default="0"),
             PropertyKey("sun_azimuth", DEGREES, DRAWN, default="150 deg"),
             PropertyKey("sun_elevation", DEGREES, DRAWN, low=-90, high=90, default="45 deg"),
+            PropertyKey("ice", NUMBER, DRAWN, low=0, high=1, default="0"),
+            PropertyKey("effects", FLAG, default="false"),
         ),
         part="weather", paragraph="settings",
     ),

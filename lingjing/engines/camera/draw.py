@@ -214,16 +214,14 @@ class Renderer:
         with self.context:
             return self._near(pose, scenery, self._view(pose, scenery))
 
-    def redraw(
-        self, pose: CameraPose, scenery: Scenery, depth: bool, place: PixelRect, near_m: float
-    ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint16]]:
-        """Return colours and ids of a part of a picture, after `render` of the same pose.
+    def redraw(self, pose: CameraPose, scenery: Scenery, depth: bool, place: PixelRect, near_m: float) -> Buffers:
+        """Return a part of a picture, after `render` of the same pose.
 
         They equal those of the whole picture with this near plane, pixel by pixel. The town's shadow map stays as
         `render` left it.
         """
         with self.context:
-            return self._draw(pose, scenery, depth, near_m, self._view(pose, scenery), place).read_part(place)
+            return self._draw(pose, scenery, depth, near_m, self._view(pose, scenery), place).read_part(place, near_m)
 
     def _render(self, pose: CameraPose, scenery: Scenery, depth: bool, near_m: float | None = None) -> Buffers:
         view = self._view(pose, scenery)

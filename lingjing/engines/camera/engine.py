@@ -8,6 +8,7 @@ mirror stands at its declared place. The context and static meshes stay loaded b
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 from functools import partial
 
@@ -168,7 +169,7 @@ class CameraEngine:
         assert self._renderer is not None
         pose = self._seen_from(entity, camera)
         depth, semantic = "depth" in camera.channels, "semantic" in camera.channels
-        shot = Shot(pose, depth, semantic, partial(self._scenery, entity))
+        shot = Shot(pose, depth, semantic, partial(self._scenery, entity), self._visible_m(pose))
         shown = self._redaction.take(self._renderer, shot)
         info = FrameInfo(
             id=request.frame,
@@ -183,6 +184,13 @@ class CameraEngine:
             renderer=self._renderer.name,
         )
         return Frame(info, shown.rgb, shown.depth, shown.semantic, self._quality)
+
+    def _visible_m(self, pose: CameraPose) -> float:
+        """Return the distance beyond which a camera measures nothing, metres: the visibility, for weather with
+        effects. It is infinite from orbit, where the air is thin."""
+        assert self._schedule is not None
+        weather = self._schedule.weather(self._time_s)
+        return weather.visibility_m if weather.effects and pose.position[2] < HIGH_M else math.inf
 
     def _above(self, pose: CameraPose) -> CameraPose:
         """Return the pose of a camera, lifted out of the ground or deck on which its body stands."""

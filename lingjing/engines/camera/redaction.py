@@ -7,14 +7,15 @@ that shows none of them is not drawn again.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from lingjing.engines.camera.boxes import entity_boxes
-from lingjing.engines.camera.classes import semantic_picture
+from lingjing.engines.camera.classes import CLASSES, semantic_picture
 from lingjing.engines.camera.contrast import bounding_rect, pixels_of, projected_rect, split_by_contrast
 from lingjing.engines.camera.draw import Renderer, Scenery
 from lingjing.engines.camera.effects import TownChanges, changed_boxes
@@ -51,6 +52,13 @@ class Shot:
     """True with class ids."""
     staged: Staged
     """The scenery."""
+    visible_m: float = math.inf
+    """Distance along the axis beyond which nothing has a depth, a class id or a box, metres."""
+
+    @property
+    def measures(self) -> bool:
+        """True if the drawing needs distances."""
+        return self.depth or not math.isinf(self.visible_m)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,8 +80,7 @@ class ShownPicture:
 @dataclass(frozen=True, slots=True)
 class _RedrawnPart:
     place: PixelRect
-    rgb: npt.NDArray[np.uint8]
-    ids: npt.NDArray[np.uint16]
+    drawn: Buffers
 
 
 class PictureRedaction:
@@ -110,14 +117,15 @@ class PictureRedaction:
         whole, public_m = shot.staged((), ALL), None
         if shot.semantic and self.hidden:
             public_m = renderer.near_plane(shot.pose, shot.staged(self.hidden, WITHOUT_HIDDEN))
-        drawn = renderer.render(shot.pose, whole, shot.depth, self._near(renderer, shot.pose, whole, public_m))
+        near_m = self._near(renderer, shot.pose, whole, public_m)
+        drawn = _veiled(renderer.render(shot.pose, whole, shot.measures, near_m), shot)
         boxes = entity_boxes(drawn.ids, self._entities)
         public = None if public_m is None else self._public(renderer, shot, drawn, boxes, public_m)
         semantic = semantic_picture(drawn.ids, self._entities) if shot.semantic else None
         if public is not None and semantic is not None:
-            semantic[_rows(public.place)] = semantic_picture(public.ids, self._entities)
+            semantic[_rows(public.place)] = semantic_picture(public.drawn.ids, self._entities)
         seen, faint = self._visible_and_faint(renderer, shot, drawn, boxes, public)
-        return ShownPicture(drawn.rgb, drawn.depth, semantic, seen, faint)
+        return ShownPicture(drawn.rgb, drawn.depth if shot.depth else None, semantic, seen, faint)
 
     def _near(self, renderer: Renderer, pose: CameraPose, whole: Scenery, public_m: float | None) -> float | None:
         """Return the near plane of a picture with class ids; None for the picture's own.
@@ -151,13 +159,24 @@ class PictureRedaction:
         bare = public if self._alike else None  # it already covers every target's pixels
         if bare is None:
             bare = self._redraw(renderer, shot, self.targets, WITHOUT_TARGETS, place, drawn.near_m)
-        return split_by_contrast(boxes, self.targets, drawn.rgb, drawn.ids, bare.place, bare.rgb)
+        return split_by_contrast(boxes, self.targets, drawn.rgb, drawn.ids, bare.place, bare.drawn.rgb)
 
     def _redraw(
         self, renderer: Renderer, shot: Shot, without: Numbers, variant: int, place: PixelRect, near_m: float
     ) -> _RedrawnPart:
         scenery = shot.staged(without, variant)
-        return _RedrawnPart(place, *renderer.redraw(shot.pose, scenery, shot.depth, place, near_m))
+        drawn = renderer.redraw(shot.pose, scenery, shot.measures, place, near_m)
+        return _RedrawnPart(place, _veiled(drawn, shot))
+
+
+def _veiled(drawn: Buffers, shot: Shot) -> Buffers:
+    """Return a drawing without what lies beyond the visibility: it is sky, without a depth."""
+    if drawn.depth is None or math.isinf(shot.visible_m):
+        return drawn
+    beyond = drawn.depth > shot.visible_m
+    sky = np.uint16(CLASSES["sky"])
+    depth, ids = np.where(beyond, np.float32(np.inf), drawn.depth), np.where(beyond, sky, drawn.ids)
+    return replace(drawn, depth=depth, ids=ids)
 
 
 def _rows(place: PixelRect) -> tuple[slice, slice]:

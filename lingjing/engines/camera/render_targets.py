@@ -66,19 +66,18 @@ class Target:
 
     def read(self, near_m: float) -> Buffers:
         """Return new arrays of the last drawing."""
-        rgb, ids = self.read_part((0, 0, *self.size))
-        depth = None
-        if self.has_depth:
-            depth = np.empty(ids.shape, np.float32)
-            self.frame.read_into(depth, components=1, attachment=2, dtype="f4")
-        return Buffers(rgb, ids, depth, near_m)
+        return self.read_part((0, 0, *self.size), near_m)
 
-    def read_part(self, place: PixelRect) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint16]]:
-        """Return colours and ids of a part of the last drawing."""
+    def read_part(self, place: PixelRect, near_m: float) -> Buffers:
+        """Return new arrays of a part of the last drawing."""
         rgb, ids = np.empty((place[3], place[2], 3), np.uint8), np.empty(place[:1:-1], np.uint16)
         self.frame.read_into(rgb, viewport=place, components=3)
         self.frame.read_into(ids, viewport=place, components=1, attachment=1, dtype="u2")
-        return rgb, ids
+        depth = None
+        if self.has_depth:
+            depth = np.empty(ids.shape, np.float32)
+            self.frame.read_into(depth, viewport=place, components=1, attachment=2, dtype="f4")
+        return Buffers(rgb, ids, depth, near_m)
 
     def release(self) -> None:
         """Free the GL objects."""

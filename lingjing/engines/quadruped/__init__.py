@@ -9,6 +9,7 @@ front right, rear left, rear right; each has hip, thigh and calf.
 
 Modules:
 
+- `wind_load`: the force of the wind.
 - `engine`: the engine contract.
 - `dog`: one dog with its commands, falls, collisions and battery.
 - `tasks`: the velocity that carries out a command.

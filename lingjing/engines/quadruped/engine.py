@@ -17,6 +17,7 @@ from lingjing.engines.quadruped.gait import PERIOD_S
 from lingjing.engines.quadruped.ground_ahead import GroundAhead
 from lingjing.engines.quadruped.moving_boxes import POOL, MirroredBodies
 from lingjing.engines.quadruped.physics import MovingBox, Touch
+from lingjing.engines.quadruped.wind_load import WindLoad
 from lingjing.mission.instance import Vector
 from lingjing.mission.vocabulary import BATTERY_EMPTY, COLLIDED, DORMANT
 from lingjing.plugins.engine import EngineSpec
@@ -38,13 +39,17 @@ _CLEAR_M = 0.6
 """Distance from moving things at which a fallen dog may rise, metres (chosen)."""
 
 
+_HELD_N = 20.0
+"""Force of the wind below which a standing dog does not move, newtons: a sixth of the friction of its feet."""
+
+
 class QuadrupedEngine(FleetEngine):
     """The engine of all robot dogs, at 50 Hz (200 Hz in MuJoCo)."""
 
     step_s = PERIOD_S
 
     def build(self, spec: EngineSpec, city: City, seed: int) -> None:
-        """Find the model and place the dogs. No random numbers are drawn."""
+        """Find the model and place the dogs. Only gusts draw random numbers."""
         self._assets: Assets = locate()
         self._schedule = spec.schedule
         self._terrain = Terrain(city)
@@ -52,6 +57,8 @@ class QuadrupedEngine(FleetEngine):
         self._lookout = MirroredBodies(spec.instance, spec.owns)
         self._entities = {entity.id: entity for entity in spec.owned()}
         self._dogs = {entity.id: Dog(entity) for entity in spec.owned()}
+        self._wind = WindLoad(seed)
+        self._blown_n = 0.0
         self._movers: tuple[MovingBox, ...] = ()
         self._model: DogModel | None = None
         self._states_of_dogs: list[DogState] = []
@@ -82,7 +89,9 @@ class QuadrupedEngine(FleetEngine):
         if model is None:
             return
         members = [self._dogs[name] for name in model.ids]
-        if model.quiet and all(dog.idle for dog in members) and model.clearances().min() > _ALERT_M:
+        self._blow(model)
+        still = model.quiet and self._blown_n < _HELD_N
+        if still and all(dog.idle for dog in members) and model.clearances().min() > _ALERT_M:
             model.pass_time()
             for dog in members:
                 self._report(dog, dog.rest(self._states_of_dogs[dog.row].watts))
@@ -117,6 +126,20 @@ class QuadrupedEngine(FleetEngine):
     def close(self) -> None:
         """Drop the dogs and their model."""
         self._dogs, self._model = {}, None
+
+    def _blow(self, model: DogModel) -> None:
+        """Let the wind act on the dogs if the weather has effects."""
+        weather = self._schedule.weather(self.clock.now_s - self.step_s)
+        if not weather.effects:
+            if self._blown_n > 0.0:
+                self._push(model, [(0.0, 0.0)] * len(model.ids))
+            return
+        self._push(model, self._wind.forces(zip(model.ids, self._states_of_dogs, strict=True), weather))
+
+    def _push(self, model: DogModel, forces: Sequence[tuple[float, float]]) -> None:
+        for row, (east, north) in enumerate(forces):
+            model.push(row, east, north)
+        self._blown_n = max((math.hypot(*force) for force in forces), default=0.0)
 
     def _decide(self, model: DogModel, members: Sequence[Dog]) -> None:
         touched: dict[int, list[Touch]] = {}

@@ -183,6 +183,10 @@ class DogBodies:
         """Put a load on the middle of a dog's back, kg."""
         self._data.xfrc_applied[self._trunks[dog], 2] = load_kg * self._model.opt.gravity[2]
 
+    def push(self, dog: int, east_n: float, north_n: float) -> None:
+        """Let a constant force act on the middle of a dog's trunk from now on, newtons."""
+        self._data.xfrc_applied[self._trunks[dog], :2] = east_n, north_n
+
     def update_kinematics(self) -> None:
         """Update the values that MuJoCo derives from positions. Rays and `stand` need them; `step` updates them
         itself."""

@@ -11,6 +11,7 @@ Modules, in the order in which an episode uses them:
 - `graph`: edges, lanes and links of the network, and the lanes near a point.
 - `routing`: the fastest way around places to avoid; `waypoints`: points on a route.
 - `kinds`: sizes, masses and accelerations of vehicles, and the effect of a load.
+- `driving_conditions`: the effect of weather on drivers and tyres.
 - `kerb`: parking places beside the road, and the vehicles that pass them.
 - `vehicle`: one vehicle of the mission; `lateral_motion`: gradual lane changes.
 - `verbs`: the effect of commands.

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from lingjing.engines.road.congestion import Congestion, jam_of
 from lingjing.engines.road.contact import Contacts
+from lingjing.engines.road.driving_conditions import driving_conditions
 from lingjing.engines.road.foreign_bodies import ForeignBodies
 from lingjing.engines.road.graph import LanePoint, elevations, read_graph
 from lingjing.engines.road.kerb import Kerb
@@ -89,6 +90,7 @@ class RoadEngine(FleetEngine):
         for jam in self._congestion.jams:
             if self._schedule.present(jam.id, 0.0):
                 self._congestion.appear(jam, occupied)
+        self._update_weather(0.0)
         self._traffic.populate(count, occupied)
         self._traffic.set_blocked(self._congestion.blocked)
         if count:  # bodies that stand on a road must be there before the traffic starts
@@ -119,6 +121,7 @@ class RoadEngine(FleetEngine):
         for vehicle in self._vehicles.values():
             vehicle.stock.read(book)
             vehicle.update_load()
+        self._update_weather(self.clock.time_s)
         self._update_jams(self.clock.time_s)
         self._update_closures(self.clock.time_s)
 
@@ -180,6 +183,13 @@ class RoadEngine(FleetEngine):
             )
         place = _free_place(place, vehicle.size.length_m, occupied)
         vehicle.place(place)
+
+    def _update_weather(self, time_s: float) -> None:
+        """Let all drivers take over the weather, which changes at decision boundaries."""
+        conditions = driving_conditions(self._schedule.weather(time_s))
+        self._traffic.drive_in(conditions)
+        for vehicle in self._vehicles.values():
+            vehicle.drive_in(conditions)
 
     def _update_jams(self, time_s: float) -> None:
         for jam in self._congestion.jams:

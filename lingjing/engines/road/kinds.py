@@ -20,6 +20,12 @@ FULL_LOAD_SLOWDOWN = 0.15
 SPEED_MPS = 13.9
 """Top speed of an entity without the property `speed_mps`, m/s: 50 km/h."""
 
+EMERGENCY_MPS2 = 8.0
+"""Hardest braking on a dry road, m/s^2: a friction of 0.8."""
+
+TAU_S = 1.0
+"""Time headway of drivers on a dry road, seconds: SUMO's default."""
+
 
 @dataclass(frozen=True, slots=True)
 class _VehicleKind:
@@ -91,7 +97,7 @@ def declare(
     types.setMass(name, kind.mass_kg)
     types.setAccel(name, kind.accel_mps2)
     types.setDecel(name, kind.decel_mps2)
-    types.setEmergencyDecel(name, 8.0)
+    types.setEmergencyDecel(name, EMERGENCY_MPS2)
     types.setMaxSpeed(name, top_mps)
     if reaction_s > 0.0:
         types.setActionStepLength(name, reaction_s)

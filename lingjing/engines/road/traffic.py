@@ -9,8 +9,9 @@ from __future__ import annotations
 from collections.abc import Collection, Container, Iterator
 from dataclasses import dataclass
 
+from lingjing.engines.road.driving_conditions import DRY_DAY, DrivingConditions
 from lingjing.engines.road.graph import Graph
-from lingjing.engines.road.kinds import VEHICLE_KINDS, declare
+from lingjing.engines.road.kinds import EMERGENCY_MPS2, TAU_S, VEHICLE_KINDS, declare
 from lingjing.engines.road.lateral_motion import LateralOffsets, shifted
 from lingjing.engines.road.routing import NO_THROUGH_S
 from lingjing.engines.road.simulation import Simulation, SumoError
@@ -87,6 +88,7 @@ class Traffic:
         self._movers: list[_BackgroundVehicle] = []
         self._blocked: frozenset[str] = frozenset()
         self._turn = 0
+        self._conditions = DRY_DAY
         self._sideways = LateralOffsets()
         for edge in graph.edges.values():
             if not edge.through:
@@ -109,6 +111,24 @@ class Traffic:
             if mover.id not in arrived:
                 self._check(mover)
         self._turn = (self._turn + 1) % _ROUND
+
+    def drive_in(self, conditions: DrivingConditions) -> None:
+        """Take over the driving conditions: for the kinds of vehicles, and for the vehicles on the road."""
+        if conditions == self._conditions:
+            return
+        self._conditions = conditions
+        types, vehicles = self._sim.vehicletype, self._sim.vehicle
+        for name, _ in MIX:
+            kind, type_id = VEHICLE_KINDS[name], f"traffic/{name}"
+            types.setSpeedFactor(type_id, conditions.speed_share)
+            types.setTau(type_id, TAU_S * conditions.headway_share)
+            types.setDecel(type_id, kind.decel_mps2 * conditions.grip)
+            types.setEmergencyDecel(type_id, EMERGENCY_MPS2 * conditions.grip)
+            types.setMaxSpeed(type_id, min(kind.top_mps, conditions.sight_mps))
+        there = frozenset(vehicles.getIDList())
+        for mover in self._movers:
+            if mover.id in there:  # a later one has the factor of its kind
+                vehicles.setSpeedFactor(mover.id, conditions.speed_share)
 
     def set_blocked(self, edges: Collection[str]) -> None:
         """Set the blocked edges, and change the routes that use them."""

@@ -18,9 +18,10 @@ from typing import Literal
 
 import msgspec
 
+from lingjing.engines.road.driving_conditions import DRY_DAY, DrivingConditions
 from lingjing.engines.road.graph import Graph, LanePoint
 from lingjing.engines.road.kerb import REACH_M, Kerb, LaneVehicle, ParkingPlace
-from lingjing.engines.road.kinds import SPEED_MPS, declare, top_speed, vehicle_kind
+from lingjing.engines.road.kinds import EMERGENCY_MPS2, SPEED_MPS, TAU_S, declare, top_speed, vehicle_kind
 from lingjing.engines.road.lateral_motion import LateralOffsets, shifted
 from lingjing.engines.road.routing import Avoided, DrivingWay, onward
 from lingjing.engines.road.simulation import FOREVER_S, STEP_S, Simulation, SumoError
@@ -163,6 +164,7 @@ class Vehicle:
         self._payload_kg = entity.number_or("payload_kg", 0.0)
         self.stock = Stock(entity)
         self._applied_load_kg = math.inf
+        self._conditions = DRY_DAY
         self._arrived = False
         self._waited = 0
         self._room: ParkingPlace | None = None
@@ -223,7 +225,11 @@ class Vehicle:
 
     def braking_m(self) -> float:
         """Return the distance of a comfortable halt at the present speed, metres."""
-        return self.speed_mps**2 / (2.0 * BRAKING_MPS2)
+        return self.speed_mps**2 / (2.0 * self._braking_mps2)
+
+    @property
+    def _braking_mps2(self) -> float:
+        return self._conditions.braking_mps2(BRAKING_MPS2, self.kind.decel_mps2)
 
     def drive(self, plan: DrivingPlan) -> None:
         """Drive along a plan that begins at the route start, and stay at its goal."""
@@ -421,9 +427,24 @@ class Vehicle:
         """Take over the load on board. Changes below `_SAME_LOAD_KG` are ignored."""
         if abs(self.stock.load_kg - self._applied_load_kg) > _SAME_LOAD_KG:
             self._applied_load_kg = self.stock.load_kg
-            vehicles = self._sim.vehicle
-            vehicles.setAccel(self.id, self.kind.acceleration(self._applied_load_kg))
-            vehicles.setMaxSpeed(self.id, top_speed(self._speed_mps, self._applied_load_kg, self._payload_kg))
+            self._sim.vehicle.setAccel(self.id, self.kind.acceleration(self._applied_load_kg))
+            self._limit_speed()
+
+    def drive_in(self, conditions: DrivingConditions) -> None:
+        """Take over the driving conditions."""
+        if conditions == self._conditions:
+            return
+        self._conditions = conditions
+        vehicles = self._sim.vehicle
+        vehicles.setSpeedFactor(self.id, conditions.speed_share)
+        vehicles.setTau(self.id, TAU_S * conditions.headway_share)
+        vehicles.setDecel(self.id, self.kind.decel_mps2 * conditions.grip)
+        vehicles.setEmergencyDecel(self.id, EMERGENCY_MPS2 * conditions.grip)
+        self._limit_speed()
+
+    def _limit_speed(self) -> None:
+        top = top_speed(self._speed_mps, self._applied_load_kg, self._payload_kg)
+        self._sim.vehicle.setMaxSpeed(self.id, self._conditions.top_mps(top))
 
     def state(self, ahead_s: float) -> BodyState:
         """Return the state `ahead_s` after the last step, extrapolated at constant velocity."""
@@ -490,8 +511,8 @@ class Vehicle:
         if left <= slack and speed < _STILL_MPS and there:
             self._brake(0.0)
             return "done"
-        if left <= speed * speed / (2.0 * BRAKING_MPS2) + speed * STEP_S + 0.5:
-            reachable = math.sqrt(2.0 * BRAKING_MPS2 * max(left - speed * STEP_S, 0.0))
+        if left <= speed * speed / (2.0 * self._braking_mps2) + speed * STEP_S + 0.5:
+            reachable = math.sqrt(2.0 * self._braking_mps2 * max(left - speed * STEP_S, 0.0))
             self._brake(reachable if left > slack and there else (0.0 if there else 2.0))
         return ""
 
@@ -499,7 +520,7 @@ class Vehicle:
         speed = self.speed_mps
         if speed < _STILL_MPS:
             return "done"
-        self._brake(max(0.0, speed - BRAKING_MPS2 * STEP_S))
+        self._brake(max(0.0, speed - self._braking_mps2 * STEP_S))
         return ""
 
     def _brake(self, speed_mps: float) -> None:

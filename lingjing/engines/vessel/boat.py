@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Literal
 
 from lingjing.engines import sea
+from lingjing.engines.gust import Gust
 from lingjing.engines.vessel import hull
 from lingjing.engines.vessel.steering import ARRIVED_M, Steering
 from lingjing.mission.geometry2d import Vector2
@@ -50,7 +52,7 @@ BoatStatus = Literal["idle", "moving", "aground"]
 class Boat:
     """A vessel under way or at its station; `step` moves it by `hull.STEP_S`."""
 
-    def __init__(self, entity: Entity, terrain: Terrain, weather: Weather) -> None:
+    def __init__(self, entity: Entity, terrain: Terrain, weather: Weather, seed: int) -> None:
         x, y, _ = entity.position
         self.id = entity.id
         self.goal: Vector2 | None = None
@@ -62,6 +64,7 @@ class Boat:
         self._around = hull.HullForcing.of(weather)
         self._waves = sea.waves(weather)
         self._light_speed = entity.number_or("speed_mps", SPEED_MPS)
+        self._gust = Gust(weather, seed, f"{entity.engine}/{entity.id}/gust", hull.STEP_S)
         self._pilot = Steering(self._light_speed, self._around)
         self.update_load()
         self._state: hull.HullState = (x, y, math.radians(entity.heading_deg), 0.0, 0.0, 0.0)
@@ -141,6 +144,9 @@ class Boat:
         """Steer and move. A hull that has run aground stays in place."""
         if self.aground:
             return
+        if self._weather.effects:
+            east, north, _ = self._gust.next(self._weather)
+            self._around = self._pilot.around = replace(self._around, wind=(east, north))
         if self.goal is not None:
             thrust, moment = self._pilot.follow(self._state, self._start, self.goal)
         elif self.stopping:

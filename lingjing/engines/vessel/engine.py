@@ -17,7 +17,7 @@ from lingjing.trace.records import AGROUND, BodyState, Command
 
 
 class VesselEngine(FleetEngine):
-    """The engine of all vessels, at 10 Hz. Vessels do not detect each other. No random numbers are drawn."""
+    """The engine of all vessels, at 10 Hz. Vessels do not detect each other. Only gusts draw random numbers."""
 
     step_s = STEP_S
 
@@ -25,7 +25,8 @@ class VesselEngine(FleetEngine):
         """Place the vessels on the water."""
         terrain = Terrain(city)
         self._schedule = spec.schedule
-        self._boats = {entity.id: Boat(entity, terrain, self._schedule.weather(0.0)) for entity in spec.owned()}
+        weather = self._schedule.weather(0.0)
+        self._boats = {entity.id: Boat(entity, terrain, weather, seed) for entity in spec.owned()}
 
     def start(self, command: Command) -> None:
         """Begin a voyage. Raises `Refusal` with `aground`, `unknown_verb`, `bad_argument` or `unreachable`."""
