@@ -242,10 +242,10 @@ def _tick(mission: model.Mission, event: model.EventDeclaration, scope: Scope, s
             value = evaluate(event.at, scope)
         if isinstance(value, bool) or not isinstance(value, float) or value < 0:
             raise MissionError(f"an event occurs at a time, not at {describe(value)}")
-        return math.ceil(value / scope.tick_s - 1e-9) if _in_seconds(event.at) else math.ceil(value - 1e-9)
+        return math.ceil(value / scope.tick_s - 1e-9) if in_seconds(event.at) else math.ceil(value - 1e-9)
 
 
-def _in_seconds(expr: ex.Expr) -> bool:
+def in_seconds(expr: ex.Expr) -> bool:
     """True if the time was written with a unit of time, according to the first number with a unit."""
     queue: list[ex.Expr] = [expr]
     while queue:

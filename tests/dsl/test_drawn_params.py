@@ -197,10 +197,19 @@ def test_a_requirement_that_no_draw_meets_names_its_reason_and_the_seed(
         ("param victims ~ integer(2, 5)", "victims > 5", True),
         ("param victims ~ choice([2, 4])", "victims == 3 and now > 20 s", True),
         ("param victims = 3\n  param wait ~ uniform(5 s, 900 s)", "now > wait * 3", False),
-        ("param victims ~ integer(0, 90)", "count(emitted(rescue, v) for v in victim) >= 91", False),
+        ("param victims = 3\n  param wait ~ uniform(500 s, 900 s)", "now > wait * 3", True),
+        ("param victims ~ integer(0, 90)", "count(emitted(rescue, v) for v in victim) >= 91", True),
+        ("param victims ~ integer(0, 140)", "count(emitted(rescue, v) for v in victim) >= 141", False),
     ],
 )
 def test_a_proof_holds_for_every_value_of_the_draw(params: str, success: str, proved: bool) -> None:
     compilation = compile_text(text(params, success=success))
     errors = [item for item in compilation.diagnostics if item.severity == "error"]
     assert bool(errors) is proved and all(item.code.startswith("LJ06") for item in errors), errors
+
+
+def test_a_note_says_that_a_number_of_members_with_many_values_leaves_a_mission_unproved() -> None:
+    (note,) = (item for item in compile_text(text("param victims ~ integer(0, 140)")).diagnostics)
+    assert (note.code, note.severity) == ("LJ0615", "note")
+    assert "`victim` depends on `victims`, which has too many values" in note.message
+    assert compile_text(text("param victims ~ integer(0, 90)")).diagnostics == ()

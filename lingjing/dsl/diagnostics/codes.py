@@ -100,5 +100,6 @@ CODES: dict[str, str] = {
     "LJ0612": "more is required than there is",
     "LJ0613": "success that comes too late",
     "LJ0614": "a hard constraint that bars success",
+    "LJ0615": "a drawn param with too many values for proofs",
 }
 """Code → meaning."""

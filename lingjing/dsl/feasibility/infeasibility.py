@@ -12,7 +12,7 @@ import itertools
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission.diagnostics import Related, Severity
-from lingjing.mission.feasibility import Proof, prove
+from lingjing.mission.feasibility import Proof, prove, unproved
 from lingjing.mission.feasibility.order import circular_stages
 from lingjing.mission.feasibility.start import won_at_start
 from lingjing.mission.feasibility.wide import too_wide
@@ -24,15 +24,16 @@ _Place = tuple[int, int]
 def report_infeasibility(mission: Mission, tree: s.File, report: Reporter) -> None:
     """Report every proof that the mission cannot be won, and every hint."""
     proofs, hints = prove(mission), (*too_wide(mission), *won_at_start(mission), *circular_stages(mission))
+    notes = unproved(mission)
     node = next((item for item in tree.items if isinstance(item, s.MissionBlock)), None)
-    if not (proofs or hints) or node is None:
+    if not (proofs or hints or notes) or node is None:
         return
     places = _places(node)
     head = node.base or node.name
-    for proof in (*proofs, *hints):
+    for proof in (*proofs, *hints, *notes):
         start, end = places.get(proof.at, (head.start, head.end))
         related = _related(proof, places, report)
-        severity: Severity = "warning" if proof in hints or proof.partly else "error"
+        severity: Severity = "note" if proof in notes else "warning" if proof in hints or proof.partly else "error"
         report(proof.code, start, end, proof.message, proof.hint, related=related, severity=severity)
 
 

@@ -13,7 +13,7 @@ import msgspec
 
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
-from lingjing.mission.certain import Knowledge, known, truth
+from lingjing.mission.certain import Knowledge, certain, known, truth
 from lingjing.mission.conditions.outline import Body, Outline
 from lingjing.mission.conditions.spread import extent
 from lingjing.mission.functions import TEMPORAL
@@ -26,6 +26,9 @@ from lingjing.mission.operations import AXES
 from lingjing.mission.units import field_named
 from lingjing.mission.values import Value
 from lingjing.mission.vocabulary import DORMANT
+
+EVENT = "event/"
+"""Beginning of the name of an event among the givers of a status word."""
 
 NOW = "now"
 """The name of the time of the mission."""
@@ -86,6 +89,8 @@ class EpisodeKnowledge(Knowledge):
         if ref.kind in ("group", "entity"):
             bodies = self.outline.groups.get(ref.name, ())
             return bodies[0] if len(bodies) == 1 else None if bodies else ref.name
+        if ref.kind == "param" and ref.name in self.outline.wide:
+            return self.outline.wide[ref.name]
         try:
             return known(self.outline.scope.refer(ref))
         except MissionError:
@@ -148,12 +153,11 @@ class EpisodeKnowledge(Knowledge):
         if name == "heading_deg":
             return None if body.drawn else Bounds(min(0.0, entity.heading_deg), max(360.0, entity.heading_deg))
         state = entity.state_of(name)
-        if (entity.id, name) in self._set_fields:
-            return None
         if entity.engine not in builtin_engines():
             return None
         if state is not None:
-            return self._stock(body, name, state.name)
+            own = self._stock(body, name, state.name)
+            return self._with_set_values(body, name, own) if (entity.id, name) in self._set_fields else own
         if name in engine_kind(entity.engine).shares and name not in entity.properties:
             return Bounds(0.0, 1.0)
         if name in _MEASURED and entity.role == "asset":
@@ -162,6 +166,22 @@ class EpisodeKnowledge(Knowledge):
         if isinstance(value, str | bool):
             return value
         return body.bounds(name) if name in body.drawn or value is not None else None
+
+    def _with_set_values(self, body: Body, name: str, own: Value) -> Value:
+        """The bounds of a state, with the values that events set; unknown if these depend on a field."""
+        whole = own
+        for event in self.outline.instance.events:
+            for change in event.changes:
+                if (change.entity, change.field) != (body.id, name):
+                    continue
+                if any(isinstance(part, ex.Attr) for part in ex.parts(change.value)):
+                    return None
+                value = certain(change.value, {}, self)
+                if not isinstance(whole, Bounds) or not isinstance(value, Bounds):
+                    return None
+                # interactions lower what an event has set, and engines keep it from falling below 0
+                whole = Bounds(min(whole.low, value.low, 0.0), max(whole.high, value.high))
+        return whole
 
     def _stock(self, body: Body, name: str, plain: str) -> Value:
         """The bounds of a state: between its start value and the limits of the interactions that change it."""
@@ -188,8 +208,6 @@ class EpisodeKnowledge(Knowledge):
         """The status words that a body can have → the interactions that give them, none for a word that it may have at
         the start or without an interaction. None if the words are unknown."""
         entity, kind = body.entity, engine_kind(body.entity.engine)
-        if (entity.id, "status") in self._set_fields:
-            return None
         if entity.role == "asset":
             return None if kind.words is None else dict.fromkeys((*kind.words, DORMANT), ())
         if entity.engine != CITY or "status" in body.drawn:
@@ -208,6 +226,12 @@ class EpisodeKnowledge(Knowledge):
             for word in later
         }
         first = entity.properties.get("status")
+        for event in self.outline.instance.events:
+            for change in event.changes:
+                if (change.entity, change.field) == (entity.id, "status"):
+                    if not isinstance(change.value, ex.Symbol):
+                        return None
+                    givers[change.value.name] = (*givers.get(change.value.name, ()), EVENT + event.name)
         return givers | dict.fromkeys((str(first or nature.word), nature.vanished, DORMANT), ())
 
     def coordinate(self, body: Body, axis: int) -> Bounds:

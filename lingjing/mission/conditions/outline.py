@@ -14,11 +14,13 @@ import msgspec
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
 from lingjing.mission import model
+from lingjing.mission.conditions.drawn_params import Wide, loosened, property_bounds, property_places, reads
 from lingjing.mission.conditions.motion import Air, bounds, ceiling, flight_s, moving_verbs, roaming_verbs
 from lingjing.mission.conditions.spread import PossiblePlaces, numbers, places, point
 from lingjing.mission.evaluate import Area, Scope, number
 from lingjing.mission.instance import AgentSpec, Allowance, Budget, Entity, Instance, InteractionSpec
 from lingjing.mission.instance_entities import GROUND_REACH_M, count_of
+from lingjing.mission.instance_rules import in_seconds
 from lingjing.mission.instantiate import instantiate, parameters
 from lingjing.mission.intervals import Bounds
 from lingjing.mission.kinds import engine_kind
@@ -92,8 +94,10 @@ class Outline(msgspec.Struct, frozen=True):
     """(name, number of members, region) of each group with drawn places."""
     wave_m: float = 0.0
     """The highest waves of the mission, metres."""
-    drawn_events: bool = False
-    """True if the time of an event is drawn."""
+    first_ticks: Mapping[str, int] = {}
+    """Event with a drawn time → its earliest tick."""
+    wide: Wide = {}
+    """The bounds of drawn params without a value."""
 
     @property
     def set_fields(self) -> frozenset[tuple[str, str]]:
@@ -125,21 +129,55 @@ def of_instance(instance: Instance) -> Outline:
     return _outline(instance, _scope(instance), air, {}, frozenset(message.kind for message in instance.messages))
 
 
-def of_mission(mission: model.Mission, mode: str, settings: Mapping[str, float] | None = None) -> Outline:
+def of_mission(
+    mission: model.Mission, mode: str, settings: Mapping[str, float] | None = None, wide: Wide | None = None
+) -> Outline:
     """The outline of a mission at its default settings, for every seed. `settings` has a value for each drawn param.
 
-    Raises `MissionError` if it cannot be evaluated, or if a param without a setting is drawn.
+    The values of the params `wide` are left open. Raises `MissionError` if the mission cannot be evaluated, or if a
+    param without a setting is drawn.
     """
-    settings = settings or {}
+    settings, wide = settings or {}, wide or {}
     for param in mission.parameters:
         if isinstance(param.default, ex.Draw) and param.name not in settings:
             raise MissionError(f"the value of `{param.name}` is drawn: nothing holds for every seed")
-    instance = instantiate(_without_draws(mission), mode=mode, settings=settings)
-    scope = _scope(instance, _open_regions(mission))
-    opened = {group.name: _opened(group, scope) for group in mission.groups if _is_there(group.name, instance)}
+    mission = loosened(mission, wide)
+    instance = instantiate(_without_draws(mission, wide), mode=mode, settings=settings)
+    scope = _scope(instance, _open_regions(mission, wide))
+    scope = msgspec.structs.replace(scope, parameters=_known(scope.parameters, wide))
+    opened = {group.name: _opened(group, scope, wide) for group in mission.groups if _is_there(group.name, instance)}
     kinds = frozenset(kind.name for kind in mission.messages)
-    drawn_events = any(isinstance(event.at, ex.Draw) for event in mission.events)
-    return _outline(instance, scope, _air(mission, scope), opened, kinds, drawn_events=drawn_events)
+    return _outline(
+        instance,
+        scope,
+        _air(mission, scope, wide),
+        opened,
+        kinds,
+        first_ticks=_first_ticks(mission, scope, wide),
+        wide=wide,
+    )
+
+
+def _first_ticks(mission: model.Mission, scope: Scope, wide: Wide) -> dict[str, int]:
+    """The earliest tick of each event with a drawn time."""
+    ticks = {}
+    for event in mission.events:
+        if event.at is not None and _is_open(event.at, wide):
+            low = property_bounds(event.at, wide, "", 1).low
+            if isinstance(event.at, ex.Draw) and not reads(event.at, wide):
+                low = numbers(event.at, scope).low
+            low = low / scope.tick_s if in_seconds(event.at) else low
+            ticks[event.name] = max(0, math.ceil(low - 1e-9)) if math.isfinite(low) else 0
+    return ticks
+
+
+def _known(settings: Mapping[str, float], wide: Wide) -> Mapping[str, float]:
+    return {name: value for name, value in settings.items() if name not in wide} if wide else settings
+
+
+def _is_open(value: ex.Expr, wide: Wide) -> bool:
+    """True if the value depends on the seed."""
+    return isinstance(value, ex.Draw) or reads(value, wide)
 
 
 def too_large(mission: model.Mission, mode: str) -> bool:
@@ -164,7 +202,8 @@ def _outline(
     opened: dict[str, _Opened],
     kinds: frozenset[str],
     *,
-    drawn_events: bool = False,
+    first_ticks: Mapping[str, int] | None = None,
+    wide: Wide | None = None,
 ) -> Outline:
     driven = {name for agent in able_agents(instance) for name in agent.commands}
     driven |= {inspection.asset for inspection in instance.inspections}  # the kernel commands their routes
@@ -174,7 +213,7 @@ def _outline(
         groups.setdefault(body.entity.group, []).append(body)
     whole = {name: tuple(bodies_of_group) for name, bodies_of_group in groups.items()}
     sites = tuple((name, len(whole.get(name, ())), where) for name, (where, _) in opened.items() if where)
-    return Outline(instance, scope, bodies, whole, kinds, sites, air.wave_m, drawn_events)
+    return Outline(instance, scope, bodies, whole, kinds, sites, air.wave_m, first_ticks or {}, wide or {})
 
 
 def able_agents(instance: Instance) -> tuple[AgentSpec, ...]:
@@ -226,16 +265,18 @@ def _scope(instance: Instance, unknown: frozenset[str] = frozenset()) -> Scope:
     )
 
 
-def _open_regions(mission: model.Mission) -> frozenset[str]:
-    """Regions around entities with places that are drawn or found by the scene, directly or through other regions."""
+def _open_regions(mission: model.Mission, wide: Wide) -> frozenset[str]:
+    """Regions around entities with places that are drawn or found by the scene, directly or through other regions, and
+    those with a shape that is drawn."""
     loose = {
         group.name
         for group in mission.groups
-        if any(p.name == "on" or (p.name == "position" and isinstance(p.value, ex.Draw)) for p in group.properties)
+        if any(p.name == "on" or (p.name == "position" and _is_open(p.value, wide)) for p in group.properties)
     }
     open_names: set[str] = set()
     for region in mission.regions:
-        if any(isinstance(leaf, ex.Ref) and leaf.name in loose | open_names for leaf in ex.leaves(region.shape)):
+        around = any(isinstance(leaf, ex.Ref) and leaf.name in loose | open_names for leaf in ex.leaves(region.shape))
+        if around or reads(region.shape, wide):
             open_names.add(region.name)
     return frozenset(open_names)
 
@@ -244,30 +285,53 @@ def _is_there(group: str, instance: Instance) -> bool:
     return any(entity.group == group for entity in instance.entities)
 
 
-def _opened(group: model.Group, scope: Scope) -> _Opened:
+def _opened(group: model.Group, scope: Scope, wide: Wide) -> _Opened:
     where: PossiblePlaces | None = None
     drawn: dict[str, Bounds] = {}
     for prop in group.properties:
-        if not isinstance(prop.value, ex.Draw):
+        if not _is_open(prop.value, wide):
             continue
+        of_param = reads(prop.value, wide)
         if prop.name == "position":
-            where = places(prop.value, scope, group.name)
-        else:
+            size = count_of(group.count, scope)
+            where = (
+                property_places(prop.value, wide, group.index, size)
+                if of_param
+                else _places(prop.value, scope, group.name)
+            )
+        elif of_param:
+            drawn[prop.name] = property_bounds(prop.value, wide, group.index, count_of(group.count, scope))
+        elif isinstance(prop.value, ex.Draw):
             drawn[prop.name] = numbers(prop.value, scope)
     return where, drawn
 
 
-def _air(mission: model.Mission, scope: Scope) -> Air:
+def _places(value: ex.Expr, scope: Scope, group: str) -> PossiblePlaces:
+    """Every place of a draw; any place in a region that is not known yet."""
+    if not isinstance(value, ex.Draw):
+        return PossiblePlaces()
+    try:
+        return places(value, scope, group)
+    except MissionError:
+        return PossiblePlaces()
+
+
+def _air(mission: model.Mission, scope: Scope, wide: Wide) -> Air:
     weathers = [mission.weather, *(change.weather for event in mission.events for change in event.changes)]
     return Air(
         *(
-            max((_upper_bound(prop, scope) for weather in weathers for prop in weather if prop.name == name), default=0)
+            max(
+                (_upper_bound(prop, scope, wide) for weather in weathers for prop in weather if prop.name == name),
+                default=0,
+            )
             for name in ("wind_mps", "current_mps", "wave_height_m")
         )
     )
 
 
-def _upper_bound(prop: model.Property, scope: Scope) -> float:
+def _upper_bound(prop: model.Property, scope: Scope, wide: Wide) -> float:
+    if reads(prop.value, wide):
+        return property_bounds(prop.value, wide, "", 1).high
     return numbers(prop.value, scope)[1] if isinstance(prop.value, ex.Draw) else number(prop.value, scope)
 
 
@@ -277,29 +341,35 @@ _ORIGIN = ex.Point((ex.Number(0.0, "m"), ex.Number(0.0, "m")))
 _ZERO = ex.Number(0.0)
 
 
-def _without_draws(mission: model.Mission) -> model.Mission:
+def _without_draws(mission: model.Mission, wide: Wide) -> model.Mission:
     """The same mission with a constant in place of every draw: to instantiate it needs no random numbers and cannot
-    fail by chance."""
+    fail by chance. Of a place that reads a wide param the elevation stays."""
     return msgspec.structs.replace(
         mission,
         requirements=(),
-        groups=tuple(msgspec.structs.replace(g, properties=_constant_properties(g.properties)) for g in mission.groups),
-        weather=_constant_properties(mission.weather),
-        scene=msgspec.structs.replace(mission.scene, options=_constant_properties(mission.scene.options)),
-        events=tuple(_constant_event(event) for event in mission.events),
+        groups=tuple(
+            msgspec.structs.replace(g, properties=_constant_properties(g.properties, wide)) for g in mission.groups
+        ),
+        weather=_constant_properties(mission.weather, wide),
+        scene=msgspec.structs.replace(mission.scene, options=_constant_properties(mission.scene.options, wide)),
+        events=tuple(_constant_event(event, wide) for event in mission.events),
     )
 
 
-def _constant_properties(properties: tuple[model.Property, ...]) -> tuple[model.Property, ...]:
+def _constant_properties(properties: tuple[model.Property, ...], wide: Wide) -> tuple[model.Property, ...]:
     return tuple(
-        msgspec.structs.replace(prop, value=_ORIGIN if prop.name == "position" else _ZERO, relation="=")
-        if isinstance(prop.value, ex.Draw)
-        else prop
+        msgspec.structs.replace(prop, value=_constant(prop), relation="=") if _is_open(prop.value, wide) else prop
         for prop in properties
     )
 
 
-def _constant_event(event: model.EventDeclaration) -> model.EventDeclaration:
-    changes = tuple(msgspec.structs.replace(c, weather=_constant_properties(c.weather)) for c in event.changes)
-    at = _ZERO if isinstance(event.at, ex.Draw) else event.at
+def _constant(prop: model.Property) -> ex.Expr:
+    if isinstance(prop.value, ex.Point):
+        return ex.Point((*_ORIGIN.items, *prop.value.items[2:]))
+    return _ORIGIN if prop.name == "position" else _ZERO
+
+
+def _constant_event(event: model.EventDeclaration, wide: Wide) -> model.EventDeclaration:
+    changes = tuple(msgspec.structs.replace(c, weather=_constant_properties(c.weather, wide)) for c in event.changes)
+    at = _ZERO if event.at is not None and _is_open(event.at, wide) else event.at
     return msgspec.structs.replace(event, at=at, changes=changes)

@@ -21,26 +21,21 @@ Modules in control-flow order:
 Only needs of success count. A stage that cannot end matters if its own budget of ticks ends the episode before success
 can hold. Missions are checked at their default settings, in each of their modes; other settings are checked when their
 instance is made. A param that each seed draws takes each of its values; with too many values, or with a draw from a
-continuous range, nothing at all is proved before the instance is made. Pictures from below an asset's altitude band do
-not count, because a climb passes through these altitudes only by chance.
+continuous range, its bounds stand for them (`lingjing.mission.conditions.drawn_params`). Pictures from below an asset's
+altitude band do not count, because a climb passes through these altitudes only by chance.
 """
 
 from __future__ import annotations
-
-import itertools
-import math
-from collections.abc import Iterator
 
 import msgspec
 
 from lingjing.errors import LingjingError
 from lingjing.mission import model
 from lingjing.mission.conditions.condition_needs import needs, some_member
+from lingjing.mission.conditions.drawn_params import cases, open_reason
 from lingjing.mission.conditions.needs import Need
 from lingjing.mission.conditions.outline import ENTITIES_MOST, Outline, of_instance, of_mission, too_large
-from lingjing.mission.conditions.spread import numbers
-from lingjing.mission.evaluate import Scope, evaluate, number
-from lingjing.mission.expression import Draw
+from lingjing.mission.evaluate import number
 from lingjing.mission.feasibility.deadlines import deadline
 from lingjing.mission.feasibility.limits import TimeLimit, episode, of_stage
 from lingjing.mission.feasibility.proof import Proof, gathered
@@ -48,12 +43,8 @@ from lingjing.mission.feasibility.refutation import refute
 from lingjing.mission.feasibility.start import lost_at_boundary_0
 from lingjing.mission.feasibility.start_places import OVERLAP, refute_overlaps, refute_places, refute_standing
 from lingjing.mission.instance import Instance
-from lingjing.mission.values import is_number
 
-COMBINATIONS = 32
-"""The largest number of combinations of drawn params that are proved one by one (chosen)."""
-
-__all__ = ["Proof", "prove", "prove_instance", "prove_outline"]
+__all__ = ["Proof", "prove", "prove_instance", "prove_outline", "unproved"]
 
 
 def prove(mission: model.Mission) -> tuple[Proof, ...]:
@@ -65,12 +56,11 @@ def prove(mission: model.Mission) -> tuple[Proof, ...]:
     modes = mission.modes.allowed
     modes_of_proof: dict[Proof, list[str]] = {}
     lost: set[str] = set()
-    drawn = tuple(drawn_settings(mission))
     for mode in modes:
         try:
             if too_large(mission, mode):
                 return ()
-            proofs = _of_every_draw(mission, mode, drawn)
+            proofs = _of_every_draw(mission, mode)
         except LingjingError:
             continue
         for proof in proofs:
@@ -80,11 +70,11 @@ def prove(mission: model.Mission) -> tuple[Proof, ...]:
     return tuple(_in_modes(proof, where, modes, partly=partly) for proof, where in modes_of_proof.items())
 
 
-def _of_every_draw(mission: model.Mission, mode: str, drawn: tuple[dict[str, float], ...]) -> tuple[Proof, ...]:
-    """Proofs for each possible value of the drawn params: those of the first one if all have some, else none."""
+def _of_every_draw(mission: model.Mission, mode: str) -> tuple[Proof, ...]:
+    """Proofs for each possible value of the drawn params: those of the first case if all have some, else none."""
     first: tuple[Proof, ...] = ()
-    for settings in drawn:
-        proofs = prove_outline(of_mission(mission, mode, settings))
+    for case in cases(mission, mode):
+        proofs = prove_outline(of_mission(mission, mode, case.settings, case.wide))
         # bodies of an imported document are kept apart when the city is there
         kept = tuple(proof for proof in proofs if not (proof.code == OVERLAP and mission.origin.places))
         if not kept:
@@ -93,33 +83,15 @@ def _of_every_draw(mission: model.Mission, mode: str, drawn: tuple[dict[str, flo
     return first
 
 
-def drawn_settings(mission: model.Mission) -> Iterator[dict[str, float]]:
-    """Every combination of values of the drawn params; nothing if they are more than `COMBINATIONS`, or not known."""
-    columns: dict[str, tuple[float, ...]] = {}
-    for param in mission.parameters:
-        if isinstance(param.default, Draw):
-            values = _values_of(param.default)
-            if not values:
-                return
-            columns[param.name] = values
-    if math.prod(len(values) for values in columns.values()) <= COMBINATIONS:
-        for row in itertools.product(*columns.values()):
-            yield dict(zip(columns, row, strict=True))
-
-
-def _values_of(draw: Draw) -> tuple[float, ...]:
-    """The values of a drawn whole number or of a choice among numbers; empty for others."""
-    try:
-        if draw.distribution == "integer":
-            low, high = numbers(draw, Scope())
-            return tuple(float(n) for n in range(int(low), int(high) + 1)) if high - low <= COMBINATIONS else ()
-        if draw.distribution == "choice":
-            items = [evaluate(argument, Scope()) for argument in draw.arguments]
-            values = items[0] if len(items) == 1 and isinstance(items[0], tuple) else tuple(items)
-            return tuple(float(value) for value in values) if all(map(is_number, values)) else ()
-    except LingjingError:
+def unproved(mission: model.Mission) -> tuple[Proof, ...]:
+    """A note for a mission with drawn params of which nothing is proved, with the reason."""
+    if not any(param.is_drawn for param in mission.parameters):
         return ()
-    return ()
+    reason = next((words for mode in mission.modes.allowed if (words := open_reason(mission, mode))), "")
+    if not reason:
+        return ()
+    message = f"nothing is proved about winning this mission before a seed is drawn: {reason}"
+    return (Proof("LJ0615", "success", message, "`lingjing run` checks each drawn instance"),)
 
 
 def prove_instance(instance: Instance) -> tuple[Proof, ...]:

@@ -19,7 +19,7 @@ from lingjing.mission.evaluate import number
 from lingjing.mission.feasibility.limits import TimeLimit, episode, of_stage
 from lingjing.mission.feasibility.milestones import Milestones
 from lingjing.mission.feasibility.proof import Proof, spelled
-from lingjing.mission.feasibility.steps import NEVER, common, first
+from lingjing.mission.feasibility.steps import NEVER, StepClock, common, first
 from lingjing.mission.feasibility.truths import Reason, Truth
 from lingjing.mission.intervals import Bounds
 from lingjing.mission.values import Value
@@ -114,26 +114,46 @@ class _Roots:
     def _stages(self) -> list[Cut]:
         """Stages that cannot be done by their deadline, or without a predecessor within their own ticks."""
         clock, cuts = self._on.clock, []
-        followers = {relation.target for relation in self._instance.relations if relation.kind == "dependency"}
-        sources = {
-            relation.source
-            for relation in self._instance.relations
-            if relation.kind == "dependency" and relation.mutual
-        }
         for stage in self._instance.stages:
-            allowed = None if stage.name in followers | sources else _ticks(stage, self._on.outline)
+            allowed = _ticks(stage, self._on.outline)
             if allowed is None and stage.deadline is None:
                 continue
+            begin = 0 if allowed is None else self._latest_begin(stage.name, ())
+            allowed = None if begin >= NEVER else allowed
             for names in self._on.subjects(stage.variable, stage.domain):
                 done = clock.first_boundary(self._on.subject_truth(stage.condition, names).may)
                 deadline_s = self._deadline_s(stage, names)
                 last = math.ceil(deadline_s / self._instance.clock.tick_s - 1e-9) if deadline_s < math.inf else None
-                if allowed is not None and done > allowed * clock.per_tick:
-                    cuts.append(_late(stage, allowed, self._on.outline, clock.per_tick))
+                if allowed is not None and done > begin + allowed * clock.per_tick:
+                    cuts.append(_late(stage, allowed, self._on.outline, clock, begin))
                 if last is not None and done > last * clock.per_tick:
                     words = f"the deadline of stage `{stage.name}` is at {spelled(deadline_s)} s at the latest"
                     cuts.append(Cut(last * clock.per_tick, partial(str, words), f"stage/{stage.name}"))
         return cuts
+
+    def _latest_begin(self, stage: str, behind: tuple[str, ...]) -> int:
+        """The macro-step at which a stage has begun at the latest in every episode that goes on; `NEVER` if unknown."""
+        order = [relation for relation in self._instance.relations if relation.kind == "dependency"]
+        if any(relation.mutual and stage in (relation.source, relation.target) for relation in order):
+            return NEVER
+        sources = {relation.source for relation in order if relation.target == stage}
+        return max((self._latest_end(source, (*behind, stage)) for source in sources), default=0)
+
+    def _latest_end(self, name: str, behind: tuple[str, ...]) -> int:
+        """The macro-step at which a stage is done at the latest: its condition certainly holds, or its ticks are over.
+        One tick more, because a later stage counts at the boundary after it."""
+        stage = next((each for each in self._instance.stages if each.name == name), None)
+        if stage is None or name in behind:
+            return NEVER
+        clock, begin = self._on.clock, self._latest_begin(name, behind)
+        certain = [
+            clock.first_boundary(self._on.subject_truth(stage.condition, names).must)
+            for names in self._on.subjects(stage.variable, stage.domain)
+        ]
+        ticks = _ticks(stage, self._on.outline)
+        over = NEVER if ticks is None or begin >= NEVER else begin + ticks * clock.per_tick
+        end = min(max((*certain, begin)), over)
+        return end if end >= NEVER else end + clock.per_tick
 
     def _deadline_s(self, stage: model.Stage, names: Mapping[str, Value]) -> float:
         """The latest possible deadline of a stage for one subject, seconds; infinity without one."""
@@ -149,9 +169,11 @@ def _broken(constraint: model.Constraint, step: int, time_s: float) -> Cut:
     return Cut(step - 1, lambda: words, f"constraint/{constraint.name}", "LJ0614")
 
 
-def _late(stage: model.Stage, allowed: int, outline: Outline, per_tick: int) -> Cut:
+def _late(stage: model.Stage, allowed: int, outline: Outline, clock: StepClock, begin: int) -> Cut:
     words = of_stage(outline, stage.name, allowed).words
-    return Cut(allowed * per_tick, lambda: words, f"stage/{stage.name}")
+    if begin:
+        words = f"{words}, which begin at {spelled(clock.time_s(begin))} s at the latest"
+    return Cut(begin + allowed * clock.per_tick, lambda: words, f"stage/{stage.name}")
 
 
 def _ticks(stage: model.Stage, outline: Outline) -> int | None:

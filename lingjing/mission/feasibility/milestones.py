@@ -13,19 +13,19 @@ failed yet at every boundary before its last.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 
 import msgspec
 
 from lingjing.mission import expression as ex
 from lingjing.mission import geometry2d
-from lingjing.mission.conditions.episode import EpisodeKnowledge
+from lingjing.mission.conditions.episode import EVENT, EpisodeKnowledge
 from lingjing.mission.conditions.motion import moving_verbs, roaming_verbs
 from lingjing.mission.conditions.outline import Body, Outline, able_agents
 from lingjing.mission.conditions.spread import PossiblePlaces, extent, farthest, gap, point
 from lingjing.mission.feasibility.message_size import least_bytes
 from lingjing.mission.feasibility.proof import spelled
-from lingjing.mission.feasibility.readings import AXIS_NAMES, Gauge, Message, Readings, truth_of
+from lingjing.mission.feasibility.readings import AXIS_NAMES, Gauge, Message, Occurrences, Readings, truth_of
 from lingjing.mission.feasibility.seeing import as_drawn, sight_m
 from lingjing.mission.feasibility.steps import NEVER, StepClock, Steps, first, step_clock
 from lingjing.mission.feasibility.truths import (
@@ -43,14 +43,16 @@ from lingjing.mission.feasibility.truths import (
     disjunction,
     earliest,
     in_words,
+    lasting,
     latest,
     merged,
     since,
     unknown,
 )
 from lingjing.mission.fold import Meanings
-from lingjing.mission.instance import CameraSpec, InteractionSpec, LimitSpec
+from lingjing.mission.instance import CameraSpec, InteractionSpec, LimitSpec, MessageSpec
 from lingjing.mission.intervals import Bounds
+from lingjing.mission.kinds import engine_kind
 from lingjing.mission.model import Rule, Unlock
 from lingjing.mission.values import Place, Value
 from lingjing.mission.vocabulary import ENGINE_EVENTS, PHOTO, STOP
@@ -63,6 +65,12 @@ _MAX_PASSES = 40
 
 _MIRROR_S = 2.0
 """Seconds of motion by which an engine may know the place of another engine's body too late, besides a macro-step."""
+
+_SWAY_MPS = 1.0
+"""The speed of a body that no command moves, m/s (chosen): it sways or turns on the spot."""
+
+_FALL_MPS = 60.0
+"""The speed that a fall or a push can add, m/s (chosen: a fall from 180 m without drag)."""
 
 _LEVELS = ("heat", "flow")
 """States that an interaction works off from their present value, so that it may take less than its declared time."""
@@ -106,8 +114,11 @@ class _Motion(msgspec.Struct, frozen=True):
 class Milestones:
     """The moments of the facts of one outline; the world of `Readings`."""
 
-    def __init__(self, outline: Outline) -> None:
+    def __init__(self, outline: Outline, barred: tuple[ex.Expr, dict[str, Value]] | None = None) -> None:
+        """`barred` is a condition, with its bound names, that has never held in the episodes of this analysis."""
         self.outline = outline
+        self._barred_condition = barred
+        self._without: dict[tuple[object, ...], Truth] = {}
         self.clock: StepClock = step_clock(outline.instance)
         self.knowledge = EpisodeKnowledge(outline)
         self.settled = True
@@ -119,6 +130,7 @@ class Milestones:
         }
         self._moments: dict[Fact, Moment] = {}
         self._certain: dict[Fact, int] = {}
+        self._implied: dict[Fact, Extents] = {}
         self._done: set[Fact] = set()
         self._stack: list[Fact] = []
         self._defined: dict[int, tuple[ex.Expr, bool]] = {}
@@ -177,12 +189,14 @@ class Milestones:
 
     def _extents_of_constraints(self) -> Extents:
         """The bounds that hold at every macro-step of a winning episode."""
-        return self._static(
+        kept = (
             self.subject_truth(constraint.condition, names).if_true
             for constraint in self.outline.instance.constraints
             if constraint.kind == "hard"
             for names in self.subjects(constraint.variable, constraint.domain)
         )
+        barred = () if self._barred_condition is None else (self.subject_truth(*self._barred_condition).if_false,)
+        return self._static((*kept, *barred))
 
     def _extents_before_failure(self) -> Extents:
         """The bounds that hold at every boundary of a winning episode before its last."""
@@ -204,6 +218,23 @@ class Milestones:
             whole = merged(whole, extents) or whole
         self._frozen, self._left = False, _MAX_NODES
         return whole
+
+    def without(self, barred: ex.Expr, wanted: ex.Expr, names: Mapping[str, Value]) -> Truth:
+        """The truth of a condition in an episode in which another one has never held."""
+        nested = self._frozen or self._barred_condition is not None
+        if nested or any(isinstance(value, Message) for value in names.values()):
+            return unknown(self.clock)
+        bound = tuple((name, _id_of(value)) for name, value in sorted(names.items(), key=lambda pair: pair[0]))
+        key = (id(barred), id(wanted), bound)
+        if key not in self._without:
+            self._without[key] = self._alone(barred, wanted, dict(names))
+        return self._without[key]
+
+    def _alone(self, barred: ex.Expr, wanted: ex.Expr, names: dict[str, Value]) -> Truth:
+        other = Milestones(self.outline, (barred, names))
+        truths: list[Truth] = []
+        other.settle(lambda: truths.append(other.truth(wanted, names)))
+        return truths[-1] if other.settled else unknown(self.clock)
 
     def subjects(self, variable: str | None, domain: str | None) -> Iterable[dict[str, Value]]:
         """The bound names of a declaration that is stated per member of a group."""
@@ -342,6 +373,8 @@ class Milestones:
             return self._crossing(body, AXIS_NAMES.index(kind), low, high)
         if kind == AXIS_NAMES[2]:
             return self._rising(body, low)
+        if kind == "speed":
+            return self._speeding(body, low)
         return self._changing(body, str(gauge.key[2]), low, high) if kind == "value" else AT_ONCE
 
     def _crossing(self, body: Body, axis: int, low: float, high: float) -> Moment:
@@ -354,6 +387,23 @@ class Milestones:
         if low <= self.knowledge.start_top_m(body):
             return AT_ONCE
         return self.moment(("climb", body.id))
+
+    def _speeding(self, body: Body, low: float) -> Moment:
+        """The moment at which a body can be faster than a speed. Nothing pushes the only body that moves."""
+        alone = sum(each.driven or each.speed_mps > 0 for each in self.outline.bodies.values()) == 1
+        stays = engine_kind(body.entity.engine).stays and engine_kind(body.entity.engine).landbound
+        if not (alone and stays and not body.aboard) or low <= 2.0 * body.idle_mps + _SWAY_MPS:
+            return AT_ONCE
+        return self.moment(("climb", body.id))
+
+    def top_speed(self, body: Body) -> float:
+        """Upper bound of the speed of a body in space, m/s: twice its ceiling over ground, and a fall or a push."""
+        carriers = [self.outline.bodies[name].speed_mps for name in body.aboard]
+        return 2.0 * max((body.speed_mps, *carriers)) + _FALL_MPS
+
+    def is_always_there(self, body: Body) -> bool:
+        """True if the body is present during the whole episode."""
+        return body.entity.role == "asset" and not engine_kind(body.entity.engine).orbits
 
     def _places(self, value: Value) -> PossiblePlaces | None:
         if isinstance(value, PossiblePlaces):
@@ -508,7 +558,7 @@ class Milestones:
         if least > most:
             words = f"a `{kind}` has at least {least} bytes, and the payload of a message is {most} bytes"
             return self._never(words, "LJ0605", path)
-        moment = Moment(self.clock.per_tick)
+        moment = latest((Moment(self.clock.per_tick), self._delivered(spec)))
         for limit in instance.limits:
             if limit.most <= 0 and any(item.kind == "message" and item.name == kind for item in limit.counts):
                 if not limit.stage:
@@ -518,6 +568,79 @@ class Milestones:
                     (moment, Moment(over.step, over.reason and over.reason.behind(_shown(("report", kind)))))
                 )
         return moment
+
+    def _delivered(self, spec: MessageSpec) -> Moment:
+        """The moment from which on the radio may deliver a message. Rules receive reports that are lost, too."""
+        if spec.category == "report":
+            return AT_ONCE
+        changes = [
+            (event, radio.loss) for event in self.outline.instance.events for radio in event.radio if not radio.region
+        ]
+        if self.outline.instance.comms.loss < 1.0 or any(event.until for event, _ in changes):
+            return AT_ONCE
+        lowered = [event.name for event, loss in changes if loss is not None and loss < 1.0]
+        if not lowered:
+            return self._never(
+                f"the radio loses every message, and a rule never receives a `{spec.kind}`",
+                "LJ0605",
+                f"message/{spec.kind}",
+            )
+        return earliest(self.moment(("event", name)) for name in lowered)
+
+    # events
+
+    def _event(self, name: str) -> Moment:
+        """An event of the mission can have occurred."""
+        event = next(each for each in self.outline.instance.events if each.name == name)
+        if event.condition is not None:
+            moment = self._at_boundary(self.truth(event.condition, {}), f"event/{name}")
+        else:
+            tick = self.outline.first_ticks.get(name, event.tick or 0)
+            step = tick * self.clock.per_tick
+            words = f"it occurs at {spelled(self.clock.time_s(step))} s"
+            moment = Moment(step, Reason(lambda: words, "LJ0613", f"event/{name}") if step else None)
+        return Moment(moment.step, moment.reason and moment.reason.behind(_shown(("event", name))))
+
+    def occurrences(self, name: str, body: Body | None) -> Occurrences | None:
+        """The times of an event of the mission, or of an interaction of the engine `city`."""
+        key: Quantity = ("count", name, body.id if body is not None else "*")
+        event = next((each for each in self.outline.instance.events if each.name == name), None)
+        if event is not None:
+            moment = AT_ONCE if self._frozen else self.moment(("event", name))
+            per_tick = self.clock.per_tick
+            pause = (
+                None
+                if event.pause_s is None
+                else max(per_tick, self.clock.boundary(self.clock.after(0, event.pause_s)))
+            )
+            timed = event.tick is not None and name not in self.outline.first_ticks
+            certain = (event.tick or 0) * per_tick + per_tick if timed else NEVER
+            return Occurrences(key, (moment,), pause, certain=certain)
+        owners = self._owners(name, body)
+        if owners is None:
+            return None
+        fact = ("emitted", *key[1:])
+        moments = sorted(
+            (AT_ONCE if self._frozen else self.moment(("performed", name, owner.id)) for owner in owners),
+            key=lambda moment: moment.step,
+        )
+        once = all(self._is_done_once(name, owner) for owner in owners)
+        return Occurrences(key, tuple(moments), None if once else 0, fact)
+
+    def _owners(self, name: str, body: Body | None) -> list[Body] | None:
+        """The targets that have an interaction; None if another engine may report an event of this name."""
+        if name in ENGINE_EVENTS or (body is not None and body.entity.role != "target"):
+            return None
+        targets = [body] if body is not None else list(self.outline.bodies.values())
+        owners = [each for each in targets if any(spec.name == name for spec in each.entity.interactions)]
+        return None if not owners or any(owner.entity.engine != "city" for owner in owners) else owners
+
+    def _is_done_once(self, name: str, owner: Body) -> bool:
+        """True if an interaction is finished for good as soon as it was performed: it moves no goods, and works nothing
+        off that an event may raise again."""
+        specs = [spec for spec in owner.entity.interactions if spec.name == name]
+        plain = not any(spec.carried or spec.own or spec.takes or spec.gives for spec in specs)
+        return plain and len(specs) == 1
 
     # interactions
 
@@ -529,18 +652,25 @@ class Milestones:
         if word not in words:
             what = f"nothing gives `{body.id}` the status `{word}`"
             return constant(False, self.clock, Reason(lambda: what, "LJ0612"))
-        moment = earliest(self.moment(("performed", name, body.id)) for name in words[word]) if words[word] else AT_ONCE
+        moment = AT_ONCE
+        if words[word]:
+            moment = earliest(
+                self.moment(
+                    ("event", name.removeprefix(EVENT)) if name.startswith(EVENT) else ("performed", name, body.id)
+                )
+                for name in words[word]
+            )
         if word in _UNDER_WAY.get(body.entity.engine, ()) and not any(verb.name == STOP for verb in body.entity.verbs):
             moment = self.moment(("climb", body.id))
         wanted, others = frozenset((word,)), frozenset(words) - {word}
         return Truth(self.clock.since(moment.step), (), {key: wanted}, {key: others}, moment.reason)
 
     def present(self, target: str) -> Steps:
-        """The macro-steps at which a target is there."""
+        """The macro-steps at which a target can be there."""
         body, events = self.outline.bodies[target], self.outline.instance.events
         concerned = [event for event in events if target in event.appear or target in event.vanish]
-        if concerned and (self.outline.drawn_events or not all(event.is_fixed for event in concerned)):
-            return self.clock.always
+        if not self._is_timetabled(target):
+            return self.clock.since(self._appearance(target).step) if body.entity.dormant else self.clock.always
         there, since_step, steps = not body.entity.dormant, 0, []
         for event in sorted(concerned, key=lambda each: each.tick or 0):
             now = (there or target in event.appear) and target not in event.vanish
@@ -554,9 +684,25 @@ class Milestones:
             steps.append((since_step, max(since_step, self.clock.last)))
         return tuple(steps)
 
+    def _is_timetabled(self, target: str) -> bool:
+        """True if the times at which a target appears and vanishes are known."""
+        return all(
+            event.is_fixed and event.name not in self.outline.first_ticks
+            for event in self.outline.instance.events
+            if target in event.appear or target in event.vanish
+        )
+
+    def _appearance(self, target: str) -> Moment:
+        """The moment at which an absent target can appear."""
+        events = [event for event in self.outline.instance.events if target in event.appear]
+        return AT_ONCE if self._frozen else earliest(self.moment(("event", event.name)) for event in events)
+
     def _absent(self, target: str, step: int) -> Moment:
         """The moment of a fact that its target's absence delays to `step`."""
         steps = self.present(target)
+        appearance = AT_ONCE if self._is_timetabled(target) else self._appearance(target)
+        if appearance.reason is not None and self.outline.bodies[target].entity.dormant:
+            return Moment(step, appearance.reason.behind(f"the appearance of `{target}`"))
         appears = next((low for low, _ in steps if low > 0), None)
         if steps and appears is None:
             end = spelled(self.clock.time_s(steps[-1][1] + 1))
@@ -572,13 +718,11 @@ class Milestones:
     def emitted(self, name: str, body: Body | None) -> Truth:
         """The truth of a performed interaction."""
         key: Quantity = ("emitted", name, body.id if body is not None else "*")
-        if name in ENGINE_EVENTS or (body is not None and body.entity.role != "target"):
+        owners = self._owners(name, body)
+        if owners is None:
             return Truth(self.clock.always, (), {key: YES}, {key: NO})
-        targets = [body] if body is not None else list(self.outline.bodies.values())
-        owners = [each for each in targets if any(spec.name == name for spec in each.entity.interactions)]
-        if not owners or any(owner.entity.engine != "city" for owner in owners):
-            return Truth(self.clock.always, (), {key: YES}, {key: NO})
-        return since(earliest(self.moment(("performed", name, owner.id)) for owner in owners), self.clock, key)
+        truth = since(earliest(self.moment(("performed", name, owner.id)) for owner in owners), self.clock, key)
+        return msgspec.structs.replace(truth, if_true={key: YES, ("emitted", name, "*"): YES})
 
     def _performed(self, name: str, target: str) -> Moment:
         specs = [spec for spec in self.outline.bodies[target].entity.interactions if spec.name == name]
@@ -640,7 +784,7 @@ class Milestones:
     def _changing(self, body: Body, field: str, low: float, high: float) -> Moment:
         """The moment at which a state can lie between two bounds."""
         state, start = body.entity.state_of(field), body.bounds(field)
-        if state is None or (start.high >= low and start.low <= high) or (body.id, field) in self.outline.set_fields:
+        if state is None or (start.high >= low and start.low <= high):
             return AT_ONCE
         raised = low > start.high
         if raised and state.name in _LEVELS:
@@ -659,6 +803,12 @@ class Milestones:
             ways += [
                 self.moment(("reached", spec.name, body.id)) for spec in body.entity.interactions if not spec.carried
             ]
+        if (body.id, field) in self.outline.set_fields:
+            ways += [
+                self.moment(("event", event.name))
+                for event in self.outline.instance.events
+                if any((change.entity, change.field) == (body.id, field) for change in event.changes)
+            ]
         return earliest(ways) if ways else AT_ONCE
 
     # rules and assignments
@@ -676,7 +826,9 @@ class Milestones:
         moment = self.moment(general)
         truth = since(moment, self.clock, key)
         certain = self._certain.get(general, NEVER)
-        return msgspec.structs.replace(truth, must=self.clock.since(certain))
+        return msgspec.structs.replace(
+            truth, must=self.clock.since(certain), if_true={**self._implied.get(general, {}), key: YES}
+        )
 
     def _achieved(self, name: str, *ids: str) -> Moment:
         rule = self._rules[name]
@@ -690,6 +842,9 @@ class Milestones:
                 sent.append(self.message(parameter.domain))
         truth = self.truth(rule.condition, names)
         truth = conjunction((truth, *(since(each, self.clock) for each in sent)), self.clock)
+        self._implied["achieved", name, *ids] = {
+            key: extent for key, extent in lasting(truth.if_true).items() if not _is_of_message(key)
+        }
         too_long = self._too_long(truth)
         if too_long is not None:
             return too_long
@@ -754,6 +909,11 @@ def _of_any_message(extents: Extents) -> Extents:
     return {**general, **extents}
 
 
+def _is_of_message(key: Quantity) -> bool:
+    """True if a quantity is about one certain message."""
+    return any(str(part)[:1] in ("#", "*") and part != "*" for part in key)
+
+
 def _shown(fact: Fact) -> str:
     """A fact in a message."""
     kind, *of = fact
@@ -763,6 +923,8 @@ def _shown(fact: Fact) -> str:
         return f"`{of[0]}` of `{of[1]}`"
     if kind == "achieved":
         return f"`{of[0]}({', '.join(name for name in of[1:] if name)})`"
+    if kind == "event":
+        return f"the event `{of[0]}`"
     nouns = {
         "motion": "the motion of",
         "climb": "the motion of",

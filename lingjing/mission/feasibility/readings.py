@@ -8,7 +8,7 @@ whole episode, or is unknown.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
 import msgspec
@@ -22,7 +22,7 @@ from lingjing.mission.conditions.outline import Body
 from lingjing.mission.conditions.spread import PossiblePlaces, outlines_of
 from lingjing.mission.expression_text import spell
 from lingjing.mission.feasibility.proof import spelled
-from lingjing.mission.feasibility.steps import NEVER, StepClock, Steps, at_least_of, first
+from lingjing.mission.feasibility.steps import NEVER, StepClock, Steps, at_least_of, common, first, joined
 from lingjing.mission.feasibility.truths import (
     AT_ONCE,
     NO,
@@ -35,6 +35,7 @@ from lingjing.mission.feasibility.truths import (
     conjunction,
     constant,
     disjunction,
+    lasting,
     opposite,
     since,
     unknown,
@@ -98,6 +99,20 @@ class MessageTally(msgspec.Struct, frozen=True):
     """The condition of some message."""
 
 
+class Occurrences(msgspec.Struct, frozen=True):
+    """The number of times of an event of the mission or of an interaction."""
+
+    key: Quantity
+    moments: tuple[Moment, ...]
+    """The earliest moments of the first times, in order."""
+    pause: int | None = None
+    """The least number of macro-steps from each further time to the one before; None if there is none."""
+    fact: Quantity = ()
+    """The fact that it has happened once."""
+    certain: int = NEVER
+    """The macro-step from which on it has certainly happened once."""
+
+
 class Extremum(msgspec.Struct, frozen=True):
     """The smallest or the largest of several values."""
 
@@ -136,6 +151,22 @@ class World(Protocol):
 
     def emitted(self, name: str, body: Body | None) -> Truth:
         """The truth of a performed interaction."""
+        ...
+
+    def occurrences(self, name: str, body: Body | None) -> Occurrences | None:
+        """The times of an event or an interaction; None if nothing is known of them."""
+        ...
+
+    def without(self, barred: ex.Expr, wanted: ex.Expr, names: Mapping[str, Value]) -> Truth:
+        """The truth of a condition in an episode in which another one has never held."""
+        ...
+
+    def is_always_there(self, body: Body) -> bool:
+        """True if the body is present during the whole episode."""
+        ...
+
+    def top_speed(self, body: Body) -> float:
+        """Upper bound of the speed of a body in space, m/s."""
         ...
 
     def assigned(self, asset: Body, target: Body) -> Truth:
@@ -245,7 +276,7 @@ def bounds_of(value: Value) -> Bounds:
             return Bounds(0.0, math.inf)
         case Tally(parts=parts):
             return Bounds(0.0, float(len(parts)))
-        case MessageTally():
+        case MessageTally() | Occurrences():
             return Bounds(0.0, math.inf)
     return exactly(value) if is_number(value) else ANYTHING
 
@@ -265,6 +296,11 @@ def _applied(node: Composite, operands: tuple[Meaning, ...]) -> Meaning:
             return lambda names, on: _picked(group, operands[1](names, on), on)
         case ex.Call(rule=True):
             return lambda names, on: on.rule(node, [operand(names, on) for operand in operands])
+        case ex.Call(function="before"):
+            sooner, later = operands
+            return lambda names, on: _before(
+                node, truth_of(sooner(names, on), on), truth_of(later(names, on), on), names, on
+            )
     return lambda names, on: _computed(node, [operand(names, on) for operand in operands], on)
 
 
@@ -299,38 +335,208 @@ def _field(base: Value, name: str, on: World) -> Value:
     return Gauge(of_message, value) if isinstance(value, Bounds) else WordOf(of_message) if value is None else value
 
 
+# -- over time ------------------------------------------------------------------------------------------------------
+
+
+def _held(truth: Truth, duration: Bounds, on: World) -> Truth:
+    """`held(c, d)`: the condition has held at all macro-steps of the last `d` seconds."""
+    clock, shortest = on.clock, max(0.0, duration.low)
+    may = tuple((begin, high) for low, high in truth.may if (begin := clock.after(low, shortest)) <= high)
+    must: Steps = ()
+    if math.isfinite(duration.high):
+        later = ((clock.after(low, max(0.0, duration.high)) + 1, high) for low, high in truth.must)
+        must = tuple((begin, high) for begin, high in later if begin <= high)
+    reason = truth.reason
+    if truth.may and not may:
+        words = f"a condition that must last {spelled(shortest)} s can hold for {_longest(truth.may, clock)} s at most"
+        reason = Reason(lambda: words, "LJ0613")
+    elif truth.may and reason is None and first(may) > 0:
+        reason = Reason(lambda: f"a condition must last {spelled(shortest)} s", "LJ0613")
+    return Truth(may, must, truth.if_true, reason=reason, ends=truth.ends)
+
+
+def _longest(steps: Steps, clock: StepClock) -> str:
+    return spelled(round(max(clock.time_s(high) - clock.time_s(low) for low, high in steps), 3))
+
+
+def _rising(truth: Truth) -> Steps:
+    """The macro-steps at which a condition can become true: not those at which it certainly was true just before."""
+    barred = tuple((low + 1, high) for low, high in truth.must if low < high)
+    rises: list[tuple[int, int]] = []
+    for low, high in truth.may:
+        start = low
+        for begin, end in barred:
+            if begin <= high and end >= start:
+                if start < begin:
+                    rises.append((start, begin - 1))
+                start = end + 1
+        if start <= high:
+            rises.append((start, high))
+    return tuple(rises)
+
+
+def _soon_after(sooner: Truth, later: Truth, limit_s: float, on: World) -> Truth:
+    """`within(a, b, d)`: `b` became true at most `d` seconds after `a` did."""
+    clock = on.clock
+    extents = {**lasting(sooner.if_true), **lasting(later.if_true)}
+    if not sooner.may or not later.may:
+        reason = sooner.reason if not sooner.may else later.reason
+        return Truth((), (), reason=reason)
+    near = _until_later(_rising(sooner), limit_s, clock)
+    step = first(common(near, _rising(later)))
+    if step == NEVER:
+        words = f"the second condition cannot become true within {spelled(limit_s)} s after the first one"
+        begins = later.reason if first(later.may) > first(sooner.may) else sooner.reason
+        if begins is not None:
+            cause = begins
+            return Truth((), (), reason=msgspec.structs.replace(cause, words=lambda: f"{words}: {cause.words()}"))
+        return Truth((), (), reason=Reason(lambda: words, "LJ0613"))
+    reason = later.reason if first(later.may) >= first(sooner.may) else sooner.reason
+    return Truth(clock.since(step), (), extents, reason=reason)
+
+
+def _until_later(steps: Steps, seconds: float, clock: StepClock) -> Steps:
+    """The macro-steps at most some seconds after a step of the set."""
+    if math.isinf(seconds):
+        return clock.since(first(steps)) if seconds > 0 and steps else ()
+    if seconds < 0:
+        return ()
+    ends = (min(clock.last, clock.after(high, seconds + clock.sync_s)) for _, high in steps)
+    whole: Steps = ()
+    for (low, _), end in zip(steps, ends, strict=True):
+        whole = joined(whole, ((low, end),))
+    return whole
+
+
+def _before(node: ex.Call, sooner: Truth, later: Truth, names: Mapping[str, Value], on: World) -> Truth:
+    """`before(a, b)`: `a` became true for the first time before `b` did, or `b` never did."""
+    clock = on.clock
+    begin, barred = first(sooner.may), first(later.must)
+    if not sooner.may:
+        return Truth((), (), reason=sooner.reason)
+    if begin >= barred:
+        words = "the second condition of `before` is certainly true by then"
+        return Truth((), (), reason=Reason(lambda: words, "LJ0613"))
+    alone = on.without(node.arguments[1], node.arguments[0], names)
+    if not alone.may:
+        words = "the first condition of `before` needs the second one"
+        return Truth((), (), reason=Reason(lambda: words, "LJ0612"))
+    return Truth(clock.since(first(alone.may)), (), lasting(sooner.if_true), reason=alone.reason or sooner.reason)
+
+
+def _times(occurrences: Occurrences, least: Bounds, *, strict: bool, on: World) -> Truth:
+    """At least `least` times, or more than that. `least` runs from the easiest to the hardest number."""
+    easy, hard = least.low, least.high
+    if not math.isfinite(easy):
+        return unknown(on.clock) if easy < 0 else constant(False, on.clock)
+    number = math.floor(easy) + 1 if strict else math.ceil(easy)
+    if number <= 0:
+        return constant(True, on.clock) if easy == hard else unknown(on.clock)
+    moments, name = occurrences.moments, occurrences.key[1]
+    if number <= len(moments):
+        moment = moments[number - 1]
+    elif occurrences.pause is None or not moments:
+        words = f"`{name}` happens {len(moments)} times at most"
+        moment = Moment(NEVER, Reason(lambda: words, "LJ0612"))
+    else:
+        last = moments[-1]
+        step = last.step + (number - len(moments)) * occurrences.pause
+        clock = on.clock
+        when = f"`{name}` happens {number} times not before {spelled(clock.time_s(min(step, NEVER // 2)))} s"
+        late = occurrences.pause > 0 and step < NEVER // 2
+        moment = Moment(min(step, NEVER), Reason(lambda: when, "LJ0613") if late else last.reason)
+    happened: Extents = {occurrences.key: Bounds(float(number), math.inf)}
+    fewer: Extents = {occurrences.key: Bounds(0.0, number - 1.0)}
+    if occurrences.fact:
+        happened = {**happened, occurrences.fact: YES}
+        fewer = {**fewer, occurrences.fact: NO} if number == 1 else fewer
+    must = on.clock.since(occurrences.certain) if number == 1 else ()
+    if easy != hard:
+        return Truth(on.clock.since(moment.step), (), happened, reason=moment.reason)
+    return Truth(on.clock.since(moment.step), must, happened, fewer, moment.reason)
+
+
 # -- functions ------------------------------------------------------------------------------------------------------
 
 
 def _computed(node: Composite, values: list[Value], on: World) -> Value:
-    if isinstance(node, ex.Call):
-        match node.function, values:
-            case "truth", [Body() as body, *_]:
-                return Pictured(body)
-            case (("distance" | "distance_xy"), [first_place, second_place]):
-                return Apart(first_place, second_place, node.function == "distance")
-            case "speed", [Body() as body]:
-                return Gauge(("speed", body.id), Bounds(0.0, math.inf))
-            case "line_of_sight", [Body() as one, Body() as other]:
-                free = ("line_of_sight", *sorted((one.id, other.id)))
-                return Truth(on.clock.always, (), {free: YES}, {free: NO})
-            case "emitted", [str() as name, *rest]:
-                about = rest[0] if rest else None
-                return on.emitted(name, about) if isinstance(about, Body) or not rest else None
-            case "assigned", [Body() as asset, Body() as target]:
-                return on.assigned(asset, target)
-            case "photographed", [Body() as asset]:
-                return on.photographed(asset)
-            case (("alive" | "inspected" | "clear"), [subject]):
-                name = subject.id if isinstance(subject, Body) else str(subject)
-                return Truth(on.clock.always, (), {(node.function, name): YES}, {(node.function, name): NO})
-            case (("min" | "max"), [_, _, *_]):
-                return Extremum(tuple(values), node.function == "min")
-            case (("used" | "replans"), _):
-                counted = on.knowledge.answer(node, values)
-                return Gauge((node.function, str(values[0])), counted) if isinstance(counted, Bounds) else None
+    if isinstance(node, ex.Call) and (reading := _CALLS.get(node.function)) is not None:
+        return reading(node, values, on)
     span = _span(node, values)
     return span if span is not None else _number(node, values, on)
+
+
+def _in_plane_or_space(node: ex.Call, values: list[Value], on: World) -> Value:
+    first_place, second_place = values
+    if isinstance(first_place, Body) and isinstance(second_place, Body) and first_place.id == second_place.id:
+        return exactly(0.0)
+    return Apart(first_place, second_place, node.function == "distance")
+
+
+def _of_body(node: ex.Call, values: list[Value], on: World) -> Value:
+    """A value or fact of one body; None if it is about something else."""
+    body = values[0]
+    if not isinstance(body, Body):
+        return None
+    match node.function:
+        case "truth":
+            return Pictured(body)
+        case "speed":
+            return Gauge(("speed", body.id), Bounds(0.0, on.top_speed(body)))
+        case "photographed":
+            return on.photographed(body)
+        case "assigned" if isinstance(values[1], Body):
+            return on.assigned(body, values[1])
+        case "line_of_sight" if isinstance(values[1], Body):
+            if body.id == values[1].id and on.is_always_there(body):
+                return constant(True, on.clock)
+            free = ("line_of_sight", *sorted((body.id, values[1].id)))
+            return Truth(on.clock.always, (), {free: YES}, {free: NO})
+    return None
+
+
+def _of_event(node: ex.Call, values: list[Value], on: World) -> Value:
+    """`emitted(e)` or `count(e)`, of everything or about one body."""
+    name, *rest = values
+    about = rest[0] if rest else None
+    if not isinstance(name, str) or (rest and not isinstance(about, Body)):
+        return None
+    body = about if isinstance(about, Body) else None
+    return on.emitted(name, body) if node.function == "emitted" else on.occurrences(name, body)
+
+
+def _of_subject(node: ex.Call, values: list[Value], on: World) -> Value:
+    """A fact of which only contradictions are known."""
+    name = values[0].id if isinstance(values[0], Body) else str(values[0])
+    return Truth(on.clock.always, (), {(node.function, name): YES}, {(node.function, name): NO})
+
+
+def _of_counter(node: ex.Call, values: list[Value], on: World) -> Value:
+    counted = on.knowledge.answer(node, values)
+    return Gauge((node.function, str(values[0])), counted) if isinstance(counted, Bounds) else None
+
+
+def _of_two(node: ex.Call, values: list[Value], on: World) -> Value:
+    return Extremum(tuple(values), node.function == "min") if len(values) > 1 else _number(node, values, on)
+
+
+def _over_time(node: ex.Call, values: list[Value], on: World) -> Value:
+    if node.function == "held":
+        return _held(truth_of(values[0], on), _whole_bounds(values[1], on), on)
+    limit_s = _whole_bounds(values[2], on).high
+    return _soon_after(truth_of(values[0], on), truth_of(values[1], on), limit_s, on)
+
+
+_CALLS: Mapping[str, Callable[[ex.Call, list[Value], World], Value]] = {
+    **dict.fromkeys(("truth", "speed", "photographed", "assigned", "line_of_sight"), _of_body),
+    **dict.fromkeys(("distance", "distance_xy"), _in_plane_or_space),
+    **dict.fromkeys(("emitted", "count"), _of_event),
+    **dict.fromkeys(("alive", "inspected", "clear"), _of_subject),
+    **dict.fromkeys(("used", "replans"), _of_counter),
+    **dict.fromkeys(("min", "max"), _of_two),
+    **dict.fromkeys(("held", "within"), _over_time),
+}
+"""The readings of functions; `before` needs its conditions unevaluated, and all others are computed from bounds."""
 
 
 def _number(node: Composite, values: list[Value], on: World) -> Value:
@@ -470,7 +676,8 @@ def _by_bounds(left: Bounds, right: Bounds, symbol: str, on: World) -> Truth:
 
 def _equal(node: ex.Binary, left: Value, right: Value, on: World) -> Truth:
     numbers = [
-        isinstance(value, Bounds | Span | Apart | Gauge | Tally | MessageTally | Extremum) for value in (left, right)
+        isinstance(value, Bounds | Span | Apart | Gauge | Tally | MessageTally | Occurrences | Extremum)
+        for value in (left, right)
     ]
     if all(numbers):
         both = (_ordered(node, left, right, on, strict=False), _ordered(node, right, left, on, strict=False))
@@ -540,16 +747,27 @@ def _ordered(node: ex.Binary, left: Value, right: Value, on: World, *, strict: b
             return _measured(node, left, -math.inf, _end(bounds_of(right).high, strict, -1), bounds_of(right), on)
         case _, Gauge():
             return _measured(node, right, _end(bounds_of(left).low, strict, 1), math.inf, bounds_of(left), on)
+    counts = _compared_counts(left, right, on, strict=strict)
+    return counts or _by_bounds(bounds_of(left), bounds_of(right), symbol, on)
+
+
+def _compared_counts(left: Value, right: Value, on: World, *, strict: bool) -> Truth | None:
+    """The same for a number of conditions, messages or events; None for other values."""
+    match left, right:
         case _, Tally():
             counted = _counted(right, bounds_of(left).low, on, strict=strict)
             return counted if bounds_of(left).exact else msgspec.structs.replace(counted, must=(), if_false={})
         case Tally(), _:
             counted = opposite(_counted(left, bounds_of(right).high, on, strict=not strict), on.clock)
             return counted if bounds_of(right).exact else msgspec.structs.replace(counted, must=(), if_false={})
+        case _, Occurrences():
+            return _times(right, bounds_of(left), strict=strict, on=on)
+        case Occurrences(), _:
+            return opposite(_times(left, bounds_of(right), strict=not strict, on=on), on.clock)
         case _, MessageTally():
             needs_one = bounds_of(left).low > 0 or (strict and bounds_of(left).low == 0)
             return msgspec.structs.replace(right.some, if_false={}) if needs_one else unknown(on.clock)
-    return _by_bounds(bounds_of(left), bounds_of(right), symbol, on)
+    return None
 
 
 def _end(number: float, strict: bool, towards: int) -> float:

@@ -108,6 +108,8 @@ class _StartKnowledge(Knowledge):
         if ref.kind in ("group", "entity"):
             members = self._outline.groups.get(ref.name, ())
             return members[0] if len(members) == 1 else members or ref.name
+        if ref.kind == "param" and ref.name in self._outline.wide:
+            return self._outline.wide[ref.name]
         try:
             return known(self._outline.scope.refer(ref))
         except LingjingError:

@@ -111,6 +111,15 @@ def since(moment: Moment, clock: StepClock, key: Quantity = ()) -> Truth:
     return Truth(clock.since(moment.step), (), yes, no, moment.reason)
 
 
+_LASTING = ("emitted", "achieved", "photographed", "assigned")
+"""Facts that stay once they have happened."""
+
+
+def lasting(extents: Extents) -> Extents:
+    """The extents that still hold after the moment at which they held: facts that stay."""
+    return {key: extent for key, extent in extents.items() if key and key[0] in _LASTING and extent == YES}
+
+
 def opposite(truth: Truth, clock: StepClock) -> Truth:
     """`not x`."""
     return Truth(clock.other(truth.must), clock.other(truth.may), truth.if_false, truth.if_true)
