@@ -67,3 +67,26 @@ def test_blocks_by_colon_and_indentation_are_an_error_each_and_their_fixes_give_
     for edit in sorted(edits, key=lambda edit: (edit.span.start, edit.span.end), reverse=True):
         text = text[: edit.span.start] + edit.text + text[edit.span.end :]
     assert intended(text) == intended(BASE) is not None
+
+
+OTHERS = tomllib.loads((DATA / "more_mistakes.toml").read_text(encoding="utf-8"))
+"""Mistakes from other languages: those that lead to their correction, and those that do not yet."""
+
+
+def errors_of(mistake: list[str]) -> list[tuple[str, str]]:
+    """The code and the hint of each error of a text with a mistake."""
+    _, right, wrong = mistake[:3]
+    assert BASE.count(right) == 1, mistake
+    items = compile_text(BASE.replace(right, wrong)).diagnostics
+    return [(item.code, item.hint) for item in items if item.severity == "error"]
+
+
+@pytest.mark.parametrize("mistake", OTHERS["mistakes"], ids=lambda mistake: mistake[0].replace(" ", "-"))
+def test_a_mistake_from_another_language_is_one_error_with_the_way_out(mistake: list[str]) -> None:
+    assert errors_of(mistake) == [(mistake[3], mistake[4])]
+
+
+def test_eleven_of_twelve_mistakes_from_other_languages_lead_to_their_correction() -> None:
+    resolved, unresolved = OTHERS["mistakes"], OTHERS["unresolved"]
+    assert len(resolved) >= 65 and 12 * len(resolved) >= 11 * (len(resolved) + len(unresolved))
+    assert all(len(errors_of(mistake)) > 0 for mistake in unresolved)

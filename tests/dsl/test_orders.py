@@ -120,7 +120,7 @@ def test_the_ticks_of_a_serial_stage_count_from_the_end_of_the_one_before() -> N
     late = ", ticks <= 1"
     assert done("serial a, d", more=late)[1] == ""
     assert done("serial a, b, d", more=late.replace("1", "2"))[1] == ""
-    never = text("serial a, d", more=late).replace("done when now >= 10 s, ", "done when now >= 990 s, ")
+    never = text("serial a, d", more=late).replace("done when now >= 10 s, ", "done when not alive(boat[1]), ")
     with episode(compiled(never), seed=1, stage=Stage()) as play:
         while not play.done:
             play.do({})

@@ -16,13 +16,13 @@ from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.checking.values import STATIC, UNKNOWN, Environment, Taint, TypedExpression
 from lingjing.dsl.source.reporter import Change
 from lingjing.dsl.syntax import tree as s
-from lingjing.dsl.syntax.foreign import KEYS
+from lingjing.dsl.syntax.foreign import CONTROL, KEYS
 from lingjing.dsl.syntax.keys import PropertyKey
 from lingjing.dsl.syntax.statement_kinds import FILE, TYPE
 from lingjing.dsl.syntax.statements import KINDS, kind_of
 from lingjing.mission import expression as ex
 from lingjing.mission.functions import DEGREES, DISTRIBUTIONS, MPS, NUMBER, Type
-from lingjing.mission.units import dimension_unit
+from lingjing.mission.units import NONE, dimension_unit
 from lingjing.suggest import did_you_mean, is_certain, nearest
 
 SEA_LEVEL = "sea level"
@@ -79,6 +79,7 @@ class BlockReader:
         end = name.end if name is not item else item.start + len(first)
         code = "LJ0108" if isinstance(item, s.Bare | s.UnknownBlock | s.FieldLine) else "LJ0107"
         hint = did_you_mean(first, list(keys)) if code == "LJ0108" else ""
+        hint = CONTROL.get(first, hint)
         if code == "LJ0108" and was_poisoned:
             return
         if isinstance(item, s.FieldLine):
@@ -198,6 +199,8 @@ class BlockReader:
         limits = (("above", key.above), ("at least", key.low), ("at most", key.high))
         bounds = " and ".join(f"{word} {limit:.12g}{unit}" for word, limit in limits if limit is not None)
         message, hint = f"`{key.name}` must be {bounds}", ""
+        if (key.low, key.high) == (0.0, 1.0) and key.type.dimension in (None, NONE) and 1.0 < outside[0] <= 100.0:
+            hint = f"write `{outside[0]:g} %`"
         if isinstance(parts[0].ir, ex.Draw):
             endless = math.isinf(outside[0])
             message += ", this draw has no such end" if endless else f", this draw can give {outside[0]:g}{unit}"

@@ -105,7 +105,8 @@ class CallChecker:
         domains = self._inferred(node.body, node.variable.text)
         if not domains:
             variable = node.variable
-            hint = f"name its domain: `{node.quantifier} {variable.text} in …:`"
+            domain = next(iter(self.scope.messages), "…")
+            hint = f"name its domain: `{node.quantifier} {variable.text} in {domain}:`"
             if not _mentions_unknown(node.body, self.scope.rules):
                 self.report.at("LJ0105", variable, f"the domain of `{variable.text}` is not clear", hint)
             return None

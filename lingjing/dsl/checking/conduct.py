@@ -81,7 +81,8 @@ class ConductChecker(DeclarationChecker):
         if penalty is not None and node.kind.text == "hard":
             place = penalty.node
             self.report.at("LJ0110", place, "a hard constraint has no penalty: it decides the episode")
-        if penalty is None and node.kind.text == "soft" and not any(isinstance(i, s.Faulty) for i in node.block.items):
+        faulty = any(isinstance(i, s.Faulty) or _is_penalty(i) for i in node.block.items)
+        if penalty is None and node.kind.text == "soft" and not faulty:
             message, hint = f"{what} has no penalty, so that breaking it costs nothing", "add `penalty = 10 %`"
             self.report.at("LJ0512", node.name, message, hint, severity="warning")
         if condition is None or environment is None:
@@ -168,3 +169,8 @@ class ConductChecker(DeclarationChecker):
             )
             return None, ""
         return resource, node.name.text
+
+
+def _is_penalty(item: s.Statement) -> bool:
+    """True for a line `penalty = …`, also one with an error."""
+    return isinstance(item, s.PropertyLine) and item.name.text == "penalty"

@@ -21,13 +21,14 @@ from lingjing.dsl.checking.typenames import dimension_of, of_type, with_article
 from lingjing.dsl.checking.values import UNKNOWN, Environment, Taint, TypedExpression
 from lingjing.dsl.source.reporter import Change, Reporter
 from lingjing.dsl.syntax import tree as s
-from lingjing.dsl.syntax.foreign import AXES, FIELDS, NAMES, unit_for
+from lingjing.dsl.syntax.foreign import AXES, FIELDS, NAMES, NOTHING, unit_for
 from lingjing.mission import expression as ex
 from lingjing.mission.functions import (
     DISTRIBUTIONS,
     ENTITY,
     FIELD_TYPES,
     FLAG,
+    FUNCTIONS,
     MESSAGE_FIELDS,
     METRES,
     NAME,
@@ -59,6 +60,8 @@ _COMPARISONS = frozenset(("<", "<=", ">", ">="))
 """Operators of comparison."""
 _NAMELIKE = frozenset(("name", "names", "entity", "role", "text", "status"))
 """Kinds of types that can be compared as names."""
+_DECLARED = {"deadline": "deadline = 300 s"}
+"""Property that any entity may declare → its declaration."""
 _POINT_FIELDS = {"east": METRES, "north": METRES, "elevation": METRES, "x": METRES, "y": METRES, "z": METRES}
 """Fields of a position."""
 _SPEEDS = ("speed", "velocity_xy", "ground_speed")
@@ -73,6 +76,8 @@ class Elaborator(ExpressionChecker):
     def __init__(self, report: Reporter, scope: SymbolTables) -> None:
         super().__init__(report, scope)
         self.calls = CallChecker(self)
+        self.shares: list[ex.Expr] = []
+        """The fields that are shares of a whole, such as `uav.battery`."""
         self.before_clock = False
         """True while checking an expression that is evaluated before the clock: params, their sweeps, the clock
         itself."""
@@ -159,9 +164,18 @@ class Elaborator(ExpressionChecker):
             return TypedExpression(ex.Symbol(name), Type("name", of="mode"))
         if name in self.scope.agents or name in self.scope.roles or name in self.scope.stages:
             return TypedExpression(ex.Symbol(name), NAME)
+        return self._undeclared(node, environment)
+
+    def _undeclared(self, node: s.Name, environment: Environment) -> TypedExpression:
+        """Store a name without a declaration, with the way out if it is a word of another language."""
+        name = node.text
         right_name = NAMES.get(name)
         hint = f"write `{right_name}`" if right_name else ""
-        known = [*environment.locals, *self.scope.known_names()]
+        if name in NOTHING:
+            hint = "there is no empty value: leave the whole line out"
+        elif name in FUNCTIONS:
+            hint = f"`{name}` is a function: write `{name}(…)`"
+        known = [] if hint else [*environment.locals, *self.scope.known_names()]
         return self.unknown_name(node, known, hint=hint, replace=right_name, safe=right_name in ("true", "false"))
 
     def _through(self, taint: Taint, node: s.Name) -> Taint:
@@ -301,7 +315,9 @@ class Elaborator(ExpressionChecker):
         if not environment.rule:
             self.report.at("LJ0304", name, f"`{name.text}` is known only while the mission runs", "use it in a rule")
             return UNKNOWN
-        return TypedExpression(ex.Attr(base.ir, name.text), NUMBER, base.taint)
+        share = TypedExpression(ex.Attr(base.ir, name.text), NUMBER, base.taint)
+        self.shares.append(share.ir)
+        return share
 
     def _no_speed(self, node: s.FieldExpr) -> TypedExpression:
         written = f"speed({self.report.source.text[node.base.start : node.base.end]})"
@@ -328,6 +344,9 @@ class Elaborator(ExpressionChecker):
         self, name: s.Name, owner: str, known: list[str], foreign: Mapping[str, str] | None = None
     ) -> TypedExpression:
         message, right_name = f"{owner} has no field `{name.text}`", (foreign or {}).get(name.text)
+        if foreign is FIELDS and name.text in _DECLARED:
+            self.report.at("LJ0102", name, message, f"declare it in the block of {owner}: `{_DECLARED[name.text]}`")
+            return UNKNOWN
         if right_name is not None:
             self.report.at("LJ0102", name, message, f"write `{right_name}`", replace=right_name)
         else:
@@ -470,7 +489,17 @@ class Elaborator(ExpressionChecker):
         both = left.type.kind == right.type.kind == "quantity"
         if not both or left.type.dimension != right.type.dimension:
             return self._not_comparable(node, left, right)
+        for side, other, written in ((left, right, node.right), (right, left, node.left)):
+            if self._is_share(side) and (number := self.constant(other.ir)) is not None and 1.0 < number <= 100.0:
+                share = f"{number:g} %"
+                message = f"a share is between 0 and 1, this is {number:g}"
+                self.report.at("LJ0206", written, message, f"write `{share}`", replace=share)
+                return UNKNOWN
         return self._made(node, left, right, FLAG)
+
+    def _is_share(self, value: TypedExpression) -> bool:
+        """True for a resource that an engine reports as a share of the whole, such as `uav.battery`."""
+        return any(value.ir is share for share in self.shares)
 
     def _not_comparable(self, node: s.BinaryExpr, left: TypedExpression, right: TypedExpression) -> TypedExpression:
         if left.type.kind == right.type.kind == "quantity":
@@ -483,7 +512,11 @@ class Elaborator(ExpressionChecker):
                     return UNKNOWN
         code = "LJ0203" if left.type.kind == right.type.kind == "quantity" else "LJ0201"
         ours, theirs = with_article(left.type), with_article(right.type)
-        self.report.at(code, node, f"`{node.operator}` cannot compare {ours} with {theirs}")
+        hint = ""
+        if isinstance(node.left, s.BinaryExpr) and left.type == FLAG:
+            middle = self.report.source.text[node.left.right.start : node.left.right.end]
+            hint = f"a comparison has two sides: write `… and {middle} {node.operator} …`"
+        self.report.at(code, node, f"`{node.operator}` cannot compare {ours} with {theirs}", hint)
         return UNKNOWN
 
     def _membership(self, node: s.BinaryExpr, left: TypedExpression, right: TypedExpression) -> TypedExpression:

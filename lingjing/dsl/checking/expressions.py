@@ -14,8 +14,8 @@ from lingjing.dsl.syntax import tree as s
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
 from lingjing.mission.evaluate import Scope, evaluate
-from lingjing.mission.functions import Type
-from lingjing.mission.units import BY_DIMENSION, LENGTH, NONE, dimension_unit
+from lingjing.mission.functions import FLAG, Type
+from lingjing.mission.units import BY_DIMENSION, LENGTH, NONE, TICKS, TIME, dimension_unit
 from lingjing.mission.values import is_number
 
 
@@ -75,8 +75,17 @@ class ExpressionChecker:
             self.report.at("LJ0201", node, message, f"write `{right[0]}`", replace=right[0], safe=right[1])
             return
         group = value.type.of if value.type.kind == "group" and due.kind in ("entity", "position") else ""
+        if due == FLAG and value.type.kind == "quantity" and value.type.dimension in (TIME, TICKS):
+            written = self.report.source.text[node.start : node.end]
+            time = f"{written.split()[0]} * tick" if value.type.dimension == TICKS else written
+            self.report.at("LJ0201", node, message, f"compare the time: `now >= {time}`")
+            return
         hint = f"bind one: `forall v in {group}: …`, or name it: `{group}[1]`" if group else ""
-        self.report.at("LJ0201", node, message, hint)
+        place = None
+        if value.type.kind == "message" and due.kind == "position":
+            place = f"{self.report.source.text[node.start : node.end]}.position"
+            hint = f"write `{place}`, the place that the message names"
+        self.report.at("LJ0201", node, message, hint, replace=place)
 
     def unknown_name(
         self,

@@ -53,6 +53,8 @@ STATEMENTS: dict[str, str] = {
     **dict.fromkeys(("observe", "sees", "observations"), "observes"),
     **dict.fromkeys(("struct", "schema"), "record"),
     **dict.fromkeys(("time", "timing"), "clock"),
+    **dict.fromkeys(("sequence", "seq", "in_order"), "serial"),
+    **dict.fromkeys(("terminate", "abort"), "failure"),
     "version": "ljs",
 }
 """Word that begins a statement elsewhere → the keyword."""
@@ -67,6 +69,7 @@ CONTROL: dict[str, str] = {
         "there are no loops: `asset uav[i in 1..n]` declares several, `stage … per v in group` and "
         "`forall v in group: …` go over them",
     ),
+    "pass": "remove it: a block may be empty",
     **dict.fromkeys(
         ("while", "until", "wait", "do", "return", "print", "try", "class", "async", "await"),
         "the language is declarative: it has no such statement; a `stage` waits for its condition",
@@ -111,6 +114,8 @@ UNITS: dict[str, str] = {
     **dict.fromkeys(("KB", "Kb", "kb", "K"), "kB"),
     **dict.fromkeys(("mb", "Mb"), "MB"),
     **dict.fromkeys(("byte", "bytes"), "B"),
+    **dict.fromkeys(("kilobyte", "kilobytes"), "kB"),
+    **dict.fromkeys(("megabyte", "megabytes"), "MB"),
     **dict.fromkeys(("pixel", "pixels"), "px"),
     **dict.fromkeys(("watt", "watts"), "W"),
     **dict.fromkeys(("dollar", "dollars", "usd"), "USD"),
@@ -119,17 +124,20 @@ UNITS: dict[str, str] = {
 """Name of a unit elsewhere → the unit. Each factor of a compound unit may be one of them."""
 
 NAMES: dict[str, str] = {
-    "True": "true", "False": "false", "TRUE": "true", "FALSE": "false",
+    "True": "true", "False": "false", "TRUE": "true", "FALSE": "false", "yes": "true", "no": "false",
     **dict.fromkeys(("time", "t", "sim_time", "elapsed", "current_time"), "now"),
     **dict.fromkeys(("everyone", "everybody", "any", "broadcast_all"), "all"),
 }  # fmt: skip
 """Name elsewhere → the word of the language."""
+NOTHING = frozenset(("None", "null", "nil", "undefined", "NaN", "nan", "NULL"))
+"""Names of a missing value elsewhere."""
 FUNCTIONS: dict[str, str] = {
     "all": "write `forall v in …: …`", "every": "write `forall v in …: …`",
     "any": "write `exists v in …: …`", "some": "write `exists v in …: …`",
     "len": "write `count(true for v in …)`", "size": "write `count(true for v in …)`",
     **dict.fromkeys(("Vector", "vec", "vec2", "vec3", "point", "Point", "Location", "pos"), "write `(… m, … m)`"),
     "range": "write `1..4`",
+    "Range": "write `param … ~ uniform(40 m, 100 m)`, a draw, or `in 40 m..100 m`, a bound",
     **dict.fromkeys(("battery", "energy", "charge", "soc"), "write `uav.battery`, a share: `uav.battery >= 20 %`"),
     "fuel": "write `plane.fuel`, a share: `plane.fuel >= 20 %`",
 }  # fmt: skip

@@ -44,6 +44,8 @@ _PYTHON_IMPORT = re.compile(r"[ \t]+(?P<path>\.?\w+(?:\.\w+)*)[ \t]+import[ \t]+
 _TIMES = re.compile(r"(?P<rows>\d+)[xX](?P<columns>\d+)")
 _GROUPED = re.compile(r"\d{1,3}(?:_\d{3})+(?:\.\d+)?")
 _TIMES_NUMBER = re.compile(r"[ \t]*(?P<number>\d+)(?![\w.])")
+_PDDL = re.compile(r"\?\w+\s+-\s+\w+|\(\s*\w+\s+\?\w")
+_YAML_TEXT = re.compile(r"[ \t]*:[ \t]*[|>][-+]?[ \t]*\n(?P<indent>[ \t]+)(?P<lines>[^\n]*(?:\n(?P=indent)[^\n]*)*)")
 _MORE = re.compile(r"(?:[ \t]*,[ \t]*-?\d[\w.]*[ \t]*[^\W\d_]*){1,2}(?=[ \t]*(?:[\r\n}]|$))")
 _LINE_END = re.compile(r"[\r\n]")
 _FARTHEST = 4000
@@ -140,6 +142,12 @@ class ForeignText:
             return 0
         plain = SIGNS.get(character)
         return None if plain is None else self._read_as(self._meant(character), character, start, end)
+
+    def _is_pddl(self, start: int) -> bool:
+        """True for the `?` of a variable of PDDL in a line that no statement of this language resembles."""
+        line_end = self.text.find("\n", start)
+        line = self.text[self.text.rfind("\n", 0, start) + 1 : line_end if line_end >= 0 else len(self.text)]
+        return _PDDL.search(line) is not None
 
     def _meant(self, sign: str) -> str:
         relation = self.tokens and self._statement().type == "RELATION"
@@ -346,6 +354,9 @@ class ForeignText:
 
     def _signed_keyword(self, word: str, start: int, end: int) -> int:
         """Read a keyword with `=` or `:` behind it as the statement without that sign. 0 if this is none."""
+        block = _YAML_TEXT.match(self.text, end) if word in ("goal", "prompt") else None
+        if block is not None:
+            return self._yaml_text(word, start, end, block)
         kind, sign = KINDS[word], _SIGN.match(self.text, end)
         owner = self._owner() if sign is not None else ""
         if sign is None or owner not in kind.within:
@@ -371,6 +382,16 @@ class ForeignText:
         if written == " when ":
             self._add("WHEN", at, at + 1, text="when")
         return sign.end()
+
+    def _yaml_text(self, word: str, start: int, end: int, block: re.Match[str]) -> int:
+        """Read `prompt: |` with the indented lines below it as a text of several lines."""
+        text = f'"""{block["lines"]}"""'
+        hint = f'a text of several lines stands in `"""`: `{word} """…"""`'
+        edits = ((end, block.end(), f" {text}"),)
+        self.report("LJ0010", end, end + 1, f"`{word}` takes no `:`", hint, edits=edits)
+        self._add(STATEMENTS[word], start, end, text=word)
+        self._add("STRING", block.start("lines"), block.end(), text=text)
+        return block.end()
 
     def _as_block(self, word: str, end: int, message: str = "") -> int:
         """Read `actions [a, b]` as `actions { a, b }`. Returns the offset after the bracket, 0 if there is none."""

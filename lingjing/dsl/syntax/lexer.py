@@ -719,6 +719,8 @@ class Lexer(ForeignText):
 
     def _bad(self, match: re.Match[str]) -> int:
         character = match[0]
+        if character == "?" and self._is_pddl(match.start()):
+            return 0  # the statement does not parse, and its error explains all of it
         skip = self._foreign_character(character, match.start(), match.end())
         if skip is not None:
             return skip

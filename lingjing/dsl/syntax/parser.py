@@ -17,6 +17,7 @@ from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.builder import Builder
 from lingjing.dsl.syntax.foreign import CLAUSES, CONTROL
 from lingjing.dsl.syntax.foreign import STATEMENTS as FOREIGN_STATEMENTS
+from lingjing.dsl.syntax.idioms import idiom_in
 from lingjing.dsl.syntax.lexer import lex
 from lingjing.dsl.syntax.repairs import repairs
 from lingjing.dsl.syntax.statements import KINDS
@@ -114,7 +115,7 @@ class Parser:
             stop = _block_end(tokens, stop)
         if stop == fault and silent:
             stop = min(fault + 1, len(tokens) - 1)
-        words = " ".join(t.text for t in tokens[begin:stop] if t.type == "NAME")
+        words = " ".join(t.text.strip('"') for t in tokens[begin:stop] if t.type in ("NAME", "STRING"))
         first, last = tokens[begin], tokens[max(begin, stop - 1)]
         error = Token("ERROR", words, first.start, max(first.start, last.end))
         state = self.tables.states[self.states[-1]]["ERROR"]
@@ -146,7 +147,13 @@ class Parser:
         if self.report.full:
             return -1
         first, token = tokens[begin], tokens[fault]
-        if first.text in CONTROL:
+        if first.type == "GOAL" and token.type == "WHEN":
+            message, hint = "`goal` is a text", "the condition of success is `success when …`"
+            self.report.at("LJ0010", first, message, hint, replace="success")
+            tokens[begin] = Token(STATEMENTS["success"], "success", first.start, first.end)
+            self._drop_statement()
+            return begin
+        if first.text in CONTROL or self._idiom(tokens, begin, fault) is not None:
             return -1
         if _sets_field(tokens, begin):
             return self._mend_assignment(tokens, begin)
@@ -251,8 +258,19 @@ class Parser:
     def _reads(self, states: list[int], statement: list[Token], following: Token) -> bool:
         return all(self._step(states, token.type) for token in statement) and self._step(states, following.type)
 
+    def _idiom(self, tokens: list[Token], begin: int, fault: int) -> tuple[str, str] | None:
+        """The message and hint for a phrase of another language around a fault; None if there is none."""
+        text = self.report.source.text
+        start = tokens[begin].start
+        line_end = text.find("\n", max(start, tokens[max(begin, fault - 1)].start))
+        return idiom_in(text[start : line_end if line_end >= 0 else len(text)])
+
     def _explain(self, tokens: list[Token], begin: int, fault: int) -> None:
         token, first = tokens[fault], tokens[begin]
+        idiom = self._idiom(tokens, begin, fault)
+        if idiom is not None:
+            self.report("LJ0010", first.start, max(token.end, first.end), *idiom)
+            return
         opens = first.text in CONTROL or (first.type == "NAME" and fault - begin <= 1)
         if opens and (first.text in CONTROL or token.type not in _RELATIONS) and self._explain_word(first, token):
             return
