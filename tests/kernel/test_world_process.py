@@ -20,8 +20,6 @@ from lingjing.errors import InfrastructureError, UsageError
 from lingjing.testing.worlds import open_world
 from lingjing.trace.records import Absent
 
-pytestmark = pytest.mark.usefixtures("workers_are_interpreters")
-
 starts_interpreters = pytest.mark.usefixtures("workers_are_interpreters_once")
 """For tests of the start and the end of workers. The others fork them."""
 
