@@ -74,11 +74,11 @@ def readable(text: str) -> Iterator[str]:
 
 def told(text: str, secret: str, run: int = RUN + 2) -> str:
     """Return a substring of the secret that a text contains in any encoding; "" without one."""
-    data = secret.encode()
+    data, views = secret.encode(), list(readable(text))
     forms = [secret.lower(), data.hex(), *(b64encode(b"?" * at + data).decode()[4:-4].lower() for at in range(3))]
     for form in forms:
         for at in range(max(1, len(form) - run + 1)):
-            if any(form[at : at + run] in view for view in readable(text)):
+            if any(form[at : at + run] in view for view in views):
                 return form[at : at + run]
     return ""
 

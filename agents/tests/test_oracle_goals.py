@@ -10,6 +10,8 @@ import lingjing
 
 pytestmark = pytest.mark.slow
 EXAMPLES = Path(__file__).parents[2] / "scenarios" / "examples"
+WON_ELSEWHERE = {"castaways", "chase", "overwatch", "parcels", "rounds"}
+"""The examples that the oracle wins with the same seed in `tests/play/test_examples.py`."""
 
 
 def played(mission: Path | str, folder: Path, **settings: float):
@@ -18,7 +20,7 @@ def played(mission: Path | str, folder: Path, **settings: float):
     )
 
 
-@pytest.mark.parametrize("name", sorted(path.stem for path in EXAMPLES.glob("*.ljs")))
+@pytest.mark.parametrize("name", sorted({path.stem for path in EXAMPLES.glob("*.ljs")} - WON_ELSEWHERE))
 def test_the_examples_are_won(name: str, tmp_path: Path) -> None:
     result = played(EXAMPLES / f"{name}.ljs", tmp_path)
     assert result.success, (result.reason, result.warnings)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -12,13 +11,12 @@ from pathlib import Path
 
 import pytest
 
-import lingjing
 from agents.tests.chat_server import serve
 from agents.tests.test_recorded_calls import ARGUMENTS, TEXT, decisions, looking, play
 from lingjing import EpisodeReport, Session
 from lingjing.play.policy_processes.preloading import PRELOAD, SERVES
 from lingjing.processes.fork_client import ForkServer, ForkServerClient
-from lingjing.testing import mission_file, recorded_calls
+from lingjing.testing import recorded_calls, shortened
 
 
 @pytest.fixture(scope="module")
@@ -49,13 +47,6 @@ def key(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TEST_KEY", "sk-a-planted-key-4711-0815")
 
 
-def short(folder: Path, mission: str, ticks: int) -> Path:
-    text = mission_file(mission).read_text("utf-8")
-    file = folder / f"{mission}.ljs"
-    file.write_text(re.sub(r"ticks <= \d+", f"ticks <= {ticks}", text, count=1), "utf-8")
-    return file
-
-
 COLUMNS = [
     ("ssr", "star", "heuristic"),
     ("ssr", "broadcast", "random"),
@@ -71,7 +62,7 @@ def test_one_digest_here_and_apart(
 ) -> None:
     if mission in ("cd", "ld") and find_spec("libsumo") is None:
         pytest.skip("the road engine is an optional extra")
-    text = lingjing.compile(short(tmp_path, mission, 6 if mission == "ssr" else 4))
+    text = shortened(mission, 6 if mission == "ssr" else 3)
     options = {"policy": policy, "mode": mode, "seed": 1, "overview": False}
     first = apart.run(text, out=tmp_path / "apart", **options)
     second = here.run(text, out=tmp_path / "here", **options)
