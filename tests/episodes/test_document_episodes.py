@@ -1,4 +1,4 @@
-"""Whole `resetScenario` documents and missions of fleets, won by the oracle."""
+"""Whole `resetScenario` documents and missions of fleets, won by the oracle or the heuristic."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 
 import lingjing
+from lingjing.errors import ExitCode
+from lingjing.testing import run_command
 
 pytestmark = pytest.mark.episodes
 
@@ -34,6 +36,16 @@ FLEETS = {
 def test_the_oracle_wins_a_document(name: str, tmp_path: Path) -> None:
     report = lingjing.run(WILD / f"{name}.json", policy="oracle", overview=False, out=tmp_path / "run")
     assert (report.mission, report.success) == (DOCUMENTS[name], True)
+
+
+def test_the_heuristic_wins_a_document_and_its_notes_are_told_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (document,) = (WILD.parent / "made_up").glob("06*.json")
+    arguments = ["run", str(document), "--seed", "1", "--no-overview", "-o", str(tmp_path / "out")]
+    assert run_command(arguments) == ExitCode.OK
+    output = capsys.readouterr()
+    assert "success: yes" in output.out and "note: template 'free'" in output.err
 
 
 @pytest.mark.parametrize("name", FLEETS)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from functools import cache
 from pathlib import Path
 
 import msgspec
@@ -29,11 +30,17 @@ RADIUS_M = 50.0
 SPOT = st.tuples(st.floats(-3000, 3000), st.floats(-3000, 3000))
 
 
-@pytest.fixture(scope="module")
-def ssr() -> m.Mission:
+@cache
+def sea_rescue() -> m.Mission:
+    """The mission, compiled once: a test of many examples cannot take it from a fixture."""
     mission = compile_file(str(SCENARIOS / "ssr.ljs")).mission
     assert mission is not None
     return mission
+
+
+@pytest.fixture(scope="module")
+def ssr() -> m.Mission:
+    return sea_rescue()
 
 
 @pytest.mark.parametrize("file", sorted(SCENARIOS.glob("*.ljs")), ids=lambda file: file.stem)
@@ -90,9 +97,7 @@ def placed(instance: Instance, spots: list[tuple[float, float]], ticks: int, dri
 @settings(max_examples=60, deadline=None)
 @given(spots=st.lists(SPOT, min_size=6, max_size=6), ticks=st.integers(1, 300), more=st.integers(0, 300))
 def test_more_time_never_makes_an_error(spots: list[tuple[float, float]], ticks: int, more: int) -> None:
-    mission = compile_file(str(SCENARIOS / "ssr.ljs")).mission
-    assert mission is not None
-    instance = instantiate(mission, settings={"victims": 6})
+    instance = instantiate(sea_rescue(), settings={"victims": 6})
     fewer = {proof.code for proof in prove_instance(placed(instance, spots, ticks))}
     longer = {proof.code for proof in prove_instance(placed(instance, spots, ticks + more))}
     assert bool(longer) <= bool(fewer)
@@ -104,9 +109,7 @@ def test_a_schedule_that_can_be_sailed_is_never_called_impossible(
     spots: list[tuple[float, float]], drift: float
 ) -> None:
     """The witness: straight to each victim in the best order at the declared speed, with ticks for the pictures."""
-    mission = compile_file(str(SCENARIOS / "ssr.ljs")).mission
-    assert mission is not None
-    instance = instantiate(mission, settings={"victims": 4})
+    instance = instantiate(sea_rescue(), settings={"victims": 4})
     boat = next(entity for entity in instance.entities if entity.id == "boat").position[:2]
     metres = min(sailed(boat, order) for order in itertools.permutations(spots))
     ticks = max(5, math.ceil(metres / BOAT_MPS / instance.clock.tick_s))

@@ -382,9 +382,9 @@ def test_uavs_over_a_plateau_fly_over_its_ground() -> None:
     assert "heights begin at 1342 m" in notes
 
 
-@pytest.mark.parametrize("number", ["06", "10", "11", "16"])
+@pytest.mark.parametrize("number", ["10", "11", "16"])
 def test_it_is_played(number: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The heuristic wins; the notes are told again."""
+    """The heuristic wins; the notes are told again. The longest document is in `tests/episodes`."""
     arguments = ["run", str(FILES[number]), "--seed", "1", "--no-overview", "-o", str(tmp_path / "out")]
     assert run_command(arguments) == ExitCode.OK
     output = capsys.readouterr()

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lingjing.dsl.compilation import Compilation, compile_file
+from lingjing.dsl.compilation import Compilation
 from lingjing.dsl.diagnostics.render import render_text, summary
 from lingjing.dsl.loading.cache import compile_cached
 from lingjing.dsl.loading.shipped import find_mission
@@ -133,7 +133,7 @@ def templates_beside(folder: Path) -> Callable[[str], Mission]:
         shipped = (data_path("scenarios", f"{name}.ljs"), data_path("scenarios", "reset", f"{name}.ljs"))
         for file in (folder / f"{name}.ljs", *shipped):
             if file.is_file():
-                return mission_of(compile_file(str(file)))
+                return mission_of(compile_cached(read_source(str(file))))
         raise KeyError(name)
 
     return find
