@@ -25,7 +25,7 @@ module = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(module)
 instance = module.msgspec.msgpack.decode(sys.stdin.buffer.read(), type=module.Instance)
 engine = module.begin(instance)
-print(module.digest(engine, 0.0, 25.0))
+print(module.digest(engine, 0.0, 12.0))
 """
 
 
@@ -108,7 +108,7 @@ def test_a_fork_goes_on_bit_for_bit(instance_of):
 
 def test_another_process_answers_the_same(instance_of):
     instance = three(instance_of)
-    here = digest(begin(instance), 0.0, 25.0)
+    here = digest(begin(instance), 0.0, 12.0)
     for seed in ("0", "77"):
         done = subprocess.run(
             [sys.executable, "-c", SCRIPT, str(Path(__file__).resolve())],
@@ -123,7 +123,7 @@ def test_another_process_answers_the_same(instance_of):
 def test_the_cut_of_the_intervals_does_not_matter(instance_of):
     def end(step_s: float) -> list[BodyState]:
         engine = begin(three(instance_of))
-        for k in range(round(12.0 / step_s)):
+        for k in range(round(6.0 / step_s)):
             boundary = engine.advance((k + 1) * step_s, ())
         return list(boundary.states)
 

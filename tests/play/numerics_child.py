@@ -4,7 +4,6 @@
 """
 
 import json
-import re
 import sys
 import tempfile
 from pathlib import Path
@@ -16,28 +15,16 @@ if "unpinned" in sys.argv:
     numerics.worker_environment = dict
 
 from lingjing import Session, read_trace
-from lingjing.data import data_path
 from lingjing.play import selfcheck
+from lingjing.testing import shortened
 
 
 def main() -> None:
     with tempfile.TemporaryDirectory() as name, Session() as session:
         folder, how = Path(name), {"overview": False, "world": sys.argv[1]}
-        played = [
-            session.run(
-                selfcheck.MISSION,
-                policy=selfcheck.Scripted,
-                seed=7,
-                out=folder / "a",
-                overview=False,
-                world=sys.argv[1],
-            )
-        ]
+        played = [session.run(selfcheck.MISSION, policy=selfcheck.Scripted, seed=7, out=folder / "a", **how)]
         if "short" not in sys.argv:
-            search = folder / "search.ljs"
-            whole = data_path("scenarios", "ssr.ljs").read_text()
-            search.write_text(re.sub(r"ticks <= \d+", "ticks <= 8", whole, count=1))
-            played.append(session.run(search, policy="heuristic", seed=5, out=folder / "b", **how))
+            played.append(session.run(shortened("ssr", 6), policy="heuristic", seed=5, out=folder / "b", **how))
         print(
             json.dumps(
                 {

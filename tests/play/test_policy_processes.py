@@ -30,6 +30,7 @@ from lingjing.play.policy_processes.messages import LoadPolicy
 from lingjing.play.policy_processes.output import MOST_BYTES
 from lingjing.play.policy_processes.preloading import SERVES
 from lingjing.plugins.loading import UNRECORDED
+from lingjing.plugins.policy import Decision
 from lingjing.processes.fork_client import ForkServer, ForkServerClient
 from lingjing.trace.records import DecisionRecord
 
@@ -333,8 +334,8 @@ def test_python_plays_in_its_own_process(tmp_path: Path) -> None:
         async def reset(self, brief: object) -> None:
             seen.append(os.getpid())
 
-        async def act(self, observation: object, inbox: object) -> lingjing.Decision:
-            return lingjing.Decision()
+        async def act(self, observation: object, inbox: object) -> Decision:
+            return Decision()
 
     mission = lingjing.compile(write_mission(tmp_path, 1, 1, 60.0))
     lingjing.run(mission, policy=Here, out=tmp_path / "out", overview=False)
@@ -350,9 +351,9 @@ class Drawing:
     async def reset(self, brief: object) -> None:
         self.name = brief
 
-    async def act(self, observation: object, inbox: object) -> lingjing.Decision:
+    async def act(self, observation: object, inbox: object) -> Decision:
         self.draw()
-        return lingjing.Decision()
+        return Decision()
 
 
 @pytest.mark.parametrize(
