@@ -83,7 +83,7 @@ def windows() -> list[tuple[int, int, int]]:
 
 
 def around(box: tuple[float, float, float, float]) -> list[tuple[int, int, int]]:
-    """Return the windows that hold at least half of a box."""
+    """Return the windows that hold at least half of a box, those that hold most of it first."""
     x0, y0, x1, y1 = box
     area = max((x1 - x0) * (y1 - y0), 1.0)
 
@@ -92,7 +92,7 @@ def around(box: tuple[float, float, float, float]) -> list[tuple[int, int, int]]
         high = min(y1, top + side) - max(y0, top)
         return max(wide, 0.0) * max(high, 0.0) / area
 
-    return [window for window in windows() if held(*window) >= OVERLAP]
+    return sorted((window for window in windows() if held(*window) >= OVERLAP), key=lambda window: -held(*window))
 
 
 def overlap(a: Sequence[float], b: Sequence[float]) -> float:
@@ -153,8 +153,11 @@ class Observer:
         if box is None:
             return False
         mine = pixels(box)
-        seen = self.detector.find(picture.rgb, around(mine))
-        return any(name in RIGHT[kind] and overlap(mine, corners) >= OVERLAP for name, _, *corners in seen)
+        return any(  # a window at a time: most bodies are found in the first
+            name in RIGHT[kind] and overlap(mine, corners) >= OVERLAP
+            for window in around(mine)
+            for name, _, *corners in self.detector.find(picture.rgb, [window])
+        )
 
     def frames(self, count: int) -> Iterator[tuple[str, bool, bool]]:
         """Yield (kind, ours found, reference found) for each body of street frames that both pictures show."""

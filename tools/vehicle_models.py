@@ -12,270 +12,14 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
+from model_lofts import Curve, Projector, Skin, Soup, at, box, egg, narrow_wheel, packed, rect, rod, skinned, wheel
 
-from lingjing.engines.camera.models.stored import FILE, MATERIALS, UNIT_M
-
-Array = npt.NDArray[np.float64]
-Curve = tuple[tuple[float, float], ...]
-Side = Literal["front", "back", "right"]
-
-LEVELS = 3
-
-
-@dataclass(frozen=True)
-class Soup:
-    """Triangles: corners and normals (n, 3, 3), a material each."""
-
-    corners: Array = field(default_factory=lambda: np.zeros((0, 3, 3)))
-    normals: Array = field(default_factory=lambda: np.zeros((0, 3, 3)))
-    materials: npt.NDArray[np.uint8] = field(default_factory=lambda: np.zeros(0, np.uint8))
-
-    def __add__(self, other: Soup) -> Soup:
-        return Soup(
-            np.concatenate([self.corners, other.corners]),
-            np.concatenate([self.normals, other.normals]),
-            np.concatenate([self.materials, other.materials]),
-        )
-
-    def moved(self, x: float, y: float, z: float) -> Soup:
-        """Return the triangles shifted by metres."""
-        return Soup(self.corners + np.array((x, y, z)), self.normals, self.materials)
-
-    def mirrored(self) -> Soup:
-        """Return the triangles with their mirror image across x = 0."""
-        flip = np.array([-1.0, 1.0, 1.0])
-        return self + Soup((self.corners * flip)[:, ::-1], (self.normals * flip)[:, ::-1], self.materials)
-
-
-@dataclass(frozen=True)
-class Skin:
-    """The measures of a loft; metres."""
-
-    profile: Curve
-    """Height of the centre line by y."""
-    plan: Curve
-    """Half width by y."""
-    flank: Curve
-    """Factor of the half width by height."""
-    low: float
-    """Height of the lower edge."""
-    axles: tuple[float, ...] = ()
-    """Places of the wheels along y."""
-    arch: float = 0.0
-    """Radius of the wheel arches about the axles."""
-    hub: float = 0.0
-    """Height of the axles."""
-    corner: float = 0.12
-    """Radius of the edge between side and top."""
-    crown: float = 0.03
-    """Rise of the top towards its middle."""
-
-
-def at(curve: Curve, where: Array) -> Array:
-    """Return a curve's values between its points."""
-    xs, ys = zip(*curve, strict=True)
-    return np.interp(where, xs, ys)
-
-
-def stations(skin: Skin, level: int) -> Array:
-    """Return the places of cross-sections: at the points of the curves, and around the arches."""
-    ys = {y for y, _ in (*skin.profile, *skin.plan)}
-    for axle in skin.axles:
-        for angle in np.linspace(0.0, np.pi, (9, 7, 4)[level]):
-            ys.add(round(axle + skin.arch * float(np.cos(angle)), 4))
-    low, high = skin.profile[0][0], skin.profile[-1][0]
-    placed = sorted(y for y in ys if low <= y <= high)
-    gap = (0.02, 0.05, 0.12)[level]
-    kept = placed[:1]
-    for y in placed[1:-1]:
-        if y - kept[-1] > gap and high - y > gap:
-            kept.append(y)
-    return np.array([*kept, placed[-1]])
-
-
-def ring(skin: Skin, y: float, level: int) -> Array:
-    """Return one cross-section's right half, from the lower edge to the middle of the top: (n, 2) of x and z."""
-    top, low = float(at(skin.profile, np.array(y))), skin.low
-    for axle in skin.axles:
-        inside = skin.arch**2 - (y - axle) ** 2
-        if inside >= -1e-9:
-            low = max(low, skin.hub + float(np.sqrt(max(inside, 0.0))))
-    low = min(low, top - 0.05)
-    round_m = min(skin.corner, 0.45 * (top - low))
-    sides = np.linspace(low, top - round_m, (7, 5, 3)[level])
-    half = float(at(skin.plan, np.array(y)))
-    x = half * at(skin.flank, sides)
-    edge = np.linspace(0.0, np.pi / 2.0, (4, 3, 2)[level])[1:]
-    last = x[-1]
-    round_x = min(1.4 * round_m, 0.5 * last)
-    bend = np.stack([last - round_x * (1.0 - np.cos(edge)), top - round_m + round_m * np.sin(edge)], 1)
-    across = np.linspace(1.0, 0.0, (4, 3, 2)[level])[1:, None]
-    roof = np.hstack([bend[-1, 0] * across, top + skin.crown * (1.0 - across**2)])
-    return np.concatenate([np.stack([x, sides], 1), bend, roof])
-
-
-def skinned(skin: Skin, level: int, material: str = "paint") -> Soup:
-    """Return the loft with smooth normals, its ends closed and its floor dark."""
-    ys = stations(skin, level)
-    rings = np.stack([np.insert(ring(skin, float(y), level), 1, y, axis=1) for y in ys])
-    sheet = surface(rings, material, crease_deg=50.0)
-    ends = fan(rings[-1][::-1], material) + fan(rings[0], material)
-    edge = rings[:, 0]
-    middle = edge * (0.0, 1.0, 1.0)
-    floor = surface(np.stack([middle, edge], 1), "under", crease_deg=180.0)
-    return (sheet + ends + floor).mirrored()
-
-
-def fan(edge: Array, material: str) -> Soup:
-    """Return the flat end between an edge and the plane x = 0."""
-    middle = edge * (0.0, 1.0, 1.0)
-    triangles = []
-    for k in range(len(edge) - 1):
-        triangles += [(middle[k], edge[k], edge[k + 1]), (middle[k], edge[k + 1], middle[k + 1])]
-    return flat(np.array(triangles), material)
-
-
-def halved(grid: Array) -> Array:
-    """Return the cells of a grid (rows, columns, 3) as two triangles each: (n, 3, 3)."""
-    a, b, c, d = grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]
-    return np.concatenate([np.stack([a, b, c], 2).reshape(-1, 3, 3), np.stack([a, c, d], 2).reshape(-1, 3, 3)])
-
-
-def surface(grid: Array, material: str, crease_deg: float) -> Soup:
-    """Return a grid of points (rows, columns, 3) as triangles. Normals are smooth, except across sharp edges."""
-    return smooth(halved(grid), material, crease_deg)
-
-
-def smooth(corners: Array, material: str, crease_deg: float) -> Soup:
-    """Return triangles with normals averaged over those neighbours at each corner that bend less than an angle."""
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    area = np.linalg.norm(across, axis=1)
-    corners, across = corners[area > 1e-7], across[area > 1e-7]
-    face = across / np.linalg.norm(across, axis=1, keepdims=True)
-    _, which = np.unique(np.round(corners.reshape(-1, 3) / 1e-4), axis=0, return_inverse=True)
-    which = which.reshape(-1, 3)
-    normals = np.zeros_like(corners)
-    least = np.cos(np.radians(crease_deg))
-    order = np.argsort(which.ravel(), kind="stable")
-    for group in np.split(order, np.flatnonzero(np.diff(which.ravel()[order])) + 1):
-        mine = group // 3
-        alike = face[mine] @ face[mine].T >= least
-        total = alike @ across[mine]
-        normals.reshape(-1, 3)[group] = total / np.linalg.norm(total, axis=1, keepdims=True).clip(1e-12)
-    return Soup(corners, normals, np.full(len(corners), MATERIALS.index(material), np.uint8))
-
-
-def flat(corners: Array, material: str) -> Soup:
-    """Return triangles with the normals of their faces."""
-    return smooth(np.asarray(corners, float).reshape(-1, 3, 3), material, 1.0)
-
-
-def box(centre: Sequence[float], size: Sequence[float], material: str, bevel: float = 0.0) -> Soup:
-    """Return a box; with a bevel, its long edges along y are cut."""
-    w, half, h = (0.5 * measure for measure in size)
-    b = bevel
-    outline = [(-w, -h + b), (-w + b, -h), (w - b, -h), (w, -h + b), (w, h - b), (w - b, h), (-w + b, h), (-w, h - b)]
-    return prism(outline, half, material).moved(*centre)
-
-
-def prism(outline: Sequence[tuple[float, float]], half: float, material: str) -> Soup:
-    """Return an anticlockwise outline (x, z; seen from astern) drawn out along y."""
-    points = np.array(outline)
-    near, far = np.insert(points, 1, -half, axis=1), np.insert(points, 1, half, axis=1)
-    following = np.roll(np.arange(len(points)), -1)
-    sides = np.concatenate([
-        np.stack([near, near[following], far[following]], 1), np.stack([near, far[following], far], 1)
-    ])  # fmt: skip
-    ends = [(near[0], near[k + 1], near[k]) for k in range(1, len(points) - 1)]
-    ends += [(far[0], far[k], far[k + 1]) for k in range(1, len(points) - 1)]
-    return flat(np.concatenate([sides, np.array(ends)])[:, ::-1], material)
-
-
-def wheel(radius: float, width: float, level: int, rim: float = 0.64) -> Soup:
-    """Return a right wheel about its hub, its outer side at x = 0: a rounded tyre and a rim with five spokes."""
-    sides = (18, 12, 8)[level]
-    angle = np.linspace(0.0, 2.0 * np.pi, sides + 1)
-    circle = np.stack([np.zeros(sides + 1), np.cos(angle), -np.sin(angle)], 1)
-
-    def lathe(outline: Sequence[tuple[float, float]], material: str) -> Soup:
-        rows = [circle * r + (x, 0.0, 0.0) for x, r in outline]
-        return surface(np.stack(rows), material, 40.0)
-
-    bulge = 0.03 if level < 2 else 0.0
-    made = lathe([(-width, radius * 0.7), (-width, radius - bulge), (-width + bulge, radius), (-bulge, radius),
-                  (0.0, radius - bulge), (0.0, radius * rim)], "tyre")  # fmt: skip
-    if level == 2:
-        return made + lathe([(0.0, radius * rim), (0.0, 0.0)], "rim")
-    made += lathe([(0.0, radius * rim), (-0.015, radius * (rim - 0.07)), (-0.05, radius * (rim - 0.08))], "rim")
-    made += lathe([(-0.05, radius * (rim - 0.08)), (-0.05, 0.0)], "under")
-    spokes = []
-    for turn in 2.0 * np.pi * np.arange(5) / 5.0:
-        ends = np.array([(0.0, -0.084), (rim - 0.06, -0.126), (rim - 0.06, 0.126), (0.0, 0.084)]) * radius
-        along, across = ends[:, :1], ends[:, 1:]
-        ahead, up = along * np.cos(turn) - across * np.sin(turn), along * np.sin(turn) + across * np.cos(turn)
-        a, b, c, d = np.hstack([np.full((4, 1), -0.02), ahead, up])
-        spokes += [(a, b, c), (a, c, d)]
-    return made + flat(np.array(spokes), "rim")
-
-
-class Projector:
-    """Projects outlines onto a skin."""
-
-    def __init__(self, skin: Soup) -> None:
-        self.skin = skin
-
-    def patch(self, side: Side, outline: Sequence[tuple[float, float]], material: str, lift: float = 0.006,
-              cuts: tuple[int, int] = (4, 3)) -> Soup:  # fmt: skip
-        """Return a four-cornered outline on the skin, with `cuts` cells along its first and second edge.
-
-        Corners run around the patch: (x, z) seen from ahead or astern, (y, z) seen from the right.
-        """
-        p = np.array(outline)
-        u, v = np.meshgrid(np.linspace(0, 1, cuts[0] + 1), np.linspace(0, 1, cuts[1] + 1), indexing="ij")
-        u, v = u[..., None], v[..., None]
-        grid = (1 - u) * (1 - v) * p[0] + u * (1 - v) * p[1] + u * v * p[2] + (1 - u) * v * p[3]
-        points, normals = self._hits(side, grid.reshape(-1, 2))
-        points = (points + lift * normals).reshape(*grid.shape[:2], 3)
-        shading = normals.reshape(points.shape)
-        tri, lit = halved(points), halved(shading)
-        facing = np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0])
-        turned = np.einsum("nj,nj->n", facing, lit.mean(axis=1)) < 0.0
-        tri[turned], lit[turned] = tri[turned][:, ::-1], lit[turned][:, ::-1]
-        kept = np.linalg.norm(facing, axis=1) > 1e-8
-        return Soup(tri[kept], lit[kept], np.full(int(kept.sum()), MATERIALS.index(material), np.uint8))
-
-    def _hits(self, side: Side, where: Array) -> tuple[Array, Array]:
-        """Return the outermost points of the skin behind plane points, with normals; missing ones take the nearest."""
-        axis, sign, plane = {"front": (1, 1.0, (0, 2)), "back": (1, -1.0, (0, 2)), "right": (0, 1.0, (1, 2))}[side]
-        paint = self.skin
-        tri = paint.corners[:, :, plane]
-        a, b, c = tri[:, 0], tri[:, 1], tri[:, 2]
-        det = (b[:, 1] - c[:, 1]) * (a[:, 0] - c[:, 0]) + (c[:, 0] - b[:, 0]) * (a[:, 1] - c[:, 1])
-        safe = np.where(np.abs(det) < 1e-12, np.inf, det)
-        out, lit = np.zeros((len(where), 3)), np.zeros((len(where), 3))
-        for k, point in enumerate(where):
-            s = ((b[:, 1] - c[:, 1]) * (point[0] - c[:, 0]) + (c[:, 0] - b[:, 0]) * (point[1] - c[:, 1])) / safe
-            t = ((c[:, 1] - a[:, 1]) * (point[0] - c[:, 0]) + (a[:, 0] - c[:, 0]) * (point[1] - c[:, 1])) / safe
-            weights = np.stack([s, t, 1.0 - s - t], 1)
-            inside = (weights >= -1e-6).all(axis=1) & np.isfinite(safe)
-            if not inside.any():
-                near = paint.corners.reshape(-1, 3)
-                ranked = np.linalg.norm(near[:, plane] - point, axis=1) - 0.05 * sign * near[:, axis]
-                best = int(ranked.argmin())
-                out[k], lit[k] = near[best], paint.normals.reshape(-1, 3)[best]
-                continue
-            depth = np.einsum("nk,nk->n", weights, paint.corners[:, :, axis]) * sign
-            best = int(np.where(inside, depth, -np.inf).argmax())
-            out[k] = weights[best] @ paint.corners[best]
-            normal = weights[best] @ paint.normals[best]
-            lit[k] = normal / max(float(np.linalg.norm(normal)), 1e-9)
-        return out, lit
+from lingjing.engines.camera.models import skeleton
+from lingjing.engines.camera.models.stored import FOLDER, LEVELS
 
 
 @dataclass(frozen=True)
@@ -303,11 +47,6 @@ class Car:
     """Height of the lamps astern."""
     tall_tail: bool = False
     """True for upright rear lamps."""
-
-
-def rect(left: float, right: float, low: float, high: float) -> list[tuple[float, float]]:
-    """Return the corners of a rectangle, around it."""
-    return [(left, low), (right, low), (right, high), (left, high)]
 
 
 def motorcar(car: Car, level: int) -> Soup:
@@ -470,7 +209,7 @@ CAB = Car(
 """The cab of a truck, a car without a back."""
 
 
-def delivery_van(level: int) -> Soup:
+def van_body(level: int) -> Soup:
     """Return a van with a sliding door, rear doors and rubbing strips."""
     made = motorcar(VAN, level)
     on = Projector(skinned(VAN.skin, 0))
@@ -531,23 +270,340 @@ def truck_details(on: Projector, level: int) -> Soup:
     return made
 
 
+ESTATE = replace(
+    SEDAN,
+    skin=replace(
+        SEDAN.skin,
+        profile=((-2.32, 0.62), (-2.30, 0.86), (-2.25, 1.02), (-2.14, 1.22), (-1.98, 1.40), (-1.82, 1.47),
+                 (-1.2, 1.505), (-0.4, 1.505), (0.0, 1.49), (0.25, 1.44), (0.42, 1.375), (1.10, 0.985), (1.22, 0.94),
+                 (1.75, 0.865), (2.05, 0.77), (2.18, 0.68), (2.25, 0.55)),
+        plan=((-2.32, 0.76), (-2.26, 0.82), (-2.0, 0.865), (-1.4, 0.895), (0.0, 0.90), (1.3, 0.895), (1.85, 0.85),
+              (2.10, 0.77), (2.25, 0.62)),
+    ),
+    windows=(((-1.98, 1.04), (-1.02, 0.985), (-1.0, 1.39), (-1.80, 1.36)), *SEDAN.windows[1:]),
+    rear=((-0.64, 1.07), (0.64, 1.07), (0.55, 1.39), (-0.55, 1.39)),
+    tail=0.88, tall_tail=True,
+)  # fmt: skip
+CITY_CAR = replace(
+    HATCH,
+    skin=replace(
+        HATCH.skin,
+        profile=((-1.80, 0.60), (-1.785, 0.85), (-1.74, 1.05), (-1.66, 1.26), (-1.54, 1.44), (-1.40, 1.50),
+                 (-0.9, 1.535), (-0.1, 1.54), (0.22, 1.50), (0.42, 1.44), (1.06, 1.05), (1.18, 1.00), (1.50, 0.92),
+                 (1.68, 0.82), (1.76, 0.72), (1.82, 0.56)),
+        plan=((-1.80, 0.74), (-1.75, 0.79), (-1.5, 0.825), (-1.0, 0.84), (0.0, 0.845), (1.0, 0.84), (1.4, 0.80),
+              (1.66, 0.73), (1.82, 0.60)),
+        flank=((0.15, 0.93), (0.34, 0.985), (0.55, 1.0), (0.82, 0.985), (0.95, 0.945), (1.02, 0.92), (1.55, 0.75)),
+        axles=(-1.12, 1.16),
+    ),
+    track=0.825,
+    windows=(((-1.50, 1.10), (-0.98, 1.04), (-0.94, 1.42), (-1.36, 1.40)), ((-0.88, 1.04), (-0.16, 1.02),
+                                                                            (-0.16, 1.45), (-0.84, 1.43)),
+             ((-0.06, 1.02), (0.84, 1.015), (0.38, 1.37), (-0.06, 1.45))),
+    screen=((-0.66, 1.065), (0.66, 1.065), (0.54, 1.48), (-0.54, 1.48)),
+    rear=((-0.60, 1.12), (0.60, 1.12), (0.52, 1.43), (-0.52, 1.43)),
+    doors=(-0.92, -0.11, 0.94), belt=0.97, nose=0.69, tail=0.92,
+)  # fmt: skip
+
+
+def sports_car_spoiler(level: int) -> Soup:
+    """Return a saloon with a spoiler and a darker roof rail."""
+    made = motorcar(SEDAN, level)
+    return made + box((0.0, -2.08, 1.13), (1.30, 0.20, 0.035), "paint", 0.01) + \
+        box((0.50, -2.06, 1.06), (0.05, 0.12, 0.12), "paint").mirrored()  # fmt: skip
+
+
+def rails(car: Car, low: float, high: float, z: float, level: int) -> Soup:
+    """Return roof rails of a car between two places."""
+    if level == 2:
+        return Soup()
+    half = 0.80 * float(at(car.skin.plan, np.array(0.0))) * float(at(car.skin.flank, np.array(z)))
+    return box((half, 0.5 * (low + high), z + 0.05), (0.035, high - low, 0.035), "chrome").mirrored()
+
+
+def estate(level: int) -> Soup:
+    """Return an estate with roof rails."""
+    return motorcar(ESTATE, level) + rails(ESTATE, -1.7, 0.1, 1.47, level)
+
+
+def suv(level: int) -> Soup:
+    """Return a tall car with roof rails."""
+    return motorcar(SUV, level) + rails(SUV, -1.8, 0.1, 1.67, level)
+
+
+def stripe(on: Projector, low: float, high: float, start: float, end: float, material: str, level: int) -> Soup:
+    """Return a stripe along both flanks."""
+    return on.patch("right", rect(start, end, low, high), material, 0.010, ((12, 2), (8, 1), (4, 1))[level]).mirrored()
+
+
+def taxi(level: int) -> Soup:
+    """Return a saloon with a sign on its roof and chequers along its doors."""
+    made = motorcar(SEDAN, level)
+    made += box((0.0, -0.30, 1.56), (0.56, 0.18, 0.16), "white", 0.03)
+    made += box((0.0, -0.30, 1.475), (0.60, 0.22, 0.03), "black")
+    made += box((0.0, -0.205, 1.56), (0.36, 0.01, 0.07), "black")
+    made += box((0.0, -0.395, 1.56), (0.36, 0.01, 0.07), "black")
+    on = Projector(skinned(SEDAN.skin, 0))
+    if level == 2:
+        return made + stripe(on, 0.76, 0.84, -0.85, 0.90, "black", 2)
+    for k in range(10):
+        low = 0.76 if k % 2 else 0.80
+        made += on.patch("right", rect(-0.85 + 0.17 * k, -0.70 + 0.17 * k, low, low + 0.04), "black", 0.006,
+                         (1, 1)).mirrored()  # fmt: skip
+    return made
+
+
+def light_bar(y: float, z: float, half: float, level: int) -> Soup:
+    """Return a bar of blue lights across a roof."""
+    made = box((0.0, y, z), (2.0 * half, 0.26, 0.04), "black")
+    made += box((0.66 * half, y, z + 0.08), (0.60 * half, 0.24, 0.12), "blue", 0.03).mirrored()
+    return made if level == 2 else made + box((0.0, y, z + 0.07), (0.66 * half, 0.20, 0.09), "white", 0.02)
+
+
+def police_car(level: int) -> Soup:
+    """Return an estate of the police: a stripe along its flanks and a bar of blue lights."""
+    on = Projector(skinned(ESTATE.skin, 0))
+    made = motorcar(ESTATE, level) + light_bar(0.0, 1.53, 0.58, level)
+    made += stripe(on, 0.66, 0.84, -2.0, 1.95, "cargo", level)
+    if level < 2:
+        made += stripe(on, 0.60, 0.64, -2.0, 1.95, "yellow", level)
+        made += on.patch("front", rect(-0.45, 0.45, 0.90, 0.94), "cargo", 0.012, (3, 1))
+    return made
+
+
+def minibus(level: int) -> Soup:
+    """Return a van with windows along its sides."""
+    made, on = van_body(level), Projector(skinned(VAN.skin, 0))
+    cut = ((3, 2), (2, 1), (1, 1))[level]
+    for start, end in ((-2.75, -1.55), (-1.45, -0.35), (-0.25, 0.72)):
+        made += on.patch("right", rect(start, end, 1.36, 2.06), "glass", 0.009, cut).mirrored()
+    return made
+
+
+def ambulance(level: int) -> Soup:
+    """Return a van of the ambulance service: stripes, crosses and blue lights."""
+    on, made = Projector(skinned(VAN.skin, 0)), van_body(level)
+    made += light_bar(1.05, 2.60, 0.72, level) + box((0.70, -2.75, 2.62), (0.24, 0.20, 0.12), "blue", 0.02).mirrored()
+    made += stripe(on, 1.02, 1.22, -2.85, 2.05, "cargo", level)
+    if level < 2:
+        made += stripe(on, 0.84, 0.96, -2.85, 2.05, "yellow", level)
+        made += on.patch("right", rect(-2.6, 0.72, 1.62, 2.02), "glass", 0.009, (4, 2)).mirrored()
+        for wide, tall in ((0.26, 0.09), (0.09, 0.26)):
+            cross = rect(-1.2 - wide / 2, -1.2 + wide / 2, 2.24 - tall / 2, 2.24 + tall / 2)
+            made += on.patch("right", cross, "red", 0.012, (1, 1)).mirrored()
+        made += on.patch("front", rect(-0.60, 0.60, 1.14, 1.20), "cargo", 0.014, (3, 1))
+        made += on.patch("back", rect(-0.95, 0.95, 1.02, 1.22), "cargo", 0.014, (3, 1))
+    return made
+
+
+BUS = Skin(
+    profile=((-6.0, 0.60), (-5.99, 2.55), (-5.93, 2.86), (-5.78, 2.98), (-3.0, 3.0), (0.0, 3.0), (3.0, 3.0),
+             (5.45, 2.99), (5.72, 2.93), (5.85, 2.78), (5.95, 2.20), (6.0, 1.30), (6.0, 0.60)),
+    plan=((-6.0, 1.12), (-5.92, 1.22), (-5.6, 1.27), (0.0, 1.275), (5.3, 1.27), (5.75, 1.22), (5.93, 1.12), (6.0, 1.0)),
+    flank=((0.3, 0.975), (0.5, 1.0), (1.2, 1.0), (2.4, 0.985), (3.0, 0.93)),
+    low=0.30, axles=(-3.15, 3.35), arch=0.60, hub=0.48, corner=0.16, crown=0.03,
+)  # fmt: skip
+
+
+def bus(level: int) -> Soup:
+    """Return a city bus of 12 m: window bands, two doors on its right side, destination signs, air conditioning."""
+    made, on = skinned(BUS, level), Projector(skinned(BUS, 0))
+    cut = ((3, 2), (2, 1), (1, 1))[level]
+    panes = [(-5.6, -4.35), (-4.25, -3.0), (-2.9, -1.65), (-1.55, -0.45), (0.95, 2.05), (2.15, 3.3), (3.4, 4.3)]
+    for start, end in panes:
+        made += on.patch("right", rect(start, end, 1.28, 2.48), "glass", 0.01, cut).mirrored()
+    left = (((-0.38, 0.88), 1.28), ((4.4, 5.55), 1.28))
+    for (start, end), low in left:
+        pane = on.patch("right", rect(start, end, low, 2.48), "glass", 0.01, cut)
+        made += pane.opposite()
+    for start, end in ((-0.36, 0.22), (0.26, 0.84), (4.42, 4.95), (4.99, 5.52)):
+        made += on.patch("right", rect(start, end, 0.42, 2.46), "glass", 0.012, cut)
+        if level == 0:
+            made += on.patch("right", rect(start - 0.02, start + 0.02, 0.40, 2.50), "seam", 0.016, (1, 4))
+    made += on.patch("front", [(-1.06, 1.12), (1.06, 1.12), (1.02, 2.50), (-1.02, 2.50)], "glass", 0.012,
+                     ((6, 4), (4, 2), (2, 1))[level])  # fmt: skip
+    made += on.patch("front", rect(-0.85, 0.85, 2.60, 2.86), "black", 0.014, cut)
+    made += on.patch("back", rect(-0.95, 0.95, 1.62, 2.45), "glass", 0.012, cut)
+    made += on.patch("front", rect(0.62, 1.02, 0.62, 0.84), "lamp", 0.014, cut).mirrored()
+    made += on.patch("back", rect(0.86, 1.10, 0.70, 1.25), "tail", 0.014, cut).mirrored()
+    made += box((0.0, -2.6, 3.12), (1.7, 2.6, 0.20), "white", 0.05)
+    made += box((0.0, 2.6, 3.10), (1.5, 1.8, 0.16), "white", 0.04)
+    made += box((0.0, 6.0, 0.48), (2.1, 0.10, 0.22), "bumper", 0.03)
+    made += box((0.0, -6.0, 0.50), (2.3, 0.10, 0.24), "bumper", 0.03)
+    made += stripe(on, 0.95, 1.10, -5.9, 5.6, "cargo", level)
+    if level < 2:
+        made += on.patch("front", rect(-0.70, 0.70, 2.66, 2.80), "orange", 0.022, (2, 1))
+        made += on.patch("front", rect(-0.45, 0.45, 0.66, 0.86), "black", 0.014, cut)
+        made += on.patch("front", rect(-0.26, 0.26, 0.50, 0.61), "plate", 0.10, (1, 1))
+        made += on.patch("back", rect(-0.26, 0.26, 0.72, 0.84), "plate", 0.02, (1, 1))
+        made += on.patch("back", rect(-0.80, 0.80, 0.95, 1.35), "black", 0.012, cut)
+        made += on.patch("right", rect(3.4, 4.3, 2.58, 2.80), "black", 0.014, cut)
+        made += box((1.40, 5.95, 2.05), (0.20, 0.14, 0.46), "black", 0.03).mirrored()
+        made += rod((1.22, 5.85, 2.6), (1.40, 5.96, 2.25), (0.025, 0.025), "black", 5).mirrored()
+    if level == 0:
+        for y in (-4.3, -1.6, 3.35):
+            made += on.patch("right", rect(y - 0.012, y + 0.012, 0.34, 0.94), "seam", 0.006, (1, 2)).mirrored()
+        made += on.patch("front", rect(-0.02, 0.02, 1.14, 2.48), "seam", 0.02, (1, 4))
+        made += rod((0.1, 6.03, 1.18), (0.75, 6.0, 1.75), (0.015, 0.012), "black", 4).mirrored()
+    for y in BUS.axles:
+        made += wheel(0.48, 0.30, level, 0.58).moved(1.25, y, 0.48).mirrored()
+    return made
+
+
+FIRE_CAB = Car(
+    skin=Skin(
+        profile=((1.30, 2.80), (1.38, 2.92), (1.55, 2.97), (3.55, 2.95), (3.84, 2.87), (3.96, 2.72), (4.20, 1.68),
+                 (4.26, 1.45), (4.30, 0.72)),
+        plan=((1.30, 1.23), (3.7, 1.25), (4.1, 1.21), (4.24, 1.13), (4.30, 1.04)),
+        flank=((0.4, 0.97), (0.7, 1.0), (1.6, 1.0), (1.8, 0.985), (2.95, 0.90)),
+        low=0.50, axles=(2.75,), arch=0.62, hub=0.50, corner=0.13, crown=0.02,
+    ),
+    wheel=0.50, track=1.20,
+    windows=(((3.10, 1.66), (4.00, 1.62), (3.80, 2.50), (3.10, 2.54)), ((1.62, 1.66), (2.95, 1.66), (2.95, 2.54),
+                                                                        (1.62, 2.54))),
+    screen=((-1.04, 1.66), (1.04, 1.66), (0.96, 2.72), (-0.96, 2.72)),
+    rear=((-0.5, 1.8), (0.5, 1.8), (0.5, 2.3), (-0.5, 2.3)),
+    doors=(1.50, 3.02, 4.05), belt=1.52, nose=0.90, tail=1.2,
+)  # fmt: skip
+"""The crew cab of a fire engine."""
+
+
+def fire_engine(level: int) -> Soup:
+    """Return a fire engine: crew cab, roller shutters, stripes, hose reel, ladder on its roof, blue lights."""
+    on, cut = Projector(skinned(FIRE_CAB.skin, 0)), ((4, 3), (2, 2), (1, 1))[level]
+    made = skinned(FIRE_CAB.skin, level)
+    for window in FIRE_CAB.windows:
+        made += on.patch("right", window, "glass", 0.01, cut).mirrored()
+    made += on.patch("front", FIRE_CAB.screen, "glass", 0.01, ((6, 3), (4, 2), (2, 1))[level])
+    made += on.patch("front", rect(-0.62, 0.62, 1.10, 1.40), "black", 0.015, cut)
+    made += on.patch("front", rect(0.66, 1.02, 0.82, 1.02), "lamp", 0.015, cut).mirrored()
+    made += box((0.0, 4.27, 0.62), (2.40, 0.18, 0.32), "white", 0.04)
+    made += box((0.0, -1.50, 1.90), (2.46, 5.50, 2.10), "paint", 0.06)
+    made += box((0.0, -0.2, 0.66), (0.95, 7.4, 0.30), "under")
+    made += box((0.0, -1.50, 2.975), (2.20, 5.30, 0.05), "steel")
+    made += box((1.245, -1.5, 0.98), (0.03, 5.50, 0.22), "white").mirrored()
+    made += stripe(on, 0.88, 1.10, 1.4, 4.15, "white", level)
+    made += box((1.252, -1.5, 0.98), (0.03, 5.50, 0.08), "yellow").mirrored()
+    for y in (-3.45, -1.65, 0.15):
+        made += box((1.235, y, 1.96), (0.03, 1.55, 1.62), "steel").mirrored()
+    made += box((0.0, -4.255, 1.90), (1.6, 0.03, 1.70), "steel")
+    made += box((1.05, -4.26, 0.95), (0.24, 0.05, 0.50), "tail").mirrored()
+    made += light_bar(3.35, 2.98, 0.98, level) + box((1.05, -4.12, 3.07), (0.22, 0.22, 0.16), "blue", 0.03).mirrored()
+    for x in (0.19, 0.71):
+        made += box((x, -1.0, 3.20), (0.07, 6.6, 0.12), "steel")
+        made += box((x, -1.3, 3.36), (0.06, 5.6, 0.10), "steel")
+    rungs = (18, 9, 5)[level]
+    for k in range(rungs):
+        y = -4.1 + 6.2 * k / (rungs - 1)
+        made += rod((0.19, y, 3.20), (0.71, y, 3.20), (0.025, 0.025), "steel", 4)
+    made += box((0.45, -4.0, 3.08), (0.66, 0.10, 0.20), "steel") + box((0.45, 1.6, 3.08), (0.66, 0.10, 0.20), "steel")
+    made += rod((-0.70, -3.8, 3.12), (-0.70, 0.6, 3.12), (0.11, 0.11), "black", (10, 7, 4)[level])
+    if level < 2:
+        made += box((1.42, 4.08, 2.15), (0.18, 0.12, 0.52), "black", 0.02).mirrored()
+        made += on.patch("front", rect(-0.26, 0.26, 0.55, 0.67), "plate", 0.16, (1, 1))
+        made += on.patch("front", rect(-0.60, 0.60, 1.46, 1.56), "white", 0.014, (3, 1))
+        made += box((0.0, -4.30, 0.62), (2.4, 0.14, 0.10), "bumper")
+        made += box((0.95, 0.95, 0.66), (0.42, 1.0, 0.44), "bumper", 0.06).mirrored()
+        made += rod((0.95, -4.34, 0.8), (0.95, -4.34, 2.95), (0.02, 0.02), "chrome", 4)
+        for y in (1.50, 3.02):
+            made += on.patch("right", rect(y, y + 0.02, 0.75, 1.58), "seam", 0.006, (1, 4)).mirrored()
+            made += on.patch("right", rect(y + 0.08, y + 0.26, 1.40, 1.45), "chrome", 0.02, (1, 1)).mirrored()
+    if level == 0:
+        for y in (-3.45, -1.65, 0.15):
+            for k in range(6):
+                made += box((1.256, y, 1.34 + 0.25 * k), (0.012, 1.55, 0.02), "seam").mirrored()
+        for k in range(5):
+            made += box((0.0, -4.272, 1.30 + 0.3 * k), (1.6, 0.012, 0.02), "seam")
+    for y in (-2.5, 2.75):
+        made += wheel(0.50, 0.32, level, 0.58).moved(1.20, y, 0.50).mirrored()
+    return made
+
+
+def person_on(figure: str, pose: str, seat: Sequence[float], level: int) -> Soup:
+    """Return a figure of `people.npz` in a pose, its hips at a place."""
+    points, normals, rows = skeleton.skin(figure, skeleton.POSES[pose], level)
+    hips = skeleton.stored_arrays("people")[f"{figure}/joints"][0] * skeleton.UNIT_M
+    index = skeleton.stored_arrays("people")[f"{figure}/{level}/index"].reshape(-1, 3)
+    return Soup((points - hips + np.array(seat))[index], normals[index], rows[index[:, 0], 6].astype(np.uint8))
+
+
+def motorcycle(level: int) -> Soup:
+    """Return a motorcycle with its rider."""
+    n = (8, 6, 4)[level]
+    made = narrow_wheel(0.315, 0.062, level, 5).moved(0.0, 0.74, 0.315)
+    made += narrow_wheel(0.315, 0.075, level, 5).moved(0.0, -0.70, 0.315)
+    made += egg((0.0, 0.14, 0.80), (0.155, 0.30, 0.13), "paint", n, n + 2)
+    made += box((0.0, -0.36, 0.80), (0.27, 0.66, 0.10), "black", 0.04)
+    made += egg((0.0, -0.72, 0.80), (0.12, 0.24, 0.08), "paint", n // 2, n)
+    made += box((0.0, 0.06, 0.46), (0.30, 0.44, 0.30), "steel", 0.05)
+    made += box((0.0, 0.10, 0.62), (0.20, 0.34, 0.14), "black", 0.03)
+    made += rod((0.10, 0.74, 0.315), (0.085, 0.50, 0.98), (0.028, 0.030), "chrome", n).mirrored()
+    made += rod((0.12, 0.02, 0.34), (0.14, -0.86, 0.40), (0.045, 0.055), "chrome", n)
+    made += rod((0.11, -0.70, 0.315), (0.09, -0.05, 0.46), (0.03, 0.03), "black", 5).mirrored()
+    made += rod((0.09, -0.62, 0.36), (0.09, -0.42, 0.76), (0.03, 0.03), "chrome", 5).mirrored()
+    made += rod((-0.36, 0.42, 1.00), (0.36, 0.42, 1.00), (0.016, 0.016), "black", 5)
+    made += egg((0.0, 0.62, 0.86), (0.105, 0.08, 0.105), "black", n // 2 + 1, n)
+    made += egg((0.0, 0.665, 0.86), (0.085, 0.05, 0.085), "lamp", n // 2, n)
+    made += box((0.0, -0.96, 0.76), (0.18, 0.05, 0.08), "tail") + box((0.0, -1.0, 0.58), (0.20, 0.02, 0.14), "plate")
+    made += box((0.0, 0.74, 0.66), (0.13, 0.46, 0.03), "paint", 0.01)
+    made += box((0.0, -0.86, 0.66), (0.15, 0.30, 0.03), "black", 0.01)
+    if level < 2:
+        made += box((0.30, 0.40, 1.20), (0.12, 0.03, 0.09), "black", 0.01).mirrored()
+        made += rod((0.28, 0.42, 1.0), (0.30, 0.40, 1.16), (0.01, 0.01), "black", 4).mirrored()
+        made += rod((-0.24, 0.02, 0.30), (0.24, 0.02, 0.30), (0.02, 0.02), "black", 4)
+        made += box((0.17, 0.56, 0.86), (0.06, 0.05, 0.05), "orange").mirrored()
+        made += box((0.15, -0.95, 0.70), (0.06, 0.04, 0.05), "orange").mirrored()
+        made += box((0.0, 0.60, 1.08), (0.26, 0.03, 0.20), "glass", 0.03)
+    return made + person_on("rider", "motorcycle", (0.0, -0.26, 0.93), level)
+
+
+def bicycle(level: int) -> Soup:
+    """Return a bicycle with its rider."""
+    n = (6, 5, 4)[level]
+    made = narrow_wheel(0.34, 0.022, level, (14, 10, 4)[level]).moved(0.0, 0.54, 0.34)
+    made += narrow_wheel(0.34, 0.022, level, (14, 10, 4)[level]).moved(0.0, -0.50, 0.34)
+    crank, seat, fork, head = (0.0, -0.06, 0.29), (0.0, -0.24, 0.82), (0.0, 0.40, 0.66), (0.0, 0.36, 0.86)
+    bars = [(crank, seat), (seat, head), (crank, fork), (fork, (0.0, 0.345, 0.93))]
+    for start, end in bars:
+        made += rod(start, end, (0.020, 0.020), "paint", n)
+    for end in (crank, (0.0, -0.22, 0.76)):
+        made += rod((0.05, -0.50, 0.34), end, (0.012, 0.012), "paint", 4).mirrored()
+    made += rod((0.045, 0.54, 0.34), fork, (0.014, 0.018), "paint", 4).mirrored()
+    made += rod(seat, (0.0, -0.27, 0.94), (0.014, 0.014), "chrome", 4)
+    made += box((0.0, -0.27, 0.96), (0.15, 0.26, 0.05), "black", 0.02)
+    made += rod((-0.29, 0.42, 0.99), (0.29, 0.42, 0.99), (0.014, 0.014), "black", 5)
+    made += rod((0.0, 0.345, 0.93), (0.0, 0.42, 0.99), (0.014, 0.014), "black", 4)
+    made += box((0.02, -0.06, 0.29), (0.012, 0.17, 0.17), "chrome", 0.05)
+    made += rod((0.06, -0.06, 0.29), (0.06, 0.10, 0.36), (0.012, 0.012), "chrome", 4)
+    made += rod((-0.06, -0.06, 0.29), (-0.06, -0.20, 0.20), (0.012, 0.012), "chrome", 4)
+    made += box((0.11, 0.10, 0.36), (0.10, 0.09, 0.025), "black")
+    made += box((-0.11, -0.20, 0.20), (0.10, 0.09, 0.025), "black")
+    if level < 2:
+        made += box((0.0, -0.86, 0.62), (0.05, 0.02, 0.05), "tail")
+        made += egg((0.0, 0.47, 0.90), (0.035, 0.035, 0.035), "lamp", 4, 6)
+        made += box((0.0, -0.60, 0.70), (0.14, 0.40, 0.02), "black")
+    return made + person_on("cyclist", "bicycle", (0.0, -0.27, 1.03), level)
+
+
 MADE = {
     "sedan": lambda level: motorcar(SEDAN, level),
+    "spoiler": sports_car_spoiler,
     "hatch": lambda level: motorcar(HATCH, level),
-    "suv": lambda level: motorcar(SUV, level),
-    "van": delivery_van,
+    "city_car": lambda level: motorcar(CITY_CAR, level),
+    "suv": suv,
+    "estate": estate,
+    "taxi": taxi,
+    "police_car": police_car,
+    "van": van_body,
+    "minibus": minibus,
+    "ambulance": ambulance,
     "truck": box_truck,
+    "bus": bus,
+    "fire_truck": fire_engine,
+    "motorcycle": motorcycle,
+    "bicycle": bicycle,
 }
 """All models by name."""
-
-
-def packed(soup: Soup) -> tuple[npt.NDArray[np.int16], npt.NDArray[np.uint16]]:
-    """Return rows of position (units of the file), normal (127ths) and material, without duplicates, and indices."""
-    points = np.round(soup.corners.reshape(-1, 3) / UNIT_M)
-    normals = np.round(soup.normals.reshape(-1, 3) * 127.0)
-    rows = np.hstack([points, normals, np.repeat(soup.materials, 3)[:, None]]).astype(np.int16)
-    vertices, index = np.unique(rows, axis=0, return_inverse=True)
-    return vertices, index.ravel().astype(np.uint16)
 
 
 def main() -> None:
@@ -559,8 +615,8 @@ def main() -> None:
             vertices, index = packed(make(level))
             arrays[f"{name}/{level}/vertices"], arrays[f"{name}/{level}/index"] = vertices, index
             counts.append(len(index) // 3)
-        print(f"{name}: {', '.join(map(str, counts))} triangles")
-    file = Path(sys.argv[1]) if len(sys.argv) > 1 else FILE
+        print(f"{name}: {', '.join(map(str, counts))} triangles", flush=True)
+    file = Path(sys.argv[1]) if len(sys.argv) > 1 else FOLDER / "vehicles.npz"
     np.savez_compressed(file, **arrays)
 
 

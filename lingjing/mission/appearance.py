@@ -33,6 +33,7 @@ BARE = "none"
 """The `look` of a body that shows only its parts, and the `shape` of a body without collisions."""
 
 MODELS = (
+    "ambulance",
     "bicycle",
     "bridge_fracture",
     "building_fire",
@@ -51,6 +52,7 @@ MODELS = (
     "person",
     "person_in_water",
     "pipeline_leak",
+    "police_car",
     "quadrotor",
     "queue_of_people",
     "reference_building",

@@ -27,7 +27,9 @@ class Size:
 
 SIZES: dict[str, Size] = {
     "car": Size(4.5, 1.8, 1.5),
+    "police_car": Size(4.5, 1.8, 1.65),
     "delivery_van": Size(5.9, 2.1, 2.6),
+    "ambulance": Size(5.9, 2.1, 2.75),
     "truck": Size(9.0, 2.5, 3.6),
     "bus": Size(12.0, 2.55, 3.1),
     "fire_truck": Size(8.6, 2.5, 3.3),

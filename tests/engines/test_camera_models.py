@@ -16,7 +16,15 @@ from lingjing.engines.camera.effects import (
 )
 from lingjing.engines.camera.effects.town_changes import facing_building, split, with_change
 from lingjing.engines.camera.meshes import indexed
-from lingjing.engines.camera.models import MODELS, ambient_parts, entity_model, entity_parts, look_of, prop_model
+from lingjing.engines.camera.models import (
+    MODELS,
+    PARKED,
+    ambient_parts,
+    entity_model,
+    entity_parts,
+    look_of,
+    prop_model,
+)  # fmt: skip
 from lingjing.engines.camera.models.catalogue import SINGLE, VARIED
 from lingjing.engines.camera.models.dog import STANDING, STANDING_M, dog_parts
 from lingjing.engines.camera.models.shapes import turned
@@ -34,8 +42,16 @@ from tests.engines.camera_town import CLASSES
 
 TYPES = sorted(library_types())
 CALM = Weather(wind_mps=3.0, wind_from_deg=220.0)
-MOST = {"robot_dog": 2000, "person": 400, "street_tree": 150, "poplar": 150, "birch": 150, "conifer": 150}
-MOST |= dict.fromkeys(("car", "taxi", "delivery_van", "truck", "parked_car", "parked_van", "parked_truck"), 4000)
+MOST = {
+    "robot_dog": 2000,
+    "person": 3000,
+    "person_in_water": 3000,
+    "street_tree": 150,
+    "poplar": 150,
+    "birch": 150,
+    "conifer": 150,
+}
+MOST |= dict.fromkeys(PARKED, 4000) | dict.fromkeys(("queue_of_people", "reference_building"), 15_000)
 UNBODIED = {"building_fire", "bridge_fracture", "congestion"}
 
 
@@ -146,7 +162,7 @@ def test_kinds_of_traffic_are_as_large_as_the_types_of_that_name() -> None:
         assert entity_size(thing(kind)) == SIZES[kind], kind
 
 
-@pytest.mark.parametrize("name", [*MODELS, *VARIED, *SINGLE])
+@pytest.mark.parametrize("name", [*MODELS, *VARIED, *SINGLE, *PARKED, "person"])
 def test_meshes_are_whole_and_small(name: str) -> None:
     mesh = entity_model(name, 1, 0.0)[1] if name in MODELS and name not in UNBODIED else prop_model(name, 1)[1]
     assert len(mesh) % 3 == 0 and len(mesh) > 0 and np.isfinite(mesh).all()

@@ -73,7 +73,7 @@ def test_a_vehicles_camera_shows_its_headlights_but_not_its_body(weather: Weathe
 def people_of(queue: Entity, near: list[Pieces]) -> list[tuple[float, float]]:
     site = site_of(queue, near, 0.0)
     parts = entity_parts(queue, state(queue.id), 0.0, facing_deg=site.heading_deg)
-    return [(float(part.rows[0, 3]), float(part.rows[1, 3])) for part in parts if part.key.startswith("pedestrian")]
+    return [(float(part.rows[0, 3]), float(part.rows[1, 3])) for part in parts if part.key.startswith("person")]
 
 
 def test_a_queue_keeps_its_heading_where_it_has_room() -> None:

@@ -58,6 +58,8 @@ CLASSES: dict[str, int] = {
     "warehouse": 40,
     "reference_building": 41,
     "queue_of_people": 42,
+    "ambulance": 43,
+    "police_car": 44,
     "sidewalk": 48,
     "plaza": 49,
     "container": 50,

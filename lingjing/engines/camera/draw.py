@@ -33,7 +33,6 @@ from lingjing.engines.camera.instances import Batch, afloat, by_detail, in_sight
 from lingjing.engines.camera.lamps import lamp_rows
 from lingjing.engines.camera.light import Light, light_of
 from lingjing.engines.camera.meshes import indexed
-from lingjing.engines.camera.models import levels
 from lingjing.engines.camera.noise import GRAIN, cloud_texture, grain_texture, noise_texture
 from lingjing.engines.camera.ocean import SeaSurface
 from lingjing.engines.camera.programs import build, source
@@ -344,7 +343,7 @@ class Renderer:
         for batch in merged([self._town.resident(key).props for key in view.casters]):
             mesh = reduced(batch)
             key = f"shade/{batch.key}"
-            model, array = self._caster(key, levels(batch.mesh)[-1] if mesh is None else mesh, len(batch.rows))
+            model, array = self._caster(key, batch.coarsest if mesh is None else mesh, len(batch.rows))
             model.place(batch.rows)
             array.render(instances=len(batch.rows))
 

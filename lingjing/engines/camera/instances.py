@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from math import cos, radians, sin
 from typing import TYPE_CHECKING
 
@@ -11,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lingjing.engines.camera.classes import prop_class
-from lingjing.engines.camera.meshes import Mesh
-from lingjing.engines.camera.models import level_of, levels, prop_model
+from lingjing.engines.camera.meshes import Mesh, SameMesh
+from lingjing.engines.camera.models import HERE, ModelPart, level_of, prop_part
 from lingjing.engines.camera.ocean import SeaSurface
 from lingjing.mission.instance import Entity
 from lingjing.scene.camera_geometry import camera_axes, focal_px
@@ -24,6 +25,10 @@ if TYPE_CHECKING:
 
 ROW = np.dtype([("rows", "f4", (3, 4)), ("plane", "f4"), ("id", "u4")])
 """An instance: rows of the model-to-world matrix, elevation of its shadow's plane (m), drawn id."""
+
+
+KEPT_RADII = 1024
+"""Radii of moving things' meshes in memory (chosen)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,13 +45,34 @@ class Batch:
     """Bounding radius of each, metres."""
     floating: npt.NDArray[np.bool_]
     """True for those that float on the waves."""
-    shadow: Mesh | None = None
-    """A coarser mesh that casts the shadows; None for the mesh itself."""
+    coarser: tuple[Mesh, ...] = ()
+    """The mesh at coarser levels of detail."""
+
+    @property
+    def levels(self) -> tuple[Mesh, ...]:
+        """The mesh at all levels of detail, the finest first."""
+        return self.mesh, *self.coarser
 
     @property
     def coarsest(self) -> Mesh:
         """The mesh that casts the shadows."""
-        return self.mesh if self.shadow is None else self.shadow
+        return self.levels[-1]
+
+
+@dataclass(frozen=True, slots=True)
+class DrawnPart:
+    """A part of a moving thing in the world."""
+
+    place: npt.NDArray[np.float64]
+    """Matrix (3, 4) from the mesh's frame to the world."""
+    key: str
+    """Name of the mesh."""
+    levels: tuple[Mesh, ...]
+    """The mesh at all levels of detail, the finest first."""
+    number: int
+    """Drawn id."""
+    plane: float
+    """Elevation of the plane on which its shadow falls, metres."""
 
 
 def matrix(
@@ -74,19 +100,20 @@ def mesh_radius(mesh: Mesh) -> float:
 
 def prop_batches(city: Pieces) -> tuple[Batch, ...]:
     """Return all props of a city or a tile, one batch for each mesh."""
-    groups: dict[str, tuple[Mesh, list[Prop]]] = {}
+    groups: dict[str, list[tuple[Prop, ModelPart]]] = {}
     for prop in city.props:
         variant = prop.options.get("variant", 0)
-        key, mesh = prop_model(prop.model, variant if isinstance(variant, int) else 0)
-        groups.setdefault(key, (mesh, []))[1].append(prop)
-    return tuple(_prop_batch(key, mesh, props) for key, (mesh, props) in sorted(groups.items()))
+        part = prop_part(prop.model, variant if isinstance(variant, int) else 0)
+        groups.setdefault(part.key, []).append((prop, part))
+    return tuple(_prop_batch(group) for _, group in sorted(groups.items()))
 
 
-def _prop_batch(key: str, mesh: Mesh, props: Sequence[Prop]) -> Batch:
+def _prop_batch(group: Sequence[tuple[Prop, ModelPart]]) -> Batch:
     """Return the batch of a mesh. All rows are computed at once, because a town has thousands of props.
 
     The values equal those of `matrix` and `row`.
     """
+    props, first = [prop for prop, _ in group], group[0][1]
     heading = [radians(prop.heading_deg) for prop in props]
     east, north = np.array([cos(h) for h in heading]), np.array([sin(h) for h in heading])
     scale = np.array([prop.scale for prop in props])
@@ -95,25 +122,44 @@ def _prop_batch(key: str, mesh: Mesh, props: Sequence[Prop]) -> Batch:
     rows["rows"][:, :2, 1] = np.column_stack([north, east]) * scale[:, None]
     rows["rows"][:, 2, 2] = scale
     rows["rows"][:, :, 3] = [prop.position for prop in props]
+    wider = np.ones(len(props))
+    if any(part.rows is not HERE for _, part in group):
+        rows["rows"][:, :, :3] = rows["rows"][:, :, :3] @ np.array([part.rows[:, :3] for _, part in group])
+        wider = np.array([_widening(part.rows) for _, part in group])
     rows["plane"] = rows["rows"][:, 2, 3]
     rows["id"] = [prop_class(prop.cls) for prop in props]
-    return Batch(key, mesh, rows, mesh_radius(mesh) * scale, np.array([prop.floating for prop in props]))
+    radius = mesh_radius(first.mesh) * scale * wider
+    return Batch(first.key, first.mesh, rows, radius, np.array([prop.floating for prop in props]), first.coarser)
 
 
-def entity_batches(drawn: Iterable[tuple[npt.NDArray[np.float64], str, Mesh, int, float]]) -> tuple[Batch, ...]:
-    """Return moving things as batches, from (model-to-world (3, 4), mesh key, mesh, id, shadow plane)."""
-    groups: dict[str, tuple[Mesh, list[Rows]]] = {}
-    for place, key, mesh, number, plane in drawn:
-        groups.setdefault(key, (mesh, []))[1].append(row(place, plane, number))
-    return tuple(
-        Batch(key, mesh, np.concatenate(rows), np.full(len(rows), mesh_radius(mesh)), np.zeros(len(rows), bool))
-        for key, (mesh, rows) in sorted(groups.items())
-    )
+def _widening(rows: npt.NDArray[np.float64]) -> float:
+    """Return the largest factor by which a matrix (3, 4) without shear lengthens a vector."""
+    return float(np.linalg.norm(rows[:, :3], axis=0).max())
+
+
+def entity_batches(drawn: Iterable[DrawnPart]) -> tuple[Batch, ...]:
+    """Return moving things as batches, one for each mesh, in order of keys."""
+    groups: dict[str, list[DrawnPart]] = {}
+    for part in drawn:
+        groups.setdefault(part.key, []).append(part)
+    return tuple(_entity_batch(group) for _, group in sorted(groups.items()))
+
+
+def _entity_batch(group: Sequence[DrawnPart]) -> Batch:
+    first, count = group[0], len(group)
+    rows = np.concatenate([row(part.place, part.plane, part.number) for part in group])
+    radius = _known_radius(first.key, SameMesh(first.levels)) * np.array([_widening(part.place) for part in group])
+    return Batch(first.key, first.levels[0], rows, radius, np.zeros(count, bool), first.levels[1:])
+
+
+@lru_cache(maxsize=KEPT_RADII)
+def _known_radius(name: str, of: SameMesh) -> float:
+    return mesh_radius(of.levels[0])
 
 
 def by_detail(batch: Batch, pose: CameraPose) -> Iterator[Batch]:
     """Yield the instances of a batch by the level of detail that fits their size in the picture."""
-    meshes = levels(batch.mesh)
+    meshes = batch.levels
     if len(meshes) == 1:
         yield batch
         return
@@ -123,7 +169,7 @@ def by_detail(batch: Batch, pose: CameraPose) -> Iterator[Batch]:
         mine = level == number
         if mine.any():
             key = f"{batch.key}/level-{number}" if number else batch.key
-            yield Batch(key, mesh, batch.rows[mine], batch.radius[mine], batch.floating[mine], meshes[-1])
+            yield Batch(key, mesh, batch.rows[mine], batch.radius[mine], batch.floating[mine], meshes[number + 1 :])
 
 
 def afloat(batch: Batch, swell: SeaSurface) -> Rows:

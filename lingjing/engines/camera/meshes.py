@@ -7,6 +7,7 @@ the strength of the sun's reflection. All meshes are built once from numbers in 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
 
@@ -117,15 +118,32 @@ def solid(shape: str, length: float, width: float, height: float, colour: Linear
     return mesh
 
 
-def repainted(mesh: Mesh, colour: LinearRgb) -> Mesh:
-    """Return the mesh with the colour that covers most of its surface replaced."""
+def main_colour(mesh: Mesh) -> LinearRgb:
+    """Return the colour that covers most of a mesh's surface."""
     corners = mesh[:, :3].astype(np.float64).reshape(-1, 3, 3)
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    _, which = np.unique(mesh[::3, 6:9], axis=0, return_inverse=True)
-    most = np.bincount(which.ravel(), weights=area).argmax()
+    colours, which = np.unique(mesh[::3, 6:9], axis=0, return_inverse=True)
+    return vector_of(colours[np.bincount(which.ravel(), weights=area).argmax()])
+
+
+def recoloured(mesh: Mesh, old: LinearRgb, new: LinearRgb) -> Mesh:
+    """Return the mesh with one of its colours replaced."""
     made = mesh.copy()
-    made[np.repeat(which.ravel() == most, 3), 6:9] = colour
+    made[(mesh[:, 6:9] == np.array(old, np.float32)).all(axis=1), 6:9] = new
     return made
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SameMesh:
+    """Levels of a mesh as an argument of a cached function. All are equal, because a name argument identifies them."""
+
+    levels: tuple[Mesh, ...]
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, SameMesh)
+
+    def __hash__(self) -> int:
+        return 0
 
 
 def torus(centre: Vector, radius: float, tube: float, colours: Sequence[LinearRgb], sides: int = 16) -> Mesh:

@@ -13,9 +13,8 @@ from lingjing.engines.bodies import is_afloat
 from lingjing.engines.camera.classes import CLASSES, FIRST_ENTITY
 from lingjing.engines.camera.effects import BILLBOARD, DECAL, Site, effects_of
 from lingjing.engines.camera.effects.night import road_light
-from lingjing.engines.camera.instances import Batch, entity_batches, marks, matrix
+from lingjing.engines.camera.instances import Batch, DrawnPart, entity_batches, marks, matrix
 from lingjing.engines.camera.lamps import vehicle_rows, vehicles_lit
-from lingjing.engines.camera.meshes import Mesh
 from lingjing.engines.camera.models import ModelPart, ambient_parts, entity_parts, look_of
 from lingjing.mission.instance import Entity, Weather
 from lingjing.trace.records import BodyState
@@ -54,7 +53,7 @@ def stage(
     of some entities. `own` is the body that carries the camera, with its look. It is not drawn, but the road ahead of
     it lies in its headlights.
     """
-    drawn: list[tuple[npt.NDArray[np.float64], str, Mesh, int, float]] = []
+    drawn: list[DrawnPart] = []
     wet = []
     billboards, decals = [np.zeros(0, BILLBOARD)], [np.zeros(0, DECAL)]
     cast = tuple(entities)
@@ -67,7 +66,9 @@ def stage(
         parts = entity_parts(entity, state, time_s, site.kerb_m, site.radius_m, site.heading_deg)
         drawn += _placed(state, parts, "entity", FIRST_ENTITY + number, plane)
         effects = effects_of(entity, state, time_s, weather, site)
-        drawn += [(s.rows, f"effect/{s.key}", s.mesh, FIRST_ENTITY + number, s.plane) for s in effects.solids]
+        drawn += [
+            DrawnPart(s.rows, f"effect/{s.key}", (s.mesh,), FIRST_ENTITY + number, s.plane) for s in effects.solids
+        ]
         rows = effects.billboards.copy()
         rows["id"] *= FIRST_ENTITY + number
         billboards.append(rows)
@@ -82,15 +83,13 @@ def stage(
     return MovingThings(entity_batches(drawn), marks(wet), np.concatenate(billboards), np.concatenate(decals))
 
 
-def _placed(
-    state: BodyState, parts: Iterable[ModelPart], group: str, number: int, plane: float
-) -> list[tuple[npt.NDArray[np.float64], str, Mesh, int, float]]:
+def _placed(state: BodyState, parts: Iterable[ModelPart], group: str, number: int, plane: float) -> list[DrawnPart]:
     body = matrix(state.position, state.heading_deg, state.pitch_deg, state.roll_deg)
     whole = np.vstack([np.eye(4)[:3], [0.0, 0.0, 0.0, 1.0]])
     placed = []
     for part in parts:
         whole[:3] = part.rows
-        placed.append((body @ whole, f"{group}/{part.key}", part.mesh, number, plane))
+        placed.append(DrawnPart(body @ whole, f"{group}/{part.key}", part.levels, number, plane))
     return placed
 
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from lingjing.engines.camera.effects.particles import Rows
 from lingjing.engines.camera.instances import Batch, in_sight
 from lingjing.engines.camera.meshes import Mesh
-from lingjing.engines.camera.models import level_of, levels
+from lingjing.engines.camera.models import level_of
 from lingjing.engines.camera.reduced_meshes import (
     FAR_M,
     FAR_PX,
@@ -70,7 +70,7 @@ def merged(groups: Sequence[Sequence[Batch]]) -> list[Batch]:
             groups_by_key.setdefault(batch.key, []).append(batch)
     return [
         Batch(key, some[0].mesh, np.concatenate([b.rows for b in some]), np.concatenate([b.radius for b in some]),
-              np.concatenate([b.floating for b in some]))
+              np.concatenate([b.floating for b in some]), some[0].coarser)
         for key, some in sorted(groups_by_key.items())
     ]  # fmt: skip
 
@@ -105,7 +105,7 @@ def looks_of(batch: Batch, pose: CameraPose, lump_m: float) -> Iterator[Look]:
 
 def _by_detail(batch: Batch, which: npt.NDArray[np.bool_], size: npt.NDArray[np.float64]) -> Iterator[Look]:
     """Yield instances that are drawn in full, by the level of detail that fits their size in the picture."""
-    meshes = levels(batch.mesh)
+    meshes = batch.levels
     level = level_of(size, len(meshes))
     for number, mesh in enumerate(meshes):
         mine = which & (level == number)

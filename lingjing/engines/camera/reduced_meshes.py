@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lingjing.engines.camera.instances import Batch
-from lingjing.engines.camera.meshes import Mesh, cylinder, ellipsoid, merge, vector_of
+from lingjing.engines.camera.meshes import Mesh, SameMesh, cylinder, ellipsoid, merge, vector_of
 
 SLIGHT = ("lamp", "bench")
 """Prefixes of the mesh names of thin props."""
@@ -52,7 +52,7 @@ def reduced(batch: Batch, fineness: _Fineness = SMALL) -> Mesh | None:
     """Return a few triangles with the shape and colours of a plant; None for other or simple meshes."""
     if not plant(batch) or len(batch.mesh) < 240:
         return None
-    return _made(batch.key, fineness, _Key(batch.mesh))
+    return _made(batch.key, fineness, SameMesh((batch.mesh,)))
 
 
 FAR_M, FAR_PX = 250.0, 9.0
@@ -69,7 +69,7 @@ def coarsened(batch: Batch, lump: bool = False) -> Mesh | None:
     meshes."""
     if plant(batch) or len(batch.mesh) < COARSE_FROM:
         return None
-    return _coarse(batch.key, LUMP_CELLS if lump else COARSE_CELLS, _Key(batch.mesh))
+    return _coarse(batch.key, LUMP_CELLS if lump else COARSE_CELLS, SameMesh((batch.mesh,)))
 
 
 def plant(batch: Batch) -> bool:
@@ -82,22 +82,9 @@ def slight(batch: Batch) -> bool:
     return batch.key.startswith(SLIGHT)
 
 
-class _Key:
-    """A mesh as an argument of a cached function. All are equal, because the name argument identifies the mesh."""
-
-    def __init__(self, mesh: Mesh) -> None:
-        self.mesh = mesh
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Key)
-
-    def __hash__(self) -> int:
-        return 0
-
-
 @cache
-def _made(name: str, fineness: _Fineness, key: _Key) -> Mesh:
-    points, colours = key.mesh[:, :3].astype(np.float64), key.mesh[:, 6:9].astype(np.float64)
+def _made(name: str, fineness: _Fineness, key: SameMesh) -> Mesh:
+    points, colours = key.levels[0][:, :3].astype(np.float64), key.levels[0][:, 6:9].astype(np.float64)
     top = points[:, 2].max()
     crown = (colours[:, 1] > 1.15 * colours[:, 0]) if (colours[:, 1] > 1.15 * colours[:, 0]).any() else points[:, 2] > 0
     low, high = points[crown].min(axis=0), points[crown].max(axis=0)
@@ -118,9 +105,9 @@ def _made(name: str, fineness: _Fineness, key: _Key) -> Mesh:
 
 
 @cache
-def _coarse(name: str, cells: float, key: _Key) -> Mesh:
+def _coarse(name: str, cells: float, key: SameMesh) -> Mesh:
     """Return the mesh with each corner moved to the mean of its cell; of equal triangles the largest remains."""
-    points = key.mesh[:, :3].astype(np.float64)
+    points = key.levels[0][:, :3].astype(np.float64)
     cell = float(np.linalg.norm(points.max(axis=0) - points.min(axis=0))) / 2.0 / cells
     _, group = np.unique(np.floor(points / cell), axis=0, return_inverse=True)
     group = group.ravel()
@@ -133,6 +120,6 @@ def _coarse(name: str, cells: float, key: _Key) -> Mesh:
     _, first = np.unique(triples, axis=0, return_index=True)
     flat = (triples[first, 0] != triples[first, 1]) & (triples[first, 1] != triples[first, 2])
     kept = np.sort(order[first[flat]])
-    mesh = key.mesh.copy()
+    mesh = key.levels[0].copy()
     mesh[:, :3] = means[group]
     return np.ascontiguousarray(mesh.reshape(-1, 3, mesh.shape[1])[kept].reshape(-1, mesh.shape[1]))

@@ -22,7 +22,9 @@ from lingjing.trace.records import BodyState
 
 FIRST_DARK = 0.10
 """Share of the night (`Light.dark`) from which lights show (chosen): at sunset none does."""
-DRIVEN = ("car", "taxi", "delivery_van", "truck", "bus", "fire_truck", "motorcycle")
+DRIVEN = (
+    "car", "taxi", "police_car", "ambulance", "delivery_van", "truck", "bus", "fire_truck", "motorcycle",
+)  # fmt: skip
 """Looks with head and tail lights."""
 
 LOW_BEAM_M, BEAM_WIDE_M = 13.0, 2.9

@@ -1,9 +1,9 @@
 """Models of everything that is drawn: triangle meshes in the format of `camera.meshes`, built from numbers.
 
 `catalogue` selects a model by name: `entity_parts` for an entity of a mission, `ambient_parts` for background traffic,
-`prop_model` for a prop. Its tables refer to `sea`, `air`, `dog`, `vehicles`, `people`, `nature`, `street` and `places`.
-These build meshes with `shapes` in the colours of `palette`. Cars, van and truck come from `stored`, as data with three
-levels of detail. Moving parts such as flames and water are in
+`prop_part` for a prop. Its tables refer to `sea`, `air`, `dog`, `vehicles`, `people`, `nature`, `street` and `places`.
+`vehicles` and `people` are data with three levels of detail, which `stored` reads and colours; `skeleton` poses people.
+The others build meshes with `shapes` in the colours of `palette`. Moving parts such as flames and water are in
 `camera.effects`.
 
 Frames: x right, y ahead, z up; metres. The origin of vehicles, people and props is the middle of their footprint on the
@@ -15,35 +15,52 @@ sailboat, driftwood*, barrel*, seaweed*, tarpaulin*, rowing_boat*, dinghy*, fish
 (rich ones), street_tree*, poplar*, birch*, conifer*, palm*, bush*, flowerbed*, hedge (3 m along x), helipad. Streets
 and yards: lamp, park_lamp, bench, bin*, bollard, cone, hydrant, traffic_light, bus_stop, fence (3 m along x),
 container*, container_long*, pallets*, crates*, drums*, tank*, silo, chimney, steam (steams), fountain (sprays),
-water_tank, rooftop_unit*, parasol*, stall*, billboard*, gantry. Standing: car*, taxi, delivery_van*, truck*, bus*,
-motorcycle*, person*; parked_car*, parked_truck*, parked_van* and steam_vent are other names of car, truck, delivery_van
-and steam.
+water_tank, rooftop_unit*, parasol*, stall*, billboard*, gantry. Standing: car*, taxi*, police_car*, ambulance*,
+delivery_van*, truck*, bus*, fire_truck, motorcycle*, bicycle*, person*; parked_car*, parked_truck*, parked_van* and
+steam_vent are other names of car, truck, delivery_van and steam.
 """
 
 from __future__ import annotations
 
 from lingjing.engines.camera.models.catalogue import (
     MODELS,
+    PARKED,
     ambient_parts,
     entity_model,
     entity_parts,
     look_of,
+    painted,
     prop_model,
+    prop_part,
 )
-from lingjing.engines.camera.models.sea import CLOTHES, POSES
-from lingjing.engines.camera.models.shapes import ModelPart
-from lingjing.engines.camera.models.stored import level_of, levels
+from lingjing.engines.camera.models.people import CLOTHES, WAVES, in_water, on_foot, pose_on_foot
+from lingjing.engines.camera.models.shapes import HERE, ModelPart
+from lingjing.engines.camera.models.skeleton import POSES, figures, posed, skin
+from lingjing.engines.camera.models.stored import level_of
+from lingjing.engines.camera.models.vehicles import LOOKS, vehicle
 
 __all__ = [
     "CLOTHES",
+    "HERE",
+    "LOOKS",
     "MODELS",
+    "PARKED",
     "POSES",
+    "WAVES",
     "ModelPart",
     "ambient_parts",
     "entity_model",
     "entity_parts",
+    "figures",
+    "in_water",
     "level_of",
-    "levels",
     "look_of",
+    "on_foot",
+    "painted",
+    "pose_on_foot",
+    "posed",
     "prop_model",
+    "prop_part",
+    "skin",
+    "vehicle",
 ]

@@ -14,14 +14,15 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from math import cos, hypot, radians, sin
 
 from lingjing.engines.bodies import shape_of
-from lingjing.engines.camera.meshes import Mesh, box, merge, repainted, solid
+from lingjing.engines.camera.meshes import Mesh, SameMesh, box, main_colour, merge, recoloured, solid
 from lingjing.engines.camera.models import air, dog, nature, people, places, sea, street, vehicles
-from lingjing.engines.camera.models.shapes import HERE, ModelPart, Placement, at, turned
-from lingjing.mission.appearance import BARE, COLOURS, MEASURES
+from lingjing.engines.camera.models.shapes import ModelPart, at, turned
+from lingjing.engines.camera.models.skeleton import gait
+from lingjing.mission.appearance import BARE, COLOURS, MEASURES, LinearRgb
 from lingjing.mission.instance import Datum, Entity
 from lingjing.mission.model import BodyPart
 from lingjing.plugins.bodies import entity_size, solid_size, sunk_m
@@ -38,6 +39,9 @@ PIPE_RADIUS_M = 0.4
 
 UNPAINTED = COLOURS["grey"]
 """Colour of a body without a declared one."""
+
+KEPT_REPAINTED = 256
+"""Repainted models in memory (chosen)."""
 
 STROLL_M = 2.5
 """Distance to both sides of a person walking up and down before a house, metres (chosen)."""
@@ -134,12 +138,17 @@ def _colour(entity: Entity) -> str:
 
 
 def painted(part: ModelPart, colour: str) -> ModelPart:
-    """Return a part with the colour that covers most of its surface replaced."""
-    return (
-        part
-        if colour not in COLOURS
-        else ModelPart(f"{part.key}-{colour}", repainted(part.mesh, COLOURS[colour]), part.rows)
-    )
+    """Return a part with the colour that covers most of its surface replaced, at all levels of detail."""
+    if colour not in COLOURS:
+        return part
+    levels = _repainted(f"{part.key}-{colour}", COLOURS[colour], SameMesh(part.levels))
+    return ModelPart(f"{part.key}-{colour}", levels[0], part.rows, levels[1:])
+
+
+@lru_cache(maxsize=KEPT_REPAINTED)
+def _repainted(name: str, colour: LinearRgb, of: SameMesh) -> tuple[Mesh, ...]:
+    old = main_colour(of.levels[0])
+    return tuple(recoloured(mesh, old, colour) for mesh in of.levels)
 
 
 def ambient_parts(state: BodyState, time_s: float) -> Parts:
@@ -157,14 +166,25 @@ def entity_model(kind: str, index: int, time_s: float) -> tuple[str, Mesh]:
     return f"{kind}-{index}", merge(*(turned(part.mesh, part.rows) for part in parts))
 
 
-def prop_model(model: str, variant: int) -> tuple[str, Mesh]:
-    """Return (key, mesh) of a prop's model."""
+def prop_part(model: str, variant: int) -> ModelPart:
+    """Return the model of a prop."""
+    if model in PARKED:
+        look = vehicles.LOOKS[PARKED[model]]
+        return vehicles.vehicle(PARKED[model], variant % look.count)
+    if model == "person":
+        return people.on_foot(variant, people.STANDING[variant % len(people.STANDING)])
     if model in VARIED:
         build, count = VARIED[model]
-        return f"{model}-{variant % count}", build(variant % count)
+        return ModelPart(f"{model}-{variant % count}", build(variant % count))
     if model in SINGLE:
-        return model, SINGLE[model]()
-    return "unknown", unknown()
+        return ModelPart(model, SINGLE[model]())
+    return ModelPart("unknown", unknown())
+
+
+def prop_model(model: str, variant: int) -> tuple[str, Mesh]:
+    """Return (key, mesh) of a prop's model at its finest level of detail."""
+    part = prop_part(model, variant)
+    return part.key, part.mesh
 
 
 @cache
@@ -185,33 +205,18 @@ def _single(key: str, build: Callable[[], Mesh]) -> Callable[[_DrawnEntity], Par
     return lambda drawn: (ModelPart(key, build()),)
 
 
-def _painted(key: str, build: Callable[[int], Mesh], count: int) -> Callable[[_DrawnEntity], Parts]:
-    def look(drawn: _DrawnEntity) -> Parts:
-        paint = drawn.number % count
-        return (ModelPart(f"{key}-{paint}", build(paint)),)
-
-    return look
-
-
-def _car(drawn: _DrawnEntity) -> Parts:
-    shape = vehicles.SHAPES[drawn.number // 7 % len(vehicles.SHAPES)]
-    paint = drawn.number % len(vehicles.PAINTS)
-    return (ModelPart(f"car-{shape}-{paint}", vehicles.motorcar(shape, paint)),)
-
-
-def _figure(look: int, pose: int, rows: Placement = HERE) -> ModelPart:
-    return ModelPart(f"pedestrian-{look}-{pose}", people.pedestrian(look, pose), rows)
+def _vehicle(name: str) -> Callable[[_DrawnEntity], Parts]:
+    return lambda drawn: (vehicles.vehicle(name, drawn.number),)
 
 
 def _person(drawn: _DrawnEntity) -> Parts:
-    pose = people.pose_of(drawn.speed_mps, drawn.time_s, 0.37 * drawn.number)
-    return (_figure(drawn.number % len(people.OUTFITS), pose),)
+    state = drawn.state
+    pose = people.pose_on_foot(drawn.number, state.status, drawn.speed_mps, state.position, state.heading_deg)
+    return (people.on_foot(drawn.number, pose),)
 
 
 def _swimmer(drawn: _DrawnEntity) -> Parts:
-    look = drawn.number % len(sea.CLOTHES)
-    pose = int((drawn.time_s / sea.WAVE_PERIOD_S + 0.37 * (drawn.number + 1)) * sea.POSES) % sea.POSES
-    return (ModelPart(f"person-{look}-{pose}", sea.person(look, pose)),)
+    return (people.in_water(drawn.number, drawn.time_s),)
 
 
 def people_in_line(people: object) -> int:
@@ -232,27 +237,26 @@ def _queue(drawn: _DrawnEntity) -> Parts:
     behind = radians(turn_deg)
     spacing_m = spacing_in_line(drawn.properties.get("spacing_m"))
     for k in range(people_in_line(drawn.state.resources.get("people", drawn.properties.get("people", 4)))):
-        look = (3 * k + drawn.number) % len(people.OUTFITS)
+        look = 5 * k + drawn.number
         aside = 0.12 * ((5 * k + 3 * drawn.number) % 7 - 3) / 3.0
         turn = turn_deg + 11.0 * ((3 * k + drawn.number) % 5 - 2)
         back = -spacing_m * (k + 1)
         place = aside * cos(behind) + back * sin(behind), back * cos(behind) - aside * sin(behind), 0.0
-        line.append(_figure(look, people.STAND, at(place, turn)))
+        line.append(people.on_foot(look, people.STANDING[k % len(people.STANDING)], at(place, turn)))
     return tuple(line)
 
 
 def _residents(drawn: _DrawnEntity) -> Parts:
     """Return two people in conversation at a house's door, and one walking beside them (the paper's VDN profile)."""
-    looks = [(3 * drawn.number + k) % len(people.OUTFITS) for k in (0, 2, 5)]
+    looks = [3 * drawn.number + k for k in (0, 4, 9)]
     round_m = 4.0 * STROLL_M
     walked = (STROLL_MPS * drawn.time_s) % round_m
     back = walked > 0.5 * round_m
     place = STROLL_M - abs(walked - 0.5 * round_m)
-    pose = people.pose_of(STROLL_MPS, drawn.time_s, 0.0)
     return (
-        _figure(looks[0], people.STAND, at((1.5, 2.4, 0.0), -66.0)),
-        _figure(looks[1], people.STAND, at((0.6, 2.8, 0.0), 114.0)),
-        _figure(looks[2], pose, at((place, 3.6, 0.0), -90.0 if back else 90.0)),
+        people.on_foot(looks[0], "stand-1", at((1.5, 2.4, 0.0), -66.0)),
+        people.on_foot(looks[1], "stand-0", at((0.6, 2.8, 0.0), 114.0)),
+        people.on_foot(looks[2], gait(STROLL_MPS, walked), at((place, 3.6, 0.0), -90.0 if back else 90.0)),
     )
 
 
@@ -268,7 +272,7 @@ def _kerbside(look: Callable[[_DrawnEntity], Parts]) -> Callable[[_DrawnEntity],
 
     def moved(drawn: _DrawnEntity) -> Parts:
         rows = at((drawn.kerb_m - places.KERB_M, 0.0, 0.0))
-        return tuple(ModelPart(part.key, part.mesh, rows) for part in look(drawn))
+        return tuple(ModelPart(part.key, part.mesh, rows, part.coarser) for part in look(drawn))
 
     return moved
 
@@ -285,14 +289,7 @@ MODELS: dict[str, Callable[[_DrawnEntity], Parts]] = {
     "fixed_wing": _single("fixed_wing", air.fixed_wing),
     "satellite": _single("satellite", air.satellite),
     "robot_dog": lambda drawn: dog.dog_parts(drawn.state.joints),
-    "car": _car,
-    "taxi": _single("taxi", vehicles.taxi),
-    "delivery_van": _painted("van", vehicles.van, len(vehicles.VAN_PAINTS)),
-    "truck": _painted("truck", vehicles.truck, 4),
-    "bus": _painted("bus", vehicles.bus, len(vehicles.BUS_PAINTS)),
-    "fire_truck": _single("fire_truck", vehicles.fire_truck),
-    "motorcycle": _painted("motorcycle", vehicles.motorcycle, 3),
-    "bicycle": _painted("bicycle", vehicles.bicycle, 4),
+    **{name: _vehicle(name) for name in vehicles.LOOKS},
     "person": _person,
     "lifeboat": _single("lifeboat", sea.lifeboat),
     "person_in_water": _swimmer,
@@ -310,18 +307,10 @@ MODELS: dict[str, Callable[[_DrawnEntity], Parts]] = {
 }
 """Functions that build the meshes of each look and of each kind of background traffic."""
 
-_PARKED: dict[str, tuple[Callable[[int], Mesh], int]] = {
-    "car": (lambda v: vehicles.motorcar(vehicles.SHAPES[v % 3], v // 3), 3 * len(vehicles.PAINTS)),
-    "delivery_van": (vehicles.van, len(vehicles.VAN_PAINTS)),
-    "truck": (vehicles.truck, 4),
-    "bus": (vehicles.bus, len(vehicles.BUS_PAINTS)),
-    "motorcycle": (vehicles.motorcycle, 3),
-    "person": (lambda v: people.pedestrian(v, people.STAND), len(people.OUTFITS)),
-}
-"""Builders of vehicles as props, with their counts of variants."""
-
-_PARKED |= {"parked_car": _PARKED["car"], "parked_truck": _PARKED["truck"], "parked_van": _PARKED["delivery_van"]}
-VARIED = sea.VARIED | nature.VARIED | street.VARIED | _PARKED
-"""Prop models with several variants, which the prop's option `variant` selects."""
-SINGLE = sea.SINGLE | nature.SINGLE | street.SINGLE | {"taxi": vehicles.taxi, "steam_vent": street.SINGLE["steam"]}
+PARKED = {name: name for name in vehicles.LOOKS}
+PARKED |= {"parked_car": "car", "parked_truck": "truck", "parked_van": "delivery_van"}
+"""Prop models of vehicles, with their looks; the prop's option `variant` selects one of the variants."""
+VARIED = sea.VARIED | nature.VARIED | street.VARIED
+"""Other prop models with several variants, which the prop's option `variant` selects."""
+SINGLE = sea.SINGLE | nature.SINGLE | street.SINGLE | {"steam_vent": street.SINGLE["steam"]}
 """Prop models without variants."""

@@ -1,84 +1,103 @@
-"""People on foot, at rest or in a phase of a step, in several clothes; the soles are at z = 0."""
+"""People: the figures of `people.npz` that are drawn on foot and in the water, and their colours.
+
+The soles of a person on foot are at z = 0; the waterline of a person in the water is.
+"""
 
 from __future__ import annotations
 
-from functools import cache
-from math import cos, pi, sin
+from math import cos, radians, sin
 
-from lingjing.engines.camera.meshes import Mesh, box, cylinder, ellipsoid, merge
-from lingjing.engines.camera.models.palette import BLACK, HAIRS, SKINS, WHITE
-from lingjing.engines.camera.models.shapes import limb
+from lingjing.engines.camera.models.palette import BLACK, HAIRS, ORANGE, SKINS, WHITE, YELLOW
+from lingjing.engines.camera.models.shapes import HERE, ModelPart, Placement
+from lingjing.engines.camera.models.skeleton import PHASES, gait, posed
+from lingjing.engines.camera.models.stored import Palette
 from lingjing.mission.appearance import LinearRgb
 from lingjing.mission.instance import Vector
 
-PHASES = 4
-"""Phases of a step."""
-STAND = PHASES
-"""The pose after the phases of a step: at rest."""
-STEP_S = 1.1
-"""Time of two steps of a walk, seconds (chosen)."""
+STANDING = ("stand-0", "stand-1", "stand-2")
+"""Poses of a person at rest."""
+LYING_DOWN = frozenset(("injured", "unconscious", "fallen", "lying", "dead"))
+"""Status words of a person on the ground."""
+SEATED = frozenset(("sitting", "seated"))
+"""Status words of a seated person."""
 
-OUTFITS: tuple[tuple[LinearRgb, LinearRgb], ...] = (
-    ((0.10, 0.16, 0.32), (0.06, 0.07, 0.10)),
-    ((0.50, 0.06, 0.05), (0.05, 0.06, 0.12)),
-    ((0.62, 0.60, 0.55), (0.14, 0.15, 0.18)),
-    ((0.10, 0.26, 0.13), (0.24, 0.19, 0.12)),
-    ((0.62, 0.42, 0.06), (0.05, 0.05, 0.06)),
-    ((0.05, 0.05, 0.06), (0.10, 0.13, 0.24)),
-    ((0.34, 0.14, 0.30), (0.05, 0.05, 0.06)),
-    ((0.20, 0.40, 0.50), (0.36, 0.33, 0.28)),
+WALKERS = (
+    "jacket", "coat", "tshirt", "suit", "blouse", "hoodie", "dress", "worker", "heavy", "elder", "skirt", "child",
+)  # fmt: skip
+"""Figures of people on foot."""
+COATS: tuple[LinearRgb, ...] = (
+    (0.10, 0.16, 0.32), (0.50, 0.06, 0.05), (0.62, 0.60, 0.55), (0.04, 0.045, 0.055), (0.10, 0.26, 0.13),
+    (0.34, 0.14, 0.30), (0.20, 0.40, 0.50), (0.62, 0.42, 0.06), (0.16, 0.15, 0.14), (0.30, 0.19, 0.10),
+)  # fmt: skip
+"""Linear colours of coats (chosen)."""
+TROUSERS: tuple[LinearRgb, ...] = (
+    (0.06, 0.07, 0.10), (0.05, 0.06, 0.12), (0.14, 0.15, 0.18), (0.10, 0.13, 0.24), (0.24, 0.19, 0.12),
+    (0.05, 0.05, 0.06), (0.36, 0.33, 0.28),
+)  # fmt: skip
+"""Linear colours of trousers (chosen)."""
+GREY_HAIR: LinearRgb = (0.45, 0.44, 0.42)
+HIGH_VISIBILITY: LinearRgb = (0.62, 0.66, 0.04)
+COUNT = 2 * len(WALKERS)
+"""People on foot that differ."""
+
+CLOTHES: tuple[tuple[LinearRgb, bool], ...] = (
+    (ORANGE, True),
+    ((0.90, 0.30, 0.03), True),
+    ((0.03, 0.05, 0.12), False),
+    ((0.80, 0.50, 0.02), True),
+    ((0.55, 0.06, 0.06), False),
+    ((0.10, 0.12, 0.10), False),
 )
-"""Linear colours of jacket and trousers of the n-th person (chosen)."""
+"""Upper body of the n-th person in the water: linear colour, and whether it is a life vest. Dark ones are harder to
+detect."""
+WAVES = PHASES
+"""Phases of waving."""
+WAVE_PERIOD_S = 2.0
+"""Time of one wave of the arms, seconds (chosen)."""
 
 
-@cache
-def pedestrian(look: int, pose: int) -> Mesh:
-    """Return a person of 1.75 m in a pose (`STAND` or a phase of a step)."""
-    coat, trousers = OUTFITS[look % len(OUTFITS)]
-    skin, hair = SKINS[look % len(SKINS)], HAIRS[(look // 2) % len(HAIRS)]
-    stride = 0.0 if pose == STAND else 0.52 * sin(2.0 * pi * pose / PHASES + 0.4)
-    parts = [
-        ellipsoid((0.0, 0.02, 1.62), (0.085, 0.10, 0.125), skin, rows=5, sides=7),
-        ellipsoid((0.0, -0.015, 1.66), (0.095, 0.105, 0.105), hair, rows=3, sides=7),
-        limb((0.0, 0.0, 1.40), (0.0, 0.01, 1.55), (0.055, 0.05), skin, 5),
-        ellipsoid((0.0, 0.0, 1.20), (0.205, 0.125, 0.30), coat, rows=4, sides=8),
-        ellipsoid((0.0, 0.0, 1.39), (0.215, 0.105, 0.075), coat, rows=3, sides=6),
-        cylinder((0.0, 0.0, 0.86), (0.0, 0.0, 1.06), (0.155, 0.165), coat, sides=7),
-    ]
-    for side in (-1.0, 1.0):
-        parts += _leg(side, side * stride, trousers)
-        parts += _arm(side, -side * 0.8 * stride, coat, skin)
-    if look % 3 == 1:
-        parts.append(box((0.0, -0.17, 1.22), (0.28, 0.14, 0.42), ((0.08, 0.08, 0.10), WHITE, BLACK)[look % 3]))
-    return merge(*parts)
+def on_foot(number: int, pose: str, rows: Placement = HERE) -> ModelPart:
+    """Return the `number`-th person in a pose."""
+    number %= COUNT
+    figure = WALKERS[number % len(WALKERS)]
+    levels = posed(figure, pose, _palette(number, figure))
+    return ModelPart(f"person-{number}-{pose}", levels[0], rows, levels[1:])
 
 
-def _leg(side: float, swing: float, trousers: LinearRgb) -> list[Mesh]:
-    bend = max(0.0, -swing) * 0.7
-    hip: Vector = (side * 0.095, 0.0, 0.90)
-    knee: Vector = (side * 0.10, 0.44 * sin(swing) + 0.10 * bend, 0.90 - 0.44 * cos(swing))
-    back = swing - bend
-    foot: Vector = (side * 0.10, knee[1] + 0.42 * sin(back), max(0.06, knee[2] - 0.42 * cos(back)))
-    return [
-        limb(hip, knee, (0.095, 0.07), trousers),
-        limb(knee, foot, (0.07, 0.05), trousers),
-        box((foot[0], foot[1] + 0.05, foot[2] - 0.02), (0.09, 0.25, 0.08), BLACK),
-    ]
+def pose_on_foot(number: int, status: str, speed_mps: float, position: Vector, heading_deg: float) -> str:
+    """Return the pose of a person: lying or seated by its status, else standing or in a phase of its gait.
+
+    The distance walked is the place along the heading, so the phase needs no memory, and feet do not slide.
+    """
+    if status in LYING_DOWN:
+        return "lie"
+    if status in SEATED:
+        return "sit"
+    h = radians(heading_deg)
+    walked_m = position[0] * sin(h) + position[1] * cos(h) + 0.53 * number
+    return gait(speed_mps, walked_m) or STANDING[number % len(STANDING)]
 
 
-def _arm(side: float, swing: float, sleeve: LinearRgb, skin: LinearRgb) -> list[Mesh]:
-    shoulder: Vector = (side * 0.21, 0.0, 1.40)
-    elbow: Vector = (side * 0.25, 0.28 * sin(swing), 1.40 - 0.28 * cos(swing))
-    hand: Vector = (side * 0.24, elbow[1] + 0.26 * sin(swing + 0.35), elbow[2] - 0.26 * cos(swing + 0.35))
-    return [
-        limb(shoulder, elbow, (0.06, 0.05), sleeve, 5),
-        limb(elbow, hand, (0.05, 0.035), sleeve, 5),
-        box(hand, (0.06, 0.07, 0.10), skin),
-    ]
+def in_water(number: int, time_s: float) -> ModelPart:
+    """Return the `number`-th person in the water, up to the chest, waving."""
+    look = number % len(CLOTHES)
+    colour, vest = CLOTHES[look]
+    phase = int((time_s / WAVE_PERIOD_S + 0.37 * (number + 1)) * WAVES) % WAVES
+    palette: Palette = (("coat", colour), ("shirt", colour if not vest else SKINS[look % len(SKINS)]),
+                        ("trousers", (0.05, 0.06, 0.09)), ("skin", SKINS[look % len(SKINS)]),
+                        ("hair", HAIRS[look % len(HAIRS)]), ("shoes", BLACK))  # fmt: skip
+    levels = posed("lifevest" if vest else "swimmer", f"swim-{phase}", palette)
+    return ModelPart(f"person-in-water-{look}-{phase}", levels[0], HERE, levels[1:])
 
 
-def pose_of(speed_mps: float, time_s: float, offset: float) -> int:
-    """Return the pose of a person at a speed: `STAND` below a slow walk, else a phase of the step."""
-    if speed_mps < 0.25:
-        return STAND
-    return int((time_s / STEP_S * max(speed_mps / 1.35, 0.5) + offset) * PHASES) % PHASES
+def _palette(number: int, figure: str) -> Palette:
+    coat = COATS[(3 * number + number // len(WALKERS)) % len(COATS)]
+    trousers = TROUSERS[(number + 2 * (number // len(WALKERS))) % len(TROUSERS)]
+    hair = GREY_HAIR if figure in ("elder", "heavy") else HAIRS[(number // 2) % len(HAIRS)]
+    if figure == "worker":
+        coat = HIGH_VISIBILITY if number < len(WALKERS) else ORANGE
+    if figure == "suit":
+        coat = trousers = (0.045, 0.05, 0.065) if number < len(WALKERS) else (0.16, 0.16, 0.17)
+    return (("coat", coat), ("trousers", trousers), ("shirt", WHITE if number % 2 else (0.40, 0.46, 0.56)),
+            ("skin", SKINS[number % len(SKINS)]), ("hair", hair), ("shoes", (0.035, 0.025, 0.02)),
+            ("bag", COATS[(number + 4) % len(COATS)]), ("helmet", YELLOW))  # fmt: skip

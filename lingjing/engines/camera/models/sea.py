@@ -1,10 +1,10 @@
-"""Models of the sea, waterline at z = 0: a person in the water, the lifeboat, boats, buoys and flotsam."""
+"""Models of the sea, waterline at z = 0: the lifeboat, boats, buoys and flotsam."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from math import cos, pi, sin
+from math import cos, sin
 
 import numpy as np
 
@@ -12,67 +12,15 @@ from lingjing.engines.camera.meshes import Mesh, box, cylinder, ellipsoid, flat,
 from lingjing.engines.camera.models.palette import (
     BLACK,
     GREY,
-    HAIRS,
     HULL_BLUE,
     HULL_GREEN,
     ORANGE,
     RED,
-    SKINS,
     WHITE,
     WOOD,
     YELLOW,
 )
 from lingjing.mission.appearance import LinearRgb
-from lingjing.mission.instance import Vector
-
-CLOTHES: tuple[tuple[LinearRgb, bool], ...] = (
-    (ORANGE, True),
-    ((0.90, 0.30, 0.03), True),
-    ((0.03, 0.05, 0.12), False),
-    ((0.80, 0.50, 0.02), True),
-    ((0.55, 0.06, 0.06), False),
-    ((0.10, 0.12, 0.10), False),
-)
-"""Upper body of the n-th person: linear colour, and whether it is a life vest. Dark ones are harder to detect."""
-
-POSES = 4
-"""Phases of waving."""
-
-WAVE_PERIOD_S = 2.0
-"""Time of one wave of the arms, seconds (chosen)."""
-
-
-@cache
-def person(look: int, pose: int) -> Mesh:
-    """Return a person up to the chest in the water: head, shoulders, arms in one of `POSES` phases of waving."""
-    colour, vest = CLOTHES[look]
-    skin, hair = SKINS[look % len(SKINS)], HAIRS[look % len(HAIRS)]
-    parts = [
-        ellipsoid((0.0, 0.03, 0.36), (0.105, 0.125, 0.145), skin),
-        ellipsoid((0.0, -0.02, 0.41), (0.115, 0.125, 0.115), hair),
-        cylinder((0.0, 0.0, 0.05), (0.0, 0.01, 0.28), (0.075, 0.065), skin),
-        ellipsoid((0.0, 0.0, 0.02), (0.27, 0.17, 0.13), colour),
-        ellipsoid((0.0, -0.22, -0.10), (0.19, 0.30, 0.14), colour),
-    ]
-    if vest:
-        parts += [torus((0.0, 0.0, 0.12), 0.17, 0.085, (colour,), sides=12)]
-        parts += [box((side * 0.13, 0.15, 0.06), (0.17, 0.12, 0.20), colour) for side in (-1.0, 1.0)]
-        parts += [box((0.0, 0.20, 0.07), (0.40, 0.03, 0.05), (0.75, 0.75, 0.72), 0.4)]
-    swing = pose * 2.0 * pi / POSES
-    for side in (-1.0, 1.0):
-        parts += _arm(side, swing + (0.0 if side > 0 else 0.5 * pi), skin, skin if vest else colour)
-    return merge(*parts)
-
-
-def _arm(side: float, swing: float, skin: LinearRgb, sleeve: LinearRgb) -> list[Mesh]:
-    shoulder: Vector = (side * 0.22, 0.0, 0.08)
-    elbow: Vector = (side * 0.47, 0.10 + 0.06 * sin(swing), 0.07 + 0.07 * cos(swing))
-    hand: Vector = (side * (0.66 + 0.05 * cos(swing)), 0.22 + 0.12 * sin(swing), 0.07 + 0.13 * max(0.0, cos(swing)))
-    return [
-        cylinder(shoulder, elbow, (0.065, 0.055), sleeve, sides=7),
-        cylinder(elbow, hand, (0.052, 0.042), skin, sides=7),
-        ellipsoid(hand, (0.055, 0.07, 0.05), skin, rows=4, sides=6),
-    ]
 
 
 def _hull(length: float, beam: float, depth: float, colour: LinearRgb, inside: LinearRgb, draught: float) -> Mesh:

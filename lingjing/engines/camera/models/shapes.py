@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from lingjing.engines.camera.meshes import Mesh, cylinder, ellipsoid, flat, loft, merge
-from lingjing.engines.camera.models.palette import BLACK
 from lingjing.mission.appearance import LinearRgb
 from lingjing.mission.instance import Vector
 
@@ -29,6 +28,13 @@ class ModelPart:
     """The mesh."""
     rows: Placement = field(default_factory=lambda: HERE)
     """Matrix (3, 4) from the part's frame to the body's."""
+    coarser: tuple[Mesh, ...] = ()
+    """The mesh at coarser levels of detail."""
+
+    @property
+    def levels(self) -> tuple[Mesh, ...]:
+        """The mesh at all levels of detail, the finest first."""
+        return self.mesh, *self.coarser
 
 
 def turned(mesh: Mesh, rows: Placement) -> Mesh:
@@ -83,16 +89,6 @@ def pane(
     return flat(np.array([(p[0], p[1], p[2]), (p[0], p[2], p[3])]), colour, gloss)
 
 
-def wheel(x: float, y: float, radius: float, width: float) -> Mesh:
-    """Return a wheel that stands on z = 0, its axle across, with a grey hub."""
-    out = x + (0.5 * width + 0.005) * (1.0 if x > 0 else -1.0)
-    angle = np.linspace(0.0, 2.0 * np.pi, 7)
-    rim = [(out, y + 0.55 * radius * cos(a), radius + 0.55 * radius * sin(a)) for a in angle]
-    hub = [((out, y, radius), rim[k], rim[k + 1]) for k in range(6)]
-    tyre = cylinder((x - width / 2, y, radius), (x + width / 2, y, radius), (radius, radius), BLACK, 0.05, sides=9)
-    return merge(tyre, flat(np.array(hub), (0.34, 0.34, 0.36), 0.5))
-
-
 def limb(start: Vector, end: Vector, radii: tuple[float, float], colour: LinearRgb, sides: int = 6) -> Mesh:
     """Return an arm, a leg or a strut without end caps."""
     return cylinder(start, end, radii, colour, sides=sides)[: 6 * sides]
@@ -120,4 +116,4 @@ def mirrored(mesh: Mesh) -> Mesh:
     return merge(mesh, other)
 
 
-__all__ = ["HERE", "ModelPart", "at", "blob", "limb", "mirrored", "pane", "quad", "shell", "turned", "wheel"]
+__all__ = ["HERE", "ModelPart", "at", "blob", "limb", "mirrored", "pane", "quad", "shell", "turned"]
