@@ -5,10 +5,9 @@
 - An adjudicated event is visible if its rule reads nothing hidden and no message. A verdict on a report is for the
   trace alone.
 - The event of an interaction is visible as its type declares (`told = all`, `actor` or `none`). Without a declaration
-  it is visible to all agents if neither the target nor the condition that unlocks it depends on a hidden value, and to
-  none otherwise.
-- The state that an interaction changes follows its event: an event that an agent may not see must not show in the
-  target's status or stock either (`EventVisibility.withheld`).
+  it is visible to none if a hidden value decides it (`lingjing.mission.conditions.taint`), and to all agents otherwise.
+- The state that such an interaction changes follows its event: an event that an agent may not see must not show in the
+  target's status, stock or place or in the actor's stock either (`EventVisibility.withheld`).
 - Another engine event that involves an entity with a hidden position, such as a collision, is visible to the agents
   that control a body in it.
 - What the mission's events change is visible to all agents: the weather, and an entity that appears, vanishes or is
@@ -23,11 +22,15 @@ from collections.abc import Iterable, Sequence
 
 from lingjing.kernel.mission_events import MARKS
 from lingjing.mission.conditions.survey import survey_instance
+from lingjing.mission.conditions.taint import PLACE, carried_fields, changed_fields
 from lingjing.mission.instance import AgentSpec, Entity, Instance, InteractionSpec
 from lingjing.trace.records import AdjudicatedEvent, EventView, TaskEvent
 
 ALL, ACTOR, NONE = "all", "actor", "none"
 """The audience of an event: every agent that observes events, those that command a body in it, or no agent."""
+
+MOTION = frozenset({"velocity", "heading_deg"})
+"""Fields that show a change of the place."""
 
 
 class EventVisibility:
@@ -36,8 +39,8 @@ class EventVisibility:
     def __init__(self, instance: Instance) -> None:
         self._entities = {entity.id: entity for entity in instance.entities}
         self._unplaced = frozenset(entity.id for entity in instance.entities if "position" in entity.hidden)
-        survey = survey_instance(instance)
-        self._open, self._secret = survey.open_events, survey.secretly_unlocked
+        survey = survey_instance(instance, shown=True)
+        self._open, self._declarations = survey.open_events, survey.declarations
         self._withheld: dict[tuple[str, str], frozenset[str]] = {}  # asked for each body in each observation
         self._secretive = tuple(
             (target, interaction, frozenset(actor.id for actor in instance.actors(interaction)))
@@ -63,8 +66,8 @@ class EventVisibility:
         )
 
     def withheld(self, agent: AgentSpec, entity: Entity) -> frozenset[str]:
-        """Return the fields of an entity that would show an interaction with an event that the agent may not see:
-        `status`, and the names of the states that it changes.
+        """Return the fields of an entity that would show an interaction with an event that the agent may not see: those
+        of its motion, `status`, and the names of the states that the interaction changes.
         """
         known = self._withheld.get((agent.id, entity.id))
         if known is None:
@@ -78,10 +81,12 @@ class EventVisibility:
             if audience == ALL or (audience == ACTOR and not actors.isdisjoint(agent.commands)):
                 continue
             if target.id == entity.id:
-                fields |= {"status", interaction.own}
+                fields |= set(changed_fields(self._declarations.groups[target.group], interaction))
             elif entity.id in actors:
-                fields.add(interaction.carried)
-        return frozenset(fields - {""})
+                carried = carried_fields(self._declarations, interaction)
+                fields |= {field for group, field in carried if group.name == entity.group}
+        names = {spec.field: spec.name for spec in entity.state}
+        return frozenset(names.get(field, field) for field in fields) | (MOTION if PLACE in fields else frozenset())
 
     def _is_visible(self, agent: AgentSpec, event: TaskEvent) -> bool:
         audience = self._audience(event)
@@ -100,11 +105,11 @@ class EventVisibility:
         return ACTOR if any(entity.id in self._unplaced for entity in entities) else ALL
 
     def _audience_of(self, interaction: InteractionSpec, target: Entity) -> str:
-        return interaction.told or (NONE if target.hidden or self._is_secret(interaction.name, target.group) else ALL)
+        return interaction.told or (NONE if self._is_secret(interaction.name, target.group) else ALL)
 
     def _is_secret(self, interaction: str, group: str) -> bool:
-        """Return whether the permission of an interaction with targets of a group depends on a hidden value."""
-        return not self._secret.isdisjoint(((interaction, group), (interaction, "")))
+        """Return whether a hidden value decides an interaction with targets of a group."""
+        return (interaction, group) in self._declarations.taint.interactions
 
     def _view(self, name: str, tick: int, kind: str, entities: Iterable[str]) -> EventView:
         named = tuple(entity for entity in entities if entity not in self._unplaced)

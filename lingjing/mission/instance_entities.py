@@ -149,12 +149,13 @@ def entities(
     datum_m: float,
     template_draw: ex.Expr | None = None,
     redraw: int = 0,
+    hidden_redraw: int = 0,
 ) -> DrawnGroup:
     """The members of one group. `scope.members` must have every group; `mission` is part of the names of random
     streams.
 
     `template_draw` is the draw by which a document's template places a group. The document then gives the places.
-    `redraw` is the number of draws that did not meet a requirement.
+    `redraw` is the number of draws that did not meet a requirement, `hidden_redraw` that of the hidden values alone.
     """
     ids = scope.members[group.name]
     drawn = {
@@ -163,7 +164,7 @@ def entities(
             prop,
             scope,
             seed=seed,
-            path=redrawn_path(f"{mission}/{group.name}/{prop.name}", redraw),
+            path=redrawn_path(f"{mission}/{group.name}/{prop.name}", redraw + hidden_redraw * prop.hidden),
             count=len(ids),
         )
         for prop in group.properties

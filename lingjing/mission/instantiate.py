@@ -27,7 +27,7 @@ from lingjing.mission.instance import Budget, Cell, Clock, Entity, Instance, Opt
 from lingjing.mission.instance_entities import at_path, datum, entities, holds, member_ids, single
 from lingjing.mission.interactions import unrestricted_unlocks
 from lingjing.mission.kinds import SEA_M, scene_kind
-from lingjing.mission.requirements import drawn_names, unmet
+from lingjing.mission.requirements import repeated_draws, unmet
 from lingjing.mission.seeding import integer, redrawn_path
 from lingjing.mission.values import as_number, is_finite
 from lingjing.mission.wording import PromptFiller
@@ -55,34 +55,45 @@ def instantiate(
     `mode` and `settings.NAME`), `MissionError` if the mission cannot be evaluated or a requirement is not met.
     """
     redraws: dict[str, int] = {}
+    hidden_redraws: dict[str, int] = {}
     for repetition in itertools.count():
-        instance = _instance(mission, seed, mode, settings or {}, redraws)
+        instance = _instance(mission, seed, mode, settings or {}, redraws, hidden_redraws)
         with at_path(f"{mission.name}/require"):
             requirement = unmet(mission, instance)
             if requirement is None:
                 break
-            names = drawn_names(mission, requirement.condition) - set(settings or ())
+            repeated = repeated_draws(mission, requirement.condition)
+            names = repeated.names - set(settings or ())
             if not names or repetition == REDRAWS:
                 with at_path(f"{mission.name}/require/{1 + mission.requirements.index(requirement)}"):
-                    raise _unmet_error(requirement, seed, sorted(names))
-            redraws |= {name: redraws.get(name, 0) + 1 for name in names}
+                    raise _unmet_error(requirement, seed, sorted(names), hidden_only=repeated.hidden_only)
+            counts = hidden_redraws if repeated.hidden_only else redraws
+            counts |= {name: counts.get(name, 0) + 1 for name in names}
     return instance
 
 
-def _unmet_error(requirement: model.Requirement, seed: int, names: list[str]) -> MissionError:
+def _unmet_error(requirement: model.Requirement, seed: int, names: list[str], *, hidden_only: bool) -> MissionError:
     condition = f"`{spell(requirement.condition)}` does not hold, because {requirement.reason}"
     if not names:
         return MissionError(f"{condition}: it depends on nothing that is drawn", hint="change the declared values")
     drawn = " and ".join(f"`{name}`" for name in names)
     message = f"seed {seed} meets the requirement in none of {REDRAWS + 1} draws of {drawn}: {condition}"
-    return MissionError(message, hint="widen what is drawn, or loosen the requirement")
+    others = "; public values are not drawn anew, because they would tell something about hidden ones"
+    return MissionError(message, hint=f"widen what is drawn, or loosen the requirement{others if hidden_only else ''}")
 
 
 def _instance(
-    mission: model.Mission, seed: int, mode: str | None, settings: Mapping[str, float], redraws: Mapping[str, int]
+    mission: model.Mission,
+    seed: int,
+    mode: str | None,
+    settings: Mapping[str, float],
+    redraws: Mapping[str, int],
+    hidden_redraws: Mapping[str, int],
 ) -> Instance:
-    """The instance with the draws of some names repeated: name → the number of discarded draws."""
-    chosen, values = choose_settings(mission, mode, settings, seed, redraws)
+    """The instance with the draws of some names repeated: name → the number of discarded draws, and of those that are
+    discarded for the hidden values alone."""
+    repeated = {name: redraws.get(name, 0) + hidden_redraws.get(name, 0) for name in {*redraws, *hidden_redraws}}
+    chosen, values = choose_settings(mission, mode, settings, seed, repeated)
     scope = Scope(parameters=values, mode=chosen)
     clock = _clock(mission, scope)
     scope = msgspec.structs.replace(scope, tick_s=clock.tick_s)
@@ -91,7 +102,7 @@ def _instance(
     scope = msgspec.structs.replace(scope, members=_members(mission, scope))
     instance_rules.check_members(mission, scope)
     scope = msgspec.structs.replace(scope, areas=areas)
-    members, redrawn = _entities(mission, scope, seed, scene.datum_m, redraws)
+    members, redrawn = _entities(mission, scope, seed, scene.datum_m, redraws, hidden_redraws)
     scope = msgspec.structs.replace(scope, areas=_areas(mission, scope, members))
     agents = instance_agents.agents(mission, scope)
     fill = PromptFiller(mission, scope, members)
@@ -390,7 +401,12 @@ def _members(mission: model.Mission, scope: Scope) -> dict[str, tuple[str, ...]]
 
 
 def _entities(
-    mission: model.Mission, scope: Scope, seed: int, datum_m: float, redraws: Mapping[str, int]
+    mission: model.Mission,
+    scope: Scope,
+    seed: int,
+    datum_m: float,
+    redraws: Mapping[str, int],
+    hidden_redraws: Mapping[str, int],
 ) -> tuple[tuple[Entity, ...], tuple[str, ...]]:
     """All entities, and `group.property` of what was drawn anew for want of room."""
     dormant = instance_rules.dormant(mission, scope) if mission.events else frozenset()
@@ -403,6 +419,7 @@ def _entities(
             datum_m=datum_m,
             template_draw=mission.origin.draws.get(group.name),
             redraw=redraws.get(group.name, 0),
+            hidden_redraw=hidden_redraws.get(group.name, 0),
         )
         for group in mission.groups
         if group.name in scope.members

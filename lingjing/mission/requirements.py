@@ -1,13 +1,17 @@
 """Requirements: conditions that the draws of a seed must meet, `require distance_xy(a, b) >= 100 m because "…"`.
 
 A requirement reads declared places and properties, params and the sizes of groups. `unmet` finds the first one that an
-instance does not meet, and `drawn_names` the draws that it depends on, which are then drawn anew (ADR 0042).
+instance does not meet, and `repeated_draws` the draws that it depends on, which are then drawn anew (ADR 0042). If it
+reads a hidden value, the hidden draws alone are repeated: a public value that was drawn anew would tell something about
+the hidden one (ADR 0045).
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
@@ -31,8 +35,27 @@ def unmet(mission: model.Mission, instance: Instance) -> model.Requirement | Non
     return None
 
 
-def drawn_names(mission: model.Mission, condition: ex.Expr) -> frozenset[str]:
-    """The groups and params with draws on which a condition depends, directly or through other declarations."""
+class RepeatedDraws(NamedTuple):
+    """The draws that are repeated until a requirement holds."""
+
+    names: frozenset[str]
+    """The groups and params that have them."""
+    hidden: str
+    """A hidden value that the requirement reads; "" for none."""
+    hidden_only: bool
+    """True if only the hidden values of these groups and params are drawn anew."""
+
+
+def repeated_draws(mission: model.Mission, condition: ex.Expr) -> RepeatedDraws:
+    """The draws on which a condition depends, directly or through other declarations."""
+    hidden = next(_hidden_reads(mission, condition), "")
+    names = _depended(mission, condition)
+    secret = frozenset(name for name in names if hidden and _draws(mission, name, hidden_only=True))
+    return RepeatedDraws(secret or frozenset(n for n in names if _draws(mission, n)), hidden, bool(secret))
+
+
+def _depended(mission: model.Mission, condition: ex.Expr) -> frozenset[str]:
+    """The names of all declarations on which a condition depends."""
     values = {param.name: (param.default,) for param in mission.parameters}
     values |= {region.name: (region.shape,) for region in mission.regions}
     for group in mission.groups:
@@ -45,7 +68,49 @@ def drawn_names(mission: model.Mission, condition: ex.Expr) -> frozenset[str]:
         if name in values and name not in reached:
             reached.add(name)
             queue.extend(other for value in values[name] for other in _referred(value))
-    return frozenset(name for name in reached if any(isinstance(value, ex.Draw) for value in values[name]))
+    return frozenset(reached)
+
+
+def _draws(mission: model.Mission, name: str, *, hidden_only: bool = False) -> bool:
+    """True if a param or a property of a group is drawn."""
+    declared: Iterator[model.Parameter | model.Property] = itertools.chain(
+        (param for param in mission.parameters if param.name == name),
+        (prop for group in mission.groups if group.name == name for prop in group.properties),
+    )
+    drawn = ((each.default if isinstance(each, model.Parameter) else each.value, each.hidden) for each in declared)
+    return any(isinstance(value, ex.Draw) and (hidden or not hidden_only) for value, hidden in drawn)
+
+
+def _hidden_reads(mission: model.Mission, condition: ex.Expr) -> Iterator[str]:
+    """The hidden values that a condition reads: `victim.position`, or the name of a param, region or group."""
+    domains = {
+        part.variable: part.domain for part in ex.parts(condition) if isinstance(part, ex.Quantified | ex.Aggregate)
+    }
+    hidden = {param.name for param in mission.parameters if param.hidden}
+    hidden |= {region.name for region in mission.regions if region.hidden}
+    hidden |= {group.name for group in mission.groups if group.hides_count}
+    properties = {(group.name, prop.name) for group in mission.groups for prop in group.properties if prop.hidden}
+    owners = {group.name for group in mission.groups}
+    fields = {id(_entity(part.base)) for part in ex.parts(condition) if isinstance(part, ex.Attr)}
+    for part in ex.parts(condition):
+        match part:
+            case ex.Attr(base=base, name=name) if isinstance(ref := _entity(base), ex.Ref):
+                if (domains.get(ref.name, ref.name), name) in properties:
+                    yield f"`{domains.get(ref.name, ref.name)}.{name}`"
+            case ex.Ref(name=name) if domains.get(name, name) in owners:
+                owner = domains.get(name, name)
+                if id(part) not in fields and (owner, "position") in properties:
+                    yield f"`{owner}.position`"
+                elif owner in hidden:
+                    yield f"number of `{owner}`"
+            case ex.Ref(name=name) if name in hidden:
+                yield f"`{name}`"
+            case ex.Quantified(domain=domain) | ex.Aggregate(domain=domain) if domain in hidden:
+                yield f"number of `{domain}`"
+
+
+def _entity(expr: ex.Expr) -> ex.Expr:
+    return expr.base if isinstance(expr, ex.Index) else expr
 
 
 def _referred(expr: ex.Expr) -> Iterator[str]:

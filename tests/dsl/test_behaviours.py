@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -161,3 +163,54 @@ def test_the_page_of_a_mission_shows_the_behaviour(tmp_path: Path, capsys: pytes
     assert run_command(["docs", str(tmp_path / "strays.ljs")]) == 0
     line = "- moves by itself: `flee { from = dog, speed = 2 m/s, within = 60 m }`"
     assert capsys.readouterr().out.count(line) == 1
+
+
+def compiled_document(source: str, path: Path) -> Any:
+    """The `mission.json` of a text, as data."""
+    path.write_text(source)
+    assert run_command(["compile", str(path), "--emit", "mission", "-o", str(path.with_suffix(".json"))]) == 0
+    return json.loads(path.with_suffix(".json").read_text())
+
+
+def refusal(document: object, path: Path, capsys: pytest.CaptureFixture[str]) -> str:
+    path.write_text(json.dumps(document))
+    capsys.readouterr()
+    assert run_command(["validate", str(path)]) == 1
+    printed = capsys.readouterr()
+    return printed.out + printed.err
+
+
+def test_a_compiled_mission_is_held_to_the_rules_of_its_text(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A `mission.json` that was edited shows a hidden place by a motion, and is refused as its text is."""
+    source = text("behaviour flee { from = ghost, speed = 2 m/s, within = 60 m }")
+    public = source.replace("hidden position = (20 m, 20 m)", "position = (20 m, 20 m)")
+    document = compiled_document(public, tmp_path / "strays.ljs")
+    (ghost,) = [group for group in document["groups"] if group["name"] == "ghost"]
+    for prop in ghost["properties"]:
+        prop["hidden"] = prop["name"] == "position"
+    reported = refusal(document, tmp_path / "strays.json", capsys)
+    assert "LJ0401" in reported and "the motion of `hare`" in reported
+
+
+def test_a_compiled_mission_declassifies_what_its_text_must(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source = text(more='declassify end because "x"', success="distance_xy(ghost, dog[1]) < 5 m")
+    document = compiled_document(source, tmp_path / "strays.ljs")
+    document["declassified"] = []
+    assert "LJ0404" in refusal(document, tmp_path / "strays.json", capsys)
+
+
+@pytest.mark.parametrize(
+    ("condition", "code"),
+    [
+        ("dog[1].battery >= 20", "LJ0206"),
+        ("20 < dog[1].battery", "LJ0206"),
+        ("exists d in dog: d.battery < -1", "LJ0206"),
+        ("dog[1].battery >= 20 %", ""),
+        ("dog[1].battery >= 0.2", ""),
+    ],
+)
+def test_a_battery_is_a_share(condition: str, code: str) -> None:
+    reported = errors(text(success=f"now > 30 s and ({condition})"))
+    assert [each.partition(" ")[0] for each in reported] == ([code] if code else [])

@@ -213,3 +213,31 @@ def test_a_note_says_that_a_number_of_members_with_many_values_leaves_a_mission_
     assert (note.code, note.severity) == ("LJ0615", "note")
     assert "`victim` depends on `victims`, which has too many values" in note.message
     assert compile_text(text("param victims ~ integer(0, 90)")).diagnostics == ()
+
+
+BUOY = "target buoy : person_in_water { position ~ sites(box((-200 m, -1400 m), (200 m, -1300 m))) }"
+APART = 'require forall v in victim: distance_xy(v, buoy) >= 90 m because "x"'
+
+
+def test_a_requirement_over_hidden_values_repeats_no_public_draw() -> None:
+    """A public place that was drawn anew would tell something about the hidden ones."""
+    params = "param victims ~ integer(2, 3)"
+    free, bound = compiled(text(params, BUOY)), compiled(text(params, BUOY, APART))
+    redrawn = 0
+    for seed in range(15):
+        before, after = instantiate(free, seed=seed), instantiate(bound, seed=seed)
+        assert before.settings == after.settings
+        public = [[entity.position for entity in each.entities if entity.group == "buoy"] for each in (before, after)]
+        assert public[0] == public[1]
+        redrawn += places(before) != places(after)
+    assert redrawn >= 5
+
+
+def test_a_hidden_constant_chooses_no_public_place() -> None:
+    fixed = "target rock : person_in_water { hidden position = (0 m, -1350 m) }"
+    rule = 'require distance_xy(rock, buoy) >= 150 m because "x"'
+    source = text("param victims = 2 in 1..5", BUOY, fixed, rule)
+    (leak,) = [item for item in compile_text(source).diagnostics if item.severity == "error"]
+    assert leak.code == "LJ0404" and "`buoy` is drawn anew until" in leak.message
+    assert "`rock.position`" in leak.message
+    assert codes(source.replace("  success", '  declassify buoy because "x"\n  success')) == []

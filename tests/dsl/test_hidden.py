@@ -107,7 +107,7 @@ def test_a_drift_shows_where_the_place_is_observed(small: str) -> None:
     text = small.replace("  asset boat", raft + "  asset boat")
     for channel in ("raft.*", "raft.position", "raft.velocity"):
         (leak,) = compile_text(text.replace("observes cells }", f"observes {channel} }}")).diagnostics
-        assert leak.code == "LJ0401" and leak.message.endswith(f"`raft.drift` → the observation `{channel}`")
+        assert leak.code == "LJ0401" and leak.message.endswith("the observation of `raft` by `commander`: `raft.drift`")
     assert compile_text(text.replace("observes cells }", "observes raft.status }")).diagnostics == ()
     unplaced = text.replace("position = (1 m, 2 m), hidden drift", "hidden position = (1 m, 2 m), hidden drift")
     assert compile_text(unplaced.replace("observes cells }", "observes raft.* }")).diagnostics == ()

@@ -132,7 +132,7 @@ def test_a_value_of_a_hidden_body_is_hidden(small: str, text: str, tmp_path: Pat
 @pytest.mark.parametrize(
     ("success", "proved"),
     [
-        ("exists u in uav: u.battery > 110 %", True),
+        ("exists u in uav: u.battery > 100 %", True),
         ("exists u in uav: speed(u) < 0 m/s", True),
         ("exists u in uav: line_of_sight(u, boat) and not line_of_sight(boat, u)", True),
         ("exists u in uav: distance(u, boat) <= 5 m and distance(boat, u) > 6 m", True),

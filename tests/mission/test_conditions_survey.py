@@ -116,7 +116,7 @@ def test_a_hidden_value_taints_the_condition_whatever_way_it_enters(text: str, h
     of = survey(YARD.replace("CONDITION", text))
     unlock = condition(of, "unlock/open")
     assert unlock.hidden is hidden
-    assert bool(of.secretly_unlocked) is hidden
+    assert (("open", "box") in of.declarations.taint.interactions) is hidden
 
 
 @pytest.mark.parametrize(

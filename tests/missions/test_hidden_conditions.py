@@ -190,8 +190,7 @@ def test_a_target_that_moves_by_a_hidden_place_is_refused_or_hidden_itself(motio
 def test_without_the_check_of_behaviours_the_comparison_finds_the_leak(
     motion: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("lingjing.dsl.checking.blocks.BlockReader.leak", lambda *arguments: None)
-    monkeypatch.setattr("lingjing.dsl.checking.behaviours.is_shown", lambda taint, own: False)
+    monkeypatch.setattr("lingjing.mission.conditions.exposures.exposures", lambda mission: ())
     first, second = (moved(motion, place, hidden=False) for place in PLACES)
     assert first is not None and first != second
 

@@ -246,3 +246,30 @@ def test_a_value_that_counts_hidden_members_is_a_leak() -> None:
     ).replace("use std.sea { lifeboat }", "use std.sea { lifeboat, person_in_water }")
     (error,) = compile_text(source).diagnostics
     assert error.code == "LJ0404" and "event `e`" in error.message and "`person`" in error.message
+
+
+@pytest.mark.parametrize(
+    ("body", "code"),
+    [
+        ("close quay, reopen quay", "LJ0103"),
+        ("close quay, close quay", "LJ0103"),
+        ("appear g, vanish g", "LJ0103"),
+        ("change g.level to 2 m, change g.level to 3 m", "LJ0103"),
+        ("comms { loss = 10 % }, comms { loss = 20 % }", "LJ0103"),
+        ("weather { visibility = 1 km }, weather { visibility = 2 km }", "LJ0103"),
+        ("reopen quay", "LJ0512"),
+        ("comms { loss = 10 % }, comms { range <= 1 km }", ""),
+        ("change g.level to 2 m, change g.stock to 3 kg", ""),
+    ],
+)
+def test_effects_that_contradict_each_other_or_change_nothing_are_reported(body: str, code: str) -> None:
+    quay = "region quay = box((0 m, -1340 m), (40 m, -1300 m))"
+    assert [item.code for item in compile_text(text(quay, f"event e at 3 tick {{ {body} }}")).diagnostics] == (
+        [code] if code else []
+    )
+
+
+def test_a_region_that_another_event_closes_may_be_reopened() -> None:
+    quay = "region quay = box((0 m, -1340 m), (40 m, -1300 m))"
+    events = ("event e at 3 tick { close quay }", "event f at 5 tick { reopen quay }")
+    assert compile_text(text(quay, *events)).diagnostics == ()

@@ -19,7 +19,7 @@ from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.diagnostics import Related
 from lingjing.mission.functions import NUMBER, OBSERVED_FIELDS, STATE_FIELDS
-from lingjing.mission.vocabulary import EVERYONE, MOTION
+from lingjing.mission.vocabulary import EVERYONE
 
 
 class AgentChecker(DeclarationChecker):
@@ -205,8 +205,6 @@ class AgentChecker(DeclarationChecker):
                 "observe an entity, a grid, `peers` or `events`",
             )
             return None
-        if field is None or field.text in ("position", "velocity"):
-            self._check_motion_leak(node, value)
         if field is None:
             return model.Channel(source=value.ir)
         return self._entity_channel(node, value, field)
@@ -243,16 +241,6 @@ class AgentChecker(DeclarationChecker):
             self.report.unknown("LJ0102", field, f"`{info.name}` shows no `{field.text}`", known)
             return None
         return model.Channel(source=value.ir, fields=(_lowered_field(field.text),))
-
-    def _check_motion_leak(self, node: s.ObservedChannel, value: TypedExpression) -> None:
-        """Report a hidden drift that positions reveal: a target's successive places show it. An asset's speed is
-        public.
-        """
-        info = self.scope.groups[value.type.of]
-        place = info.attributes.get("position")
-        for name in MOTION if info.role == "target" and not (place and place.taint) else ():
-            if name in info.attributes:
-                self.blocks.leak(info.attributes[name].taint, node, f"the observation `{self._text(node)}`")
 
     def _cameras(self, group: str) -> list[str]:
         return self.scope.mounted.get(group, [])

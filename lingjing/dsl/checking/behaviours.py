@@ -8,7 +8,7 @@ from typing import Literal, cast
 from lingjing.dsl.checking.blocks import DeclarationChecker
 from lingjing.dsl.checking.keys import PropertyEntry
 from lingjing.dsl.checking.typenames import with_article
-from lingjing.dsl.checking.values import Environment, Taint
+from lingjing.dsl.checking.values import Environment
 from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.statements import KINDS
 from lingjing.mission import expression as ex
@@ -18,11 +18,6 @@ from lingjing.mission.vocabulary import BEHAVIOURS
 
 SURFACES = ("ground", "road")
 """Surfaces that a target can move on by itself, besides the water on which one with a `drift` floats."""
-
-
-def is_shown(taint: Taint, own: Taint) -> bool:
-    """True if a motion by a value shows a hidden one. `own`: the taint of the moving body's place."""
-    return bool(taint) and not own
 
 
 class BehaviourChecker(DeclarationChecker):
@@ -59,7 +54,7 @@ class BehaviourChecker(DeclarationChecker):
         if missing:
             example = KINDS["behaviour"].example if kind == "flee" else _EXAMPLES[kind]
             self.report.at("LJ0106", node.kind, f"`behaviour {kind}` lacks `{missing[0]}`", f"write `{example}`")
-        sound = [self._is_sound(entry, target) for entry in entries.values()]
+        sound = [self._is_sound(entry) for entry in entries.values()]
         if entries.keys() != keys.keys() or not all(sound):
             return None
         values = {name: entry.value.ir for name, entry in entries.items()}
@@ -72,21 +67,17 @@ class BehaviourChecker(DeclarationChecker):
             region=region.name if isinstance(region, ex.Ref) else "",
         )
 
-    def _is_sound(self, entry: PropertyEntry, target: s.EntityBlock) -> bool:
+    def _is_sound(self, entry: PropertyEntry) -> bool:
         """True for a value that a behaviour can have; the reasons against any other value are reported.
 
-        The motion of a target with a public place would show a hidden value.
+        `lingjing.mission.conditions.exposures` finds the motion of a target with a public place by a hidden one.
         """
         name, value, place = entry.key.name, entry.value, entry.node.value
-        own = self.scope.groups[target.name.text].attributes.get("position")
-        taint: Taint = value.taint
         if name in ("from", "of"):
             if value.type.kind not in ("entity", "group"):
                 message = f"`{name}` names an asset, a target or a group, this is {with_article(value.type)}"
                 self.report.at("LJ0201", place, message)
                 return False
-            followed = self.scope.groups[value.type.of].attributes.get("position")
-            taint = taint or (followed.taint if followed is not None else ())
         elif name == "in" and not isinstance(value.ir, ex.Ref):
             self.report.at("LJ0201", place, "`in` takes the name of a region", "declare it: `region area = …`")
             return False
@@ -94,10 +85,7 @@ class BehaviourChecker(DeclarationChecker):
             message = f"`{name}` of a behaviour depends on a drawn value"
             self.report.at("LJ0307", place, message, "write a number, or a param with a fixed default")
             return False
-        shown = is_shown(taint, own.taint if own is not None else ())
-        if shown:
-            self.blocks.leak(taint, place, f"the motion of `{target.name.text}`, whose place is not hidden")
-        return not shown
+        return True
 
     def _is_fixed(self, value: ex.Expr) -> bool:
         """True if a number depends on no draw: proofs hold for every seed and read it."""

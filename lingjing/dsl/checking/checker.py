@@ -135,6 +135,7 @@ class _MissionChecker:
         self.interactions.between(_all(items, s.EntityBlock), parts["agents"])
         self.rules.cycles(_all(items, s.RuleBlock))
         self.events.cycles(_all(items, s.EventBlock), parts["events"], parts["rules"])
+        self.events.never_closed(_all(items, s.EventBlock), parts["events"])
         self.rules.unlocked_once(_all(items, s.UnlockLine))
         if budget is not None and clock is not None:
             for event in _all(items, s.EventBlock):

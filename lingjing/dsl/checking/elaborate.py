@@ -489,17 +489,22 @@ class Elaborator(ExpressionChecker):
         both = left.type.kind == right.type.kind == "quantity"
         if not both or left.type.dimension != right.type.dimension:
             return self._not_comparable(node, left, right)
-        for side, other, written in ((left, right, node.right), (right, left, node.left)):
-            if self._is_share(side) and (number := self.constant(other.ir)) is not None and 1.0 < number <= 100.0:
-                share = f"{number:g} %"
-                message = f"a share is between 0 and 1, this is {number:g}"
-                self.report.at("LJ0206", written, message, f"write `{share}`", replace=share)
-                return UNKNOWN
+        if self._is_impossible_share(left, right, node.right) or self._is_impossible_share(right, left, node.left):
+            return UNKNOWN
         return self._made(node, left, right, FLAG)
 
-    def _is_share(self, value: TypedExpression) -> bool:
-        """True for a resource that an engine reports as a share of the whole, such as `uav.battery`."""
-        return any(value.ir is share for share in self.shares)
+    def _is_impossible_share(self, share: TypedExpression, bound: TypedExpression, written: s.Expression) -> bool:
+        """Report a bound beyond 0..1 of a resource that an engine reports as a share of the whole, such as
+        `uav.battery`: the comparison always or never holds."""
+        number = self.constant(bound.ir)
+        if number is None or 0.0 <= number <= 1.0 or not any(share.ir is known for known in self.shares):
+            return False
+        is_bare = isinstance(written, s.NumberLiteral) and not written.unit
+        percent = f"{number:g} %" if is_bare and 1.0 < number <= 100.0 else ""
+        hint = f"write `{percent}`" if percent else "write a share such as `20 %` or `0.2`"
+        message = f"a share is between 0 and 1, this is {number:g}"
+        self.report.at("LJ0206", written, message, hint, replace=percent or None)
+        return True
 
     def _not_comparable(self, node: s.BinaryExpr, left: TypedExpression, right: TypedExpression) -> TypedExpression:
         if left.type.kind == right.type.kind == "quantity":

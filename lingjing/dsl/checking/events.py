@@ -60,7 +60,9 @@ class EventChecker(DeclarationChecker):
         condition = self._condition(node.condition, "`when`")
         until = self._condition(node.until, "`until`")
         pause = None if node.pause is None else self._pause(node, node.pause)
-        changes = [self._change(item, node) for item in node.block.items if not isinstance(item, s.Faulty)]
+        items = [item for item in node.block.items if not isinstance(item, s.Faulty)]
+        changes = [self._change(item, node) for item in items]
+        self._check_contradictions(items, changes, node)
         guard = self.settings.guard(node.guard)
         if not node.block.items:
             hint = f"add {', '.join(f'`{word} …`' for word in _EFFECTS)}"
@@ -94,7 +96,35 @@ class EventChecker(DeclarationChecker):
                 "LJ0512", node.at, message, "let it come earlier, or give a larger budget", severity="warning"
             )
 
+    def never_closed(self, nodes: list[s.EventBlock], events: tuple[model.EventDeclaration, ...]) -> None:
+        """Report roads that an event reopens and that no event closes."""
+        changes = [change for event in events for change in event.changes]
+        closed = {change.region for change in changes if change.kind == "close"}
+        never = {change.region for change in changes if change.kind == "reopen"} - closed
+        for node in nodes:
+            for item in node.block.items:
+                if isinstance(item, s.RoadLine) and item.keyword == "reopen" and isinstance(item.region, s.Name):
+                    region = item.region.text
+                    if region in never:
+                        message = f"no event closes `{region}`, so that `{node.name.text}` cannot reopen it"
+                        hint = f"write `close {region}` in an earlier event, or remove the line"
+                        self.report.at("LJ0512", item.region, message, hint, severity="warning")
+
     # -- private
+
+    def _check_contradictions(
+        self, items: list[s.Statement], changes: list[model.Change | None], node: s.EventBlock
+    ) -> None:
+        """Report two effects of one event on one thing: only one of them can hold."""
+        first: dict[object, s.Statement] = {}
+        for item, change in zip(items, changes, strict=True):
+            for subject in () if change is None else _subjects(change):
+                known = first.setdefault(subject, item)
+                if known is not item:
+                    name = self.report.source.text[known.start : known.end].partition("{")[0].strip()
+                    message = f"the event `{node.name.text}` has two effects on one thing; the other is `{name}`"
+                    self.report("LJ0103", item.start, item.end, message, "keep one of them, or write two events")
+                    break
 
     def _condition(self, node: s.Expression | None, what: str) -> ex.Expr | None:
         value = UNKNOWN if node is None else self.of.expect(node, RULE, FLAG, what)
@@ -248,6 +278,22 @@ _EFFECTS: dict[str, Callable[[EventChecker, Any, s.EventBlock], model.Change | N
     "jam": EventChecker._jam,
 }
 """Keyword of an effect → its check."""
+
+
+def _subjects(change: model.Change) -> tuple[object, ...]:
+    """The things that an effect sets. Two effects with one of them in common contradict each other."""
+    match change.kind:
+        case "weather":
+            return tuple(("weather", prop.name) for prop in change.weather)
+        case "appear" | "vanish":
+            return (("presence", change.entity),)
+        case "close" | "reopen":
+            return (("roads", change.region),)
+        case "change":
+            return (("value", change.entity, change.field),)
+        case _:
+            numbers = (("loss", change.loss), ("range", change.range))
+            return tuple((change.kind, change.region, name) for name, number in numbers if number is not None)
 
 
 def _counted(event: model.EventDeclaration, rules: tuple[model.Rule, ...]) -> set[str]:

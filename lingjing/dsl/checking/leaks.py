@@ -1,4 +1,4 @@
-"""`check_leaks`: hidden values that decide something which agents notice, and needless declassifications.
+"""`check_leaks`: hidden values that show or decide something which agents notice, and needless declassifications.
 
 From version 2 of the language on, a mission states what agents may infer: `declassify end because "…"`. A text of
 version 1 compiles with one warning, and its leaks count as declassified.
@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import model
+from lingjing.mission.conditions import exposures
 from lingjing.mission.conditions.leaks import END, Leak, declared_as_before, leaks
 from lingjing.mission.diagnostics import has_errors
 from lingjing.suggest import did_you_mean
@@ -19,8 +20,8 @@ DECLARED_SINCE = 2
 """The version of the language that introduced `declassify`."""
 
 _NAMES = (
-    f"remove it; a name is `{END}`, a command `asset.verb`, or the name of a constraint, a stage, a limit or an event"
-    " with a hidden value"
+    f"remove it; a name is `{END}`, a command `asset.verb`, or the name of a constraint, a stage, a limit, an event or"
+    " an interaction with a hidden value"
 )
 
 
@@ -29,6 +30,8 @@ def check_leaks(mission: model.Mission, tree: s.File, report: Reporter) -> model
     node = next((item for item in tree.items if isinstance(item, s.MissionBlock)), None)
     if node is None:
         return mission
+    for exposure in exposures.exposures(mission):
+        report("LJ0401", *_named(exposure.name, node), exposure.message, exposures.HINT)
     known = leaks(mission)
     declared = {item.what for item in mission.declassified}
     if not has_errors(tuple(report.diagnostics)):
@@ -55,7 +58,7 @@ def _number(version: s.Version) -> float:
 def _report(leak: Leak, node: s.MissionBlock, report: Reporter) -> None:
     start, end = _place(leak, node)
     hint = f'write `declassify {leak.what} because "…"` if agents may know it, or use a condition without hidden values'
-    report("LJ0404", start, end, f"agents notice a hidden value: {leak.notice}, which depends on {leak.way}", hint)
+    report("LJ0404", start, end, leak.message, hint)
 
 
 def _report_needless(node: s.MissionBlock, needed: set[str], report: Reporter) -> None:
@@ -104,6 +107,25 @@ def _place(leak: Leak, node: s.MissionBlock) -> tuple[int, int]:
             return item.name.start, item.name.end
         if isinstance(item, s.StageBlock) and leak.at == f"stage/{item.name.text}":
             return item.name.start, item.name.end
+        if isinstance(item, s.UnlockLine) and leak.at == f"unlock/{item.name.text}":
+            return item.name.start, item.name.end
+    if leak.at.startswith("require/"):
+        lines = [item for item in _items(node) if isinstance(item, s.RequireLine)]
+        number = int(leak.at.removeprefix("require/"))
+        if number <= len(lines) and node.base is None:
+            return lines[number - 1].condition.start, lines[number - 1].condition.end
+    return _head(node)
+
+
+def _named(name: str, node: s.MissionBlock) -> tuple[int, int]:
+    """The place of the declaration of this name; the name of the mission if it stands in a base."""
+    for item in _items(node):
+        if isinstance(item, s.EntityBlock | s.AgentBlock) and item.name.text == name:
+            return item.name.start, item.name.end
+    return _head(node)
+
+
+def _head(node: s.MissionBlock) -> tuple[int, int]:
     head = node.base or node.name
     return head.start, head.end
 

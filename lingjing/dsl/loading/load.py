@@ -72,6 +72,8 @@ def proofs(mission: Mission, source: SourceText) -> tuple[Diagnostic, ...]:
 
     These are the errors that its text would have, the proofs that it cannot be won, and the errors of building it.
     """
+    from lingjing.mission.conditions.exposures import HINT, exposures
+    from lingjing.mission.conditions.leaks import leaks
     from lingjing.mission.diagnostics import Diagnostic
     from lingjing.mission.feasibility import prove
     from lingjing.mission.interactions import faults_of
@@ -80,6 +82,13 @@ def proofs(mission: Mission, source: SourceText) -> tuple[Diagnostic, ...]:
     start = source.span(0, 0)
     errors = tuple(
         Diagnostic(fault.code, start, f"{path}: {fault.message}", fault.hint) for path, fault in faults_of(mission)
+    )
+    errors += tuple(Diagnostic("LJ0401", start, shown.message, HINT) for shown in exposures(mission))
+    declared = {item.what for item in mission.declassified}
+    errors += tuple(
+        Diagnostic("LJ0404", start, leak.message, f"add `{leak.what}` to `declassified` if agents may know it")
+        for leak in leaks(mission)
+        if leak.what not in declared
     )
     if errors:
         return errors

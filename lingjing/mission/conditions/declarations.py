@@ -13,11 +13,34 @@ import msgspec
 from lingjing.errors import MissionError
 from lingjing.mission import model
 from lingjing.mission.evaluate import Scope, number
-from lingjing.mission.expression import Attr, Expr, Index, Ref, parts
+from lingjing.mission.expression import Attr, Expr, Index, Ref, Symbol, parts
 from lingjing.mission.instance import Entity, Instance
 from lingjing.mission.instance_entities import COUNT
 from lingjing.mission.kinds import engine_kind
 from lingjing.mission.vocabulary import EVERYONE, PHOTO, STOP
+
+EVENTS = "events"
+"""The channel of an agent that observes events."""
+
+
+class Motion(msgspec.Struct, frozen=True):
+    """A behaviour of a group, as far as conditions depend on it."""
+
+    of: tuple[str, ...]
+    """The groups or entities that its members flee from or follow."""
+    region: str
+    """The region that they wander in; "" for none."""
+
+
+class Taint(msgspec.Struct, frozen=True):
+    """Public things that hidden values decide through interactions (`lingjing.mission.conditions.taint`)."""
+
+    interactions: frozenset[tuple[str, str]] = frozenset()
+    """(interaction, group of its targets)."""
+    fields: frozenset[tuple[str, str]] = frozenset()
+    """(group, field in rules): a state, `status`, or `position` for the place, the velocity and the heading."""
+    sighted: frozenset[str] = frozenset()
+    """The groups with an `assigned(…)` that depends on a hidden value, although the groups have none."""
 
 
 class Group(msgspec.Struct, frozen=True):
@@ -43,6 +66,8 @@ class Group(msgspec.Struct, frozen=True):
     """The roles that may command it."""
     shares: tuple[str, ...] = ()
     """Resources between 0 and 1 that its engine reports, such as `battery`, without those that are declared."""
+    behaviour: Motion | None = None
+    """Its motion by itself; None if it has none."""
 
     @property
     def moving_verbs(self) -> tuple[str, ...]:
@@ -83,6 +108,10 @@ class Declarations(msgspec.Struct, frozen=True):
     """The params that agents must not learn."""
     scope: Scope = Scope()
     """The settings that radii depend on."""
+    events_observed: bool = False
+    """True if every agent observes `events`."""
+    taint: Taint = Taint()
+    """The public things that hidden values decide."""
 
     def group(self, name: str) -> Group | None:
         """The group of this name, or of the entity with this id."""
@@ -117,15 +146,15 @@ def of_mission(mission: model.Mission) -> Declarations:
         hidden_regions=frozenset(region.name for region in mission.regions if region.hidden),
         inspections={
             inspection.name: (
-                next(iter(_names((inspection.asset,))), ""),
-                _names(inspection.by),
+                next(iter(group_names((inspection.asset,))), ""),
+                group_names(inspection.by),
                 inspection.replan,
             )
             for inspection in mission.inspections
         },
         counted={limit.name: tuple(map(_counted, limit.counts)) for limit in _limits(mission)},
         presences=_presences(
-            (event.name, _names(change.entity for change in event.changes if change.entity is not None))
+            (event.name, group_names(change.entity for change in event.changes if change.entity is not None))
             for event in mission.events
         ),
         settings=_settings(
@@ -133,11 +162,14 @@ def of_mission(mission: model.Mission) -> Declarations:
             for event in mission.events
             for change in event.changes
             if change.kind == "change" and change.entity is not None
-            for group in _names((change.entity,))
+            for group in group_names((change.entity,))
         ),
         events=frozenset(event.name for event in mission.events),
         roles=tuple(dict.fromkeys(agent.role for agent in mission.agents)),
         hidden_settings=frozenset(param.name for param in mission.parameters if param.hidden),
+        events_observed=all(
+            any(channel.source == Symbol(EVENTS) for channel in agent.observes) for agent in mission.agents
+        ),
         scope=default_scope(mission, mission.modes.default),
     )
 
@@ -187,6 +219,7 @@ def of_instance(instance: Instance) -> Declarations:
         events=frozenset(event.name for event in instance.events),
         roles=tuple(dict.fromkeys(agent.role for agent in instance.agents)),
         hidden_settings=frozenset(instance.hidden_settings),
+        events_observed=all(any(channel.source == EVENTS for channel in each.observes) for each in instance.agents),
         scope=Scope(parameters=instance.settings, mode=instance.mode),
     )
 
@@ -222,6 +255,7 @@ def _group(group: model.Group, commanded_by: tuple[str, ...]) -> Group:
         photographs=any(camera.capture == "each_tick" for camera in group.cameras),
         commanded_by=commanded_by,
         shares=tuple(name for name in engine_kind(group.engine).shares if name not in names),
+        behaviour=_motion(group.behaviour),
     )
 
 
@@ -239,7 +273,14 @@ def _entity_group(entity: Entity, hidden: frozenset[str], commanded_by: tuple[st
         photographs=any(camera.capture == "each_tick" for camera in entity.cameras),
         commanded_by=commanded_by,
         shares=tuple(name for name in engine_kind(entity.engine).shares if name not in entity.properties),
+        behaviour=None if entity.behaviour is None else Motion(entity.behaviour.of, entity.behaviour.region),
     )
+
+
+def _motion(behaviour: model.Behaviour | None) -> Motion | None:
+    if behaviour is None:
+        return None
+    return Motion(() if behaviour.of is None else group_names((behaviour.of,)), behaviour.region)
 
 
 def _drifts(engine: str, properties: Iterable[str]) -> bool:
@@ -250,14 +291,16 @@ def _drifts(engine: str, properties: Iterable[str]) -> bool:
 def _commanded(mission: model.Mission) -> dict[str, tuple[str, ...]]:
     """Group → the roles that control or may command it."""
     roles: dict[str, dict[str, None]] = {}
-    pairs = [(agent.role, name) for agent in mission.agents for name in _names(agent.controls)]
-    pairs += [(authority.role, name) for authority in mission.authorities for name in _names((authority.resource,))]
+    pairs = [(agent.role, name) for agent in mission.agents for name in group_names(agent.controls)]
+    pairs += [
+        (authority.role, name) for authority in mission.authorities for name in group_names((authority.resource,))
+    ]
     for role, name in pairs:
         roles.setdefault(name, {})[role] = None
     return {name: tuple(names) for name, names in roles.items()}
 
 
-def _names(expressions: Iterable[Expr]) -> tuple[str, ...]:
+def group_names(expressions: Iterable[Expr]) -> tuple[str, ...]:
     """The groups that entity expressions name."""
     return tuple(
         dict.fromkeys(

@@ -4,6 +4,10 @@ Agents notice the end of the episode, and receipts of commands and messages. A h
 can be inferred from it. Agents also notice what an event of the mission changes: the weather, the state of a target.
 Adjudicated events, and the state that an interaction changes, are no leaks: the kernel shows them as their rule and
 their type allow (`lingjing.kernel.event_visibility`). A soft constraint changes the score alone.
+
+Two leaks have no condition. A load that a secret interaction changes shows in the motion and the battery of its bearer,
+which the kernel cannot withhold. A requirement over a hidden value repeats the draws of public values if nothing hidden
+is drawn for it.
 """
 
 from __future__ import annotations
@@ -14,7 +18,11 @@ from typing import NamedTuple
 import msgspec
 
 from lingjing.mission import model
+from lingjing.mission.conditions.quantities import Quantity
 from lingjing.mission.conditions.survey import Condition, Survey, survey_mission
+from lingjing.mission.conditions.taint import carried_fields, changed_fields
+from lingjing.mission.expression_text import spell
+from lingjing.mission.requirements import repeated_draws
 
 END = "end"
 """The name under which a mission declassifies its success and failure."""
@@ -23,17 +31,27 @@ AS_BEFORE = "as in ljs 1"
 """The reason of a declassification that version 1 of the language did not ask for."""
 
 
+LOAD = "load_kg"
+"""The state of an asset that its engine weighs (`lingjing.plugins.stock`)."""
+
+
 class Leak(NamedTuple):
     """One thing that agents notice and that a hidden value decides."""
 
     what: str
-    """The name to declassify: `end`, `dog.forward`, or a constraint, a stage, a limit or an event."""
+    """The name to declassify: `end`, `dog.forward`, or a constraint, a stage, a limit, an event, an interaction, or an
+    element with a drawn value."""
     at: str
     """The path of the declaration with the condition."""
     notice: str
     """The thing that agents notice, as a clause."""
     way: str
     """The hidden value and the rules through which the condition reads it, as the object of "depends on"."""
+
+    @property
+    def message(self) -> str:
+        """The error in one sentence."""
+        return f"agents notice a hidden value: {self.notice}, which depends on {self.way}"
 
 
 def leaks(mission: model.Mission) -> tuple[Leak, ...]:
@@ -73,9 +91,34 @@ def every_leak(mission: model.Mission, survey: Survey) -> Iterator[Leak]:
                 yield Leak(condition.name, condition.at, notice, _way(condition, survey))
             case "stage":
                 yield from _stage_leaks(condition, stages, mission, survey)
+    yield from _load_leaks(survey)
+    yield from _draw_leaks(mission)
 
 
 # -- private
+
+
+def _load_leaks(survey: Survey) -> Iterator[Leak]:
+    """Secret interactions that change the mass on board of an asset, unless they are told to all agents."""
+    of = survey.declarations
+    for name, target in sorted(of.taint.interactions):
+        spec = next(spec for spec in of.groups[target].interactions if spec.name == name)
+        bearers = [group for group, field in carried_fields(of, spec) if field == LOAD and spec.told != "all"]
+        if bearers:
+            notice = f"the speed and the battery of `{bearers[0].name}` show when `{name}` changes its load"
+            condition = next((c for c in survey.of_kind("unlock") if c.name == name and c.hidden), None)
+            way = f"`{target}` or what is done with it" if condition is None else _way(condition, survey)
+            yield Leak(name, f"unlock/{name}", notice, way)
+
+
+def _draw_leaks(mission: model.Mission) -> Iterator[Leak]:
+    """Public draws that a requirement over a hidden value repeats."""
+    for number, requirement in enumerate(mission.requirements, 1):
+        repeated = repeated_draws(mission, requirement.condition)
+        if repeated.hidden and not repeated.hidden_only:
+            for name in sorted(repeated.names):
+                notice = f"`{name}` is drawn anew until `require {spell(requirement.condition)}` holds"
+                yield Leak(name, f"require/{number}", notice, f"the hidden {repeated.hidden}")
 
 
 def _stage_leaks(
@@ -117,7 +160,25 @@ def _way(condition: Condition, survey: Survey) -> str:
     leaf, quantity = min(pairs, key=lambda pair: len(pair[0].via))
     through = ", through " + " → ".join(f"`{rule}`" for rule in leaf.via) if leaf.via else ""
     group = survey.declarations.group(quantity.owner)
-    if group is None:
-        return f"the hidden {quantity.kind} `{quantity.name or quantity.owner}`{through}"
-    hidden = " and ".join(f"`{name}`" for name in sorted(group.hidden))
-    return f"`{group.name}`, which hides its {hidden}{through}"
+    if group is not None and group.hidden:
+        hidden = " and ".join(f"`{name}`" for name in sorted(group.hidden))
+        return f"`{group.name}`, which hides its {hidden}{through}"
+    interaction = _deciding_interaction(quantity, survey)
+    if interaction:
+        return f"`{quantity.key}`, which the interaction `{interaction}` changes as hidden values decide{through}"
+    return f"the hidden {quantity.kind} `{quantity.name or quantity.owner}`{through}"
+
+
+def _deciding_interaction(quantity: Quantity, survey: Survey) -> str:
+    """The secret interaction that changes a public quantity; "" for none."""
+    of = survey.declarations
+    for name, target in sorted(of.taint.interactions):
+        group = of.groups[target]
+        spec = next(spec for spec in group.interactions if spec.name == name)
+        changed = {(target, field) for field in changed_fields(group, spec)}
+        changed |= {(actor.name, field) for actor, field in carried_fields(of, spec)}
+        place = quantity.kind if quantity.kind == "status" else "position"
+        field = quantity.name if quantity.kind == "state" else place
+        if (quantity.kind == "event" and quantity.name == name) or (quantity.owner, field) in changed:
+            return name
+    return ""

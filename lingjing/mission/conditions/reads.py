@@ -23,6 +23,14 @@ _DISTANCES = ("distance", "distance_xy")
 Names = Mapping[str, str]
 """Bound names → the group or message kind that each ranges over."""
 
+_TAINTED: Mapping[QuantityKind, str] = {
+    "position": "position",
+    "velocity": "position",
+    "heading": "position",
+    "status": "status",
+}
+"""Kind → the field in `Taint.fields` that it depends on, if it has another name."""
+
 _FIELDS: Mapping[str, QuantityKind] = {
     "position": "position",
     "velocity": "velocity",
@@ -221,7 +229,7 @@ class Reader:
             causes=causes,
             least=0.0 if share else None,
             most=1.0 if share else None,
-            hidden=bool(group.hidden),
+            hidden=bool(group.hidden) or (group.name, _TAINTED.get(kind, name)) in self._of.taint.fields,
             indirect=indirect,
         )
 
@@ -254,6 +262,7 @@ class Reader:
         kind = event.name if isinstance(event, ex.Symbol | ex.Ref) else spell(event)
         owners = [self._of.group(self._owner(argument, names) or "") for argument in call.arguments[1:]]
         groups = [group for group in owners if group is not None]
+        secret = self._is_secret(kind, groups)
         if not groups:
             groups = [g for g in self._of.groups.values() if any(spec.name == kind for spec in g.interactions)]
         if not groups:
@@ -264,8 +273,15 @@ class Reader:
                 owner=group.name,
                 name=kind,
                 causes=tuple(_event_causes(self._of, group, kind)),
-                hidden=bool(group.hidden),
+                hidden=bool(group.hidden) or secret,
             )
+
+    def _is_secret(self, interaction: str, named: list[Group]) -> bool:
+        """True if hidden values decide an interaction with the named targets, or with any target if none is named."""
+        targets = {group.name for group in named if any(spec.name == interaction for spec in group.interactions)}
+        return any(
+            name == interaction and (not targets or target in targets) for name, target in self._of.taint.interactions
+        )
 
     def _count(self, call: ex.Call, names: Names) -> Iterator[Quantity]:
         counted = call.arguments[0]
@@ -283,7 +299,8 @@ class Reader:
             for message in self._of.messages.values()
             if message.category == "assignment"
         ]
-        hidden = any(group is not None and bool(group.hidden) for group in (asset, target))
+        hidden = any(group is not None and self._hides_place(group) for group in (asset, target))
+        hidden = hidden or (target is not None and target.name in self._of.taint.sighted)
         owner = target.name if target is not None else ""
         yield Quantity(
             kind="assignment", owner=owner, name=asset.name if asset else "", causes=tuple(causes), hidden=hidden
@@ -292,6 +309,9 @@ class Reader:
             group = self._of.group(self._owner(argument, names) or "")
             if group is not None and not _is_bound(argument):
                 yield self._of_group(group, "presence")
+
+    def _hides_place(self, group: Group) -> bool:
+        return bool(group.hidden) or (group.name, "position") in self._of.taint.fields
 
     def _alive(self, call: ex.Call, names: Names) -> Iterator[Quantity]:
         for argument in call.arguments:
@@ -319,7 +339,7 @@ class Reader:
             for cause in _picture_causes(self._of, carrier, "")
         )
         # The true box of a public target tells nothing but the worth of a report, which is in the trace alone.
-        hidden = group is None or bool(group.hidden)
+        hidden = group is None or self._hides_place(group)
         owner = group.name if group else ""
         indirect = _is_bound(call.arguments[0])
         yield Quantity(kind="true box", owner=owner, causes=causes, hidden=hidden, indirect=indirect)

@@ -18,6 +18,7 @@ from lingjing.mission import model
 from lingjing.mission.conditions.declarations import Declarations, of_instance, of_mission
 from lingjing.mission.conditions.quantities import Quantity, QuantityKind, Record
 from lingjing.mission.conditions.reads import Leaf, Reader, domains_of
+from lingjing.mission.conditions.taint import propagate
 from lingjing.mission.expression_text import spell
 from lingjing.mission.instance import Instance
 
@@ -92,21 +93,10 @@ class Survey(msgspec.Struct, frozen=True, dict=True):
             if not condition.hidden and not condition.private
         )
 
-    @cached_property
-    def secretly_unlocked(self) -> frozenset[tuple[str, str]]:
-        """(interaction, group of its targets) of each unlock that depends on a hidden quantity; the group is "" for
-        all."""
-        return frozenset(
-            (condition.name, domain)
-            for condition in self.of_kind("unlock")
-            if condition.hidden
-            for domain in (condition.over.values() or ("",))
-        )
-
 
 def survey_mission(mission: model.Mission) -> Survey:
     """Survey a compiled mission. Names range over groups: one condition stands for all members."""
-    draft = _Draft(of_mission(mission))
+    draft = _Draft(propagate(of_mission(mission)))
     draft.ends(mission.success, mission.failure)
     draft.judgements(mission.rules, mission.unlocks)
     for permit in mission.permits:
@@ -118,9 +108,12 @@ def survey_mission(mission: model.Mission) -> Survey:
     return Survey(draft.of, tuple(draft.conditions))
 
 
-def survey_instance(instance: Instance) -> Survey:
-    """Survey one instance. Conditions of permits are listed once for each resource."""
-    draft = _Draft(of_instance(instance))
+def survey_instance(instance: Instance, *, shown: bool = False) -> Survey:
+    """Survey one instance. Conditions of permits are listed once for each resource.
+
+    `shown`: interactions that are told to all agents are public, as for the kernel that shows them.
+    """
+    draft = _Draft(propagate(of_instance(instance), shown=shown))
     draft.ends(instance.success, instance.failure)
     draft.judgements(instance.rules, instance.unlocks)
     for permit in instance.permits:

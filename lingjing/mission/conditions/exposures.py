@@ -1,0 +1,122 @@
+"""Exposures of hidden values by public values and motions of a compiled mission.
+
+The compiler of a text finds hidden values in expressions, with the path from their declaration (LJ0401). This module
+finds them in the compiled mission, so that a `mission.json` is held to the same rules, and motions that show them:
+
+- a target with a public place that flees from, follows or wanders by a hidden place;
+- an observed target with a hidden drift, which its places show;
+- an asset with a hidden speed or band, which the receipts of its commands show.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from lingjing.mission import expression as ex
+from lingjing.mission import model
+from lingjing.mission.conditions.declarations import Declarations, Group, group_names, of_mission
+from lingjing.mission.conditions.reads import Reader
+from lingjing.mission.conditions.taint import PLACE, propagate
+from lingjing.mission.vocabulary import MOTION
+
+HINT = "hidden values may reach only `adjudicate`, `truth(…)` and sensors"
+"""The way out of an exposure."""
+
+_MOTION_FIELDS = frozenset({"*", PLACE, "velocity", "heading_deg"})
+"""The fields of a channel that show a motion."""
+
+
+class Exposure(NamedTuple):
+    """A public value or motion that shows a hidden value."""
+
+    name: str
+    """The declaration that has it."""
+    sink: str
+    """The public thing, as the object of "reaches"."""
+    way: str
+    """The hidden value."""
+
+    @property
+    def message(self) -> str:
+        """The error in one sentence."""
+        return f"a hidden value reaches {self.sink}: {self.way}"
+
+
+def exposures(mission: model.Mission) -> tuple[Exposure, ...]:
+    """Every exposure of a mission, in the order of declaration."""
+    of = propagate(of_mission(mission))
+    return (*_values(mission, of), *_motions(of), *_drifts(mission), *_receipts(mission))
+
+
+# -- private
+
+
+def _values(mission: model.Mission, of: Declarations) -> Iterator[Exposure]:
+    """Public declarations that are computed from hidden values."""
+    sinks: list[tuple[str, str, ex.Expr | None]] = []
+    sinks += [(each.name, f"the param `{each.name}`", each.default) for each in mission.parameters if not each.hidden]
+    sinks += [(each.name, f"the region `{each.name}`", each.shape) for each in mission.regions if not each.hidden]
+    for group in mission.groups:
+        public = (prop for prop in group.properties if not prop.hidden)
+        sinks += [(group.name, f"`{group.name}.{prop.plain}`", prop.value) for prop in public]
+        if not group.hides_count:
+            sinks.append((group.name, f"the number of `{group.name}`", group.count))
+    sinks += [(each.name, f"the limit `{each.name}`", each.most) for each in mission.limits]
+    sinks += [(each.name, f"the time of the event `{each.name}`", each.at) for each in mission.events]
+    sinks += [("weather", "the weather", prop.value) for prop in mission.weather]
+    sinks += [("budget", "the budget", mission.budget.ticks), ("clock", "the clock", mission.clock.tick)]
+    reader = Reader(of)
+    for name, sink, value in sinks:
+        if value is not None and not isinstance(value, ex.Number | ex.Flag | ex.Text):
+            hidden = next((each for each in reader.value(value, {}).quantities if each.hidden), None)
+            if hidden is not None:
+                yield Exposure(name, sink, f"`{hidden.key}`")
+
+
+def _motions(of: Declarations) -> Iterator[Exposure]:
+    for group in of.groups.values():
+        if group.behaviour is None or PLACE in group.hidden:
+            continue
+        if group.behaviour.region in of.hidden_regions:
+            way = f"the hidden region `{group.behaviour.region}`"
+        else:
+            others = (of.group(name) for name in group.behaviour.of)
+            hidden = (each for each in others if each is not None and _is_placeless(each, of))
+            way = next((f"`{each.name}.{PLACE}`" for each in hidden), "")
+        if way:
+            yield Exposure(group.name, f"the motion of `{group.name}`, which has a public place", way)
+
+
+def _is_placeless(group: Group, of: Declarations) -> bool:
+    return PLACE in group.hidden or (group.name, PLACE) in of.taint.fields
+
+
+def _drifts(mission: model.Mission) -> Iterator[Exposure]:
+    """Hidden drifts of observed targets with a public place. The speed of an asset shows in its receipts."""
+    for group in mission.groups:
+        hidden = {prop.plain for prop in group.properties if prop.hidden}
+        if group.role != "target" or PLACE in hidden:
+            continue
+        for name in sorted(hidden.intersection(MOTION)):
+            agent = next((agent for agent in mission.agents if _sees_motion(agent, group.name)), None)
+            if agent is not None:
+                yield Exposure(
+                    agent.name, f"the observation of `{group.name}` by `{agent.name}`", f"`{group.name}.{name}`"
+                )
+
+
+def _sees_motion(agent: model.Agent, group: str) -> bool:
+    return any(
+        group in group_names((channel.source,)) and not _MOTION_FIELDS.isdisjoint(channel.fields)
+        for channel in agent.observes
+    )
+
+
+def _receipts(mission: model.Mission) -> Iterator[Exposure]:
+    """Hidden bands and speeds of commanded assets: receipts show clipped commands, and when a command ends."""
+    for group in mission.groups:
+        if group.role == "asset" and group.verbs:
+            for prop in group.properties:
+                if prop.hidden and prop.plain in ("band", *MOTION):
+                    yield Exposure(group.name, "the receipts of commands", f"`{group.name}.{prop.plain}`")
