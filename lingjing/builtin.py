@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
-from lingjing.engines.road.options import traffic
+from lingjing.engines.road.options import street_life
 from lingjing.errors import InfrastructureError
 from lingjing.installation import install_line
 from lingjing.mission.instance import Instance, SceneSpec
@@ -100,7 +100,7 @@ def lingjing_engines() -> Iterable[EnginePlugin]:
             name="road",
             factory=_engine("road.engine", "RoadEngine", "road", "libsumo"),
             native_dt_s=0.1,
-            wanted=lambda instance: traffic(instance) > 0,
+            wanted=street_life,
             summary="Road vehicles, background traffic and queues: SUMO at 10 Hz; drivers brake for crossing bodies.",
         ),
         EnginePlugin(

@@ -68,6 +68,11 @@ _OSM_OPTIONS = (
     "--output.street-names", "--osm.all-attributes", "--osm.extra-attributes", "bridge,tunnel,layer,through",
 )  # fmt: skip
 
+_SIDEWALK_OPTIONS = (
+    "--sidewalks.guess", "--sidewalks.guess.max-speed", "17", "--default.sidewalk-width", "2.5", "--crossings.guess"
+)  # fmt: skip
+"""Sidewalks on streets up to 60 km/h, 2.5 m wide (the least of German guidelines, RASt 06), and crossings."""
+
 
 _HAS_EDGE = re.compile(rb'<edge id="[^:]')
 
@@ -184,6 +189,16 @@ def network_from_osm(
         return [*inputs, *options, "--type-files", ",".join(files)]
 
     return _cached(key, origin, arguments, what)
+
+
+def with_sidewalks(path: str) -> Network:
+    """Return a network with sidewalks and crossings in addition, from the cache if it is there.
+
+    Edges keep their ids, and their lanes for vehicles keep their lines up to the junctions, which grow by the
+    crossings. Raises `UsageError` for a file that is no network.
+    """
+    key = _digest("sidewalks", file_sha256(Path(path)), *_SIDEWALK_OPTIONS)
+    return _cached(key, (0.0, 0.0), lambda folder: ["--sumo-net-file", path, *_SIDEWALK_OPTIONS], f"the network {path}")
 
 
 def read_roads(path: str | Path) -> tuple[tuple[Road, ...], tuple[Junction, ...]]:

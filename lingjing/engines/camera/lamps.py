@@ -58,6 +58,26 @@ def vehicle_rows(bodies: Sequence[tuple[BodyState, str]]) -> Rows:
     return np.concatenate([billboards(np.zeros((0, 3)), 0.0, 0.0, 0.0), *rows])
 
 
+SIGNAL_LAMPS: dict[str, tuple[float, tuple[float, float, float]]] = {
+    "signal_red": (3.55, (0.85, 0.03, 0.02)),
+    "signal_amber": (3.25, (0.85, 0.42, 0.02)),
+    "signal_green": (2.95, (0.03, 0.75, 0.25)),
+}
+"""Height of the lit lamp of each signal (m), and its linear colour; the unlit lamps belong to the model."""
+
+
+def signal_rows(signals: Iterable[BodyState]) -> Rows:
+    """Return the lit lamps of traffic signals."""
+    rows = [billboards(np.zeros((0, 3)), 0.0, 0.0, 0.0)]
+    for state in signals:
+        up, colour = SIGNAL_LAMPS[state.kind]
+        _, along = ahead(state.heading_deg)
+        place = (np.array(state.position) + along * 0.24 + np.array([0.0, 0.0, up])).reshape(1, 3)
+        rows.append(billboards(place, 0.30, colour, 0.35, soft=1.0, glow=1.0, shape=DROP))
+        rows.append(billboards(place, 0.13, colour, 1.0, soft=0.2, glow=1.0, shape=DROP))
+    return np.concatenate(rows)
+
+
 def _lights(state: BodyState, size: Size) -> Rows:
     right, along = ahead(state.heading_deg)
     place = np.array(state.position) + np.array([0.0, 0.0, min(0.75, 0.45 * size.height_m)])

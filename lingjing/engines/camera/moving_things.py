@@ -14,8 +14,8 @@ from lingjing.engines.camera.classes import CLASSES, FIRST_ENTITY
 from lingjing.engines.camera.effects import BILLBOARD, DECAL, Site, effects_of
 from lingjing.engines.camera.effects.night import road_light
 from lingjing.engines.camera.instances import Batch, DrawnPart, entity_batches, marks, matrix
-from lingjing.engines.camera.lamps import vehicle_rows, vehicles_lit
-from lingjing.engines.camera.models import ModelPart, ambient_parts, entity_parts, look_of
+from lingjing.engines.camera.lamps import SIGNAL_LAMPS, signal_rows, vehicle_rows, vehicles_lit
+from lingjing.engines.camera.models import ModelPart, ambient_parts, entity_parts, look_of, prop_model
 from lingjing.mission.instance import Entity, Weather
 from lingjing.trace.records import BodyState
 
@@ -77,7 +77,12 @@ def stage(
         lit = [(state, look_of(entity)) for _, entity, state in cast] + [(state, state.kind) for state in ambient]
         billboards.append(vehicle_rows(lit))
         decals.append(road_light(lit if own is None else [*lit, own], weather))
-    for state in ambient:
+    signals = [state for state in ambient if state.kind in SIGNAL_LAMPS]
+    billboards.append(signal_rows(signals))
+    for state in signals:
+        pole = ModelPart(*prop_model("traffic_light", 0))
+        drawn += _placed(state, (pole,), "prop", CLASSES["prop"], state.position[2])
+    for state in (state for state in ambient if state.kind not in SIGNAL_LAMPS):
         number = CLASSES.get(state.kind, CLASSES["entity"])
         drawn += _placed(state, ambient_parts(state, time_s), "entity", number, state.position[2])
     return MovingThings(entity_batches(drawn), marks(wet), np.concatenate(billboards), np.concatenate(decals))

@@ -16,6 +16,7 @@ Modules, in the order in which an episode uses them:
 - `vehicle`: one vehicle of the mission; `lateral_motion`: gradual lane changes.
 - `verbs`: the effect of commands.
 - `traffic`: background vehicles; `congestion`: queues at targets that block a road.
+- `street_life`: pedestrians on sidewalks and crossings, and visible traffic lights.
 - `foreign_bodies`: stand-ins for bodies of other engines; `contact`: collisions.
 - `options`: the scene's options.
 - `engine`: the engine contract.

@@ -29,8 +29,10 @@ _LONGEST_M = 20.0
 class Contacts:
     """The contacts of an episode. It keeps the pairs in contact, so that each contact is reported once."""
 
-    def __init__(self, sim: Simulation, emit: Emit) -> None:
+    def __init__(self, sim: Simulation, emit: Emit, *, background: bool = False) -> None:
+        """Create an empty set. With `background`, collisions of two vehicles of background traffic count too."""
         self._sim = sim
+        self._background = background
         self._emit = emit
         self._touching: dict[tuple[str, str], float] = {}
 
@@ -45,7 +47,8 @@ class Contacts:
                 continue
             pair = (entity_of(collision.collider), entity_of(collision.victim))
             speed = abs(collision.colliderSpeed - collision.victimSpeed)
-            if speed > _MOVING_MPS and (pair[0] in vehicles or pair[1] in vehicles):
+            counts = self._background or pair[0] in vehicles or pair[1] in vehicles
+            if speed > _MOVING_MPS and counts:
                 self._touch(pair, speed, time_s)
         for vehicle in vehicles.values() if near else ():
             self._against(vehicle, near, ahead_s, time_s)

@@ -11,9 +11,10 @@ from lingjing.engines.road.driving_conditions import driving_conditions
 from lingjing.engines.road.foreign_bodies import ForeignBodies
 from lingjing.engines.road.graph import LanePoint, elevations, read_graph
 from lingjing.engines.road.kerb import Kerb
-from lingjing.engines.road.options import traffic
+from lingjing.engines.road.options import amount
 from lingjing.engines.road.routing import edges_in
 from lingjing.engines.road.simulation import STEP_S, Simulation
+from lingjing.engines.road.street_life import Pedestrians, Signals
 from lingjing.engines.road.traffic import Occupied, Traffic
 from lingjing.engines.road.vehicle import Vehicle
 from lingjing.engines.road.verbs import PLANNING, Planner
@@ -25,6 +26,8 @@ from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.fleet import FleetEngine
 from lingjing.plugins.stock import booked
 from lingjing.scene.city import City
+from lingjing.scene.network import with_sidewalks
+from lingjing.scene.terrain import Terrain
 from lingjing.scene.tiles import Tiles
 from lingjing.trace.records import BodyState, Command
 
@@ -62,9 +65,11 @@ class RoadEngine(FleetEngine):
                 f"the scene `{city.id}` has no roads for {', '.join(spec.owns) or 'traffic'}",
                 hint="choose a scene with streets, such as `residential`, `commercial` or `map`",
             )
-        sim = self._sim = Simulation(city.network, integer(seed, "road/simulation", bits=31))
-        graph = read_graph(sim)
         instance = spec.instance
+        walking = amount(instance, "pedestrians")
+        network = with_sidewalks(city.network).path if walking else city.network
+        sim = self._sim = Simulation(network, integer(seed, "road/simulation", bits=31))
+        graph = read_graph(sim)
         self._schedule = spec.schedule
         kerb = Kerb(sim, graph, Tiles(city))
         self._vehicles = {entity.id: Vehicle(entity, sim, graph, kerb) for entity in owned}
@@ -72,7 +77,7 @@ class RoadEngine(FleetEngine):
         sim.level = lowest == highest
         foreign = [entity for entity in instance.entities if entity.id not in spec.owns]
         self._foreign = ForeignBodies(sim, graph, foreign, highest)
-        self._contacts = Contacts(sim, self._collided)
+        self._contacts = Contacts(sim, self._collided, background=amount(instance, "collisions") > 0)
         blockers = (entity for entity in instance.entities if entity.blocked_m is not None)
         self._congestion = Congestion(sim, graph, tuple(jam_of(entity, seed) for entity in blockers))
         self._planner = Planner(sim, graph, self._congestion, self.publish)
@@ -85,21 +90,26 @@ class RoadEngine(FleetEngine):
         occupied = Occupied()
         for entity in owned:
             self._put(entity, occupied)
-        count = traffic(instance)
+        count = amount(instance, "traffic")
+        self._pedestrians = Pedestrians(sim, seed, Terrain(city).support) if walking else None
+        self._signals = Signals(sim, Terrain(city).support) if amount(instance, "signals") else None
         self._traffic = Traffic(sim, graph, seed)
         for jam in self._congestion.jams:
             if self._schedule.present(jam.id, 0.0):
                 self._congestion.appear(jam, occupied)
         self._update_weather(0.0)
         self._traffic.populate(count, occupied)
+        self._traffic.populate_cyclists(amount(instance, "cyclists"), occupied)
+        if self._pedestrians is not None:
+            self._pedestrians.populate(walking)
         self._traffic.set_blocked(self._congestion.blocked)
         if count:  # bodies that stand on a road must be there before the traffic starts
             present = (entity for entity in foreign if self._schedule.present(entity.id, 0.0))
             self._foreign.look([self._standing(entity) for entity in present], 0.0)
-        for _ in range(WARM_UP_STEPS if count else 3):
+        for _ in range(WARM_UP_STEPS if count or walking else 3):
             self._foreign.step(0.0)
             sim.step()
-            self._traffic.step()
+            self._step_background()
 
     def close(self) -> None:
         """End the simulation."""
@@ -136,7 +146,7 @@ class RoadEngine(FleetEngine):
         for vehicle in self._vehicles.values():
             vehicle.prepare()
         self._sim.step()
-        self._traffic.step()
+        self._step_background()
         self._contacts.step(self._vehicles, self._foreign.bodies.values(), now - self._looked_s, now)
         standing = {vehicle.id for vehicle in self._vehicles.values() if vehicle.task is None}
         for vehicle in self._vehicles.values():
@@ -148,17 +158,25 @@ class RoadEngine(FleetEngine):
         return [vehicle.state(ahead) for vehicle in self._vehicles.values()]
 
     def ambient(self) -> Iterable[BodyState]:
-        """Return the states of background traffic, then those of the queues."""
+        """Return the states of background traffic, then those of the queues, of pedestrians and of signals."""
         ahead, after = self.clock.remainder_s, self.clock.time_s - self._shown_s
         self._shown_s = self.clock.time_s
         assert self._sim is not None
         there = frozenset(self._sim.vehicle.getIDList())
-        return [*self._traffic.states(there, ahead, after), *self._congestion.states(there, ahead)]
+        people = self._pedestrians.states(ahead) if self._pedestrians is not None else ()
+        signals = self._signals.states() if self._signals is not None else ()
+        return [*self._traffic.states(there, ahead, after), *self._congestion.states(there, ahead), *people, *signals]
 
     def progress(self) -> Mapping[str, float]:
         """Return the share of each vehicle's task that is done, by remaining route, distance or speed."""
         shares = ((vehicle.id, vehicle.progress()) for vehicle in self._vehicles.values())
         return {name: max(0.0, share) for name, share in shares if share is not None}
+
+    def _step_background(self) -> None:
+        """Give new destinations to background vehicles and pedestrians after a step of the simulation."""
+        self._traffic.step()
+        if self._pedestrians is not None:
+            self._pedestrians.step()
 
     def _report(self, vehicle: Vehicle, standing: Container[str], now_s: float) -> None:
         outcome = vehicle.step(standing)

@@ -57,6 +57,7 @@ VEHICLE_KINDS = {
         _VehicleKind("truck", SIZES["truck"], 12000.0, 1.3, 4.0),
         _VehicleKind("bus", SIZES["bus"], 12500.0, 1.2, 4.0),
         _VehicleKind("motorcycle", SIZES["motorcycle"], 220.0, 4.0, 6.0),
+        _VehicleKind("bicycle", SIZES["bicycle"], 90.0, 1.2, 3.0, 5.5),
     )
 }
 """Kinds of background vehicles. Masses are those of common models; accelerations follow SUMO's vehicle classes."""

@@ -71,6 +71,7 @@ class Simulation:
         self.route: Any = libsumo.route
         self.lane: Any = libsumo.lane
         self.edge: Any = libsumo.edge
+        self.trafficlight: Any = libsumo.trafficlight
         self.simulation: Any = libsumo.simulation
         self.step: Any = libsumo.simulationStep
 

@@ -23,6 +23,12 @@ from lingjing.trace.records import BodyState
 MIX = (("car", 70), ("delivery_van", 10), ("truck", 8), ("motorcycle", 7), ("bus", 5))
 """Kinds of background vehicles and their shares in percent (chosen)."""
 
+CYCLIST = "bicycle"
+"""Kind of background cyclists, and SUMO's vehicle class of them: SUMO's own model of bicycles on the road."""
+
+_KINDS = (*(name for name, _ in MIX), CYCLIST)
+"""All kinds of background vehicles."""
+
 PATIENCE_S = 150.0
 """Waiting time after which a background vehicle is removed and starts elsewhere, seconds (chosen)."""
 
@@ -93,13 +99,19 @@ class Traffic:
         for edge in graph.edges.values():
             if not edge.through:
                 sim.edge.adaptTraveltime(edge.id, self._usual_s(edge.id))
-        for name, _ in MIX:
+        for name in _KINDS:
             declare(sim, f"traffic/{name}", VEHICLE_KINDS[name], VEHICLE_KINDS[name].top_mps, reaction_s=REACTION_S)
+        sim.vehicletype.setVehicleClass(f"traffic/{CYCLIST}", CYCLIST)
 
     def populate(self, count: int, occupied: Occupied) -> None:
         """Place up to `count` vehicles at random places; full streets take fewer."""
         for number in range(count if self._graph.core else 0):
-            self._populate(f"traffic/{number + 1}", occupied)
+            self._populate(f"traffic/{number + 1}", self._draw_kind(), occupied)
+
+    def populate_cyclists(self, count: int, occupied: Occupied) -> None:
+        """Place up to `count` cyclists at random places."""
+        for number in range(count if self._graph.core else 0):
+            self._populate(f"cyclist/{number + 1}", CYCLIST, occupied)
 
     def step(self) -> None:
         """Give new destinations to a tenth of the vehicles, and insert again those that SUMO has removed."""
@@ -118,7 +130,7 @@ class Traffic:
             return
         self._conditions = conditions
         types, vehicles = self._sim.vehicletype, self._sim.vehicle
-        for name, _ in MIX:
+        for name in _KINDS:
             kind, type_id = VEHICLE_KINDS[name], f"traffic/{name}"
             types.setSpeedFactor(type_id, conditions.speed_share)
             types.setTau(type_id, TAU_S * conditions.headway_share)
@@ -155,8 +167,8 @@ class Traffic:
                 if body.position[0] > NOWHERE_M:
                     yield shifted(body, self._sideways.follow(body, after_s))
 
-    def _populate(self, name: str, occupied: Occupied) -> None:
-        mover = _BackgroundVehicle(name, self._draw_kind(), 1)
+    def _populate(self, name: str, kind: str, occupied: Occupied) -> None:
+        mover = _BackgroundVehicle(name, kind, 1)
         length = SIZES[mover.kind].length_m
         for _ in range(_TRIES):
             edge = self._graph.edges[self._draw_edge()]

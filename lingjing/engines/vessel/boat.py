@@ -72,6 +72,8 @@ class Boat:
         self._station: Vector2 = (x, y)
         self._level = terrain.surface(x, y)
         self.aground = terrain.water_level(x, y) is None
+        self.struck_mps: float | None = None
+        """Speed at which the hull ran aground, m/s; None before, and once it is reported."""
 
     @property
     def position(self) -> Vector2:
@@ -157,7 +159,7 @@ class Boat:
         if self._floats(moved[0], moved[1]):
             self._state = moved
         else:
-            self.aground = True
+            self.aground, self.struck_mps = True, math.hypot(*hull.ground_velocity(moved, self._around))
 
     def state(self, time_s: float, remainder_s: float) -> BodyState:
         """Return the state at `time_s`, which is `remainder_s` after the last step."""

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from lingjing.engines.vessel.boat import Boat
 from lingjing.engines.vessel.hull import STEP_S
-from lingjing.mission.vocabulary import ARRIVED
+from lingjing.mission.vocabulary import ARRIVED, COLLIDED
 from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.fleet import FleetEngine
 from lingjing.plugins.requests import STOP, Refusal, number
@@ -14,6 +14,9 @@ from lingjing.plugins.stock import booked
 from lingjing.scene.city import City
 from lingjing.scene.terrain import Terrain
 from lingjing.trace.records import AGROUND, BodyState, Command
+
+SHORE = "shore"
+"""Name of the land or structure that a boat runs onto, in events of collisions."""
 
 
 class VesselEngine(FleetEngine):
@@ -25,6 +28,7 @@ class VesselEngine(FleetEngine):
         """Place the vessels on the water."""
         terrain = Terrain(city)
         self._schedule = spec.schedule
+        self._shores = bool(spec.instance.scene.options.get("collisions"))
         weather = self._schedule.weather(0.0)
         self._boats = {entity.id: Boat(entity, terrain, weather, seed) for entity in spec.owned()}
 
@@ -71,6 +75,9 @@ class VesselEngine(FleetEngine):
         now = self.clock.now_s
         if boat.aground:
             self.requests.fail(boat.id, now, AGROUND, f"`{boat.id}` ran aground")
+            if self._shores and boat.struck_mps is not None:
+                self.emit(COLLIDED, boat.id, SHORE, speed_mps=boat.struck_mps)
+                boat.struck_mps = None
         elif boat.arrived():
             self.requests.complete(boat.id, now)
             self.emit(ARRIVED, boat.id)
