@@ -255,3 +255,34 @@ def test_without_withheld_fields_the_observations_show_the_interaction(
 ) -> None:
     monkeypatch.setattr(f"{VISIBILITY}.withheld", lambda self, agent, entity: frozenset())
     assert leaking("stage", read)
+
+
+QUEUE = """ljs 2
+use std.sea {{ lifeboat }}
+target shop {{ engine = city, state people = 3, arrivals = 0.01 Hz }}
+mission wait "Wait" {{
+  goal "Wait."
+  scene bay {{ datum = sea level at -3.5 m }}
+  clock {{ tick = 10 s, sync = 1 s }}
+  budget {{ ticks <= 100 }}
+  mode single
+  target store : shop {{ position = (20 m, -1330 m), hidden arrivals = {rate} Hz }}
+  asset boat : lifeboat {{ position = (10 m, -1350 m), heading = 30 deg }}
+  agent skipper as rescuer controls boat {{ observes boat.*, {observed} }}
+  success when now > 900 s
+}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("observed", "refused"), [("store.*", True), ("store.people", True), ("store.position", False)]
+)
+def test_a_public_number_of_people_shows_a_hidden_rate(
+    observed: str, refused: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    slow, fast = (inputs(QUEUE.format(rate=rate, observed=observed)) for rate in ("0.01", "0.4"))
+    assert (slow is None) == (fast is None) == refused
+    assert slow == fast
+    monkeypatch.setattr(f"{MODEL}.exposures.exposures", lambda mission: ())
+    slow, fast = (inputs(QUEUE.format(rate=rate, observed=observed)) for rate in ("0.01", "0.4"))
+    assert slow is not None and (slow != fast) == refused

@@ -4,7 +4,7 @@ The compiler of a text finds hidden values in expressions, with the path from th
 finds them in the compiled mission, so that a `mission.json` is held to the same rules, and motions that show them:
 
 - a target with a public place that flees from, follows or wanders by a hidden place;
-- an observed target with a hidden drift, which its places show;
+- an observed target with a hidden drift, which its places show, or hidden arrivals, which its number of people shows;
 - an asset with a hidden speed or band, which the receipts of its commands show.
 """
 
@@ -18,13 +18,17 @@ from lingjing.mission import model
 from lingjing.mission.conditions.declarations import Declarations, Group, group_names, of_mission
 from lingjing.mission.conditions.reads import Reader
 from lingjing.mission.conditions.taint import PLACE, propagate
+from lingjing.mission.natures import PEOPLE
 from lingjing.mission.vocabulary import MOTION
 
 HINT = "hidden values may reach only `adjudicate`, `truth(…)` and sensors"
 """The way out of an exposure."""
 
-_MOTION_FIELDS = frozenset({"*", PLACE, "velocity", "heading_deg"})
-"""The fields of a channel that show a motion."""
+_RATES: tuple[tuple[str, tuple[str, ...], frozenset[str]], ...] = (
+    (PLACE, MOTION, frozenset({"*", PLACE, "velocity", "heading_deg"})),
+    (PEOPLE, ("arrivals", "departures"), frozenset({"*", "resources", PEOPLE})),
+)
+"""A value that changes by itself, the properties that are its rates, and the fields of a channel that show it."""
 
 
 class Exposure(NamedTuple):
@@ -46,7 +50,7 @@ class Exposure(NamedTuple):
 def exposures(mission: model.Mission) -> tuple[Exposure, ...]:
     """Every exposure of a mission, in the order of declaration."""
     of = propagate(of_mission(mission))
-    return (*_values(mission, of), *_motions(of), *_drifts(mission), *_receipts(mission))
+    return (*_values(mission, of), *_motions(of), *_shown_rates(mission), *_receipts(mission))
 
 
 # -- private
@@ -92,24 +96,22 @@ def _is_placeless(group: Group, of: Declarations) -> bool:
     return PLACE in group.hidden or (group.name, PLACE) in of.taint.fields
 
 
-def _drifts(mission: model.Mission) -> Iterator[Exposure]:
-    """Hidden drifts of observed targets with a public place. The speed of an asset shows in its receipts."""
+def _shown_rates(mission: model.Mission) -> Iterator[Exposure]:
+    """Hidden rates of observed targets: a drift shows in public places, arrivals and departures in a public number of
+    people. The speed of an asset shows in its receipts."""
     for group in mission.groups:
         hidden = {prop.plain for prop in group.properties if prop.hidden}
-        if group.role != "target" or PLACE in hidden:
-            continue
-        for name in sorted(hidden.intersection(MOTION)):
-            agent = next((agent for agent in mission.agents if _sees_motion(agent, group.name)), None)
-            if agent is not None:
-                yield Exposure(
-                    agent.name, f"the observation of `{group.name}` by `{agent.name}`", f"`{group.name}.{name}`"
-                )
+        for field, rates, fields in _RATES if group.role == "target" else ():
+            for name in sorted(hidden.intersection(rates) if field not in hidden else ()):
+                agent = next((agent for agent in mission.agents if _observes(agent, group.name, fields)), None)
+                if agent is not None:
+                    sink = f"the observation of `{group.name}` by `{agent.name}`"
+                    yield Exposure(agent.name, sink, f"`{group.name}.{name}`")
 
 
-def _sees_motion(agent: model.Agent, group: str) -> bool:
+def _observes(agent: model.Agent, group: str, fields: frozenset[str]) -> bool:
     return any(
-        group in group_names((channel.source,)) and not _MOTION_FIELDS.isdisjoint(channel.fields)
-        for channel in agent.observes
+        group in group_names((channel.source,)) and not fields.isdisjoint(channel.fields) for channel in agent.observes
     )
 
 
