@@ -129,14 +129,14 @@ class Observer:
     def singles(self, kind: str, count: int, save: Path | None) -> list[tuple[float, bool, bool]]:
         """Return (bearing, ours found, reference found) for each pose."""
         chance, out = random.Random(f"{kind}-single"), []
-        for number, place in enumerate(self.street.places(12 * count, 2)):
+        for number, place in enumerate(self.street.places(30 * count, 2)):
             if len(out) == count:
                 break
             bearing = BEARINGS[number % 3]
             away = chance.uniform(NEAR_M, FAR_M) + HALF_M[kind] * (1.0 - 0.5 * sin(radians(bearing)))
             turned = bearing + chance.uniform(-15.0, 15.0)
             view = self.street.view_of(place, turned if chance.random() < 0.5 else -turned, away)
-            if not self.street.is_clear(self.street.shoot(*view, ()), away, HALF_M[kind]):
+            if not self.street.is_clear(*view, away, HALF_M[kind]):
                 continue
             pair = []
             for look in (kind, f"reference/{kind}"):

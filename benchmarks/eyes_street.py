@@ -23,6 +23,8 @@ from lingjing.testing import bare_instance, city_of
 from lingjing.trace.records import BodyState, Box
 
 SIZE = 1920, 1080
+GLANCE = 480, 270
+"""Size of the pictures that show whether a place is clear."""
 FOV_DEG = 84.0
 EYE_M = 1.6
 AWAY: Vector = (0.0, 0.0, -3000.0)
@@ -79,11 +81,14 @@ class Street:
 
     def __init__(self, looks: Sequence[str], variants: int) -> None:
         self.city, self.engine, self.variants = without_vehicles(city_of(SCENE)), CameraEngine(), variants
-        camera = CameraSpec(name="eye", view="front", width=SIZE[0], height=SIZE[1], hfov_deg=FOV_DEG,
-                            channels=("rgb", "depth"), capture="on_request")  # fmt: skip
+        camera, glance = (
+            CameraSpec(name=name, view="front", width=width, height=height, hfov_deg=FOV_DEG, channels=("rgb", "depth"),
+                       capture="on_request")
+            for name, (width, height) in (("eye", SIZE), ("glance", GLANCE))
+        )  # fmt: skip
         mount = CameraMount(view="front", ahead_m=0.0, above_m=0.0, tilt_deg=0.0, gimbal=True)
         viewer = Entity(id="viewer", group="viewer", index=1, role="asset", type="quadrotor", engine="x",
-                        position=(0.0, 0.0, EYE_M), cameras=(camera,), mounts=(mount,))  # fmt: skip
+                        position=(0.0, 0.0, EYE_M), cameras=(camera, glance), mounts=(mount,))  # fmt: skip
         pool = [
             Entity(id=f"{look}/{k}", group=look, index=k + 1, role="asset", type=look, engine="x", position=AWAY,
                    properties={"look": look})
@@ -105,15 +110,15 @@ class Street:
             places.append(Place((x0 + share * (x1 - x0), y0 + share * (y1 - y0), z0), degrees(atan2(x1 - x0, y1 - y0))))
         return places
 
-    def shoot(self, eye: Vector, heading_deg: float, bodies: Sequence[Body]) -> Picture:
-        """Return a picture from `eye`. Bodies of one look and variant may not occur twice."""
+    def shoot(self, eye: Vector, heading_deg: float, bodies: Sequence[Body], camera: str = "eye") -> Picture:
+        """Return a picture of a camera from `eye`. Bodies of one look and variant may not occur twice."""
         shown = {f"{body.look}/{body.variant % self.variants}": body.place for body in bodies}
         states = [BodyState(id="viewer", position=eye, heading_deg=heading_deg)]
         for name in self.ids:
             place = shown.get(name, Place(AWAY, 0.0))
             states.append(BodyState(id=name, position=place.position, heading_deg=place.heading_deg))
         self.engine.advance(10.0, states)
-        request = CaptureRequest(frame="f", entity="viewer", camera="eye", tick=1, time_s=10.0)
+        request = CaptureRequest(frame="f", entity="viewer", camera=camera, tick=1, time_s=10.0)
         (frame,) = self.engine.capture([request])
         boxes = {box.entity: box for box in frame.info.boxes}
         named = tuple(boxes.get(f"{body.look}/{body.variant % self.variants}") for body in bodies)
@@ -125,12 +130,14 @@ class Street:
         x, y, z = place.position
         return (x + away_m * sin(b), y + away_m * cos(b), z + EYE_M), (degrees(b) + 180.0) % 360.0
 
-    def is_clear(self, empty: Picture, away_m: float, half_m: float) -> bool:
-        """Return whether nothing stands between the eye and a body of `half_m` at `away_m`, from the empty street."""
-        focal = SIZE[0] / 2.0 / np.tan(radians(FOV_DEG) / 2.0)
+    def is_clear(self, eye: Vector, heading_deg: float, away_m: float, half_m: float) -> bool:
+        """Return whether nothing stands between the eye and a body of `half_m` at `away_m`, in the empty street."""
+        empty = self.shoot(eye, heading_deg, (), "glance").depth
+        across, down = GLANCE[0] // 2, GLANCE[1] // 2
+        focal = across / np.tan(radians(FOV_DEG) / 2.0)
         near = max(away_m - half_m, 2.0)
         wide, high = int(focal * half_m / near), int(focal * 0.9 / near)
-        middle = empty.depth[540 - 2 : 540 + high, max(960 - wide, 0) : 960 + wide]
-        rows = np.arange(540 - 2, 540 + high)[:, None] - 540
-        ground = np.where(rows > 0, focal * EYE_M / np.maximum(rows, 1), np.inf)
+        middle = empty[down - 1 : down + high, max(across - wide, 0) : across + wide]
+        rows = np.arange(down - 1, down + high)[:, None] - down
+        ground = np.where(rows > 0, focal * EYE_M / np.maximum(rows, 1), np.inf)[: len(middle)]
         return bool((middle > np.minimum(ground, away_m + half_m) - 0.6).all())

@@ -19,7 +19,7 @@ import numpy as np
 from model_lofts import Curve, Projector, Skin, Soup, at, box, egg, narrow_wheel, packed, rect, rod, skinned, wheel
 
 from lingjing.engines.camera.models import skeleton
-from lingjing.engines.camera.models.stored import FOLDER, LEVELS
+from lingjing.engines.camera.models.stored import FOLDER, LEVELS, MATERIALS
 
 
 @dataclass(frozen=True)
@@ -201,8 +201,8 @@ CAB = Car(
         low=0.52, axles=(3.2,), arch=0.60, hub=0.48, corner=0.12, crown=0.02,
     ),
     wheel=0.48, track=1.13,
-    windows=(((2.85, 1.55), (4.16, 1.52), (3.92, 2.32), (2.85, 2.36)),),
-    screen=((-0.96, 1.62), (0.96, 1.62), (0.88, 2.52), (-0.88, 2.52)),
+    windows=(((2.78, 1.56), (4.24, 1.46), (3.98, 2.44), (2.78, 2.48)),),
+    screen=((-1.00, 1.56), (1.00, 1.56), (0.92, 2.56), (-0.92, 2.56)),
     rear=((-0.5, 1.8), (0.5, 1.8), (0.5, 2.3), (-0.5, 2.3)),
     doors=(2.70, 4.22), belt=1.46, nose=0.92, tail=1.2,
 )  # fmt: skip
@@ -230,43 +230,63 @@ def box_truck(level: int) -> Soup:
     for window in CAB.windows:
         made += on.patch("right", window, "glass", 0.01, cut).mirrored()
     made += on.patch("front", CAB.screen, "glass", 0.01, ((6, 3), (4, 2), (2, 1))[level])
-    made += on.patch("front", rect(-0.62, 0.62, 1.10, 1.40), "black", 0.015, cut)
-    made += on.patch("front", rect(0.58, 0.95, 0.86, 1.04), "lamp", 0.015, cut).mirrored()
-    made += box((0.0, 4.46, 0.66), (2.24, 0.14, 0.30), "bumper", 0.03)
-    made += box((0.0, -1.15, 2.20), (2.46, 6.60, 2.60), "cargo")
-    made += box((0.0, -0.9, 0.72), (0.9, 7.0, 0.26), "under")
-    made += box((1.08, -4.44, 0.96), (0.26, 0.06, 0.20), "tail").mirrored()
-    made += box((0.0, -4.44, 0.62), (2.3, 0.10, 0.14), "under")
+    made += on.patch("front", rect(-0.72, 0.72, 1.06, 1.40), "black", 0.015, cut)
+    made += on.patch("front", rect(0.58, 1.00, 0.84, 1.04), "lamp", 0.015, cut).mirrored()
+    made += box((0.0, 4.46, 0.64), (2.30, 0.18, 0.34), "bumper", 0.04)
+    made += box((0.0, -1.30, 2.25), (2.46, 6.30, 2.46), "cargo")
+    made += box((0.0, -1.0, 0.80), (0.9, 6.9, 0.24), "under")
+    made += box((0.0, 2.10, 0.95), (1.9, 0.70, 0.50), "under")
+    made += box((1.06, -4.40, 0.84), (0.30, 0.06, 0.16), "tail").mirrored()
+    made += box((0.0, -4.40, 0.56), (2.2, 0.10, 0.12), "bumper")
     if level < 2:
         made += truck_details(on, level)
-    for y in (-2.7, 3.2):
-        made += wheel(0.48, 0.30, level, 0.58).moved(1.13, y, 0.48).mirrored()
+    for y in (-2.6, 3.2):
+        made += heavy_wheel(0.50, level).moved(1.16, y, 0.50).mirrored()
     return made
+
+
+def heavy_wheel(radius: float, level: int) -> Soup:
+    """Return the wheel of a truck: a wide tyre, a dark dish and a bright hub."""
+    made = wheel(radius, 0.34, level, 0.56)
+    dark = replace(made, materials=np.where(made.materials == MATERIALS.index("rim"), MATERIALS.index("bumper"),
+                                            made.materials).astype(np.uint8))  # fmt: skip
+    return dark + box((0.0, 0.0, 0.0), (0.06, 0.26, 0.26), "rim", 0.05)
 
 
 def truck_details(on: Projector, level: int) -> Soup:
     """Return what only the finer levels of a truck show: mirrors, frame, doors, tank, guards."""
-    made = box((1.32, 4.05, 2.05), (0.16, 0.12, 0.50), "black", 0.02).mirrored()
-    made += on.patch("front", rect(-0.26, 0.26, 0.60, 0.72), "plate", 0.10, (1, 1))
-    for z in (0.93, 3.47):
-        made += box((1.225, -1.15, z), (0.05, 6.64, 0.09), "chrome").mirrored()
+    made = box((1.34, 4.08, 2.05), (0.16, 0.12, 0.56), "black", 0.02).mirrored()
+    made += rod((1.10, 4.05, 2.42), (1.34, 4.08, 2.30), (0.02, 0.02), "black", 4).mirrored()
+    made += on.patch("front", rect(-0.26, 0.26, 0.58, 0.70), "plate", 0.12, (1, 1))
+    for z in (1.05, 3.46):
+        made += box((1.225, -1.30, z), (0.05, 6.34, 0.09), "chrome").mirrored()
         made += box((0.0, -4.45, z), (2.46, 0.05, 0.09), "chrome")
-        made += box((0.0, 2.15, z), (2.46, 0.05, 0.09), "chrome")
-    for y in (-4.45, 2.15):
-        made += box((1.225, y, 2.20), (0.06, 0.06, 2.60), "chrome").mirrored()
-    made += box((0.0, -4.462, 2.20), (0.03, 0.03, 2.50), "black")
-    made += box((0.35, -4.468, 2.10), (0.03, 0.03, 2.30), "chrome").mirrored()
-    made += box((0.0, -4.50, 0.84), (0.52, 0.03, 0.12), "plate")
-    made += box((0.95, 1.2, 0.66), (0.45, 1.1, 0.46), "bumper", 0.08).mirrored()
-    made += box((1.12, -0.6, 0.62), (0.06, 2.0, 0.10), "bumper").mirrored()
-    made += box((1.12, -0.6, 0.86), (0.06, 2.0, 0.08), "bumper").mirrored()
-    made += box((0.98, -2.7, 1.02), (0.36, 1.15, 0.05), "black").mirrored()
+        made += box((0.0, 1.85, z), (2.46, 0.05, 0.09), "chrome")
+    for y in (-4.45, 1.85):
+        made += box((1.225, y, 2.25), (0.06, 0.06, 2.46), "chrome").mirrored()
+    made += box((0.0, -4.462, 2.25), (0.03, 0.03, 2.36), "black")
+    made += box((0.35, -4.468, 2.15), (0.03, 0.03, 2.16), "chrome").mirrored()
+    made += box((0.0, -4.46, 0.84), (0.52, 0.03, 0.12), "plate")
+    made += box((0.98, 1.35, 0.68), (0.42, 1.0, 0.44), "steel", 0.12).mirrored()
+    made += box((0.98, 0.10, 0.72), (0.36, 0.60, 0.40), "black", 0.04).mirrored()
+    made += box((1.12, -1.0, 0.62), (0.05, 1.5, 0.09), "bumper").mirrored()
+    made += box((1.12, -1.0, 0.84), (0.05, 1.5, 0.07), "bumper").mirrored()
+    made += box((0.98, -2.6, 1.055), (0.40, 1.20, 0.04), "black").mirrored()
+    made += box((0.98, -3.22, 0.74), (0.36, 0.03, 0.50), "black").mirrored()
+    made += box((1.10, 2.50, 0.60), (0.08, 0.40, 0.24), "bumper").mirrored()
+    made += box((1.08, 3.96, 0.62), (0.10, 0.42, 0.20), "bumper", 0.02).mirrored()
+    for y in (-4.0, -1.6, 0.8):
+        made += box((1.23, y, 0.985), (0.03, 0.12, 0.05), "orange").mirrored()
     if level == 0:
-        made += on.patch("right", rect(2.72, 2.74, 0.75, 1.48), "seam", 0.006, (1, 4)).mirrored()
-        made += on.patch("right", rect(4.20, 4.22, 0.75, 1.48), "seam", 0.006, (1, 4)).mirrored()
-        made += on.patch("right", rect(2.82, 3.05, 1.32, 1.37), "chrome", 0.02, (1, 1)).mirrored()
-        for y in (-3.4, -2.3, -1.2, -0.1, 1.0):
-            made += box((1.232, y, 2.20), (0.012, 0.05, 2.5), "cargo").mirrored()
+        made += on.patch("right", rect(2.68, 2.70, 0.75, 1.52), "seam", 0.006, (1, 4)).mirrored()
+        made += on.patch("right", rect(4.26, 4.28, 0.75, 1.44), "seam", 0.006, (1, 4)).mirrored()
+        made += on.patch("right", rect(2.70, 4.26, 1.40, 1.42), "seam", 0.006, (4, 1)).mirrored()
+        made += on.patch("right", rect(2.82, 3.05, 1.30, 1.35), "chrome", 0.02, (1, 1)).mirrored()
+        made += on.patch("front", rect(-0.60, 0.60, 1.20, 1.23), "chrome", 0.02, (3, 1))
+        for x in (-0.5, 0.3):
+            made += rod((x, 4.47, 1.60), (x + 0.45, 4.40, 1.95), (0.012, 0.010), "black", 4)
+        for y in (-3.4, -2.35, -1.3, -0.25, 0.8):
+            made += box((1.232, y, 2.25), (0.012, 0.05, 2.36), "cargo").mirrored()
     return made
 
 
@@ -515,7 +535,7 @@ def fire_engine(level: int) -> Soup:
         for k in range(5):
             made += box((0.0, -4.272, 1.30 + 0.3 * k), (1.6, 0.012, 0.02), "seam")
     for y in (-2.5, 2.75):
-        made += wheel(0.50, 0.32, level, 0.58).moved(1.20, y, 0.50).mirrored()
+        made += heavy_wheel(0.50, level).moved(1.20, y, 0.50).mirrored()
     return made
 
 
