@@ -223,7 +223,27 @@ def van_body(level: int) -> Soup:
     return made
 
 
-def box_truck(level: int) -> Soup:
+@dataclass(frozen=True)
+class Load:
+    """The box on a truck behind its cab; metres."""
+
+    rear: float
+    """Place of the rear end along y."""
+    axles: tuple[float, ...]
+    """Places of the rear axles along y."""
+    low: float
+    """Height of the floor."""
+    high: float
+    """Height of the top."""
+
+
+BOX_LOAD = Load(-4.45, (-2.15, -3.40), 1.06, 3.46)
+SHORT_LOAD = Load(-3.20, (-1.75,), 1.02, 3.22)
+FRONT = 1.85
+"""Place of the front end of a load along y, metres."""
+
+
+def box_truck(level: int, load: Load = BOX_LOAD) -> Soup:
     """Return a truck: a cab over the engine, a chassis with tank, guards and wheels, and a framed box with doors."""
     on, cut = Projector(skinned(CAB.skin, 0)), ((4, 3), (2, 2), (1, 1))[level]
     made = skinned(CAB.skin, level)
@@ -233,16 +253,17 @@ def box_truck(level: int) -> Soup:
     made += on.patch("front", rect(-0.72, 0.72, 1.06, 1.40), "black", 0.015, cut)
     made += on.patch("front", rect(0.58, 1.00, 0.84, 1.04), "lamp", 0.015, cut).mirrored()
     made += box((0.0, 4.46, 0.64), (2.30, 0.18, 0.34), "bumper", 0.04)
-    made += box((0.0, -1.30, 2.25), (2.46, 6.30, 2.46), "cargo")
-    made += box((0.0, -1.0, 0.80), (0.9, 6.9, 0.24), "under")
+    middle, length = 0.5 * (load.rear + FRONT), FRONT - load.rear
+    made += box((0.0, middle, 0.5 * (load.low + load.high)), (2.46, length, load.high - load.low), "cargo")
+    made += box((0.0, middle + 0.3, 0.80), (0.9, length + 0.6, 0.24), "under")
     made += box((0.0, 2.10, 0.95), (1.9, 0.70, 0.50), "under")
-    made += box((1.06, -4.40, 0.84), (0.30, 0.06, 0.16), "tail").mirrored()
-    made += box((0.0, -4.40, 0.56), (2.2, 0.10, 0.12), "bumper")
+    made += box((1.06, load.rear + 0.05, 0.84), (0.30, 0.06, 0.16), "tail").mirrored()
+    made += box((0.0, load.rear + 0.05, 0.56), (2.2, 0.10, 0.12), "bumper")
     if level < 2:
-        made += truck_details(on, level)
-    for y in (-2.6, 3.2):
+        made += truck_details(on, level, load)
+    for y in (*load.axles, 3.2):
         made += heavy_wheel(0.50, level).moved(1.16, y, 0.50).mirrored()
-    return made
+    return made.moved(0.0, -0.5 * (4.45 + load.rear), 0.0)
 
 
 def heavy_wheel(radius: float, level: int) -> Soup:
@@ -253,40 +274,40 @@ def heavy_wheel(radius: float, level: int) -> Soup:
     return dark + box((0.0, 0.0, 0.0), (0.06, 0.26, 0.26), "rim", 0.05)
 
 
-def truck_details(on: Projector, level: int) -> Soup:
+def truck_details(on: Projector, level: int, load: Load) -> Soup:
     """Return what only the finer levels of a truck show: mirrors, frame, doors, tank, guards."""
     made = box((1.34, 4.08, 2.05), (0.16, 0.12, 0.56), "black", 0.02).mirrored()
     made += rod((1.10, 4.05, 2.42), (1.34, 4.08, 2.30), (0.02, 0.02), "black", 4).mirrored()
     made += on.patch("front", rect(-0.26, 0.26, 0.58, 0.70), "plate", 0.12, (1, 1))
-    for z in (1.05, 3.46):
-        made += box((1.225, -1.30, z), (0.05, 6.34, 0.09), "chrome").mirrored()
-        made += box((0.0, -4.45, z), (2.46, 0.05, 0.09), "chrome")
-        made += box((0.0, 1.85, z), (2.46, 0.05, 0.09), "chrome")
-    for y in (-4.45, 1.85):
-        made += box((1.225, y, 2.25), (0.06, 0.06, 2.46), "chrome").mirrored()
-    made += box((0.0, -4.462, 2.25), (0.03, 0.03, 2.36), "black")
-    made += box((0.35, -4.468, 2.15), (0.03, 0.03, 2.16), "chrome").mirrored()
-    made += box((0.0, -4.46, 0.84), (0.52, 0.03, 0.12), "plate")
+    middle, length, tall = 0.5 * (load.rear + FRONT), FRONT - load.rear, load.high - load.low
+    half = 0.5 * (load.low + load.high)
+    for z in (load.low, load.high):
+        made += box((1.225, middle, z), (0.05, length + 0.04, 0.09), "chrome").mirrored()
+        made += box((0.0, load.rear, z), (2.46, 0.05, 0.09), "chrome")
+        made += box((0.0, FRONT, z), (2.46, 0.05, 0.09), "chrome")
+    for y in (load.rear, FRONT):
+        made += box((1.225, y, half), (0.06, 0.06, tall), "chrome").mirrored()
+    made += box((0.0, load.rear - 0.012, half), (0.03, 0.03, tall - 0.1), "black")
+    made += box((0.35, load.rear - 0.018, half - 0.1), (0.03, 0.03, tall - 0.3), "chrome").mirrored()
+    made += box((0.0, load.rear - 0.01, 0.84), (0.52, 0.03, 0.12), "plate")
     made += box((0.98, 1.35, 0.68), (0.42, 1.0, 0.44), "steel", 0.12).mirrored()
     made += box((0.98, 0.10, 0.72), (0.36, 0.60, 0.40), "black", 0.04).mirrored()
-    made += box((1.12, -1.0, 0.62), (0.05, 1.5, 0.09), "bumper").mirrored()
-    made += box((1.12, -1.0, 0.84), (0.05, 1.5, 0.07), "bumper").mirrored()
-    made += box((0.98, -2.6, 1.055), (0.40, 1.20, 0.04), "black").mirrored()
-    made += box((0.98, -3.22, 0.74), (0.36, 0.03, 0.50), "black").mirrored()
+    guard = max(load.axles) + 0.75
+    made += box((1.12, 0.5 * (guard - 0.3), 0.62), (0.05, -0.3 - guard, 0.09), "bumper").mirrored()
+    for y in load.axles:
+        made += box((0.98, y, 1.035), (0.40, 1.12, 0.04), "black").mirrored()
+    made += box((0.98, min(load.axles) - 0.62, 0.74), (0.36, 0.03, 0.50), "black").mirrored()
     made += box((1.10, 2.50, 0.60), (0.08, 0.40, 0.24), "bumper").mirrored()
     made += box((1.08, 3.96, 0.62), (0.10, 0.42, 0.20), "bumper", 0.02).mirrored()
-    for y in (-4.0, -1.6, 0.8):
-        made += box((1.23, y, 0.985), (0.03, 0.12, 0.05), "orange").mirrored()
+    for y in (load.rear + 0.45, middle, FRONT - 0.9):
+        made += box((1.23, y, load.low - 0.07), (0.03, 0.12, 0.05), "orange").mirrored()
     if level == 0:
         made += on.patch("right", rect(2.68, 2.70, 0.75, 1.52), "seam", 0.006, (1, 4)).mirrored()
         made += on.patch("right", rect(4.26, 4.28, 0.75, 1.44), "seam", 0.006, (1, 4)).mirrored()
-        made += on.patch("right", rect(2.70, 4.26, 1.40, 1.42), "seam", 0.006, (4, 1)).mirrored()
         made += on.patch("right", rect(2.82, 3.05, 1.30, 1.35), "chrome", 0.02, (1, 1)).mirrored()
         made += on.patch("front", rect(-0.60, 0.60, 1.20, 1.23), "chrome", 0.02, (3, 1))
         for x in (-0.5, 0.3):
             made += rod((x, 4.47, 1.60), (x + 0.45, 4.40, 1.95), (0.012, 0.010), "black", 4)
-        for y in (-3.4, -2.35, -1.3, -0.25, 0.8):
-            made += box((1.232, y, 2.25), (0.012, 0.05, 2.36), "cargo").mirrored()
     return made
 
 
@@ -618,6 +639,7 @@ MADE = {
     "minibus": minibus,
     "ambulance": ambulance,
     "truck": box_truck,
+    "short_truck": lambda level: box_truck(level, SHORT_LOAD),
     "bus": bus,
     "fire_truck": fire_engine,
     "motorcycle": motorcycle,

@@ -52,8 +52,10 @@ def _paints(name: str, colours: Sequence[LinearRgb]) -> tuple[Palette, ...]:
 
 
 def _trucks() -> tuple[Palette, ...]:
-    cabs: tuple[LinearRgb, ...] = ((0.55, 0.05, 0.04), (0.70, 0.70, 0.68), (0.06, 0.16, 0.36), (0.75, 0.75, 0.73))
-    boxes: tuple[LinearRgb, ...] = ((0.70, 0.70, 0.68), (0.30, 0.36, 0.42), (0.42, 0.26, 0.10), (0.08, 0.20, 0.30))
+    cabs: tuple[LinearRgb, ...] = ((0.72, 0.72, 0.70), (0.55, 0.05, 0.04), (0.06, 0.16, 0.36), (0.70, 0.70, 0.68),
+                                   (0.72, 0.50, 0.06))  # fmt: skip
+    boxes: tuple[LinearRgb, ...] = ((0.72, 0.72, 0.70), (0.70, 0.70, 0.68), (0.60, 0.62, 0.64), (0.66, 0.60, 0.48),
+                                    (0.70, 0.70, 0.69))  # fmt: skip
     return tuple((("paint", cab), ("cargo", box)) for cab, box in zip(cabs, boxes, strict=True))
 
 
@@ -82,7 +84,7 @@ LOOKS: dict[str, VehicleLook] = {
                                               (("paint", (0.74, 0.66, 0.06)), ("cargo", (0.04, 0.26, 0.10))))),
     "delivery_van": VehicleLook(("van", "van", "minibus"), _paints("paint", (
         (0.76, 0.76, 0.74), (0.72, 0.47, 0.04), (0.06, 0.14, 0.34), (0.66, 0.66, 0.64)))),
-    "truck": VehicleLook(("truck",), _trucks()),
+    "truck": VehicleLook(("truck", "short_truck"), _trucks()),
     "bus": VehicleLook(("bus",), _buses()),
     "fire_truck": VehicleLook(("fire_truck",), _paints("paint", (FIRE_RED,))),
     "motorcycle": VehicleLook(("motorcycle",), _riders(
@@ -100,7 +102,8 @@ LOOKS: dict[str, VehicleLook] = {
 def vehicle(name: str, number: int) -> ModelPart:
     """Return the `number`-th variant of a look: shape, colours and proportions."""
     look = LOOKS[name]
-    shape, paint = number % len(look.shapes), (number + number // len(look.shapes)) % len(look.palettes)
+    turn, shape = divmod(number, len(look.shapes))
+    paint = (turn + shape) % len(look.palettes)
     levels = stored(look.shapes[shape], look.palettes[paint])
     return ModelPart(f"{name}-{look.shapes[shape]}-{paint}", levels[0], _proportions(number), levels[1:])
 
