@@ -286,3 +286,19 @@ def test_a_public_number_of_people_shows_a_hidden_rate(
     monkeypatch.setattr(f"{MODEL}.exposures.exposures", lambda mission: ())
     slow, fast = (inputs(QUEUE.format(rate=rate, observed=observed)) for rate in ("0.01", "0.4"))
     assert slow is not None and (slow != fast) == refused
+
+
+def test_a_target_that_follows_a_secretly_hauled_one_shows_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The kernel withholds the place of the raft. A swan with a public place would show it by its way."""
+    behaviour = "behaviour follow { of = buoy, speed = 2 m/s, distance = 2 m }"
+    swan = f"target swan : person_in_water {{ position = (60 m, -1400 m), {behaviour} }}"
+    sources = [
+        text("stage", "distance_xy(boat, buoy) < 1 m", place)
+        .replace("  adjudicate far", f"  {swan}\n  adjudicate far")
+        .replace("buoy.*, events", "buoy.*, swan.*, events")
+        for place in PLACES
+    ]
+    assert [inputs(source) for source in sources] == [None, None]
+    monkeypatch.setattr(f"{MODEL}.exposures.exposures", lambda mission: ())
+    first, second = map(inputs, sources)
+    assert first is not None and first != second
