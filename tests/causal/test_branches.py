@@ -162,6 +162,7 @@ def without_cost(result: Blame) -> Blame:
     return replace(result, cpu_s=0.0, driven_s=0.0, camera_s=0.0)
 
 
+@pytest.mark.slow
 def test_blame_names_agent_faculty_and_boundary_however_many_run_at_once(lost: Trace) -> None:
     options = BlameOptions(placebos=3, files=(f"{ERRING}:Astray",))
     result = blame(lost, replace(options, jobs=3))

@@ -7,6 +7,7 @@ import pytest
 from tests.faults.planted import assert_all_end_well
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="processes are watched through /proc")
 def test_faults_of_episodes_in_several_processes_and_of_suites_end_as_they_should() -> None:
     assert_all_end_well(20, "process", "suite")

@@ -113,6 +113,7 @@ def processes() -> Iterator[EpisodeProcesses]:
         yield started
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("workers_are_interpreters_once")
 def test_forked_episodes_are_those_of_fresh_processes_and_know_nothing_of_one_another(
     processes: EpisodeProcesses, tmp_path: Path
