@@ -23,6 +23,7 @@ from lingjing.mission.reset.groups import MEASURES
 from lingjing.mission.reset.reading import search_region
 from lingjing.mission.reset.shapes import LISTS, fold_key
 from lingjing.mission.reset.targets import PERSONS
+from lingjing.mission.reset.unit import CROWDED_M
 from lingjing.mission.weather_words import word_for
 
 _PERSON_FIELD = "rescuePersonPosition"
@@ -119,10 +120,19 @@ def _blank(text: str, position: int) -> int:
 # -- a document for a template --------------------------------------------------------------------------------------
 
 
+def _is_crowded(instance: Instance) -> bool:
+    """True if a reader could take the centimetres of the assets' places for metres."""
+    assets = [entity.position for entity in instance.entities if entity.role == "asset"]
+    return all(max(abs(east), abs(north)) < CROWDED_M for east, north, _ in assets)
+
+
 def _scenario(mission: model.Mission, instance: Instance, settings: dict[str, float]) -> dict[str, Json]:
     added: dict[str, Json] = {"mission": mission.name, "mode": instance.mode, "seed": instance.seed}
-    if settings:
-        added["settings"] = dict(settings)
+    drawn = {param.name: instance.settings[param.name] for param in mission.parameters if param.is_drawn}
+    if settings or drawn:
+        added["settings"] = {**drawn, **settings}
+    if _is_crowded(instance):
+        added["unit"] = "cm"
     fields, others = _targets(mission, instance)
     if others:
         added["targets"] = others

@@ -335,7 +335,7 @@ def _limit_sweeps(mission: model.Mission, name: str, most: int, where: str, pars
 def with_default(mission: model.Mission, name: str, value: float, bounds: ex.Expr | None = None) -> model.Mission:
     """The mission with another default of a parameter, in the unit of the old one, and optionally other bounds."""
     parameters = tuple(
-        msgspec.structs.replace(p, default=_number_like(p.default, value), bounds=bounds or p.bounds)
+        msgspec.structs.replace(p, default=_default_like(p.default, value), bounds=bounds or p.bounds)
         if p.name == name
         else p
         for p in mission.parameters
@@ -397,6 +397,14 @@ def is_hidden(group: model.Group) -> bool:
 def point(items: Iterable[float]) -> ex.Point:
     """A point in metres."""
     return ex.Point(tuple(ex.Number(item, "m") for item in items))
+
+
+def _default_like(default: ex.Expr, value: float) -> ex.Expr:
+    """A default with this value. A drawn one stays drawn, from this value alone, so that it may stay hidden."""
+    if not isinstance(default, ex.Draw):
+        return _number_like(default, value)
+    first = next((leaf for leaf in ex.leaves(default) if isinstance(leaf, ex.Number)), default)
+    return ex.Draw("choice", (ex.Sequence((_number_like(first, value),)),))
 
 
 def _number_like(expr: ex.Expr, value: float) -> ex.Number:
