@@ -89,6 +89,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         cold(folder)
+        shipped()
+        kinds(folder)
         scaling(folder, (1_000, 10_000) if quick else (1_000, 10_000, 100_000))
         beside_scenic(folder)
     corpora(30 if quick else 300)
@@ -104,6 +106,43 @@ def cold(folder: Path) -> None:
     print("| cold validate of ssr.ljs, CPU s | the same, known to the cache, CPU s |")
     print("| --- | --- |")
     print(f"| {anew:.3f} | {known:.3f} |\n")
+
+
+def shipped() -> None:
+    """Measure a cold start without the cache on each shipped mission and example."""
+    print("| mission | cold validate, CPU s |")
+    print("| --- | --- |")
+    for path in sorted((*SSR.parent.glob("*.ljs"), *SSR.parent.glob("examples/*.ljs"))):
+        print(f"| {path.stem} | {statistics.median(cost(validate(path))[0] for _ in range(ROUNDS)):.3f} |")
+    print()
+
+
+LINES = {
+    "assets": "  asset b{k} : quadrotor {{ position = ({x:.1f} m, {y:.1f} m, 10 m), heading = {h} deg }}\n",
+    "targets": "  target t{k} : destination {{ position = ({x:.1f} m, {y:.1f} m), deadline = {h} s }}\n",
+    "events": "  event e{k} at {h} s {{ weather {{ cloud = 50 % }} }}\n",
+    "stages": "  stage s{k} {{ done when a0.position.east > {x:.1f} m, weight = 2 }}\n",
+}
+"""One declaration of each kind; `k` is its number, `x` and `y` its place, `h` a number from 1 to 359."""
+
+
+def kinds(folder: Path) -> None:
+    """Compare the time for 1,000 and 10,000 declarations of each kind, and fit a power law above the start."""
+    head = FRAME.replace("use std.air { quadrotor }", "use std.air { quadrotor }\nuse std.traffic { destination }")
+    start = statistics.median(cost(validate(SSR))[0] for _ in range(3))
+    first = "  asset a0 : quadrotor { position = (1 m, 1 m, 10 m) }\n"
+    print("| declarations | 1,000, CPU s | 10,000, CPU s | exponent above the start |")
+    print("| --- | --- | --- | --- |")
+    for kind, line in LINES.items():
+        seconds = []
+        for size in (1_000, 10_000):
+            lines = [line.format(k=k, x=x, y=y, h=1 + k % 359) for k, x, y in places(size)]
+            path = folder / f"{kind}{size}.ljs"
+            path.write_text(head + first + "".join(lines) + END)
+            seconds.append(statistics.median(cost(validate(path))[0] for _ in range(3)))
+        exponent = slope((1_000, 10_000), [max(1e-3, took - start) for took in seconds])
+        print(f"| {kind} | {seconds[0]:.2f} | {seconds[1]:.2f} | {exponent:.2f} |")
+    print()
 
 
 def scaling(folder: Path, sizes: tuple[int, ...]) -> None:

@@ -17,9 +17,7 @@ from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.builder import Builder
 from lingjing.dsl.syntax.foreign import CLAUSES, CONTROL
 from lingjing.dsl.syntax.foreign import STATEMENTS as FOREIGN_STATEMENTS
-from lingjing.dsl.syntax.idioms import idiom_in
 from lingjing.dsl.syntax.lexer import lex
-from lingjing.dsl.syntax.repairs import repairs
 from lingjing.dsl.syntax.statements import KINDS
 from lingjing.dsl.syntax.tables import Tables, load_tables
 from lingjing.dsl.syntax.tokens import INNER, NAMES_IN_MESSAGES, STATEMENTS, Token
@@ -231,6 +229,8 @@ class Parser:
 
     def _apply(self, tokens: list[Token], begin: int, fault: int, due: list[str]) -> int:
         """Apply the first repair with which the whole statement can be read; -1 if there is none."""
+        from lingjing.dsl.syntax.repairs import repairs
+
         states = self._states_before()
         for repair in repairs(tokens, begin, fault, due):
             statement, stop = repair.statement(tokens, begin)
@@ -260,6 +260,8 @@ class Parser:
 
     def _idiom(self, tokens: list[Token], begin: int, fault: int) -> tuple[str, str] | None:
         """The message and hint for a phrase of another language around a fault; None if there is none."""
+        from lingjing.dsl.syntax.idioms import idiom_in  # a text without errors needs no phrases
+
         text = self.report.source.text
         start = tokens[begin].start
         line_end = text.find("\n", max(start, tokens[max(begin, fault - 1)].start))
