@@ -8,6 +8,7 @@ makes a difference.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Sequence
 from functools import cached_property
 
@@ -15,10 +16,12 @@ import msgspec
 
 from lingjing.kernel.commands import reachable
 from lingjing.kernel.event_visibility import EventVisibility
+from lingjing.kernel.gnss import GnssError, GnssErrors, shifted
 from lingjing.kernel.registry import Registry
 from lingjing.kernel.rule_sentences import rule_sentences
 from lingjing.kernel.stocks import public_resources, stocks
 from lingjing.mission.appearance import PHYSICAL
+from lingjing.mission.functions import GNSS
 from lingjing.mission.instance import AgentSpec, Cell, ChannelSpec, Entity, Instance, Weather
 from lingjing.mission.kinds import admitted, engine_kind
 from lingjing.mission.schedule import Schedule
@@ -70,6 +73,7 @@ class Projector:
         self._mounted = frozenset((entity.id, camera.name) for entity in instance.entities for camera in entity.cameras)
         self._event_visibility = EventVisibility(instance)
         self._schedule = Schedule(instance)
+        self._gnss = GnssErrors(instance)
         self._public = frozenset(entity.id for entity in instance.entities if "position" not in entity.hidden)
         self._unplaced = tuple(f"`{name}`" for name in self._entities if name not in self._public)
 
@@ -152,6 +156,10 @@ class Projector:
                 events = self._event_visibility.visible_events(agent, task_events, adjudicated, registry.tick)
             else:
                 self._entities_of(agent, channel, registry, entities)
+        measured = self._measured(agent, registry.tick)
+        for name, error in measured.items():
+            if name in entities:
+                entities[name] = _measured_view(entities[name], registry.states[name], error)
         return Observation(
             agent=agent.id,
             tick=registry.tick,
@@ -159,10 +167,23 @@ class Projector:
             entities=tuple(entities.values()),
             cells=tuple(cells),
             events=events,
-            pictures=tuple(picture for picture in pictures if self._shows(agent, picture.entity, picture.camera)),
+            pictures=tuple(
+                _measured_picture(picture, measured.get(picture.entity))
+                for picture in pictures
+                if self._shows(agent, picture.entity, picture.camera)
+            ),
             absent=tuple(item for item in absent if self._shows(agent, item.entity, item.camera)),
             weather=self._weather(registry),
         )
+
+    def _measured(self, agent: AgentSpec, tick: int) -> dict[str, GnssError]:
+        """Return the errors of the receivers that the agent observes instead of true positions, by entity."""
+        names: list[str] = []
+        for channel in agent.observes:
+            if GNSS in channel.fields:
+                names += (channel.name,) if channel.source == "entity" else self._peer_resources(agent)
+        carriers = (self._entities[name] for name in names if name in self._public)
+        return {entity.id: self._gnss.at(entity, tick) for entity in carriers if GNSS in entity.properties}
 
     def _weather(self, registry: Registry) -> Weather:
         """Return the weather of a boundary."""
@@ -277,6 +298,20 @@ def _shown(entity: Entity, state: BodyState, fields: Sequence[str], withheld: fr
             name: value for name, value in stock.items() if (everything or name in named) and name not in withheld
         }
     return shown
+
+
+def _measured_view(view: EntityView, state: BodyState, error: GnssError) -> EntityView:
+    """Return a view with the measured position and velocity in the place of the true ones."""
+    position, velocity = shifted(state.position, error.position), shifted(state.velocity, error.velocity)
+    return msgspec.structs.replace(view, position=position, velocity=velocity)
+
+
+def _measured_picture(picture: Picture, error: GnssError | None) -> Picture:
+    """Return a picture with the pose that its body has by its receiver; None leaves the true one."""
+    if error is None:
+        return picture
+    pose = msgspec.structs.replace(picture.pose, position=shifted(picture.pose.position, error.position))
+    return dataclasses.replace(picture, pose=pose)
 
 
 def _merged(seen: EntityView | None, entity: Entity, shown: dict[str, object]) -> EntityView:

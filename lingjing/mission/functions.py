@@ -178,7 +178,10 @@ STATE_FIELDS: dict[str, tuple[str, Type]] = {
 }
 """State of every entity during a mission: the author's name → its name in the graph, and its type."""
 
-OBSERVED_FIELDS = ("position", "velocity", "heading", "status", "resources", "busy", "route")
+GNSS = "gnss"
+"""Field of a channel that shows the position and velocity that a receiver measures, in place of the true ones."""
+
+OBSERVED_FIELDS = ("position", "velocity", "heading", "status", "resources", "busy", "route", GNSS)
 """Fields that an observation channel of an entity or of `peers` may name, in the author's spelling."""
 
 MESSAGE_FIELDS: dict[str, Type] = {

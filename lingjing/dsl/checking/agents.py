@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from lingjing.dsl.checking.blocks import BlockReader, DeclarationChecker
 from lingjing.dsl.checking.entities import EntityChecker
 from lingjing.dsl.checking.properties import suffix_of
+from lingjing.dsl.checking.scope import GroupInfo
 from lingjing.dsl.checking.settings import SettingsChecker
 from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.checking.unseen_pictures import PlacedChannel, warn_of_unseen
@@ -18,7 +19,7 @@ from lingjing.dsl.syntax.statements import RELATIONS
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.diagnostics import Related
-from lingjing.mission.functions import NUMBER, OBSERVED_FIELDS, STATE_FIELDS
+from lingjing.mission.functions import GNSS, NUMBER, OBSERVED_FIELDS, STATE_FIELDS
 from lingjing.mission.vocabulary import EVERYONE
 
 
@@ -226,12 +227,12 @@ class AgentChecker(DeclarationChecker):
 
     def _entity_channel(self, node: s.ObservedChannel, value: TypedExpression, field: s.Name) -> model.Channel | None:
         info = self.scope.groups[value.type.of]
-        attribute = info.attributes.get(field.text)
+        attribute = info.attributes.get("position" if field.text == GNSS else field.text)
         if attribute is not None and attribute.taint:
             taint = (*attribute.taint, self.of.step(f"`{self._text(node)}`", node))
             self.blocks.leak(taint, node, "an observation")
             return None
-        if attribute is not None and attribute.state:
+        if attribute is not None and attribute.state and field.text != GNSS:
             return model.Channel(source=value.ir, fields=(field.text + suffix_of(attribute.type.dimension),))
         known = [*OBSERVED_FIELDS, *(name for name, known in info.attributes.items() if known.state)]
         if field.text in self._cameras(info.name):
@@ -239,6 +240,10 @@ class AgentChecker(DeclarationChecker):
         if field.text not in OBSERVED_FIELDS:
             known += self._cameras(info.name)
             self.report.unknown("LJ0102", field, f"`{info.name}` shows no `{field.text}`", known)
+            return None
+        if field.text == GNSS and not _carries(info, GNSS):
+            message = f"`{info.name}` carries no receiver, so it shows no `{GNSS}`"
+            self.report.at("LJ0102", field, message, f"declare it: `asset {info.name} … {{ {GNSS} = m8 }}`")
             return None
         return model.Channel(source=value.ir, fields=(_lowered_field(field.text),))
 
@@ -276,6 +281,12 @@ class AgentChecker(DeclarationChecker):
         if node.kind.text != "dependency" or name.text not in known:
             variables = [variable for variable in known if variable]
             self.of.unknown_name(name, variables, "no variable of these stages")
+
+
+def _carries(info: GroupInfo, sensor: str) -> bool:
+    """Return whether the entity or its type declares a sensor."""
+    inherited = info.type.properties if info.type is not None else ()
+    return sensor in info.lines or any(prop.name == sensor for prop in inherited)
 
 
 def _lowered_field(name: str) -> str:

@@ -29,6 +29,10 @@ from lingjing.mission.units import BY_NAME, NAMED, dimension_unit, without_unit
 
 SURFACES = ("ground", "road", "roof", "facade", "bridge", "pipe")
 """Surfaces on which the scene places an entity: `on = road` moves it to the nearest carriageway."""
+RECEIVERS = ("m8", "f9p")
+"""Satellite navigation receivers that an asset can carry (`lingjing.kernel.gnss`)."""
+NO_RECEIVER = ("satellite", "city")
+"""Engines of bodies that cannot carry a receiver."""
 ANY_RELATION = ("=", "~", "<=")
 
 COMMON_KEYS = (
@@ -38,6 +42,7 @@ COMMON_KEYS = (
         PropertyKey("label", TEXT),
         PropertyKey("labels", Type("list", item="text")),
         PropertyKey("on", Type("name"), choices=SURFACES),
+        PropertyKey("gnss", Type("name"), choices=RECEIVERS),
         PropertyKey("deadline", SECONDS, ("=", "~"), hideable=True, public=False, above=0),
     )
     | BODY_KEYS
