@@ -61,8 +61,12 @@ def motorcar(car: Car, level: int) -> Soup:
     made += on.patch("back", car.rear, "glass", 0.008, ((6, 3), (4, 2), (2, 1))[level])
     half = float(at(car.skin.plan, np.array(car.skin.profile[-1][0])))
     made += on.patch("front", lamp(half, car.nose, 0.145), "lamp", 0.012, cut).mirrored()
-    tails = rect(half * 0.70, half * 1.02, car.tail - 0.14, car.tail + 0.16) if car.tall_tail else \
-        rect(half * 0.55, half * 1.04, car.tail - 0.075, car.tail + 0.075)  # fmt: skip
+    end = float(at(car.skin.plan, np.array(car.skin.profile[0][0] + 0.05)))
+    tails = (
+        rect(end * 0.74, end * 1.0, car.tail - 0.16, car.tail + 0.18)
+        if car.tall_tail
+        else rect(end * 0.58, end * 1.02, car.tail - 0.075, car.tail + 0.075)
+    )
     made += on.patch("back", tails, "tail", 0.012, cut).mirrored()
     made += on.patch("front", rect(-0.52 * half, 0.52 * half, car.nose - 0.10, car.nose + 0.035), "black", 0.012, cut)
     made += on.patch(
@@ -74,6 +78,12 @@ def motorcar(car: Car, level: int) -> Soup:
     made += on.patch("back", rect(-0.26, 0.26, car.tail - 0.20, car.tail - 0.09), "plate", 0.02, (1, 1))
     if level < 2:
         made += on.patch("front", rect(-0.26, 0.26, car.nose - 0.25, car.nose - 0.14), "plate", 0.02, (1, 1))
+        made += on.patch("back", rect(-0.40, 0.40, car.tail - 0.085, car.tail - 0.065), "chrome", 0.018, (2, 1))
+        made += on.patch(
+            "back", rect(-0.92 * end, 0.92 * end, car.tail - 0.235, car.tail - 0.222), "seam", 0.01, (4, 1)
+        )
+        made += on.patch("back", rect(0.62 * end, 0.80 * end, car.skin.low + 0.19, car.skin.low + 0.23), "tail", 0.012,
+                         (1, 1)).mirrored()  # fmt: skip
         made += mirror(car)
         sill = [(car.skin.axles[0] + car.skin.arch + 0.03, car.skin.low),
                 (car.skin.axles[1] - car.skin.arch - 0.03, car.skin.low),
@@ -158,9 +168,9 @@ HATCH = Car(
 )  # fmt: skip
 SUV = Car(
     skin=Skin(
-        profile=((-2.3, 0.66), (-2.28, 0.98), (-2.22, 1.15), (-2.12, 1.42), (-2.0, 1.60), (-1.86, 1.66),
-                 (-1.2, 1.69), (-0.2, 1.695),
-                 (0.12, 1.66), (0.30, 1.60), (0.94, 1.18), (1.08, 1.13), (1.6, 1.07), (2.0, 1.0), (2.18, 0.90),
+        profile=((-2.3, 0.66), (-2.29, 0.90), (-2.24, 1.06), (-2.12, 1.18), (-1.96, 1.40), (-1.82, 1.55),
+                 (-1.66, 1.615), (-1.1, 1.65), (-0.2, 1.66),
+                 (0.12, 1.63), (0.30, 1.575), (0.94, 1.17), (1.08, 1.12), (1.6, 1.05), (2.0, 0.97), (2.18, 0.87),
                  (2.3, 0.66)),
         plan=((-2.3, 0.78), (-2.24, 0.84), (-2.0, 0.88), (-1.2, 0.905), (0.0, 0.91), (1.2, 0.905), (1.8, 0.875),
               (2.12, 0.81), (2.3, 0.68)),
@@ -168,12 +178,12 @@ SUV = Car(
         low=0.30, axles=(-1.36, 1.36), arch=0.45, hub=0.37, corner=0.11,
     ),
     wheel=0.37, track=0.90,
-    windows=(((-2.0, 1.18), (-1.18, 1.14), (-1.15, 1.58), (-1.86, 1.55)), ((-1.08, 1.14), (-0.24, 1.13),
-                                                                           (-0.24, 1.60), (-1.05, 1.59)),
-             ((-0.14, 1.13), (0.76, 1.125), (0.28, 1.50), (-0.14, 1.60))),
-    screen=((-0.73, 1.20), (0.73, 1.20), (0.60, 1.62), (-0.60, 1.62)),
-    rear=((-0.66, 1.22), (0.66, 1.22), (0.58, 1.57), (-0.58, 1.57)),
-    doors=(-1.13, -0.19, 0.90), belt=1.09, nose=0.86, tail=1.02, tall_tail=True,
+    windows=(((-1.84, 1.19), (-1.18, 1.14), (-1.15, 1.555), (-1.62, 1.51)), ((-1.08, 1.14), (-0.24, 1.13),
+                                                                           (-0.24, 1.575), (-1.05, 1.565)),
+             ((-0.14, 1.13), (0.76, 1.125), (0.28, 1.475), (-0.14, 1.575))),
+    screen=((-0.73, 1.19), (0.73, 1.19), (0.60, 1.59), (-0.60, 1.59)),
+    rear=((-0.72, 1.20), (0.72, 1.20), (0.60, 1.545), (-0.60, 1.545)),
+    doors=(-1.13, -0.19, 0.90), belt=1.09, nose=0.86, tail=0.99, tall_tail=True,
 )  # fmt: skip
 VAN = Car(
     skin=Skin(
@@ -369,7 +379,10 @@ def estate(level: int) -> Soup:
 
 def suv(level: int) -> Soup:
     """Return a tall car with roof rails."""
-    return motorcar(SUV, level) + rails(SUV, -1.8, 0.1, 1.67, level)
+    made, on = motorcar(SUV, level), Projector(skinned(SUV.skin, 0))
+    made += on.patch("back", rect(-0.80, 0.80, 0.33, 0.58), "bumper", 0.014, ((4, 2), (3, 1), (2, 1))[level])
+    made += on.patch("front", rect(-0.66, 0.66, 0.33, 0.52), "bumper", 0.014, ((4, 2), (3, 1), (2, 1))[level])
+    return made + rails(SUV, -1.5, 0.1, 1.635, level)
 
 
 def stripe(on: Projector, low: float, high: float, start: float, end: float, material: str, level: int) -> Soup:
