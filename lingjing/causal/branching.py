@@ -147,7 +147,7 @@ def _record(
 ) -> None:
     records.append(replace(record, snapshots=()))
     if writer is not None:
-        writer.add(record, [(frame.info, frame.jpeg, frame.depth, frame.semantic) for frame in frames])
+        writer.add(record, [(frame.info, frame.jpeg, frame.depth, frame.semantic, frame.instance) for frame in frames])
 
 
 def _differs(trace: Trace, at: int, digests: Sequence[str], outcome: Outcome) -> int | None:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from lingjing.errors import LingjingError, UsageError
 from lingjing.kernel.world.contract import StoredFrame
-from lingjing.trace.images import Depth, RgbPixels, Semantic, decode_jpeg
+from lingjing.trace.images import Depth, Instances, RgbPixels, Semantic, decode_jpeg
 from lingjing.trace.reader import StoredPicture, Trace
 from lingjing.trace.records import FrameInfo
 
@@ -28,7 +28,8 @@ LEVELS_MOST = 24.0
 """The greatest mean absolute difference of a block between two renderers, of 255 levels. Chosen."""
 
 OTHERS_MOST = 0.5
-"""The greatest share of a block's pixels with another class, or with a depth beyond `DEPTH_MOST`. Chosen."""
+"""The greatest share of a block's pixels with another class or instance, or with a depth beyond `DEPTH_MOST`.
+Chosen."""
 
 DEPTH_MOST = 0.05
 """Relative difference up to which two depths are equal. Chosen."""
@@ -93,7 +94,8 @@ def picture_difference(trace: Trace, drawn: StoredFrame) -> str:
 
 
 def _same_channels(held: StoredPicture, drawn: StoredFrame) -> bool:
-    return _same(held.depth, drawn.depth) and _same(held.semantic, drawn.semantic)
+    layers = ((held.depth, drawn.depth), (held.semantic, drawn.semantic), (held.instance, drawn.instance))
+    return all(_same(first, second) for first, second in layers)
 
 
 def _same(first: npt.NDArray[np.generic] | None, second: npt.NDArray[np.generic] | None) -> bool:
@@ -110,7 +112,7 @@ def _pixel_difference(held: StoredPicture, drawn: StoredFrame) -> str:
     differing = int((held.rgb != rgb).any(axis=2).sum())
     if differing:
         return f"{differing} of {rgb.shape[0] * rgb.shape[1]} pixels differ on the same renderer"
-    return "" if _same_channels(held, drawn) else "depth or classes differ on the same renderer"
+    return "" if _same_channels(held, drawn) else "depth, classes or instances differ on the same renderer"
 
 
 def _beyond_tolerance(held: StoredPicture, drawn: StoredFrame) -> str:
@@ -124,7 +126,12 @@ def _beyond_tolerance(held: StoredPicture, drawn: StoredFrame) -> str:
     boxes = _box_difference(held.info, drawn.info)
     if boxes:
         return boxes
-    for name, others in (("depth", _depth_share(held, drawn)), ("class", _class_share(held, drawn))):
+    shares = {
+        "depth": _depth_share(held, drawn),
+        "class": _differing_share(held.semantic, drawn.semantic),
+        "instance": _differing_share(held.instance, drawn.instance),
+    }
+    for name, others in shares.items():
         if others > OTHERS_MOST:
             return f"{others:.0%} of a block has another {name}; the tolerance is {OTHERS_MOST:.0%}"
     return ""
@@ -164,11 +171,10 @@ def _depths_differ(first: Depth, second: Depth) -> Mask:
     return differ
 
 
-def _class_share(held: StoredPicture, drawn: StoredFrame) -> float:
-    recorded: Semantic | None = held.semantic
-    if recorded is None or drawn.semantic is None:
-        return float(recorded is not drawn.semantic)
-    return _worst(recorded != drawn.semantic)
+def _differing_share(held: Semantic | Instances | None, drawn: Semantic | Instances | None) -> float:
+    if held is None or drawn is None:
+        return float(held is not drawn)
+    return _worst(held != drawn)
 
 
 def _worst(values: npt.NDArray[np.generic]) -> float:

@@ -47,10 +47,11 @@ class _PackedFrame:
     jpeg: bytes
     depth: _PackedArray | None
     semantic: _PackedArray | None
+    instance: _PackedArray | None
 
     @property
     def size(self) -> int:
-        return len(self.jpeg) + sum(len(layer.data) for layer in (self.depth, self.semantic) if layer is not None)
+        return len(self.jpeg) + sum(len(layer.data) for layer in (self.depth, self.semantic, self.instance) if layer)
 
 
 class PictureMemory:
@@ -63,7 +64,8 @@ class PictureMemory:
 
     def keep(self, key: bytes, frame: StoredFrame) -> None:
         """Store a picture that is not stored yet."""
-        packed = _PackedFrame(frame.info, frame.jpeg, _PackedArray.of(frame.depth), _PackedArray.of(frame.semantic))
+        layers = (_PackedArray.of(layer) for layer in (frame.depth, frame.semantic, frame.instance))
+        packed = _PackedFrame(frame.info, frame.jpeg, *layers)
         self._frames[key] = packed
         self._held += packed.size
         while self._held > self._room:
@@ -76,7 +78,8 @@ class PictureMemory:
         if packed is None:
             return None
         self._frames.move_to_end(key)
-        return StoredFrame(packed.info, packed.jpeg, _unpacked(packed.depth), _unpacked(packed.semantic))
+        layers = (_unpacked(layer) for layer in (packed.depth, packed.semantic, packed.instance))
+        return StoredFrame(packed.info, packed.jpeg, *layers)
 
 
 def _unpacked(layer: _PackedArray | None) -> npt.NDArray[Any] | None:

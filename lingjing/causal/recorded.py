@@ -124,7 +124,7 @@ class _RecordedPictures:
 def recorded_frame(trace: Trace, frame: str) -> StoredFrame:
     """Return a picture of the trace in the form of the camera."""
     picture = trace.picture(frame)
-    return StoredFrame(trace.frames[frame], trace.jpeg(frame), picture.depth, picture.semantic)
+    return StoredFrame(trace.frames[frame], trace.jpeg(frame), picture.depth, picture.semantic, picture.instance)
 
 
 class RecordedRun:

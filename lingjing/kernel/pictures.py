@@ -2,7 +2,7 @@
 
 A picture is taken at the boundary for which its `takePhoto` was admitted, or at every boundary for a camera declared
 `each_tick`. Policies receive the decoded stored image, so the trace holds exactly what they received. With `blank` they
-receive black pictures without depth and classes, for studies of policies without vision.
+receive black pictures without other channels, for studies of policies without vision.
 
 *Reference pictures* are those that `reveal image(target) to role` shows once, at boundary 0.
 """
@@ -74,7 +74,8 @@ def policy_picture(frame: StoredFrame, *, blank: bool = False) -> Picture:
         rgb = np.zeros_like(rgb)
     depth = None if blank else frame.depth
     semantic = None if blank else frame.semantic
-    for array in (rgb, depth, semantic):
+    instance = None if blank else frame.instance
+    for array in (rgb, depth, semantic, instance):
         if array is not None:
             array.flags.writeable = False
     return Picture(
@@ -87,6 +88,8 @@ def policy_picture(frame: StoredFrame, *, blank: bool = False) -> Picture:
         rgb=rgb,
         depth=depth,
         semantic=semantic,
+        instance=instance,
+        instance_ids={} if blank else info.instance_ids,
         jpeg=b"" if blank else frame.jpeg,
     )
 

@@ -129,7 +129,7 @@ class CameraSpec(Record, frozen=True, kw_only=True):
     hfov_deg: float
     """Horizontal field of view, degrees."""
     channels: tuple[str, ...]
-    """Some of `rgb`, `depth`, `semantic`."""
+    """Some of `rgb`, `depth`, `semantic`, `instance`."""
     capture: Literal["on_request", "each_tick"]
 
 

@@ -154,7 +154,7 @@ class Camera(Record, frozen=True, kw_only=True):
     hfov: Expr
     """Horizontal field of view, degrees."""
     channels: tuple[str, ...]
-    """Some of `rgb`, `depth`, `semantic`."""
+    """Some of `rgb`, `depth`, `semantic`, `instance`."""
     capture: Literal["on_request", "each_tick"] = "on_request"
 
 

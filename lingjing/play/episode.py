@@ -265,7 +265,7 @@ def _proofs_of_defeat(instance: Instance) -> tuple[str, ...]:
 
 
 def _stored(frames: Sequence[StoredFrame]) -> list[PictureParts]:
-    return [(frame.info, frame.jpeg, frame.depth, frame.semantic) for frame in frames]
+    return [(frame.info, frame.jpeg, frame.depth, frame.semantic, frame.instance) for frame in frames]
 
 
 def _header(instance: Instance, city: City, prepared: Preparation, options: PlayOptions) -> Header:

@@ -126,6 +126,9 @@ class Frame:
     value are not in it."""
     quality: int = JPEG_QUALITY
     """The quality of the stored JPEG, 1 to 100."""
+    instance: npt.NDArray[np.uint16] | None = None
+    """(height, width), numbers of entities (`FrameInfo.instance_ids`), 0 where there is none; None if the camera
+    declares none. Policies receive it, so entities with a hidden value are not in it."""
 
 
 class Engine(Protocol):

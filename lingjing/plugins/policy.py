@@ -6,8 +6,8 @@ except in `privileged`, which only a policy declared so receives and which the t
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
 import msgspec
@@ -171,6 +171,10 @@ class Picture:
     """(height, width), metres along the optical axis in whole centimetres, inf where a ray hits nothing."""
     semantic: npt.NDArray[np.uint8] | None = None
     """(height, width), class ids, without hidden entities."""
+    instance: npt.NDArray[np.uint16] | None = None
+    """(height, width), numbers of entities without hidden ones, 0 where there is none."""
+    instance_ids: Mapping[str, int] = field(default_factory=dict)
+    """The numbers of the entities in `instance`, by entity."""
     jpeg: bytes = b""
     """The stored file."""
 

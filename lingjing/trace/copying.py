@@ -32,4 +32,4 @@ def picture_parts(trace: Trace, frame_id: str) -> PictureParts:
     Raises the errors of `Trace.picture`.
     """
     picture = trace.picture(frame_id)
-    return picture.info, trace.jpeg(frame_id), picture.depth, picture.semantic
+    return picture.info, trace.jpeg(frame_id), picture.depth, picture.semantic, picture.instance

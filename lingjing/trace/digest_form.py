@@ -170,6 +170,7 @@ FORMS: Final[Mapping[type[msgspec.Struct], tuple[FormField, ...]]] = {
         _blanked("sha256", ""),
         _blanked("channels_sha256", ""),
         _blanked("renderer", ""),
+        FormField("instance_ids", {}, derived=True, since=2),  # follows from the pixels
     ),
     records.Absent: (FormField("entity"), FormField("camera"), FormField("tick"), FormField("reason")),
     records.Envelope: (

@@ -126,22 +126,32 @@ def logs(record: BoundaryRecord) -> Iterator[ViewerMessage]:
 
 
 def frame_messages(
-    frame: FrameInfo, jpeg: bytes, depth: bytes | None = None, semantic: bytes | None = None
+    frame: FrameInfo,
+    jpeg: bytes,
+    depth: bytes | None = None,
+    semantic: bytes | None = None,
+    instance: bytes | None = None,
 ) -> Iterator[ViewerMessage]:
-    """Yield the messages of a picture: calibration, colour, ground-truth boxes, and depth and class ids if given."""
+    """Yield the messages of a picture: calibration, colour, ground-truth boxes, and the other channels if given."""
     camera = camera_name(frame)
     yield calibration(frame)
     yield camera_topic(frame), _schema(CompressedImage), _image(frame, camera, jpeg, "jpeg")
     yield true_boxes(frame)
     if depth is not None:
-        yield camera_topic(frame, "depth"), _schema(RawImage), _depth(frame, camera, depth)
+        yield camera_topic(frame, "depth"), _schema(RawImage), _raw(frame, camera, depth, "32FC1", 4)
     if semantic is not None:
         yield camera_topic(frame, "semantic"), _schema(CompressedImage), _image(frame, camera, semantic, "png")
+    if instance is not None:
+        yield camera_topic(frame, "instance"), _schema(RawImage), _raw(frame, camera, instance, "mono16", 2)
+
+
+_RAW = ("depth", "instance")
+"""Channels that are stored without an image format."""
 
 
 def stored_channel(frame: FrameInfo, channel: str, message: bytes) -> ViewerMessage:
-    """Return a stored message with its topic and schema. `channel` is "" for colour, `depth` or `semantic`."""
-    return camera_topic(frame, channel), _schema(RawImage if channel == "depth" else CompressedImage), message
+    """Return a stored message with its topic and schema. `channel` is "" for colour, or one of `topics.CHANNELS`."""
+    return camera_topic(frame, channel), _schema(RawImage if channel in _RAW else CompressedImage), message
 
 
 def calibration(frame: FrameInfo) -> ViewerMessage:
@@ -170,8 +180,8 @@ def image_bytes(message: bytes) -> bytes:
     return bytes(_parsed(CompressedImage, message).data)
 
 
-def depth_bytes(message: bytes) -> tuple[bytes, int, int]:
-    """Return the float32 metres inside a `foxglove.RawImage`, with width and height in pixels.
+def raw_bytes(message: bytes) -> tuple[bytes, int, int]:
+    """Return the data inside a `foxglove.RawImage`, with width and height in pixels.
 
     Raises `LingjingError` for other bytes.
     """
@@ -342,13 +352,14 @@ def _boxes(frame: FrameInfo, boxes: Iterable[tuple[str, UnitBox]], colour: tuple
     return bytes(message.SerializeToString(deterministic=True))
 
 
-def _depth(frame: FrameInfo, camera: str, data: bytes) -> bytes:
-    """Return a depth image in metres with the encoding `32FC1`, which ROS (REP 118), Foxglove and Rerun read.
+def _raw(frame: FrameInfo, camera: str, data: bytes, encoding: str, pixel_bytes: int) -> bytes:
+    """Return an image without compression. Depth in metres has the encoding `32FC1`, which ROS (REP 118), Foxglove and
+    Rerun read.
 
     The parts are joined by their field numbers, because protobuf would copy the 8 MB of a picture three times.
     """
     pose = frame.pose
-    before = RawImage(width=pose.width, height=pose.height, encoding="32FC1", step=4 * pose.width)
+    before = RawImage(width=pose.width, height=pose.height, encoding=encoding, step=pixel_bytes * pose.width)
     _stamp(before.timestamp, frame.time_s)
     after = RawImage(frame_id=camera)
     return b"".join(

@@ -33,7 +33,7 @@ from lingjing.trace.records import (
     Header,
     Outcome,
 )
-from lingjing.trace.topics import BOUNDARY, CAMERAS, FRAME, HEADER, OUTCOME, RECORDS, camera_topic
+from lingjing.trace.topics import BOUNDARY, CAMERAS, CHANNELS, FRAME, HEADER, OUTCOME, RECORDS, camera_topic
 
 TOPICS_READ = (CAMERAS, RECORDS)
 """Prefixes of the topics that are read. The messages on other topics are derived from these."""
@@ -54,6 +54,7 @@ class StoredPicture:
     rgb: npt.NDArray[np.uint8]
     depth: npt.NDArray[np.float32] | None = None
     semantic: npt.NDArray[np.uint8] | None = None
+    instance: npt.NDArray[np.uint16] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,21 +103,23 @@ class Trace:
 
     def picture(self, frame_id: str) -> StoredPicture:
         """Decode a picture. Raises `UsageError` if there is no such picture, `LingjingError` if it is broken."""
-        from lingjing.trace.foxglove import depth_bytes, image_bytes
+        from lingjing.trace.foxglove import image_bytes, raw_bytes
 
         info = self._info(frame_id)
         depth, semantic = self._message(info, "depth"), self._message(info, "semantic")
+        instance = self._message(info, "instance")
         return StoredPicture(
             info=info,
             rgb=images.decode_jpeg(self.jpeg(frame_id)),
-            depth=None if depth is None else images.decode_depth(*depth_bytes(depth)),
+            depth=None if depth is None else images.decode_depth(*raw_bytes(depth)),
             semantic=None if semantic is None else images.decode_semantic(image_bytes(semantic)),
+            instance=None if instance is None else images.decode_instances(*raw_bytes(instance)),
         )
 
     def stored(self, frame_id: str, channel: str) -> bytes | None:
         """Return the message with one channel of a picture, or None if the picture lacks the channel.
 
-        `channel` is "" for colour, `depth` or `semantic`. Raises `UsageError` if there is no such picture.
+        `channel` is "" for colour, or one of `topics.CHANNELS`. Raises `UsageError` if there is no such picture.
         """
         return self._message(self._info(frame_id), channel)
 
@@ -206,7 +209,7 @@ class TraceBuilder:
 
     def _located(self, info: FrameInfo, time_ns: int) -> dict[str, ChannelLocation]:
         """Return the places of the channels of a picture, by topic."""
-        topics = (camera_topic(info, channel) for channel in ("", "depth", "semantic"))
+        topics = (camera_topic(info, channel) for channel in ("", *CHANNELS))
         return {topic: place for topic in topics if (place := self.places.get((topic, time_ns))) is not None}
 
     def _header(self, stored: StoredMessage) -> Header:

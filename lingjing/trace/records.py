@@ -289,7 +289,7 @@ class FrameInfo(TraceRecord, frozen=True, kw_only=True):
     time_s: float
     pose: CameraPose
     channels: tuple[str, ...]
-    """Names of the recorded channels: `rgb`, `depth`, `semantic`."""
+    """Names of the recorded channels: `rgb`, `depth`, `semantic`, `instance`."""
     boxes: tuple[Box, ...] = ()
     """The entities that are visible in the picture."""
     faint: tuple[Box, ...] = ()
@@ -298,7 +298,10 @@ class FrameInfo(TraceRecord, frozen=True, kw_only=True):
     sha256: str = ""
     """SHA-256 (hex) of the stored JPEG."""
     channels_sha256: str = ""
-    """SHA-256 (hex) of the raw depth and class ids; "" if there are none."""
+    """SHA-256 (hex) of the raw depth, class ids and instance numbers; "" if there are none."""
+    instance_ids: dict[str, int] = {}
+    """The numbers in the channel `instance` of the entities that it shows, by entity. An entity has the same number in
+    all pictures of an episode."""
     renderer: str = ""
     """The program and device that drew the picture. Equal pixels are promised for equal renderers only."""
 

@@ -25,6 +25,10 @@ RECORDS = "/lingjing/"
 """Prefix of the topics of the project's own records."""
 
 
+CHANNELS = ("depth", "semantic", "instance")
+"""The channels of a picture beside its colours."""
+
+
 def entity_topic(entity: str) -> str:
     """Return an entity id in the form for topics: `uav_1` for `uav[1]`."""
     return entity.replace("[", "_").replace("]", "")
@@ -38,7 +42,7 @@ def agent_topic(agent: str, channel: str) -> str:
 def camera_topic(frame: FrameInfo, channel: str = "") -> str:
     """Return `/camera/<entity>/<camera>` for the colour picture (""), or the topic of another channel below it.
 
-    Other channels are `depth`, `semantic`, `truth`, `reported` and `calibration`.
+    Other channels are those of `CHANNELS`, `truth`, `reported` and `calibration`.
     """
     topic = f"{CAMERAS}{entity_topic(frame.entity)}/{frame.camera}"
     return f"{topic}/{channel}" if channel else topic

@@ -12,22 +12,23 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-import numpy as np
-import numpy.typing as npt
-
 from lingjing.errors import InfrastructureError, LingjingError, UsageError
 from lingjing.trace import foxglove, images
 from lingjing.trace.container import ContainerWriter
 from lingjing.trace.encoding import to_json
+from lingjing.trace.images import Depth, Instances, Semantic
 from lingjing.trace.records import BoundaryRecord, FrameInfo, Header, Outcome, TraceRecord
 from lingjing.trace.schemas import container_schema
 from lingjing.trace.surroundings import NO_SURROUNDINGS, Surroundings
 from lingjing.trace.topics import RECORDS
 from lingjing.trace.viewer_messages import TimedMessage, ViewerMessages
 
-PictureParts = tuple[FrameInfo, bytes, npt.NDArray[np.float32] | None, npt.NDArray[np.uint8] | None]
-"""A picture to store: its record, its JPEG, and depth (`images.quantise_depth`) and class ids. These are None if the
-camera does not declare them."""
+PictureParts = (
+    tuple[FrameInfo, bytes, Depth | None, Semantic | None]
+    | tuple[FrameInfo, bytes, Depth | None, Semantic | None, Instances | None]
+)
+"""A picture to store: its record, its JPEG, depth (`images.quantise_depth`), class ids and instance numbers. These are
+None if the camera does not declare them; the last may be left out."""
 
 PART = ".part"
 """Suffix of the file's name until the episode has ended by itself."""
@@ -145,14 +146,16 @@ class TraceWriter:
         self,
         frame: FrameInfo,
         jpeg: bytes,
-        depth: npt.NDArray[np.float32] | None,
-        semantic: npt.NDArray[np.uint8] | None,
+        depth: Depth | None,
+        semantic: Semantic | None,
+        instance: Instances | None = None,
     ) -> tuple[FrameInfo, int]:
         """Write the messages of a picture. Return its record and its number in the file."""
         self._pictures += 1
         packed = None if depth is None else images.encode_depth(depth)
         ids = None if semantic is None else images.encode_semantic(semantic)
-        for topic, schema, data in foxglove.frame_messages(frame, jpeg, packed, ids):
+        numbers = None if instance is None else images.encode_instances(instance)
+        for topic, schema, data in foxglove.frame_messages(frame, jpeg, packed, ids, numbers):
             self._container.add(topic, schema, nanoseconds(frame.time_s), data, self._pictures)
         return frame, self._pictures
 

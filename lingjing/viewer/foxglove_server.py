@@ -34,7 +34,7 @@ from lingjing.trace.container import ContainerSchema
 from lingjing.trace.following import TraceFollower
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BoundaryRecord, FrameInfo
-from lingjing.trace.topics import SCENE, TRANSFORMS, camera_topic
+from lingjing.trace.topics import CHANNELS, SCENE, TRANSFORMS, camera_topic
 from lingjing.trace.viewer_messages import TimedMessage, ViewerMessages
 from lingjing.trace.writer import PART, nanoseconds
 from lingjing.viewer.admission import ADMISSION_S, HOST, ConnectionGate, RequestHead, gated_socket, refusal
@@ -55,10 +55,6 @@ MOST_CLIENTS = 16
 MOST_ASKED = 2**16
 """Longest request of a client, bytes. Chosen."""
 
-CHANNELS = ("", "depth", "semantic")
-"""The channels of a picture; "" is the colour."""
-SPARE = ("depth", "semantic")
-"""Large channels, which are read from the file only if a client subscribes to them."""
 _MESSAGE = struct.Struct("<BIQ")
 """Head of a binary frame: 0x01, subscription, time in nanoseconds."""
 
@@ -315,13 +311,14 @@ class FoxgloveServer:
                 client.put(struct.pack("<BQ", 2, self._now))
 
     def _picture(self, trace: Trace, frame: FrameInfo) -> Iterable[TimedMessage]:
-        """Yield the messages of a picture, with the stored bytes. Large channels need a subscription."""
+        """Yield the messages of a picture, with the stored bytes. Channels beside the colours need a subscription: they
+        are large."""
         yield frame.time_s, foxglove.calibration(frame)
         if self._truth:
             yield frame.time_s, foxglove.true_boxes(frame)
-        for channel in CHANNELS:
+        for channel in ("", *CHANNELS):
             topic = camera_topic(frame, channel)
-            if channel in SPARE and topic in self._channels and not self._is_wanted(topic):
+            if channel and topic in self._channels and not self._is_wanted(topic):
                 continue
             try:
                 data = trace.stored(frame.id, channel)

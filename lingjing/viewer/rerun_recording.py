@@ -21,7 +21,7 @@ from lingjing.scene.surroundings import OVERHEAD_M
 from lingjing.trace.foxglove import body_turn, camera_axes, geodetic, log_lines
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BoundaryRecord, CameraPose, FrameInfo, Receipt, Snapshot, UnitBox
-from lingjing.trace.topics import entity_topic
+from lingjing.trace.topics import CHANNELS, entity_topic
 from lingjing.trace.viewer_messages import ReportedBoxes, cameras_at
 from lingjing.viewer.episode_view import EpisodeView
 from lingjing.whole_files import written_whole
@@ -189,6 +189,8 @@ class _Recording:
             out.log(f"{path}/depth", rr.DepthImage(stored.depth, meter=1.0))
         if stored.semantic is not None:
             out.log(f"{path}/semantic", rr.SegmentationImage(stored.semantic, opacity=0.0))
+        if stored.instance is not None:
+            out.log(f"{path}/instance", rr.SegmentationImage(stored.instance, opacity=0.0))
         if self._view.truth:
             self._boxes(f"{path}/rgb/truth", frame, [(truth.entity, truth.box) for truth in frame.boxes], TRUE)
         out.log(f"{path}/rgb/reported", rr.Clear(recursive=False))
@@ -248,7 +250,7 @@ class _Recording:
         world = blueprint.Spatial3DView(
             origin="world",
             name="city",
-            contents=["$origin/**", "- $origin/cameras/*/*/depth", "- $origin/cameras/*/*/semantic"],
+            contents=["$origin/**", *(f"- $origin/cameras/*/*/{channel}" for channel in CHANNELS)],
             overrides={
                 f"world/trails/{entity_topic(entity.id)}": always
                 for entity in self._instance.entities

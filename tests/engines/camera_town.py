@@ -74,7 +74,7 @@ def town(**changes: object) -> City:
 def mounts() -> tuple[CameraSpec, ...]:
     return tuple(
         CameraSpec(name=view, view=view, width=SIZE[0], height=SIZE[1], hfov_deg=84.0,
-                   channels=("rgb", "depth", "semantic"), capture="on_request")
+                   channels=("rgb", "depth", "semantic", "instance"), capture="on_request")
         for view in ("nadir", "front", "oblique")
     )  # fmt: skip
 

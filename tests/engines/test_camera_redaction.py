@@ -76,6 +76,7 @@ def test_class_pictures_show_no_hidden_entity(kind: str, place: int, engine: Cam
     assert any(frame.info.boxes for frame in with_it), "the target is in none of the pictures"
     for mine, other in zip(with_it, bare, strict=True):
         assert np.array_equal(mine.semantic, other.semantic)
+        assert np.array_equal(mine.instance, other.instance) and not mine.info.instance_ids
         if mine.info.boxes:
             assert not np.array_equal(mine.rgb, other.rgb)
 
@@ -91,6 +92,9 @@ def test_class_pictures_show_public_entities(engine: CameraEngine) -> None:
     both, public = frames["both"], frames["public"]
     assert {seen.entity for seen in both.info.boxes} == {"shop", "goal"}
     assert np.array_equal(both.semantic, public.semantic)
+    assert np.array_equal(both.instance, public.instance)
+    assert both.info.instance_ids == {"shop": 2} and set(np.unique(both.instance)) == {0, 2}
+    assert np.array_equal(both.instance == 2, both.semantic == CLASSES["delivery_point"])
     assert (both.semantic == CLASSES["delivery_point"]).sum() > 20
     assert (both.semantic != CLASSES["fire_source"]).all()
     assert (both.depth < public.depth - 0.05).any()

@@ -19,11 +19,12 @@ INFO = FrameInfo(id="f1-uav-nadir", entity="uav", camera="nadir", tick=1, time_s
 
 def test_a_picture_arrives_as_it_was_and_nobody_writes_into_it() -> None:
     depth, semantic = np.arange(12, dtype=np.float32).reshape(3, 4), np.ones((3, 4), np.uint8)
-    layout, memory = store_frame(StoredFrame(INFO, b"jpeg", depth, semantic))
+    numbers = np.arange(12, dtype=np.uint16).reshape(3, 4)
+    layout, memory = store_frame(StoredFrame(INFO, b"jpeg", depth, semantic, numbers))
     got = load_frame(INFO, layout, memory)
     os.close(memory)
-    assert got.jpeg == b"jpeg" and got.depth is not None and got.semantic is not None
-    for layer, sent in ((got.depth, depth), (got.semantic, semantic)):
+    assert got.jpeg == b"jpeg" and got.depth is not None and got.semantic is not None and got.instance is not None
+    for layer, sent in ((got.depth, depth), (got.semantic, semantic), (got.instance, numbers)):
         assert np.array_equal(layer, sent)
         with pytest.raises(ValueError, match="read-only"):
             layer[0, 0] = 7

@@ -138,6 +138,7 @@ def test_wall_clocks_hashes_and_free_text_alone_are_left_out() -> None:
         "DecisionRecord.detail",
         "DecisionRecord.policy_wall_s",
         "EngineStatus.wait_wall_s",
+        "FrameInfo.instance_ids",
         "FrameInfo.channels_sha256",
         "FrameInfo.renderer",
         "FrameInfo.sha256",

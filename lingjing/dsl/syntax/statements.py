@@ -29,7 +29,7 @@ ORDERS = ("strict", "any")
 """Orders in which an inspection may visit its waypoints."""
 CATEGORIES = ("report", "assignment", "target_status", "other")
 """Categories of message records."""
-CHANNELS = ("rgb", "depth", "semantic")
+CHANNELS = ("rgb", "depth", "semantic", "instance")
 """Channels of a camera."""
 VIEWS = ("nadir", "front", "oblique")
 """Views of a camera."""

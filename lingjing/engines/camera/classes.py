@@ -92,6 +92,25 @@ def semantic_table(entities: Sequence[Entity]) -> npt.NDArray[np.uint8]:
     return np.array([*range(FIRST_ENTITY), *kinds], dtype=np.uint8)
 
 
+def instance_numbers(entities: Sequence[Entity]) -> dict[str, int]:
+    """Return the number of each entity without a hidden value: 1 for the first.
+
+    Hidden ones are not counted: a gap would show that there is one.
+    """
+    public = [entity.id for entity in entities if not entity.hidden]
+    return {name: number for number, name in enumerate(public, 1)}
+
+
+def instance_picture(ids: npt.NDArray[np.uint16], entities: Sequence[Entity]) -> npt.NDArray[np.uint16]:
+    """Return the numbers of entities of drawn ids; 0 for static things, background bodies and hidden entities."""
+    numbers = instance_numbers(entities)
+    table = np.array([0] * FIRST_ENTITY + [numbers.get(entity.id, 0) for entity in entities], dtype=np.uint16)
+    picture = np.zeros_like(ids)
+    moving = np.flatnonzero(ids.ravel() >= FIRST_ENTITY)
+    picture.ravel()[moving] = table[ids.ravel()[moving]]
+    return picture
+
+
 def semantic_picture(ids: npt.NDArray[np.uint16], entities: Sequence[Entity]) -> npt.NDArray[np.uint8]:
     """Return the class ids of drawn ids. Static ids are class ids already, so only entities are looked up."""
     classes = ids.astype(np.uint8)

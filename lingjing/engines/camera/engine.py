@@ -168,8 +168,8 @@ class CameraEngine:
         entity, camera = self._mount(request)
         assert self._renderer is not None
         pose = self._seen_from(entity, camera)
-        depth, semantic = "depth" in camera.channels, "semantic" in camera.channels
-        shot = Shot(pose, depth, semantic, partial(self._scenery, entity), self._visible_m(pose))
+        depth, semantic, instance = (name in camera.channels for name in ("depth", "semantic", "instance"))
+        shot = Shot(pose, depth, semantic, partial(self._scenery, entity), instance, self._visible_m(pose))
         shown = self._redaction.take(self._renderer, shot)
         info = FrameInfo(
             id=request.frame,
@@ -182,8 +182,9 @@ class CameraEngine:
             boxes=shown.boxes,
             faint=shown.faint,
             renderer=self._renderer.name,
+            instance_ids=shown.instance_ids,
         )
-        return Frame(info, shown.rgb, shown.depth, shown.semantic, self._quality)
+        return Frame(info, shown.rgb, shown.depth, shown.semantic, self._quality, shown.instance)
 
     def _visible_m(self, pose: CameraPose) -> float:
         """Return the distance beyond which a camera measures nothing, metres: the visibility, for weather with

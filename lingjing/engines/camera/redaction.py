@@ -1,4 +1,4 @@
-"""The redaction of pictures: class ids without hidden entities, boxes without entities too faint to see.
+"""The redaction of pictures: class ids and instances without hidden entities, boxes without entities too faint to see.
 
 Both need the picture without some entities. The part of the picture where these entities, or their changes to the town,
 may show is drawn again without them. Everywhere else the second drawing equals the first, pixel by pixel. A picture
@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from lingjing.engines.camera.boxes import entity_boxes
-from lingjing.engines.camera.classes import CLASSES, semantic_picture
+from lingjing.engines.camera.classes import CLASSES, instance_numbers, instance_picture, semantic_picture
 from lingjing.engines.camera.contrast import bounding_rect, pixels_of, projected_rect, split_by_contrast
 from lingjing.engines.camera.draw import Renderer, Scenery
 from lingjing.engines.camera.effects import TownChanges, changed_boxes
@@ -52,8 +52,15 @@ class Shot:
     """True with class ids."""
     staged: Staged
     """The scenery."""
+    instance: bool = False
+    """True with numbers of entities."""
     visible_m: float = math.inf
     """Distance along the axis beyond which nothing has a depth, a class id or a box, metres."""
+
+    @property
+    def labels(self) -> bool:
+        """True with a channel in which hidden entities are withheld."""
+        return self.semantic or self.instance
 
     @property
     def measures(self) -> bool:
@@ -75,6 +82,10 @@ class ShownPicture:
     """Boxes of visible entities."""
     faint: tuple[Box, ...]
     """Boxes of targets that are too faint to see."""
+    instance: npt.NDArray[np.uint16] | None = None
+    """Numbers of entities; None if not requested."""
+    instance_ids: dict[str, int] = field(default_factory=dict)
+    """The numbers of the entities in `instance`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,17 +126,25 @@ class PictureRedaction:
     def take(self, renderer: Renderer, shot: Shot) -> ShownPicture:
         """Draw a picture, and parts of it again if necessary."""
         whole, public_m = shot.staged((), ALL), None
-        if shot.semantic and self.hidden:
+        if shot.labels and self.hidden:
             public_m = renderer.near_plane(shot.pose, shot.staged(self.hidden, WITHOUT_HIDDEN))
         near_m = self._near(renderer, shot.pose, whole, public_m)
         drawn = _veiled(renderer.render(shot.pose, whole, shot.measures, near_m), shot)
         boxes = entity_boxes(drawn.ids, self._entities)
         public = None if public_m is None else self._public(renderer, shot, drawn, boxes, public_m)
-        semantic = semantic_picture(drawn.ids, self._entities) if shot.semantic else None
-        if public is not None and semantic is not None:
-            semantic[_rows(public.place)] = semantic_picture(public.drawn.ids, self._entities)
         seen, faint = self._visible_and_faint(renderer, shot, drawn, boxes, public)
-        return ShownPicture(drawn.rgb, drawn.depth if shot.depth else None, semantic, seen, faint)
+        depth = drawn.depth if shot.depth else None
+        ids = drawn.ids if public is None else _replaced(drawn.ids, public)
+        semantic = semantic_picture(ids, self._entities) if shot.semantic else None
+        instance = instance_picture(ids, self._entities) if shot.instance else None
+        return ShownPicture(drawn.rgb, depth, semantic, seen, faint, instance, self._shown_numbers(instance))
+
+    def _shown_numbers(self, instance: npt.NDArray[np.uint16] | None) -> dict[str, int]:
+        """Return the numbers that occur in a picture, by entity."""
+        if instance is None:
+            return {}
+        shown = set(np.unique(instance).tolist())
+        return {name: number for name, number in instance_numbers(self._entities).items() if number in shown}
 
     def _near(self, renderer: Renderer, pose: CameraPose, whole: Scenery, public_m: float | None) -> float | None:
         """Return the near plane of a picture with class ids; None for the picture's own.
@@ -177,6 +196,13 @@ def _veiled(drawn: Buffers, shot: Shot) -> Buffers:
     sky = np.uint16(CLASSES["sky"])
     depth, ids = np.where(beyond, np.float32(np.inf), drawn.depth), np.where(beyond, sky, drawn.ids)
     return replace(drawn, depth=depth, ids=ids)
+
+
+def _replaced(ids: npt.NDArray[np.uint16], part: _RedrawnPart) -> npt.NDArray[np.uint16]:
+    """Return drawn ids with those of the redrawn part in its place."""
+    whole = ids.copy()
+    whole[_rows(part.place)] = part.drawn.ids
+    return whole
 
 
 def _rows(place: PixelRect) -> tuple[slice, slice]:

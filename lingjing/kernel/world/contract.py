@@ -70,6 +70,13 @@ class StoredFrame:
     """Depth in metres, (height, width); None if the camera has no such channel."""
     semantic: npt.NDArray[np.uint8] | None = field(default=None, repr=False)
     """Semantic class ids, (height, width); None if the camera has no such channel."""
+    instance: npt.NDArray[np.uint16] | None = field(default=None, repr=False)
+    """Numbers of entities (`FrameInfo.instance_ids`), (height, width); None if the camera has no such channel."""
+
+    @property
+    def layers(self) -> tuple[npt.NDArray[np.generic], ...]:
+        """The channels beside the colours, as far as the camera has them."""
+        return tuple(layer for layer in (self.depth, self.semantic, self.instance) if layer is not None)
 
 
 class World(Protocol):

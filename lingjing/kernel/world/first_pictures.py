@@ -61,11 +61,12 @@ def _copied(frame: StoredFrame) -> StoredFrame:
     """Return the frame with arrays of its own: the engine draws the next picture into its arrays."""
     depth = None if frame.depth is None else np.array(frame.depth)
     semantic = None if frame.semantic is None else np.array(frame.semantic)
-    return StoredFrame(frame.info, frame.jpeg, depth, semantic)
+    instance = None if frame.instance is None else np.array(frame.instance)
+    return StoredFrame(frame.info, frame.jpeg, depth, semantic, instance)
 
 
 def _size(frame: StoredFrame) -> int:
-    return len(frame.jpeg) + sum(layer.nbytes for layer in (frame.depth, frame.semantic) if layer is not None)
+    return len(frame.jpeg) + sum(layer.nbytes for layer in frame.layers)
 
 
 __all__ = ["ROOM_BYTES", "FirstPictures", "capture_key"]

@@ -28,7 +28,7 @@ def stored(engine: str, frame: Frame, request: CaptureRequest) -> StoredFrame:
         frame.info, sha256=hashlib.sha256(jpeg).hexdigest(), channels_sha256=_channels_sha256(frame)
     )
     depth = None if frame.depth is None else quantise_depth(frame.depth)
-    return StoredFrame(info, jpeg, depth, frame.semantic)
+    return StoredFrame(info, jpeg, depth, frame.semantic, frame.instance)
 
 
 def described(engine: str, frame: Frame, request: CaptureRequest) -> StoredFrame:
@@ -53,10 +53,10 @@ def _check(engine: str, frame: Frame, request: CaptureRequest) -> None:
 
 
 def _channels_sha256(frame: Frame) -> str:
-    """Return one hash of depth and class ids, so that digests of policy inputs cover all pixels; "" without such
-    channels.
+    """Return one hash of depth, class ids and instances, so that digests of policy inputs cover all pixels; "" without
+    such channels.
     """
-    layers = [layer for layer in (frame.depth, frame.semantic) if layer is not None]
+    layers = [layer for layer in (frame.depth, frame.semantic, frame.instance) if layer is not None]
     if not layers:
         return ""
     whole = hashlib.sha256()
@@ -80,6 +80,7 @@ def _check_arrays(engine: str, frame: Frame) -> None:
         ("rgb", frame.rgb, np.uint8, (height, width, 3)),
         ("depth", frame.depth, np.float32, (height, width)),
         ("semantic", frame.semantic, np.uint8, (height, width)),
+        ("instance", frame.instance, np.uint16, (height, width)),
     )
     for name, array, dtype, shape in layers:
         if array is not None and (array.dtype != dtype or array.shape != shape):

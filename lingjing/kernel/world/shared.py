@@ -27,7 +27,7 @@ _NAME = 48
 
 
 class Layout(msgspec.Struct, frozen=True):
-    """The parts of a picture's memory in order: JPEG bytes, depth, semantic."""
+    """The parts of a picture's memory in order: JPEG bytes, depth, semantic, instance."""
 
     jpeg: int
     """Length of the JPEG in bytes."""
@@ -35,6 +35,8 @@ class Layout(msgspec.Struct, frozen=True):
     """(height, width) of the float32 depth; None without it."""
     semantic: tuple[int, int] | None
     """(height, width) of the uint8 class ids; None without them."""
+    instance: tuple[int, int] | None
+    """(height, width) of the uint16 numbers of entities; None without them."""
 
 
 def store_frame(frame: StoredFrame) -> tuple[Layout, int]:
@@ -42,7 +44,7 @@ def store_frame(frame: StoredFrame) -> tuple[Layout, int]:
 
     Raises `InfrastructureError` if the operating system grants no memory or descriptor.
     """
-    arrays = [np.ascontiguousarray(array) for array in (frame.depth, frame.semantic) if array is not None]
+    arrays = [np.ascontiguousarray(array) for array in frame.layers]
     try:
         descriptor = _filled([memoryview(frame.jpeg), *(array.data.cast("B") for array in arrays)])
     except OSError as error:
@@ -50,7 +52,8 @@ def store_frame(frame: StoredFrame) -> tuple[Layout, int]:
             f"the picture `{frame.info.id}` cannot be passed to the receiving process: {error.strerror}",
             hint="memory or file descriptors of this machine or container have run out",
         ) from error
-    return Layout(len(frame.jpeg), _shape(frame.depth), _shape(frame.semantic)), descriptor
+    shapes = _shape(frame.depth), _shape(frame.semantic), _shape(frame.instance)
+    return Layout(len(frame.jpeg), *shapes), descriptor
 
 
 def load_frame(info: FrameInfo, layout: Layout, descriptor: int) -> StoredFrame:
@@ -58,11 +61,12 @@ def load_frame(info: FrameInfo, layout: Layout, descriptor: int) -> StoredFrame:
     jpeg = bytearray(layout.jpeg)
     depth = None if layout.depth is None else np.empty(layout.depth, np.float32)
     semantic = None if layout.semantic is None else np.empty(layout.semantic, np.uint8)
-    arrays = [array for array in (depth, semantic) if array is not None]
+    instance = None if layout.instance is None else np.empty(layout.instance, np.uint16)
+    arrays = [array for array in (depth, semantic, instance) if array is not None]
     _read(descriptor, [memoryview(jpeg), *(array.data.cast("B") for array in arrays)])
     for array in arrays:
         array.flags.writeable = False
-    return StoredFrame(info, bytes(jpeg), depth, semantic)
+    return StoredFrame(info, bytes(jpeg), depth, semantic, instance)
 
 
 class CurrentCall(msgspec.Struct, frozen=True):

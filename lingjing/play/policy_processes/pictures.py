@@ -59,6 +59,10 @@ class PicturePart(msgspec.Struct, frozen=True, kw_only=True):
     """Height and width; None without this array."""
     semantic: tuple[int, int] | None
     """Height and width; None without this array."""
+    instance: tuple[int, int] | None
+    """Height and width; None without this array."""
+    instance_ids: dict[str, int]
+    """The numbers of the entities in `instance`."""
     jpeg: int
     """The size of the JPEG file, bytes."""
 
@@ -171,6 +175,7 @@ class MappedSlots:
         rgb = _array(root, next(offsets), np.uint8, (height, width, 3))
         depth = None if part.depth is None else _array(root, next(offsets), np.float32, part.depth)
         semantic = None if part.semantic is None else _array(root, next(offsets), np.uint8, part.semantic)
+        instance = None if part.instance is None else _array(root, next(offsets), np.uint16, part.instance)
         at = next(offsets)
         return Picture(
             frame=part.frame,
@@ -182,6 +187,8 @@ class MappedSlots:
             rgb=rgb,
             depth=depth,
             semantic=semantic,
+            instance=instance,
+            instance_ids=part.instance_ids,
             jpeg=memory[at : at + part.jpeg],
         )
 
@@ -202,6 +209,8 @@ def part_of(picture: Picture, slot: PictureSlot, agent: str) -> PicturePart:
         rgb=(picture.rgb.shape[0], picture.rgb.shape[1]),
         depth=_shape(picture.depth),
         semantic=_shape(picture.semantic),
+        instance=_shape(picture.instance),
+        instance_ids=dict(picture.instance_ids),
         jpeg=len(picture.jpeg),
     )
 
@@ -221,7 +230,7 @@ def _sealed_memory(size: int) -> tuple[int, mmap.mmap]:
 
 
 def _parts(picture: Picture) -> list[memoryview]:
-    arrays = [picture.rgb, picture.depth, picture.semantic]
+    arrays = [picture.rgb, picture.depth, picture.semantic, picture.instance]
     parts = [np.ascontiguousarray(array).data.cast("B") for array in arrays if array is not None]
     return [*parts, memoryview(picture.jpeg)]
 
@@ -240,6 +249,7 @@ def _offsets(part: PicturePart) -> Iterator[int]:
     sizes = [3 * part.rgb[0] * part.rgb[1]]
     sizes += [4 * part.depth[0] * part.depth[1]] if part.depth is not None else []
     sizes += [part.semantic[0] * part.semantic[1]] if part.semantic is not None else []
+    sizes += [2 * part.instance[0] * part.instance[1]] if part.instance is not None else []
     offset = 0
     for size in (*sizes, 0):
         yield offset

@@ -276,8 +276,10 @@ def _frame(request: CaptureRequest, frame: Frame, camera: CameraSpec) -> None:
     require(frame.rgb.shape == (*size, 3) and frame.rgb.dtype == "uint8", f"{what}: rgb is not a uint8 {size} picture")
     require((frame.depth is not None) == ("depth" in camera.channels), f"{what}: depth is not as declared")
     require((frame.semantic is not None) == ("semantic" in camera.channels), f"{what}: semantic is not as declared")
+    require((frame.instance is not None) == ("instance" in camera.channels), f"{what}: instance is not as declared")
     require(frame.depth is None or frame.depth.shape == size, f"{what}: depth has another size")
     require(frame.semantic is None or frame.semantic.shape == size, f"{what}: semantic has another size")
+    require(frame.instance is None or frame.instance.shape == size, f"{what}: instance has another size")
     for box in info.boxes:
         left, top, right, bottom = box.box
         ordered = 0.0 <= left < right <= 1.0 and 0.0 <= top < bottom <= 1.0
