@@ -24,7 +24,7 @@ Modules in the order of control:
   `progress` is its part for budgets, inspections, stages and constraints; `append_only` is the mapping for its growing
   parts;
 - `assignments` reads destinations from commands and messages; `inspections` follows routes waypoint by waypoint;
-- `gnss` gives the errors of satellite navigation receivers;
+- `gnss` gives the errors of satellite navigation receivers, `imu` the readings of inertial units;
 - `mission_events` lets the mission's own events occur and undoes them (weather, presence, states of targets);
 - `pictures` decides which pictures are taken and what policies receive of them, reference pictures included;
 - `stocks` reads declared states from engine resources (`p.demand`);

@@ -27,6 +27,7 @@ from lingjing.kernel.changing_radio import ChangingRadio
 from lingjing.kernel.commands import CommandValidator, Resolution
 from lingjing.kernel.context import RuntimeContext
 from lingjing.kernel.evaluation import MissionEvaluator, combine
+from lingjing.kernel.imu import Motion
 from lingjing.kernel.inspections import Inspections
 from lingjing.kernel.mission_events import MissionEvents
 from lingjing.kernel.pictures import ReferencePictures
@@ -260,7 +261,7 @@ class Kernel:
         happened = occurred + boundary.events
         # Line 49 (ProjectVisible): observations show the events of this boundary, but no verdict of it.
         seen = replace(registry, occurrences=latched.occurrences) if occurred else registry
-        observations, truths = self._observe(seen, happened, answers)
+        observations, truths = self._observe(seen, happened, answers, _last_step(before, boundary))
         standing = self._adjudicator.context_at(latched, latched.states, latched.time_s)
         evaluation = combine([each.evaluate(standing, verdict.events) for each in self._evaluators])  # line 51
         record = self._draft(
@@ -375,7 +376,11 @@ class Kernel:
         return self._inspections.advance(registry, update_registry(registry, update, self.instance), boundary.snapshots)
 
     def _observe(
-        self, registry: Registry, happened: Sequence[TaskEvent], answers: Sequence[StoredFrame | Absent]
+        self,
+        registry: Registry,
+        happened: Sequence[TaskEvent],
+        answers: Sequence[StoredFrame | Absent],
+        motion: Motion | None,
     ) -> tuple[dict[str, Observation], dict[str, Privileged]]:
         frames = [answer for answer in answers if isinstance(answer, StoredFrame)]
         shown = [pictures.policy_picture(frame, blank=self._blank) for frame in frames]
@@ -390,6 +395,7 @@ class Kernel:
                 absent=absent,
                 task_events=happened,
                 adjudicated=self.state.adjudicated,
+                motion=motion,
             )
             revealed = self._reference_pictures.pictures_for(agent, shown)
             missed = self._reference_pictures.absent_for(agent, absent)
@@ -474,6 +480,18 @@ def _clipped(receipt: Receipt, clipped: Mapping[str, str]) -> Receipt:
         return receipt
     detail = f"{receipt.detail} ({note})" if receipt.detail else note
     return msgspec.structs.replace(receipt, reason=receipt.reason or "clipped", detail=detail)
+
+
+def _last_step(before: Registry, boundary: WorldBoundary) -> Motion | None:
+    """Return the last macro-step before a boundary; None at boundary 0."""
+    if not before.states:
+        return None
+    last = boundary.snapshots[-1]
+    after = {state.id: state for state in last.states}
+    if len(boundary.snapshots) == 1:
+        return Motion(before.states, after, last.time_s - before.time_s)
+    earlier = boundary.snapshots[-2]
+    return Motion({state.id: state for state in earlier.states}, after, last.time_s - earlier.time_s)
 
 
 def _with_digest(record: BoundaryRecord, digest: str, started: float) -> BoundaryRecord:

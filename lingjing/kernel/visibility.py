@@ -17,11 +17,12 @@ import msgspec
 from lingjing.kernel.commands import reachable
 from lingjing.kernel.event_visibility import EventVisibility
 from lingjing.kernel.gnss import GnssError, GnssErrors, shifted
+from lingjing.kernel.imu import InertialUnits, Motion
 from lingjing.kernel.registry import Registry
 from lingjing.kernel.rule_sentences import rule_sentences
 from lingjing.kernel.stocks import public_resources, stocks
 from lingjing.mission.appearance import PHYSICAL
-from lingjing.mission.functions import GNSS
+from lingjing.mission.functions import GNSS, IMU
 from lingjing.mission.instance import AgentSpec, Cell, ChannelSpec, Entity, Instance, Weather
 from lingjing.mission.kinds import admitted, engine_kind
 from lingjing.mission.schedule import Schedule
@@ -74,6 +75,7 @@ class Projector:
         self._event_visibility = EventVisibility(instance)
         self._schedule = Schedule(instance)
         self._gnss = GnssErrors(instance)
+        self._imus = InertialUnits(instance)
         self._public = frozenset(entity.id for entity in instance.entities if "position" not in entity.hidden)
         self._unplaced = tuple(f"`{name}`" for name in self._entities if name not in self._public)
 
@@ -140,11 +142,12 @@ class Projector:
         absent: Sequence[Absent] = (),
         task_events: Sequence[TaskEvent] = (),
         adjudicated: Sequence[AdjudicatedEvent] = (),
+        motion: Motion | None = None,
     ) -> Observation:
         """Return the agent's observation, its member of O_t.
 
         `task_events` are those of this boundary, `adjudicated` those of the boundary before: adjudication follows
-        observation.
+        observation. `motion` is for inertial units; None without a boundary before.
         """
         entities: dict[str, EntityView] = {}
         cells: list[CellView] = []
@@ -160,6 +163,11 @@ class Projector:
         for name, error in measured.items():
             if name in entities:
                 entities[name] = _measured_view(entities[name], registry.states[name], error)
+        for name in self._carriers(agent, IMU):
+            if name in entities:
+                reading = self._imus.read(self._entities[name], registry.tick, motion or _at_rest(registry))
+                felt = {"specific_force": reading.specific_force, "angular_rate": reading.angular_rate}
+                entities[name] = msgspec.structs.replace(entities[name], **felt)
         return Observation(
             agent=agent.id,
             tick=registry.tick,
@@ -178,12 +186,15 @@ class Projector:
 
     def _measured(self, agent: AgentSpec, tick: int) -> dict[str, GnssError]:
         """Return the errors of the receivers that the agent observes instead of true positions, by entity."""
+        return {name: self._gnss.at(self._entities[name], tick) for name in self._carriers(agent, GNSS)}
+
+    def _carriers(self, agent: AgentSpec, sensor: str) -> list[str]:
+        """Return the entities with a sensor that the agent observes."""
         names: list[str] = []
         for channel in agent.observes:
-            if GNSS in channel.fields:
+            if sensor in channel.fields:
                 names += (channel.name,) if channel.source == "entity" else self._peer_resources(agent)
-        carriers = (self._entities[name] for name in names if name in self._public)
-        return {entity.id: self._gnss.at(entity, tick) for entity in carriers if GNSS in entity.properties}
+        return [name for name in names if name in self._public and sensor in self._entities[name].properties]
 
     def _weather(self, registry: Registry) -> Weather:
         """Return the weather of a boundary."""
@@ -298,6 +309,10 @@ def _shown(entity: Entity, state: BodyState, fields: Sequence[str], withheld: fr
             name: value for name, value in stock.items() if (everything or name in named) and name not in withheld
         }
     return shown
+
+
+def _at_rest(registry: Registry) -> Motion:
+    return Motion(registry.states, registry.states, 0.0)
 
 
 def _measured_view(view: EntityView, state: BodyState, error: GnssError) -> EntityView:

@@ -181,7 +181,10 @@ STATE_FIELDS: dict[str, tuple[str, Type]] = {
 GNSS = "gnss"
 """Field of a channel that shows the position and velocity that a receiver measures, in place of the true ones."""
 
-OBSERVED_FIELDS = ("position", "velocity", "heading", "status", "resources", "busy", "route", GNSS)
+IMU = "imu"
+"""Field of a channel that shows the specific force and angular rate that an inertial unit measures."""
+
+OBSERVED_FIELDS = ("position", "velocity", "heading", "status", "resources", "busy", "route", GNSS, IMU)
 """Fields that an observation channel of an entity or of `peers` may name, in the author's spelling."""
 
 MESSAGE_FIELDS: dict[str, Type] = {

@@ -203,6 +203,8 @@ FORMS: Final[Mapping[type[msgspec.Struct], tuple[FormField, ...]]] = {
         FormField("resources", None),
         FormField("busy", None),
         FormField("route", None),
+        FormField("specific_force", None, since=2),
+        FormField("angular_rate", None, since=2),
     ),
     records.CellView: (FormField("name"), FormField("visited_tick", None), FormField("visited_by", None)),
     records.EventView: (FormField("id"), FormField("kind"), FormField("tick"), FormField("entities")),

@@ -375,6 +375,10 @@ class EntityView(TraceRecord, frozen=True, kw_only=True):
     """True while the entity carries out a long request."""
     route: tuple[Vector, ...] | None = None
     """Waypoints of the latest route that was planned for the entity."""
+    specific_force: Vector | None = None
+    """Acceleration less gravity, as an inertial unit measures it, in the body's frame (ahead, left, up), m/s²."""
+    angular_rate: Vector | None = None
+    """Angular rates, as an inertial unit measures them, about the body's axes (ahead, left, up), rad/s."""
 
 
 class CellView(TraceRecord, frozen=True, kw_only=True):

@@ -19,8 +19,11 @@ from lingjing.dsl.syntax.statements import RELATIONS
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.diagnostics import Related
-from lingjing.mission.functions import GNSS, NUMBER, OBSERVED_FIELDS, STATE_FIELDS
+from lingjing.mission.functions import GNSS, IMU, NUMBER, OBSERVED_FIELDS, STATE_FIELDS
 from lingjing.mission.vocabulary import EVERYONE
+
+_SENSORS = {GNSS: ("receiver", "m8"), IMU: ("inertial unit", "bmi088")}
+"""The device that shows each field of a sensor, and a model of it."""
 
 
 class AgentChecker(DeclarationChecker):
@@ -227,12 +230,12 @@ class AgentChecker(DeclarationChecker):
 
     def _entity_channel(self, node: s.ObservedChannel, value: TypedExpression, field: s.Name) -> model.Channel | None:
         info = self.scope.groups[value.type.of]
-        attribute = info.attributes.get("position" if field.text == GNSS else field.text)
+        attribute = info.attributes.get("position" if field.text in _SENSORS else field.text)
         if attribute is not None and attribute.taint:
             taint = (*attribute.taint, self.of.step(f"`{self._text(node)}`", node))
             self.blocks.leak(taint, node, "an observation")
             return None
-        if attribute is not None and attribute.state and field.text != GNSS:
+        if attribute is not None and attribute.state and field.text not in _SENSORS:
             return model.Channel(source=value.ir, fields=(field.text + suffix_of(attribute.type.dimension),))
         known = [*OBSERVED_FIELDS, *(name for name, known in info.attributes.items() if known.state)]
         if field.text in self._cameras(info.name):
@@ -241,9 +244,11 @@ class AgentChecker(DeclarationChecker):
             known += self._cameras(info.name)
             self.report.unknown("LJ0102", field, f"`{info.name}` shows no `{field.text}`", known)
             return None
-        if field.text == GNSS and not _carries(info, GNSS):
-            message = f"`{info.name}` carries no receiver, so it shows no `{GNSS}`"
-            self.report.at("LJ0102", field, message, f"declare it: `asset {info.name} … {{ {GNSS} = m8 }}`")
+        if field.text in _SENSORS and not _carries(info, field.text):
+            device, example = _SENSORS[field.text]
+            message = f"`{info.name}` carries no {device}, so it shows no `{field.text}`"
+            hint = f"declare it: `asset {info.name} … {{ {field.text} = {example} }}`"
+            self.report.at("LJ0102", field, message, hint)
             return None
         return model.Channel(source=value.ir, fields=(_lowered_field(field.text),))
 

@@ -14,7 +14,7 @@ from lingjing.dsl.checking.keys import PropertyEntry
 from lingjing.dsl.checking.properties import lowered
 from lingjing.dsl.checking.scope import DeclaredName, GroupInfo, PropertyType, TypeDecl
 from lingjing.dsl.checking.settings import SettingsChecker
-from lingjing.dsl.checking.types import ANY_RELATION, COMMON_KEYS, NO_RECEIVER
+from lingjing.dsl.checking.types import ANY_RELATION, COMMON_KEYS, NO_SENSOR, SENSORS
 from lingjing.dsl.checking.values import STATIC, UNKNOWN, Taint
 from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.keys import PropertyKey
@@ -146,7 +146,8 @@ class EntityChecker(DeclarationChecker):
         if decl is None:
             return None
         self._needs_position(node, decl)
-        self._check_receiver(node, decl, entries.get("gnss"))
+        for sensor in SENSORS:
+            self._check_sensor(node, decl, sensor, entries.get(sensor))
         self._possible_places(entries.get("position"), decl.engine)
         if verbs:
             self._check_receipt_leak(node, entries)
@@ -188,12 +189,14 @@ class EntityChecker(DeclarationChecker):
             behaviour=behaviour,
         )
 
-    def _check_receiver(self, node: s.EntityBlock, decl: TypeDecl, entry: PropertyEntry | None) -> None:
-        """Report a receiver on a body that cannot carry one."""
-        if entry is not None and (node.keyword != "asset" or decl.engine in NO_RECEIVER):
+    def _check_sensor(
+        self, node: s.EntityBlock, decl: TypeDecl, sensor: str, entry: PropertyEntry | None
+    ) -> None:  # fmt: skip
+        """Report a sensor on a body that cannot carry one."""
+        if entry is not None and (node.keyword != "asset" or decl.engine in NO_SENSOR):
             what = "a target" if node.keyword != "asset" else f"a body of the engine `{decl.engine}`"
             hint = "assets of the other engines carry one: aircraft, dogs, road vehicles and vessels"
-            self.report.at("LJ0109", entry.node, f"{what} cannot carry `gnss`", hint)
+            self.report.at("LJ0109", entry.node, f"{what} cannot carry `{sensor}`", hint)
 
     def count(self, index: s.Expression | None, *, of_hidden: bool = False) -> tuple[ex.Expr | None, str]:
         """`[1..n]` or `[i in 1..n]`: the number of members and the name of the index.

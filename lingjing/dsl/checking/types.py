@@ -24,15 +24,16 @@ from lingjing.dsl.syntax.statements import CATEGORIES, KINDS
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.diagnostics import Span
-from lingjing.mission.functions import DEGREES, FIELD_TYPES, NUMBER, POSITION, SECONDS, TEXT, Type
+from lingjing.mission.functions import DEGREES, FIELD_TYPES, GNSS, IMU, NUMBER, POSITION, SECONDS, TEXT, Type
 from lingjing.mission.units import BY_NAME, NAMED, dimension_unit, without_unit
 
 SURFACES = ("ground", "road", "roof", "facade", "bridge", "pipe")
 """Surfaces on which the scene places an entity: `on = road` moves it to the nearest carriageway."""
-RECEIVERS = ("m8", "f9p")
-"""Satellite navigation receivers that an asset can carry (`lingjing.kernel.gnss`)."""
-NO_RECEIVER = ("satellite", "city")
-"""Engines of bodies that cannot carry a receiver."""
+SENSORS = {GNSS: ("m8", "f9p"), IMU: ("bmi088",)}
+"""Sensors that an asset can carry: satellite navigation receivers (`lingjing.kernel.gnss`) and inertial units
+(`lingjing.kernel.imu`)."""
+NO_SENSOR = ("satellite", "city")
+"""Engines of bodies that cannot carry a sensor."""
 ANY_RELATION = ("=", "~", "<=")
 
 COMMON_KEYS = (
@@ -42,7 +43,7 @@ COMMON_KEYS = (
         PropertyKey("label", TEXT),
         PropertyKey("labels", Type("list", item="text")),
         PropertyKey("on", Type("name"), choices=SURFACES),
-        PropertyKey("gnss", Type("name"), choices=RECEIVERS),
+        *(PropertyKey(name, Type("name"), choices=models) for name, models in SENSORS.items()),
         PropertyKey("deadline", SECONDS, ("=", "~"), hideable=True, public=False, above=0),
     )
     | BODY_KEYS
