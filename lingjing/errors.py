@@ -9,9 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from enum import IntEnum
-from typing import Literal, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Literal, NamedTuple, TypeVar
 
 from lingjing.system_hints import hint_of_system
+
+if TYPE_CHECKING:
+    from lingjing.mission.diagnostics import Diagnostic
 
 ReadT = TypeVar("ReadT")
 OtherwiseT = TypeVar("OtherwiseT")
@@ -51,6 +54,12 @@ class LingjingError(Exception):
     `str(error)` names the faulty thing. `hint` is what the reader can do, in one line; a traceback shows it as a note.
     An error without a hint may have a cause with one: `hint_of` returns it. `faults` are the single faults of a
     document or of options.
+
+    >>> try:
+    ...     lingjing.read("runs/fist/trace.mcap")
+    ... except lingjing.LingjingError as error:
+    ...     print(type(error).__name__, int(error.exit_code), error)
+    UsageError 2 cannot read the trace runs/fist/trace.mcap: No such file or directory
     """
 
     exit_code = ExitCode.BUG
@@ -64,19 +73,56 @@ class LingjingError(Exception):
 
 
 class UsageError(LingjingError):
-    """Wrong arguments, unreadable input, unwritable output."""
+    """Wrong arguments, unreadable input, unwritable output.
+
+    >>> try:
+    ...     lingjing.run("first.ljs", mode="brodcast")
+    ... except lingjing.UsageError as error:
+    ...     print(error)
+    mission 'first' has no mode 'brodcast'
+    """
 
     exit_code = ExitCode.USAGE
 
 
 class MissionError(LingjingError):
-    """The mission has errors. The message contains the rendered diagnostics, if there are any."""
+    """The mission has errors. The message contains the rendered diagnostics, if there are any, as the command line
+    prints them; `diagnostics` holds them as data.
+
+    >>> try:
+    ...     lingjing.compile("wrong.ljs")
+    ... except lingjing.MissionError as error:
+    ...     for diagnostic in error.diagnostics:
+    ...         print(diagnostic.code, diagnostic.span.line, diagnostic.message)
+    LJ0101 32 no asset type is called `lifebot`
+    """
 
     exit_code = ExitCode.MISSION
 
+    def __init__(
+        self,
+        message: str,
+        *,
+        hint: str = "",
+        faults: tuple[Fault, ...] = (),
+        diagnostics: tuple[Diagnostic, ...] = (),
+    ) -> None:
+        super().__init__(message, hint=hint, faults=faults)
+        self.diagnostics = diagnostics
+        """The diagnostics of the mission's text; empty for an error that is found later."""
+
 
 class PluginError(LingjingError):
-    """A plug-in violated its contract. The message names the plug-in and the hook or method."""
+    """A plug-in violated its contract. The message names the plug-in and the hook or method.
+
+    >>> def make(*arguments):
+    ...     return None
+    >>> try:
+    ...     lingjing.run("first.ljs", policy=make)
+    ... except lingjing.PluginError as error:
+    ...     print(error)
+    the policy of `scout[1]` failed in `reset`: AttributeError: 'NoneType' object has no attribute 'reset'
+    """
 
     exit_code = ExitCode.USAGE
 
@@ -109,7 +155,11 @@ memory, or a descriptor, for the pictures of the policies. "": anything else, su
 
 
 class InfrastructureError(LingjingError):
-    """An engine or a worker process failed. The episode is an infrastructure abort, never a failure of a model."""
+    """An engine or a worker process failed. The episode is an infrastructure abort, never a failure of a model.
+
+    >>> lingjing.InfrastructureError("the engine `sea` ended", engine="sea").exit_code.name
+    'INFRASTRUCTURE'
+    """
 
     exit_code = ExitCode.INFRASTRUCTURE
 

@@ -90,8 +90,13 @@ def pins(flags: frozenset[str] | None = None) -> dict[str, str]:
 
 
 def pin() -> bool:
-    """Pin this process and those that it starts. Call it before numpy is imported; returns False if that is too
-    late.
+    """Pin this process and those that it starts, so that each processor gives the same digests.
+
+    Call it before numpy is imported. Returns False if that is too late.
+
+    >>> import numpy
+    >>> lingjing.pin()
+    False
     """
     _apply(pins(), os.environ)
     return "numpy" not in sys.modules and "cv2" not in sys.modules

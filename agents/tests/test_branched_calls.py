@@ -9,7 +9,8 @@ import pytest
 
 import lingjing
 from agents.tests.chat_server import NOOP, ChatServer, Reply, serve
-from lingjing import Trace, read_trace
+from lingjing import Trace
+from lingjing import read as read_trace
 from lingjing.causal.branch_host import BranchHost
 from lingjing.causal.interventions import BranchPlan
 from lingjing.causal.redriven import BranchOptions

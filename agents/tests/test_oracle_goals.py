@@ -28,7 +28,7 @@ def test_the_examples_are_won(name: str, tmp_path: Path) -> None:
 
 def test_each_thought_names_the_goal_and_its_condition(tmp_path: Path) -> None:
     result = played(EXAMPLES / "convoy.ljs", tmp_path)
-    for record in lingjing.read_trace(result.trace).boundaries[:1]:
+    for record in lingjing.read(result.trace).boundaries[:1]:
         for entry in record.decisions:
             assert "I go for hospital, because `distance_xy(t, hospital) <= close` of success is not met" in (
                 entry.decision.thought

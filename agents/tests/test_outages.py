@@ -10,7 +10,7 @@ import pytest
 import lingjing
 from agents.tests.chat_server import Reply, serve
 from agents.tests.test_recorded_calls import ARGUMENTS, KEY, TEXT, decisions, play, row
-from lingjing import read_trace
+from lingjing import read as read_trace
 from lingjing.errors import InfrastructureError
 from lingjing.play.outages import SERVICE_GONE
 from lingjing.play.recorded_calls import PROBE_TICK

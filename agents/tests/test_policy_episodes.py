@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 import lingjing
-from lingjing import Session, Trace, read_trace
+from lingjing import Session, Trace
+from lingjing import read as read_trace
 from lingjing.testing import shortened
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "ssr.ljs"

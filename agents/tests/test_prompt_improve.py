@@ -7,7 +7,7 @@ import pytest
 from lingjing_agents.react.prompt_reviser import ModelReviser, make_reviser, revised_prompt
 
 from agents.tests.chat_server import NOOP, Reply, serve
-from lingjing import read_trace
+from lingjing import read as read_trace
 from lingjing.errors import ExitCode, InfrastructureError
 from lingjing.plugins.calls import CallResult, UnrecordedCalls
 from lingjing.plugins.prompts import TriedPrompt

@@ -8,7 +8,7 @@ import pytest
 
 import lingjing
 from agents.tests.chat_server import NOOP, Reply, serve
-from lingjing import read_trace
+from lingjing import read as read_trace
 from lingjing.testing import shortened
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "ssr.ljs"

@@ -7,7 +7,8 @@ import pytest
 import lingjing
 from agents.tests.chat_server import serve
 from agents.tests.text_reader import ReadingModel
-from lingjing import metrics, read_trace
+from lingjing import metrics
+from lingjing import read as read_trace
 from lingjing.testing import mission_file
 
 

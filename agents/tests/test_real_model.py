@@ -14,7 +14,7 @@ import msgspec
 import pytest
 
 import lingjing
-from lingjing import read_trace
+from lingjing import read as read_trace
 from lingjing.mission.expression import Number
 from lingjing.testing import recorded_calls
 

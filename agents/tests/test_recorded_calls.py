@@ -12,7 +12,8 @@ import pytest
 
 import lingjing
 from agents.tests.chat_server import NOOP, Reply, completion, serve
-from lingjing import EpisodeReport, read_trace
+from lingjing import EpisodeReport
+from lingjing import read as read_trace
 from lingjing.errors import UsageError
 from lingjing.testing import recorded_calls, run_command
 

@@ -14,7 +14,7 @@ from lingjing_agents import plugin
 import lingjing
 from agents.tests.agent_kit import Inbox, brief, observe, react, view
 from agents.tests.chat_server import NOOP, Reply, serve
-from lingjing import read_trace
+from lingjing import read as read_trace
 from lingjing.plugins.conformance import SCAFFOLD_CHECKS, ScaffoldCase, check_name, sample_brief, sample_observations
 from lingjing.plugins.conformance.scaffolds import NO_OP
 from lingjing.plugins.contract import CONTRACT_MODULES

@@ -14,9 +14,10 @@ import inspect
 import sys
 import textwrap
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import ItemsView, Iterable, Iterator, KeysView, Mapping, ValuesView
+from functools import cache
 from pathlib import Path
-from typing import Annotated, get_type_hints
+from typing import Annotated, Any, get_type_hints
 
 import msgspec
 
@@ -30,6 +31,7 @@ from lingjing.analysis.memo import cache_by_trace
 from lingjing.analysis.repetition import repeated_target_rate, target_events
 from lingjing.analysis.search_marks import communication_at_discovery, redundant_revisit_rate
 from lingjing.kernel.subtasks import required_groups
+from lingjing.suggest import nearest_or
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import DecisionRecord, Envelope, Usage
 
@@ -50,7 +52,15 @@ class StageMetric(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Metrics(msgspec.Struct, frozen=True, kw_only=True):
-    """The metrics of one episode. Each field is followed by its definition."""
+    """The metrics of one episode: a structure and a mapping from names to values. Each field is followed by its
+    definition.
+
+    >>> scored = lingjing.metrics(lingjing.read("runs/first"))
+    >>> scored.reason, scored["reason"], len(scored) == len(dict(scored))
+    ('budget', 'budget', True)
+    >>> scored.unit("gap"), scored.definition("rounds")
+    ('%', 'Ticks with an assignment or a target-status message.')
+    """
 
     success: Annotated[bool, "outcome"]
     """Every terminal condition confirmed within the budget."""
@@ -180,6 +190,52 @@ class Metrics(msgspec.Struct, frozen=True, kw_only=True):
     ends, report of waypoints on the road graph, arrival at the stop, the target house. N/A in other missions. A stage
     that an intervention supplies counts as done."""
 
+    def __getitem__(self, name: str) -> Any:
+        """Return the value of a metric. Raises `KeyError` with the nearest name if there is none of this name."""
+        if name not in self.__struct_fields__:
+            raise KeyError(
+                f"no metric is called `{name}`: {nearest_or(name, self.__struct_fields__, 'see docs/metrics.md')}"
+            )
+        return getattr(self, name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.__struct_fields__)
+
+    def __len__(self) -> int:
+        return len(self.__struct_fields__)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.__struct_fields__
+
+    def keys(self) -> KeysView[str]:
+        """Return the names in the order of the definitions."""
+        return msgspec.structs.asdict(self).keys()
+
+    def values(self) -> ValuesView[Any]:
+        """Return the values in the order of `keys`."""
+        return msgspec.structs.asdict(self).values()
+
+    def items(self) -> ItemsView[str, Any]:
+        """Return names and values in the order of `keys`."""
+        return msgspec.structs.asdict(self).items()
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """Return the value of a metric, or `default` if none has this name."""
+        return getattr(self, name) if name in self.__struct_fields__ else default
+
+    @staticmethod
+    def unit(name: str) -> str:
+        """Return the unit of a metric; "" for a count, a share, a text or a truth value. Raises `KeyError`."""
+        return groups_and_units()[name][1]
+
+    @staticmethod
+    def definition(name: str) -> str:
+        """Return the definition of a metric as one line. Raises `KeyError`."""
+        return definitions()[name]
+
+
+Mapping.register(Metrics)  # a structure cannot inherit from an abstract class
+
 
 def groups_and_units() -> dict[str, tuple[str, str]]:
     """Return group and unit of every metric by name, in the order of the fields."""
@@ -187,8 +243,21 @@ def groups_and_units() -> dict[str, tuple[str, str]]:
     return {name: (*hint.__metadata__, "")[:2] for name, hint in hints.items()}
 
 
+@cache
+def definitions() -> Mapping[str, str]:
+    """Return the definition of every metric by name, in the order of the fields, each as one line."""
+    body = ast.parse(textwrap.dedent(inspect.getsource(Metrics))).body[0]
+    assert isinstance(body, ast.ClassDef)
+    texts = [ast.literal_eval(node.value) for node in body.body if isinstance(node, ast.Expr)][1:]
+    return {name: " ".join(text.split()) for name, text in zip(Metrics.__struct_fields__, texts, strict=True)}
+
+
 def metrics(trace: Trace) -> Metrics:
-    """Return all metrics of one trace, whole or cut. `scr` is None if the trace has no outcome."""
+    """Return all metrics of one trace, whole or cut. `scr` is None if the trace has no outcome.
+
+    >>> lingjing.metrics(lingjing.read("runs/first")).reason
+    'budget'
+    """
     detection = detect(trace)
     outcome = trace.outcome
     scr = None if outcome is None else outcome.scr
@@ -330,11 +399,8 @@ def _stages_of(trace: Trace) -> tuple[StageMetric, ...]:
 
 def table() -> str:
     """Return the definitions as a table in Markdown, group by group, from the source of `Metrics`."""
-    body = ast.parse(textwrap.dedent(inspect.getsource(Metrics))).body[0]
-    assert isinstance(body, ast.ClassDef)
-    texts = [ast.literal_eval(node.value) for node in body.body if isinstance(node, ast.Expr)][1:]
-    heads = groups_and_units().items()
-    rows = [(*how, name, " ".join(text.split())) for (name, how), text in zip(heads, texts, strict=True)]
+    texts = definitions()
+    rows = [(*how, name, texts[name]) for name, how in groups_and_units().items()]
     rows.sort(key=lambda row: GROUPS.index(row[0]))
     lines = (f"| {group} | `{name}` | {unit} | {text} |" for group, unit, name, text in rows)
     return "\n".join(["| group | metric | unit | definition |", "| --- | --- | --- | --- |", *lines]) + "\n"

@@ -24,6 +24,7 @@ Modules in the order of a run:
 - `exports`      Markdown, LaTeX, CSV and HTML
 - `leaderboard`, `dataset_card`   a page that ranks entrants, and a description of the rows
 - `planting` → `planted` → `attribution`   episodes with planted faults, and a test of attribution methods on them
+- `playing`  plays a suite in one call of Python
 - `prompt_search`  revises a policy's prompt on development episodes
 - `frame_sets`   labelled sets of frames for detectors
 
@@ -31,3 +32,37 @@ Invariants: a seed is the same instance in every cell of a mission. A row is wri
 infrastructure abort never counts for or against an entrant, and every table reports it. An entrant with lost episodes
 is neither ranked nor marked as best.
 """
+
+from __future__ import annotations
+
+import sys
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from inspect import Signature
+
+
+class _CallablePackage(ModuleType):
+    """The class of this package: `lingjing.bench(…)` plays a suite.
+
+    An import of any module in here sets the attribute `bench` of `lingjing` to this package, so that a function under
+    the same name would be overwritten by chance (ADR 0051).
+    """
+
+    def __call__(self, *arguments: Any, **options: Any) -> Any:
+        """Play a suite: `lingjing.bench.playing.bench`."""
+        from lingjing.bench.playing import bench
+
+        return bench(*arguments, **options)
+
+    @property
+    def __signature__(self) -> Signature:
+        from inspect import signature
+
+        from lingjing.bench.playing import bench
+
+        return signature(bench)
+
+
+sys.modules[__name__].__class__ = _CallablePackage

@@ -20,6 +20,7 @@ from lingjing.analysis.metrics import Metrics, StageMetric
 from lingjing.bench.rows import SuiteRow
 from lingjing.errors import UsageError
 from lingjing.installation import install_line
+from lingjing.trace.tables import FrameLibrary, frame_library
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -76,6 +77,17 @@ def read_rows(file: Path) -> list[SuiteRow]:
         hint = f"this is lingjing {lingjing.__version__}, which reads version {VERSION.decode()}"
         raise UsageError(f"`{file}` holds no results that this version can read: {form}", hint=hint)
     return list(_decoded(table, file))
+
+
+def rows_frame(rows: Iterable[SuiteRow], library: FrameLibrary) -> Any:
+    """Return the rows as a data frame with the columns of the file, without the JSON of options and reports.
+
+    Raises `UsageError` for an unknown library and for one that is not installed.
+    """
+    frames, arrow = frame_library(library), _arrow()
+    flat = [_flat(row) for row in sorted(rows, key=lambda row: row.key)]
+    table = arrow.Table.from_pylist(flat, schema=_schema(arrow)).drop_columns(list(_AS_JSON))
+    return frames.from_arrow(table) if library == "polars" else table.to_pandas(use_threads=False)
 
 
 def _decoded(table: pa.Table, file: Path) -> Iterator[SuiteRow]:

@@ -76,6 +76,10 @@ def replay(
 ) -> Replay:
     """Run a trace again, complete or partial, to its last boundary or the first difference.
 
+    >>> replayed = lingjing.replay(lingjing.read("runs/first"))
+    >>> replayed.difference is None, replayed.confirmed == replayed.boundaries
+    (True, True)
+
     `progress` is called with each confirmed boundary. Raises the errors of `RecordedRun`.
     """
     difference, confirmed = None, 0

@@ -111,10 +111,10 @@ def handler(args: argparse.Namespace) -> int:
     from lingjing.bench.folder import open_results
     from lingjing.bench.money import check_ready, is_paid
     from lingjing.bench.planning import read_plan
+    from lingjing.bench.playing import chosen_cells, default_folder
     from lingjing.bench.rows import code_sha256
     from lingjing.bench.running import SuiteRun
     from lingjing.bench.suite import find_suite
-    from lingjing.play.folders import RUNS
     from lingjing.plugins.host import PluginHost
 
     _check_numbers(args)
@@ -126,7 +126,7 @@ def handler(args: argparse.Namespace) -> int:
         raise UsageError(f"--method: the suite `{args.suite}` measures no attribution methods")
     shard = _parse_shard(args.shard) if args.shard else None
     plan = read_plan(path, PluginHost(), args.policy or ())
-    cells = _chosen(plan, args)
+    cells = chosen_cells(plan, args.missions or (), args.modes or (), args.entrants or (), prefix="--")
     seeds = parse_seeds(args.seeds) if args.seeds else plan.suite.seeds
     seeds = seeds[: args.limit] if args.limit else seeds
     if args.check:
@@ -142,7 +142,7 @@ def handler(args: argparse.Namespace) -> int:
         raise UsageError("the model calls of this suite cost money", hint="set a limit with --max-cost USD")
     code = code_sha256(plan.files)
     part = f"-{shard.number}of{shard.count}" if shard else ""
-    folder = args.output or RUNS / "bench" / f"{plan.suite.name}-{code[:12]}{part}"
+    folder = args.output or default_folder(plan, code, part)
     with open_results(folder) as results:
         if args.calls_from is not None:
             results.adopt_salt(args.calls_from)
@@ -166,10 +166,9 @@ def _executor(args: argparse.Namespace, plan: SuitePlan, results: ResultsFolder)
 
 
 def _run(run: SuiteRun, cells: Sequence[SuiteCell], seeds: Sequence[int], shard: Shard | None) -> int:
-    from lingjing.bench.exports import EXPORTS, SUFFIXES, html_page
-    from lingjing.bench.folder import with_attention
+    from lingjing.bench.exports import EXPORTS
+    from lingjing.bench.playing import write_tables
     from lingjing.bench.running import WHOLE
-    from lingjing.bench.tables import make_tables
 
     results, suite = run.results, run.plan.suite
     due = run.due(seeds, cells, shard or WHOLE)
@@ -196,12 +195,7 @@ def _run(run: SuiteRun, cells: Sequence[SuiteCell], seeds: Sequence[int], shard:
             f"{len(due) - done} of {len(due)} episodes are not played",
             hint="the same command with a higher --max-cost continues; `lingjing bench table` shows the results so far",
         )
-    tables = make_tables(with_attention(results.rows, results.folder), suite.tables, suite.title)
-    for name, export in EXPORTS.items():
-        text = "\n".join(map(export, tables))
-        results.write(
-            f"tables.{SUFFIXES[name]}", html_page(suite.title or suite.name, text) if name == "html" else text
-        )
+    tables = write_tables(run.plan, results)
     sys.stdout.write("\n".join(map(EXPORTS["markdown"], tables)))
     return _report_lost([row for row in results.rows if row.standing == "lost"])
 
@@ -314,32 +308,6 @@ def _check_numbers(args: argparse.Namespace) -> None:
         )
     if args.calls_from is not None and not (args.calls_from / "salt").is_file():
         raise UsageError(f"--calls-from: `{args.calls_from}` is not the results folder of a suite")
-
-
-def _chosen(plan: SuitePlan, args: argparse.Namespace) -> tuple[SuiteCell, ...]:
-    """Return the suite's cells that the command line selects. Raises `UsageError` for a name that the suite does not
-    have.
-    """
-    from lingjing.suggest import did_you_mean
-
-    entrants = [player.name for player in plan.players]
-    for option, names, known in (
-        ("--missions", args.missions, list(plan.missions)), ("--entrants", args.entrants, entrants),
-    ):  # fmt: skip
-        for name in names or ():
-            if name not in known:
-                hint = did_you_mean(name, known, option.removeprefix("--"))
-                raise UsageError(f"{option} {name}: the suite has no such name", hint=hint)
-    chosen = tuple(
-        cell
-        for cell in plan.cells
-        if cell.column.mission in (args.missions or plan.missions)
-        and (args.modes is None or cell.column.mode in args.modes)
-        and cell.player.name in (args.entrants or entrants)
-    )
-    if not chosen:
-        raise UsageError("nothing to play: no chosen mission of the suite has a mode of --modes", hint="remove --modes")
-    return chosen
 
 
 # -- printed lines

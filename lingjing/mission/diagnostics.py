@@ -53,7 +53,14 @@ class Fix(msgspec.Struct, frozen=True):
 
 
 class Diagnostic(msgspec.Struct, frozen=True):
-    """One error of a user."""
+    """One error of a user.
+
+    >>> try:
+    ...     lingjing.compile("wrong.ljs")
+    ... except lingjing.MissionError as error:
+    ...     print(error.diagnostics[0].span.line, error.diagnostics[0].hint)
+    32 did you mean `lifeboat`?
+    """
 
     code: str
     """Stable identifier, such as `E0101`. `docs/` lists all of them."""

@@ -674,7 +674,12 @@ class Origin(Record, frozen=True, kw_only=True):
 
 
 class Mission(Record, frozen=True, kw_only=True):
-    """The checked content of a mission's text; `docs/language.md` defines each part."""
+    """The checked content of a mission's text; `docs/language.md` defines each part.
+
+    >>> mission = lingjing.compile("first.ljs")
+    >>> mission.name, [group.type for group in mission.groups], mission.modes.allowed
+    ('first', ['person_in_water', 'quadrotor', 'lifeboat'], ('star', 'broadcast'))
+    """
 
     format: Literal["lingjing-mission/2"] = "lingjing-mission/2"
     name: str

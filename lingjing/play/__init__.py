@@ -13,6 +13,7 @@ Concepts: *options* (`PlayOptions`) decide an episode. An *assigned policy* play
 - `folders`         creates the folder of a run
 - `episode`         plays one episode (`run`, `Session`), with its policies in `policy_processes` or in threads
   ← `outages`, the check of a policy's report of an outage
+- `asynchronous`    plays one episode as a coroutine
 - `report`          the report of an episode, and of several seeds
 - `parallel`        plays several episodes, here or forked from one process ← `sharing` (the data that they share)
 - `selfcheck`       a tiny episode with a stored digest

@@ -78,6 +78,11 @@ class EpisodeInterrupted(KeyboardInterrupt):
 class Session:
     """Plays episodes one after another with the same workers. A context manager; `close` ends the workers.
 
+    >>> with lingjing.Session() as session:
+    ...     scores = [session.run("first.ljs", seed=seed, overview=False).score for seed in (0, 1)]
+    >>> scores
+    [0.0, 0.0]
+
     `fork_server` forks the workers from a process that has imported their modules; without one they are started anew.
     `policy_server` forks a process for each agent's policy. Without one, and with `world="inline"`, policies run in
     threads of this process.
@@ -210,6 +215,10 @@ def run(
     **changes: Unpack[Changes],
 ) -> EpisodeReport:
     """Play `mission` once and return its report.
+
+    >>> report = lingjing.run("first.ljs", seed=1, policy="random", overview=False)
+    >>> report.success, report.metrics["messages"] >= 0
+    (False, True)
 
     `mission` is what `lingjing.compile` returns, the name of a file, or that of a shipped mission (`"ssr"`).
     `out` is a new or empty folder (default: a new one under `runs/`) that receives `trace.mcap` and `overview.png`;

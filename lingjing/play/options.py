@@ -23,7 +23,13 @@ PolicySpec = str | Callable[..., Policy]
 
 
 class PlayOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The options that decide an episode. Processes exchange them as JSON."""
+    """The options that decide an episode. Processes exchange them as JSON.
+
+    >>> options = lingjing.PlayOptions(mission="first.ljs", policy="random", overview=False)
+    >>> with lingjing.Session() as session:
+    ...     session.play(options).policy
+    'random'
+    """
 
     mission: str
     """The path of a mission's file, or the name of a shipped mission."""

@@ -34,7 +34,14 @@ SERVER_KILLED = "the process that it was forked from was killed"
 
 
 class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
-    """The report of one episode: printed by `lingjing run --json`, returned by `lingjing.run`, a row of a study."""
+    """The report of one episode: printed by `lingjing run --json`, returned by `lingjing.run`, a row of a study.
+
+    >>> report = lingjing.run("first.ljs", overview=False)
+    >>> report.mission, report.reason, report.metrics["scr"] == report.scr
+    ('first', 'budget', True)
+    >>> lingjing.read(report.trace).complete
+    True
+    """
 
     mission: str
     """The mission's name."""

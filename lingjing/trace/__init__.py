@@ -33,7 +33,8 @@ Modules in the order in which data passes through them:
 - `chunks`: one chunk, unpacked within limits
 - `writer`: `TraceWriter`
 - `calls`: records of calls to chat models; `call_store`: the SQLite file beside the trace that stores them
-- `reader`: `read_trace`
+- `tables`: the records as rows and as data frames
+- `reader`: `read_trace`, which is `lingjing.read`
 - `copying`: copies of a trace under another header
 - `following`: `TraceFollower`, for a trace that is still being written
 - `seal_difference`: the first record that differs from its seal

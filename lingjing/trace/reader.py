@@ -5,11 +5,11 @@ A file that was cut or damaged is read as a prefix: the header, the boundaries b
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TypeVar, get_args
+from typing import Any, Literal, TypeVar, get_args, overload
 
 import msgspec
 import numpy as np
@@ -19,6 +19,7 @@ from lingjing.articles import with_article
 from lingjing.collector import collector_at_rest
 from lingjing.errors import UsageError
 from lingjing.mission.clock import clock_fault
+from lingjing.suggest import nearest_or
 from lingjing.trace import images
 from lingjing.trace.chunks import BROKEN
 from lingjing.trace.container import StoredMessage, chunk_messages, ends_properly, scan
@@ -32,6 +33,20 @@ from lingjing.trace.records import (
     FrameInfo,
     Header,
     Outcome,
+)
+from lingjing.trace.tables import (
+    BodyRow,
+    CommandRow,
+    DecisionRow,
+    EventRow,
+    FrameLibrary,
+    MessageRow,
+    PictureRow,
+    ReceiptRow,
+    TableName,
+    TickRow,
+    data_frame,
+    table_rows,
 )
 from lingjing.trace.topics import BOUNDARY, CAMERAS, CHANNELS, FRAME, HEADER, OUTCOME, RECORDS, camera_topic
 
@@ -51,10 +66,15 @@ class StoredPicture:
     """A decoded stored picture. See `lingjing.plugins.policy.Picture` for shapes and units."""
 
     info: FrameInfo
+    """Id, entity, camera, tick, pose and boxes."""
     rgb: npt.NDArray[np.uint8]
+    """Colours, height × width × 3."""
     depth: npt.NDArray[np.float32] | None = None
+    """Distances along the optical axis, height × width, metres; None if the camera stores none."""
     semantic: npt.NDArray[np.uint8] | None = None
+    """Class ids, height × width; None if the camera stores none."""
     instance: npt.NDArray[np.uint16] | None = None
+    """Ids of entities, height × width; None if the camera stores none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +94,18 @@ class ChannelLocation:
 
 @dataclass(frozen=True)
 class Trace:
-    """The records of one episode."""
+    """The records of one episode: what `lingjing.read` returns.
+
+    >>> trace = lingjing.read("runs/first/trace.mcap")
+    >>> trace.header.instance.mission, trace.complete
+    ('first', True)
+    >>> next((row.tick, row.z_m) for row in trace.rows("bodies") if row.entity == "uav[1]")
+    (0, 1.075)
+    >>> list(trace.to_frame("ticks", "pandas")["tick"][:3])  # needs pandas
+    [0, 1, 2]
+    >>> {picture.rgb.shape for picture in trace.pictures(camera="nadir")}
+    {(720, 1280, 3)}
+    """
 
     path: Path
     header: Header = field(repr=False)
@@ -116,6 +147,51 @@ class Trace:
             instance=None if instance is None else images.decode_instances(*raw_bytes(instance)),
         )
 
+    def pictures(self, *, entity: str | None = None, camera: str | None = None) -> Iterator[StoredPicture]:
+        """Yield the decoded pictures in the order of capture, of one entity or camera if it is named.
+
+        Raises `UsageError` for an entity or a camera that has none in this trace, `LingjingError` if one is broken.
+        """
+        for value, known, what in (
+            (entity, [info.entity for info in self.frames.values()], "entity"),
+            (camera, [info.camera for info in self.frames.values()], "camera"),
+        ):
+            if value is not None and value not in known:
+                there = ", ".join(dict.fromkeys(known)) or "none"
+                hint = nearest_or(value, known, f"with pictures: {there}")
+                raise UsageError(f"{self.path} holds no picture of the {what} `{value}`", hint=hint)
+        chosen = [
+            info.id for info in self.frames.values() if entity in (None, info.entity) and camera in (None, info.camera)
+        ]
+        return map(self.picture, chosen)  # decoded one by one: all at once may not fit into the memory
+
+    @overload
+    def rows(self, table: Literal["ticks"] = "ticks") -> list[TickRow]: ...
+    @overload
+    def rows(self, table: Literal["bodies"]) -> list[BodyRow]: ...
+    @overload
+    def rows(self, table: Literal["decisions"]) -> list[DecisionRow]: ...
+    @overload
+    def rows(self, table: Literal["commands"]) -> list[CommandRow]: ...
+    @overload
+    def rows(self, table: Literal["receipts"]) -> list[ReceiptRow]: ...
+    @overload
+    def rows(self, table: Literal["messages"]) -> list[MessageRow]: ...
+    @overload
+    def rows(self, table: Literal["events"]) -> list[EventRow]: ...
+    @overload
+    def rows(self, table: Literal["pictures"]) -> list[PictureRow]: ...
+    def rows(self, table: TableName = "ticks") -> Any:
+        """Return the rows of a table (`lingjing.trace.tables`). Raises `UsageError` for an unknown table."""
+        return table_rows(self, table)
+
+    def to_frame(self, table: TableName = "ticks", library: FrameLibrary = "pandas") -> Any:
+        """Return a table as a data frame of pandas or polars, with the columns of `rows`.
+
+        Raises `UsageError` for an unknown table or library, and for a library that is not installed.
+        """
+        return data_frame(self, table, library)
+
     def stored(self, frame_id: str, channel: str) -> bytes | None:
         """Return the message with one channel of a picture, or None if the picture lacks the channel.
 
@@ -135,16 +211,27 @@ class Trace:
 
 
 def read_trace(path: str | Path) -> Trace:
-    """Read a `trace.mcap` or a `.part`, whole or cut.
+    """Read a `trace.mcap` or a `.part`, whole or cut, or the one in the folder of a run.
 
-    Raises `UsageError` for a file that cannot be read, is no trace, or was cut before the end of its header.
+    >>> trace = lingjing.read("runs/first")
+    >>> trace.outcome.reason
+    'budget'
+
+    Raises `UsageError` for a file that cannot be read, is no trace, was written in another version of the format, or
+    was cut before the end of its header.
     """
-    path = Path(path)
+    path = _in_folder(Path(path))
     records = TraceBuilder(path)
     with collector_at_rest():
         for stored in scan(path, passed_over=CAMERAS, only=TOPICS_READ):
             records.take(stored)
     return records.trace()
+
+
+def _in_folder(path: Path) -> Path:
+    """Return the trace in a run's folder, complete or not; any other path unchanged."""
+    names = ("trace.mcap", "trace.mcap.part") if path.is_dir() else ()
+    return next((path / name for name in names if (path / name).is_file()), path)
 
 
 class UnknownFormatError(UsageError):

@@ -33,7 +33,11 @@ class Verification(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def verify_file(path: str | Path, key: bytes | None = None) -> Verification:
-    """Verify one file of any content. Raises `UsageError` if it cannot be opened."""
+    """Verify one file of any content. Raises `UsageError` if it cannot be opened.
+
+    >>> lingjing.verify("runs/first/trace.mcap").state
+    'ok'
+    """
     path = Path(path)
     seals = check_seals(path, key)
     state, text = _verdict(path, seals, key)

@@ -2,7 +2,8 @@
 
 import pytest
 
-from lingjing import Trace, read_trace
+from lingjing import Trace
+from lingjing import read as read_trace
 from lingjing.testing import sea_rescue
 
 

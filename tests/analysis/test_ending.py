@@ -6,7 +6,8 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing import Trace, read_trace
+from lingjing import Trace
+from lingjing import read as read_trace
 from lingjing.analysis.clauses import condition_text, unmet_parts
 from lingjing.analysis.ending import why
 from lingjing.analysis.registries import registries

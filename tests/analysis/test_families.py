@@ -7,7 +7,8 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing import Session, Trace, read_trace
+from lingjing import Session, Trace
+from lingjing import read as read_trace
 from lingjing.analysis import families
 from lingjing.analysis.ending import why
 from lingjing.analysis.families import FAMILIES, Attribution, attribute

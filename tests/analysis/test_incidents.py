@@ -11,7 +11,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 import lingjing
-from lingjing import Trace, metrics, read_trace
+from lingjing import Trace, metrics
+from lingjing import read as read_trace
 from lingjing.analysis.history import history_of
 from lingjing.analysis.incidents import incidents
 from lingjing.analysis.overview.mapview import draw_map

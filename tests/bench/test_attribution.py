@@ -8,7 +8,8 @@ import msgspec
 import pytest
 
 import lingjing
-from lingjing import EpisodeReport, Trace, read_trace, run
+from lingjing import EpisodeReport, Trace, run
+from lingjing import read as read_trace
 from lingjing.bench import planting
 from lingjing.bench.attribution import (
     METHODS,

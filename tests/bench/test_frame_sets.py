@@ -8,7 +8,8 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing import Trace, read_trace
+from lingjing import Trace
+from lingjing import read as read_trace
 from lingjing.bench.frame_sets.balance import class_set, validation_seeds
 from lingjing.bench.frame_sets.folder import read_class, read_picture, set_classes, write_set
 from lingjing.bench.frame_sets.labelled import labelled_frames, seen_targets

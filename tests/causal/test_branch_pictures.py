@@ -10,7 +10,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from lingjing import Trace, read_trace, run
+from lingjing import Trace, run
+from lingjing import read as read_trace
 from lingjing.analysis.played_city import rebuilt_city
 from lingjing.causal.branch_pictures import BranchPictures
 from lingjing.causal.picture_memory import PictureMemory

@@ -13,7 +13,8 @@ import msgspec
 import pytest
 
 import lingjing
-from lingjing import Trace, read_trace, run
+from lingjing import Trace, run
+from lingjing import read as read_trace
 from lingjing.causal.blame import Blame, BlameOptions, blame
 from lingjing.causal.branch_host import BranchHost
 from lingjing.causal.branching import BranchResult, NullFork

@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from lingjing import read_trace, run
+from lingjing import read as read_trace
+from lingjing import run
 from lingjing.causal.failure import failure_of
 
 HERE = Path(__file__).parent / "shrink"

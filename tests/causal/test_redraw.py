@@ -6,7 +6,8 @@ import msgspec
 import pytest
 
 import lingjing
-from lingjing import Trace, read_trace, run
+from lingjing import Trace, run
+from lingjing import read as read_trace
 from lingjing.analysis.page_pictures import best_frames, sort_by_camera, unrecorded_frames
 from lingjing.causal.redraw import redraw
 from lingjing.cli import missionpage

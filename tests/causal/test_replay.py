@@ -6,7 +6,8 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing import Trace, read_trace, replay, run
+from lingjing import Trace, replay, run
+from lingjing import read as read_trace
 from lingjing.analysis.registries import registries
 from lingjing.causal.recorded import RecordedRun
 from lingjing.causal.replay import Replay

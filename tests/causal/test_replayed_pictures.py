@@ -13,7 +13,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from lingjing import Trace, read_trace, replay, run
+from lingjing import Trace, replay, run
+from lingjing import read as read_trace
 from lingjing.causal.picture_comparison import BLOCK, LEVELS_MOST, PictureWitness, picture_difference, worst_levels
 from lingjing.causal.recorded import recorded_frame
 from lingjing.errors import ExitCode

@@ -8,7 +8,8 @@ import msgspec
 import pytest
 
 import lingjing
-from lingjing import PlayOptions, Trace, read_trace, run
+from lingjing import PlayOptions, Trace, run
+from lingjing import read as read_trace
 from lingjing.causal.failure import FailureSignature, failure_of
 from lingjing.causal.shrink import ShrinkOptions, shrink
 from lingjing.cli import shrink as shrink_verb

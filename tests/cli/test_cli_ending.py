@@ -14,7 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from lingjing import EpisodeReport, read_trace
+from lingjing import EpisodeReport
+from lingjing import read as read_trace
 from lingjing.analysis.metrics import StageMetric
 from lingjing.cli.files import write_whole
 from lingjing.cli.scorecard import scorecard

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from lingjing import read_trace
+from lingjing import read as read_trace
 
 RUN = (sys.executable, "-m", "lingjing.cli.main", "run")
 

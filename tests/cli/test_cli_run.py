@@ -17,7 +17,8 @@ import msgspec
 import pytest
 
 import lingjing
-from lingjing import Metrics, read_trace
+from lingjing import Metrics
+from lingjing import read as read_trace
 from lingjing.cli.results import explain, print_episode
 from lingjing.cli.scorecard import plain
 from lingjing.errors import LingjingError

@@ -20,7 +20,8 @@ from rich.console import Console
 from rich.live import Live
 
 import lingjing
-from lingjing import PlayOptions, Trace, read_trace
+from lingjing import PlayOptions, Trace
+from lingjing import read as read_trace
 from lingjing.cli import console, watch
 from lingjing.cli.watch.chart import TARGET_SIGNS, Chart, window_around
 from lingjing.cli.watch.displays import SHARE, EpisodeDisplay

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import tests.couplings.mixed_world as kit
-from lingjing import read_trace
+from lingjing import read as read_trace
 from lingjing.errors import LingjingError
 from lingjing.trace.digest import verify
 

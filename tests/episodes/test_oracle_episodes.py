@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import lingjing
-from lingjing import read_trace
+from lingjing import read as read_trace
 
 pytestmark = pytest.mark.episodes
 

@@ -13,7 +13,8 @@ import msgspec
 import pytest
 
 import lingjing
-from lingjing import EpisodeReport, read_trace
+from lingjing import EpisodeReport
+from lingjing import read as read_trace
 from tests.faults.cases import Aftermath, Injection
 from tests.faults.planted import planted
 from tests.faults.targets import sample

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import msgspec
 
-from lingjing import EpisodeReport, read_trace
+from lingjing import EpisodeReport
+from lingjing import read as read_trace
 from lingjing.bench.folder import read_results
 from lingjing.errors import LingjingError, UsageError
 from tests.faults.cases import Aftermath, Injection

@@ -10,7 +10,7 @@ import msgspec
 import pytest
 
 import tests.kernel.world_toys as toys
-from lingjing import read_trace
+from lingjing import read as read_trace
 from lingjing.kernel.episode import play, policy_barrier
 from lingjing.kernel.step import Kernel
 from lingjing.mission.instance import AgentSpec, ChannelSpec, Entity, InteractionSpec, StateSpec, VerbSpec

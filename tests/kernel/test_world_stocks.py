@@ -4,7 +4,7 @@ import msgspec
 import pytest
 
 import lingjing
-from lingjing import read_trace
+from lingjing import read as read_trace
 from lingjing.kernel.world.stocks import Stocks
 from lingjing.mission.instance import StateSpec
 from lingjing.testing import compile_text

@@ -16,7 +16,8 @@ import msgspec
 import pytest
 
 import lingjing
-from lingjing import Trace, read_trace
+from lingjing import Trace
+from lingjing import read as read_trace
 from lingjing.analysis.registries import registries
 from lingjing.kernel.rules import holds
 from lingjing.mission import expression as ex

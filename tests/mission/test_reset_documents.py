@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import lingjing
-from lingjing import read_trace
+from lingjing import read as read_trace
 from lingjing.dsl.loading.load import templates_beside
 from lingjing.errors import MissionError
 from lingjing.mission import jsontext

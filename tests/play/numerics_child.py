@@ -14,7 +14,8 @@ if "unpinned" in sys.argv:
     numerics.pins = lambda flags=None: {}
     numerics.worker_environment = dict
 
-from lingjing import Session, read_trace
+from lingjing import Session
+from lingjing import read as read_trace
 from lingjing.play import selfcheck
 from lingjing.testing import shortened
 

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 import lingjing
-from lingjing import PlayOptions, read_trace
+from lingjing import PlayOptions
+from lingjing import read as read_trace
 from lingjing.cli.progress import LiveProgress
 from lingjing.cli.scorecard import plain, scorecard
 from lingjing.kernel.episode import LOST_AT_START, WON_AT_START

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from lingjing import PlayOptions, read_trace
+from lingjing import PlayOptions
+from lingjing import read as read_trace
 from lingjing.errors import ForeignCodeError, InfrastructureError
 from lingjing.play.parallel import EpisodeTask, play_apart
 from lingjing.play.policy_processes.examination import examine

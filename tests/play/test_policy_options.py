@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from lingjing import PlayOptions, read_trace
+from lingjing import PlayOptions
+from lingjing import read as read_trace
 from lingjing.errors import UsageError
 from lingjing.play.parallel import EpisodeTask, play_apart
 from lingjing.plugins.loading import policy_of, takes_as_given

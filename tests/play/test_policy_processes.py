@@ -20,7 +20,8 @@ import numpy as np
 import pytest
 
 import lingjing
-from lingjing import PlayOptions, Trace, read_trace
+from lingjing import PlayOptions, Trace
+from lingjing import read as read_trace
 from lingjing.errors import LingjingError, UsageError
 from lingjing.kernel.ambient_random import generator_states, generators_advanced
 from lingjing.play.parallel import EpisodeTask, play_apart

@@ -11,7 +11,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from lingjing import Session, builtin, read_trace
+from lingjing import Session, builtin
+from lingjing import read as read_trace
 from lingjing import run as lingjing_run
 from lingjing.errors import PluginError, UsageError
 from lingjing.kernel.adjudication import Adjudicator

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from lingjing import read_trace
+from lingjing import read as read_trace
 from lingjing.errors import PluginError
 from lingjing.plugins.contract import API_VERSION, version_fault
 from lingjing.plugins.hookspecs import hookimpl

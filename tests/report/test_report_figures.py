@@ -11,7 +11,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from lingjing import PlayOptions, read_trace
+from lingjing import PlayOptions
+from lingjing import read as read_trace
 from lingjing.analysis.behaviour import ActionCounts
 from lingjing.analysis.detection import PerceptionCounts
 from lingjing.analysis.messages import admitted_messages

@@ -12,7 +12,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from lingjing import PlayOptions, Trace, read_trace
+from lingjing import PlayOptions, Trace
+from lingjing import read as read_trace
 from lingjing.analysis.attention import attention_beside
 from lingjing.bench.folder import read_results
 from lingjing.bench.merging import merge_results

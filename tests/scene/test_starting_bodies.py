@@ -10,7 +10,7 @@ import msgspec
 import pytest
 
 import lingjing
-from lingjing import read_trace
+from lingjing import read as read_trace
 from lingjing.dsl import compile_source
 from lingjing.dsl.source.text import SourceText
 from lingjing.errors import MissionError

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 import zstandard
 
-from lingjing import Trace, read_trace
+from lingjing import Trace
+from lingjing import read as read_trace
 from lingjing.errors import UsageError
 from lingjing.testing import sea_rescue
 from lingjing.trace.chunks import LIMIT

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import lingjing
-from lingjing import Trace, read_trace
+from lingjing import Trace
+from lingjing import read as read_trace
 from lingjing.errors import InfrastructureError
 from lingjing.trace import records
 from lingjing.trace.digest import (

@@ -20,7 +20,8 @@ from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from google.protobuf.unknown_fields import UnknownFieldSet
 
 import lingjing
-from lingjing import Trace, read_trace
+from lingjing import Trace
+from lingjing import read as read_trace
 from lingjing.errors import ExitCode, LingjingError, UsageError
 from lingjing.testing import TraceWriter, sea_rescue
 from lingjing.trace.container import scan

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from lingjing import Trace, read_trace
+from lingjing import Trace
+from lingjing import read as read_trace
 from lingjing.errors import UsageError
 from lingjing.testing import TraceWriter, sea_rescue
 from lingjing.trace.following import TraceFollower

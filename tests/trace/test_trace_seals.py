@@ -14,7 +14,7 @@ import pytest
 from mcap.data_stream import ReadDataStream, RecordBuilder
 
 import lingjing
-from lingjing import read_trace
+from lingjing import read as read_trace
 from lingjing.errors import UsageError
 from lingjing.testing import TraceWriter, sea_rescue
 from lingjing.trace.container import scan

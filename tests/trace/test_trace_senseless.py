@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing import read_trace
+from lingjing import read as read_trace
 from lingjing.errors import UsageError
 from lingjing.mission.instance import Clock
 from lingjing.testing import TraceWriter, run_command, sea_rescue

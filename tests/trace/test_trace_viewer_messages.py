@@ -16,7 +16,8 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from lingjing import Trace, read_trace
+from lingjing import Trace
+from lingjing import read as read_trace
 from lingjing.errors import UsageError
 from lingjing.testing import TraceWriter, sea_rescue
 from lingjing.trace import foxglove

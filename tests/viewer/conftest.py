@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from lingjing import Trace, read_trace
+from lingjing import Trace
+from lingjing import read as read_trace
 from lingjing.testing import sea_rescue, write_trace
 from lingjing.trace.records import BoundaryRecord, Header
 

@@ -29,6 +29,10 @@ LONGEST_NAME = 100
 def load_mission(path: str | os.PathLike[str]) -> Mission:
     """Load the mission of a file, or a shipped one by name (`ssr`).
 
+    >>> mission = lingjing.compile("ssr")
+    >>> mission.name, mission.modes.default
+    ('ssr', 'broadcast')
+
     Raises `UsageError` if it cannot be read or holds no mission, `MissionError` with the rendered diagnostics if it has
     errors.
     """
@@ -124,7 +128,8 @@ def _check_winnable(mission: Mission, source: SourceText) -> None:
 
     diagnostics = proofs(mission, source)
     if has_errors(diagnostics):
-        raise MissionError(f"{summary(diagnostics)}\n\n{render_text(diagnostics, source).rstrip()}")
+        text = f"{summary(diagnostics)}\n\n{render_text(diagnostics, source).rstrip()}"
+        raise MissionError(text, diagnostics=tuple(diagnostics))
 
 
 def templates_beside(folder: Path) -> Callable[[str], Mission]:
@@ -156,4 +161,5 @@ def mission_of(compilation: Compilation) -> Mission:
     if not compilation.diagnostics:
         raise UsageError(f"`{path}` holds types and no mission", hint="name a file with `mission … { … }`")
     shown = render_text(compilation.diagnostics, compilation.source)
-    raise MissionError(f"{summary(compilation.diagnostics)}\n\n{shown.rstrip()}")
+    text = f"{summary(compilation.diagnostics)}\n\n{shown.rstrip()}"
+    raise MissionError(text, diagnostics=tuple(compilation.diagnostics))

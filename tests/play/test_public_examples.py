@@ -1,0 +1,98 @@
+"""The public names of `lingjing`: each has a docstring with an example, and every example is run.
+
+The working folder of the examples holds `first.ljs` (the mission that `lingjing new mission first` writes, with eight
+ticks in place of forty), `wrong.ljs` (the same with a misspelt type), `first.toml` (a suite of it) and `runs/first`
+(an episode of it).
+"""
+
+from __future__ import annotations
+
+import doctest
+import importlib
+import inspect
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import lingjing
+from lingjing.testing import run_command
+
+pytestmark = pytest.mark.slow
+
+SUITE = """suite = 1
+name = "first"
+title = "First"
+missions = ["first.ljs"]
+modes = ["broadcast"]
+seeds = [0]
+entrants = [{ policy = "random" }]
+"""
+
+DOCUMENTED = sorted(set(lingjing.__all__) - {"__version__", "bench"})
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    made = tmp_path_factory.mktemp("examples")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(made)
+        assert run_command(["new", "mission", "first"]) == 0
+        text = Path("first.ljs").read_text().replace("ticks <= 40", "ticks <= 8")
+        Path("first.ljs").write_text(text)
+        Path("wrong.ljs").write_text(text.replace("boat : lifeboat", "boat : lifebot"))
+        Path("first.toml").write_text(SUITE)
+        lingjing.run("first.ljs", out="runs/first", overview=False)
+        yield made
+
+
+@pytest.mark.parametrize("name", [*DOCUMENTED, "bench"])
+def test_the_example_of_each_public_name_runs(name: str, folder: Path) -> None:
+    exported = importlib.import_module("lingjing.bench.playing").bench if name == "bench" else getattr(lingjing, name)
+    finder = doctest.DocTestFinder(recurse=False)
+    (example_set,) = finder.find(exported, name, module=False, globs={"lingjing": lingjing})
+    assert example_set.examples, f"`lingjing.{name}` has no example in its docstring"
+    if any("needs pandas" in example.source for example in example_set.examples):
+        pytest.importorskip("pandas", reason="the extra `pandas` is not installed")
+    printed: list[str] = []
+    runner = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE)
+    runner.run(example_set, out=printed.append)
+    assert runner.failures == 0, "".join(printed)
+
+
+PAGE = Path(__file__).parents[2] / "docs" / "python.md"
+
+
+@pytest.mark.usefixtures("folder")
+def test_the_examples_of_the_page_run(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("pandas", reason="the extra `pandas` is not installed")
+    pytest.importorskip("polars", reason="the extra `polars` is not installed")
+    blocks = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    assert len(blocks) >= 5
+    names: dict[str, object] = {}
+    for block in blocks:
+        exec(compile(block, str(PAGE), "exec"), names)
+    printed = capsys.readouterr().out
+    assert "no asset type is called `lifebot`" in printed
+    assert "%" in printed
+
+
+def test_the_page_names_every_export() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    assert [name for name in lingjing.__all__ if f"`{name}" not in text and f"lingjing.{name}" not in text] == []
+
+
+def test_a_former_name_warns() -> None:
+    with pytest.warns(DeprecationWarning, match="use `lingjing.read`"):
+        assert lingjing.read_trace is lingjing.read  # type: ignore[attr-defined]
+
+
+def test_the_package_of_suites_can_be_called_in_any_order_of_imports() -> None:
+    assert callable(lingjing.bench)
+    assert next(iter(inspect.signature(lingjing.bench).parameters)) == "suite"
+    package = importlib.import_module("lingjing.bench.suite")  # sets the attribute `bench` to the package
+    assert package.__name__ == "lingjing.bench.suite"
+    assert callable(lingjing.bench)
+    with pytest.raises(lingjing.UsageError, match="no suite"):
+        lingjing.bench("mods")
