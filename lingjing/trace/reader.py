@@ -74,7 +74,7 @@ class StoredPicture:
     semantic: npt.NDArray[np.uint8] | None = None
     """Class ids, height × width; None if the camera stores none."""
     instance: npt.NDArray[np.uint16] | None = None
-    """Ids of entities, height × width; None if the camera stores none."""
+    """Numbers of entities, height × width; None if the camera stores none."""
 
 
 @dataclass(frozen=True, slots=True)
