@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from lingjing.analysis.played_city import city_of
 from lingjing.kernel.adjudication import Adjudicator
 from lingjing.kernel.budgets import Budgets
+from lingjing.kernel.claims import Claims
 from lingjing.kernel.context import RuntimeContext
 from lingjing.kernel.inspections import Inspections
 from lingjing.kernel.mission_events import MissionEvents
@@ -42,10 +43,11 @@ def registries(trace: Trace) -> Iterator[RebuiltBoundary]:
     """
     instance = trace.header.instance
     adjudicator = Adjudicator(instance, lambda: city_of(trace))
-    budgets, inspections, events = Budgets(instance), Inspections(instance), MissionEvents(instance)
+    budgets, claims = Budgets(instance), Claims(instance)
+    inspections, events = Inspections(instance), MissionEvents(instance)
     registry = initial(instance)
     for record in trace.boundaries:
-        after = update_registry(registry, _update(registry, record, budgets), instance)
+        after = update_registry(registry, _update(registry, record, budgets, claims), instance)
         after = inspections.advance(registry, after, record.snapshots)
         verdict = adjudicator.adjudicate(registry, after, record.snapshots)
         registry, _ = events.occur(verdict.registry, adjudicator.context_of)
@@ -53,7 +55,7 @@ def registries(trace: Trace) -> Iterator[RebuiltBoundary]:
         yield RebuiltBoundary(record, registry, at, verdict.events == record.events)
 
 
-def _update(registry: Registry, record: BoundaryRecord, budgets: Budgets) -> RegistryUpdate:
+def _update(registry: Registry, record: BoundaryRecord, budgets: Budgets, claims: Claims) -> RegistryUpdate:
     """Return the change that a recorded boundary made to the kernel's registry."""
     own = [command for command in record.commands if command.origin == "kernel"]
     commands = [command for command in record.commands if command.origin == "agent"]
@@ -65,12 +67,14 @@ def _update(registry: Registry, record: BoundaryRecord, budgets: Budgets) -> Reg
         tally.count_message(report.sender, report.kind)
     for command in commands:
         tally.count_command(command.resource, command.verb)
+    progress = budgets.spend(tally.applied_to(registry.progress), record.decisions)
+    reports, progress = claims.admit(reports, progress)
     return RegistryUpdate(
         tick=record.tick,
         time_s=record.time_s,
         states=record.snapshots[-1].states if record.snapshots else tuple(registry.states.values()),
         unreachable_links=record.unreachable_links,
-        progress=budgets.spend(tally.applied_to(registry.progress), record.decisions),
+        progress=progress,
         agent_commands=commands,
         kernel_commands=own,
         missing=missing,

@@ -27,6 +27,7 @@ from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.evaluate import Scope, number
 from lingjing.mission.instantiate import choose_settings, instantiate
+from lingjing.mission.tiers import setting_value
 from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeProcesses, EpisodeTask
 from lingjing.play.policy_files import is_file
@@ -183,6 +184,7 @@ def _options(check: MissionCheck, expectation: model.PolicyExpectation) -> PlayO
         policy=policy_beside(expectation.policy, check.path),
         mode=mode,
         settings=_settings(mission, episodes),
+        tier=episodes.tier,
         overview=False,
         calls="live",
     )
@@ -191,7 +193,7 @@ def _options(check: MissionCheck, expectation: model.PolicyExpectation) -> PlayO
 def _settings(mission: model.Mission, episodes: model.ExpectedEpisodes) -> dict[str, float]:
     """The settings of an expectation, SI values."""
     scope = Scope(parameters={}, mode=episodes.mode or mission.modes.default)
-    return {setting.name: number(setting.value, scope) for setting in episodes.settings}
+    return {setting.name: setting_value(setting, scope) for setting in episodes.settings}
 
 
 def _due_ticks(mission: model.Mission, expectation: model.PolicyExpectation, options: PlayOptions) -> float | None:

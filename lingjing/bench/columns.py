@@ -11,9 +11,10 @@ from itertools import product
 from pathlib import Path
 
 from lingjing.data import data_path
-from lingjing.mission.evaluate import Scope, flag_of, number
+from lingjing.mission.evaluate import Scope, flag_of
 from lingjing.mission.instantiate import parameters
 from lingjing.mission.model import Mission, Sweep
+from lingjing.mission.tiers import setting_number
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,11 +29,14 @@ class Column:
     """The communication mode."""
     settings: Mapping[str, float] = field(default_factory=dict)
     """Parameter values (SI units) by name; empty: the mission's defaults."""
+    tier: int = 0
+    """The tier of the mission (`lingjing.mission.tiers`)."""
 
     @property
     def name(self) -> str:
-        """The column's name, such as `ssr-star` or `ssr-star-uavs=2`."""
-        return "-".join([self.mission, self.mode, *(f"{key}={value:g}" for key, value in self.settings.items())])
+        """The column's name, such as `ssr-star`, `ssr-star-uavs=2` or, above tier 0, `ssr-star-tier1`."""
+        tier = [f"tier{self.tier}"] if self.tier else []
+        return "-".join([self.mission, self.mode, *tier, *(f"{key}={value:g}" for key, value in self.settings.items())])
 
 
 def shipped() -> tuple[Path, ...]:
@@ -40,8 +44,16 @@ def shipped() -> tuple[Path, ...]:
     return tuple(sorted(data_path("scenarios").glob("*.ljs")))
 
 
-def columns(paths: Iterable[Path], modes: Iterable[str] | None = None, *, sweeps: bool = False) -> tuple[Column, ...]:
+def columns(
+    paths: Iterable[Path],
+    modes: Iterable[str] | None = None,
+    *,
+    sweeps: bool = False,
+    tiers: Mapping[str, int] | None = None,
+) -> tuple[Column, ...]:
     """Return every mission in every allowed mode (of `modes`, if set), at its defaults or at the values of its sweeps.
+
+    `tiers`: mission → its tier; 0 for a mission without an entry.
 
     Raises `MissionError` for a file that does not compile.
     """
@@ -51,7 +63,7 @@ def columns(paths: Iterable[Path], modes: Iterable[str] | None = None, *, sweeps
         mission = _compiled(path)
         for mode in mission.modes.allowed:
             for settings in (*({} for _ in range(not sweeps)), *(_swept(mission, mode) if sweeps else ())):
-                column = Column(path, mission.name, mode, settings)
+                column = Column(path, mission.name, mode, settings, (tiers or {}).get(mission.name, 0))
                 if chosen_modes is None or mode in chosen_modes:
                     columns_by_name.setdefault(column.name, column)
     return tuple(columns_by_name.values())
@@ -72,6 +84,6 @@ def _swept(mission: Mission, mode: str) -> Iterator[dict[str, float]]:
 
 
 def _runs(sweep: Sweep, scope: Scope) -> Iterator[dict[str, float]]:
-    values = [[number(value, scope) for value in column] for column in sweep.values]
+    values = [[setting_number(value, scope) for value in column] for column in sweep.values]
     for run in product(*values):
         yield dict(zip(sweep.parameters, run, strict=True))

@@ -6,7 +6,7 @@ from collections.abc import Hashable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 from lingjing.bench.folder import read_results
-from lingjing.bench.rows import RowKey, SuiteRow, comparable
+from lingjing.bench.rows import RowKey, SuiteRow, check_tiers, comparable
 from lingjing.errors import UsageError
 
 _KEPT_APART = "merge the results of each version separately, or merge them anyway with --other-code"
@@ -29,6 +29,7 @@ def merge_rows(placed: Sequence[tuple[Path, SuiteRow]], *, other_code: bool = Fa
     if not other_code:
         _check_alike("code", placed, _KEPT_APART)
     _check_options(placed)
+    check_tiers(row for _, row in placed)
     episodes: dict[tuple[Hashable, ...], list[tuple[Path, SuiteRow]]] = {}
     for place, row in placed:
         episodes.setdefault((*row.cell, row.seed), []).append((place, row))

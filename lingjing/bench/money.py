@@ -143,7 +143,9 @@ def cost_lines(listed: Sequence[CostEstimate]) -> Iterator[str]:
 def _decisions(cell: SuiteCell, missions: Mapping[str, Mission]) -> int:
     """Return the greatest number of decisions of an episode."""
     column = cell.column
-    instance = instantiate(missions[column.mission], seed=0, mode=column.mode, settings=column.settings)
+    instance = instantiate(
+        missions[column.mission], seed=0, mode=column.mode, settings=column.settings, tier=column.tier
+    )
     return len(instance.agents) * instance.budget.ticks
 
 

@@ -30,6 +30,7 @@ from lingjing.mission.instance import GivenOption
 from lingjing.mission.instantiate import instantiate, parameters
 from lingjing.mission.model import Mission
 from lingjing.mission.settings import read_setting
+from lingjing.mission.tiers import USUAL, tiers_of
 from lingjing.option_reading import unknown_option
 from lingjing.play.options import PlayOptions
 from lingjing.play.policy_files import PolicyDeclaration, is_file
@@ -113,15 +114,17 @@ class SuitePlan:
         return tuple({cell.player.name: cell.player for cell in self.cells}.values())
 
 
-def read_plan(path: Path, host: PluginHost, policies: Sequence[str] = ()) -> SuitePlan:
-    """Read and check a suite file. `policies` replace its entrants and need no model. Policy files are loaded in
-    separate processes.
+def read_plan(path: Path, host: PluginHost, policies: Sequence[str] = (), *, tier: int | None = None) -> SuitePlan:
+    """Read and check a suite file. `policies` replace its entrants and need no model, `tier` replaces its tier. Policy
+    files are loaded in separate processes.
 
     Raises `UsageError` with the path of every error.
     """
     document = read_document(path)
     if policies:
         document = _played_by(document, policies)
+    if tier is not None:
+        document = {**document, "tier": tier}
     faults = list(form_faults(document))
     with PolicyDeclarations(host) as declarations:
         reader = _Reader(document, path.parent, host, declarations)
@@ -144,6 +147,7 @@ def options_of_cell(cell: SuiteCell, seed: int, policy_seed: int, evaluators: tu
         seed=seed,
         policy_seed=policy_seed,
         mode=cell.column.mode,
+        tier=cell.column.tier,
         settings=dict(cell.column.settings),
         evaluators=evaluators,
         blank_pictures=cell.player.blank_pictures,
@@ -181,6 +185,7 @@ class _Reader:
         self.faults: list[Fault] = []
         self.missions: dict[str, Mission] = {}
         self.files: dict[str, Path] = {}
+        self.tiers: dict[str, int] = {}
         self._document = document
         self._folder = folder
         self._host = host
@@ -193,6 +198,7 @@ class _Reader:
         suite = readable(Suite, {**self._document, **_READ_ELSEWHERE})
         modes = suite.modes if suite is not None else None
         self._check_modes("modes", modes, self.missions.values())
+        self._choose_tiers(suite.tier if suite is not None else None)
         args = suite.args if suite is not None else {}
         conditions = list(_parts(self._document, "conditions", SuiteCondition))
         places = self._columns(conditions, modes, sweeps=suite is not None and suite.sweeps)
@@ -315,11 +321,22 @@ class _Reader:
                     f"they have: {', '.join(sorted(allowed))}",
                 )
 
+    def _choose_tiers(self, tier: int | None) -> None:
+        """Choose the tier of each mission: the suite's, or else the usual one if the mission declares it."""
+        for mission in self.missions.values():
+            declared = tiers_of(mission)
+            usual = USUAL if USUAL in declared else 0
+            self.tiers[mission.name] = tier if tier in declared else usual
+            if tier is not None and tier not in declared:
+                known = ", ".join(map(str, declared))
+                hint = f"its tiers: {known}; leave `tier` out to play each mission at its usual one"
+                self._fault("tier", f"`{mission.name}` declares no tier {tier}", hint)
+
     def _columns(
         self, conditions: Sequence[tuple[int, SuiteCondition]], modes: Sequence[str] | None, *, sweeps: bool
     ) -> list[_Place]:
         if not conditions and not self._document.get("conditions"):
-            all_columns = columns(self.files.values(), modes, sweeps=sweeps)
+            all_columns = columns(self.files.values(), modes, sweeps=sweeps, tiers=self.tiers)
             return [
                 _Place("", column, _setting_name(column.settings) if sweeps else "", at=at)
                 for at, column in enumerate(all_columns)
@@ -350,7 +367,8 @@ class _Reader:
                 if mode in (condition.modes or modes or mission.modes.allowed):
                     fine = self._check_settings(where, mission, mode, settings, whole)
                     if fine and whole:
-                        column = Column(self.files[mission.name], mission.name, mode, settings)
+                        tier = self.tiers[mission.name]
+                        column = Column(self.files[mission.name], mission.name, mode, settings, tier)
                         yield _Place(
                             where, column, condition.name, condition.args, condition.entrants, condition.baseline, at
                         )
@@ -377,7 +395,7 @@ class _Reader:
                 self._fault(f"{where}.settings.{name}", str(error), hint_of(error))
         if whole and len(self.faults) == before:
             try:
-                instantiate(mission, seed=0, mode=mode, settings=settings)
+                instantiate(mission, seed=0, mode=mode, settings=settings, tier=self.tiers[mission.name])
             except LingjingError as error:
                 self._fault(f"{where}.settings", f"{mission.name} in mode {mode}: {error}", hint_of(error))
         return len(self.faults) == before

@@ -11,6 +11,7 @@ import msgspec
 
 import lingjing
 from lingjing.data import data_path
+from lingjing.errors import UsageError
 from lingjing.play.options import PlayOptions
 from lingjing.play.report import EpisodeReport
 
@@ -80,8 +81,32 @@ class SuiteRow(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def column(self) -> str:
-        """The column, such as `ssr-star`."""
-        return f"{self.mission}-{self.mode}"
+        """The column, such as `ssr-star`, or `ssr-star, tier 1` above tier 0."""
+        return column_label(self.mission, self.mode, self.tier)
+
+    @property
+    def tier(self) -> int:
+        """The tier of the mission."""
+        return self.options.tier
+
+
+def column_label(mission: str, mode: str, tier: int) -> str:
+    """The heading of a column: `ssr-star`, or `ssr-star, tier 1` above tier 0."""
+    return f"{mission}-{mode}{f', tier {tier}' if tier else ''}"
+
+
+def check_tiers(rows: Iterable[SuiteRow]) -> None:
+    """Raise `UsageError` if rows of one mission have different tiers, because no table compares these."""
+    tiers: dict[str, set[int]] = {}
+    for row in rows:
+        tiers.setdefault(row.mission, set()).add(row.tier)
+    for mission, several in tiers.items():
+        if len(several) > 1:
+            listed = " and ".join(map(str, sorted(several)))
+            raise UsageError(
+                f"the rows of `{mission}` have the tiers {listed}, which no table compares",
+                hint="name results of one tier",
+            )
 
 
 def comparable(options: PlayOptions) -> PlayOptions:

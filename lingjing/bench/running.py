@@ -274,7 +274,7 @@ class SuiteRun:
 def _played_on(episode: SuiteEpisode) -> tuple[object, ...]:
     """Return the key of the instance; episodes with one key share a placed world."""
     column = episode.cell.column
-    return str(column.path), column.mode, tuple(sorted(column.settings.items())), episode.seed
+    return str(column.path), column.mode, column.tier, tuple(sorted(column.settings.items())), episode.seed
 
 
 def cost_of(row: SuiteRow) -> float:

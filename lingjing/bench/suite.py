@@ -19,6 +19,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from lingjing.data import data_path
 from lingjing.errors import Fault, UsageError
 from lingjing.mission.faults import lines_of
+from lingjing.mission.tiers import HIGHEST
 from lingjing.option_reading import unknown_option
 from lingjing.validation import shown, worded
 
@@ -145,6 +146,9 @@ class Suite(SuitePart):
     entrants: tuple[Entrant, ...] = Field(min_length=1, strict=False, description="the policies and models to compare")
     conditions: tuple[SuiteCondition, ...] = Field(
         (), strict=False, description="settings to compare (default: the missions' own)"
+    )
+    tier: int | None = Field(
+        None, ge=0, le=HIGHEST, description="the missions' tier (default: 1 for missions that declare it, else 0)"
     )
     sweeps: bool = Field(False, description="play the values of the missions' sweeps")
     evaluators: tuple[ShortText, ...] = Field(

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 from lingjing.analysis.behaviour import ActionCounts
 from lingjing.analysis.shares import ConfidenceBounds, wilson
@@ -80,6 +80,7 @@ def standing_notes(rows: Sequence[SuiteRow]) -> tuple[str, ...]:
         notes.append(f"{len(failed)} did not begin, because a policy failed, and count as failures: {_named(failed)}")
     if replaced := _replaced_answers(counted):
         notes.append(f"answers of policies replaced by doing nothing: {replaced}")
+    notes.extend(_tier_notes(counted))
     codes = {row.code for row in rows}
     if len(codes) > 1:
         notes.append(f"the rows were played by {len(codes)} versions of the code")
@@ -92,6 +93,16 @@ def standing_notes(rows: Sequence[SuiteRow]) -> tuple[str, ...]:
             "ranked, and the worst and the best case follow its rates"
         )
     return tuple(notes)
+
+
+def _tier_notes(rows: Iterable[SuiteRow]) -> Iterator[str]:
+    """Yield the tier of each mission, if any is above 0. Results of different tiers are never compared."""
+    tiers: dict[int, dict[str, None]] = {}
+    for row in rows:
+        tiers.setdefault(row.tier, {})[row.mission] = None
+    if any(tiers):
+        listed = "; ".join(f"tier {tier}: {', '.join(sorted(tiers[tier]))}" for tier in sorted(tiers))
+        yield f"{listed} (tier 0 is the mission of the paper; other tiers are harder and are not compared with it)"
 
 
 def _named(keys: Sequence[RowKey]) -> str:

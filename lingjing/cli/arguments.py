@@ -9,6 +9,7 @@ from functools import partial
 from lingjing.errors import ErrorCollector, Fault, UsageError, hint_of
 from lingjing.mission.model import Mission
 from lingjing.mission.settings import read_setting
+from lingjing.mission.tiers import HIGHEST
 
 MOST_SEEDS = 100_000
 """Seeds in a range, at most; a longer range is a typing error. Chosen."""
@@ -96,6 +97,13 @@ def parse_amount(option: str, text: str | None, *, whole: bool = False) -> float
     if not re.fullmatch(kind, text, re.ASCII) or not float(text) > 0:
         raise UsageError(f"{option} {text} is not a {'whole ' * whole}number above 0")
     return int(text) if whole else float(text)
+
+
+def parse_tier(text: str) -> int:
+    """Return the tier of `--tier`. Raises `UsageError` if the text is no tier."""
+    if not re.fullmatch(r"[0-9]{1,3}", text, re.ASCII) or int(text) > HIGHEST:
+        raise _fault("tier", f"--tier {text}: there is no such tier", f"tiers are 0 to {HIGHEST}")
+    return int(text)
 
 
 def parse_settings(

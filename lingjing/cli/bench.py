@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lingjing.cli.arguments import check_counts, parse_seeds
+from lingjing.cli.arguments import check_counts, parse_seeds, parse_tier
 from lingjing.cli.attribution import add_plant, measure, plant_faults
 from lingjing.cli.files import write_output
 from lingjing.cli.installed import warn_of_broken_plugins
@@ -80,6 +80,9 @@ def _add_play(play: ArgumentParser) -> None:
     play.add_argument("-j", "--jobs", metavar="N", type=int, default=1, help="play N episodes at a time (default 1)")
     play.add_argument("--missions", metavar="NAME", nargs="+", help="only these missions of the suite")
     play.add_argument("--modes", nargs="+", choices=MODES, help="only these modes")
+    play.add_argument(
+        "--tier", metavar="N", help="the missions' tier (default: the suite's; else 1 where a mission declares it)"
+    )
     play.add_argument("--entrants", metavar="NAME", nargs="+", help="only these entrants of the suite")
     play.add_argument("--seeds", metavar="A-B", help="seeds in place of the suite's, both ends included")
     play.add_argument("--limit", metavar="N", type=int, help="only the first N seeds")
@@ -125,10 +128,12 @@ def handler(args: argparse.Namespace) -> int:
     if args.method:
         raise UsageError(f"--method: the suite `{args.suite}` measures no attribution methods")
     shard = _parse_shard(args.shard) if args.shard else None
-    plan = read_plan(path, PluginHost(), args.policy or ())
+    tier = parse_tier(args.tier) if args.tier is not None else None
+    plan = read_plan(path, PluginHost(), args.policy or (), tier=tier)
     cells = chosen_cells(plan, args.missions or (), args.modes or (), args.entrants or (), prefix="--")
     seeds = parse_seeds(args.seeds) if args.seeds else plan.suite.seeds
     seeds = seeds[: args.limit] if args.limit else seeds
+    _say_tiers(cells)
     if args.check:
         episodes = _episodes(cells, seeds, shard)
         say(f"{plan.path}: {_size(cells, len(seeds), shard)}{len(episodes)} episodes")
@@ -329,6 +334,14 @@ def _size(cells: Sequence[SuiteCell], seeds: int, shard: Shard | None) -> str:
         f"{entrants} entrant{'s' * (entrants > 1)} in {columns} column{'s' * (columns > 1)}, "
         f"{seeds} seed{'s' * (seeds > 1)}: {f'part {shard.number} of {shard.count}, ' if shard else ''}"
     )
+
+
+def _say_tiers(cells: Sequence[SuiteCell]) -> None:
+    """Print the tier of each mission: those without tiers are played at tier 0."""
+    tiers: dict[int, dict[str, None]] = {}
+    for cell in cells:
+        tiers.setdefault(cell.column.tier, {})[cell.column.mission] = None
+    say("; ".join(f"tier {tier}: {', '.join(missions)}" for tier, missions in sorted(tiers.items())))
 
 
 def _print_cost(plan: SuitePlan, episodes: Sequence[SuiteEpisode]) -> None:

@@ -13,7 +13,15 @@ from typing import NoReturn
 
 import msgspec
 
-from lingjing.cli.arguments import parse_amount, parse_pairs, parse_seed, parse_seeds, parse_settings, whole_number
+from lingjing.cli.arguments import (
+    parse_amount,
+    parse_pairs,
+    parse_seed,
+    parse_seeds,
+    parse_settings,
+    parse_tier,
+    whole_number,
+)
 from lingjing.cli.installed import warn_of_broken_plugins
 from lingjing.cli.process import ending_at_second_interrupt, results_alone, say
 from lingjing.cli.progress import LiveProgress
@@ -48,6 +56,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     which.add_argument("--seed", metavar="N", help="the episode's seed (default 0)")
     which.add_argument("--seeds", metavar="A-B", help="several seeds, both ends included")
     parser.add_argument("--mode", metavar="MODE", help="communication mode (default: the mission's)")
+    parser.add_argument("--tier", metavar="N", help="tier of difficulty: 0 (default), or one that the mission declares")
     parser.add_argument("--set", metavar="NAME=VALUE", action="append", default=[], help="set a mission parameter")
     parser.add_argument("--policy", metavar="NAME|FILE.py:CLASS", help="the policy of all agents (default heuristic)")
     parser.add_argument(
@@ -215,6 +224,7 @@ def _options(args: argparse.Namespace, errors: ErrorCollector) -> tuple[PlayOpti
         else None,
         "policy": args.policy,
         "mode": args.mode,
+        "tier": errors.attempt(lambda: parse_tier(args.tier), None) if args.tier is not None else None,
         "world": args.world,
         "sign": args.sign,
         "evaluators": args.evaluator,
@@ -251,7 +261,7 @@ def _check_settings(settings: list[str], mission: Mission, options: PlayOptions)
     from lingjing.mission.instantiate import instantiate
 
     try:
-        instantiate(mission, seed=options.seed, mode=options.mode, settings=options.settings)
+        instantiate(mission, seed=options.seed, mode=options.mode, settings=options.settings, tier=options.tier)
     except UsageError:  # reported later with all other errors
         return options
     except MissionError as error:

@@ -52,7 +52,7 @@ def plain(report: EpisodeReport) -> tuple[ScoreGroup, ...]:
     Rates run from 0 to 1. Every mission and every outcome gives the same names in the same order.
     """
     metrics = _values(report)
-    episode = [(name, str(getattr(report, name))) for name in ("mission", "seed", "mode", "policy")]
+    episode = [(name, str(getattr(report, name))) for name in ("mission", "seed", "mode", "tier", "policy")]
     outcome = [
         ("success", f"{'yes' if report.success else 'no'} ({report.reason})"),
         ("detail", report.detail or UNDEFINED),

@@ -50,15 +50,18 @@ class LingjingParallelEnv(ParallelEnv, EzPickle):  # type: ignore[misc] # the pa
         *,
         mode: str | None = None,
         settings: Mapping[str, float] | None = None,
+        tier: int = 0,
         picture_width: int = 160,
         world: WorldKind = "process",
         policy_seed: int = 0,
     ) -> None:
         EzPickle.__init__(
-            self, mission, mode=mode, settings=settings, picture_width=picture_width, world=world,
+            self, mission, mode=mode, settings=settings, tier=tier, picture_width=picture_width, world=world,
             policy_seed=policy_seed,
         )  # fmt: skip
-        self._game = SteppedEpisodes(_mission(mission), mode, settings or {}, "random", world, _seed(policy_seed))
+        self._game = SteppedEpisodes(
+            _mission(mission), mode, settings or {}, "random", world, _seed(policy_seed), tier=tier
+        )
         self._instance = self._game.instance(0)
         self._codecs = codecs(self._instance, picture_width)
         self.possible_agents = list(self._codecs)
@@ -156,15 +159,18 @@ class LingjingEnv(gymnasium.Env[dict[str, Any], dict[str, Any]], EzPickle):
         others: str = "heuristic",
         mode: str | None = None,
         settings: Mapping[str, float] | None = None,
+        tier: int = 0,
         picture_width: int = 160,
         world: WorldKind = "process",
         policy_seed: int = 0,
     ) -> None:
         EzPickle.__init__(
-            self, mission, agent=agent, others=others, mode=mode, settings=settings, picture_width=picture_width,
-            world=world, policy_seed=policy_seed,
+            self, mission, agent=agent, others=others, mode=mode, settings=settings, tier=tier,
+            picture_width=picture_width, world=world, policy_seed=policy_seed,
         )  # fmt: skip
-        self._game = SteppedEpisodes(_mission(mission), mode, settings or {}, others, world, _seed(policy_seed))
+        self._game = SteppedEpisodes(
+            _mission(mission), mode, settings or {}, others, world, _seed(policy_seed), tier=tier
+        )
         instance = self._game.instance(0)
         each = codecs(instance, picture_width)
         self.agent = agent if agent is not None else next(iter(each))

@@ -36,10 +36,12 @@ class SteppedEpisodes:
         others: str,
         world: Literal["process", "inline"],
         policy_seed: int = 0,
+        *,
+        tier: int = 0,
     ) -> None:
         if world not in ("process", "inline"):
             raise UsageError(f"world={world!r}", hint='engines run in "process" or "inline"')
-        self._mission, self._mode, self._settings = mission, mode, dict(settings)
+        self._mission, self._mode, self._settings, self._tier = mission, mode, dict(settings), tier
         self._host = PluginHost()
         self._cities = CityBuilder(self._host)
         self._others = load_policy(others, self._host)
@@ -52,7 +54,7 @@ class SteppedEpisodes:
 
     def instance(self, seed: int) -> Instance:
         """Return the instance of a seed. Raises `UsageError` for a mode or setting that the mission does not have."""
-        return instantiate(self._mission, seed=seed, mode=self._mode, settings=self._settings)
+        return instantiate(self._mission, seed=seed, mode=self._mode, settings=self._settings, tier=self._tier)
 
     def begin(self, seed: int, outside: Collection[str]) -> Published:
         """Begin the episode of `seed` and return boundary 0. The caller plays the agents in `outside`."""

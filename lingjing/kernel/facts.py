@@ -8,18 +8,24 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 
+from lingjing.kernel.assignments import point
 from lingjing.kernel.budgets import limit_key
 from lingjing.kernel.context import RuntimeContext
 from lingjing.mission.instance import Entity
+from lingjing.mission.operations import is_box
 from lingjing.mission.values import Value
 from lingjing.mission.vocabulary import CLEARED, DORMANT
 from lingjing.plugins.bodies import entity_size
+from lingjing.scene.camera_geometry import pixel_ray
 from lingjing.trace.records import DEAD, BodyState
 
 HANDOFF_M = 50.0
 """Largest distance in metres between a destination and a target that it refers to in `assigned` (the paper's vessel
 radius).
 """
+
+FARTHEST_M = 10_000.0
+"""Length of a camera's ray that does not meet the ground, metres (chosen: beyond the largest district)."""
 
 SAME_POINT_M = 1.0
 """Largest distance in metres between a destination and the matched report's position from which it was copied.
@@ -33,6 +39,27 @@ def _truth(at: RuntimeContext, entity: Value, frame: Value) -> Value:
     if info is None or not isinstance(entity, Entity):
         return None
     return next((box for box in info.boxes if box.entity == entity.id), None)
+
+
+def _ray_distance(at: RuntimeContext, frame: Value, box: Value, place: Value) -> Value:
+    """Return the horizontal distance in metres of a place from the camera's ray through the middle of a box.
+
+    The ray begins at the camera and ends at the ground or the water, or after `FARTHEST_M` if it does not fall. None
+    without the picture, a box or a place.
+    """
+    info = at.registry.frames.get(frame) if isinstance(frame, str) else None
+    reported = point(place)
+    if info is None or not is_box(box) or reported is None:
+        return None
+    pose = info.pose
+    ray = pixel_ray(pose, (box[0] + box[2]) / 2.0 * pose.width, (box[1] + box[3]) / 2.0 * pose.height)
+    fall = pose.position[2] - min(0.0, at.instance.scene.datum_m)
+    level = math.hypot(ray[0], ray[1])
+    length = min(FARTHEST_M, fall / -ray[2] * level if ray[2] < 0.0 else FARTHEST_M)
+    east, north = reported[0] - pose.position[0], reported[1] - pose.position[1]
+    along = 0.0 if level == 0.0 else min(max((east * ray[0] + north * ray[1]) / level, 0.0), max(length, 0.0))
+    ahead = (0.0, 0.0) if level == 0.0 else (along * ray[0] / level, along * ray[1] / level)
+    return math.hypot(east - ahead[0], north - ahead[1])
 
 
 def _emitted(at: RuntimeContext, kind: Value, *entities: Value) -> Value:
@@ -149,6 +176,7 @@ def _count(at: RuntimeContext, name: Value, *entities: Value) -> Value:
 
 FACTS: Mapping[str, Callable[..., Value]] = {
     "truth": _truth,
+    "ray_distance": _ray_distance,
     "emitted": _emitted,
     "assigned": _assigned,
     "alive": _alive,

@@ -7,6 +7,7 @@ be reached in one macro-step, also by different inspectors.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -16,7 +17,8 @@ from lingjing.kernel.assignments import point
 from lingjing.kernel.progress import EpisodeProgress, Inspected
 from lingjing.kernel.registry import Registry, Report
 from lingjing.mission.instance import InspectionSpec, Instance
-from lingjing.trace.records import BodyState, Route, Snapshot
+from lingjing.scene.camera_geometry import in_image, world_to_pixel
+from lingjing.trace.records import BodyState, FrameInfo, Route, Snapshot
 
 PLAN = "route"
 """Verb of the kernel's own command that requests a route from the asset's engine to a place (`x`, `y`)."""
@@ -65,8 +67,9 @@ class Inspections:
             states = {state.id: state for state in snapshot.states}
             for inspection in self._inspections:
                 route = _current(inspection.asset, before, registry, snapshot.time_s)
-                if route is not None:
-                    progress = _with_progress(progress, inspection, route, states, snapshot.time_s)
+                if route is not None and (not inspection.pictured or snapshot.time_s == registry.time_s):
+                    shown = _pictures_of(inspection, registry) if inspection.pictured else None
+                    progress = _with_progress(progress, inspection, route, states, snapshot.time_s, shown)
         return replace(registry, progress=replace(registry.progress, inspected=progress.inspected))
 
 
@@ -79,30 +82,61 @@ def _current(asset: str, before: Registry, registry: Registry, time_s: float) ->
 
 
 def _with_progress(
-    progress: EpisodeProgress, inspection: InspectionSpec, route: Route, states: Mapping[str, BodyState], time_s: float
+    progress: EpisodeProgress,
+    inspection: InspectionSpec,
+    route: Route,
+    states: Mapping[str, BodyState],
+    time_s: float,
+    shown: Sequence[FrameInfo] | None,
 ) -> EpisodeProgress:
+    """Return the progress with the waypoints that inspectors are near to.
+
+    With `shown`, a waypoint counts only if one of these pictures of a near inspector shows it.
+    """
     known = progress.inspected.get(inspection.name, Inspected())
     if known.route != route.number:
         known = Inspected(route=route.number)
     if known.complete_s is None:
-        known = _with_visits(known, inspection, route, states, time_s)
+        known = _with_visits(known, inspection, route, states, time_s, shown)
     if progress.inspected.get(inspection.name) == known:
         return progress
     return replace(progress, inspected={**progress.inspected, inspection.name: known})
 
 
 def _with_visits(
-    known: Inspected, inspection: InspectionSpec, route: Route, states: Mapping[str, BodyState], time_s: float
+    known: Inspected,
+    inspection: InspectionSpec,
+    route: Route,
+    states: Mapping[str, BodyState],
+    time_s: float,
+    shown: Sequence[FrameInfo] | None,
 ) -> Inspected:
     seen = set(known.seen)
-    positions = [states[name].position for name in inspection.by if name in states]
+    positions = {name: states[name].position for name in inspection.by if name in states}
     for number, waypoint in enumerate(route.waypoints):
         if number in seen:
             continue
-        is_near = any(math.dist(position[:2], waypoint[:2]) <= inspection.within_m for position in positions)
-        if is_near:
+        near = {
+            name for name, position in positions.items() if math.dist(position[:2], waypoint[:2]) <= inspection.within_m
+        }
+        if near and (shown is None or any(frame.entity in near and _shows(frame, waypoint) for frame in shown)):
             seen.add(number)
         elif inspection.order == "strict":
             break
     complete = time_s if len(seen) == len(route.waypoints) else None
     return replace(known, seen=frozenset(seen), complete_s=complete)
+
+
+def _pictures_of(inspection: InspectionSpec, registry: Registry) -> tuple[FrameInfo, ...]:
+    """The pictures that the inspectors took at the registry's boundary."""
+    return tuple(
+        frame
+        for frame in itertools.takewhile(lambda frame: frame.tick == registry.tick, registry.frames.newest())
+        if frame.entity in inspection.by
+    )
+
+
+def _shows(frame: FrameInfo, place: Sequence[float]) -> bool:
+    """True if the place projects into the picture. Buildings in between are not looked at."""
+    pixel = world_to_pixel(frame.pose, (place[0], place[1], place[2] if len(place) > 2 else 0.0))
+    return pixel is not None and in_image(frame.pose, pixel[0], pixel[1])

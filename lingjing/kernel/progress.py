@@ -35,6 +35,8 @@ class EpisodeProgress(msgspec.Struct, frozen=True):
 
     used: Mapping[str, int] = field(default_factory=dict)
     """Counts by limit (`stage.name`, or `name` for the whole episode)."""
+    claims: Mapping[tuple[str, str, str], str] = field(default_factory=dict)
+    """Positive claims that a limit has counted, by identity (`lingjing.kernel.claims`), with their first report."""
     spent: Mapping[str, Spent] = field(default_factory=dict)
     """Consumption by agent."""
     inspected: Mapping[str, Inspected] = field(default_factory=dict)

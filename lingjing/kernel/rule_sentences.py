@@ -76,7 +76,8 @@ class _Rules:
             again = f"; a `{spec.replan}` message asks for another route around its position" if spec.replan else ""
             yield (
                 f"the route of `{spec.asset}` is inspected (*{spec.name}*) when {by} has come "
-                f"within {spec.within_m:g} m (horizontally) of each of its waypoints, "
+                f"within {spec.within_m:g} m (horizontally) of each of its waypoints"
+                f"{' and one of its pictures shows the waypoint at the end of a tick' if spec.pictured else ''}, "
                 f"{order}{again}; a new route is inspected anew"
             )
 
@@ -130,6 +131,12 @@ def _course(spec: InteractionSpec) -> str:
 
 
 def _limit(limit: LimitSpec) -> str:
+    if any(item.kind == "claims" for item in limit.counts):
+        return (
+            f"*{limit.name}*: all agents together may make {limit.most} claims: each different box of a picture in a "
+            "report is one, and each different place around which another route is requested; to pass a claim on is "
+            "free; claims beyond the limit count for nothing, and no receipt says so"
+        )
     counted = ", ".join(
         f"`{item.name}` messages"
         if item.kind == "message"

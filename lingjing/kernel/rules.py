@@ -90,6 +90,8 @@ class _Running:
             return lambda scope, at: scope.get(name)
         if node.kind == "param":
             return lambda scope, at: at.instance.settings[name]
+        if node.kind == "switch":
+            return lambda scope, at: at.instance.settings.get(name, 0.0) != 0.0
         if node.kind == "mode":
             return lambda scope, at: at.instance.mode
         if node.kind == "clock":

@@ -24,6 +24,7 @@ from lingjing.kernel.budgets import Budgets
 from lingjing.kernel.bus import Bus, MessageRouter
 from lingjing.kernel.candidates import normalise_decision
 from lingjing.kernel.changing_radio import ChangingRadio
+from lingjing.kernel.claims import Claims
 from lingjing.kernel.commands import CommandValidator, Resolution
 from lingjing.kernel.context import RuntimeContext
 from lingjing.kernel.evaluation import MissionEvaluator, combine
@@ -165,6 +166,7 @@ class Kernel:
         self._projector = Projector(instance, policy_seed, city)
         self._subtasks = Subtasks(instance, self._adjudicator)
         self._budgets = Budgets(instance)
+        self._claims = Claims(instance)
         self._radio = ChangingRadio(instance)
         self._inspections = Inspections(instance)
         self._mission_events = MissionEvents(instance)
@@ -208,7 +210,7 @@ class Kernel:
         progress = self._budgets.spend(tally.applied_to(registry.progress), decisions)
         self.state = replace(self.state, bus=self.state.bus.stage(envelopes))  # line 31
         motion = tuple(command for command in resolved.commands if command.verb != PHOTO)
-        reports = _reports(decisions, about_messages)
+        reports, progress = self._claims.admit(_reports(decisions, about_messages), progress)
         own = self._own_commands(tick, reports)
         boundary = self.world.step(tick, own + motion, registry.occurrences)  # lines 32 to 42
         receipts = about_messages + resolved.receipts + substitutions(decisions, tick, registry.time_s)

@@ -1,4 +1,4 @@
-"""Seeded draws: `~ uniform(a, b)`, `normal(mean, deviation)`, `choice([…])`, `subset([…])`, `sites(region, apart)`.
+"""Seeded draws: `~ uniform(a, b)`, `normal(mean, deviation)`, `choice([…])`, `sites(region)`, `sites_along(line)`, ….
 
 `draw` gives the values of one property for all members of a group. Member *k* gets the same value in a smaller and in a
 larger group: numbers are taken in order from one stream, and sites are drawn one after the other. The exception is a
@@ -8,6 +8,7 @@ Places are rounded to a millimetre, so that every text form of a mission can hol
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -118,6 +119,65 @@ def _sites(expr: ex.Draw, scope: Scope, seed: int, path: str, count: int) -> Dra
     apart, clear = named.get("apart", 0.0), named.get("clear", 0.0)
     places, anew = sites(region.polygon, apart, seed=seed, path=path, count=count, clear=clear)
     return Drawn(tuple(Place(east, north) for east, north in places), anew)
+
+
+def _sites_along(expr: ex.Draw, scope: Scope, seed: int, path: str, count: int) -> Drawn:
+    named = _named(expr, scope, ("apart", "clear"))
+    line, clear = line_of(expr, scope), named.get("clear", 0.0)
+    length = sum(math.dist(a, b) for a, b in itertools.pairwise(line))
+    if length <= 2.0 * clear:
+        message = f"no place on a line of {length:g} m is {clear:g} m from both of its ends"
+        raise MissionError(message, hint="lower 'clear', or lengthen the line")
+    best = 0
+    for attempt in range(_SITE_ATTEMPTS):
+        stream = Stream(seed, path if attempt == 0 else f"{path}#{attempt}")
+        placed = _throw_along(line, length, clear, named.get("apart", 0.0), stream, count)
+        if len(placed) == count:
+            return Drawn(tuple(Place(east, north) for east, north in placed), attempt > 0)
+        best = max(best, len(placed))
+    raise MissionError(
+        f"{count} places at least {named['apart']:g} m apart do not fit on a line of {length:g} m: {best} fitted",
+        hint="lower 'apart', declare fewer members or lengthen the line",
+    )
+
+
+def line_of(expr: ex.Draw, scope: Scope) -> tuple[geometry2d.Vector2, ...]:
+    """The line from which `sites_along(…)` draws. Raises `MissionError` if it has fewer than two places."""
+    listed = evaluate(_one(expr), scope)
+    places = listed if isinstance(listed, tuple) else ()
+    line = tuple((item.east, item.north) for item in places if isinstance(item, Place))
+    if len(line) < 2 or len(line) != len(places):
+        raise MissionError("sites_along(…) needs a list of at least two positions", hint="[(0 m, 0 m), (90 m, 0 m)]")
+    return line
+
+
+def _throw_along(
+    line: Sequence[geometry2d.Vector2], length: float, clear: float, apart: float, stream: Stream, count: int
+) -> list[geometry2d.Vector2]:
+    placed: list[geometry2d.Vector2] = []
+    spacing = Spacing(apart, max(abs(number) for place in line for number in place))
+    for _ in range(count):
+        for _ in range(_SITE_TRIES):
+            dart = _at(line, stream.uniform(clear, length - clear))
+            if spacing.is_free(*dart):
+                placed.append(dart)
+                spacing.add(*dart)
+                break
+        else:
+            break
+    return placed
+
+
+def _at(line: Sequence[geometry2d.Vector2], metres: float) -> geometry2d.Vector2:
+    """The place on a line that far from its beginning, rounded to a millimetre."""
+    for start, end in itertools.pairwise(line):
+        step = math.dist(start, end)
+        if metres <= step and step > 0.0:
+            share = metres / step
+            east, north = start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
+            return round(east, 3), round(north, 3)
+        metres -= step
+    return round(line[-1][0], 3), round(line[-1][1], 3)
 
 
 def _uniform(expr: ex.Draw, scope: Scope, seed: int, path: str, count: int) -> Drawn:
@@ -240,6 +300,7 @@ def _named(expr: ex.Draw, scope: Scope, allowed: tuple[str, ...]) -> dict[str, f
 
 _DISTRIBUTIONS: dict[str, Callable[[ex.Draw, Scope, int, str, int], Drawn]] = {
     "sites": _sites,
+    "sites_along": _sites_along,
     "uniform": _uniform,
     "integer": _integer,
     "normal": _normal,

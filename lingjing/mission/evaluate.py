@@ -74,6 +74,8 @@ class Scope(msgspec.Struct, frozen=True):
         match ref.kind:
             case "param" if ref.name in self.parameters:
                 return self.parameters[ref.name]
+            case "switch":  # instances leave out switches that are off
+                return self.parameters.get(ref.name, 0.0) != 0.0
             case "local" if ref.name in self.names:
                 return self.names[ref.name]
             case "region" if ref.name in self.areas:

@@ -50,8 +50,8 @@ class Ref(_Node, frozen=True):
     """A reference to a declaration or to a bound variable."""
 
     name: str
-    kind: Literal["param", "region", "grid", "group", "entity", "role", "mode", "local", "clock"]
-    """The table in which the checker resolved the name."""
+    kind: Literal["param", "switch", "region", "grid", "group", "entity", "role", "mode", "local", "clock"]
+    """The table in which the checker resolved the name; `switch` for a param that is `true` or `false`."""
 
 
 class Index(_Node, frozen=True):

@@ -368,9 +368,10 @@ class SceneSpec(Record, frozen=True, kw_only=True):
 class CountedSpec(Record, frozen=True, kw_only=True):
     """The commands or messages that a counted budget counts."""
 
-    kind: Literal["command", "message"]
+    kind: Literal["command", "message", "claims"]
+    """`claims`: the positive claims of all agents (`lingjing.kernel.claims`)."""
     resource: str = ""
-    """Id of the commanded entity; "" for messages."""
+    """Id of the commanded entity; "" for messages and claims."""
     name: str = ""
     """The verb ("" for any), or the message kind."""
 
@@ -406,6 +407,8 @@ class InspectionSpec(Record, frozen=True, kw_only=True):
     order: Literal["strict", "any"] = "strict"
     replan: str = ""
     """Message kind that requests another route; "" for none."""
+    pictured: bool = False
+    """True if a waypoint counts only with a picture of an inspector that shows it."""
     destination: str = ""
     """Id of the entity at the end of the route; "" if the asset's own command sets it."""
 
@@ -489,7 +492,8 @@ class Instance(Record, frozen=True, kw_only=True):
     goal: str
     seed: int
     settings: dict[str, float]
-    """Value of each parameter; those in `hidden_settings` reach no agent."""
+    """Value of each parameter, without switches that are off by default and off here; those in `hidden_settings` reach
+    no agent."""
     scene: SceneSpec
     clock: Clock
     budget: Budget
@@ -519,6 +523,8 @@ class Instance(Record, frozen=True, kw_only=True):
     redrawn: tuple[str, ...] = ()
     """`group.property` of each draw with `apart` that left no room for a later member, so that the whole group was
     drawn anew: with this seed a group of another size has other values."""
+    tier: int = 0
+    """The tier of which `settings` has the values; `lingjing.mission.tiers`."""
 
     @property
     def mode(self) -> str:

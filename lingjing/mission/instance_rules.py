@@ -13,7 +13,7 @@ from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.draws import draw
-from lingjing.mission.evaluate import Scope, describe, evaluate, members, number, whole
+from lingjing.mission.evaluate import Scope, describe, evaluate, flag_of, members, number, whole
 from lingjing.mission.instance import (
     Allowance,
     CountedSpec,
@@ -133,6 +133,7 @@ def inspections(mission: model.Mission, scope: Scope) -> tuple[InspectionSpec, .
                     order=item.order,
                     replan=item.replan,
                     destination=destination,
+                    pictured=item.pictured is not None and flag_of(item.pictured, scope),
                 )
             )
     return tuple(specs)
@@ -293,7 +294,9 @@ def _limit(mission: model.Mission, limit: model.Limit, scope: Scope, stage: str)
             raise MissionError(f"a limit of {most}", hint="a limit counts from 0")
         counts: list[CountedSpec] = []
         for item in limit.counts:
-            if item.resource is None:
+            if item.kind == "claims":
+                counts.append(CountedSpec(kind="claims"))
+            elif item.resource is None:
                 counts.append(CountedSpec(kind="message", name=item.name))
             else:
                 named = members(item.resource, scope)

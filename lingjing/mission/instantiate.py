@@ -17,6 +17,7 @@ from lingjing.errors import ErrorCollector, Fault, MissionError, UsageError
 from lingjing.mission import expression as ex
 from lingjing.mission import grid as grids
 from lingjing.mission import instance_agents, instance_rules, model
+from lingjing.mission.alternatives import with_alternatives
 from lingjing.mission.clock import clock_fault
 from lingjing.mission.conditions.declared_values import deadlines_s
 from lingjing.mission.conditions.spread import numbers
@@ -29,6 +30,7 @@ from lingjing.mission.interactions import unrestricted_unlocks
 from lingjing.mission.kinds import SEA_M, scene_kind
 from lingjing.mission.requirements import repeated_draws, unmet
 from lingjing.mission.seeding import integer, redrawn_path
+from lingjing.mission.tiers import with_tier
 from lingjing.mission.values import as_number, is_finite
 from lingjing.mission.wording import PromptFiller
 from lingjing.suggest import nearest, nearest_or
@@ -47,17 +49,19 @@ def instantiate(
     seed: int = 0,
     mode: str | None = None,
     settings: Mapping[str, float] | None = None,
+    tier: int = 0,
 ) -> Instance:
-    """Apply seed, mode and settings (SI values by parameter name) to a mission.
+    """Apply seed, mode, tier and settings (SI values by parameter name, over those of the tier) to a mission.
 
     Equal arguments give equal instances in every process. If the draws do not meet a requirement, those on which it
     depends are drawn anew, at most `REDRAWS` times. Raises `UsageError` with all errors of mode and settings (faults at
-    `mode` and `settings.NAME`), `MissionError` if the mission cannot be evaluated or a requirement is not met.
+    `mode`, `tier` and `settings.NAME`), `MissionError` if the mission cannot be evaluated or a requirement is not met.
     """
     redraws: dict[str, int] = {}
     hidden_redraws: dict[str, int] = {}
+    settings = with_tier(mission, tier, choose_mode(mission, mode), settings or {}) if tier else settings
     for repetition in itertools.count():
-        instance = _instance(mission, seed, mode, settings or {}, redraws, hidden_redraws)
+        instance = _instance(mission, seed, mode, settings or {}, tier, redraws, hidden_redraws)
         with at_path(f"{mission.name}/require"):
             requirement = unmet(mission, instance)
             if requirement is None:
@@ -87,6 +91,7 @@ def _instance(
     seed: int,
     mode: str | None,
     settings: Mapping[str, float],
+    tier: int,
     redraws: Mapping[str, int],
     hidden_redraws: Mapping[str, int],
 ) -> Instance:
@@ -95,6 +100,7 @@ def _instance(
     repeated = {name: redraws.get(name, 0) + hidden_redraws.get(name, 0) for name in {*redraws, *hidden_redraws}}
     chosen, values = choose_settings(mission, mode, settings, seed, repeated)
     scope = Scope(parameters=values, mode=chosen)
+    mission = with_alternatives(mission, scope)
     clock = _clock(mission, scope)
     scope = msgspec.structs.replace(scope, tick_s=clock.tick_s)
     areas = _areas(mission, scope)
@@ -111,7 +117,8 @@ def _instance(
         title=mission.title,
         goal=fill(mission.goal),
         seed=seed,
-        settings=values,
+        tier=tier,
+        settings=_shown_settings(mission, values),
         scene=scene,
         clock=clock,
         budget=_budget(mission, scope),
@@ -142,6 +149,13 @@ def _instance(
     with at_path(f"{mission.name}/stages"):
         deadlines_s(instance)  # raises an error for one without a value
     return instance
+
+
+def _shown_settings(mission: model.Mission, values: Mapping[str, float]) -> dict[str, float]:
+    """The settings that the instance holds: all but switches that are off by default and off here, so that a mission
+    with new switches gives the instances of before."""
+    absent = {param.name for param in mission.parameters if param.default == ex.Flag(False)}
+    return {name: value for name, value in values.items() if value or name not in absent}
 
 
 def choose_settings(
@@ -245,6 +259,8 @@ def _parameter(
             path = redrawn_path(f"{mission.name}/param/{parameter.name}", redraw)
             return as_number(draw(parameter.default, scope, seed=seed, path=path, count=1).values[0])
         if setting is None:
+            if isinstance(parameter.default, ex.Flag):
+                return float(parameter.default.value)
             value = number(parameter.default, scope)
             fault = _bound_fault(parameter, value, scope)
             if fault:
@@ -274,6 +290,8 @@ def _bound_fault(parameter: model.Parameter, value: float, scope: Scope) -> str:
         if low <= value <= high and not whole_only:
             return ""
         return f"cannot be drawn: its values lie in {low:g}..{high:g}{', in whole numbers' if whole_only else ''}"
+    if parameter.is_switch:
+        return "" if value in (0.0, 1.0) else "is neither true (1) nor false (0)"
     if parameter.bounds is None:
         return ""
     unit = _unit(parameter.default)

@@ -15,7 +15,7 @@ from typing import Literal
 
 import msgspec
 
-from lingjing.mission.expression import Draw, Expr
+from lingjing.mission.expression import Draw, Expr, Flag
 
 
 class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -51,11 +51,24 @@ class Property(Record, frozen=True, kw_only=True):
         return self.name.removesuffix(f"_{self.unit}") if self.unit else self.name
 
 
+class Alternative(Record, frozen=True, kw_only=True):
+    """`wind ~ uniform(2 m/s, 9 m/s) from 220 deg when light`: a line of a block with a condition.
+
+    It replaces the line without a condition. Of several alternatives, the last one with a true condition counts.
+    `lingjing.mission.alternatives` puts them in place.
+    """
+
+    properties: tuple[Property, ...]
+    """The lowered properties of the line: two for a range, a size or a speed with a direction."""
+    when: Guard
+
+
 class Scene(Record, frozen=True, kw_only=True):
     """The provider that builds the city, with its options (`datum` is the elevation of the water surface)."""
 
     kind: str
     options: tuple[Property, ...] = ()
+    alternatives: tuple[Alternative, ...] = ()
 
 
 class ClockDeclaration(Record, frozen=True, kw_only=True):
@@ -109,6 +122,11 @@ class Parameter(Record, frozen=True, kw_only=True):
     def is_drawn(self) -> bool:
         """True if each seed draws its value."""
         return isinstance(self.default, Draw)
+
+    @property
+    def is_switch(self) -> bool:
+        """True if it is `true` or `false`. Settings hold 1 and 0."""
+        return isinstance(self.default, Flag)
 
 
 class Modes(Record, frozen=True, kw_only=True):
@@ -313,6 +331,7 @@ class Group(Record, frozen=True, kw_only=True):
     parts: tuple[BodyPart, ...] = ()
     behaviour: Behaviour | None = None
     """The motion of a target by itself; None if it has none."""
+    alternatives: tuple[Alternative, ...] = ()
 
 
 class Channel(Record, frozen=True, kw_only=True):
@@ -322,6 +341,7 @@ class Channel(Record, frozen=True, kw_only=True):
     """An entity expression, or a Symbol for the built-in sources `events`, `peers` and for grids."""
     fields: tuple[str, ...] = ("*",)
     """The observed fields; ("*",) for all that are not hidden."""
+    when: Guard | None = None
 
 
 class Agent(Record, frozen=True, kw_only=True):
@@ -411,6 +431,7 @@ class Rule(Record, frozen=True, kw_only=True):
     matching: bool = False
     """True if the condition compares a report with `truth(…)`: then reports and entities of a frame are matched one to
     one."""
+    when: Guard | None = None
 
 
 class Unlock(Record, frozen=True, kw_only=True):
@@ -425,9 +446,10 @@ class Unlock(Record, frozen=True, kw_only=True):
 class Counted(Record, frozen=True, kw_only=True):
     """The commands or messages that a counted budget counts."""
 
-    kind: Literal["command", "message"]
+    kind: Literal["command", "message", "claims"]
+    """`claims`: the positive claims of all agents (`lingjing.kernel.claims`)."""
     resource: Expr | None = None
-    """The commanded entities; None for messages."""
+    """The commanded entities; None for messages and claims."""
     name: str = ""
     """The verb ("" for all), or the message kind."""
 
@@ -458,6 +480,7 @@ class Stage(Record, frozen=True, kw_only=True):
     """Mission time in seconds at which it must be done; it may read declared numbers of the member. None for none."""
     limits: tuple[Limit, ...] = ()
     """Budgets that count within the stage."""
+    when: Guard | None = None
 
 
 class Permit(Record, frozen=True, kw_only=True):
@@ -501,6 +524,8 @@ class Inspection(Record, frozen=True, kw_only=True):
     when: Guard | None = None
     destination: Expr | None = None
     """A target to which the engine plans the route at the start. None: the route is that of the asset's own command."""
+    pictured: Expr | None = None
+    """True if a waypoint counts only with a picture of an inspector that shows it; None for false."""
 
 
 class Change(Record, frozen=True, kw_only=True):
@@ -605,10 +630,21 @@ class Declassification(Record, frozen=True, kw_only=True):
 
 
 class Setting(Record, frozen=True, kw_only=True):
-    """`victims = 2` of an expectation: the value of a parameter."""
+    """`victims = 2` of an expectation or a tier: the value of a parameter."""
 
     name: str
     value: Expr
+
+
+class Tier(Record, frozen=True, kw_only=True):
+    """`tier 1 { claims = true, layout = true }`: values of parameters that belong together.
+
+    Tier 0 is the mission with its defaults and is not declared.
+    """
+
+    level: int
+    """1 or more; `lingjing.mission.tiers` has the meaning of each level."""
+    settings: tuple[Setting, ...]
 
 
 class ExpectedEpisodes(Record, frozen=True, kw_only=True):
@@ -619,6 +655,7 @@ class ExpectedEpisodes(Record, frozen=True, kw_only=True):
     settings: tuple[Setting, ...] = ()
     mode: str = ""
     """"" for the mission's default mode."""
+    tier: int = 0
 
     @property
     def seeds(self) -> range:
@@ -716,6 +753,8 @@ class Mission(Record, frozen=True, kw_only=True):
     declassified: tuple[Declassification, ...] = ()
     requirements: tuple[Requirement, ...] = ()
     expectations: tuple[Expectation, ...] = ()
+    weather_alternatives: tuple[Alternative, ...] = ()
+    tiers: tuple[Tier, ...] = ()
 
     def __repr__(self) -> str:
         """One line; `lingjing.mission.document.encode` writes the complete mission."""

@@ -343,7 +343,7 @@ def _ends(context: EvaluationContext, name: str, a: Value, b: Value) -> tuple[Pl
 
 def iou(context: EvaluationContext, a: Value, b: Value) -> Value:
     """Intersection over union of two boxes."""
-    if not (_is_box(a) and _is_box(b)):
+    if not (is_box(a) and is_box(b)):
         raise MissionError(f"iou(…) takes two boxes, not {describe(a)} and {describe(b)}")
     value = overlap(a, b)
     context.note("iou", value)
@@ -365,7 +365,8 @@ def _extent(corners: tuple[float, ...]) -> float:
     return max(0.0, corners[2] - corners[0]) * max(0.0, corners[3] - corners[1])
 
 
-def _is_box(value: Value) -> bool:
+def is_box(value: Value) -> bool:
+    """True for four numbers in a tuple."""
     return isinstance(value, tuple) and len(value) == 4 and all(isinstance(item, int | float) for item in value)
 
 

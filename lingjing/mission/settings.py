@@ -12,6 +12,8 @@ from lingjing.mission.units import NONE, Dimension, dimension_name, unit_of
 
 _QUANTITY = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)", re.ASCII)
 """A number, then its unit."""
+SWITCH_WORDS = {"true": 1.0, "on": 1.0, "1": 1.0, "false": 0.0, "off": 0.0, "0": 0.0}
+"""The words for the values of a switch."""
 
 
 def read_setting(mission: Mission | None, name: str, text: str) -> float:
@@ -20,6 +22,10 @@ def read_setting(mission: Mission | None, name: str, text: str) -> float:
 
     Raises `UsageError`. Existence and bounds of the parameter are checked when the mission is instantiated.
     """
+    if _is_switch(mission, name):
+        if text not in SWITCH_WORDS:
+            raise UsageError(f"`{name}` is true or false, not `{text}`", hint=f"write `{name}=true`")
+        return SWITCH_WORDS[text]
     match = _QUANTITY.fullmatch(text)
     value = float(match[1]) if match else math.nan
     if match is None or not math.isfinite(value):
@@ -34,6 +40,11 @@ def read_setting(mission: Mission | None, name: str, text: str) -> float:
     if expected is not None and unit.dimension != expected:
         raise UsageError(f"{dimension_name(unit.dimension)} where {dimension_name(expected)} is due")
     return value * unit.factor
+
+
+def _is_switch(mission: Mission | None, name: str) -> bool:
+    parameters = mission.parameters if mission is not None else ()
+    return any(parameter.name == name and parameter.is_switch for parameter in parameters)
 
 
 def _dimension_of(default: Expr) -> Dimension | None:

@@ -16,11 +16,12 @@ from lingjing.errors import LingjingError, MissionError, hint_of
 from lingjing.mission import elements, model
 from lingjing.mission import expression as ex
 from lingjing.mission.conditions.spread import places
-from lingjing.mission.evaluate import Area, Scope, number
+from lingjing.mission.evaluate import Area, Scope
 from lingjing.mission.instance import Instance
 from lingjing.mission.instance_entities import DRAWN_MOST, FARTHEST_M, NodeError, count_of, holds
 from lingjing.mission.instantiate import instantiate, parameters
 from lingjing.mission.kinds import engine_kind, lacks, reach_m, scene_faults, spoken
+from lingjing.mission.tiers import setting_number, settings_of_tier
 
 _MAX_MEMBERS = 2_000
 """A mission with more entities or agents is not tried (chosen)."""
@@ -165,13 +166,15 @@ def _sizes(mission: model.Mission, mode: str, settings: Mapping[str, float]) -> 
 
 
 def _swept(mission: model.Mission, mode: str) -> Iterator[dict[str, float]]:
-    """The settings of every sweep of this mode."""
+    """The settings of every tier and of every sweep of this mode."""
+    for tier in mission.tiers:
+        yield settings_of_tier(mission, tier.level, mode)
     scope = Scope(parameters=parameters(mission, mode, {}), mode=mode)
     for sweep in mission.sweeps:
         try:
             if not holds(sweep.when, scope):
                 continue
-            columns = [[number(value, scope) for value in column] for column in sweep.values]
+            columns = [[setting_number(value, scope) for value in column] for column in sweep.values]
         except MissionError:
             continue
         most = max((len(column) for column in columns), default=0)

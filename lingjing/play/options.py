@@ -49,8 +49,10 @@ class PlayOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """The seed of the policies' own random streams. It does not affect the instance."""
     mode: str | None = None
     """The communication mode; None for the mission's default."""
+    tier: int = 0
+    """The tier in which the mission is played."""
     settings: dict[str, float] = {}
-    """Values of the mission's parameters, SI units."""
+    """Values of the mission's parameters, SI units; they replace those of the tier."""
     evaluators: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)] = ("mission",)
     """The evaluators. The mean of their scores counts; the first one that is done ends the episode."""
     world: Literal["process", "inline"] = "process"
@@ -84,6 +86,7 @@ class Changes(TypedDict, total=False):
     seed: int
     policy_seed: int
     mode: str | None
+    tier: int
     settings: Mapping[str, float]
     evaluators: Sequence[str]
     world: Literal["process", "inline"]

@@ -268,6 +268,7 @@ def _instance_options(options: PlayOptions) -> PlayOptions:
         mission=options.mission,
         seed=options.seed,
         mode=options.mode,
+        tier=options.tier,
         settings=options.settings,
         engine_args=options.engine_args,
     )

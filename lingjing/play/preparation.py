@@ -88,7 +88,7 @@ def _engines(instance: Instance, host: PluginHost) -> tuple[str, ...]:
 def _drawn(options: PlayOptions, mission: Mission, errors: ErrorCollector) -> Instance | None:
     """Return the instance. If mode or settings are rejected, return one without them; None if there is none."""
     try:
-        return instantiate(mission, seed=options.seed, mode=options.mode, settings=options.settings)
+        return instantiate(mission, seed=options.seed, mode=options.mode, settings=options.settings, tier=options.tier)
     except MissionError as error:
         errors.add(error)
         return None
@@ -97,8 +97,11 @@ def _drawn(options: PlayOptions, mission: Mission, errors: ErrorCollector) -> In
         refused = {fault.where for fault in error.faults}
     settings = {name: value for name, value in options.settings.items() if f"settings.{name}" not in refused}
     mode = None if "mode" in refused else options.mode
+    tier = 0 if "tier" in refused else options.tier
     follow = ErrorCollector()  # its faults may follow from the gaps, so they are dropped
-    return follow.attempt(lambda: instantiate(mission, seed=options.seed, mode=mode, settings=settings), None)
+    return follow.attempt(
+        lambda: instantiate(mission, seed=options.seed, mode=mode, settings=settings, tier=tier), None
+    )
 
 
 def _evaluators(

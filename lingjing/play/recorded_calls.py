@@ -58,6 +58,7 @@ class EpisodeCalls:
             seed=options.seed,
             policy_seed=options.policy_seed,
             settings=options.settings,
+            tier=options.tier,
         )
         ledger = Path(options.ledger).absolute() if options.ledger else None
         self.limits = SpendingLimits(options.max_cost, options.max_tokens, ledger)

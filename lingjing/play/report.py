@@ -99,6 +99,8 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     """The agents with calls that drew from a global random generator without a seed."""
     privileged: bool = False
     """True if a policy received the truth."""
+    tier: int = 0
+    """The tier of the mission (`lingjing.mission.tiers`)."""
 
     @property
     def folder(self) -> Path:
@@ -141,6 +143,7 @@ class SeedsReport(msgspec.Struct, frozen=True, kw_only=True):
     """The share of successes among the episodes of `scr`; None if there are none."""
     episodes: tuple[EpisodeReport, ...]
     """The reports of the episodes."""
+    tier: int = 0
 
 
 def end_without_result(code: int) -> str:
@@ -159,6 +162,7 @@ def report_of(trace: Trace, policy: str) -> EpisodeReport:
         mode=instance.mode,
         policy=policy,
         policy_seed=trace.header.policy_seed,
+        tier=instance.tier,
         success=outcome.success,
         reason=outcome.reason,
         scr=outcome.scr,
@@ -205,6 +209,7 @@ def summarise(episodes: Sequence[EpisodeReport], *, seeds: str, folder: str) -> 
         mission=episodes[0].mission,
         seed=seeds,
         mode=episodes[0].mode,
+        tier=episodes[0].tier,
         policy=episodes[0].policy,
         success=all(episode.success for episode in episodes),
         reason=", ".join(f"{reason} {number}" for reason, number in sorted(reasons.items())),

@@ -54,7 +54,7 @@ def share(text: str) -> None:
     options = start.options
     host = PluginHost(entry_points=False, extra=(import_module(CORE.plugin),))
     mission = compiled(options)
-    instance = instantiate(mission, seed=options.seed, mode=options.mode, settings=options.settings)
+    instance = instantiate(mission, seed=options.seed, mode=options.mode, settings=options.settings, tier=options.tier)
     if instance.scene.kind not in host.scenes:
         return
     cities = CityBuilder(host)

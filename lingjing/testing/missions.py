@@ -55,14 +55,19 @@ def shortened(source: MissionSource, ticks: int) -> Mission:
 
 
 def instantiate(
-    source: MissionSource, *, seed: int = 0, mode: str | None = None, settings: Mapping[str, float] | None = None
+    source: MissionSource,
+    *,
+    seed: int = 0,
+    mode: str | None = None,
+    settings: Mapping[str, float] | None = None,
+    tier: int = 0,
 ) -> Instance:
     """Return an instance: every random value is drawn with `seed`, and no entity is placed in a city yet.
 
     `mode` is a communication mode of the mission, None for its default; `settings` are values of its parameters in SI
     units. Raises the errors of `compiled`, and `UsageError` for a mode, parameter or value that the mission excludes.
     """
-    return instantiation.instantiate(compiled(source), seed=seed, mode=mode, settings=settings)
+    return instantiation.instantiate(compiled(source), seed=seed, mode=mode, settings=settings, tier=tier)
 
 
 def placed(

@@ -89,6 +89,7 @@ class CalledEpisode(msgspec.Struct, frozen=True, kw_only=True):
     policy_seed: int = 0
     settings: dict[str, float] = {}
     """The settings of the mission that the user set."""
+    tier: int = 0
 
 
 def sha256(data: bytes) -> bytes:

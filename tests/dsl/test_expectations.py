@@ -57,7 +57,7 @@ def first_error(block: str) -> tuple[str, str, str]:
 
 def seeds(first: int, last: int, mode: str = "", **settings: float) -> dict[str, object]:
     listed = [{"name": name, "value": number(value)} for name, value in settings.items()]
-    return {"first_seed": first, "last_seed": last, "settings": listed, "mode": mode}
+    return {"first_seed": first, "last_seed": last, "settings": listed, "mode": mode, "tier": 0}
 
 
 def number(value: float, unit: str = "") -> dict[str, object]:

@@ -132,7 +132,12 @@ def _placed(strip: geometry2d.Polygon, seed: int) -> bool:
         ),
         (ex.Draw("sites", (ex.Ref("field", "region"),), (("part", n(9)),)), 1, "no option 'part'", "apart, clear"),
         (ex.Draw("sites", (n(4),)), 1, "expected a region", ""),
-        (ex.Draw("poisson", (n(4),)), 1, "no distribution 'poisson'", "sites, uniform, integer, normal, choice"),
+        (
+            ex.Draw("poisson", (n(4),)),
+            1,
+            "no distribution 'poisson'",
+            "sites, sites_along, uniform, integer, normal, choice",
+        ),
         (ex.Draw("uniform", (n(4), n(1))), 1, "uniform(4, 1) is empty", "lower end first"),
         (ex.Draw("uniform", (n(4),)), 1, "takes two numbers", ""),
         (ex.Draw("normal", (n(4), n(-1))), 1, "deviation of -1", "0 or more"),

@@ -60,6 +60,9 @@ def test_no_seed_of_the_sea_rescue_is_called_infeasible(ssr: m.Mission, mode: st
 
 def test_no_setting_of_the_sea_rescue_is_called_infeasible(ssr: m.Mission) -> None:
     for parameter in ssr.parameters:
+        if parameter.is_switch:
+            assert prove_instance(instantiate(ssr, settings={parameter.name: 1.0})) == ()
+            continue
         bounds = evaluate(parameter.bounds, Scope()) if parameter.bounds else None
         assert isinstance(bounds, Interval)
         step = 20.0 if bounds.high > 50 else 1.0

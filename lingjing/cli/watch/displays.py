@@ -63,7 +63,9 @@ class EpisodeDisplays:
             return LiveProgress(title)
         options = self._options
         instance, city = self._cities.place(
-            instantiate(self._mission, seed=self._seed, mode=options.mode, settings=options.settings),
+            instantiate(
+                self._mission, seed=self._seed, mode=options.mode, settings=options.settings, tier=options.tier
+            ),
             imported=bool(self._mission.origin.places),
         )
         return EpisodeDisplay(instance, city, options.policy, truth=self._truth)

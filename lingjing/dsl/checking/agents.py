@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+import msgspec
+
 from lingjing.dsl.checking.blocks import BlockReader, DeclarationChecker
 from lingjing.dsl.checking.entities import EntityChecker
 from lingjing.dsl.checking.properties import suffix_of
@@ -52,10 +54,11 @@ class AgentChecker(DeclarationChecker):
         budget: model.AllowanceDeclaration | None = None
         for item in node.block.items if node.block else ():
             if isinstance(item, s.Observes):
+                guard = self.settings.guard(item.guard)
                 for channel in item.channels:
                     checked = self._channel(channel, environment)
                     if checked is not None:
-                        channels.append(PlacedChannel(channel, checked))
+                        channels.append(PlacedChannel(channel, msgspec.structs.replace(checked, when=guard)))
             elif isinstance(item, s.TextLine) and item.keyword == "prompt":
                 prompt = self.wording.text(item, environment)
             elif isinstance(item, s.SettingsBlock) and item.keyword == "budget":

@@ -86,11 +86,11 @@ class _MissionChecker:
         self.entities = file.entities
         self.interactions = file.interactions
         self.agents = AgentChecker(file.blocks, file.settings, file.entities)
-        self.rules = RuleChecker(file.blocks)
+        self.rules = RuleChecker(file.blocks, file.settings)
         self.conduct = ConductChecker(file.blocks, file.settings, self.rules)
         self.events = EventChecker(file.blocks, file.settings)
         self.studies = StudyChecker(file.blocks, file.settings)
-        self.expectations = ExpectationChecker(file.blocks, file.settings)
+        self.expectations = ExpectationChecker(file.blocks, self.studies)
         self.orders = OrderChecker(file.blocks)
 
     def mission(self, node: s.MissionBlock) -> model.Mission | None:
@@ -108,7 +108,6 @@ class _MissionChecker:
         declarations = _by_part(items)
         parts: dict[str, Any] = {part: self._items(part, declarations[part]) for part in _FIRST}
         self.studies.bounds = {param.name: param.bounds for param in parts["parameters"]}
-        self.expectations.bounds = self.studies.bounds
         sections = self._sections(items)
         goal = self._one(items, s.TextLine, "goal")
         scene_block = self._one(items, s.SceneBlock, "scene")
@@ -127,6 +126,7 @@ class _MissionChecker:
             title=node.title.value if node.title else node.name.text,
             goal=self.agents.wording.text(goal) if goal else "",
             weather=self.settings.weather(weather) if weather else (),
+            weather_alternatives=self.settings.weather_alternatives(weather) if weather else (),
             comms=self.settings.comms(comms) if comms else model.Comms(),
             failure=outcomes.get("failure"),
             base=node.base.text if node.base else "",
@@ -306,7 +306,7 @@ _CHECKS: dict[str, Callable[[_MissionChecker, Any], object]] = {
     "messages": lambda mission, node: mission.agents.message(node),
     "rules": lambda mission, node: mission.rules.rule(node),
     "unlocks": lambda mission, node: mission.rules.unlock(node),
-    "stages": lambda mission, node: mission.rules.stage(node, mission.conduct.limit),
+    "stages": lambda mission, node: mission.rules.stage(node, mission.conduct.stage_limit),
     "relations": lambda mission, node: mission.agents.relation(node),
     "reveals": lambda mission, node: mission.agents.reveal(node),
     "declassified": lambda mission, node: mission.conduct.declassified(node),
@@ -316,6 +316,7 @@ _CHECKS: dict[str, Callable[[_MissionChecker, Any], object]] = {
     "inspections": lambda mission, node: mission.conduct.inspection(node),
     "events": lambda mission, node: mission.events.event(node),
     "sweeps": lambda mission, node: mission.studies.sweep(node),
+    "tiers": lambda mission, node: mission.studies.tier(node),
     "requirements": lambda mission, node: mission.rules.requirement(node),
     "expectations": lambda mission, node: mission.expectations.expect(node),
 }

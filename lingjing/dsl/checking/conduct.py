@@ -11,6 +11,7 @@ from lingjing.dsl.checking.blocks import BlockReader, DeclarationChecker
 from lingjing.dsl.checking.keys import PropertyEntry, word_of
 from lingjing.dsl.checking.leaks import declassified_name
 from lingjing.dsl.checking.rules import RuleChecker
+from lingjing.dsl.checking.scope import PARAMS
 from lingjing.dsl.checking.settings import SettingsChecker
 from lingjing.dsl.checking.values import RULE, STATIC, UNKNOWN, TypedExpression
 from lingjing.dsl.syntax import tree as s
@@ -18,6 +19,9 @@ from lingjing.dsl.syntax.statements import CONSTRAINT_KINDS, KINDS
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.functions import FLAG, NUMBER
+
+CLAIMS = "claims"
+"""The word in `counts claims`: the positive claims of all agents."""
 
 
 class ConductChecker(DeclarationChecker):
@@ -34,7 +38,11 @@ class ConductChecker(DeclarationChecker):
         what = "inspection" if isinstance(node, s.InspectionBlock) else "limit"
         self.report.once(table, node.name, f"the {what}")
 
-    def limit(self, node: s.LimitLine) -> model.Limit | None:
+    def stage_limit(self, node: s.LimitLine) -> model.Limit | None:
+        """A limit inside a stage."""
+        return self.limit(node, in_stage=True)
+
+    def limit(self, node: s.LimitLine, *, in_stage: bool = False) -> model.Limit | None:
         """`limit moves <= 50 counts dog.forward, guide`."""
         most = self.of.expect(node.most, STATIC, NUMBER, f"the limit `{node.name.text}`")
         self.blocks.leak(most.taint, node.most, f"the limit `{node.name.text}`")
@@ -46,6 +54,15 @@ class ConductChecker(DeclarationChecker):
         if most is UNKNOWN or None in counted:
             return None
         kept = tuple(item for item in counted if item is not None)
+        claims = [channel for channel, item in zip(node.counts, kept, strict=True) if item.kind == "claims"]
+        if claims and (len(kept) > 1 or in_stage):
+            hint = "write it in the mission: `limit positives <= 10 counts claims`"
+            self.report.at("LJ0110", claims[0], "claims have a limit of their own for the whole episode", hint)
+            return None
+        if claims and constant == 0.0:
+            message = "a limit of 0 claims admits none, so that no report can count"
+            self.report.at("LJ0206", node.most, message, "permit at least one claim, or leave the limit out")
+            return None
         return model.Limit(name=node.name.text, most=most.ir, counts=kept, when=guard)
 
     def permit(self, node: s.PermitLine) -> model.Permit | None:
@@ -125,6 +142,7 @@ class ConductChecker(DeclarationChecker):
             order="any" if word_of(entries, "order") == "any" else "strict",
             replan=word_of(entries, "replan"),
             destination=destination,
+            pictured=entries["pictured"].value.ir if "pictured" in entries else None,
             when=guard,
         )
 
@@ -151,6 +169,9 @@ class ConductChecker(DeclarationChecker):
         node = channel.source
         if isinstance(node, s.Name) and node.text in self.scope.messages and not channel.everything:
             return model.Counted(kind="message", name=node.text)
+        named = self.scope.symbols.get(node.text) if isinstance(node, s.Name) else None
+        if isinstance(node, s.Name) and node.text == CLAIMS and (named is None or named.kind in PARAMS):
+            return model.Counted(kind="claims")
         resource, verb = self._command(channel, "`counts`")
         return None if resource is None else model.Counted(kind="command", resource=resource.ir, name=verb)
 

@@ -13,7 +13,7 @@ from lingjing.dsl.checking.equipment import EquipmentChecker
 from lingjing.dsl.checking.keys import PropertyEntry
 from lingjing.dsl.checking.properties import lowered
 from lingjing.dsl.checking.scope import DeclaredName, GroupInfo, PropertyType, TypeDecl
-from lingjing.dsl.checking.settings import SettingsChecker
+from lingjing.dsl.checking.settings import SettingsChecker, split_guarded
 from lingjing.dsl.checking.types import ANY_RELATION, COMMON_KEYS, NO_SENSOR, SENSORS
 from lingjing.dsl.checking.values import STATIC, UNKNOWN, Taint
 from lingjing.dsl.syntax import tree as s
@@ -140,7 +140,8 @@ class EntityChecker(DeclarationChecker):
         what = f"`{node.name.text}`"
         keys = self._keys_of(decl)
         others = (s.CameraBlock, s.SettingsBlock) if node.keyword == "asset" else (s.BehaviourBlock,)
-        entries = self.blocks.read(node.block, keys, what, environment=environment, others=others, lenient=decl is None)
+        plain, guarded = split_guarded(node.block)
+        entries = self.blocks.read(plain, keys, what, environment=environment, others=others, lenient=decl is None)
         cameras, verbs = self.equipment.equipment(node, decl)
         guard = self.settings.guard(node.guard)
         if decl is None:
@@ -154,11 +155,10 @@ class EntityChecker(DeclarationChecker):
         for entry in entries.values():
             self.blocks.check_state(entry.node, entry.value.type)
         labels = self._labels(entries, count, node)
-        own: list[model.Property] = []
-        for name, entry in entries.items():
-            if name not in ("label", "labels"):
-                known = self.scope.groups[node.name.text].attributes.get(name, _PUBLIC)
-                own.extend(lowered(entry, hidden=bool(known.taint), state=known.state))
+        own = self._lowered(node, entries)
+        alternatives = self.settings.alternatives(
+            guarded, keys, what, lambda entries: self._lowered(node, entries), environment
+        )
         anew = reshaped(set(entries))
         replaced = {prop.name for prop in own} | ({"look"} if anew else set())
         hidden = self._hidden_attributes(node, decl)
@@ -187,6 +187,18 @@ class EntityChecker(DeclarationChecker):
             mounts=tuple(decl.mounts.values()),
             parts=() if anew else tuple(decl.parts.values()),
             behaviour=behaviour,
+            alternatives=alternatives,
+        )
+
+    def _lowered(self, node: s.EntityBlock, entries: dict[str, PropertyEntry]) -> tuple[model.Property, ...]:
+        """The mission's properties for the lines of an entity's block; a label is none."""
+        attributes = self.scope.groups[node.name.text].attributes
+        known = {name: attributes.get(name, _PUBLIC) for name in entries}
+        return tuple(
+            prop
+            for name, entry in entries.items()
+            if name not in ("label", "labels")
+            for prop in lowered(entry, hidden=bool(known[name].taint), state=known[name].state)
         )
 
     def _check_sensor(

@@ -10,13 +10,12 @@ from typing import Literal, TypeVar
 import msgspec
 
 from lingjing.dsl.checking.blocks import BlockReader, DeclarationChecker
-from lingjing.dsl.checking.settings import SettingsChecker
-from lingjing.dsl.checking.typenames import with_article
+from lingjing.dsl.checking.studies import StudyChecker
 from lingjing.dsl.checking.values import STATIC, UNKNOWN
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission import model
-from lingjing.mission.functions import FLAG, Type
+from lingjing.mission.functions import FLAG
 from lingjing.mission.units import NONE, TICKS, TIME
 
 MOST_SEEDS = 1000
@@ -29,11 +28,9 @@ _Lines = s.PolicyLine | s.InfeasibleLine | s.DrawsLine
 class ExpectationChecker(DeclarationChecker):
     """Checks the expectations of one mission."""
 
-    def __init__(self, blocks: BlockReader, settings: SettingsChecker) -> None:
+    def __init__(self, blocks: BlockReader, studies: StudyChecker) -> None:
         super().__init__(blocks)
-        self.settings = settings
-        self.bounds: dict[str, ex.Expr | None] = {}
-        """Param → its bounds; None without bounds."""
+        self.studies = studies
 
     def expect(self, node: s.ExpectBlock) -> tuple[model.Expectation, ...]:
         """`expect { … }`. Returns the correct expectations."""
@@ -113,17 +110,19 @@ class ExpectationChecker(DeclarationChecker):
         seeds = self._only(terms, s.SeedsTerm)
         chosen = self._only(terms, s.SettingsTerm)
         first, last = self._range(seeds) if seeds is not None else (default.first_seed, default.last_seed)
-        mode, settings = "", []
+        mode, tier, settings = "", 0, []
         for axis in chosen.settings if chosen is not None else ():
             if axis.name.text == "mode":
                 mode = self._mode(axis)
-            elif (setting := self._setting(axis)) is not None:
+            elif axis.name.text == "tier":
+                tier = self._tier(axis)
+            elif (setting := self.studies.setting(axis)) is not None:
                 settings.append(setting)
         names = [axis.name for axis in chosen.settings] if chosen is not None else []
         for place, name in enumerate(names):
             if any(name.text == other.text for other in names[:place]):
                 self.report.at("LJ0103", name, f"`{name.text}` is set twice")
-        return model.ExpectedEpisodes(first_seed=first, last_seed=last, settings=tuple(settings), mode=mode)
+        return model.ExpectedEpisodes(first_seed=first, last_seed=last, settings=tuple(settings), mode=mode, tier=tier)
 
     def _range(self, term: s.SeedsTerm) -> tuple[int, int]:
         first, last = _whole(term.first), _whole(term.last) if term.last is not None else _whole(term.first)
@@ -169,6 +168,14 @@ class ExpectationChecker(DeclarationChecker):
         unit = "ticks" if value.type.dimension == TICKS else "s"
         return value.ir if isinstance(value.ir, ex.Number) else ex.Number(number, unit)
 
+    def _tier(self, axis: s.Axis) -> int:
+        known = (0, *sorted(self.studies.tiers))
+        if isinstance(axis.values, s.NumberLiteral) and axis.values.value in known and not axis.values.unit:
+            return int(axis.values.value)
+        tiers = " and ".join(map(str, known))
+        self.report.at("LJ0206", axis.values, "the mission has no such tier", f"it has {tiers}")
+        return 0
+
     def _mode(self, axis: s.Axis) -> str:
         allowed = self.scope.modes
         if isinstance(axis.values, s.Name) and axis.values.text in allowed:
@@ -178,41 +185,6 @@ class ExpectationChecker(DeclarationChecker):
         else:
             self.report.at("LJ0201", axis.values, "a mode is due", f"write `mode = {allowed[0]}`")
         return ""
-
-    def _setting(self, axis: s.Axis) -> model.Setting | None:
-        symbol = self.scope.symbols.get(axis.name.text)
-        if symbol is None or symbol.kind != "param":
-            params = [name for name, known in self.scope.symbols.items() if known.kind == "param"]
-            self.of.unknown_name(axis.name, [*params, "mode"], "no param")
-            return None
-        value = self.of.value(axis.values, STATIC)
-        if value is UNKNOWN or symbol.type.kind == "any":
-            return None
-        self.blocks.leak(value.taint, axis.values, f"the value of `{axis.name.text}`")
-        number = self.of.constant(value.ir)
-        if value.type.kind != "quantity" or number is None:
-            self.report.at("LJ0201", axis.values, f"the value of `{axis.name.text}` is one number")
-            return None
-        if (value.type.dimension or NONE) != (symbol.type.dimension or NONE):
-            due, actual = with_article(symbol.type), with_article(Type("quantity", value.type.dimension or NONE))
-            self.report.at("LJ0203", axis.values, f"`{axis.name.text}` is {due}, this is {actual}")
-            return None
-        self._in_bounds(axis, number)
-        return model.Setting(name=axis.name.text, value=value.ir)
-
-    def _in_bounds(self, axis: s.Axis, number: float) -> None:
-        bounds = self.bounds.get(axis.name.text)
-        if isinstance(bounds, ex.Range):
-            low, high = self.of.constant(bounds.low), self.of.constant(bounds.high)
-            outside = (low is not None and number < low) or (high is not None and number > high)
-        elif isinstance(bounds, ex.Sequence):
-            allowed = [self.of.constant(item) for item in bounds.items]
-            outside = None not in allowed and number not in allowed
-        else:
-            outside = False
-        if outside:
-            message = f"{number:g} is outside of the bounds of `{axis.name.text}`"
-            self.report.at("LJ0206", axis.values, message)
 
 
 def _share(term: s.ShareTerm | None) -> Literal["all", "some", "none"]:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from lingjing.dsl.checking.blocks import DeclarationChecker
+from lingjing.dsl.checking.blocks import BlockReader, DeclarationChecker
 from lingjing.dsl.checking.calls import children
 from lingjing.dsl.checking.scope import RuleInfo, SymbolTables
+from lingjing.dsl.checking.settings import SettingsChecker
 from lingjing.dsl.checking.values import RULE, STATIC, UNKNOWN, Environment
 from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.statements import KINDS
@@ -21,6 +22,10 @@ _REQUIREMENT_HINT = "a requirement reads declared places and properties, params 
 
 class RuleChecker(DeclarationChecker):
     """A method for each kind of declaration. It returns its part of the graph, or None if it is faulty."""
+
+    def __init__(self, blocks: BlockReader, settings: SettingsChecker) -> None:
+        super().__init__(blocks)
+        self.settings = settings
 
     def head(self, node: s.RuleBlock) -> None:
         """Register the rule's name and parameters."""
@@ -53,7 +58,11 @@ class RuleChecker(DeclarationChecker):
         if value is UNKNOWN or parameters is None:
             return None
         return model.Rule(
-            name=node.name.text, parameters=parameters, condition=value.ir, matching=_calls(condition, "truth")
+            name=node.name.text,
+            parameters=parameters,
+            condition=value.ir,
+            matching=_calls(condition, "truth"),
+            when=self.settings.guard(node.guard),
         )
 
     def unlock(self, node: s.UnlockLine) -> model.Unlock | None:
@@ -98,6 +107,7 @@ class RuleChecker(DeclarationChecker):
             weight=entries["weight"].value.ir if "weight" in entries else None,
             deadline=None if deadline is None else deadline.value.ir,
             limits=tuple(item for item in limits if item is not None),
+            when=self.settings.guard(node.guard),
         )
 
     def per(self, variable: s.Name | None, domain: s.Name | None) -> Environment | None:

@@ -111,11 +111,16 @@ class Library(msgspec.Struct, frozen=True):
 class DeclaredName(msgspec.Struct, frozen=True):
     """A declared name that expressions may use."""
 
-    kind: Literal["param", "region", "grid", "group", "entity"]
+    kind: Literal["param", "switch", "region", "grid", "group", "entity"]
+    """`switch` for a param that is `true` or `false`."""
     type: Type
     span: Span
     taint: Taint = ()
     """The path by which its value is hidden; empty for a public one."""
+
+
+PARAMS = ("param", "switch")
+"""Kinds of names that a run may set."""
 
 
 class GroupInfo(msgspec.Struct, frozen=True):

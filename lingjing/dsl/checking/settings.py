@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from typing import Literal
 
 import msgspec
@@ -12,7 +13,7 @@ from lingjing.dsl.checking.keys import PropertyEntry, word_of
 from lingjing.dsl.checking.properties import lowered
 from lingjing.dsl.checking.scope import DeclaredName
 from lingjing.dsl.checking.typenames import with_article
-from lingjing.dsl.checking.values import STATIC, UNKNOWN, TypedExpression
+from lingjing.dsl.checking.values import STATIC, UNKNOWN, Environment, TypedExpression
 from lingjing.dsl.source.reporter import Change
 from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.keys import PropertyKey, keyed
@@ -84,9 +85,12 @@ class SettingsChecker(DeclarationChecker):
 
     def scene(self, node: s.SceneBlock) -> model.Scene:
         """`scene kind { … }`."""
-        entries = self.blocks.read(node.block, scene_keys(node.kind.text), "`scene`")
+        keys = scene_keys(node.kind.text)
+        plain, guarded = split_guarded(node.block)
+        entries = self.blocks.read(plain, keys, "`scene`")
         self._map_beside(entries.get("map"))
-        return model.Scene(kind=node.kind.text, options=_lowered(entries))
+        alternatives = self.alternatives(guarded, keys, "`scene`", _lowered)
+        return model.Scene(kind=node.kind.text, options=_lowered(entries), alternatives=alternatives)
 
     def clock(self, node: s.SettingsBlock) -> model.ClockDeclaration | None:
         """`clock { tick = …, sync = … }`. The tick must be a multiple of the macro-step."""
@@ -122,9 +126,35 @@ class SettingsChecker(DeclarationChecker):
         return model.AllowanceDeclaration(**{name: entry.value.ir for name, entry in entries.items()})
 
     def weather(self, node: s.SettingsBlock) -> tuple[model.Property, ...]:
-        """`weather { … }`, or `weather storm { … }`: a preset with changes."""
-        entries = self.blocks.read(node.block, KINDS["weather"].keys, "`weather`")
+        """`weather { … }`, or `weather storm { … }`: a preset with changes, without its alternatives."""
+        entries = self.blocks.read(split_guarded(node.block)[0], KINDS["weather"].keys, "`weather`")
         return _lowered({**self._preset(node.preset), **entries})
+
+    def weather_alternatives(self, node: s.SettingsBlock) -> tuple[model.Alternative, ...]:
+        """The lines of `weather { … }` with a condition."""
+        return self.alternatives(split_guarded(node.block)[1], KINDS["weather"].keys, "`weather`", _lowered)
+
+    def alternatives(
+        self,
+        lines: Iterable[s.PropertyLine],
+        keys: dict[str, PropertyKey],
+        what: str,
+        lower: Callable[[dict[str, PropertyEntry]], tuple[model.Property, ...]],
+        environment: Environment = STATIC,
+        *,
+        lenient: bool = False,
+    ) -> tuple[model.Alternative, ...]:
+        """Lines with `when`: each is checked like a line without, and `lower` gives its properties."""
+        made = []
+        for line in lines:
+            bare = msgspec.structs.replace(line, guard=None)
+            block = s.BracedBlock(line.start, line.end, (bare,))
+            required = {name: msgspec.structs.replace(key, required=False) for name, key in keys.items()}
+            entries = self.blocks.read(block, required, what, environment=environment, lenient=lenient)
+            guard = self.guard(line.guard)
+            if entries and guard is not None:
+                made.append(model.Alternative(properties=lower(entries), when=guard))
+        return tuple(made)
 
     def mode(self, node: s.ModeLine) -> model.Modes | None:
         """`mode default in { … }`."""
@@ -177,6 +207,10 @@ class SettingsChecker(DeclarationChecker):
     def _param(self, node: s.Param) -> model.Parameter | None:
         if node.drawn:
             return self._drawn_param(node)
+        if isinstance(node.value, s.FlagLiteral):
+            span = self.report.span(node.name.start, node.name.end)
+            self.declare(node.name, DeclaredName("switch", FLAG, span))
+            return model.Parameter(name=node.name.text, default=ex.Flag(node.value.value))
         default_node, bounds_node = self._default_and_bounds(node.value)
         default = self.of.expect(default_node, STATIC, Type("quantity"), f"the param `{node.name.text}`")
         bounds = self._bounds(node, bounds_node, default) if bounds_node is not None else None
@@ -373,6 +407,16 @@ NO_HUB = "none"
 
 def _receipts(word: str) -> Literal["own", "all", "none"]:
     return "all" if word == "all" else "none" if word == "none" else "own"
+
+
+def split_guarded(block: s.BracedBlock | None) -> tuple[s.BracedBlock | None, tuple[s.PropertyLine, ...]]:
+    """A block without its property lines that have a condition, and these lines."""
+    items = block.items if block is not None else ()
+    guarded = tuple(item for item in items if isinstance(item, s.PropertyLine) and item.guard is not None)
+    if block is None or not guarded:
+        return block, ()
+    plain = tuple(item for item in items if not isinstance(item, s.PropertyLine) or item.guard is None)
+    return msgspec.structs.replace(block, items=plain), guarded
 
 
 def _lowered(entries: dict[str, PropertyEntry]) -> tuple[model.Property, ...]:

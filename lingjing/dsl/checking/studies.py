@@ -1,8 +1,9 @@
-"""Checkers of matched studies: `sweep team over uavs in [1, 2, 3] when mode == broadcast`."""
+"""Checkers of values of params: sweeps (`sweep team over uavs in [1, 2, 3]`) and tiers (`tier 1 { claims }`)."""
 
 from __future__ import annotations
 
 from lingjing.dsl.checking.blocks import BlockReader, DeclarationChecker
+from lingjing.dsl.checking.scope import PARAMS, DeclaredName
 from lingjing.dsl.checking.settings import SettingsChecker
 from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.checking.values import STATIC, UNKNOWN
@@ -10,7 +11,8 @@ from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.diagnostics import Span
-from lingjing.mission.functions import Type
+from lingjing.mission.functions import FLAG, Type
+from lingjing.mission.tiers import HIGHEST, PLAYED
 from lingjing.mission.units import NONE
 
 MOST = 10_000
@@ -18,13 +20,14 @@ MOST = 10_000
 
 
 class StudyChecker(DeclarationChecker):
-    """Checks the sweeps of one mission."""
+    """Checks the sweeps and the tiers of one mission, and the settings of its expectations."""
 
     def __init__(self, blocks: BlockReader, settings: SettingsChecker) -> None:
         super().__init__(blocks)
         self.settings = settings
         self.bounds: dict[str, ex.Expr | None] = {}
         self.seen: dict[str, Span] = {}
+        self.tiers: dict[int, s.NumberLiteral] = {}
 
     def sweep(self, node: s.SweepLine) -> model.Sweep | None:
         """`sweep name over param in [values], … when …`."""
@@ -54,14 +57,92 @@ class StudyChecker(DeclarationChecker):
             return None
         return model.Sweep(name=node.name.text, parameters=tuple(n.text for n in names), values=values, when=guard)
 
+    def tier(self, node: s.TierBlock) -> model.Tier | None:
+        """`tier 1 { claims, victims = 4 }`: a switch that is named alone is set to `true`."""
+        level = int(node.level.value)
+        if node.level.unit or level != node.level.value or not 1 <= level <= PLAYED:
+            reserved = f"; 2 to {HIGHEST} are reserved" if 2 <= level <= HIGHEST else ""
+            hint = "write `tier 1 { … }`" if level else "tier 0 is the mission with the defaults of its params"
+            self.report.at("LJ0206", node.level, f"only tier 1 can be declared{reserved}", hint)
+            return None
+        if level in self.tiers:
+            first = self.tiers[level]
+            self.blocks.duplicate(node.level, first, f"`tier {level}` is given twice")
+            return None
+        self.tiers[level] = node.level
+        settings: dict[str, model.Setting] = {}
+        for item in node.block.items:
+            setting = self._tier_setting(item)
+            if setting is not None and setting.name in settings:
+                self.report.at("LJ0103", item, f"`{setting.name}` is set twice")
+            elif setting is not None:
+                settings[setting.name] = setting
+        return model.Tier(level=level, settings=tuple(settings.values()))
+
     # -- private
 
-    def _axis(self, axis: s.Axis) -> tuple[ex.Expr, ...] | None:
-        symbol = self.scope.symbols.get(axis.name.text)
-        if symbol is None or symbol.kind != "param":
-            params = [name for name, known in self.scope.symbols.items() if known.kind == "param"]
-            self.of.unknown_name(axis.name, params, "no param")
+    def _tier_setting(self, item: s.Statement) -> model.Setting | None:
+        if isinstance(item, s.Bare) and self._param(item.name) is not None:
+            value: s.Expression = s.FlagLiteral(item.start, item.end, True)
+            return self.setting(s.Axis(item.start, item.end, item.name, value))
+        if isinstance(item, s.PropertyLine) and item.relation == "=" and item.guard is None and not item.hidden:
+            return self.setting(s.Axis(item.start, item.end, item.name, item.value))
+        if not isinstance(item, s.Bare | s.Faulty):
+            self.blocks.misplaced(item, "`tier`")
+        return None
+
+    def _param(self, name: s.Name) -> DeclaredName | None:
+        """The declaration of a param or switch. Reports an unknown one."""
+        symbol = self.scope.symbols.get(name.text)
+        if symbol is None or symbol.kind not in PARAMS:
+            params = [each for each, known in self.scope.symbols.items() if known.kind in PARAMS]
+            self.of.unknown_name(name, params, "no param")
             return None
+        return symbol
+
+    def setting(self, axis: s.Axis) -> model.Setting | None:
+        """`name = value` of a tier or an expectation: a number within the param's bounds, or `true` or `false`."""
+        symbol = self._param(axis.name)
+        if symbol is None or symbol.type.kind == "any":
+            return None
+        if symbol.kind == "switch":
+            value = self.of.expect(axis.values, STATIC, FLAG, f"`{axis.name.text}`")
+            return model.Setting(name=axis.name.text, value=value.ir) if isinstance(value.ir, ex.Flag) else None
+        value = self.of.value(axis.values, STATIC)
+        if value is UNKNOWN:
+            return None
+        self.blocks.leak(value.taint, axis.values, f"the value of `{axis.name.text}`")
+        number = self.of.constant(value.ir)
+        if value.type.kind != "quantity" or number is None:
+            self.report.at("LJ0201", axis.values, f"the value of `{axis.name.text}` is one number")
+            return None
+        if (value.type.dimension or NONE) != (symbol.type.dimension or NONE):
+            due, actual = with_article(symbol.type), with_article(Type("quantity", value.type.dimension or NONE))
+            self.report.at("LJ0203", axis.values, f"`{axis.name.text}` is {due}, this is {actual}")
+            return None
+        self._in_bounds(axis, number)
+        return model.Setting(name=axis.name.text, value=value.ir)
+
+    def _in_bounds(self, axis: s.Axis, number: float) -> None:
+        bounds = self.bounds.get(axis.name.text)
+        if isinstance(bounds, ex.Range):
+            low, high = self.of.constant(bounds.low), self.of.constant(bounds.high)
+            outside = (low is not None and number < low) or (high is not None and number > high)
+        elif isinstance(bounds, ex.Sequence):
+            allowed = [self.of.constant(item) for item in bounds.items]
+            outside = None not in allowed and number not in allowed
+        else:
+            outside = False
+        if outside:
+            message = f"{number:g} is outside of the bounds of `{axis.name.text}`"
+            self.report.at("LJ0206", axis.values, message)
+
+    def _axis(self, axis: s.Axis) -> tuple[ex.Expr, ...] | None:
+        symbol = self._param(axis.name)
+        if symbol is None:
+            return None
+        if symbol.kind == "switch":
+            return self._flags(axis)
         node = axis.values
         value = self.of.value(node, STATIC)
         if value is UNKNOWN or symbol.type.kind == "any":
@@ -82,6 +163,15 @@ class StudyChecker(DeclarationChecker):
             return None
         items = self._items(node, value.ir)
         return items if items is not None and self._allowed(axis, items) else None
+
+    def _flags(self, axis: s.Axis) -> tuple[ex.Expr, ...] | None:
+        """The values of a switch in a sweep: `[false, true]`."""
+        listed = axis.values.items if isinstance(axis.values, s.List) else ()
+        if listed and all(isinstance(item, s.FlagLiteral) for item in listed):
+            return tuple(ex.Flag(item.value) for item in listed if isinstance(item, s.FlagLiteral))
+        hint = f"write `{axis.name.text} in [false, true]`"
+        self.report.at("LJ0201", axis.values, f"`{axis.name.text}` is true or false", hint)
+        return None
 
     def _items(self, node: s.Expression, ir: ex.Expr) -> tuple[ex.Expr, ...] | None:
         if isinstance(ir, ex.Sequence):

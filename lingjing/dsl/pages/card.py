@@ -24,9 +24,9 @@ from lingjing.mission.vocabulary import PHOTO
 
 _HEAD = """# .ljs on one card
 
-Declarative: no loops, no `if`, no assignment. A statement ends with its line or a comma in a block; `#` begins a comment; texts: "…" or \"""…\""". Every number has its unit (`10 s`, `4 m/s`, `30 deg`, `20 %`), except counts. `=` fixes, `~` draws from a distribution, `<=` bounds. Conditions: `and or not == != < <= > >= in`, `exists r: c`, `forall v in group: c`. Places are `(east, north[, elevation])` in metres; ranges `1..4`; lists `[a, b]`; sizes `3 by 4`. Members count from 1: `uav[1]`. […] is optional; … goes on after commas.
+No loops, no `if`. A statement ends with its line or a comma in a block; `#` begins a comment; texts: "…" or \"""…\""". Every number has its unit (`10 s`, `4 m/s`, `20 %`), except counts. `=` fixes, `~` draws from a distribution, `<=` bounds. Conditions: `and or not == != < <= > >= in`, `exists r: c`, `forall v in group: c`. Places are `(east, north[, elevation])` in metres; ranges `1..4`; lists `[a, b]`; sizes `3 by 4`. Members count from 1: `uav[1]`. A property line with `when` replaces the one without. […] is optional; … goes on after commas.
 
-A mission needs goal, scene, clock, budget with ticks, success and an agent. Hidden values (`hidden position ~ …`) may be read by `adjudicate` and sensors only; what agents notice of them needs `declassify … because "…"`.
+A mission needs goal, scene, clock, budget with ticks, success and an agent. Hidden values may be read by `adjudicate` and sensors; what agents notice of them needs `declassify … because "…"`.
 """  # noqa: E501 - a paragraph of Markdown is one line
 EXAMPLE = """ljs 2
 use std.air { quadrotor }
@@ -156,7 +156,7 @@ def _expressions() -> Iterator[str]:
     yield (
         "## Expressions\n\n"
         f"- in rules: {_listed(rules)}; over a group `{'|'.join(AGGREGATES)}(… for v in g)`; `now`; "
-        f"`v.{', v.'.join(STATE_FIELDS)}`, {_shares()} and declared properties; "
+        f"`v.{', v.'.join(STATE_FIELDS)}`, {_shares()} and properties; "
         f"`r.{', r.'.join(MESSAGE_FIELDS)}` of a message\n"
         f"- before the run: {_listed(before)}\n"
         f"- after `~`: {_listed(draws)}\n"
@@ -184,8 +184,13 @@ def _call(signature: Signature) -> str:
     return f"{signature.name}({', '.join([*parameters, *more, *options])})"
 
 
-def _listed(items: Iterable[str]) -> str:
-    return " ".join(f"`{item}`" for item in items)
+def _listed(calls: Iterable[str]) -> str:
+    """The calls; those that differ in their name alone share one: `inspected|clear(inspection)`."""
+    names: dict[str, list[str]] = {}
+    for call in calls:
+        name, _, arguments = call.partition("(")
+        names.setdefault(arguments, []).append(name)
+    return " ".join(f"`{'|'.join(several)}({arguments}`" for arguments, several in names.items())
 
 
 def _bodies() -> Iterator[str]:

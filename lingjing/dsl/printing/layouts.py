@@ -117,6 +117,8 @@ class _ItemWriter:
                 return self._phrase(value.condition, rank)
             case model.RuleParameter():
                 return f"{value.name}: {value.domain}"
+            case model.Counted(kind="claims"):
+                return "claims"
             case model.Counted():
                 resource = "" if value.resource is None else f"{self._phrase(value.resource, 0)}."
                 return resource + (value.name or "*")

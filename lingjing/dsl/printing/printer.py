@@ -7,6 +7,7 @@ parts that it lacks. Types and records become `use` lines (`lingjing.dsl.printin
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Callable, Iterable, Iterator
 
@@ -179,7 +180,7 @@ class Printer:
     def scene(self) -> Iterable[str]:
         """The scene with its options."""
         scene = self.mission.scene
-        options = self.properties(scene.options)
+        options = [*self.properties(scene.options), *self.alternatives(scene.alternatives)]
         yield block(f"scene {scene.kind}", options) if options else f"scene {scene.kind}"
 
     def clock(self) -> Iterable[str]:
@@ -192,8 +193,9 @@ class Printer:
 
     def weather(self) -> Iterable[str]:
         """The weather."""
-        if self.mission.weather:
-            yield block("weather", self.properties(self.mission.weather))
+        lines = [*self.properties(self.mission.weather), *self.alternatives(self.mission.weather_alternatives)]
+        if lines:
+            yield block("weather", lines)
 
     def mode(self) -> Iterable[str]:
         """The modes."""
@@ -209,6 +211,7 @@ class Printer:
         """Targets and assets, in the mission's order."""
         for group in self.mission.groups:
             own = self.properties([prop for prop in group.properties if not prop.inherited])
+            own.extend(self.alternatives(group.alternatives))
             if group.labels:
                 labels = ", ".join(map(quoted, group.labels))
                 own.append(f"label = {labels}" if group.count is None else f"labels = [{labels}]")
@@ -271,7 +274,10 @@ class Printer:
         for agent in self.mission.agents:
             controls = f" controls {', '.join(map(self.text, agent.controls))}" if agent.controls else ""
             head = f"agent {agent.name}{self._count(agent)} as {agent.role}{controls}{self._when(agent.when)}"
-            lines = [f"observes {', '.join(map(self.channel, agent.observes))}"] if agent.observes else []
+            lines = [
+                f"observes {', '.join(map(self.channel, channels))}{self._when(when)}"
+                for when, channels in itertools.groupby(agent.observes, key=lambda channel: channel.when)
+            ]
             if agent.prompt:
                 lines.append(f"prompt {long_text(agent.prompt, 6)}")
             if agent.budget is not None:
@@ -314,6 +320,15 @@ class Printer:
             head = f" at {drawn}{self.text(event.at, RANGE)}{self._when(event.when)}"
         head += f" until {self.text(event.until)}" if event.until is not None else ""
         return head + (f" repeat every {self.text(event.pause)}" if event.pause is not None else "")
+
+    def tiers(self) -> Iterable[str]:
+        """Tiers. A switch that is turned on stands alone."""
+        for tier in self.mission.tiers:
+            lines = [
+                each.name if each.value == ex.Flag(True) else f"{each.name} = {self.text(each.value, SUM)}"
+                for each in tier.settings
+            ]
+            yield block(f"tier {tier.level}", lines)
 
     def sweeps(self) -> Iterable[str]:
         """Sweeps."""
@@ -376,6 +391,7 @@ class Printer:
             yield f"for seeds {first}" if first == last else f"for seeds {first}..{last}"
         settings = [f"{setting.name} = {self.text(setting.value, SUM)}" for setting in episodes.settings]
         settings += [f"mode = {episodes.mode}"] if episodes.mode else []
+        settings += [f"tier = {episodes.tier}"] if episodes.tier else []
         if settings:
             yield f"with {', '.join(settings)}"
 
@@ -389,6 +405,10 @@ class Printer:
     def text(self, node: ex.Expr, rank: int = 0, names: LocalNames | None = None) -> str:
         """An expression."""
         return self.phrases.text(node, rank, names)
+
+    def alternatives(self, alternatives: Iterable[model.Alternative]) -> list[str]:
+        """The lines of a block that have a condition."""
+        return [line + self._when(each.when) for each in alternatives for line in self.properties(each.properties)]
 
     def properties(self, properties: Iterable[model.Property]) -> list[str]:
         """The lines of lowered properties. Ranges and directed speeds become one line."""
@@ -443,13 +463,16 @@ _WRITERS: dict[str, Callable[[Printer], Iterable[str]]] = {
     "comms": Printer.bus,
     "events": Printer.events,
     "sweeps": Printer.sweeps,
+    "tiers": Printer.tiers,
     "success": Printer.success,
     "failure": Printer.failure,
     "expectations": Printer.expectations,
 }
 """Fields of a mission with statements that need more than a layout."""
 
-_KNOWN = frozenset(("format", "name", "title", "origin", *(part for kind in STATEMENTS if (part := kind.part))))
+_KNOWN = frozenset(
+    ("format", "name", "title", "origin", "weather_alternatives", *(part for kind in STATEMENTS if (part := kind.part)))
+)
 """The fields of a mission that the text has. `origin` is included, because a text does not express it."""
 
 _DEFAULT_COMMS = model.Comms()

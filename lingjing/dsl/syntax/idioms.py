@@ -9,6 +9,9 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
+LONGEST = 400
+"""Characters of a line that are read (chosen): phrases are short, and the patterns take quadratic time."""
+
 
 class Idiom(NamedTuple):
     """One phrase."""
@@ -87,7 +90,7 @@ IDIOMS: tuple[Idiom, ...] = (
 
 def idiom_in(line: str) -> tuple[str, str] | None:
     """The message and the hint for the first phrase in the line of a faulty statement; None if there is none."""
-    line = line.split("#", 1)[0].strip()
+    line = line[:LONGEST].split("#", 1)[0].strip()
     for idiom in IDIOMS:
         match = idiom.pattern.search(line)
         if match is not None:

@@ -236,11 +236,11 @@ STATEMENTS = (
         layout=Layout("authority {role} may command {resource}" + _WHEN),
     ),
     StatementKind(
-        "adjudicate", s.RuleBlock, (Form("name:NAME parameters:params block"),), ("mission",),
+        "adjudicate", s.RuleBlock, (Form("name:NAME parameters:params [guard] block"),), ("mission",),
         example="adjudicate matched(v: victim, r: detection) { when r.class == person_in_water }",
         doc="a rule: an event, once it is true",
         names={"name": NamePlace(declares="rule")}, part="rules", paragraph="rules",
-        layout=Layout("adjudicate {name}({parameters})", ("when {condition}",)),
+        layout=Layout("adjudicate {name}({parameters})" + _WHEN, ("when {condition}",)),
     ),
     StatementKind(
         "unlock", s.UnlockLine, (Form("name:NAME parameters:params condition:guard"),), ("mission",),
@@ -250,7 +250,7 @@ STATEMENTS = (
         layout=Layout("unlock {interaction}({parameters}) when {condition}"),
     ),
     StatementKind(
-        "stage", s.StageBlock, (Form(f"name:NAME {_PER} block"),), ("mission",),
+        "stage", s.StageBlock, (Form(f"name:NAME {_PER} [guard] block"),), ("mission",),
         example="stage detect per v in victim { done when exists r: matched(v, r) }",
         doc="a step of the mission, or of it for each member of a group",
         names={"variable": _VARIABLE, "domain": _DOMAIN},
@@ -261,7 +261,7 @@ STATEMENTS = (
         ),
         part="stages", paragraph="stages",
         layout=Layout(
-            "stage {name}[ per {variable} in {domain}]",
+            "stage {name}[ per {variable} in {domain}]" + _WHEN,
             (
                 "done when {condition}", "[ticks <= {ticks}]", "[deadline = {deadline}]", "[weight = {weight}]",
                 "*limits",
@@ -319,7 +319,7 @@ STATEMENTS = (
         example="done when rescued(victim)", doc="the stage is over",
     ),
     StatementKind(
-        "observes", s.Observes, (Form("channels"),), ("agent",),
+        "observes", s.Observes, (Form("channels [guard]"),), ("agent",),
         example="observes uav[i].*, cells, peers.position", doc="the channels that the agent observes each tick",
     ),
     StatementKind(
@@ -383,7 +383,7 @@ STATEMENTS = (
     ),
     StatementKind(
         "record", s.RecordBlock, (Form("name:NAME : category:NAME block"),), (FILE,),
-        example="record beacon : other { place: position, power: power optional }", doc="the fields of a message",
+        example="record beacon : other { place: position optional }", doc="the fields of a message",
         names={"category": NamePlace(spaces=(), choices=CATEGORIES)},
     ),
     StatementKind(
@@ -419,6 +419,12 @@ STATEMENTS = (
         "sweep", s.SweepLine, (Form("name:NAME over axes [guard]"),), ("mission",),
         example="sweep fleet over uavs in [1, 2, 3]", doc="a matched study",
         names={"name": NamePlace(declares="sweep", referable=False)}, part="sweeps", paragraph="sweeps",
+    ),
+    StatementKind(
+        "tier", s.TierBlock, (Form("level:NUMBER block"),), ("mission",),
+        example="tier 1 { claims, victims = 4 }",
+        doc="values of params that make a harder form of the mission; tier 0 is the mission without them",
+        part="tiers", paragraph="parameters",
     ),
     StatementKind(
         "limit", s.LimitLine, (Form("name:NAME <= most:value counts counts:channels [guard]"),), ("mission", "stage"),
@@ -498,17 +504,21 @@ STATEMENTS = (
             PropertyKey("destination", ENTITY),
             PropertyKey("order", Type("name"), choices=ORDERS, default="strict"),
             PropertyKey("replan", Type("name")),
+            PropertyKey("pictured", FLAG, default="false"),
         ),
         part="inspections", paragraph="limits",
         layout=Layout(
             "inspection {name} of {asset} by {by}" + _WHEN,
-            ("within = {within}", "[order = {order}]", "[replan = {replan}]", "[destination = {destination}]"),
+            (
+                "within = {within}", "[order = {order}]", "[replan = {replan}]", "[destination = {destination}]",
+                "[pictured = {pictured}]",
+            ),
         ),
     ),
     StatementKind(
         "expect", s.ExpectBlock, (Form("block"),), ("mission",),
-        example="expect { oracle wins at least 4 of 5 within 40 ticks with uavs = 2, random loses for seeds 0..2, "
-        "infeasible when boats == 0, draws spread over search }",
+        example="expect { oracle wins at least 4 of 5 within 40 ticks, idle loses, infeasible when boats == 0, "
+        "draws spread over search }",
         doc="the mission's own tests, which `lingjing test` runs",
         part="expectations", paragraph="expectations",
     ),

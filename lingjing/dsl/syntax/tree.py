@@ -325,6 +325,7 @@ class RuleBlock(Statement, frozen=True, gc=False):
 
     name: Name
     parameters: tuple[Typed, ...]
+    guard: Expression | None
     block: BracedBlock
 
 
@@ -342,6 +343,7 @@ class StageBlock(Statement, frozen=True, gc=False):
     name: Name
     variable: Name | None
     domain: Name | None
+    guard: Expression | None
     block: BracedBlock
 
 
@@ -393,9 +395,10 @@ class ObservedChannel(SyntaxNode, frozen=True, gc=False):
 
 
 class Observes(Statement, frozen=True, gc=False):
-    """`observes a.*, b, c.position`."""
+    """`observes a.*, b, c.position when …`."""
 
     channels: tuple[ObservedChannel, ...]
+    guard: Expression | None
 
 
 class LimitLine(Statement, frozen=True, gc=False):
@@ -530,6 +533,13 @@ class SettingsTerm(SyntaxNode, frozen=True, gc=False):
 
 Term = ShareTerm | LeastTerm | WithinTerm | SeedsTerm | SettingsTerm
 """A part of an expectation."""
+
+
+class TierBlock(Statement, frozen=True, gc=False):
+    """`tier 1 { claims, victims = 4 }`."""
+
+    level: NumberLiteral
+    block: BracedBlock
 
 
 class ExpectBlock(Statement, frozen=True, gc=False):

@@ -32,6 +32,8 @@ class DeclaredValues(Knowledge):
             return exactly(self._tick_s) if ref.name == "tick" else None
         if ref.kind == "param":
             return known(self._settings.get(ref.name))
+        if ref.kind == "switch":
+            return known(bool(self._settings.get(ref.name)))
         members = self._groups.get(ref.name, [])
         return members[0] if len(members) == 1 else tuple(members) or None
 

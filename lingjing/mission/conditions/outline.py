@@ -14,6 +14,7 @@ import msgspec
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
 from lingjing.mission import model
+from lingjing.mission.alternatives import with_alternatives
 from lingjing.mission.conditions.drawn_params import Wide, loosened, property_bounds, property_places, reads
 from lingjing.mission.conditions.motion import Air, bounds, ceiling, flight_s, moving_verbs, roaming_verbs
 from lingjing.mission.conditions.spread import PossiblePlaces, numbers, places, point
@@ -141,6 +142,8 @@ def of_mission(
     for param in mission.parameters:
         if isinstance(param.default, ex.Draw) and param.name not in settings:
             raise MissionError(f"the value of `{param.name}` is drawn: nothing holds for every seed")
+    values = parameters(mission, mode, settings)
+    mission = with_alternatives(mission, Scope(parameters=values, mode=mode))
     mission = loosened(mission, wide)
     instance = instantiate(_without_draws(mission, wide), mode=mode, settings=settings)
     scope = _scope(instance, _open_regions(mission, wide))

@@ -6,12 +6,14 @@ draw. Distances between such sets are the smallest possible ones, so that a proo
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import msgspec
 
 from lingjing.mission import expression as ex
 from lingjing.mission import geometry2d
+from lingjing.mission.draws import line_of
 from lingjing.mission.evaluate import Area, Interval, Place, Scope, Value, evaluate, number
 from lingjing.mission.intervals import ANYTHING, Bounds, exactly
 
@@ -20,7 +22,7 @@ class PossiblePlaces(msgspec.Struct, frozen=True):
     """A set of possible places."""
 
     outlines: tuple[geometry2d.Polygon, ...] = ()
-    """Polygons in metres, with one corner for a point. Empty: any place."""
+    """Polygons in metres, with one corner for a point and two for a line. Empty: any place."""
     apart: float = 0.0
     """Minimum distance between members of the group `drawn`, metres."""
     drawn: str = ""
@@ -70,6 +72,10 @@ def places(draw: ex.Draw, scope: Scope, group: str) -> PossiblePlaces:
         outlines = outlines_of(value)
         if outlines:
             return PossiblePlaces(outlines, 0.0 if apart is None else number(apart, scope), group)
+    if draw.distribution == "sites_along":
+        segments = tuple(itertools.pairwise(line_of(draw, scope)))
+        apart = dict(draw.named).get("apart")
+        return PossiblePlaces(segments, 0.0 if apart is None else number(apart, scope), group)
     if draw.distribution in ("choice", "subset"):
         points = tuple(((p.east, p.north),) for p in _listed(draw, scope) if isinstance(p, Place))
         return PossiblePlaces(points, drawn=group)

@@ -21,6 +21,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from lingjing.errors import UsageError
+from lingjing.mission.alternatives import at_tier_0
 from lingjing.mission.graph import entities, limits, rules
 from lingjing.mission.graph.builder import GraphBuilder
 from lingjing.mission.graph.types import EdgeKind, GraphEdge, GraphNode, MissionGraph, NodeKind
@@ -58,7 +59,7 @@ PASSES: tuple[Callable[[Mission, GraphBuilder], None], ...] = (
 
 
 def graph(mission: Mission, mode: str | None = None) -> MissionGraph:
-    """The graph of a mission: of all its modes with guards as labels, or of one mode with its guards evaluated.
+    """The graph of a mission at tier 0: of all its modes with guards as labels, or of one mode with guards evaluated.
 
     Raises `UsageError` for a mode that the mission does not have, `MissionError` if a declaration names an unknown
     element.
@@ -67,6 +68,7 @@ def graph(mission: Mission, mode: str | None = None) -> MissionGraph:
     if mode is not None and mode not in allowed:
         hint = nearest_or(mode, allowed, f"choose one of {', '.join(allowed)}")
         raise UsageError(f"mission `{mission.name}` has no mode `{mode}`", hint=hint)
+    mission = at_tier_0(mission)
     draft = GraphBuilder(mission, allowed if mode is None else (mode,))
     for add in PASSES:
         add(mission, draft)

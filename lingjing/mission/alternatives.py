@@ -1,0 +1,172 @@
+"""`with_alternatives`: a mission with its alternatives in place and its switches folded into its conditions.
+
+Concepts. A *switch* is a param that is `true` or `false` (`param evidence = false`). An *alternative* is a line of a
+block with `when`, which replaces the line without one (`position ~ sites(deck) when layout`). Both depend on settings
+alone. So they are resolved before an instance is made, and its readers (kernel, proofs, oracle, metrics) meet plain
+properties, and conditions without switches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import TypeVar
+
+import msgspec
+
+from lingjing.mission import expression as ex
+from lingjing.mission import model
+from lingjing.mission.evaluate import Scope, flag_of
+
+T = TypeVar("T")
+Guarded = TypeVar("Guarded", model.Rule, model.Stage)
+
+
+def with_alternatives(mission: model.Mission, scope: Scope) -> model.Mission:
+    """The mission for the mode and the parameters of `scope`: the same object if it has no alternative and no switch.
+
+    Raises `MissionError` if a condition cannot be evaluated.
+    """
+    switches = {param.name: scope.parameters[param.name] != 0.0 for param in mission.parameters if param.is_switch}
+    chosen = _chosen(mission, scope)
+    if not switches:
+        return chosen
+    return _rebuilt(chosen, lambda expr: _folded(expr, switches))
+
+
+def at_tier_0(mission: model.Mission) -> model.Mission:
+    """The mission with its switches at their defaults: for readers that show one form of it in all modes.
+
+    Declarations and alternatives with a condition that is then false are left out.
+    """
+    switches = {param.name: param.default.value for param in mission.parameters if isinstance(param.default, ex.Flag)}
+    if not switches:
+        return mission
+    folded = _rebuilt(mission, lambda expr: _folded(expr, switches))
+    return _without_absent(folded)
+
+
+def _without_absent(value: T) -> T:
+    """The value without the declarations in it whose condition is `false`, and without conditions that are `true`."""
+    if isinstance(value, tuple):
+        kept = tuple(_without_absent(item) for item in value if _guard_of(item) != ex.Flag(False))
+        return value if len(kept) == len(value) and all(a is b for a, b in zip(kept, value, strict=True)) else kept  # type: ignore[return-value]
+    if not isinstance(value, msgspec.Struct) or isinstance(value, ex.Expr):
+        return value
+    changes = {
+        name: new
+        for name in value.__struct_fields__
+        if (new := _without_absent(old := getattr(value, name))) is not old
+    }
+    if _guard_of(value) == ex.Flag(True) and not isinstance(value, model.Alternative):
+        changes["when"] = None
+    return msgspec.structs.replace(value, **changes) if changes else value
+
+
+def _guard_of(item: object) -> ex.Expr | None:
+    """The condition of a declaration; None for one without."""
+    guard = getattr(item, "when", None)
+    return guard.condition if isinstance(guard, model.Guard) else None
+
+
+def _chosen(mission: model.Mission, scope: Scope) -> model.Mission:
+    groups = tuple(
+        msgspec.structs.replace(
+            group, properties=_replaced(group.properties, group.alternatives, scope), alternatives=()
+        )
+        if group.alternatives
+        else group
+        for group in mission.groups
+    )
+    agents = tuple(_observing(agent, scope) for agent in mission.agents)
+    scene = mission.scene
+    if scene.alternatives:
+        options = _replaced(scene.options, scene.alternatives, scope)
+        scene = msgspec.structs.replace(scene, options=options, alternatives=())
+    whole = msgspec.structs.replace(
+        mission,
+        groups=groups,
+        agents=agents,
+        scene=scene,
+        weather=_replaced(mission.weather, mission.weather_alternatives, scope),
+        weather_alternatives=(),
+        rules=_existing(mission.rules, scope),
+        stages=_existing(mission.stages, scope),
+    )
+    return mission if whole == mission else whole
+
+
+def _existing(declared: tuple[Guarded, ...], scope: Scope) -> tuple[Guarded, ...]:
+    """The rules or stages that exist with these settings, without their conditions."""
+    if all(each.when is None for each in declared):
+        return declared
+    return tuple(
+        msgspec.structs.replace(each, when=None)
+        for each in declared
+        if each.when is None or flag_of(each.when.condition, scope)
+    )
+
+
+def _replaced(
+    properties: tuple[model.Property, ...], alternatives: Iterable[model.Alternative], scope: Scope
+) -> tuple[model.Property, ...]:
+    """The properties with the alternatives of true conditions in place; a later one replaces an earlier one."""
+    for alternative in alternatives:
+        if flag_of(alternative.when.condition, scope):
+            new = {prop.name: prop for prop in alternative.properties}
+            known = {prop.name for prop in properties}
+            kept = tuple(new.get(prop.name, prop) for prop in properties)
+            properties = (*kept, *(prop for name, prop in new.items() if name not in known))
+    return properties
+
+
+def _observing(agent: model.Agent, scope: Scope) -> model.Agent:
+    """The agent with the channels that it observes with these settings."""
+    if all(channel.when is None for channel in agent.observes):
+        return agent
+    observed = tuple(
+        msgspec.structs.replace(channel, when=None)
+        for channel in agent.observes
+        if channel.when is None or flag_of(channel.when.condition, scope)
+    )
+    return msgspec.structs.replace(agent, observes=observed)
+
+
+# -- folding of switches
+
+
+def _folded(expr: ex.Expr, switches: dict[str, bool]) -> ex.Expr:
+    """The expression with the values of switches, and without the parts that they decide."""
+    match expr:
+        case ex.Ref(kind="switch", name=name):
+            return ex.Flag(switches[name])
+        case ex.Unary(operator="not", operand=ex.Flag(value=value)):
+            return ex.Flag(not value)
+        case ex.Binary(operator="and", left=left, right=right):
+            return _decided(expr, left, right, by=False)
+        case ex.Binary(operator="or", left=left, right=right):
+            return _decided(expr, left, right, by=True)
+    return expr
+
+
+def _decided(expr: ex.Expr, left: ex.Expr, right: ex.Expr, *, by: bool) -> ex.Expr:
+    """`a and b`, which is decided by one `false`, or `a or b`, which is decided by one `true`."""
+    for side, other in ((left, right), (right, left)):
+        if isinstance(side, ex.Flag):
+            return side if side.value is by else other
+    return expr
+
+
+def _rebuilt(value: T, fold: Callable[[ex.Expr], ex.Expr]) -> T:
+    """The value with every expression in it folded, from the innermost part outwards. Unchanged parts stay the same
+    objects."""
+    if isinstance(value, tuple):
+        items = tuple(_rebuilt(item, fold) for item in value)
+        same = all(new is old for new, old in zip(items, value, strict=True))
+        return value if same else items  # type: ignore[return-value]
+    if not isinstance(value, msgspec.Struct):
+        return value
+    changes = {
+        name: new for name in value.__struct_fields__ if (new := _rebuilt(old := getattr(value, name), fold)) is not old
+    }
+    whole = msgspec.structs.replace(value, **changes) if changes else value
+    return fold(whole) if isinstance(whole, ex.Expr) else whole  # type: ignore[return-value]

@@ -1,0 +1,167 @@
+"""The limit of claims: what is a claim, what is free, what happens beyond the limit, and that no receipt shows it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from msgspec.structs import replace
+
+from lingjing.kernel.inspections import Inspections
+from lingjing.kernel.rules import evaluate
+from lingjing.mission.expression import Call, Number, Sequence, Symbol, Text
+from lingjing.mission.instance import CountedSpec, InspectionSpec, LimitSpec
+from lingjing.testing import does, says, together
+from lingjing.testing import rescue as kit
+from lingjing.testing.rescue import decisions
+from lingjing.trace.records import BoundaryRecord, CameraPose, Route, Snapshot
+
+FRAME = "f1-uav[1]-nadir"
+WRONG = [(0.01 * k, 0.0, 0.01 * k + 0.01, 0.01) for k in range(8)]
+
+
+def limited(most: int, **changes: Any) -> Any:
+    limit = LimitSpec(name="positives", most=most, counts=(CountedSpec(kind="claims"),))
+    kernel = kit.kernel(kit.instance(limits=(limit,), **changes))
+    kernel.reset()
+    kernel.step(decisions(scout_1=does("takePhoto")))
+    return kernel
+
+
+def events(record: BoundaryRecord) -> list[str]:
+    return [event.kind for event in record.events]
+
+
+@pytest.mark.parametrize(("most", "guesses", "matched"), [(3, 2, True), (3, 3, False), (1, 0, True), (1, 1, False)])
+def test_a_true_claim_counts_only_within_the_limit(most: int, guesses: int, matched: bool) -> None:
+    kernel = limited(most)
+    record = kernel.step(
+        decisions(scout_1=together(*(kit.report(FRAME, box=box) for box in WRONG[:guesses]), kit.report(FRAME)))
+    ).record
+    assert ("matched" in events(record)) is matched
+    assert kernel.state.registry.progress.used["positives"] == min(most, guesses + 1)
+
+
+def test_a_claim_that_is_passed_on_is_free() -> None:
+    kernel = limited(2)
+    for _ in range(3):
+        kernel.step(decisions(scout_1=kit.report(FRAME, box=WRONG[0]), scout_2=kit.report(FRAME, box=WRONG[0])))
+    record = kernel.step(decisions(scout_2=kit.report(FRAME))).record
+    assert "matched" in events(record) and kernel.state.registry.progress.used["positives"] == 2
+
+
+def test_no_receipt_and_no_message_differs_beyond_the_limit() -> None:
+    """Agents receive the same with a limit of 1 and with one of 50, as long as nothing of it is a true claim."""
+    seen = []
+    for most in (1, 50):
+        kernel = limited(most)
+        outputs = [
+            kernel.step(decisions(scout_1=kit.report(FRAME, box=box), scout_2=kit.report(FRAME, box=box)))
+            for box in WRONG
+        ]
+        seen.append([(each.inboxes, each.record.receipts, each.record.messages) for each in outputs])
+    assert seen[0] == seen[1]
+
+
+def test_a_message_without_a_box_is_no_claim() -> None:
+    kernel = limited(1)
+    for _ in range(4):
+        kernel.step(decisions(scout_1=says("order", assignee="boat", position=(5.0, 5.0))))
+    assert kernel.state.registry.progress.used.get("positives", 0) == 0
+    assert "matched" in events(kernel.step(decisions(scout_1=kit.report(FRAME))).record)
+
+
+def test_a_request_of_another_route_is_a_claim_by_its_place() -> None:
+    check = InspectionSpec(
+        name="check", asset="boat", by=("uav[1]",), within_m=5.0, replan="order", destination="uav[2]"
+    )
+    kernel = limited(2, inspections=(check,))
+    routes = []
+    for place in ((1.0, 1.0), (1.0, 1.0), (2.0, 2.0), (3.0, 3.0)):
+        record = kernel.step(decisions(scout_1=says("order", assignee="boat", position=place))).record
+        routes.append([command.arguments for command in record.commands if command.verb == "replan"])
+    assert routes == [[{"x": 1.0, "y": 1.0}], [{"x": 1.0, "y": 1.0}], [{"x": 2.0, "y": 2.0}], []]
+
+
+def test_each_boundary_has_its_own_claims() -> None:
+    kernel = limited(2)
+    claims = []
+    for box in WRONG[:3]:
+        before = kernel.state.registry.progress
+        kernel.step(decisions(scout_1=kit.report(FRAME, box=box)))
+        claims.append((len(before.claims), len(kernel.state.registry.progress.claims)))
+    assert claims == [(0, 1), (1, 2), (2, 2)]
+
+
+# -- the ray of a box
+
+HIGH = "f1-uav[1]-high"
+"""A nadir picture from 100 m over (100 m, 0 m)."""
+
+
+def with_high_picture(kernel: Any) -> Any:
+    registry = kernel.state.registry
+    (frame,) = [info for info in registry.frames.values() if info.id == FRAME]
+    pose = CameraPose(position=(100.0, 0.0, 100.0), heading_deg=0.0, tilt_deg=90.0)
+    return replace(registry, frames=registry.frames.extended({HIGH: replace(frame, id=HIGH, pose=pose)}))
+
+
+def ray_distance(frame: str, box: tuple[float, ...], place: tuple[float, ...]) -> object:
+    kernel = limited(1)
+    registry = with_high_picture(kernel)
+    at = kernel._adjudicator.context_at(registry, registry.states, registry.time_s)
+    items = Sequence(tuple(Number(each) for each in box)), Sequence(tuple(Number(each) for each in place))
+    return evaluate(Call("ray_distance", (Text(frame), *items)), {}, at)
+
+
+@pytest.mark.parametrize(
+    ("box", "place", "metres"),
+    [
+        ((0.4, 0.4, 0.6, 0.6), (100.0, 0.0), 0.0),
+        ((0.4, 0.4, 0.6, 0.6), (130.0, 40.0), 50.0),
+        # At 84° the picture shows 90.04 m to each side of the ground: its middle right is 54.02 m to the east.
+        ((0.75, 0.45, 0.85, 0.55), (154.0, 0.0), 0.0),
+        ((0.75, 0.45, 0.85, 0.55), (120.0, 0.0), 0.0),  # a roof on the way
+        ((0.75, 0.45, 0.85, 0.55), (164.02, 0.0), 10.0),  # behind the place where the ray meets the ground
+        ((0.75, 0.45, 0.85, 0.55), (150.0, 12.0), 12.0),
+        ((0.75, 0.45, 0.85, 0.55), (90.0, 0.0), 10.0),  # on the other side
+    ],
+)
+def test_the_distance_from_a_ray_is_measured_up_to_the_ground(
+    box: tuple[float, ...], place: tuple[float, ...], metres: float
+) -> None:
+    assert ray_distance(HIGH, box, place) == pytest.approx(metres, abs=0.05)
+
+
+@pytest.mark.parametrize("frame", ["f9-uav[1]-nadir", ""])
+def test_an_unknown_picture_has_no_ray(frame: str) -> None:
+    assert ray_distance(frame, (0.4, 0.4, 0.6, 0.6), (0.0, 0.0)) is None
+
+
+# -- pictures of waypoints
+
+
+@pytest.mark.parametrize(
+    ("pictured", "later", "seen"), [(False, 0, {0, 1}), (True, 0, {0}), (False, 1, {0, 1}), (True, 1, set())]
+)
+def test_a_waypoint_counts_only_with_a_picture_that_shows_it(pictured: bool, later: int, seen: set[int]) -> None:
+    """The UAV stands near both waypoints; its picture of this boundary shows the first one alone."""
+    kernel = limited(1)
+    registry = with_high_picture(kernel)
+    uav = registry.states["uav[1]"].position
+    waypoints = ((110.0, 0.0, 0.0), (uav[0], uav[1] + 400.0, 0.0))
+    spec = InspectionSpec(name="check", asset="boat", by=("uav[1]",), within_m=2000.0, pictured=pictured, order="any")
+    route = Route(entity="boat", number=1, waypoints=waypoints, length_m=9.0, duration_s=9.0, time_s=0.0, request="r")
+    known = replace(registry, routes={"boat": route}, tick=registry.tick + later)
+    snapshot = Snapshot(time_s=registry.time_s, states=tuple(registry.states.values()))
+    after = Inspections(kit.instance(inspections=(spec,))).advance(known, known, [snapshot])
+    inspected = after.progress.inspected.get("check")
+    assert (inspected.seen if inspected else frozenset()) == frozenset(seen)
+
+
+def test_a_limit_of_claims_is_read_like_any_other() -> None:
+    kernel = limited(4)
+    kernel.step(decisions(scout_1=kit.report(FRAME, box=WRONG[0])))
+    registry = kernel.state.registry
+    at = kernel._adjudicator.context_at(registry, registry.states, registry.time_s)
+    assert evaluate(Call("used", (Symbol("positives"),)), {}, at) == 1.0
