@@ -240,7 +240,12 @@ class _InspectionAbility(Ability):
         jam = self._jam(truth, route)
         if jam is not None and segment(truth, route, jam) <= place:
             return self._look_at(truth, jam, route)
-        x, y, z = route.waypoints[self._farthest(truth, route, place)]
+        if self._inspection.pictured:
+            x, y, z = route.waypoints[place]
+            if math.dist(truth.place(body.id), (x, y)) <= 0.6 * self._inspection.within_m:
+                return self._aircraft.photo()
+        else:
+            x, y, z = route.waypoints[self._farthest(truth, route, place)]
         return self._aircraft.to(truth, x, y, self._aircraft.altitude(truth, (x, y), z))
 
     def _look_at(self, truth: PrivilegedState, jam: Entity, route: Route) -> Action | None:
