@@ -46,7 +46,7 @@ def at_tier_0(mission: model.Mission) -> model.Mission:
 
 
 def _without_absent(value: T) -> T:
-    """The value without the declarations in it whose condition is `false`, and without conditions that are `true`."""
+    """The value without declarations of a false condition, and without true conditions."""
     if isinstance(value, tuple):
         kept = tuple(_without_absent(item) for item in value if _guard_of(item) != ex.Flag(False))
         return value if len(kept) == len(value) and all(a is b for a, b in zip(kept, value, strict=True)) else kept  # type: ignore[return-value]
