@@ -53,6 +53,7 @@ VERBS = (
     _CommandVerb("why", "explain the outcome of an episode"),
     _CommandVerb("shrink", "make the smallest mission that fails as a trace did", computes=True),
     _CommandVerb("view", "show an episode in the browser, or as one HTML file", computes=True),
+    _CommandVerb("serve", "serve an episode to programs that speak AirSim's API", computes=True),
     _CommandVerb("film", "make a film of an episode, MP4 or GIF", computes=True),
     _CommandVerb("metrics", "compute the paper's metrics of traces"),
     _CommandVerb("report", "make the paper's figures from your own runs", computes=True),

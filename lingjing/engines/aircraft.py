@@ -155,6 +155,11 @@ class Aircraft(ABC):
         return self.phase in (FlightPhase.FLYING, FlightPhase.DESCENDING)
 
     @property
+    def descends(self) -> bool:
+        """True if contact with a surface below is a landing and no collision."""
+        return self.phase is FlightPhase.DESCENDING
+
+    @property
     def fastest_mps(self) -> float:
         """Upper bound of the speed in the next seconds, m/s."""
         return max(self.cruise_mps, math.hypot(*self.velocity)) + self.spurt_mps
@@ -217,7 +222,8 @@ class Aircraft(ABC):
         """Return the notice of a collision, if there is one."""
         x, y, z = self.position
         launched = math.hypot(x - self._launch[0], y - self._launch[1]) < self.launch_m
-        if launched and z > self._launch[2] - self.launch_drop_m and self.phase is FlightPhase.FLYING:
+        near_start = launched and z > self._launch[2] - self.launch_drop_m
+        if near_start and self.phase is FlightPhase.FLYING and not self.descends:
             return None
         for other in self.around:
             if other.touches(self.middle, self.radius_m, self.half_height_m, now_s):
@@ -226,7 +232,7 @@ class Aircraft(ABC):
         if low > self._terrain.ceiling_m(x, y):
             return None
         solids = self._terrain.solids_at(x, y, low, high, self.radius_m)
-        if self.phase is FlightPhase.DESCENDING and self.touchdown(solids, low):
+        if self.descends and self.touchdown(solids, low):
             return None
         if solids:
             return self.strike(solids[0].id)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import datetime as dt
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
@@ -22,7 +23,7 @@ from lingjing.errors import ErrorCollector, UsageError
 from lingjing.kernel.ambient_random import generator_states, generators_advanced, load_generators
 from lingjing.kernel.barrier import Barrier, PolicyBarrier
 from lingjing.kernel.cities import CityBuilder
-from lingjing.kernel.episode import Progress, play, reset_policies
+from lingjing.kernel.episode import DecisionSource, Progress, play, reset_policies
 from lingjing.kernel.evaluators import build_evaluators
 from lingjing.kernel.step import Kernel
 from lingjing.kernel.world import open_world
@@ -65,6 +66,16 @@ TRACE_NAME = "trace.mcap"
 """The file name of the trace in a run's folder."""
 OVERVIEW_NAME = "overview.png"
 """The file name of the overview picture in a run's folder."""
+
+
+@dataclass(frozen=True, slots=True)
+class OutsideControl:
+    """The control of an episode from outside of its policies."""
+
+    change: Callable[[Instance], Instance]
+    """Changes the instance before it is placed in its city."""
+    source: Callable[[Kernel, Barrier, City], DecisionSource]
+    """Makes the source of decisions around the barrier of the policies."""
 
 
 class EpisodeInterrupted(KeyboardInterrupt):
@@ -122,15 +133,18 @@ class Session:
         out: str | Path | None = None,
         progress: Callable[[Progress], None] | None = None,
         loaded: Mapping[str, PolicyPlugin] | None = None,
+        outside: OutsideControl | None = None,
     ) -> EpisodeReport:
         """Play the episode of the options and return its report.
 
         `mission` is the compiled mission of the options, if the caller has it. `loaded` are loaded policies by their
-        names in the options. Raises the errors of `lingjing.run`.
+        names in the options. `outside` controls the episode beside the policies. Raises the errors of `lingjing.run`.
         """
         server = self._server_of(options, loaded or {})
         prepared = prepare(options, mission or compiled(options), self.host, loaded or {}, server=server)
-        return self._play(prepared, options, out, progress, server)
+        if outside is not None:
+            prepared = replace(prepared, instance=outside.change(prepared.instance))
+        return self._play(prepared, options, out, progress, server, outside)
 
     def _server_of(self, options: PlayOptions, loaded: Mapping[str, PolicyPlugin]) -> ForkServerClient | None:
         """Return the server that forks the processes of policies; None if policies run in this process.
@@ -147,6 +161,7 @@ class Session:
         out: str | Path | None,
         progress: Callable[[Progress], None] | None,
         server: ForkServerClient | None,
+        outside: OutsideControl | None = None,
     ) -> EpisodeReport:
         instance, city = self._cities.place(prepared.instance, imported=bool(prepared.places))
         moves = tuple(displacements(prepared.instance, instance, prepared.places))
@@ -177,7 +192,8 @@ class Session:
         recorder.append(writer)
         calls.keep_in(folder)
         try:
-            outcome = play(kernel, barrier, writer, progress)
+            source = barrier if outside is None else outside.source(kernel, barrier, city)
+            outcome = play(kernel, source, writer, progress)
         except KeyboardInterrupt:
             self.close()
             ended = writer.path if writer.path.exists() else writer.part  # it may be complete

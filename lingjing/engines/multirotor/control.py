@@ -1,4 +1,4 @@
-"""The position controller: roll, pitch, yaw rate and thrust towards a destination, 50 times a second.
+"""The controller: roll, pitch, yaw rate and thrust towards a destination or at a wanted velocity, 50 times a second.
 
 It is a cascade, as in common flight controllers. The remaining distance gives a speed that can still be braked away:
 linear near the goal, a square root farther out. The acceleration of this demand is limited. The speed error gives an
@@ -22,10 +22,10 @@ BRAKE_MPS2 = 2.0
 _ACCELERATE_MPS2 = 3.0
 """Limit of the change of the demanded velocity, m/s^2 (chosen)."""
 
-_CLIMB_MPS = 4.0
+CLIMB_MPS = 4.0
 """Largest climb rate, m/s (chosen)."""
 
-_SINK_MPS = 3.0
+SINK_MPS = 3.0
 """Largest sink rate, m/s (chosen)."""
 
 _LIFT_MPS2 = 2.0
@@ -71,11 +71,11 @@ def _braking_speed(distance: float, brake: float) -> float:
     return math.sqrt(2.0 * brake * (distance - 0.5 * knee))
 
 
-def _wanted_velocity(position: Vector, goal: Vector, cruise: float) -> Vector:
+def wanted_velocity(position: Vector, goal: Vector, cruise: float) -> Vector:
     """Return the velocity demand on the way to `goal`; the climb and the horizontal motion end together."""
     east, north, up = goal[0] - position[0], goal[1] - position[1], goal[2] - position[2]
     level = math.hypot(east, north)
-    limit = _CLIMB_MPS if up > 0.0 else _SINK_MPS
+    limit = CLIMB_MPS if up > 0.0 else SINK_MPS
     speed = min(cruise, _braking_speed(level, BRAKE_MPS2))
     if abs(up) > 1.0:
         speed = min(speed, max(level * limit / abs(up), _POSITION_GAIN * min(level, 1.0)))
@@ -105,12 +105,13 @@ class PositionController:
         self._demand: Vector = (0.0, 0.0, 0.0)
         self._trim: Vector = (0.0, 0.0, 0.0)
 
-    def fly(
-        self, position: Vector, velocity: Vector, attitude: Vector, goal: Vector, cruise: float, face: float
-    ) -> _AttitudeDemand:
-        """Return the demands of one period. `attitude` is (roll, pitch, heading), `face` the demanded heading; rad."""
+    def fly(self, velocity: Vector, attitude: Vector, wanted: Vector, face: float) -> _AttitudeDemand:
+        """Return the demands of one period for a wanted velocity, m/s.
+
+        `attitude` is (roll, pitch, heading), `face` the demanded heading; rad.
+        """
         before = self._demand
-        demand = self._demand = self._limited(_wanted_velocity(position, goal, cruise))
+        demand = self._demand = self._limited(wanted)
         error = (demand[0] - velocity[0], demand[1] - velocity[1], demand[2] - velocity[2])
         trim, drag = self._trim, _DRAG / self.mass_kg * math.hypot(demand[0], demand[1])
         east = _VELOCITY_GAIN * error[0] + trim[0] + (demand[0] - before[0]) / PERIOD_S + drag * demand[0]

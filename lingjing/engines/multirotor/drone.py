@@ -15,14 +15,14 @@ from typing import Literal
 from lingjing.engines.aircraft import DONE, PERIOD_S, STEPS, Aircraft, AircraftEngine, FlightNotice, FlightPhase
 from lingjing.engines.battery import Battery
 from lingjing.engines.multirotor.airframe import LIFT_N, MASS_KG, QuadrotorAirframe
-from lingjing.engines.multirotor.control import BRAKE_MPS2, PositionController
+from lingjing.engines.multirotor.control import BRAKE_MPS2, CLIMB_MPS, SINK_MPS, PositionController, wanted_velocity
 from lingjing.engines.multirotor.power import RotorPower, hover_power
-from lingjing.engines.multirotor.verbs import KIND, Situation, plan
+from lingjing.engines.multirotor.verbs import KIND, LAND, STEER, Situation, plan
 from lingjing.engines.sea import GRAVITY
 from lingjing.mission.footprint import stands
-from lingjing.mission.instance import Entity, Weather
+from lingjing.mission.instance import Entity, Vector, Weather
 from lingjing.mission.vocabulary import BATTERY_EMPTY
-from lingjing.plugins.requests import STOP, Refusal
+from lingjing.plugins.requests import STOP, Refusal, number, optional_number
 from lingjing.plugins.stock import Accounts, Stock
 from lingjing.scene.blocks import Block
 from lingjing.scene.terrain import Terrain
@@ -76,11 +76,14 @@ class Drone(Aircraft):
         self._power = RotorPower()
         self._stock = Stock(entity)
         self._full_cruise = self.cruise_mps = entity.number_or("cruise_mps", CRUISE_MPS)
+        self._origin = origin
         self._airframe = QuadrotorAirframe(origin, entity.position[2], entity.heading_deg)
         self._controller = PositionController()
         self._face = self._attitude[2]
         self._goal = entity.position
         self._spun = 0
+        self._steered: Vector | None = None
+        self._landing = False
         self._load_kg = 0.0
         self.load({})
         if not stands(entity, terrain.support(*entity.position)):
@@ -93,13 +96,18 @@ class Drone(Aircraft):
         return self._battery.empty
 
     @property
+    def descends(self) -> bool:
+        """True if contact with a surface below is a landing: without energy, or after `land`."""
+        return self._landing or super().descends
+
+    @property
     def status(self) -> DroneStatus:
         """Present status word."""
         if not self.alive:
             return DEAD
         if self.phase is FlightPhase.GROUNDED:
             return GROUNDED
-        if self._legs:
+        if self._legs or self._steered is not None or self._landing:
             return "moving"
         return "drifting" if math.dist(self.position, self._goal) > _DRIFTED_M else "hovering"
 
@@ -109,21 +117,60 @@ class Drone(Aircraft):
         return {**self._battery.resources, **self._stock.amounts}
 
     def start(self, command: Command) -> None:
-        """Begin a task. Raises `Refusal` with `overloaded` or with a reason of `plan`."""
+        """Begin a task. Raises `Refusal` with `overloaded`, `busy` or with a reason of `plan`."""
+        if command.verb in (STEER, LAND):
+            self._follow(command)
+            return
+        self._steered, self._landing = None, False
         if command.verb == STOP:
             self._brake()
             return
         grounded = self.phase in (FlightPhase.GROUNDED, FlightPhase.SPINUP)
         here = Situation(self.position, self._attitude[2], grounded, self._battery.left_wh)
         task = plan(command, here, self._terrain, self._floor)
-        if (MASS_KG + self._load_kg) * GRAVITY * _RESERVE > LIFT_N:
-            raise Refusal("overloaded", f"`{self.id}` cannot lift {self._load_kg:g} kg")
+        self._check_load()
         self._begin(*task.legs, arrives=task.arrives)
         self._goal = task.legs[0]
         if task.face_rad is not None:
             self._face = task.face_rad
         if self.phase is FlightPhase.GROUNDED:
             self.phase = FlightPhase.SPINUP
+
+    def _check_load(self) -> None:
+        if (MASS_KG + self._load_kg) * GRAVITY * _RESERVE > LIFT_N:
+            raise Refusal("overloaded", f"`{self.id}` cannot lift {self._load_kg:g} kg")
+
+    def _follow(self, command: Command) -> None:
+        """Take over a set-point. Raises `Refusal`: `busy` beside a pending request, `grounded`, `overloaded`."""
+        if self._legs:
+            raise Refusal("busy", f"`{self.id}` is still busy; `stop` ends it")
+        grounded = self.phase in (FlightPhase.GROUNDED, FlightPhase.SPINUP)
+        if command.verb == LAND:
+            if not grounded:
+                x, y, _ = self._ahead(math.hypot(*self.velocity) / (2.0 * BRAKE_MPS2))
+                self._goal = (x, y, self._terrain.support(x, y, self.position[2]) - 2.0)
+                self._steered, self._landing = None, True
+            return
+        self._steer((number(command, "east"), number(command, "north"), number(command, "up")), grounded=grounded)
+        heading = optional_number(command, "heading")
+        if heading is not None:
+            self._face = math.radians(heading)
+
+    def _steer(self, velocity: Vector, *, grounded: bool) -> None:
+        east, north, up = velocity
+        if grounded and self.phase is FlightPhase.GROUNDED:
+            if up <= 0.0:
+                raise Refusal(GROUNDED, f"`{self.id}` is on the ground: it takes off with `up` > 0")
+            self._check_load()
+            self.phase = FlightPhase.SPINUP
+        moving = any(velocity)
+        if not moving and not grounded and (self._landing or self._steered is not None):
+            self._brake()
+            self._legs = ()  # a set-point is no request that would have to be completed
+        self._landing = False
+        scale = min(1.0, self.cruise_mps / max(math.hypot(east, north), 1e-9))
+        clipped = east * scale, north * scale, min(max(up, -SINK_MPS), CLIMB_MPS)
+        self._steered = clipped if moving else None
 
     def _brake(self) -> None:
         """Stop with the braking deceleration and hover there. A vehicle that is still on the ground stays there."""
@@ -162,9 +209,25 @@ class Drone(Aircraft):
         x, y, _ = self.position
         if not all(solid.top_at(x, y) < low_m + _TOUCH_M for solid in solids):
             return False
-        if low_m <= self._terrain.support(x, y, low_m + _TOUCH_M):
-            self._rest()
+        top = self._terrain.support(x, y, low_m + _TOUCH_M)
+        if low_m <= top:
+            afloat = self._terrain.water_level(x, y) is not None and top <= self._terrain.surface(x, y)
+            if self._landing and not afloat and not self._battery.empty:
+                self._settle(top + self.position[2] - low_m)
+            else:
+                self._rest()
         return True
+
+    def _settle(self, z: float) -> None:
+        """Stand at elevation `z` after a landing, with rotors at rest, ready for another take-off."""
+        self._rest()
+        self.position = self._launch = self._goal = (self.position[0], self.position[1], z)
+        self.phase, self._spun, self._landing = FlightPhase.GROUNDED, 0, False
+        self._airframe = QuadrotorAirframe(self._origin, z, math.degrees(self._attitude[2]))
+        self._airframe.set_load(self._load_kg)
+        self._controller = PositionController()
+        self._controller.mass_kg = MASS_KG + self._load_kg
+        self._face = self._attitude[2]
 
     def _spin_up(self) -> None:
         self._airframe.command(0.0, 0.0, 0.0, self._controller.mass_kg * GRAVITY)
@@ -176,7 +239,8 @@ class Drone(Aircraft):
 
     def _fly(self, weather: Weather) -> None:
         airframe, fly = self._airframe, self._controller.fly
-        demand = fly(self.position, self.velocity, self._attitude, self._goal, self.cruise_mps, self._face)
+        wanted = self._steered or wanted_velocity(self.position, self._goal, self.cruise_mps)
+        demand = fly(self.velocity, self._attitude, wanted, self._face)
         airframe.set_wind(*self._gust.next(weather))
         airframe.command(*demand)
         airframe.step(STEPS)
@@ -188,7 +252,7 @@ class Drone(Aircraft):
         if self.phase is not FlightPhase.FLYING or not self._battery.empty:
             return None
         x, y, _ = self._ahead(math.hypot(*self.velocity) / (2.0 * BRAKE_MPS2))
-        self.phase = FlightPhase.DESCENDING
+        self.phase, self._steered, self._landing = FlightPhase.DESCENDING, None, False
         self._goal = (x, y, self._terrain.support(x, y, self.position[2]) - 2.0)
         return FlightNotice(BATTERY_EMPTY)
 
@@ -209,3 +273,4 @@ class MultirotorEngine(AircraftEngine):
     """The engine of all multirotors of an episode."""
 
     aircraft = Drone
+    at_once = (STEER, LAND)

@@ -22,6 +22,15 @@ TAKEOFF_M = 10.0
 """Height above the take-off point, metres: the default of `takeoff`, and the first climb towards a destination
 (chosen)."""
 
+STEER, LAND = "steer", "land"
+"""The verbs of set-points. No mission declares them: a face that flies a vehicle from outside (`lingjing.serve`) adds
+them to the vehicles of its episode. They complete when they are admitted.
+
+- `steer(east, north, up, heading)`: fly at this velocity over ground, m/s, until the next command. Without a velocity
+  the vehicle brakes and holds its place. `heading` in degrees is optional. A grounded vehicle takes off if `up` > 0.
+- `land()`: descend at the present place to the surface below.
+"""
+
 _FACING_M = 3.0
 """Distance below which a destination does not change the heading, metres (chosen)."""
 _ROUNDING_M = 1e-6

@@ -1,0 +1,89 @@
+"""The running episode as the methods see it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from lingjing.mission.instance import Instance
+from lingjing.plugins.policy import Picture
+from lingjing.serve.airsim.arguments import Arguments
+from lingjing.serve.airsim.pictures import ImageWish
+from lingjing.serve.airsim.server import Call, Client
+from lingjing.serve.airsim.vehicles import Fleet, Surroundings, Vehicle
+from lingjing.trace.records import BodyState
+
+
+@dataclass(eq=False)
+class PictureWait:
+    """A call that waits for pictures."""
+
+    call: Call
+    vehicle: Vehicle
+    wishes: tuple[ImageWish, ...]
+    answer: Callable[[dict[str, Picture]], object]
+    """Makes the result from the pictures by camera."""
+    pictures: dict[str, Picture] = field(default_factory=dict)
+    """The pictures so far, by camera."""
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """The cameras without a picture, in the order of the request."""
+        wanted = dict.fromkeys(wish.camera.name for wish in self.wishes)
+        return tuple(name for name in wanted if name not in self.pictures)
+
+
+@dataclass(eq=False)
+class Context:
+    """The episode at a boundary, and the state of its clients' control."""
+
+    instance: Instance
+    fleet: Fleet
+    surroundings: Surroundings
+    objects: tuple[str, ...]
+    """Ids of the bodies of the mission that are not hidden."""
+    time_s: float = 0.0
+    states: dict[str, BodyState] = field(default_factory=dict)
+    """The states of all bodies."""
+    paused: bool = False
+    """True while `simPause` holds: only pictures and `simContinueForTime` let time pass."""
+    run_until_s: float = 0.0
+    """Mission time at which `simContinueForTime` pauses."""
+    run_call: Call | None = None
+    """The call of `simContinueForTime` that waits."""
+    waits: list[PictureWait] = field(default_factory=list)
+    """The calls that wait for pictures."""
+    flying: dict[str, Call] = field(default_factory=dict)
+    """Vehicle → the call that waits for the end of its task."""
+    resets: bool = False
+    """True after `reset`."""
+
+    @property
+    def tick_s(self) -> float:
+        """Length of a tick, seconds."""
+        return self.instance.clock.tick_s
+
+    @property
+    def waiting(self) -> bool:
+        """True if an answer depends on time that passes."""
+        return bool(self.waits or self.flying or self.run_call)
+
+    def drop(self, client: Client) -> None:
+        """Forget a client that has gone: its tasks end, and their vehicles hold their places."""
+        self.waits = [wait for wait in self.waits if wait.call.client is not client]
+        for name, call in tuple(self.flying.items()):
+            if call.client is client:
+                self.fleet.find(name).pilot.cancel()
+        if self.run_call is not None and self.run_call.client is client:
+            self.run_call = None
+
+
+class Later:
+    """The result of a method that answers its call later."""
+
+
+LATER = Later()
+"""The only `Later`."""
+
+Method = Callable[[Context, Call, Arguments], object]
+"""A served method. Returns a result of plain values or `LATER`. Raises `CallError`."""

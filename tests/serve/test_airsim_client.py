@@ -1,0 +1,261 @@
+"""Scripts of the real client package fly in our city."""
+
+from __future__ import annotations
+
+import asyncio
+import io
+import math
+import subprocess
+import sys
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from lingjing.cli.main import main
+from lingjing.trace.records import GROUNDED
+from tests.serve.conftest import Serve, Served, thoughts
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")
+    airsim: Any = pytest.importorskip("cosysairsim", reason="the client is not installed: requirements-nodeps-dev.txt")
+rpc_error: Any = pytest.importorskip("msgpackrpc.error").RPCError
+
+
+@pytest.fixture(autouse=True)
+def loop() -> Iterator[None]:
+    """The client takes the thread's event loop, which pytest-asyncio closes."""
+    made = asyncio.new_event_loop()
+    asyncio.set_event_loop(made)
+    yield
+    made.close()
+    asyncio.set_event_loop(None)
+
+
+def connected(served: Served, *vehicles: str) -> Any:
+    client = airsim.MultirotorClient(port=served.port)
+    client.confirmConnection()
+    for name in vehicles or ("",):
+        client.enableApiControl(True, name)
+        assert client.armDisarm(True, name)
+    return client
+
+
+def leave(client: Any) -> None:
+    client.client.close()
+
+
+def place(client: Any, vehicle: str = "") -> tuple[float, float, float]:
+    at = client.simGetVehiclePose(vehicle).position
+    return at.x_val, at.y_val, at.z_val
+
+
+def seconds(client: Any) -> float:
+    return float(client.getMultirotorState().timestamp) / 1e9
+
+
+def test_a_drone_takes_off_hovers_turns_and_lands_and_the_trace_replays(serve: Serve) -> None:
+    served = serve("--scene", "bay")
+    client = connected(served)
+    assert client.listVehicles() == ["drone1"]
+    assert client.getMultirotorState().landed_state == airsim.LandedState.Landed
+    client.takeoffAsync().join()
+    assert client.getMultirotorState().landed_state == airsim.LandedState.Flying
+    assert math.dist(place(client), (0.0, 0.0, -3.0)) < 0.8
+    client.hoverAsync().join()
+    before = seconds(client)
+    assert seconds(client) == before, "without a call that waits, time stands still at this pace"
+    client.simContinueForTime(5.0)
+    assert seconds(client) - before == pytest.approx(5.0)
+    assert client.simIsPause()
+    client.simPause(False)
+    assert math.dist(place(client), (0.0, 0.0, -3.0)) < 1.0, "it holds its place"
+    client.rotateToYawAsync(90.0, margin=2.0).join()
+    turn = client.simGetVehiclePose().orientation
+    assert math.degrees(2.0 * math.atan2(turn.z_val, turn.w_val)) == pytest.approx(90.0, abs=4.0)
+    assert client.getDistanceSensorData("down").distance == pytest.approx(-place(client)[2], abs=0.4)
+    force = client.getImuData().linear_acceleration
+    assert force.z_val == pytest.approx(-9.8, abs=1.0)
+    client.landAsync().join()
+    assert client.getMultirotorState().landed_state == airsim.LandedState.Landed
+    assert abs(place(client)[2]) < 0.2
+    client.takeoffAsync().join()
+    assert place(client)[2] < -2.0, "a landed drone flies again"
+    leave(client)
+    trace = served.finish()
+    assert trace.outcome is not None and trace.outcome.success
+    assert any("takeoff(20, '')" in line for _, line in thoughts(trace))
+    assert main(["replay", str(trace.path)]) == 0
+
+
+def test_velocities_and_paths_are_north_east_down(serve: Serve) -> None:
+    served = serve("--scene", "bay")
+    client = connected(served)
+    client.takeoffAsync().join()
+    client.moveToZAsync(-10, 3).join()
+    assert place(client)[2] == pytest.approx(-10.0, abs=0.8)
+    start = place(client)
+    client.moveByVelocityAsync(0, 4, 0, 5).join()
+    north, east, _ = (b - a for a, b in zip(start, place(client), strict=True))
+    assert east == pytest.approx(18.0, abs=3.0) and abs(north) < 1.0
+    speed = client.getMultirotorState().kinematics_estimated.linear_velocity
+    assert speed.y_val == pytest.approx(4.0, abs=0.5)
+    gps = client.getGpsData().gnss.geo_point
+    corners = [airsim.Vector3r(0, 20, -12), airsim.Vector3r(30, 20, -12), airsim.Vector3r(30, 0, -12)]
+    client.moveOnPathAsync(corners, 6, 120, airsim.DrivetrainType.ForwardOnly, airsim.YawMode(False, 0)).join()
+    assert math.dist(place(client), (30.0, 0.0, -12.0)) < 1.2
+    later = client.getGpsData().gnss.geo_point
+    assert later.latitude > gps.latitude and later.longitude < gps.longitude
+    heading = client.simGetVehiclePose().orientation
+    assert math.degrees(2.0 * math.atan2(heading.z_val, heading.w_val)) % 360 == pytest.approx(270.0, abs=15.0)
+    task = client.moveToPositionAsync(0, 0, -12, 3)
+    client.cancelLastTask()
+    task.join()
+    assert task.get() is False
+    client.goHomeAsync().join()
+    assert math.hypot(*place(client)[:2]) < 1.0
+    leave(client)
+    served.finish()
+
+
+def test_images_of_a_survey(serve: Serve) -> None:
+    served = serve("--scene", "bay", "--camera", "160x90")
+    client = connected(served)
+    client.takeoffAsync().join()
+    client.moveToPositionAsync(15, 20, -20, 8).join()
+    types = airsim.ImageType
+    scene, planar, perspective, classes, raw = client.simGetImages(
+        [
+            airsim.ImageRequest("3", types.Scene),
+            airsim.ImageRequest("bottom_center", 1, True, False),
+            airsim.ImageRequest("nadir", 2, True, False),
+            airsim.ImageRequest("nadir", types.Segmentation, False, False),
+            airsim.ImageRequest("0", types.Scene, False, False),
+        ]
+    )
+    picture = np.asarray(Image.open(io.BytesIO(scene.image_data_uint8)))
+    assert picture.shape == (90, 160, 3)
+    depth = np.array(planar.image_data_float).reshape(90, 160)
+    along = np.array(perspective.image_data_float).reshape(90, 160)
+    below = client.getDistanceSensorData("down").distance  # from the city's terrain, not from the picture
+    assert np.median(depth) == pytest.approx(below, abs=0.5)
+    assert np.all(along >= depth - 1e-3) and along[0, 0] > 1.2 * depth[0, 0]
+    assert len(classes.image_data_uint8) == len(raw.image_data_uint8) == 90 * 160 * 3
+    assert scene.camera_position.z_val == pytest.approx(place(client)[2], abs=0.5)
+    assert client.simGetImage("0", types.Scene)[:4] == b"\x89PNG"
+    info = client.simGetCameraInfo("0")
+    assert info.fov == 90.0
+    with pytest.raises(rpc_error, match="no camera `back_center`: front, nadir"):
+        client.simGetImage("back_center", types.Scene)
+    with pytest.raises(rpc_error, match="image type 7 is not served"):
+        client.simGetImages([airsim.ImageRequest("0", types.Infrared)])
+    leave(client)
+    trace = served.finish()
+    assert sum(len(record.frames) for record in trace.boundaries) == 3
+
+
+def test_two_drones_fly_at_once_and_a_reset_begins_another_episode(serve: Serve) -> None:
+    served = serve("--scene", "bay", "--drones", "2")
+    client = connected(served, "Drone1", "drone2")
+    assert client.listVehicles() == ["drone1", "drone2"]
+    both = [client.takeoffAsync(vehicle_name=name) for name in ("Drone1", "Drone2")]
+    for task in both:
+        task.join()
+    before = seconds(client)
+    both = [
+        client.moveToPositionAsync(-20, 0, -8, 5, vehicle_name="Drone1"),
+        client.moveToPositionAsync(20, 0, -8, 5, vehicle_name="Drone2"),
+    ]
+    for task in both:
+        task.join()
+    assert seconds(client) - before < 10.0, "both fly in the same time"
+    assert place(client, "Drone1")[0] == pytest.approx(-20.0, abs=1.0)
+    assert place(client, "Drone2")[0] == pytest.approx(20.0, abs=1.0)
+    client.reset()
+    assert place(client, "Drone1") == (0.0, 0.0, 0.0)
+    assert not client.isApiControlEnabled("Drone1")
+    with pytest.raises(rpc_error, match="API control of `drone1` is off"):
+        client.takeoffAsync(vehicle_name="Drone1").get()
+    with pytest.raises(rpc_error, match="there is no vehicle `Ghost`: drone1, drone2"):
+        client.getMultirotorState("Ghost")
+    leave(client)
+    assert served.finish().outcome is not None
+    assert (served.folder.with_name("run0-2") / "trace.mcap").is_file()
+
+
+def test_a_wrong_or_unserved_call_is_answered_with_a_message(serve: Serve) -> None:
+    served = serve("--scene", "bay")
+    client = connected(served)
+    for call, message in (
+        (client.getLidarData, "`getLidarData` is not served"),
+        (lambda: client.simSetWind(airsim.Vector3r(9, 0, 0)), "`simSetWind` is not served"),
+        (lambda: client.moveToPositionAsync(float("nan"), 0, 0, 5).get(), "`x` of `moveToPosition` is a finite number"),
+        (lambda: client.moveToPositionAsync("a", 0, 0, 5).get(), "`x` of `moveToPosition` is a number, not 'a'"),
+        (lambda: client.moveToPositionAsync(1, 0, 0, 0).get(), "`velocity` is a speed above 0"),
+        (lambda: client.moveOnPathAsync([], 5).get(), "`path` of `moveOnPath` is a list of 1 to"),
+        (lambda: client.client.call("ping", 1), "`ping` has 0 arguments"),
+        (lambda: client.simListSceneObjects("(a+)+b"), "without nested repetitions"),
+    ):
+        with pytest.raises(rpc_error, match=message.replace("(", r"\(").replace("`", "`")):
+            call()
+    assert client.ping()
+    leave(client)
+    served.finish()
+
+
+def test_a_killed_client_leaves_a_drone_that_holds_its_place(serve: Serve) -> None:
+    served = serve("--scene", "bay")
+    watcher = connected(served)
+    watcher.takeoffAsync().join()
+    script = (
+        "import cosysairsim, sys\n"
+        f"client = cosysairsim.MultirotorClient(port={served.port})\n"
+        "client.ping()\n"
+        "task = client.moveToPositionAsync(300, 0, -10, 5)\n"
+        "print('flies', flush=True)\n"
+        "task.join()\n"
+    )
+    victim = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
+    assert victim.stdout is not None and victim.stdout.readline() == "flies\n"
+    while not watcher.getMultirotorState().kinematics_estimated.linear_velocity.x_val > 1.0:
+        pass
+    victim.kill()
+    victim.wait(60)
+    watcher.simContinueForTime(10.0)
+    reached = place(watcher)
+    watcher.simContinueForTime(10.0)
+    assert math.dist(place(watcher), reached) < 1.0
+    leave(watcher)
+    trace = served.finish()
+    assert trace.boundaries[-1].snapshots[-1].states[0].status != GROUNDED
+
+
+def test_the_drones_of_a_mission_fly_and_its_hidden_targets_stay_hidden(serve: Serve) -> None:
+    served = serve("ssr", "--mode", "broadcast")
+    client = connected(served)
+    assert client.listVehicles() == ["uav1", "uav2", "uav3"]
+    assert client.simListSceneObjects() == ["uav1", "uav2", "uav3", "boat"]
+    assert math.isnan(client.simGetObjectPose("victim1").position.x_val)
+    client.takeoffAsync().join()
+    assert place(client)[2] < -2.0
+    leave(client)
+    served.process.communicate(timeout=120)
+    assert (served.folder / "trace.mcap.part").is_file(), "a mission that a client leaves is not complete"
+    assert served.process.returncode == 0
+
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize("name", ["airsim_hover.py", "airsim_survey.py"])
+def test_the_examples_fly(serve: Serve, name: str, tmp_path: Path) -> None:
+    served = serve("--scene", "bay")
+    command = [sys.executable, str(ROOT / "examples" / name), "--port", str(served.port)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, cwd=tmp_path, check=False)
+    assert done.returncode == 0, done.stderr
+    trace = served.finish()
+    assert trace.outcome is not None and trace.outcome.success
