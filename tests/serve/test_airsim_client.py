@@ -112,6 +112,13 @@ def test_velocities_and_paths_are_north_east_down(serve: Serve) -> None:
     assert later.latitude > gps.latitude and later.longitude < gps.longitude
     heading = client.simGetVehiclePose().orientation
     assert math.degrees(2.0 * math.atan2(heading.z_val, heading.w_val)) % 360 == pytest.approx(270.0, abs=15.0)
+    start = place(client)
+    client.moveByRollPitchYawZAsync(
+        0, 0.2, 0, -12, 2
+    ).join()  # the client's positive pitch is nose down: forwards, north
+    north, east, down = (b - a for a, b in zip(start, place(client), strict=True))
+    assert north > 1.0 and abs(down) < 1.0, (north, east, down)
+    client.simPlotLineStrip(corners)
     task = client.moveToPositionAsync(0, 0, -12, 3)
     client.cancelLastTask()
     task.join()

@@ -6,6 +6,7 @@ import contextlib
 import socket
 import subprocess
 import sys
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -79,6 +80,38 @@ def test_frames_that_break_the_protocol_end_their_connection_alone(serve: Serve)
         wire.socket.close()
     trace = served.finish()
     assert trace.outcome is not None and trace.outcome.success
+
+
+def test_a_client_with_endless_calls_stops_no_flight_of_another(serve: Serve) -> None:
+    served = serve("--scene", "bay")
+    flier, chatter = Wire(served.port), Wire(served.port)
+    flier.call("enableApiControl", True, "")
+    ended = threading.Event()
+
+    def chat() -> None:
+        with contextlib.suppress(OSError):
+            while not ended.is_set():
+                chatter.call("ping")
+
+    thread = threading.Thread(target=chat)
+    thread.start()
+    assert flier.call("takeoff", 20, "", number=9) == [1, 9, None, True]
+    ended.set()
+    thread.join(60)
+    flier.socket.close()
+    chatter.socket.close()
+    served.finish()
+
+
+def test_a_client_that_leaves_during_a_run_of_a_year_ends_it(serve: Serve) -> None:
+    served = serve("--scene", "bay")
+    watcher, sleeper = Wire(served.port), Wire(served.port)
+    watcher.call("ping")
+    sleeper.send(msgpack.packb([0, 1, "simContinueForTime", [3e7]]))
+    sleeper.socket.close()
+    assert watcher.call("ping", number=5) == [1, 5, None, True]
+    watcher.socket.close()
+    assert len(served.finish().boundaries) < 70_000
 
 
 @pytest.mark.parametrize("method", sorted(METHODS.keys() - {"reset"}))

@@ -40,7 +40,7 @@ _MAX_TILT = math.radians(40.0)
 _MAX_YAW_RATE = 1.2
 """Limit of the yaw rate, rad/s (chosen)."""
 
-_DRAG = 0.5 * 1.225 * 0.05
+DRAG = 0.5 * 1.225 * 0.05
 """Drag per speed squared, kg/m: half the density of air times the drag area of the airframe (0.05 m^2)."""
 
 # Gains of the loops, 1/s (integral: 1/s^2), tuned by hand in flights of the airframe (chosen).
@@ -113,7 +113,7 @@ class PositionController:
         before = self._demand
         demand = self._demand = self._limited(wanted)
         error = (demand[0] - velocity[0], demand[1] - velocity[1], demand[2] - velocity[2])
-        trim, drag = self._trim, _DRAG / self.mass_kg * math.hypot(demand[0], demand[1])
+        trim, drag = self._trim, DRAG / self.mass_kg * math.hypot(demand[0], demand[1])
         east = _VELOCITY_GAIN * error[0] + trim[0] + (demand[0] - before[0]) / PERIOD_S + drag * demand[0]
         north = _VELOCITY_GAIN * error[1] + trim[1] + (demand[1] - before[1]) / PERIOD_S + drag * demand[1]
         up = _VELOCITY_GAIN * error[2] + trim[2] + (demand[2] - before[2]) / PERIOD_S

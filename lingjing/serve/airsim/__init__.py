@@ -1,4 +1,4 @@
-"""AirSim's API over an ordinary episode, so that scripts written for AirSim fly in a city of this project.
+"""AirSim's API over an ordinary episode, so that scripts written for AirSim fly in a city of this project (ADR 0050).
 
 Concepts. A *call* is a request of a client. All calls that have arrived are answered at the next boundary of a mission
 with a short tick (50 ms). A *flight task* is a command that takes mission time (`takeoff`, `moveToPosition`, …); its

@@ -10,7 +10,10 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
+from lingjing.engines.multirotor.airframe import MASS_KG
+from lingjing.engines.multirotor.control import DRAG
 from lingjing.engines.multirotor.verbs import LAND, STEER
+from lingjing.engines.sea import GRAVITY
 from lingjing.mission.instance import Vector
 from lingjing.serve.airsim.arguments import YawMode
 from lingjing.trace.records import DEAD, GROUNDED, Action, BodyState
@@ -31,6 +34,8 @@ _CLIMB_MPS, _SINK_MPS = 4.0, 3.0
 """Vertical limits of the engine, m/s (`lingjing.engines.multirotor.control`)."""
 _LIFT_OFF_MPS = 1.0
 """Climb of a vehicle that is sent off from the ground without `takeoff`, m/s (chosen)."""
+_MOST_TILT = math.radians(40.0)
+"""Limit of a demanded tilt, rad (the engine's)."""
 _COURSE_MPS = 0.2
 """Speed below which a course has no direction, m/s (chosen)."""
 _YAW_RATE_DEG_S = 60.0
@@ -151,6 +156,37 @@ class FlyVelocity:
         if body.status == GROUNDED and up <= 0.0:
             east, north, up = 0.0, 0.0, 0.0
         return Order((east, north, up), self._heading.at(body, (east, north, up), time_s))
+
+
+class FlyTilt:
+    """Fly at an elevation with a tilt: the velocity that a point with this tilt and the drag of the airframe has."""
+
+    def __init__(self, roll: float, pitch: float, heading: Heading, height_m: float, until_s: float) -> None:
+        """`roll` and `pitch` in rad; positive to the right and nose up."""
+        most = _MOST_TILT
+        self._forward = -GRAVITY * math.tan(min(max(pitch, -most), most))
+        self._right = GRAVITY * math.tan(min(max(roll, -most), most))
+        self._heading, self._height_m, self._until_s = heading, height_m, until_s
+        self._velocity: tuple[float, float] | None = None
+        self._before_s = 0.0
+
+    def order(self, body: BodyState, time_s: float) -> Order:
+        """Accelerate by the tilt."""
+        if time_s >= self._until_s:
+            return Order(done=True)
+        if self._velocity is None:
+            self._velocity, self._before_s = (body.velocity[0], body.velocity[1]), time_s
+        passed, self._before_s = time_s - self._before_s, time_s
+        east, north = self._velocity
+        sine, cosine = math.sin(math.radians(body.heading_deg)), math.cos(math.radians(body.heading_deg))
+        drag = DRAG / MASS_KG * math.hypot(east, north)
+        self._velocity = (
+            east + passed * (self._forward * sine + self._right * cosine - drag * east),
+            north + passed * (self._forward * cosine - self._right * sine - drag * north),
+        )
+        up = min(max(_GAIN * (self._height_m - body.position[2]), -_SINK_MPS), _CLIMB_MPS)
+        velocity = (*self._velocity, up) if body.status != GROUNDED else (0.0, 0.0, max(up, 0.0))
+        return Order(velocity, self._heading.at(body, velocity, time_s))
 
 
 class Turn:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from lingjing.mission.instance import Vector
 from lingjing.serve.airsim.arguments import Arguments, CallError, YawMode
 from lingjing.serve.airsim.context import LATER, Context, Later, Method
-from lingjing.serve.airsim.flight import FlightTask, FlyPath, FlyVelocity, Heading, Hover, Land, Turn
+from lingjing.serve.airsim.flight import FlightTask, FlyPath, FlyTilt, FlyVelocity, Heading, Hover, Land, Turn
 from lingjing.serve.airsim.frames import ned
 from lingjing.serve.airsim.server import Call
 from lingjing.serve.airsim.vehicles import Vehicle
@@ -123,6 +123,20 @@ def _yaw_rate(context: Context, call: Call, arguments: Arguments) -> Later:
     return _begin(context, call, vehicle, task)
 
 
+def _tilt(*, rate: bool) -> Method:
+    """Return the method of a tilt at an elevation, with a heading or a yaw rate."""
+
+    def fly(context: Context, call: Call, arguments: Arguments) -> Later:
+        roll, pitch = arguments.number("roll"), arguments.number("pitch")
+        yaw = math.degrees(arguments.number("yaw_rate" if rate else "yaw"))
+        z, until = arguments.number("z"), context.time_s + arguments.seconds("duration")
+        vehicle = _vehicle(context, arguments)
+        heading = Heading(YawMode(is_rate=rate, value=yaw), forward=False)
+        return _begin(context, call, vehicle, FlyTilt(roll, pitch, heading, vehicle.start[2] - z, until))
+
+    return fly
+
+
 def _cancel(context: Context, call: Call, arguments: Arguments) -> None:
     _named(context, arguments).pilot.cancel()
 
@@ -202,6 +216,8 @@ FLIGHT: dict[str, Method] = {
     "moveByVelocityZ": _velocity(body_frame=False, holds_z=True),
     "moveByVelocityBodyFrame": _velocity(body_frame=True, holds_z=False),
     "moveByVelocityZBodyFrame": _velocity(body_frame=True, holds_z=True),
+    "moveByRollPitchYawZ": _tilt(rate=False),
+    "moveByRollPitchYawrateZ": _tilt(rate=True),
     "rotateToYaw": _yaw,
     "rotateByYawRate": _yaw_rate,
     "cancelLastTask": _cancel,

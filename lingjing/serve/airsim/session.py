@@ -15,6 +15,7 @@ from lingjing.errors import UsageError
 from lingjing.kernel.barrier import Barrier
 from lingjing.kernel.step import Kernel, Published
 from lingjing.mission.instance import Instance
+from lingjing.mission.vocabulary import PHOTO
 from lingjing.scene.city import City
 from lingjing.scene.sight import SightLines
 from lingjing.scene.terrain import Terrain
@@ -23,7 +24,7 @@ from lingjing.serve.airsim.methods import answer
 from lingjing.serve.airsim.missions import END, ENDING
 from lingjing.serve.airsim.server import Call, CallServer
 from lingjing.serve.airsim.vehicles import Fleet, Surroundings, Vehicle
-from lingjing.trace.records import DEAD, Action, Decision, DecisionRecord, Outgoing
+from lingjing.trace.records import DEAD, REFUSED, Action, Decision, DecisionRecord, Outgoing
 
 Pace = Literal["wall", "fast", "wait"]
 """The passing of mission time while no call waits for it: as the wall clock, as fast as possible, or not at all."""
@@ -33,6 +34,8 @@ _PATIENCE_S = 0.25
 _GRACE_S = 0.005
 """Wall time that a client has for its next call after an answer, before a tick begins, seconds (chosen). It decides
 only at which tick a call arrives."""
+_LONGEST_BOUNDARY_S = 0.2
+"""Wall time after which a tick begins although more calls arrive, seconds (chosen)."""
 _MOST_NOTED = 100
 """Most calls of one boundary that a thought names (chosen)."""
 _LONGEST_NOTE = 200
@@ -89,6 +92,8 @@ class ClientSource:
         self._noted: list[str] = []
         self._next_wall = 0.0
         self._ending, self._greeting = ending, greeting
+        self._goes_on_after = True
+        self._sent: dict[str, Action] = {}
         self._ends_by_message = any(message.kind == ENDING for message in kernel.instance.messages)
 
     @property
@@ -100,8 +105,9 @@ class ClientSource:
         """Answer calls until the mission goes on; return the decisions of all agents."""
         context = self._arrive(published)
         outside = {vehicle.agent.id for vehicle in context.fleet.vehicles}
-        goes_on = self._serve(context)
-        actions = self._actions(context) if goes_on else {}
+        self._goes_on_after = self._goes_on_after and self._serve(context)
+        goes_on = self._goes_on_after
+        actions = self._sent = self._actions(context) if goes_on else {}
         messages = () if goes_on else (Outgoing(kind=ENDING, body={"text": END}),)
         thought, self._noted = "\n".join(self._noted), []
         records = self._barrier.decide(published, {**exhausted, **dict.fromkeys(outside, "flown by a client")})
@@ -135,6 +141,7 @@ class ClientSource:
             for event in record.task_events:
                 if event.kind == "collided" and event.entities[:1] == (vehicle.entity.id,):
                     vehicle.collide(event.entities[1] if len(event.entities) > 1 else "", record.time_s)
+        self._take_refusals(context, published)
         self._take_pictures(context, published)
         for vehicle in context.fleet.vehicles:
             vehicle.pilot.look(vehicle.body, context.time_s)
@@ -155,6 +162,28 @@ class ClientSource:
         objects = tuple(entity.id for entity in self._instance.entities if "position" not in entity.hidden)
         around = Surroundings(Terrain(self._city), SightLines(lambda: self._city))
         return Context(self._instance, Fleet(vehicles), around, objects)
+
+    def _take_refusals(self, context: Context, published: Published) -> None:
+        """End the tasks and pictures of vehicles with a command that the kernel or the engine has refused."""
+        tick = published.record.tick
+        refused = {
+            receipt.resource: receipt.detail or receipt.reason
+            for receipt in published.record.receipts
+            if receipt.status in REFUSED and receipt.tick == tick
+        }
+        for action in self._sent.values():
+            if action.resource is None or action.resource not in refused:
+                continue
+            vehicle = context.fleet.find(action.resource)
+            if action.verb == PHOTO:
+                for wait in [wait for wait in context.waits if wait.vehicle is vehicle]:
+                    context.waits.remove(wait)
+                    wait.call.fail(f"no picture of `{vehicle.name}`: {refused[action.resource]}")
+            else:
+                if vehicle.name in context.flying:
+                    context.flying[vehicle.name].fail(f"`{vehicle.name}`: {refused[action.resource]}")
+                vehicle.pilot.cancel()
+                vehicle.pilot.landed()
 
     def _take_pictures(self, context: Context, published: Published) -> None:
         for wait in tuple(context.waits):
@@ -178,8 +207,10 @@ class ClientSource:
         Raises `EpisodeEnded` if the mission has no message that ends it.
         """
         self._next_wall = max(self._next_wall + context.tick_s, time.monotonic())
-        answered = True
+        answered, latest = True, time.monotonic() + _LONGEST_BOUNDARY_S
         while True:
+            if time.monotonic() >= latest and self._goes_on(context):  # a client with endless calls delays no other
+                return True
             patience = self._patience(context, answered=answered)
             try:
                 call = self._server.calls.get(timeout=patience) if patience > 0.0 else self._server.calls.get_nowait()
@@ -220,13 +251,13 @@ class ClientSource:
         return self._pace == "wall" and time.monotonic() >= self._next_wall
 
     def _runs(self, context: Context) -> bool:
-        return bool(self._server.clients) and not context.paused
+        return any(client.admitted for client in tuple(self._server.clients)) and not context.paused
 
     def _part(self, context: Context) -> None:
         """Drop the clients that have gone."""
         present = set(self._server.clients)
-        calls = (*context.flying.values(), *(wait.call for wait in context.waits))
-        for client in {call.client for call in calls} - present:
+        calls = (*context.flying.values(), *(wait.call for wait in context.waits), context.run_call)
+        for client in {call.client for call in calls if call is not None} - present:
             self._noted.append(f"airsim: {client.name} has gone")
             context.drop(client)
 
@@ -246,7 +277,7 @@ class ClientSource:
         """Return one command for each agent: a picture first, else the command of a vehicle."""
         actions: dict[str, Action] = {}
         for wait in context.waits:
-            camera = Action(verb="takePhoto", resource=wait.vehicle.entity.id, arguments={"camera": wait.missing[0]})
+            camera = Action(verb=PHOTO, resource=wait.vehicle.entity.id, arguments={"camera": wait.missing[0]})
             actions.setdefault(wait.vehicle.agent.id, camera)
         for vehicle in context.fleet.vehicles:
             if vehicle.agent.id not in actions and vehicle.flies and (action := vehicle.pilot.action()) is not None:

@@ -144,6 +144,10 @@ def _geo(context: Context, record: dict[str, object]) -> Vector:
     return east, north, values.number("altitude")
 
 
+def _mark(context: Context, call: Call, arguments: Arguments) -> None:
+    """Accept a marker without drawing it, so that scripts that plot fly. The call is in the trace."""
+
+
 def _log(context: Context, call: Call, arguments: Arguments) -> bool:
     """Accept a message: the calls are in the trace, so that it is recorded."""
     arguments.text("message")
@@ -155,6 +159,18 @@ def _vehicle(context: Context, arguments: Arguments) -> Vehicle:
     arguments.end()
     return vehicle
 
+
+_MARKERS = (
+    "simFlushPersistentMarkers",
+    "simPlotPoints",
+    "simPlotLineStrip",
+    "simPlotLineList",
+    "simPlotArrows",
+    "simPlotStrings",
+    "simPlotTransforms",
+    "simPlotTransformsWithNames",
+)
+"""The methods that draw markers in AirSim."""
 
 WORLD: dict[str, Method] = {
     "ping": _constant(True),
@@ -174,6 +190,7 @@ WORLD: dict[str, Method] = {
     "simTestLineOfSightToPoint": _sight,
     "simTestLineOfSightBetweenPoints": _sight_between,
     "simPrintLogMessage": _log,
+    **dict.fromkeys(_MARKERS, _mark),
     "isRecording": _constant(True),
     "startRecording": _constant(None),
 }
