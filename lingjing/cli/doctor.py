@@ -41,7 +41,7 @@ ROOM_BYTES = 1 << 30
 
 EXTRAS = {
     "bench": "pyarrow", "envs": "pettingzoo", "film": "av", "foxglove": "websockets", "lsp": "pygls", "maps": "osmium",
-    "ray": "ray", "rerun": "rerun",
+    "models": "trimesh", "ray": "ray", "rerun": "rerun",
 }  # fmt: skip
 """Optional extras of the distribution, each with a package that it installs. Missions are played without them."""
 

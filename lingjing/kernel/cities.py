@@ -12,6 +12,7 @@ from lingjing.plugins.building import build_city
 from lingjing.plugins.host import PluginHost
 from lingjing.scene.anchor import anchor
 from lingjing.scene.city import City
+from lingjing.scene.own_models import with_own_models
 
 MAP_SCENE = "map"
 """The kind of scene that is read from a file."""
@@ -35,9 +36,10 @@ class CityBuilder:
         Entities of an `imported` document may be moved farther than a mission allows. With `hold` the result is cached
         for this process and its forks, except for scenes on a map: its file may change.
 
-        Raises `UsageError` for a scene that no plug-in offers, `PluginError` if the scene cannot be built,
-        `MissionError` if an entity has no place.
+        Raises `UsageError` for a scene that no plug-in offers or a model that cannot be read, `PluginError` if the
+        scene cannot be built, `MissionError` if an entity has no place.
         """
+        instance = with_own_models(instance)
         key = _key(instance, imported=imported) if hold or _placed else b""
         if key in _placed:
             placed, city = _placed[key]

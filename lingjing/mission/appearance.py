@@ -64,6 +64,9 @@ MODELS = (
 )
 """The models that the built-in camera offers as a `look` (a test compares them with what it draws)."""
 
+GLB = ".glb"
+"""Ending of the file of a model of one's own, which a `look` may name as a text."""
+
 MEASURES = ("length", "width", "height")
 """A body's measures along, across and up, in the author's words."""
 
@@ -91,6 +94,7 @@ PHYSICAL = frozenset(
         "shape",
         "origin",
         "look",
+        "look_sha256",
         "acceleration_mps2",
         "braking_mps2",
     )

@@ -134,9 +134,15 @@ def missing_paths(kind: str, texts: Mapping[str, str]) -> Iterator[SceneFault]:
     known = scene_kind(kind)
     for name, option in known.options.items() if known else ():
         path = texts.get(name, "") if option.type == "path" else ""
-        if path and not os.path.exists(path):  # noqa: PTH110 - an invalid path does not exist either
-            hint = f"a path begins in the working folder, `{os.getcwd()}`"  # noqa: PTH109
-            yield SceneFault(name, f"scene `{kind}`: there is no `{path}`", "" if os.path.isabs(path) else hint)  # noqa: PTH117
+        if path:
+            yield from missing_path(name, path, f"scene `{kind}`")
+
+
+def missing_path(name: str, path: str, what: str) -> Iterator[SceneFault]:
+    """The error of an option or property that names a file or folder that does not exist."""
+    if not os.path.exists(path):  # noqa: PTH110 - an invalid path does not exist either
+        hint = f"a path begins in the working folder, `{os.getcwd()}`"  # noqa: PTH109
+        yield SceneFault(name, f"{what}: there is no `{path}`", "" if os.path.isabs(path) else hint)  # noqa: PTH117
 
 
 def check_scene(spec: SceneSpec) -> None:

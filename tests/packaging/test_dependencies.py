@@ -57,7 +57,17 @@ def declared(pyproject: Path, *extras: str) -> set[str]:
 def test_the_core_declares_what_it_imports_and_nothing_else() -> None:
     run_as_programs = {"eclipse-sumo", "graphviz-pure"}  # netconvert, and what lays graphs out
     requirements = declared(
-        ROOT / "pyproject.toml", "bench", "film", "foxglove", "lsp", "road", "quadruped", "maps", "envs", "airsim"
+        ROOT / "pyproject.toml",
+        "bench",
+        "film",
+        "foxglove",
+        "lsp",
+        "road",
+        "quadruped",
+        "maps",
+        "models",
+        "envs",
+        "airsim",
     )
     used = foreign(CORE)
     assert used.pop("ray") == {"lingjing/bench/on_ray.py"}  # not installed by `make setup`, for its size

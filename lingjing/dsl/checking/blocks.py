@@ -270,6 +270,8 @@ class BlockReader:
             and (key.choices is not None or node.text not in environment.locals)
         ):
             return (self._choice(node, key),)
+        if key.file_ending and isinstance(node, s.TextLiteral):
+            return (self._file(node, key),)
         if kind == "list" and key.type.item == "name" and isinstance(node, s.List):
             return (self._choices(node, key, environment),)
         return (self.of.expect(node, environment, key.type, what),)
@@ -278,6 +280,13 @@ class BlockReader:
         if key.choices is None or node.text in key.choices:
             return TypedExpression(ex.Symbol(node.text), key.type)
         self.report.unknown("LJ0109", node, f"`{key.name}` cannot be `{node.text}`", key.choices, sure=True)
+        return UNKNOWN
+
+    def _file(self, node: s.TextLiteral, key: PropertyKey) -> TypedExpression:
+        if node.value.endswith(key.file_ending) and len(node.value) > len(key.file_ending):
+            return TypedExpression(ex.Text(node.value), key.type)
+        message = f"`{key.name}` cannot be the file `{node.value}`"
+        self.report.at("LJ0109", node, message, f"name a file that ends in `{key.file_ending}`, or write a word")
         return UNKNOWN
 
     def _drawn_choice(self, node: s.Expression, key: PropertyKey, environment: Environment) -> TypedExpression:

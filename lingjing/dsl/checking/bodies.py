@@ -15,7 +15,18 @@ from lingjing.dsl.syntax.keys import PropertyKey, keyed
 from lingjing.dsl.syntax.statements import DRAWN, KINDS, VIEWS
 from lingjing.mission import expression as ex
 from lingjing.mission import model
-from lingjing.mission.appearance import BARE, COLOURS, LEAST_M, MEASURES, MODELS, MOST_M, ORIGINS, RESHAPING, SHAPES
+from lingjing.mission.appearance import (
+    BARE,
+    COLOURS,
+    GLB,
+    LEAST_M,
+    MEASURES,
+    MODELS,
+    MOST_M,
+    ORIGINS,
+    RESHAPING,
+    SHAPES,
+)
 from lingjing.mission.functions import METRES, Type
 from lingjing.mission.units import MASS
 
@@ -28,7 +39,7 @@ BODY_KEYS = keyed(
     PropertyKey("colour", Type("name"), DRAWN, choices=tuple(COLOURS), hideable=True, public=False),
     PropertyKey("shape", Type("name"), choices=(*SHAPES, BARE)),
     PropertyKey("origin", Type("name"), choices=ORIGINS),
-    PropertyKey("look", Type("name"), choices=(*MODELS, BARE)),
+    PropertyKey("look", Type("name"), choices=(*MODELS, BARE), file_ending=GLB),
 )
 """Properties of any type and entity: size, mass and colour of the body, its collision shape, the position's place in
 it, and the camera's model for it."""

@@ -14,7 +14,14 @@ from typing import Literal
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
-from lingjing.mission.kinds import SceneFault, builtin_engines, builtin_scenes, is_described, missing_paths
+from lingjing.mission.kinds import (
+    SceneFault,
+    builtin_engines,
+    builtin_scenes,
+    is_described,
+    missing_path,
+    missing_paths,
+)
 from lingjing.mission.model import Mission
 from lingjing.suggest import did_you_mean
 
@@ -33,16 +40,38 @@ def check_providers(mission: Mission, tree: s.File, report: Reporter, offers: Of
         place = _place(node, kind, owner)
         what = f"no {kind} called `{name}` is installed"
         report.at("LJ0505", place, what, did_you_mean(name, offers(kind)), severity="warning")
-    for fault in missing_files(mission):
+    for fault in _missing_maps(mission):
         report.at("LJ0505", _place(node, "scene", ""), fault.message, fault.hint, severity="warning")
+    for owner, fault in _missing_looks(mission):
+        report.at("LJ0505", _place(node, "engine", owner), fault.message, fault.hint, severity="warning")
 
 
 def missing_files(mission: Mission) -> Iterator[SceneFault]:
-    """Yield the files of the mission's scene that do not exist."""
+    """Yield the files of the mission's scene and looks that do not exist."""
+    yield from _missing_maps(mission)
+    for _, fault in _missing_looks(mission):
+        yield fault
+
+
+def _missing_maps(mission: Mission) -> Iterator[SceneFault]:
     options = mission.scene.options
     return missing_paths(
         mission.scene.kind, {option.name: option.value.value for option in options if isinstance(option.value, ex.Text)}
     )
+
+
+def look_files(mission: Mission) -> Iterator[tuple[str, str]]:
+    """Yield each entity group with a look of its own, and the file."""
+    for group in mission.groups:
+        for prop in group.properties:
+            if prop.name == "look" and isinstance(prop.value, ex.Text):
+                yield group.name, prop.value.value
+
+
+def _missing_looks(mission: Mission) -> Iterator[tuple[str, SceneFault]]:
+    for group, file in look_files(mission):
+        for fault in missing_path("look", file, f"look of `{group}`"):
+            yield group, fault
 
 
 def missing_providers(mission: Mission, offers: Offers) -> Iterator[tuple[Offered, str, str]]:

@@ -77,7 +77,7 @@ def compile_cached(source: SourceText) -> Compilation:
 def keep(compilation: Compilation) -> None:
     """Store a compilation if it has no error. It never fails.
 
-    A mission that needs a plug-in or a map is not stored, because these may appear or disappear.
+    A mission that needs a plug-in, a map or a look of its own is not stored, because these may appear or disappear.
     """
     source = compilation.source
     if cache_is_off() or any(item.severity == "error" for item in compilation.diagnostics):
@@ -100,10 +100,10 @@ def keep(compilation: Compilation) -> None:
 
 
 def _needs_others(mission: Mission) -> bool:
-    from lingjing.dsl.feasibility.providers import unknown_entities
+    from lingjing.dsl.feasibility.providers import look_files, unknown_entities
     from lingjing.mission.kinds import scene_kind
 
-    if next(unknown_entities(mission), None) is not None:
+    if any(True for _ in unknown_entities(mission)) or any(True for _ in look_files(mission)):
         return True
     kind = scene_kind(mission.scene.kind)
     paths = {name for name, option in kind.options.items() if option.type == "path"} if kind else set()

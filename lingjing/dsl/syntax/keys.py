@@ -18,6 +18,8 @@ class PropertyKey(msgspec.Struct, frozen=True):
     """Permitted relations: `=`, `~`, `<=`."""
     choices: tuple[str, ...] | None = None
     """Permitted words for a name or a list of names; None permits any."""
+    file_ending: str = ""
+    """Ending of the files that the value may name as a text instead of a word; empty if it may name none."""
     required: bool = False
     """True if the block must have it."""
     guarded: bool = False

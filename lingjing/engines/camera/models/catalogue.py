@@ -26,6 +26,7 @@ from lingjing.mission.appearance import BARE, COLOURS, MEASURES, LinearRgb
 from lingjing.mission.instance import Datum, Entity
 from lingjing.mission.model import BodyPart
 from lingjing.plugins.bodies import entity_size, solid_size, sunk_m
+from lingjing.scene.own_models import SHA, own_look, own_model
 from lingjing.trace.records import BodyState
 
 MOST_IN_LINE = 40
@@ -88,6 +89,8 @@ def entity_parts(
     `kerb_m`, `pipe_m` and `facing_deg` are its surroundings (`town_changes.Site`).
     """
     look, own = look_of(entity), tuple(map(_part, entity.parts))
+    if own_look(entity):
+        return (painted(_own_part(entity), _colour(entity)), *own)
     if look in MODELS:
         drawn = MODELS[look](
             _DrawnEntity(
@@ -110,6 +113,12 @@ def entity_parts(
 def look_of(entity: Entity) -> str:
     """Return the name of the model that an entity's type declares; empty if there is none."""
     return str(entity.properties.get("look", ""))
+
+
+def _own_part(entity: Entity) -> ModelPart:
+    """Return the model in a file of the entity's own, with its base where its body has it."""
+    levels = own_model(own_look(entity), str(entity.properties.get(SHA, ""))).levels
+    return ModelPart(f"own-{entity.properties.get(SHA)}", levels[0], at((0.0, 0.0, -sunk_m(entity))), levels[1:])
 
 
 def _part(part: BodyPart) -> ModelPart:
