@@ -19,6 +19,7 @@ from msgspec.structs import replace
 
 from lingjing.mission import expression as ex
 from lingjing.mission import model
+from lingjing.mission.alternatives import with_alternatives
 from lingjing.mission.evaluate import Scope
 from lingjing.mission.instance import Datum, Entity, Instance, MessageSpec
 from lingjing.mission.instance_entities import holds
@@ -140,6 +141,9 @@ def _own_bodies(instance: Instance) -> dict[str, tuple[str, ...]]:
 def _in_mode(mission: model.Mission, instance: Instance) -> model.Mission:
     """Return the mission in the mode and with the settings of the instance, with fixed draws outside groups."""
     scope = Scope(parameters=instance.settings, mode=instance.mode, tick_s=instance.clock.tick_s)
+    switches = {item.name: 0.0 for item in mission.parameters if item.is_switch}
+    settings = {**switches, **instance.settings}
+    mission = with_alternatives(mission, replace(scope, parameters=settings))
 
     def active(parts: Sequence[Any]) -> tuple[Any, ...]:
         return tuple(replace(part, when=None) for part in parts if holds(part.when, scope))
@@ -147,7 +151,7 @@ def _in_mode(mission: model.Mission, instance: Instance) -> model.Mission:
     hub = mission.comms.hub if instance.mode == "star" else None
     return replace(
         mission,
-        parameters=tuple(replace(item, default=_like(item.default, instance.settings[item.name]))
+        parameters=tuple(replace(item, default=_like(item.default, settings[item.name]))
                          for item in mission.parameters),
         modes=model.Modes(default=instance.mode, allowed=(instance.mode,)),
         scene=replace(mission.scene, options=tuple(
@@ -179,7 +183,9 @@ def _at_tick(event: model.EventDeclaration, instance: Instance) -> model.EventDe
 
 
 def _like(expr: ex.Expr, value: float) -> ex.Expr:
-    """Return a number in the unit of the expression that it replaces."""
+    """Return a number in the unit of the expression that it replaces; a flag in place of a flag."""
+    if isinstance(expr, ex.Flag):
+        return ex.Flag(value != 0.0)
     unit = next((part.unit for part in ex.parts(expr) if isinstance(part, ex.Number) and part.unit), "")
     return ex.Number(value, unit)
 

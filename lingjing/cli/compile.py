@@ -27,14 +27,16 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     drawn.add_argument("--seed", metavar="N", help="the episode's seed (default 0)")
     drawn.add_argument("--mode", choices=MODES, help="communication mode (default: the mission's)")
+    drawn.add_argument("--tier", metavar="N", help="tier of difficulty (default 0)")
     drawn.add_argument("--set", metavar="NAME=VALUE", action="append", default=[], help="set a mission parameter")
 
 
 def handler(args: argparse.Namespace) -> int:
     """Compile and write; the output file is complete or absent."""
-    if args.emit != "reset-scenario" and (args.seed or args.mode or args.set):
+    if args.emit != "reset-scenario" and (args.seed or args.mode or args.tier or args.set):
         raise UsageError(
-            f"--emit {args.emit} covers every seed, mode and setting", hint="remove --seed, --mode and --set"
+            f"--emit {args.emit} covers every seed, mode, tier and setting",
+            hint="remove --seed, --mode, --tier and --set",
         )
     if args.plain and args.emit != "reset-scenario":
         raise UsageError(f"--plain is for resetScenario documents, not for --emit {args.emit}")
@@ -61,10 +63,12 @@ def handler(args: argparse.Namespace) -> int:
 
 
 def _reset_scenario(mission: Mission, args: argparse.Namespace) -> str:
-    from lingjing.cli.arguments import parse_pairs, parse_seed, parse_settings
+    from lingjing.cli.arguments import parse_pairs, parse_seed, parse_settings, parse_tier
+    from lingjing.mission.instantiate import choose_mode
     from lingjing.mission.reset.emit import emit
+    from lingjing.mission.tiers import with_tier
 
-    if mission.origin.document and (args.seed or args.mode or args.set):
+    if mission.origin.document and (args.seed or args.mode or args.tier or args.set):
         raise UsageError(
             "a resetScenario document is written unchanged: it has nothing left to draw",
             hint=f"compile the mission itself: lingjing compile {mission.name} --emit reset-scenario --seed …",
@@ -72,7 +76,10 @@ def _reset_scenario(mission: Mission, args: argparse.Namespace) -> str:
     errors = ErrorCollector()
     settings = parse_settings(parse_pairs("--set", args.set, errors), mission, errors)
     seed = errors.attempt(lambda: parse_seed(args.seed or "0"), 0)
+    tier = errors.attempt(lambda: parse_tier(args.tier or "0"), 0)
     errors.check()
+    if tier:
+        settings = with_tier(mission, tier, choose_mode(mission, args.mode), settings)
     text = emit(mission, seed=seed, mode=args.mode, settings=settings, plain=args.plain)
     if mission.origin.document not in ("", text):
         say("note: the object 'lingjing' was added, which names the template; --plain omits it")

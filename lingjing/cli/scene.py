@@ -64,6 +64,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="a plan, or a rendered picture of a mission's bodies",
     )
     draw.add_argument("--mode", choices=MODES, help="the communication mode, for a mission (default: its own)")
+    draw.add_argument("--tier", metavar="N", default="0", help="the tier, for a mission (default 0)")
     _add_city(draw)
     draw.add_argument(
         "-o",
@@ -147,14 +148,14 @@ def _placed(args: argparse.Namespace) -> tuple[City, Instance | None]:
     path = Path(args.city)
     if path.is_dir() or (path.is_file() and path.suffix.lower() in _MAPS):
         return _city(args), None
-    from lingjing.cli.arguments import parse_seed
+    from lingjing.cli.arguments import parse_seed, parse_tier
     from lingjing.dsl.loading.load import load_mission
     from lingjing.kernel.cities import CityBuilder
     from lingjing.mission.instantiate import instantiate
     from lingjing.plugins.host import PluginHost
 
     mission = load_mission(args.city)
-    instance = instantiate(mission, seed=parse_seed(args.seed), mode=args.mode)
+    instance = instantiate(mission, seed=parse_seed(args.seed), mode=args.mode, tier=parse_tier(args.tier))
     with _phases(f"building the scene of {args.city}"):
         placed, city = CityBuilder(PluginHost()).place(instance, imported=bool(mission.origin.places))
     return city, placed

@@ -37,6 +37,15 @@ def test_shards_are_joined_each_episode_once(tmp_path: Path, capsys: pytest.Capt
     assert "already exists" in capsys.readouterr().err
 
 
+def test_rows_of_two_tiers_stand_in_no_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    paper = written(tmp_path, "paper", made_row(entrant="a"))
+    harder = written(tmp_path, "harder", made_row(entrant="b", options=PlayOptions(mission="ssr", policy="p", tier=1)))
+    assert run_command(["bench", "table", str(paper), str(harder)]) == ExitCode.USAGE
+    assert "the rows of `ssr` have the tiers 0 and 1, which no table compares" in capsys.readouterr().err
+    assert run_command(["bench", "table", str(harder)]) == ExitCode.OK
+    assert "tier 1: ssr (tier 0 is the mission of the paper" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

@@ -50,10 +50,36 @@ def faults(text: str, folder: Path, host: PluginHost) -> list[str]:
 def test_a_suite_means_entrants_times_columns(tmp_path: Path, host: PluginHost) -> None:
     plan = planned(SMALL, tmp_path, host)
     assert [(cell.player.name, cell.column.name) for cell in plan.cells] == [
-        ("oracle", "bi-single"), ("random", "bi-single"), ("oracle", "cd-star"), ("random", "cd-star"),
-        ("oracle", "cd-broadcast"), ("random", "cd-broadcast"),
+        ("oracle", "bi-single-tier1"), ("random", "bi-single-tier1"), ("oracle", "cd-star-tier1"),
+        ("random", "cd-star-tier1"), ("oracle", "cd-broadcast-tier1"), ("random", "cd-broadcast-tier1"),
     ]  # fmt: skip
     assert plan.suite.seeds == (0, 1)
+
+
+def test_a_suite_plays_tier_1_where_a_mission_has_it_and_another_tier_on_request(
+    tmp_path: Path, host: PluginHost
+) -> None:
+    mixed = SMALL.replace('"cd"]', '"queue"]')
+    usual = planned(mixed, tmp_path, host)
+    assert {cell.column.mission: cell.column.tier for cell in usual.cells} == {"bi": 1, "queue": 0}
+    assert {options_of_cell(cell, 0, 0, ("mission",)).tier for cell in usual.cells} == {0, 1}
+    for plan in (planned(mixed.replace("seeds = 2", "seeds = 2\ntier = 0"), tmp_path, host),
+                 planned(mixed, tmp_path, host, tier=0)):  # fmt: skip
+        assert {cell.column.name for cell in plan.cells} == {"bi-single", "queue-broadcast", "queue-star"}
+        assert {options_of_cell(cell, 0, 0, ("mission",)).tier for cell in plan.cells} == {0}
+
+
+@pytest.mark.parametrize(
+    ("line", "fault"),
+    [
+        ("tier = 1", "tier: `queue` declares no tier 1; its tiers: 0; leave `tier` out to play each mission at its"),
+        ("tier = 2", "tier: `bi` declares no tier 2; its tiers: 0, 1; leave"),
+        ("tier = 9", "tier: is 9, at most 3 is due"),
+    ],
+)
+def test_a_tier_that_a_mission_lacks_is_an_error(tmp_path: Path, host: PluginHost, line: str, fault: str) -> None:
+    lines = faults(SMALL.replace('"cd"]', '"queue"]').replace("seeds = 2", f"seeds = 2\n{line}"), tmp_path, host)
+    assert any(each.startswith(fault) for each in lines), lines
 
 
 def test_five_mistakes_are_five_lines_with_their_paths(tmp_path: Path, host: PluginHost) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import lingjing
 from lingjing import Mission
 from lingjing.errors import ExitCode, UsageError
 from lingjing.mission.expression import Call, Expr, Ref, parts
@@ -224,3 +225,25 @@ def test_a_run_says_its_tier_in_its_report(tmp_path: Path, capsys: pytest.Captur
     assert run_command([*words, "-o", str(tmp_path / "out"), "--json"]) == ExitCode.OK
     report = json.loads(capsys.readouterr().out)
     assert report["tier"] == 1
+
+
+def test_a_document_of_a_tier_gives_the_world_of_that_tier(tmp_path: Path) -> None:
+    document = tmp_path / "ssr.json"
+    words = ["compile", "ssr", "--emit", "reset-scenario", "--tier", "1", "--seed", "3", "-o", str(document)]
+    assert run_command(words) == ExitCode.OK
+    again, hard = instantiate(str(document), seed=3), instantiate("ssr", seed=3, tier=1)
+    assert again.settings == hard.settings and again.settings["claims"] == 1.0
+    assert (again.rules, again.limits, again.weather) == (hard.rules, hard.limits, hard.weather)
+    places = {entity.id: entity.position[:2] for entity in again.entities}
+    assert all(places[entity.id] == pytest.approx(entity.position[:2], abs=0.01) for entity in hard.entities)
+
+
+@pytest.mark.parametrize("name", ["bi", "cd", "cr", "idf", "ld", "ssr", "ufr", "upr", "vdn"])
+def test_each_switch_of_the_nine_missions_can_be_set_alone(name: str) -> None:
+    compiled = lingjing.compile(name)
+    (tier,) = compiled.tiers
+    base = instantiate(compiled, seed=1)
+    assert {setting.name for setting in tier.settings} == {each.name for each in compiled.parameters if each.is_switch}
+    for setting in tier.settings:
+        alone = instantiate(compiled, seed=1, settings={setting.name: 1.0})
+        assert alone != base and alone.settings[setting.name] == 1.0

@@ -401,6 +401,8 @@ def point(items: Iterable[float]) -> ex.Point:
 
 def _default_like(default: ex.Expr, value: float) -> ex.Expr:
     """A default with this value. A drawn one stays drawn, from this value alone, so that it may stay hidden."""
+    if isinstance(default, ex.Flag):
+        return ex.Flag(value != 0.0)
     if not isinstance(default, ex.Draw):
         return _number_like(default, value)
     first = next((leaf for leaf in ex.leaves(default) if isinstance(leaf, ex.Number)), default)
