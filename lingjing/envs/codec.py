@@ -35,7 +35,7 @@ from lingjing.mission.kinds import admitted, engine_kind
 from lingjing.mission.model import Field
 from lingjing.mission.spec_schema import ELEVATION, altitude_band, argument_bounds
 from lingjing.plugins.policy import Inbox, Observation
-from lingjing.trace.records import Action, Decision, EntityView, Envelope, Outgoing
+from lingjing.trace.records import Action, Box, Decision, EntityView, Envelope, Outgoing
 from lingjing.trace.request_ids import is_request_of
 
 SpaceValue = npt.NDArray[Any]
@@ -139,6 +139,57 @@ class Codec:
             arguments: dict[str, Datum] = {name: value for name, value in scaled.items() if value is not None}
             command = Action(verb=verb.name, arguments=arguments, resource=entity.id)
         return Decision(command=command, messages=self._messages(action, observation))
+
+    # -- what the flat form needs
+
+    @property
+    def commands(self) -> tuple[tuple[str, str], ...]:
+        """The entity and the verb of each command, in the order of their numbers from 1."""
+        return tuple((entity.id, verb.name) for entity, verb in self._commands)
+
+    @property
+    def camera_names(self) -> tuple[str, ...]:
+        """The cameras with pictures that the agent receives, as `entity/camera`."""
+        return tuple(observed.name for observed in _observed_cameras(self._instance, self._agent, 1))
+
+    @property
+    def type_number(self) -> Mapping[str, int]:
+        """A number from 1 for each type of entity."""
+        types = dict.fromkeys(entity.type for entity in self._instance.entities)
+        return {name: number for number, name in enumerate(types, 1)}
+
+    @property
+    def message_columns(self) -> tuple[tuple[str, tuple[tuple[str, bool], ...]], ...]:
+        """For each kind of message, the names of its numbers, each with True for a part of a position."""
+        return tuple(
+            (
+                message.kind,
+                tuple(
+                    (f"{field.name}/{number}", field.type == "position")
+                    for field in message.fields
+                    for number in range(_FIELD_WIDTH[field.type])
+                ),
+            )
+            for message in self._instance.messages
+        )
+
+    def latest_by_kind(self, inbox: SpaceValue) -> list[list[float]]:
+        """Return for each kind of message whether there is one, its sender, and the fields of the latest one."""
+        slots = []
+        for kind, columns in self.message_columns:
+            rows = inbox[inbox[:, 0] == self._words.kinds.number(kind)]
+            width = 1 + len(columns)
+            slots.append([1.0, *rows[-1][1 : 1 + width].tolist()] if len(rows) else [0.0] * (1 + width))
+        return slots
+
+    def write_box(self, message: int, fields: SpaceValue, box: Box) -> None:
+        """Write a box into the numbers of a chosen message's fields, if it has a field for one."""
+        column = 0
+        for field in self._sendable[message - 1].fields if message else ():
+            width = _FIELD_WIDTH[field.type]
+            if field.type == "box":
+                fields[column : column + width] = 2.0 * np.array(box.box) - 1.0
+            column += width
 
     # -- spaces
 

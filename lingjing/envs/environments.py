@@ -60,7 +60,7 @@ class LingjingParallelEnv(ParallelEnv, EzPickle):  # type: ignore[misc] # the pa
             policy_seed=policy_seed,
         )  # fmt: skip
         self._game = SteppedEpisodes(
-            _mission(mission), mode, settings or {}, "random", world, _seed(policy_seed), tier=tier
+            mission_of(mission), mode, settings or {}, "random", world, valid_seed(policy_seed), tier=tier
         )
         self._instance = self._game.instance(0)
         self._codecs = codecs(self._instance, picture_width)
@@ -83,7 +83,7 @@ class LingjingParallelEnv(ParallelEnv, EzPickle):  # type: ignore[misc] # the pa
     ) -> tuple[dict[str, dict[str, Any]], dict[str, dict[str, Any]]]:
         """Begin an episode and return the observations and infos of boundary 0, by agent."""
         if seed is not None:
-            self._random = np.random.default_rng(_seed(seed))
+            self._random = np.random.default_rng(valid_seed(seed))
         number = int(self._random.integers(LARGEST_SEED)) if seed is None else seed
         self.agents = list(self.possible_agents)
         published = self._game.begin(number, self.agents)
@@ -139,7 +139,7 @@ class LingjingParallelEnv(ParallelEnv, EzPickle):  # type: ignore[misc] # the pa
         }
 
     def _infos(self, published: Published) -> dict[str, dict[str, Any]]:
-        return {name: _info(published) for name in self._codecs}
+        return {name: info_of(published) for name in self._codecs}
 
 
 class LingjingEnv(gymnasium.Env[dict[str, Any], dict[str, Any]], EzPickle):
@@ -169,7 +169,7 @@ class LingjingEnv(gymnasium.Env[dict[str, Any], dict[str, Any]], EzPickle):
             picture_width=picture_width, world=world, policy_seed=policy_seed,
         )  # fmt: skip
         self._game = SteppedEpisodes(
-            _mission(mission), mode, settings or {}, others, world, _seed(policy_seed), tier=tier
+            mission_of(mission), mode, settings or {}, others, world, valid_seed(policy_seed), tier=tier
         )
         instance = self._game.instance(0)
         each = codecs(instance, picture_width)
@@ -187,10 +187,10 @@ class LingjingEnv(gymnasium.Env[dict[str, Any], dict[str, Any]], EzPickle):
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         """Begin an episode and return the observation and info of boundary 0."""
         super().reset(seed=seed)
-        number = int(self.np_random.integers(LARGEST_SEED)) if seed is None else _seed(seed)
+        number = int(self.np_random.integers(LARGEST_SEED)) if seed is None else valid_seed(seed)
         published = self._game.begin(number, {self.agent})
         self._score = published.evaluation.reward
-        return self._observed(published), _info(published)
+        return self._observed(published), info_of(published)
 
     def step(self, action: dict[str, Any]) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Play one decision tick.
@@ -204,7 +204,7 @@ class LingjingEnv(gymnasium.Env[dict[str, Any], dict[str, Any]], EzPickle):
         gained, self._score = published.evaluation.reward - self._score, published.evaluation.reward
         ended = published.evaluation.done
         late = not ended and published.record.tick >= self._game.ticks
-        return self._observed(published), gained, ended, late, _info(published)
+        return self._observed(published), gained, ended, late, info_of(published)
 
     def close(self) -> None:
         """End the engines' processes."""
@@ -226,6 +226,11 @@ def register_missions() -> None:
             name = f"lingjing/{file.stem}-{mode}-v0"
             if name not in gymnasium.registry:
                 gymnasium.register(
+                    id=f"lingjing/{file.stem}-{mode}-flat-v0",
+                    entry_point="lingjing.envs.flat_environments:FlatEnv",
+                    kwargs={"mission": file.stem, "mode": mode},
+                )
+                gymnasium.register(
                     id=name,
                     entry_point="lingjing.envs.environments:LingjingEnv",
                     kwargs={"mission": file.stem, "mode": mode},
@@ -234,24 +239,32 @@ def register_missions() -> None:
 
 def codecs(instance: Instance, picture_width: int) -> dict[str, Codec]:
     """Return one codec for each agent, by agent id. Raises `UsageError` for a negative `picture_width`."""
-    points = [point for region in instance.regions if not region.hidden for point in region.polygon]
-    reach = max([abs(part) for point in points for part in point], default=REACH_M)
+    reach = reach_of(instance)
     if picture_width < 0:
         raise UsageError(f"pictures cannot be {picture_width} pixels across", hint="`picture_width=0` leaves them out")
     return {agent.id: Codec(instance, agent, reach, picture_width) for agent in instance.agents}
 
 
-def _mission(mission: Mission | str) -> Mission:
+def reach_of(instance: Instance) -> float:
+    """Return the largest absolute coordinate of a public region, metres; `REACH_M` without one."""
+    points = [point for region in instance.regions if not region.hidden for point in region.polygon]
+    return max([abs(part) for point in points for part in point], default=REACH_M)
+
+
+def mission_of(mission: Mission | str) -> Mission:
+    """Return a compiled mission, or the one of a file or a shipped name."""
     return load_mission(mission) if isinstance(mission, str) else mission
 
 
-def _seed(seed: int) -> int:
+def valid_seed(seed: int) -> int:
+    """Return a seed. Raises `UsageError` for a number that is none."""
     if not 0 <= seed < 2**63:
         raise UsageError(f"{seed} is not a seed", hint="a seed is a whole number from 0 to 2**63 - 1")
     return int(seed)
 
 
-def _info(published: Published) -> dict[str, Any]:
+def info_of(published: Published) -> dict[str, Any]:
+    """Return the info of a boundary, which is the same for every agent."""
     record, evaluation = published.record, published.evaluation
     return {
         "tick": record.tick,

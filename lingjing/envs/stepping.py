@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import Literal
 
+from lingjing.envs.outlines import OutlineWorld
 from lingjing.errors import UsageError
 from lingjing.kernel.barrier import PolicyBarrier
 from lingjing.kernel.cities import CityBuilder
@@ -38,6 +39,7 @@ class SteppedEpisodes:
         policy_seed: int = 0,
         *,
         tier: int = 0,
+        outlines: bool = False,
     ) -> None:
         if world not in ("process", "inline"):
             raise UsageError(f"world={world!r}", hint='engines run in "process" or "inline"')
@@ -47,6 +49,7 @@ class SteppedEpisodes:
         self._others = load_policy(others, self._host)
         self._kind = world
         self._policy_seed = policy_seed
+        self._outlines = outlines
         self._world: World | None = None
         self._kernel: Kernel | None = None
         self._barrier: PolicyBarrier | None = None
@@ -62,7 +65,8 @@ class SteppedEpisodes:
         imported = bool(self._mission.origin.places)
         instance, city = self._cities.place(self.instance(seed), imported=imported, hold=True)
         if self._world is None:
-            self._world = open_world(self._kind, host=self._host, hold_starts=True)
+            opened = open_world(self._kind, host=self._host, hold_starts=True)
+            self._world = OutlineWorld(opened) if self._outlines else opened
         played = [agent.id for agent in instance.agents if agent.id not in outside]
         privileged = frozenset(played) if self._others.privileged else frozenset()
         self._kernel = Kernel(

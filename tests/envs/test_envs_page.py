@@ -18,10 +18,11 @@ PAGE = (Path(__file__).parents[2] / "docs" / "envs.md").read_text(encoding="utf-
 @pytest.mark.slow
 def test_the_examples_run(tmp_path: Path) -> None:
     examples = re.findall(r"^```python\n(.*?)^```", PAGE, flags=re.MULTILINE | re.DOTALL)
-    assert len(examples) == 2
+    assert len(examples) == 3
     done = run_python([sys.executable, "-c", "\n".join(examples)], cwd=tmp_path)  # fmt: skip
     assert done.returncode == 0, done.stderr
-    first, second = done.stdout.splitlines()
+    first, second, flat = done.stdout.splitlines()
+    assert flat.startswith("5 True (480, 480, 3) ")
     assert first.startswith("5 ")
     assert second == "(36, 64, 3)"
 
@@ -39,7 +40,7 @@ def test_an_id_with_its_module_needs_no_import_of_ours() -> None:
 
 
 def test_the_tables_name_every_key_of_the_spaces() -> None:
-    _, observed, done = re.split(r"^## .*$", PAGE, flags=re.MULTILINE)
+    *_, observed, done = re.split(r"^## .*$", PAGE, flags=re.MULTILINE)
     env = parallel_env("ssr", mode="star", world="inline")
     keys = {key for agent in env.possible_agents for key in env.observation_space(agent).spaces}
     assert keys == set(re.findall(r"^\| `(\w+)` \| `", observed, flags=re.MULTILINE))

@@ -1,0 +1,57 @@
+"""Potential-based shaping of rewards: F = γ Φ(s') - Φ(s), which leaves the optimal policies unchanged.
+
+Source: Ng, Harada and Russell, "Policy invariance under reward transformations", ICML 1999. The potential of a terminal
+state is 0. Along an episode that ends in a terminal state the discounted sum of F is therefore -Φ(s₀), whatever the
+agents do.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+
+from lingjing.mission.instance import Instance
+from lingjing.trace.records import BodyState, StageChange
+
+
+class DistancePotential:
+    """The potential of a state: minus the mean distance of the open targets from the nearest asset.
+
+    Distances are in units of `reach_m`, at most 1 each; a target that has completed the last stage counts 0. The
+    potential lies in [-1, 0]. It is computed from the truth, as a reward may be: no observation holds it.
+    """
+
+    def __init__(self, instance: Instance, reach_m: float) -> None:
+        self._assets = [entity.id for entity in instance.entities if entity.role == "asset"]
+        self._targets = [entity.id for entity in instance.entities if entity.role == "target"]
+        self._last = instance.stages[-1].name if instance.stages else ""
+        self._reach_m = reach_m
+        self._done: set[str] = set()
+
+    def restart(self) -> None:
+        """Begin another episode."""
+        self._done.clear()
+
+    def note(self, changes: Iterable[StageChange]) -> None:
+        """Take over the stages of a boundary."""
+        self._done |= {change.subject for change in changes if change.stage == self._last}
+
+    def of(self, states: Mapping[str, BodyState]) -> float:
+        """Return the potential of the states at a boundary."""
+        assets = [states[name].position for name in self._assets if name in states]
+        if not assets or not self._targets:
+            return 0.0
+        far = [
+            min(1.0, min(math.dist(states[name].position, asset) for asset in assets) / self._reach_m)
+            for name in self._targets
+            if name not in self._done and name in states
+        ]
+        return -sum(far) / len(self._targets)
+
+
+def shaped(before: float, after: float, discount: float, *, ended: bool) -> float:
+    """Return F for a step from a state with the potential `before` to one with `after`, which counts 0 if terminal."""
+    return discount * (0.0 if ended else after) - before
+
+
+__all__ = ["DistancePotential", "shaped"]
