@@ -92,13 +92,15 @@ def handler(args: argparse.Namespace) -> int:
         world=args.world,
         calls="live",
     )
+    folder = Path(args.output) if args.output else None
+    serving = Serving(mission, options, tick_s, args.pace, once=args.once, folder=folder)
+    serving.instance()  # a wrong mode, setting or mission is refused before the server listens
     token = _token(args)
     server = CallServer(args.host, port, token)
     say(f"AirSim's API at {args.host} port {server.port}; Ctrl-C ends the episode")
     print(f"{args.host}:{server.port}", flush=True)
-    folder = Path(args.output) if args.output else None
     try:
-        reports = serve_episodes(Serving(mission, options, tick_s, args.pace, once=args.once, folder=folder), server)
+        reports = serve_episodes(serving, server)
     finally:
         server.close()
     for report in reports:

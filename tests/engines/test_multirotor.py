@@ -544,3 +544,59 @@ def test_the_load_follows_the_accounts_and_an_overload_is_refused(player, instan
     assert play.command("uav[1]", "forward", distance=5.0).reason == "overloaded"
     play.run(0.5, [msgspec.structs.replace(depot, resources={"load@uav[1]": -0.2})])
     assert play.state.resources["load_kg"] == 0.0
+
+
+def steer(play, east, north, up, **more):
+    return play.command("uav[1]", "steer", east=east, north=north, up=up, **more)
+
+
+def test_a_set_point_flies_at_a_velocity_until_the_next_one_and_zero_holds_the_place(fly):
+    play = fly(wind(6.0), position=(0.0, 0.0, 50.0), sync_s=0.05)
+    assert steer(play, 5.0, -3.0, 1.0, heading=200.0).status == "accepted"
+    play.run(8.0)
+    assert math.dist(play.state.velocity, (5.0, -3.0, 1.0)) < 0.3
+    assert play.state.heading_deg == pytest.approx(200.0, abs=3.0) and play.state.status == "moving"
+    assert steer(play, 60.0, 0.0, -9.0).status == "accepted"
+    play.run(10.0)
+    assert math.hypot(*play.state.velocity[:2]) == pytest.approx(12.0, abs=0.6), "no faster than its cruise speed"
+    assert play.state.velocity[2] == pytest.approx(-3.0, abs=0.3)
+    steer(play, 0.0, 0.0, 0.0)
+    play.run(12.0)
+    place = play.state.position
+    play.run(10.0)
+    assert math.dist(play.state.position, place) < 0.3 and play.state.status == "hovering"
+
+
+def test_a_set_point_takes_off_and_land_ends_on_the_ground_ready_for_more(fly, quay):
+    play = fly(city=quay)
+    assert play.state.status == "grounded"
+    assert steer(play, 3.0, 0.0, 0.0).reason == "grounded"
+    for _ in range(2):
+        assert steer(play, 0.0, 0.0, 2.0).status == "accepted"
+        play.run(6.0)
+        assert play.state.position[2] > 5.0
+        steer(play, 0.3, 0.0, 0.0)
+        play.run(4.0)
+        assert play.command("uav[1]", "land").status == "accepted"
+        play.run(25.0)
+        assert play.state.status == "grounded" and play.state.velocity == (0.0, 0.0, 0.0)
+        assert play.state.position[2] == pytest.approx(1.1, abs=0.3)
+    assert not [event for event in play.events if event.kind == "collided"]
+
+
+def test_landing_on_water_ends_the_vehicle(fly):
+    play = fly(position=(0.0, 0.0, 20.0))
+    play.command("uav[1]", "land")
+    play.run(30.0)
+    assert play.state.status == "dead"
+
+
+def test_a_set_point_beside_a_request_is_busy_and_stop_ends_the_set_point(fly):
+    play = fly(position=(0.0, 0.0, 50.0))
+    play.command("uav[1]", "setDestination", x=100.0, y=0.0, z=50.0)
+    assert steer(play, 1.0, 0.0, 0.0).reason == "busy"
+    assert play.until_ended(play.command("uav[1]", "stop").request).status == "completed"
+    steer(play, 0.0, 5.0, 0.0)
+    play.run(5.0)
+    assert play.until_ended(play.command("uav[1]", "stop").request).status == "completed"
+    assert math.hypot(*play.state.velocity) < 0.5

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import importlib.util
 import io
 import math
 import subprocess
@@ -252,6 +253,26 @@ def test_the_drones_of_a_mission_fly_and_its_hidden_targets_stay_hidden(serve: S
     leave(client)
     served.process.communicate(timeout=120)
     assert (served.folder / "trace.mcap.part").is_file(), "a mission that a client leaves is not complete"
+    assert served.process.returncode == 0
+
+
+def test_cars_have_a_state_and_no_controls(serve: Serve) -> None:
+    if importlib.util.find_spec("libsumo") is None:
+        pytest.skip("the extra `road` is not installed")
+    served = serve("cd")
+    client = airsim.CarClient(port=served.port)
+    client.confirmConnection()
+    assert client.listVehicles()[0] == "van1"
+    assert client.getCarState("van1").speed == 0.0
+    with pytest.raises(rpc_error, match="`setCarControls` is not served"):
+        client.setCarControls(airsim.CarControls(throttle=1), "van1")
+    drone = airsim.MultirotorClient(port=served.port)
+    with pytest.raises(rpc_error, match="`van1` is no multirotor"):
+        drone.takeoffAsync(vehicle_name="van1").get()
+    client.simContinueForTime(1.0)
+    for each in (client, drone):
+        leave(each)
+    served.process.communicate(timeout=120)
     assert served.process.returncode == 0
 
 

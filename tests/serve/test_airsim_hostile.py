@@ -171,6 +171,7 @@ def test_a_token_guards_the_server(serve: Serve, tmp_path: Path) -> None:
         (["--airsim", "--scene", "bay", "--host", "0.0.0.0"], "can be reached from a network"),
         (["--airsim", "--scene", "bay", "--token-file", "/nowhere"], "cannot read /nowhere"),
         (["--airsim", "no_such_mission"], "no_such_mission"),
+        (["--airsim", "ssr", "--mode", "telepathy"], "telepathy"),
         (["--airsim", "ssr", "--policy", "nobody", "--port", "0"], "nobody"),
     ],
 )

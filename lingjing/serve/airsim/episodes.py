@@ -39,6 +39,15 @@ class Serving:
     folder: Path | None = None
     """The folder of the first episode's trace; None for new ones under `runs/`. Later episodes get `-2`, `-3`, …"""
 
+    def instance(self) -> Instance:
+        """Return the instance before its changes. Raises `UsageError` for wrong options or without a vehicle."""
+        options = self.options
+        instance = instantiate(
+            self.mission, seed=options.seed, mode=options.mode, settings=dict(options.settings)
+        )  # fmt: skip
+        vehicle_agents(instance)
+        return instance
+
 
 class ClientPolicy:
     """The policy of an agent that clients play: it is never called, and stands for them in the trace."""
@@ -56,8 +65,7 @@ def serve_episodes(serving: Serving, server: CallServer) -> list[EpisodeReport]:
 
     Raises the errors of `lingjing.run`.
     """
-    options, settings = serving.options, dict(serving.options.settings)
-    instance = instantiate(serving.mission, seed=options.seed, mode=options.mode, settings=settings)
+    options, instance = serving.options, serving.instance()
     agents = vehicle_agents(instance)
     ending = Ending()
     reports: list[EpisodeReport] = []

@@ -64,8 +64,8 @@ def served_agents(instance: Instance) -> tuple[tuple[str, str], ...]:
         for name in agent.controls:
             if entities[name].engine in ("multirotor", "road"):
                 agent_of.setdefault(name, agent.id)
-    if not any(entities[name].engine == "multirotor" for name in agent_of):
-        raise UsageError(f"mission `{instance.mission}` has no drone that an agent controls", hint="try --scene bay")
+    if not agent_of:
+        raise UsageError(f"mission `{instance.mission}` has no drone or car that an agent controls", hint="try ssr")
     return tuple(agent_of.items())
 
 
