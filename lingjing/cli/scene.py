@@ -48,6 +48,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--default-levels", type=int, metavar="N",
         help="storeys of buildings whose tags state no height (default: by neighbours, footprint and place)",
     )  # fmt: skip
+    build.add_argument(
+        "--furniture", action="store_true", help="add lamps, benches, bus stops and parked cars where the map has them"
+    )
     build.add_argument("-o", "--output", metavar="DIR", help="the city's folder (default: kept in the cache)")
     build._negative_number_matcher = re.compile(r"^-[\d.]")  # `--bbox -0.13,51.5,…` is a value, not an option
     build.set_defaults(handler=_build)
@@ -90,7 +93,7 @@ def _build(args: argparse.Namespace) -> int:
 
     water = {} if args.water_level is None else {"water_m": args.water_level}
     box = None if args.bbox is None else parse_box(args.bbox)
-    options = Options(box=box, seed=args.seed, default_levels=args.default_levels, **water)
+    options = Options(box=box, seed=args.seed, default_levels=args.default_levels, furniture=args.furniture, **water)
     folder = None if args.output is None else Path(args.output)
     with _phases(f"building {Path(args.map).name}") as report:
         built = build(Path(args.map), options, folder, report)

@@ -9,6 +9,7 @@ import msgspec
 import osmium
 import pytest
 import shapely
+import shapely.affinity
 
 from lingjing.errors import UsageError
 from lingjing.mission.instance import SceneSpec
@@ -457,3 +458,41 @@ def test_wrong_options_of_a_mission_are_named(
 
 def test_the_cache_folder_follows_the_environment(cache: Path) -> None:
     assert os.fspath(cities_folder()) == os.fspath(cache / "lingjing" / "cities")
+
+
+def furnished(tmp_path: Path) -> Path:
+    made = town()
+    for x in (-300.0, -250.0):
+        made.node(x, 9.0, highway="street_lamp")
+    made.node(-200.0, 0.7, highway="bus_stop")  # on the carriageway
+    made.node(-150.0, -12.0, amenity="bench")
+    made.node(0.0, 230.0, amenity="bench")  # in the river
+    made.way(square(-300, -350, 60, 40), {"amenity": "parking"})
+    made.way(square(-200, -350, 60, 40), {"amenity": "parking", "parking": "underground"})
+    return made.write(tmp_path / "furnished.osm")
+
+
+def test_furniture_of_the_map_is_an_option(tmp_path: Path) -> None:
+    file = furnished(tmp_path)
+    plain = {
+        prop.cls for tile in Tiles(city_of(SceneSpec(kind="map", options={"file": str(file)}))) for prop in tile.props
+    }
+    assert plain == {"tree"}
+    city = city_of(SceneSpec(kind="map", options={"file": str(file), "furniture": 1}))
+    props = [prop for tile in Tiles(city) for prop in tile.props]
+    by_kind = {cls: [prop for prop in props if prop.cls == cls] for cls in {prop.cls for prop in props}}
+    assert [len(by_kind[cls]) for cls in ("lamp", "bus_stop", "bench")] == [2, 1, 1]
+    assert all(abs(lamp.heading_deg - 180.0) < 5.0 for lamp in by_kind["lamp"])  # the road lies to the south of them
+    (stop,) = by_kind["bus_stop"]
+    lanes = [shapely.LineString([p[:2] for p in lane.shape]).buffer(lane.width_m / 2)
+             for tile in Tiles(city) for road in tile.roads for lane in road.lanes]  # fmt: skip
+    place = shapely.Point(stop.position[:2])
+    assert 0.3 < shapely.union_all(lanes).distance(place) < 3.0
+    cars = by_kind["parked_car"]
+    assert 40 < len(cars) < 100 and {car.options["variant"] for car in cars} > {0, 1, 2, 3}
+    boxes = [
+        shapely.affinity.rotate(shapely.box(-0.9, -2.25, 0.9, 2.25), -car.heading_deg, origin=(0, 0)) for car in cars
+    ]
+    moved = [shapely.affinity.translate(box, *car.position[:2]) for box, car in zip(boxes, cars, strict=True)]
+    assert all(shapely.box(-300, -350, -240, -310).buffer(0.2).contains(box) for box in moved)
+    assert shapely.union_all(moved).area == pytest.approx(sum(box.area for box in moved))  # none overlap

@@ -9,7 +9,8 @@ The modules in control-flow order:
 - `source` recognises the format of a file; `xml_format` or `pbf_format` parses it; `read` returns normalised
   `map_data`.
 - `frame` chooses the part of the map; `features` makes shapes in metres and assembles multipolygons.
-- One module for each kind of thing: `buildings`, `streets`, `water`, `ground`, `structures`, `footbridges`, `trees`.
+- One module for each kind of thing: `buildings`, `streets`, `water`, `ground`, `structures`, `footbridges`, `trees`,
+  `furniture`.
 - For buildings: `tags`, `uses` and `heights` read what tags state; `places`, `storeys` and `neighbours` estimate
   heights that they do not state; `looks` gives facades and colours; `stacking` resolves parts that overlap.
 - For streets: `access` and `speed` read what tags permit; `elevation` gives bridges and tunnels.

@@ -26,6 +26,7 @@ from lingjing.scene.osm.buildings import HeightCounts
 from lingjing.scene.osm.features import Features, collect
 from lingjing.scene.osm.footbridges import footbridges
 from lingjing.scene.osm.frame import MapFrame, choose
+from lingjing.scene.osm.furniture import Obstruction, furniture
 from lingjing.scene.osm.map_data import DegreeBox, MapData
 from lingjing.scene.osm.streets import streets
 from lingjing.scene.osm.summary import ATTRIBUTION, SUMMARY_FILE, MapSource, Summary, counts, encode, read_summary
@@ -51,6 +52,8 @@ class Options:
     """Elevation of the waters, metres."""
     default_levels: int | None = None
     """Storeys of buildings without tagged height, 1..`MOST_LEVELS`; None to estimate them from their surroundings."""
+    furniture: bool = False
+    """True with lamps, benches, bus stops and parked cars of the map."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,6 +124,7 @@ def build(
             "seed": options.seed,
             "water_level_m": options.water_m,
             "default_levels": options.default_levels,
+            **({"furniture": True} if options.furniture else {}),
         },
         counts=counts(pieces, frame),
         heights=heights,
@@ -152,7 +156,11 @@ def _assemble(
     wet = water.wet(features)
     areas = ground.areas(features, wet)
     on_phase("planting trees")
-    planted = tuple(trees.trees(features, areas, trees.occupied_area(wet, built, roads), options.seed))
+    occupied = trees.occupied_area(wet, built, roads)
+    planted = tuple(trees.trees(features, areas, occupied, options.seed))
+    if options.furniture:
+        blocked = Obstruction(trees.pavement(roads), occupied)
+        planted += tuple(furniture(features, blocked, options.seed))
     pieces = Pieces(
         waters=water.waters(wet, options.water_m),
         areas=areas,

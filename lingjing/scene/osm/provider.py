@@ -1,9 +1,9 @@
 """The `map` scene: a city that `lingjing scene build` wrote, or one built from a map file and cached.
 
 Options: `folder` (a city's folder), or `file` (also `map`; an OpenStreetMap file), with `bbox` (`"W,S,E,N"` in degrees)
-for a part of it and `default_levels` for buildings without tagged height. Paths are relative to the working folder. A
-mission's `datum` gives the elevation of the waters. Random details are those of `lingjing scene build` with its default
-seed, whatever the mission's seed.
+for a part of it, `default_levels` for buildings without tagged height, and `furniture`. Paths are relative to the
+working folder. A mission's `datum` gives the elevation of the waters. Random details are those of `lingjing scene
+build` with its default seed, whatever the mission's seed.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def city_of(spec: SceneSpec) -> City:
     name = next(name for name in ("folder", "file", "map") if name in spec.options)
     path = str(spec.options[name])
     stored = name == "folder" or Path(path).is_dir()
-    for option in ("bbox", "default_levels"):
+    for option in ("bbox", "default_levels", "furniture"):
         if stored and option in spec.options:
             raise UsageError(
                 f"scene `map`: a folder is a finished city, `{option}` cannot change it", hint="name the map's `file`"
@@ -59,7 +59,8 @@ def _stored(folder: Path) -> City:
 def _built(spec: SceneSpec, path: Path) -> City:
     box = parse_box(str(spec.options["bbox"])) if "bbox" in spec.options else None
     try:
-        return build(path.absolute(), Options(box=box, default_levels=_default_levels(spec))).city
+        levels, furnished = _default_levels(spec), bool(spec.options.get("furniture"))
+        return build(path.absolute(), Options(box=box, default_levels=levels, furniture=furnished)).city
     except UsageError as error:
         raise UsageError(f"scene `map`: {error}", hint=hint_of(error)) from None
 
