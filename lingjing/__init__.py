@@ -15,6 +15,7 @@ Modules that all share:
 - `collector`: pauses of the garbage collector; `numerics`: all that fixes the last bits of numbers;
   `sums`: sums that every version of Python computes alike
 - `data`: the place of shipped files; `kept_files`: files of the cache; `whole_files`: atomic writes
+- `notebook_tables`: tables of notebooks
 - `file_names`: names that are not UTF-8
 - `builtin`: the built-in plug-in, which declares the engines, scenes, evaluators and types that ship
 - `installation`: the distributions and their extras; `installed_plugins`: plug-ins of other distributions

@@ -61,6 +61,10 @@ class SuiteResults:
             raise UsageError(f"no kind of table is called `{unknown[0]}`", hint=hint)
         return "\n".join(map(EXPORTS[format], make_tables(list(self.rows), kinds or self.kinds, self.title)))
 
+    def _repr_html_(self) -> str:
+        """Return the suite's tables, for notebooks."""
+        return self.tables(format="html")
+
     def to_frame(self, library: FrameLibrary = "pandas") -> Any:
         """Return the rows as a data frame with the columns of `results.parquet`, one for each metric."""
         from lingjing.bench.parquet import rows_frame

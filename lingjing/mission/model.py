@@ -761,3 +761,16 @@ class Mission(Record, frozen=True, kw_only=True):
         counts = {"parameters": self.parameters, "groups": self.groups, "agents": self.agents, "rules": self.rules}
         held = ", ".join(f"{len(parts)} {name}" for name, parts in counts.items())
         return f"<Mission {self.name} {self.title[:60]!r}: {held}, {'/'.join(self.modes.allowed)}>"
+
+    def _repr_html_(self) -> str:
+        """Return the goal, the groups and the agents as a table, for notebooks."""
+        from lingjing.notebook_tables import html_table
+
+        values = {
+            "goal": self.goal,
+            "modes": ", ".join(self.modes.allowed),
+            "parameters": ", ".join(parameter.name for parameter in self.parameters),
+            "groups": ", ".join(f"{group.name}: {group.type}" for group in self.groups),
+            "agents": ", ".join(f"{agent.name}: {agent.role}" for agent in self.agents),
+        }
+        return html_table(f"{self.name}: {self.title}", values)

@@ -107,6 +107,28 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
         """The folder that holds the trace and the overview."""
         return Path(self.trace).parent
 
+    def __repr__(self) -> str:
+        """One line; `msgspec.json.encode` writes the complete report."""
+        end = f"{self.reason}, SCR {self.scr:.2f}, score {self.score:.2f}, {self.ticks} ticks"
+        return f"<EpisodeReport {self.mission}-{self.mode} seed {self.seed}, {self.policy}: {end}, {self.trace}>"
+
+    def _repr_html_(self) -> str:
+        """Return the result and the metrics as a table, with the overview picture, for notebooks."""
+        from lingjing.notebook_tables import html_table
+
+        values: dict[str, object] = {"policy": self.policy, "detail": self.detail, "digest": self.digest[:16]}
+        for name, value in self.metrics.items() if self.metrics is not None else ():
+            if value is not None and not isinstance(value, tuple):
+                number = f"{value:g}" if isinstance(value, float) else value
+                values[name] = f"{number} {Metrics.unit(name)}".strip()
+        return html_table(f"{self.mission}-{self.mode}, seed {self.seed}: {self.reason}", values, self._repr_png_())
+
+    def _repr_png_(self) -> bytes | None:
+        """Return the overview picture beside the trace; None if there is none."""
+        from lingjing.notebook_tables import bytes_of
+
+        return bytes_of(self.folder / "overview.png") if self.trace else None
+
 
 class EpisodeError(msgspec.Struct, frozen=True, kw_only=True):
     """The error of an episode's process without a report: the process prints it instead of one."""

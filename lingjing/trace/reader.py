@@ -92,7 +92,7 @@ class ChannelLocation:
     """Byte offset of the chunk."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Trace:
     """The records of one episode: what `lingjing.read` returns.
 
@@ -117,6 +117,34 @@ class Trace:
     """True if the episode ended by itself and its file is whole."""
     places: Mapping[str, Mapping[str, ChannelLocation]] = field(repr=False, default_factory=dict)
     """The places of stored pictures, by picture id, then by topic."""
+
+    def __repr__(self) -> str:
+        """One line."""
+        instance, reason = self.header.instance, "no outcome" if self.outcome is None else self.outcome.reason
+        held = f"{len(self.boundaries)} boundaries, {len(self.frames)} pictures"
+        return f"<Trace {instance.mission}-{instance.mode} seed {instance.seed}: {reason}, {held}, {self.path}>"
+
+    def _repr_html_(self) -> str:
+        """Return the content of the trace as a table, with the overview picture beside it, for notebooks."""
+        from lingjing.notebook_tables import html_table
+
+        instance, outcome = self.header.instance, self.outcome
+        values = {
+            "policies": ", ".join(f"{binding.agent}: {binding.policy}" for binding in self.header.bindings),
+            "complete": self.complete,
+            "reason": "no outcome" if outcome is None else outcome.reason,
+            "score": "N/A" if outcome is None else f"{outcome.score:g}",
+            "boundaries": len(self.boundaries),
+            "pictures": len(self.frames),
+            "file": self.path,
+        }
+        return html_table(f"{instance.mission}-{instance.mode}, seed {instance.seed}", values, self._repr_png_())
+
+    def _repr_png_(self) -> bytes | None:
+        """Return the overview picture beside the file; None if there is none."""
+        from lingjing.notebook_tables import bytes_of
+
+        return bytes_of(self.path.with_name("overview.png"))
 
     @cached_property
     def frames(self) -> dict[str, FrameInfo]:

@@ -83,6 +83,24 @@ def test_the_page_names_every_export() -> None:
     assert [name for name in lingjing.__all__ if f"`{name}" not in text and f"lingjing.{name}" not in text] == []
 
 
+@pytest.mark.usefixtures("folder")
+def test_notebooks_show_a_line_and_a_table() -> None:
+    mission, results = lingjing.compile("first.ljs"), lingjing.bench("first.toml", out="runs/bench/first")
+    report, trace = lingjing.run(mission, policy="random", out="runs/<b>shown"), lingjing.read("runs/first")
+    assert "<Mission first" in repr(mission)
+    assert repr(report).startswith("<EpisodeReport first-broadcast seed 0, random: budget, SCR ")
+    assert repr(trace).startswith("<Trace first-broadcast seed 0: budget, 9 boundaries, ")
+    assert all("\n" not in repr(shown) for shown in (mission, report, trace))
+    tables = [shown._repr_html_() for shown in (mission, report, trace)]
+    assert all(table.startswith("<table><caption>first") for table in tables)
+    assert "<td>budget</td>" in tables[1]
+    assert "data:image/png;base64," in tables[1]
+    assert "<img" not in tables[2]  # played without an overview
+    assert (report._repr_png_() or b"").startswith(b"\x89PNG")
+    assert "<b>" not in lingjing.read(report.trace)._repr_html_()
+    assert "<table" in results._repr_html_()
+
+
 def test_a_former_name_warns() -> None:
     with pytest.warns(DeprecationWarning, match="use `lingjing.read`"):
         assert lingjing.read_trace is lingjing.read  # type: ignore[attr-defined]
