@@ -4,7 +4,8 @@ The packages in the order of the pipeline: `dsl` (text to mission), `mission` (t
 `plugins` (the contract of extensions), `engines` (physics and pictures), `kernel` (the episode), `trace` (its record),
 `analysis` (metrics of a trace). `play` plays one episode, `bench` many; `authoring` tests missions; `report` draws
 figures of results; `causal` replays and forks traces; `viewer` shows an episode in a browser or as a film; `envs` wraps
-missions as learning environments; `testing` makes instances, episodes and traces for tests. `cli` is the command line,
+missions as learning environments; `serve` serves episodes to foreign clients;
+`testing` makes instances, episodes and traces for tests. `cli` is the command line,
 `lsp` the language server, `processes` starts, forks and ends processes.
 
 Modules that all share:

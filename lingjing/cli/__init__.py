@@ -17,6 +17,7 @@ the signals and the end of the process. `files` reads missions and writes files.
 - `verify`, `replay`, `why`, `metrics`             a trace: integrity, determinism, reason of the outcome, metrics
 - `fork`, `blame`, `value` ← `branches`            branches of a trace: interventions, blame, value of messages
 - `view`, `film`                                   a trace in the browser, and as a film
+- `serve`                                          an episode for clients of AirSim's API
 - `report`                                         the paper's figures from many episodes
 - `shrink`                                         the smallest mission that fails as a trace did
 - `calls`                                          the recorded model calls of an episode

@@ -23,7 +23,7 @@ from tests.serve.conftest import Serve, Served, thoughts
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
-    airsim: Any = pytest.importorskip("cosysairsim", reason="the client is not installed: requirements-nodeps-dev.txt")
+    airsim: Any = pytest.importorskip("cosysairsim", reason="the client is not installed: `make setup` installs it")
 rpc_error: Any = pytest.importorskip("msgpackrpc.error").RPCError
 
 

@@ -23,7 +23,7 @@ def wire_names() -> dict[str, list[str]]:
     """The methods of the client with the names that they send."""
     spec = importlib.util.find_spec("cosysairsim")
     if spec is None or not spec.submodule_search_locations:
-        pytest.skip("the client is not installed: requirements-nodeps-dev.txt")
+        pytest.skip("the client is not installed: `make setup` installs it")
     source = (Path(spec.submodule_search_locations[0]) / "client.py").read_text()
     methods: dict[str, list[str]] = {}
     for kind in ast.parse(source).body:
