@@ -23,6 +23,7 @@ Modules in the order of control:
 - `registry` is G, the shared state: an immutable value that `registry_update` replaces at each boundary (Update);
   `progress` is its part for budgets, inspections, stages and constraints; `append_only` is the mapping for its growing
   parts;
+- `claims` limits the positive claims that rules see;
 - `assignments` reads destinations from commands and messages; `inspections` follows routes waypoint by waypoint;
 - `gnss` gives the errors of satellite navigation receivers, `imu` the readings of inertial units;
 - `mission_events` lets the mission's own events occur and undoes them (weather, presence, states of targets);

@@ -32,6 +32,8 @@ Modules in control-flow order:
 - `instance`: the concrete episode. `instantiate` makes it of its parts: `instance_entities`, `instance_agents` (with
   messages) and `instance_rules` (events, limits, texts). `trial`: errors that playing would
   report, found without playing.
+- `tiers`: values of parameters that make a harder form of a mission. `alternatives`: a mission with its switches and
+  conditional lines resolved.
 - `settings`: parameter values as text. `schedule`: the declared world under the events that have occurred.
 - `conditions`: one reading of all conditions: the quantities and needs of each. `feasibility`: proofs that a mission
   cannot be won. `tasks`: the members of each group that success requires.

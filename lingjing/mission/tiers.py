@@ -4,7 +4,7 @@ Concepts. *Tier 0* is the mission with the defaults of its params. For the missi
 mission. *Tier 1* hardens it: claims are limited, success asks for evidence, and worlds vary with the seed. Tiers 2 and
 3 are reserved for noise of sensors, loss of messages, late targets and partners that fail. A mission declares a tier as
 values of its params (`tier 1 { claims }`), so that each switch can also be set alone, and a study can measure each by
-itself. Results of different tiers are never compared.
+itself. Results of different tiers are never compared (ADR 0049).
 """
 
 from __future__ import annotations

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from lingjing.dsl.printing.printer import Printer
 from lingjing.mission import expression as ex
 from lingjing.mission import model
+from lingjing.mission.alternatives import at_tier_0
 from lingjing.mission.certain import Knowledge, truth
 from lingjing.mission.condition_words import ConditionWords
 from lingjing.mission.intervals import Bounds
@@ -18,7 +19,8 @@ HEADS = ("Event", "Made true by", "Bounds", "In words")
 
 
 def judging(mission: model.Mission) -> Iterator[tuple[str, ...]]:
-    """Yield a row for each rule, each interaction of the targets, and each inspection."""
+    """Yield a row for each rule, each interaction of the targets, and each inspection, as they are at tier 0."""
+    mission = at_tier_0(mission)
     printer = Printer(mission)
     words = ConditionWords(printer.phrases.text, printer.phrases.declared())
     for rule in mission.rules:

@@ -12,5 +12,5 @@ The modules in control-flow order:
 - `foreign`: spellings of other languages and keyboards. `foreign_text`: the part of the lexer that reads them.
 - `ljs.lark`: the grammar. `tables`: its LALR(1) tables.
 - `builder`: reductions → nodes. `parser`: tokens → tree, with recovery at statements; `repairs`: the small changes with
-  which a faulty statement can be read.
+  which a faulty statement can be read; `idioms`: phrases of other languages, with the way to say them here.
 """

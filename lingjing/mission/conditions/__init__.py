@@ -12,8 +12,11 @@ Modules in control-flow order:
 
 - `quantities`: quantities and causes. `declarations`: the declarations that conditions refer to, of a mission or an
   instance.
+- `taint`: the changes of interactions that a hidden value permits, which are hidden too.
 - `reads`: the leaves of one condition. `survey`: all conditions with their leaves and gates.
-- `leaks`: hidden values that decide something which agents notice.
+- `leaks`: hidden values that decide something which agents notice. `exposures`: hidden values in public ones and in
+  motions.
+- `drawn_params`: the values of drawn params, and bounds where there are too many values.
 - `spread`: places and numbers before the seed is known. `motion`: upper bounds of speed and flight time.
 - `outline`: a mission (every seed) or an instance (one seed) in the form that the builder of needs and proofs read.
 - `episode`: bounds of every quantity that hold during the whole episode.
