@@ -269,6 +269,8 @@ def names_in_faults(items: tuple[s.Statement, ...]) -> set[str]:
         item = waiting.pop()
         if isinstance(item, s.Faulty):
             words.update(item.names)
+            inside = item.block.items if item.block else ()
+            words.update(each.name.text for each in inside if isinstance(each, s.Bare))
         block = getattr(item, "block", None)
         if isinstance(block, s.BracedBlock):
             waiting.extend(block.items)
