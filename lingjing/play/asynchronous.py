@@ -11,7 +11,7 @@ from typing import Unpack
 
 from lingjing.kernel.episode import Progress
 from lingjing.mission.model import Mission
-from lingjing.play.episode import EpisodeInterrupted, run
+from lingjing.play.episode import run
 from lingjing.play.options import Changes
 from lingjing.play.report import EpisodeReport
 
@@ -42,21 +42,29 @@ async def arun(
         if progress is not None:
             progress(state)
 
-    playing = asyncio.ensure_future(asyncio.to_thread(run, mission, out=out, progress=interruptible, **changes))
+    def play() -> EpisodeReport | None:
+        # An interrupt that left the thread would end the caller's event loop, and not this call alone.
+        try:
+            return run(mission, out=out, progress=interruptible, **changes)
+        except KeyboardInterrupt:
+            return None
+
+    playing = asyncio.ensure_future(asyncio.to_thread(play))
     try:
-        return await asyncio.shield(playing)
+        report = await asyncio.shield(playing)
     except asyncio.CancelledError:
         cancelled.set()
         await _ended(playing)
         raise
+    if report is None:
+        raise asyncio.CancelledError
+    return report
 
 
-async def _ended(playing: asyncio.Future[EpisodeReport]) -> None:
+async def _ended(playing: asyncio.Future[EpisodeReport | None]) -> None:
     """Wait for the end of a cancelled episode, also if the waiting itself is cancelled again."""
     while not playing.done():
         try:
             await asyncio.shield(playing)
         except asyncio.CancelledError:
             continue
-        except EpisodeInterrupted:
-            return
