@@ -83,10 +83,10 @@ def test_it_does_not_start_without_a_limit_a_key_or_a_price(
     out = suite.parent / "out"
     command = ["bench", str(suite), "-o", str(out)]
     assert run_command(command) == ExitCode.USAGE
-    assert capsys.readouterr().err.startswith("error: models cannot be called: GPT-5.5: OPENAI_API_KEY is not set")
+    assert "\nerror: models cannot be called: GPT-5.5: OPENAI_API_KEY is not set" in capsys.readouterr().err
     suite.write_text(PAID.replace('model = "gpt-5.5"', 'model = "gpt-5.5"\nargs = { api_key_env = "OWN_KEY" }'))
     assert run_command(command) == ExitCode.USAGE
-    assert capsys.readouterr().err.startswith("error: models cannot be called: GPT-5.5: OWN_KEY is not set")
+    assert "\nerror: models cannot be called: GPT-5.5: OWN_KEY is not set" in capsys.readouterr().err
     suite.write_text(PAID)
     monkeypatch.setenv("OPENAI_API_KEY", "a-key-that-nobody-may-see-1234")
     assert run_command(command) == ExitCode.USAGE
