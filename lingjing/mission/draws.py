@@ -19,6 +19,7 @@ from lingjing.mission import geometry2d
 from lingjing.mission.evaluate import Area, Interval, Place, Scope, Value, area, describe, evaluate, number
 from lingjing.mission.seeding import Stream
 from lingjing.mission.spacing import Spacing
+from lingjing.sums import total
 
 _SITE_TRIES = 2_000
 """Random points tried for one site before the attempt is given up (chosen)."""
@@ -124,7 +125,7 @@ def _sites(expr: ex.Draw, scope: Scope, seed: int, path: str, count: int) -> Dra
 def _sites_along(expr: ex.Draw, scope: Scope, seed: int, path: str, count: int) -> Drawn:
     named = _named(expr, scope, ("apart", "clear"))
     line, clear = line_of(expr, scope), named.get("clear", 0.0)
-    length = sum(math.dist(a, b) for a, b in itertools.pairwise(line))
+    length = total(math.dist(a, b) for a, b in itertools.pairwise(line))
     if length <= 2.0 * clear:
         message = f"no place on a line of {length:g} m is {clear:g} m from both of its ends"
         raise MissionError(message, hint="lower 'clear', or lengthen the line")

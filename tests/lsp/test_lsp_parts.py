@@ -195,7 +195,7 @@ def test_definitions_in_the_file_and_in_the_library() -> None:
 
 def test_references_distinguish_local_names() -> None:
     analysis = Analysis(SSR, "<test>")
-    occurrence = analysis.names.at(SSR.index("v: victim, r: detection) { when matched"))
+    occurrence = analysis.names.at(SSR.index("v: victim, r: detection) {\n    when matched"))
     assert occurrence is not None
     places = [SSR[place.start : place.end] for place in analysis.names.of(occurrence.key)]
     assert places == ["v", "v"]
