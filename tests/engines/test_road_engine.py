@@ -428,6 +428,20 @@ def test_replan_on_the_way_changes_the_way(play: Start, city: City) -> None:
     assert max(where(b.states[0])[1] for b in played.history) > 190.0
 
 
+def test_replan_reads_the_named_place_and_no_hidden_jam(play: Start, city: City) -> None:
+    def around(named: tuple[float, float], *jams: Entity) -> list[tuple[float, ...]]:
+        played = play([vehicle(), *jams], city)
+        played.command("route", origin="kernel", x=700.0, y=0.0)
+        played.command("replan", origin="kernel", x=named[0], y=named[1])
+        played.step()
+        return [point for route in played.routes for point in route.waypoints]
+
+    near = (500.0, 18.0)  # 18 m beside the road: within twice the radius of the jam, and off its middle
+    assert around(near, jam(position=(500.0, 0.0))) == around(near)
+    beside = (200.0, 36.0)  # a crossing street: the jam lies 36 m away, within twice its radius
+    assert around(beside, jam(position=(200.0, 0.0))) == around(beside)
+
+
 def test_replan_with_no_way_left_is_unreachable(play: Start, city: City) -> None:
     played = play([vehicle()], city)
     played.command("route", origin="kernel", x=700.0, y=0.0)

@@ -105,15 +105,6 @@ class Congestion:
         """The edges on which a queue stands."""
         return frozenset(lane.edge for jam in self.jams if jam.blocking for lane in jam.lanes)
 
-    def at(self, x: float, y: float) -> Jam | None:
-        """Return the jam with a queue at a place, or None."""
-        standing = (jam for jam in self.jams if jam.blocking)
-        return next((jam for jam in standing if math.dist((x, y), (jam.x, jam.y)) <= 2.0 * jam.radius_m), None)
-
-    def is_over(self, name: str) -> bool:
-        """Return whether a jam of that name has been cleared."""
-        return any(jam.id == name and not jam.blocking for jam in self.jams)
-
     def states(self, there: Container[str], ahead_s: float) -> Iterator[BodyState]:
         """Return the states of the vehicles of all queues that are in `there`, with those that are driving off."""
         kinds = dict(self._leaving)

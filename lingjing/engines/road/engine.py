@@ -80,7 +80,7 @@ class RoadEngine(FleetEngine):
         self._contacts = Contacts(sim, self._collided, background=amount(instance, "collisions") > 0)
         blockers = (entity for entity in instance.entities if entity.blocked_m is not None)
         self._congestion = Congestion(sim, graph, tuple(jam_of(entity, seed) for entity in blockers))
-        self._planner = Planner(sim, graph, self._congestion, self.publish)
+        self._planner = Planner(sim, graph, self.publish)
         self._outlines = {region.name: region.polygon for region in instance.regions}
         self._closed_regions: tuple[str, ...] = ()
         self._graph = graph

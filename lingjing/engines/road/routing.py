@@ -49,8 +49,6 @@ class Avoided:
     """North coordinate, metres."""
     radius_m: float
     """Radius, metres."""
-    because: str = ""
-    """Name of the jam that blocks it. The place is avoided until the jam is over; always if the name is empty."""
 
 
 def find_way(

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 
-from lingjing.engines.road.congestion import Congestion
 from lingjing.engines.road.graph import Graph, RoadLink
 from lingjing.engines.road.routing import Avoided, edges_at, find_way, measure, straight_on
 from lingjing.engines.road.simulation import Simulation
@@ -34,8 +33,12 @@ SAME_PLACE_M = 5.0
 FARTHEST_M = 150.0
 """Largest distance of a destination from a road, metres (chosen)."""
 
-AVOID_M = 25.0
-"""Radius of a place to avoid without a known jam, metres (chosen)."""
+NAMED_M = 25.0
+"""Largest distance of a named place from the street that is avoided, metres: the paper's radius of congestion."""
+
+STREET_M = 10.0
+"""Distance beyond the nearest lane up to which the other lanes of the named street are avoided, metres (chosen). It is
+less than the distance of a jam from the crossing street."""
 
 _OTHER_SIDE_M = 20.0
 """Distance beyond the nearest lane up to which other lanes serve as goal, metres: a street's other side (chosen)."""
@@ -60,13 +63,11 @@ class Planner:
         self,
         sim: Simulation,
         graph: Graph,
-        congestion: Congestion,
         publish: Callable[[Route], None],
     ) -> None:
         self._sim = sim
         self._graph = graph
         self._publish = publish
-        self._congestion = congestion
         self.closed: frozenset[str] = frozenset()
         """The edges that events have closed."""
 
@@ -134,14 +135,17 @@ class Planner:
         if planned is None:
             raise Refusal("no_route", f"`{vehicle.id}` has no route yet that could be replaced")
         before = vehicle.avoided
-        jam = self._congestion.at(x, y)
-        named = Avoided(x, y, AVOID_M) if jam is None else Avoided(jam.x, jam.y, jam.radius_m, jam.id)
-        vehicle.avoided = (*before, named)
+        vehicle.avoided = (*before, self._avoided_at(x, y))
         try:
             return self._plan(vehicle, planned.x, planned.y)
         except Refusal:
             vehicle.avoided = before
             raise
+
+    def _avoided_at(self, x: float, y: float) -> Avoided:
+        """Return the street at the place that an agent named. The places of jams are hidden and not read here."""
+        near = self._graph.nearest(x, y, most_m=NAMED_M)
+        return Avoided(x, y, 0.0 if near is None else near.off_m + STREET_M)
 
     def _plan(self, vehicle: Vehicle, x: float, y: float) -> DrivingPlan:
         near = self._graph.nearest(x, y, most_m=FARTHEST_M)
@@ -149,7 +153,6 @@ class Planner:
             raise Refusal("unreachable", f"there is no road within {FARTHEST_M:g} m of ({x:.1f}, {y:.1f})")
         start = vehicle.route_start()
         origin = (start.edge, _middle(vehicle, start))
-        vehicle.avoided = tuple(place for place in vehicle.avoided if not self._congestion.is_over(place.because))
         for goal in self._graph.places(x, y, near.off_m + _OTHER_SIDE_M):
             avoid = {name for spot in vehicle.avoided for name in edges_at(self._graph, spot, goal)}
             avoid |= self.closed - {start.edge}
