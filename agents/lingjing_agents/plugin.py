@@ -24,7 +24,7 @@ _MODEL = ("lingjing_agents.react.policy", "jsonschema", "cv2", "numpy.ma")
 
 @hookimpl
 def lingjing_policies() -> Iterable[PolicyPlugin]:
-    """Return the seven reference policies and two policies with planted faults."""
+    """Return the eight reference policies and two policies with planted faults."""
     return (
         PolicyPlugin(
             name="idle",
@@ -43,6 +43,12 @@ def lingjing_policies() -> Iterable[PolicyPlugin]:
             factory=_Deferred("heuristic.policy", "HeuristicPolicy"),
             summary="sweeps its cells and finds people in the pixels",
             imports=_RULES,
+        ),
+        PolicyPlugin(
+            name="sweep",
+            factory=_Deferred("sweep", "SweepPolicy"),
+            summary="the paper's plain lawn-mower: one picture a cell, one pass",
+            imports=("lingjing_agents.sweep", "cv2", "numpy.ma"),
         ),
         PolicyPlugin(
             name="learned",

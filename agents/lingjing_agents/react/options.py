@@ -42,8 +42,10 @@ class ReactOptions(ModelOptions):
     scaffold_args: dict[str, JsonValue] = Field(
         default_factory=dict, validate_default=True, description="the options of the scaffold, a JSON object"
     )
-    decider: Literal["model", "sweep"] = Field(
-        "model", description="who decides: the model, or in its place the rules of `heuristic` (no call is made)"
+    decider: Literal["model", "sweep", "heuristic"] = Field(
+        "model",
+        description="what decides: the model, or in its place the plain `sweep` over the cells or the rules of "
+        "`heuristic` (no call is made)",
     )
 
     intervention: Literal["", "A0", "A1", "A2", "A3"] = Field(

@@ -53,6 +53,7 @@ from lingjing_agents.react.remedy import explained, remedy
 from lingjing_agents.react.route_guidance import RouteGuidance
 from lingjing_agents.react.search_budget import SearchBudget
 from lingjing_agents.react.step import StepFormat
+from lingjing_agents.sweep import SweepPolicy
 
 PATIENCE = 3
 """Ticks in a row without an answer of an agent's service, each with its own tries, that end the episode. Chosen."""
@@ -77,8 +78,10 @@ class ReactError(NoDecisionError):
 
 
 def react_policy(options: ReactOptions, calls: ModelCalls) -> Policy:
-    """Return the policy of the options: the model's, or the rules of `heuristic` in its place."""
-    return HeuristicPolicy() if options.decider == "sweep" else ReactPolicy(options, calls)
+    """Return the policy of the options: the model's, or a policy without a model in its place."""
+    if options.decider == "sweep":
+        return SweepPolicy()
+    return HeuristicPolicy() if options.decider == "heuristic" else ReactPolicy(options, calls)
 
 
 class ReactPolicy:
