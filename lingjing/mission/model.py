@@ -755,6 +755,8 @@ class Mission(Record, frozen=True, kw_only=True):
     expectations: tuple[Expectation, ...] = ()
     weather_alternatives: tuple[Alternative, ...] = ()
     tiers: tuple[Tier, ...] = ()
+    capabilities: tuple[str, ...] = ()
+    """The abilities that the task requires, the paper's tags L, N, P, V and C."""
 
     def __repr__(self) -> str:
         """One line; `lingjing.mission.document.encode` writes the complete mission."""

@@ -25,7 +25,7 @@ from lingjing.mission.instance import Instance
 from lingjing.testing import compile_text, instantiate
 
 ROOT = Path(__file__).parents[2]
-SINGLE = {"goal", "scene", "clock", "budget", "weather", "comms", "modes", "success", "failure"}
+SINGLE = {"goal", "capabilities", "scene", "clock", "budget", "weather", "comms", "modes", "success", "failure"}
 """Fields of a mission that hold one value; the checker reads them by name."""
 
 

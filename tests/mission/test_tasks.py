@@ -29,7 +29,7 @@ def engines(instance, task):
         ("bi", {("inspect", "fracture", "multirotor", 25.0)}, {"fracture": "finding"}),
         ("ld", {("arrive", "stop_node", "road", 30.0), ("receive", "house", "quadruped", 15.0)}, {}),
         ("cr", {("arrive", "goal_place", "road", 30.0)}, {}),  # the jams are recorded too, but success needs none
-        ("upr", {("seal", "leak", "quadruped", 5.0)}, {"leak": "finding"}),
+        ("upr", {("seal", "leak[1]", "quadruped", 5.0)}, {"leak": "finding"}),
         ("ssr", {("rescue", f"victim[{n}]", "vessel", 50.0) for n in (1, 2, 3)}, {"victim": "detection"}),
     ],
 )

@@ -68,12 +68,12 @@ def fight_fires(play):
 
 def repair(play):
     play.stage.places["uav"] = (0.0, 0.0, 30.0)
-    play.stage.boxes = {"leak": CENTRE_BOX}
+    play.stage.boxes = {"leak[1]": CENTRE_BOX}
     play.do({"pilot": does("takePhoto", camera="nadir")})
-    place = play.entity("leak").position[:2]
+    place = play.entity("leak[1]").position[:2]
     play.do({"pilot": reports("finding", "f1-uav-nadir", "pipeline_leak", place)})
     play.do({"pilot": says("guide", assignee="dog", step="forward", amount=5.0)})
-    play.put("dog", "leak")
+    play.put("dog", "leak[1]")
     play.wait(3)
 
 

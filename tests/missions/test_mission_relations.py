@@ -413,7 +413,8 @@ def test_the_stages_of_a_walk_depend_on_each_other():
         play.wait(3)
         assert play.success
         assert [relation[:2] for relation in found(play, "dependency")] == [
-            ("enter", "approach"),
+            ("enter", "search"),
+            ("search", "approach"),
             ("approach", "arrive"),
         ]
 
@@ -428,4 +429,4 @@ def test_the_stages_of_an_inspection_depend_on_each_other():
         play.wait(2)
         assert play.success
         pairs = [relation[:2] for relation in found(play, "dependency")]
-        assert pairs == [("detect", "locate"), ("locate", "execute")]
+        assert pairs == [("detect", "locate"), ("locate", "handoff"), ("handoff", "execute")]

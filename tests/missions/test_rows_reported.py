@@ -47,7 +47,7 @@ class Row:
 
 BI = Row("bi", "single", "fracture", "inspector", "uav", "finding", "bridge_fracture", 25.0, "located",
          "inspect", "uav", 25.0, "examined")  # fmt: skip
-UPR = Row("upr", "star", "leak", "pilot", "uav", "finding", "pipeline_leak", 10.0, "located",
+UPR = Row("upr", "star", "leak[1]", "pilot", "uav", "finding", "pipeline_leak", 10.0, "located",
           "seal", "dog", 5.0, "sealed", axis=(0, 1))  # fmt: skip
 UFR = Row("ufr", "broadcast", "fire[1]", "scout[1]", "uav[1]", "detection", "building_fire", 25.0, "located",
           "extinguish", "truck", 30.0, "extinguished")  # fmt: skip
@@ -134,7 +134,7 @@ def test_at_sea_the_coordinate_is_accepted_within_the_rescue_region(row, place, 
 @pytest.mark.parametrize(("aside", "counts"), [(6.0, True), (5.99, True), (6.01, False)])
 def test_a_leaks_coordinate_lies_in_the_region_around_the_pipe_too(aside, counts):
     def report(play):
-        x, y, _ = play.entity("leak").position
+        x, y, _ = play.entity("leak[1]").position
         assert x == 20.0, "this seed's leak is on the straight north-south run"
         return UPR.report(play, at=(x + aside, y))
 

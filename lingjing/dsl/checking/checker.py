@@ -26,7 +26,7 @@ from lingjing.dsl.checking.toplevel import FileChecker, Files, names_in_faults
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.source.text import SourceText
 from lingjing.dsl.syntax import tree as s
-from lingjing.dsl.syntax.statements import kind_of
+from lingjing.dsl.syntax.statements import CAPABILITIES, kind_of
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.diagnostics import Related, has_errors
@@ -130,6 +130,7 @@ class _MissionChecker:
             comms=self.settings.comms(comms) if comms else model.Comms(),
             failure=outcomes.get("failure"),
             base=node.base.text if node.base else "",
+            capabilities=self._capabilities(items),
             **parts,
         )
         self.interactions.between(_all(items, s.EntityBlock), parts["agents"])
@@ -211,6 +212,14 @@ class _MissionChecker:
                 self.entities.propagate_taints(node)
             for region in regions:
                 self.entities.propagate_taint_to_region(region)
+
+    def _capabilities(self, items: tuple[s.Statement, ...]) -> tuple[str, ...]:
+        """The abilities that the task requires, each once."""
+        node = self._one(items, s.CapabilityLine, "capabilities")
+        for name in node.names if node else ():
+            if name.text not in CAPABILITIES:
+                self.report.unknown("LJ0109", name, f"`{name.text}` is no capability", CAPABILITIES)
+        return tuple(dict.fromkeys(name.text for name in node.names)) if node else ()
 
     def _sections(self, items: tuple[s.Statement, ...]) -> dict[str, s.SettingsBlock]:
         sections: dict[str, s.SettingsBlock] = {}

@@ -191,7 +191,7 @@ def _no_such(report: Reporter, item: s.Override, known: list[tuple[str, str]], b
 
 def _key(item: s.Statement) -> tuple[str, str] | None:
     """The identity of a declaration: its keyword and its name, or the names that it relates; None without identity."""
-    if isinstance(item, s.TextLine | s.SettingsBlock | s.OutcomeLine):
+    if isinstance(item, s.TextLine | s.CapabilityLine | s.SettingsBlock | s.OutcomeLine):
         return item.keyword, ""
     if isinstance(item, s.SceneBlock):
         return "scene", ""

@@ -35,7 +35,7 @@ use std.messages { report }
 use std.sensors { nadir_hd }
 
 mission rescue {
-  goal "Find the person and bring the boat."
+  goal "Save the person."
   scene bay { datum = sea level at -3.5 m }
   clock { tick = 10 s, sync = 500 ms }
   budget { ticks <= 60 }
@@ -46,7 +46,7 @@ mission rescue {
     camera nadir : nadir_hd
   }
   asset boat : lifeboat { position = (10 m, -1350 m) }
-  agent scout[i in 1..2] as searcher controls uav[i] { observes uav[i].*, boat.position, events }
+  agent scout[i in 1..2] as searcher controls uav[i] { observes uav[i].*, events }
   agent skipper as rescuer controls boat { observes boat.*, events }
   message detection : report from searcher to all
   adjudicate matched(v: victim, r: detection) {
@@ -137,7 +137,7 @@ _MUTUAL = ("relation",)
 """Statements with two forms that differ in one sign; the card shows the first."""
 _TWINS = {"target": "asset", "success": "failure", "appear": "vanish", "close": "reopen"}
 """Statements with one form: the card writes both keywords on one line."""
-_BY_EXAMPLE = ("hidden", "state", "override", "verb", "record", "camera", "use", "actions", "expect")
+_BY_EXAMPLE = ("hidden", "state", "override", "verb", "record", "camera", "use", "actions", "expect", "capabilities")
 """Statements that an example shows better than their form. That of `expect` shows the statements inside it too."""
 
 
@@ -199,7 +199,7 @@ def _bodies() -> Iterator[str]:
     ]
     yield (
         "## Scenes and engines\n\n"
-        f"- scenes: {', '.join(builtin_scenes())}; every one has `datum`, most `extent`, `shore`, `traffic`\n"
+        f"- scenes: {', '.join(builtin_scenes())}; all have `datum`, most `extent`, `shore`, `traffic`\n"
         f"- engines and status words: {'; '.join(engines)}; city: by the target"
     )
 
@@ -209,7 +209,7 @@ def _library() -> Iterator[str]:
     for path in known_paths("std"):
         declared = load_library(f"{shipped_folder('std')}/{path.removeprefix('std.')}.ljs")[0].declared
         lines.append(f"- `{path}`: {', '.join(map(_declared, declared.values()))}")
-    yield "## The standard library: `use std.air { quadrotor }`\n\n" + "\n".join(lines)
+    yield "## The standard library\n\n" + "\n".join(lines)
 
 
 def _declared(decl: object) -> str:

@@ -61,6 +61,8 @@ class _Page:
             ("Modes", ", ".join(f"{m} (default)" if m == mission.modes.default else m for m in mission.modes.allowed)),
             ("Budgets", self._listed(self._budgets()).removeprefix(": ")),
         ]
+        if mission.capabilities:
+            rows.append(("Capabilities", ", ".join(mission.capabilities)))
         yield from _table(("", ""), rows)
 
     def parameters(self) -> Iterator[str]:

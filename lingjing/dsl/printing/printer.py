@@ -177,6 +177,11 @@ class Printer:
         """The goal."""
         yield f"goal {long_text(self.mission.goal, 4)}\n"
 
+    def capabilities(self) -> Iterable[str]:
+        """The abilities that the task requires."""
+        if self.mission.capabilities:
+            yield f"capabilities {', '.join(self.mission.capabilities)}"
+
     def scene(self) -> Iterable[str]:
         """The scene with its options."""
         scene = self.mission.scene
@@ -453,6 +458,7 @@ class Printer:
 
 _WRITERS: dict[str, Callable[[Printer], Iterable[str]]] = {
     "goal": Printer.goal,
+    "capabilities": Printer.capabilities,
     "scene": Printer.scene,
     "clock": Printer.clock,
     "budget": Printer.budget,

@@ -23,6 +23,8 @@ DRAWN = ("=", "~")
 
 RELATIONS = ("information_handoff", "cooperation", "competition", "guidance", "dependency")
 """The paper's relations between roles."""
+CAPABILITIES = ("localization", "navigation", "planning", "perception", "coordination")
+"""The paper's tags L, N, P, V and C of tasks."""
 CONSTRAINT_KINDS = ("hard", "soft")
 """Kinds of constraints."""
 ORDERS = ("strict", "any")
@@ -72,6 +74,11 @@ STATEMENTS = (
         "goal", s.TextLine, (Form("text:STRING", "text_line"),), ("mission",),
         example='goal "Find the person in the water."', doc="the text that all agents receive",
         part="goal", paragraph="settings",
+    ),
+    StatementKind(
+        "capabilities", s.CapabilityLine, (Form("names:names"),), ("mission",),
+        example="capabilities navigation, perception", doc="the abilities that the task requires",
+        names={"names": NamePlace(spaces=(), choices=CAPABILITIES)}, part="capabilities", paragraph="settings",
     ),
     StatementKind(
         "scene", s.SceneBlock, (Form("kind:NAME [block]"),), ("mission",),

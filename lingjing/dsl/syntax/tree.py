@@ -372,6 +372,13 @@ class OrderLine(Statement, frozen=True, gc=False):
     stages: tuple[Name, ...]
 
 
+class CapabilityLine(Statement, frozen=True, gc=False):
+    """`capabilities navigation, perception`."""
+
+    keyword: str
+    names: tuple[Name, ...]
+
+
 class OutcomeLine(Statement, frozen=True, gc=False):
     """`success when …`, `failure when …`."""
 
