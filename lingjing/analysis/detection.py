@@ -4,9 +4,10 @@ The kernel decides which report matches which target (`adjudicate matched`, one 
 the results. A report of a kind that no matching rule compares with the truth is neither true nor false. An example is
 the report of a jam, which the engine records when the UAV is near.
 
-*Aligned frames* are all stored frames except reference pictures, which no report may name. Each of them was an input of
-a policy at its boundary. A mission without a matching rule has no aligned frames. A report counts once, whatever the
-number of its recipients. A target without visible pixels is not evaluated in a frame.
+*Aligned frames* are the pictures that an agent received which may report what they show: a driver's view is none where
+only searchers report (ADR 0053). Reference pictures are left out, because no report may name them. A mission without a
+matching rule has no aligned frames. A report counts once, whatever the number of its recipients. A target without
+visible pixels is not evaluated in a frame.
 """
 
 from __future__ import annotations
@@ -122,7 +123,8 @@ class Detection:
         """Share of aligned frames with a report that confuses another object with a target.
 
         The paper: "Number of evaluated perception calls assigned to an incorrect target class or distractor". Such a
-        report is false, and its box has an IoU of at least `OVERLAP` with the true box of an object of another class.
+        report is false, and its box has an IoU of at least `OVERLAP` with the true box of an object of another class,
+        which is an entity or a thing without one (`FrameInfo.others`).
         """
         return ratio(self.confusing_frames, self.frames)
 
@@ -169,7 +171,7 @@ def detect(trace: Trace) -> Detection:
         elif report.target is not None:
             hits.setdefault(report.frame, set()).add(report.target)
     targets = {entity.id for entity in trace.header.instance.entities if entity.role == "target"}
-    frames = shots(trace) if judged_kinds(trace) else ()
+    frames = aligned_frames(trace)
     missed = {frame.id: len(_visible(frame, targets) - hits.get(frame.id, set())) for frame in frames}
     return Detection(
         reports=reports,
@@ -204,14 +206,19 @@ def calibration_gaps(judged: Sequence[tuple[float, bool]]) -> list[float]:
 
 
 def confused_with(trace: Trace, report: MatchedReport) -> str | None:
-    """Return the entity of another class that a false report confused with a target, or None.
+    """Return the object of another class that a false report confused with a target, or None.
 
-    It is the entity with the largest IoU between its true box and the box of the report, if that is at least `OVERLAP`.
+    It is the object with the largest IoU between its true box and the box of the report, if that is at least `OVERLAP`:
+    the id of an entity, or the class of a thing without one.
     """
     info = trace.frames.get(report.frame)
     if not report.false or report.box is None or info is None:
         return None
-    others = [(iou(report.box, truth.box), truth.entity) for truth in info.boxes if truth.cls != report.cls]
+    others = [
+        (iou(report.box, truth.box), truth.entity or truth.cls)
+        for truth in (*info.boxes, *info.others)
+        if truth.cls != report.cls
+    ]
     overlap, entity = max(others, default=(0.0, ""))
     return entity if overlap >= OVERLAP else None
 
@@ -235,6 +242,23 @@ def matching_rules(trace: Trace) -> frozenset[str]:
 def shots(trace: Trace) -> tuple[FrameInfo, ...]:
     """Return the frames that mounted cameras took during the episode: all except reference pictures."""
     return tuple(frame for frame in trace.frames.values() if frame.camera != REFERENCE)
+
+
+@cache_by_trace
+def aligned_frames(trace: Trace) -> tuple[FrameInfo, ...]:
+    """Return the frames of `shots` without those that only agents receive which cannot report what they show."""
+    instance, judged = trace.header.instance, judged_kinds(trace)
+    reporting = {
+        agent.id
+        for agent in instance.agents
+        if any(message.kind in judged and message.is_sent_by(agent.role) for message in instance.messages)
+    }
+
+    def is_aligned(frame: FrameInfo) -> bool:
+        viewers = {agent.id for agent in instance.agents if agent.receives_pictures(frame.entity, frame.camera)}
+        return not viewers or not viewers.isdisjoint(reporting)
+
+    return tuple(filter(is_aligned, shots(trace))) if judged else ()
 
 
 def judged_kinds(trace: Trace) -> frozenset[str]:

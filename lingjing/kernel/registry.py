@@ -94,6 +94,8 @@ class Registry(msgspec.Struct, frozen=True):
     """(kind, entities) of each task event with its first time in seconds."""
     assignments: Mapping[str, tuple[Assignment, ...]] = field(default_factory=dict)
     """The destinations of a resource at the latest boundary that assigned any."""
+    destinations: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """Destination (east, north) in metres of the latest accepted command of each resource that names one."""
     visits: Mapping[str, _CellVisit] = field(default_factory=dict)
     """The first visit of each cell."""
     achieved: AppendOnlyMap[tuple[str, Binding], float] = field(default_factory=AppendOnlyMap)
@@ -221,6 +223,11 @@ class Registry(msgspec.Struct, frozen=True):
         for item in assignments:
             by_resource[item.resource] = (*by_resource.get(item.resource, ()), item)
         return replace(self, assignments={**self.assignments, **by_resource}) if by_resource else self
+
+    def with_destinations(self, commanded: Iterable[Assignment]) -> Registry:
+        """Return the registry with the destinations of the commands that engines accepted at this boundary."""
+        latest = {item.resource: (item.east, item.north) for item in commanded}
+        return replace(self, destinations={**self.destinations, **latest}) if latest else self
 
     def with_achieved(self, rule: str, bindings: Mapping[Binding, float]) -> Registry:
         """Return the registry with bindings for which a rule has become true, with their times."""

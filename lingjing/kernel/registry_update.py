@@ -55,10 +55,8 @@ class RegistryUpdate(msgspec.Struct, frozen=True, kw_only=True):
 
 def update_registry(registry: Registry, update: RegistryUpdate, instance: Instance) -> Registry:
     """Return the registry of the boundary before with the values of this one. Reference pictures are left out."""
-    new_assignments = (
-        *assignments.from_commands(update.agent_commands, update.receipts),
-        *assignments.from_messages(update.messages, instance.agents),
-    )
+    commanded = tuple(assignments.from_commands(update.agent_commands, update.receipts))
+    sent = assignments.from_messages(update.messages, instance.agents)
     return (
         registry.with_boundary(update.tick, update.time_s, update.states, update.unreachable_links, update.progress)
         .with_receipts(update.agent_commands, update.receipts)
@@ -67,5 +65,6 @@ def update_registry(registry: Registry, update: RegistryUpdate, instance: Instan
         .with_routes(update.routes)
         .with_frames([frame for frame in update.frames if frame.camera != REFERENCE], instance)
         .with_reports(update.reports)
-        .with_assignments(new_assignments)
+        .with_assignments((*commanded, *sent))
+        .with_destinations(commanded)
     )

@@ -46,11 +46,14 @@ STATE_FIELDS = ("position", "velocity", "heading_deg", "status")
 """Fields of an entity's state that a channel may name directly.
 
 A channel may also name `resources` or a declared state (the entity's stocks), `route` (its planned waypoints) and
-`busy`, which an agent's own resources always carry.
+`busy`, which an agent's own resources always carry, and `assignment`, the latest commanded destination.
 """
 
-RESOURCES, ROUTE, BUSY, ALL = "resources", "route", "busy", "*"
+RESOURCES, ROUTE, BUSY, ASSIGNMENT, ALL = "resources", "route", "busy", "assignment", "*"
 """Further field names of a channel; `*` stands for all of them."""
+
+_TELLS_ASSIGNMENT = "vessel"
+"""Engine with bodies that show `assignment` in `*`: the paper's table of engines lists it for surface vessels alone."""
 
 
 _SENDERS_WITHOUT_REDACTION = frozenset({"bus", "kernel", "policy"})
@@ -275,6 +278,8 @@ class Projector:
                 shown = _shown(entity, state, channel.fields, self._event_visibility.withheld(agent, entity))
                 if ROUTE in channel.fields or ALL in channel.fields:
                     shown[ROUTE] = route.waypoints if (route := registry.routes.get(name)) is not None else None
+                if ASSIGNMENT in channel.fields or (ALL in channel.fields and entity.engine == _TELLS_ASSIGNMENT):
+                    shown[ASSIGNMENT] = registry.destinations.get(name)
                 if BUSY in channel.fields or name in agent.commands:
                     shown[BUSY] = name in registry.pending
                 into[name] = _merged(into.get(name), entity, shown)
@@ -329,9 +334,13 @@ def _measured_picture(picture: Picture, error: GnssError | None) -> Picture:
     return dataclasses.replace(picture, pose=pose)
 
 
+_VIEW_FIELDS = (*STATE_FIELDS, RESOURCES, ROUTE, BUSY, ASSIGNMENT)
+"""Fields of `EntityView` that channels fill."""
+
+
 def _merged(seen: EntityView | None, entity: Entity, shown: dict[str, object]) -> EntityView:
     """Return a view with the fields of one more channel."""
-    base = {} if seen is None else {name: getattr(seen, name) for name in (*STATE_FIELDS, RESOURCES, ROUTE, BUSY)}
+    base = {} if seen is None else {name: getattr(seen, name) for name in _VIEW_FIELDS}
     before = base.get(RESOURCES)
     if before is not None:
         shown[RESOURCES] = {**before, **shown.get(RESOURCES, {})}  # type: ignore[dict-item]

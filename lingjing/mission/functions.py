@@ -184,7 +184,7 @@ GNSS = "gnss"
 IMU = "imu"
 """Field of a channel that shows the specific force and angular rate that an inertial unit measures."""
 
-OBSERVED_FIELDS = ("position", "velocity", "heading", "status", "resources", "busy", "route", GNSS, IMU)
+OBSERVED_FIELDS = ("position", "velocity", "heading", "status", "resources", "busy", "route", "assignment", GNSS, IMU)
 """Fields that an observation channel of an entity or of `peers` may name, in the author's spelling."""
 
 MESSAGE_FIELDS: dict[str, Type] = {

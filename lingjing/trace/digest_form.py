@@ -171,6 +171,7 @@ FORMS: Final[Mapping[type[msgspec.Struct], tuple[FormField, ...]]] = {
         _blanked("channels_sha256", ""),
         _blanked("renderer", ""),
         FormField("instance_ids", {}, derived=True, since=2),  # follows from the pixels
+        FormField("others", (), derived=True, nested=records.Box, since=2),  # follows from the pixels
     ),
     records.Absent: (FormField("entity"), FormField("camera"), FormField("tick"), FormField("reason")),
     records.Envelope: (
@@ -203,6 +204,7 @@ FORMS: Final[Mapping[type[msgspec.Struct], tuple[FormField, ...]]] = {
         FormField("resources", None),
         FormField("busy", None),
         FormField("route", None),
+        FormField("assignment", None, derived=True, since=2),  # follows from the commands and their receipts
         FormField("specific_force", None, since=2),
         FormField("angular_rate", None, since=2),
     ),

@@ -295,6 +295,9 @@ class FrameInfo(TraceRecord, frozen=True, kw_only=True):
     faint: tuple[Box, ...] = ()
     """Targets that were drawn with too little contrast to be seen. They have no visible pixels, and no report can match
     them."""
+    others: tuple[Box, ...] = ()
+    """Things without an entity that can be taken for a target: vehicles of the traffic, passers-by, buoys, flotsam,
+    parked cars, lamps and other furniture. `entity` is empty. Touching things of one class share a box."""
     sha256: str = ""
     """SHA-256 (hex) of the stored JPEG."""
     channels_sha256: str = ""
@@ -375,6 +378,8 @@ class EntityView(TraceRecord, frozen=True, kw_only=True):
     """True while the entity carries out a long request."""
     route: tuple[Vector, ...] | None = None
     """Waypoints of the latest route that was planned for the entity."""
+    assignment: tuple[float, float] | None = None
+    """Destination (east, north) in metres of the latest accepted command that names one. `*` shows it for vessels."""
     specific_force: Vector | None = None
     """Acceleration less gravity, as an inertial unit measures it, in the body's frame (ahead, left, up), m/s²."""
     angular_rate: Vector | None = None

@@ -203,6 +203,21 @@ def test_a_report_of_another_object_is_a_confusion_and_one_of_nothing_is_not(of)
     assert (detection.confusion_rate, detection.hallucination_rate) == (1 / 4, 2 / 4)
 
 
+def test_a_report_of_a_thing_without_an_entity_is_a_confusion(of) -> None:  # type: ignore[no-untyped-def]
+    """Driftwood reported as a person, and a passer-by of the class that the report names."""
+    wood = Box(entity="", cls="debris", box=(0.4, 0.4, 0.5, 0.52), pixels=40)
+    there = of(
+        boundary(0),
+        boundary(1, frames=(replace(frame("a", 1), others=(wood,)),)),
+        boundary(2, frames=(replace(frame("b", 2), others=(replace(wood, cls="person_in_water"),)),),
+                 messages=report(1, "a", 2)),
+        boundary(3, messages=report(1, "b", 3)),
+    )  # fmt: skip
+    detection = detect(there)
+    assert [confused_with(there, report) for report in detection.reports] == ["debris", None]
+    assert (detection.confusion_rate, detection.hallucination_rate) == (1 / 2, 2 / 2)
+
+
 def test_attention_is_thresholded_at_mean_plus_one_deviation(of, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
     """One of 5 by 5 cells has attention: mean 0.04, deviation 0.196. The cell is (0.4, 0.4) to (0.6, 0.6)."""
     cells = np.zeros((5, 5))

@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lingjing.engines.camera.boxes import entity_boxes
+from lingjing.engines.camera.boxes import entity_boxes, other_boxes
+from lingjing.engines.camera.classes import FIRST_ENTITY
 from lingjing.engines.camera.ground import build_ground, height_under
 from lingjing.engines.camera.instances import DrawnPart, by_detail, entity_batches, in_sight, matrix, mesh_radius
 from lingjing.engines.camera.meshes import indexed
@@ -332,3 +333,15 @@ def test_people_in_the_water_show_head_shoulders_and_arms() -> None:
             above = points[points[:, 2] > 0.0]
             assert 0.25 < above[:, 2].max() < 0.6 and 0.9 < np.ptp(above[:, 0]) < 1.7
             assert points[:, 2].min() < -0.4
+
+
+def test_things_without_an_entity_have_boxes_by_patch() -> None:
+    ids = np.full((60, 100), CLASSES["road"], np.uint16)
+    ids[10:14, 20:30] = ids[10:14, 40:50] = CLASSES["car"]
+    ids[40:46, 5:9], ids[50, 50] = CLASSES["buoy"], CLASSES["person"]
+    ids[20:30, 60:70] = FIRST_ENTITY
+    assert [(box.entity, box.cls, box.box, box.pixels) for box in other_boxes(ids)] == [
+        ("", "buoy", (0.05, 40 / 60, 0.09, 46 / 60), 24),
+        ("", "car", (0.2, 10 / 60, 0.3, 14 / 60), 40),
+        ("", "car", (0.4, 10 / 60, 0.5, 14 / 60), 40),
+    ]

@@ -11,6 +11,7 @@ from lingjing.mission.instance import ChannelSpec
 from lingjing.mission.seeding import integer
 from lingjing.testing import does
 from lingjing.testing import rescue as kit
+from lingjing.trace.records import Decision, Outgoing
 
 
 def inputs(published):
@@ -51,6 +52,22 @@ def test_an_agent_sees_its_channels_and_nothing_else():
         ("uav[2]", None, True),
         ("boat", None, True),
     ]
+
+
+def test_the_commanded_destination_is_telemetry_of_vessels_and_messages_do_not_set_it():
+    made = kit.instance()
+    channel = ChannelSpec(source="entity", name="boat", fields=("assignment",))
+    agents = tuple(
+        msgspec.structs.replace(agent, observes=(channel,)) if agent.id == "scout[2]" else agent
+        for agent in made.agents
+    )
+    kernel = kit.kernel(msgspec.structs.replace(made, agents=agents))
+    assert kernel.reset().observations["scout[2]"].entities[0].assignment is None
+    order = Outgoing(kind="assignment", body={"assignee": "skipper", "task": "rescue", "position": (50.0, 0.0, 0.0)})
+    received = kernel.step(kit.decisions(scout_1=Decision(messages=(order,)))).observations["scout[2]"]
+    assert received.entities[0].assignment is None
+    sent = kernel.step(kit.decisions(skipper=does("go", x=0.0, y=-90.0))).observations["scout[2]"]
+    assert sent.entities[0].assignment == (0.0, -90.0)
 
 
 def test_pictures_go_to_those_who_observe_the_camera():

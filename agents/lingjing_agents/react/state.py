@@ -103,6 +103,7 @@ def _entity(view: EntityView) -> dict[str, object]:
         "busy": view.busy,
         "resources": {key: round(value, 3) for key, value in (view.resources or {}).items()} or None,
         "route": _route(view),
+        "assignment": tenths(view.assignment) if view.assignment is not None else None,
     }
     return {key: value for key, value in fields.items() if value not in (None, "")}
 

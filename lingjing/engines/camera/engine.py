@@ -181,6 +181,7 @@ class CameraEngine:
             channels=camera.channels,
             boxes=shown.boxes,
             faint=shown.faint,
+            others=shown.others,
             renderer=self._renderer.name,
             instance_ids=shown.instance_ids,
         )

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from lingjing.engines.camera.boxes import entity_boxes
+from lingjing.engines.camera.boxes import entity_boxes, other_boxes
 from lingjing.engines.camera.classes import CLASSES, instance_numbers, instance_picture, semantic_picture
 from lingjing.engines.camera.contrast import bounding_rect, pixels_of, projected_rect, split_by_contrast
 from lingjing.engines.camera.draw import Renderer, Scenery
@@ -82,6 +82,8 @@ class ShownPicture:
     """Boxes of visible entities."""
     faint: tuple[Box, ...]
     """Boxes of targets that are too faint to see."""
+    others: tuple[Box, ...]
+    """Boxes of things without an entity."""
     instance: npt.NDArray[np.uint16] | None = None
     """Numbers of entities; None if not requested."""
     instance_ids: dict[str, int] = field(default_factory=dict)
@@ -137,7 +139,9 @@ class PictureRedaction:
         ids = drawn.ids if public is None else _replaced(drawn.ids, public)
         semantic = semantic_picture(ids, self._entities) if shot.semantic else None
         instance = instance_picture(ids, self._entities) if shot.instance else None
-        return ShownPicture(drawn.rgb, depth, semantic, seen, faint, instance, self._shown_numbers(instance))
+        return ShownPicture(
+            drawn.rgb, depth, semantic, seen, faint, other_boxes(drawn.ids), instance, self._shown_numbers(instance)
+        )
 
     def _shown_numbers(self, instance: npt.NDArray[np.uint16] | None) -> dict[str, int]:
         """Return the numbers that occur in a picture, by entity."""
