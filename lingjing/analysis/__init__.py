@@ -26,7 +26,7 @@ Modules, from the computation of single quantities to the presentation of an epi
 - `last_mile`: the stages S1 to S5 of last-mile delivery
 - `incidents`: incidents with time and place
 - `registries`: the kernel's registry at every boundary, computed from the records
-- `families`: the failure family of a lost episode, with its evidence
+- `failure_records`, `navigation_failures`, `families`: the failure family of a lost episode, with its evidence
 - `clauses`: the unmet parts of a condition, with their values
 - `ending`: `why(trace)`, the explanation of an episode's end
 - `metrics`: `metrics(trace) -> Metrics`, the paper's tables of metrics

@@ -6,8 +6,9 @@ behaviour by trajectory tercile it partitions each agent's sequence of actions "
 trajectory position". Its terms are read from a trace as follows:
 
 - *Constraint adherence*, "actions that satisfy all active task and motion constraints": the first receipt neither
-  rejects nor clips the action, and its body breaks no constraint of the mission before its next admitted action. Later
-  receipts and events (`preempted`, `collided`) do not count.
+  rejects nor clips the action, and its body breaks no constraint of the mission before its next admitted action. An
+  action that was rejected because another agent's command came first (`LOST_RACES`) broke no constraint. Later receipts
+  and events (`preempted`, `collided`) do not count.
 - *Out of bounds*, "actions that leave the configured operating region or violate an active altitude or motion bound":
   the first receipt clips the arguments or rejects them for a bound (`OUT_OF_BOUNDS`), or a constraint is broken as
   above.
@@ -36,6 +37,9 @@ from lingjing.trace.request_ids import is_request_of
 OUT_OF_BOUNDS = frozenset({"clipped", "altitude", "outside_world", "unreachable", "water"})
 """Reasons of first receipts for a bound of place, height or motion."""
 
+LOST_RACES = frozenset({"conflict"})
+"""Reasons of first receipts for a resource that another agent's command won at the same tick (ADR 0053)."""
+
 TERCILES = ("early", "mid", "late")
 """Names of the three thirds of an agent's actions."""
 
@@ -55,6 +59,8 @@ class EvaluatedAction:
     adherent: bool
     out_of_bounds: bool
     forgotten: bool
+    on_completed: bool
+    """True if it has targets and all of them are completed."""
     elsewhere: bool
     """True if its body has an open assignment and is sent to a place in the region of no target."""
     repeated: bool | None
@@ -175,6 +181,7 @@ def _judged(trace: Trace) -> Iterator[EvaluatedAction]:
             receipt = receipts.get(entry.agent)
             beyond = receipt is not None and receipt.reason in OUT_OF_BOUNDS
             admitted = receipt is not None and receipt.status != "rejected"
+            outrun = receipt is not None and receipt.reason in LOST_RACES
             targets = assigned.targets_of(record, command.arguments, resource)
             yield EvaluatedAction(
                 agent=entry.agent,
@@ -183,9 +190,10 @@ def _judged(trace: Trace) -> Iterator[EvaluatedAction]:
                 resource=resource,
                 third=0,
                 admitted=admitted,
-                adherent=admitted and not beyond,
+                adherent=outrun or (admitted and not beyond),
                 out_of_bounds=beyond,
                 forgotten=_forgets(targets, open_for.get(resource, set()), completed),
+                on_completed=bool(targets) and set(targets) <= completed,
                 elsewhere=bool(open_for.get(resource)) and not targets and _has_position(command),
                 repeated=before[entry.agent] == signature if entry.agent in before else None,
             )

@@ -10,39 +10,43 @@ evidence: agent, action, message, relation, event.
 
 - `perception_miss`: a picture showed the target, and no report matched it within `DELAY` ticks, and no false report lay
   on it. In a mission with a matching rule it also applies if no picture showed the target and the mission's ticks ran
-  out before a match. Its tick is then the last one.
+  out before a match. Its tick is then the last one. In a *navigation* (no rule judges reports, the target is hidden and
+  a body must reach it) it applies if no picture showed the target, or if no body came nearer within `DELAY` ticks after
+  the first picture that did.
 - `object_confusion`: before the target was matched, a false report lay on an object of another class (IoU of at least
-  `OVERLAP`).
+  `OVERLAP`). In a navigation: a body was stopped away from the target before a picture had shown it.
 - `localisation_error`: a report matched the target, and no report located it within `DELAY` ticks. A rule of the
-  mission that reads the position of a matched report decides whether it is located.
+  mission that reads the position of a matched report decides whether it is located. In a navigation: a body was stopped
+  away from the target after a picture had shown it.
 - `handoff_break`: there are two cases. (1) The target was known (located, matched, or known from the start), a stage of
   the mission requires its assignment, and it was not assigned within `DELAY` ticks. (2) Nothing had to be found,
   several agents have bodies, and a stage that another one depends on was never done, or a body was never permitted to
-  move.
+  move. A team that is idle, or that serves completed targets instead, is no handoff break.
 - `coordination_deadlock`: the target, or one that it waits for, was assigned and its place was known, and the assignee
   was idle for `DELAY` ticks. If no record names the assignee, all agents with bodies were idle. It also applies if two
-  commands for the assignee's body were rejected as `conflict` after the assignment.
+  commands for the assignee's body were rejected as `conflict` after the assignment, and to a team of several bodies of
+  which none acted in the first `DELAY` ticks.
 - `context_drift`: after the assignment, the body was sent to other or completed targets (a forgotten subgoal), or
   `STUBBORN` times to one place without a target, or an agent that controls it repeated a rejected action `STUBBORN`
-  times in a row.
+  times in a row, or the body acted for `DELAY` ticks and came no nearer to the target (an ignored order). Without an
+  assignment: bodies that serve the target's group acted `DELAY` times on completed targets. In a navigation: the body
+  had come near the target and went away again.
 
 The earliest breakdown of any lost target determines the family. For equal ticks, the first family in this order wins.
-An episode without a breakdown is `unattributed`. Examples are a broken constraint, a crash, and a late stage in a
-mission without recorded perception.
+An episode without a breakdown is `unattributed`. Examples are a broken constraint and a crash.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, get_args
-
-import msgspec
 
 from lingjing.analysis.behaviour import EvaluatedAction, actions
 from lingjing.analysis.completion import completion_ticks, required_target_groups
-from lingjing.analysis.detection import OVERLAP, confused_with, detect, iou, matching_rules, shots
+from lingjing.analysis.detection import OVERLAP, aligned_frames, confused_with, detect, iou, matching_rules
+from lingjing.analysis.failure_records import DELAY, FAMILIES, Attribution, FailureFamily, RecordLink
 from lingjing.analysis.idleness import still_steps
+from lingjing.analysis.navigation_failures import NEARER_M, body_places, navigation_breakdowns, planar_distance
 from lingjing.analysis.repetition import assignments_of
 from lingjing.mission.conditions.quantities import QuantityKind
 from lingjing.mission.conditions.survey import Condition, survey_instance
@@ -50,46 +54,8 @@ from lingjing.mission.instance import Instance
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import CUT_SHORT, Receipt
 
-FailureFamily = Literal[
-    "perception_miss",
-    "object_confusion",
-    "localisation_error",
-    "handoff_break",
-    "coordination_deadlock",
-    "context_drift",
-    "unattributed",
-]
-FAMILIES: tuple[FailureFamily, ...] = get_args(FailureFamily)
-"""All families, in the order that decides between equal ticks."""
-
-DELAY = 10
-"""Ticks after which a missing step counts as a breakdown. Chosen: a sixth of the budget of the paper's search
-missions."""
-
 STUBBORN = 3
 """Repetitions of a rejected action that count as drift. Chosen: one or two may be an accident."""
-
-
-class RecordLink(msgspec.Struct, frozen=True, kw_only=True):
-    """One record of a chain of evidence."""
-
-    kind: Literal["agent", "action", "message", "relation", "event", "picture"]
-    tick: int
-    record: str
-    """The id of a frame, a message, a command or an agent; "" if the record has none."""
-    text: str
-    """The evidence in words."""
-
-
-class Attribution(msgspec.Struct, frozen=True, kw_only=True):
-    """The failure family of a lost episode."""
-
-    family: FailureFamily
-    target: str = ""
-    """The lost target; "" for `unattributed`."""
-    tick: int | None = None
-    """The tick at which the breakdown began. None for `unattributed`."""
-    chain: tuple[RecordLink, ...] = ()
 
 
 def attribute(trace: Trace) -> Attribution | None:
@@ -176,7 +142,8 @@ class _Story:
 
     def mistaken(self, target: str) -> int | None:
         """Return the tick of the first false report that lay on the target, or None. Such a target was noticed."""
-        boxes = {(frame.id, box.box) for frame in shots(self.trace) for box in frame.boxes if box.entity == target}
+        frames = aligned_frames(self.trace)
+        boxes = {(frame.id, box.box) for frame in frames for box in frame.boxes if box.entity == target}
         return min(
             (
                 report.tick
@@ -214,16 +181,21 @@ class _Story:
 
 def _breakdowns(story: _Story, target: str) -> Iterator[Attribution]:
     """Yield the breakdown of each rule that applies to one lost target."""
-    for rule in (_miss, _confusion, _mislocated, _handoff, _deadlock, _drift):
+    for rule in (_miss, _confusion, _mislocated, _handoff, _deadlock, _idle_team, _drift, _ignored_order, _astray):
         breakdown = rule(story, target)
         if breakdown is not None:
             yield breakdown
+    yield from navigation_breakdowns(story.trace, target)
 
 
 def _miss(story: _Story, target: str) -> Attribution | None:
     if not story.judged:
         return None
-    frames = [frame for frame in shots(story.trace) if any(box.entity == target and box.pixels for box in frame.boxes)]
+    frames = [
+        frame
+        for frame in aligned_frames(story.trace)
+        if any(box.entity == target and box.pixels for box in frame.boxes)
+    ]
     matched = story.matched.get(target)
     if not frames:
         if matched is not None or story.reason != "budget":
@@ -291,6 +263,8 @@ def _handoff(story: _Story, target: str) -> Attribution | None:
         return None
     if handed is None and story.last - known <= DELAY:
         return None  # found too late for an assignment
+    if handed is None and (_idle_team(story, target) or _astray(story, target)):
+        return None  # no executor was free for it
     text = "never assigned" if handed is None else f"assigned {handed - known} ticks later"
     end = story.last if handed is None else handed
     chain = (
@@ -328,7 +302,7 @@ def _due(story: _Story) -> int | None:
 def _unopened(story: _Story, target: str) -> Attribution | None:
     """Return the handoff break of case (2): an unmet dependency or a missing permission."""
     instance = story.trace.header.instance
-    if story.judged or sum(bool(agent.controls) for agent in instance.agents) < 2:
+    if story.judged or sum(bool(agent.controls) for agent in instance.agents) < 2 or _idle_team(story, target):
         return None
     done = story.done
     if any(name in story.assigned for name in story.blocking) and (_deadlock(story, target) or _drift(story, target)):
@@ -397,6 +371,17 @@ def _waiting(story: _Story, tick: int, body: str) -> tuple[RecordLink, ...]:
     return (RecordLink(kind="agent", tick=begin, record=agent or ", ".join(steps), text=text),)
 
 
+def _idle_team(story: _Story, target: str) -> Attribution | None:
+    """Return the deadlock of a team of several bodies of which none acts from the beginning on."""
+    steps = still_steps(story.trace)
+    begin, length = _idle_stretch([all(step) for step in zip(*steps.values(), strict=False)], 0)
+    if len(steps) < 2 or begin > 0 or length < DELAY:
+        return None
+    text = f"all {len(steps)} agents with bodies are idle for {length} ticks"
+    link = RecordLink(kind="agent", tick=0, record=", ".join(steps), text=text)
+    return Attribution(family="coordination_deadlock", target=target, tick=0, chain=(link,))
+
+
 def _conflicts(story: _Story, tick: int, body: str) -> tuple[RecordLink, ...]:
     """Return links for two commands for the body that were rejected as `conflict`; none if there are fewer."""
     refused = [
@@ -450,6 +435,41 @@ def _drift(story: _Story, target: str) -> Attribution | None:
         if len(run) >= STUBBORN:
             return _drifted(target, (tick, body, record), run[0], f"is refused and repeated {len(run)} times")
     return None
+
+
+def _ignored_order(story: _Story, target: str) -> Attribution | None:
+    """Return the drift of a body that was ordered to the target, acted for `DELAY` ticks and came no nearer."""
+    places = body_places(story.trace)
+    for tick, body, record in sorted(story.assigned.get(target, ())):
+        until = tick + DELAY
+        own = [action for action in story.actions() if action.resource == body and tick < action.tick <= until]
+        obeyed = any(tick < sent <= until for sent, mover, _ in story.own_commands.get(target, ()) if mover == body)
+        far = planar_distance(places, body, target, tick)
+        if obeyed or not own or far is None or until > story.last:
+            continue
+        nearest = min(planar_distance(places, body, target, later) or 0.0 for later in range(tick, until + 1))
+        if nearest > far - NEARER_M:
+            return _drifted(target, (tick, body, record), own[0], f"and {DELAY} ticks lead no nearer to {target}")
+    return None
+
+
+def _astray(story: _Story, target: str) -> Attribution | None:
+    """Return the drift of bodies that act on completed targets while the target is assigned to none."""
+    assignments = assignments_of(story.trace)
+    group = assignments.groups.get(target)
+    if story.assigned.get(target) or group is None:
+        return None
+    acted = [
+        action
+        for action in story.actions()
+        if action.forgotten and action.on_completed and (action.resource, group) in assignments.serving
+    ]
+    if len(acted) < DELAY:
+        return None
+    first = acted[0]
+    text = f"{first.verb} of {first.resource} leads to a completed target; {len(acted)} actions do"
+    link = RecordLink(kind="action", tick=first.tick, record=f"{first.agent} {first.verb}", text=text)
+    return Attribution(family="context_drift", target=target, tick=first.tick, chain=(link,))
 
 
 def _drifted(target: str, assignment: tuple[int, str, str], action: EvaluatedAction, what: str) -> Attribution:

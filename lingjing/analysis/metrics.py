@@ -28,7 +28,7 @@ from lingjing.analysis.idleness import idle_fraction
 from lingjing.analysis.incidents import incidents
 from lingjing.analysis.last_mile import last_mile
 from lingjing.analysis.memo import cache_by_trace
-from lingjing.analysis.repetition import repeated_target_rate, target_events
+from lingjing.analysis.repetition import excess_target_events, excess_target_rate, repeated_target_rate, target_events
 from lingjing.analysis.search_marks import communication_at_discovery, redundant_revisit_rate
 from lingjing.kernel.subtasks import required_groups
 from lingjing.suggest import nearest_or
@@ -127,10 +127,11 @@ class Metrics(msgspec.Struct, frozen=True, kw_only=True):
     """Percent of the requirement that is incomplete at the end. The requirement is the mass of goods to deliver, or
     else the number of required targets, which is one in a mission that requires no group."""
     rep: Annotated[float | None, "communication"]
-    """Repeated target rate: repeated assignments and visits of a target over all of them. A visit is an entry into
-    the target's region by an asset that can serve it, with or without a stop. Staying inside is one visit. A visit is
-    repeated if the target is completed or is assigned to another asset. A step of guidance, an assignee's consent, and
-    the way back to a depot are no events. An order larger than one load can have several assignees."""
+    """Repeated target rate by the paper's words: repeated assignments and visits of a target over all of them. A visit
+    is an entry into the target's region by an asset that can serve it, with or without a stop. Staying inside is one
+    visit. Either is repeated if the target was assigned before or is completed, so the arrival of an assignee is a
+    repetition ([ADR 0053](adr/0053-the-paper-row-by-row.md)). A step of guidance and the way back to a depot are no
+    events."""
     target_events: Annotated[int, "communication"]
     """All these assignments and visits, repeated or not: the denominator of `rep`."""
     discovery_messages: Annotated[float | None, "communication"]
@@ -143,7 +144,8 @@ class Metrics(msgspec.Struct, frozen=True, kw_only=True):
     actions: Annotated[int, "behaviour"]
     """Physical commands that policies decided on."""
     adherence: Annotated[float | None, "behaviour"]
-    """Share of actions that were admitted without change and broke no constraint."""
+    """Share of actions that were admitted without change, or lost a resource to another agent's command, and broke no
+    constraint."""
     repetition: Annotated[float | None, "behaviour"]
     """Share of actions with the same verb, resource and rounded arguments as the agent's previous action. The first
     action of each agent is left out."""
@@ -189,6 +191,11 @@ class Metrics(msgspec.Struct, frozen=True, kw_only=True):
     """Number of stages S1 to S5 of last-mile delivery that were done in a row: aerial inspection, report of the route's
     ends, report of waypoints on the road graph, arrival at the stop, the target house. N/A in other missions. A stage
     that an intervention supplies counts as done."""
+    rep_excess: Annotated[float | None, "communication"] = None
+    """Excess target rate: assignments and visits of a target that were of no use, over all of them. A visit by the
+    assignee and its consent are of use. An order larger than one load can have several assignees."""
+    excess_events: Annotated[int, "communication"] = 0
+    """All assignments and visits that `rep_excess` counts: its denominator."""
 
     def __getitem__(self, name: str) -> Any:
         """Return the value of a metric. Raises `KeyError` with the nearest name if there is none of this name."""
@@ -318,6 +325,8 @@ def metrics(trace: Trace) -> Metrics:
         absent_frames=_absent(trace),
         faint_targets=_faint(trace),
         stages=_stages_of(trace),
+        rep_excess=excess_target_rate(trace),
+        excess_events=excess_target_events(trace)[1],
         last_mile=None if (chain := last_mile(trace)) is None else chain.cumulative,
     )
 

@@ -1,4 +1,4 @@
-"""The repeated target rate (Rep): of all target events of an episode, the share that were repeated.
+"""The repeated target rate (Rep) and the excess target rate: shares of the target events of an episode.
 
 The paper defines it in its table of communication metrics: "Number of repeated target events divided by all valid
 target events in the matched episodes. A valid event is an assignment request or target-region entry for a target in
@@ -14,15 +14,19 @@ The terms of that definition are read from a trace as follows.
 - An *assignment request* is an assignment message, or a command to an executor from an agent that does not control it.
   Its targets are those that its fields name. If it names none, its target is the nearest one with its position inside
   the target region. A message with a `step` and no name only guides its recipient and requests nothing. The requests of
-  one sender for one target at one tick are one event.
+  one sender for one target at one tick are one event. An executor's consent is a request too.
 - A *target-region entry* happens when an executor comes within the radius, as seen at each macro-step, whether it stops
   or drives past. Acting on a target from farther away is an entry too.
-- A *request is repeated* if the target is completed, or is assigned to as many executors as it needs, or is assigned to
-  the same one already. A target needs one executor, or as many as its demand has loads. If the sender controls the
-  assignee, and another agent assigned it before, the request is the executor's consent and is no event.
-- An *entry is repeated* if the target is completed, or is assigned to other executors only. The arrival of the assignee
-  is no repetition.
+- Any event is *repeated* if its target was assigned before by any request, or is completed.
 - A target is *completed* by an interaction that leaves no demand, or by the event that the mission's success requires.
+
+By these words the arrival of an assignee is a repetition, so a team without any double work has a Rep of one half. The
+*excess target rate* is a second figure, of this project (ADR 0053), that such a team has at zero:
+
+- A *request is in excess* if the target is completed, or is assigned to as many executors as it needs, or is assigned
+  to the same one already. A target needs one executor, or as many as its demand has loads. If the sender controls the
+  assignee, and another agent assigned it before, the request is the executor's consent and is no event.
+- An *entry is in excess* if the target is completed, or is assigned to other executors only.
 """
 
 from __future__ import annotations
@@ -109,11 +113,20 @@ class _TargetEvents:
     stays: set[_Presence] = field(default_factory=set)
     """Presences of executors that acted on a target of a group that they do not serve. They never end, because there is
     no radius that such an executor could leave."""
+    requested: set[str] = field(default_factory=set)
+    """Targets that any request has assigned."""
     events: int = 0
     repeated: int = 0
+    """Repeated events by the paper's words."""
+    counted: int = 0
+    """Events that the excess rate counts."""
+    excess: int = 0
 
     def request(self, request: _Request, controlled: tuple[str, ...]) -> None:
         """Count an assignment request. `controlled` are the entities that its sender controls."""
+        self.events += 1
+        self.repeated += request.target in self.requested or request.target in self.completed
+        self.requested.add(request.target)
         assignees = self.assigned.setdefault(request.target, {})
         own = next((body for body in request.assignees if body in controlled), None)
         if own is not None and assignees.get(own, request.sender) != request.sender:
@@ -121,17 +134,19 @@ class _TargetEvents:
             return
         enough = len(assignees) >= self.executors_needed.get(request.target, 1)
         again = enough or any(body in assignees for body in request.assignees)
-        self.events += 1
-        self.repeated += again or request.target in self.completed
+        self.counted += 1
+        self.excess += again or request.target in self.completed
         if not again:
             assignees.update(dict.fromkeys(request.assignees, request.sender))
 
     def enter(self, entries: AbstractSet[_Presence]) -> None:
         """Count target-region entries."""
         for target, executor in entries:
+            assignees, done = self.assigned.get(target), target in self.completed
             self.events += 1
-            assignees = self.assigned.get(target)
-            self.repeated += target in self.completed or (bool(assignees) and executor not in (assignees or {}))
+            self.repeated += done or target in self.requested
+            self.counted += 1
+            self.excess += done or (bool(assignees) and executor not in (assignees or {}))
 
 
 def repeated_target_rate(trace: Trace) -> float | None:
@@ -139,9 +154,25 @@ def repeated_target_rate(trace: Trace) -> float | None:
     return ratio(*target_events(trace))
 
 
-@cache_by_trace
 def target_events(trace: Trace) -> tuple[int, int]:
     """Return the number of repeated target events, and of all target events."""
+    counted = _target_events(trace)
+    return counted.repeated, counted.events
+
+
+def excess_target_rate(trace: Trace) -> float | None:
+    """Return the share of target events in excess, or None if there was none."""
+    return ratio(*excess_target_events(trace))
+
+
+def excess_target_events(trace: Trace) -> tuple[int, int]:
+    """Return the number of target events in excess, and of those that this rate counts."""
+    counted = _target_events(trace)
+    return counted.excess, counted.counted
+
+
+@cache_by_trace
+def _target_events(trace: Trace) -> _TargetEvents:
     instance = trace.header.instance
     assignments = assignments_of(trace)
     controlled = {agent.id: agent.controls for agent in instance.agents}
@@ -152,7 +183,7 @@ def target_events(trace: Trace) -> tuple[int, int]:
             counted.request(request, controlled.get(request.sender, ()))
         _count_entries(counted, kinds, record, assignments)
         counted.completed |= completed_at(instance, record)
-    return counted.repeated, counted.events
+    return counted
 
 
 def service_radii(instance: Instance) -> tuple[ServiceRadius, ...]:

@@ -8,11 +8,17 @@ import msgspec
 import pytest
 
 from lingjing import Metrics, Trace, metrics
-from lingjing.analysis.detection import detect, numbers
+from lingjing.analysis.detection import aligned_frames, detect, numbers
 from lingjing.analysis.metrics import GROUPS, groups_and_units, table
-from lingjing.analysis.repetition import ServiceRadius, repeated_target_rate, service_radii, target_events
+from lingjing.analysis.repetition import (
+    ServiceRadius,
+    excess_target_events,
+    excess_target_rate,
+    repeated_target_rate,
+    service_radii,
+)
 from lingjing.mission.expression import Attr, Binary, Call, Number, Quantified, Ref
-from lingjing.mission.instance import AgentSpec, Entity, InteractionSpec, StateSpec
+from lingjing.mission.instance import AgentSpec, ChannelSpec, Entity, InteractionSpec, StateSpec
 from lingjing.mission.model import Rule, RuleParameter, Unlock
 from lingjing.trace.records import (
     Absent,
@@ -108,7 +114,7 @@ def test_the_synthetic_rescue(trace: Trace) -> None:
         (name, 3, True) for name in ("detect", "locate", "handoff", "execute")
     ]
     assert measured.coverage is not None and 0.5 < measured.coverage <= 1.0
-    assert measured.rep == 0.0
+    assert measured.rep_excess == 0.0
 
 
 def test_an_empty_trace_has_no_rates(of) -> None:  # type: ignore[no-untyped-def]
@@ -261,15 +267,19 @@ def test_rep_counts_requests_and_entries(of) -> None:  # type: ignore[no-untyped
         boundary(3, snapshots=(there,)),  # the assignee arrives: not repeated
         boundary(4, snapshots=(there,)),  # and stays: no event
     ]
-    assert repeated_target_rate(of(*steps[:1])) is None
-    assert repeated_target_rate(of(*steps[:2])) == 0.0
-    assert repeated_target_rate(of(*steps[:3])) == 1 / 2
-    assert repeated_target_rate(of(*steps[:4])) == 1 / 3
-    assert repeated_target_rate(of(*steps)) == 1 / 3
+    assert excess_target_rate(of(*steps[:1])) is None
+    assert excess_target_rate(of(*steps[:2])) == 0.0
+    assert excess_target_rate(of(*steps[:3])) == 1 / 2
+    assert excess_target_rate(of(*steps[:4])) == 1 / 3
+    assert excess_target_rate(of(*steps)) == 1 / 3
     rescue = TaskEvent(kind="rescue", entities=("victim[1]", "boat"), time_s=30.0)
     done = boundary(4, snapshots=(there,), task_events=(rescue,))
     again = [boundary(5, snapshots=(far,)), boundary(6, snapshots=(there,))]
-    assert repeated_target_rate(of(*steps[:4], done, *again)) == 2 / 4
+    assert excess_target_rate(of(*steps[:4], done, *again)) == 2 / 4
+    assert [repeated_target_rate(of(*steps[:n])) for n in (1, 2, 3, 4, 5)] == [None, 0.0, 1 / 2, 2 / 3, 2 / 3], (
+        "by the paper's words the arrival of the assignee is repeated"
+    )
+    assert repeated_target_rate(of(*steps[:4], done, *again)) == 3 / 4
 
 
 def test_rep_counts_commands_of_agents_that_do_not_control_the_executor(of) -> None:  # type: ignore[no-untyped-def]
@@ -280,18 +290,18 @@ def test_rep_counts_commands_of_agents_that_do_not_control_the_executor(of) -> N
         return Command(id="c", tick=tick, sender=sender, resource="boat", verb="moveTo", arguments=arguments)
 
     own = boundary(1, snapshots=(far,), commands=(go(1, "skipper", 0.0),))
-    assert repeated_target_rate(of(own)) is None
+    assert excess_target_rate(of(own)) is None
     first = boundary(2, snapshots=(far,), commands=(go(2, "scout[1]", 0.0), go(2, "scout[1]", 480.0)))
-    assert repeated_target_rate(of(own, first)) == 0.0
+    assert excess_target_rate(of(own, first)) == 0.0
     other = boundary(3, snapshots=(far,), commands=(go(3, "scout[3]", 510.0), go(3, "scout[3]", 250.0)))
-    assert repeated_target_rate(of(own, first, other)) == 1 / 3
+    assert excess_target_rate(of(own, first, other)) == 1 / 3
 
 
 def test_a_message_and_a_command_of_one_sender_are_one_request(of) -> None:  # type: ignore[no-untyped-def]
     far = at(0, v1=(0.0, 0.0), v2=(500.0, 0.0), boat=(0.0, 300.0))
     command = Command(id="c", tick=1, sender="scout[1]", resource="boat", verb="moveTo", arguments={"x": 0.0, "y": 0.0})
     message = assignment(1, "scout[1]", "skipper", position=(0.0, 0.0, 0.0))
-    assert repeated_target_rate(of(boundary(1, snapshots=(far,), commands=(command,), messages=(message,)))) == 0.0
+    assert excess_target_rate(of(boundary(1, snapshots=(far,), commands=(command,), messages=(message,)))) == 0.0
 
 
 def test_a_mission_without_targets_has_no_gap(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
@@ -447,25 +457,23 @@ def test_rep_of_a_tour_that_splits_an_order(of, trace: Trace) -> None:  # type: 
         tour(1, "driver[1]", "point[1]"), tour(1, "driver[2]", "point[1]", "point[2]")))  # fmt: skip
     consent = boundary(2, snapshots=(away,), messages=(
         claim(2, "driver[1]", 3.0), claim(2, "driver[2]", 0.0), claim(2, "driver[2]", 990.0)))  # fmt: skip
-    assert repeated_target_rate(of(plan, header=header)) == 0.0
-    assert repeated_target_rate(of(plan, consent, header=header)) == 0.0
+    assert excess_target_rate(of(plan, header=header)) == 0.0
+    assert excess_target_rate(of(plan, consent, header=header)) == 0.0
     again = boundary(3, snapshots=(away,), messages=(claim(3, "driver[1]", 1000.0),))
-    assert repeated_target_rate(of(plan, consent, again, header=header)) == 1 / 3
+    assert excess_target_rate(of(plan, consent, again, header=header)) == 1 / 3
 
 
 def test_rep_counts_every_entry_once_while_it_lasts(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
     """Driving past is an entry, because the paper requires no stop. A pass at 31 m is none."""
     header = courier_service(trace)
     past = boundary(1, snapshots=(vans(1, 0.0, 500.0, 9.0), vans(1, 29.0, 500.0, 9.0), vans(1, 31.0, 500.0, 9.0)))
-    assert repeated_target_rate(of(past, header=header)) == 0.0
-    assert repeated_target_rate(of(boundary(1, snapshots=(vans(1, 31.0, 500.0),)), header=header)) is None
+    assert excess_target_rate(of(past, header=header)) == 0.0
+    assert excess_target_rate(of(boundary(1, snapshots=(vans(1, 31.0, 500.0),)), header=header)) is None
     mine = boundary(
         0, snapshots=(vans(0, 500.0, 500.0),), messages=(assignment(0, "planner", "driver[2]", stop="point[2]"),)
     )
     back = boundary(2, snapshots=(vans(2, 990.0, 500.0, 9.0), vans(2, 500.0, 500.0), vans(2, 990.0, 500.0)))
-    assert repeated_target_rate(of(mine, back, header=header)) == 2 / 3, (
-        "an assignment, and twice another in its region"
-    )
+    assert excess_target_rate(of(mine, back, header=header)) == 2 / 3, "an assignment, and twice another in its region"
 
 
 def test_rep_counts_distant_acts(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
@@ -480,10 +488,10 @@ def test_rep_counts_distant_acts(of, trace: Trace) -> None:  # type: ignore[no-u
         ((part, replace(part, time_s=31.0)), 1),  # behind the last
         ((stranger, replace(stranger, time_s=11.0)), 1),
     ):
-        assert target_events(of(boundary(1, snapshots=steps, task_events=acts), header=header)) == (0, entries)
+        assert excess_target_events(of(boundary(1, snapshots=steps, task_events=acts), header=header)) == (0, entries)
     near = (vans(1, 500.0, 500.0), vans(2, 20.0, 500.0), vans(3, -20.0, 500.0))
     thrice = (part, replace(part, time_s=19.0), replace(part, time_s=29.0))  # inside already at the last
-    assert target_events(of(boundary(1, snapshots=near, task_events=thrice), header=header)) == (0, 2)
+    assert excess_target_events(of(boundary(1, snapshots=near, task_events=thrice), header=header)) == (0, 2)
 
 
 def test_rep_follows_targets_that_move(of) -> None:  # type: ignore[no-untyped-def]
@@ -495,8 +503,8 @@ def test_rep_follows_targets_that_move(of) -> None:  # type: ignore[no-untyped-d
         for tick, place in enumerate((away, inside, inside, inside, away, inside))
     ]
     first, second = boundary(2, snapshots=tuple(drift[:3])), boundary(5, snapshots=tuple(drift[3:]))
-    assert target_events(of(first)) == (0, 1)
-    assert target_events(of(first, second)) == (0, 2)
+    assert excess_target_events(of(first)) == (0, 1)
+    assert excess_target_events(of(first, second)) == (0, 2)
 
 
 def test_rep_of_completed_targets(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
@@ -504,19 +512,19 @@ def test_rep_of_completed_targets(of, trace: Trace) -> None:  # type: ignore[no-
     part = TaskEvent(kind="deliver", entities=("point[1]", "van[1]"), time_s=10.0, values={"left_kg": 50.0})
     first = boundary(1, snapshots=(vans(1, 0.0, 500.0, 9.0),), task_events=(part,))
     rest = boundary(2, snapshots=(vans(2, 500.0, 5.0),))
-    assert repeated_target_rate(of(first, rest, header=header)) == 0.0  # the rest was still due
+    assert excess_target_rate(of(first, rest, header=header)) == 0.0  # the rest was still due
     people = replace(first, task_events=(replace(part, values={"left": 2.0}),))  # a bare number has no unit
-    assert repeated_target_rate(of(people, rest, header=header)) == 0.0
+    assert excess_target_rate(of(people, rest, header=header)) == 0.0
     whole = replace(first, task_events=(replace(part, values={"left_kg": 0.0}),))
-    assert repeated_target_rate(of(whole, rest, header=header)) == 1 / 2
+    assert excess_target_rate(of(whole, rest, header=header)) == 1 / 2
 
 
 def test_a_step_of_guidance_assigns_nothing(of) -> None:  # type: ignore[no-untyped-def]
     far = at(0, v1=(0.0, 0.0), v2=(500.0, 0.0), boat=(0.0, 300.0))
     step = assignment(1, "scout[1]", "skipper", step="left", position=(0.0, 0.0, 0.0))
-    assert repeated_target_rate(of(boundary(1, snapshots=(far,), messages=(step,)))) is None
+    assert excess_target_rate(of(boundary(1, snapshots=(far,), messages=(step,)))) is None
     named = assignment(1, "scout[1]", "skipper", step="left", what="victim[1]")
-    assert repeated_target_rate(of(boundary(1, snapshots=(far,), messages=(named,)))) == 0.0
+    assert excess_target_rate(of(boundary(1, snapshots=(far,), messages=(named,)))) == 0.0
 
 
 def test_the_page_has_the_definition_of_every_metric() -> None:
@@ -524,3 +532,24 @@ def test_the_page_has_the_definition_of_every_metric() -> None:
     assert page.endswith(table()), "python -m lingjing.analysis.metrics docs/metrics.md writes it"
     assert table().count("\n") == len(Metrics.__struct_fields__) + 2
     assert {group for group, _ in groups_and_units().values()} == set(GROUPS)
+
+
+def test_the_view_of_a_driver_is_no_aligned_frame(trace: Trace) -> None:
+    """Frames of `uav[1]`: all without a viewer, none if only the skipper receives them, all if a searcher does."""
+    instance = trace.header.instance
+    channel = ChannelSpec(source="entity", name="uav[1]")
+    whole = len(aligned_frames(trace))
+    own = sum(frame.entity == "uav[1]" for frame in aligned_frames(trace))
+    assert 0 < own < whole
+
+    def shown_to(*names: str) -> int:
+        agents = tuple(
+            replace(agent, observes=(*agent.observes, channel)) if agent.id in names else agent
+            for agent in instance.agents
+        )
+        messages = tuple(replace(message, senders=("searcher",)) for message in instance.messages)
+        header = replace(trace.header, instance=replace(instance, agents=agents, messages=messages))
+        return len(aligned_frames(Trace(trace.path, header, trace.boundaries, trace.outcome, False)))
+
+    assert shown_to("skipper") == whole - own
+    assert shown_to("skipper", "scout[1]") == whole
