@@ -7,7 +7,8 @@
 - The event of an interaction is visible as its type declares (`told = all`, `actor` or `none`). Without a declaration
   it is visible to none if a hidden value decides it (`lingjing.mission.conditions.taint`), and to all agents otherwise.
 - The state that such an interaction changes follows its event: an event that an agent may not see must not show in the
-  target's status, stock or place or in the actor's stock either (`EventVisibility.withheld`).
+  target's status, stock or place or in the actor's stock either (`EventVisibility.withheld`). Where a hidden value
+  decides the moved amount, both stocks are withheld from every agent.
 - Another engine event that involves an entity with a hidden position, such as a collision, is visible to the agents
   that control a body in it.
 - What the mission's events change is visible to all agents: the weather, and an entity that appears, vanishes or is
@@ -22,7 +23,7 @@ from collections.abc import Iterable, Sequence
 
 from lingjing.kernel.mission_events import MARKS
 from lingjing.mission.conditions.survey import survey_instance
-from lingjing.mission.conditions.taint import PLACE, carried_fields, changed_fields
+from lingjing.mission.conditions.taint import PLACE, carried_fields, changed_fields, moved_fields
 from lingjing.mission.instance import AgentSpec, Entity, Instance, InteractionSpec
 from lingjing.trace.records import AdjudicatedEvent, EventView, TaskEvent
 
@@ -46,7 +47,7 @@ class EventVisibility:
             (target, interaction, frozenset(actor.id for actor in instance.actors(interaction)))
             for target in instance.entities
             for interaction in target.interactions
-            if self._is_secret(interaction.name, target.group)
+            if self._is_secret(interaction.name, target.group) or self._hides_amount(interaction.name, target.group)
         )
 
     def visible_events(
@@ -78,6 +79,8 @@ class EventVisibility:
         fields: set[str] = set()
         for target, interaction, actors in self._secretive:
             audience = self._audience_of(interaction, target)
+            if target.id == entity.id or entity.id in actors:
+                fields |= self._secret_amounts(interaction, target, entity)
             if audience == ALL or (audience == ACTOR and not actors.isdisjoint(agent.commands)):
                 continue
             if target.id == entity.id:
@@ -87,6 +90,12 @@ class EventVisibility:
                 fields |= {field for group, field in carried if group.name == entity.group}
         names = {spec.field: spec.name for spec in entity.state}
         return frozenset(names.get(field, field) for field in fields) | (MOTION if PLACE in fields else frozenset())
+
+    def _secret_amounts(self, interaction: InteractionSpec, target: Entity, entity: Entity) -> set[str]:
+        if not self._hides_amount(interaction.name, target.group):
+            return set()
+        moved = moved_fields(self._declarations, self._declarations.groups[target.group], interaction)
+        return {field for group, field in moved if group.name == entity.group}
 
     def _is_visible(self, agent: AgentSpec, event: TaskEvent) -> bool:
         audience = self._audience(event)
@@ -110,6 +119,9 @@ class EventVisibility:
     def _is_secret(self, interaction: str, group: str) -> bool:
         """Return whether a hidden value decides an interaction with targets of a group."""
         return (interaction, group) in self._declarations.taint.interactions
+
+    def _hides_amount(self, interaction: str, group: str) -> bool:
+        return (interaction, group) in self._declarations.taint.amounts
 
     def _view(self, name: str, tick: int, kind: str, entities: Iterable[str]) -> EventView:
         named = tuple(entity for entity in entities if entity not in self._unplaced)

@@ -215,7 +215,7 @@ MUTANTS: Mapping[str, tuple[str, object, tuple[str, ...]]] = {
     "no fields of the target": (
         f"{MODEL}.taint.changed_fields",
         lambda group, interaction: (),
-        ("box.status == opened", "box.water < 9 kg", "box.heat < 0.5", "distance_xy(boat, buoy) < 1 m"),
+        ("box.status == opened", "box.heat < 0.5", "distance_xy(boat, buoy) < 1 m"),  # `moved_fields` has the water
     ),
     "no stock of the actor": (f"{MODEL}.taint.carried_fields", lambda of, interaction: (), ("boat.cargo > 0 kg",)),
     "no level that is worked off": (f"{MODEL}.taint._level", lambda group: {}, ("box.heat < 0.5",)),

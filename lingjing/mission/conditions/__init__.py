@@ -14,8 +14,8 @@ Modules in control-flow order:
   instance.
 - `taint`: the changes of interactions that a hidden value permits, which are hidden too.
 - `reads`: the leaves of one condition. `survey`: all conditions with their leaves and gates.
-- `leaks`: hidden values that decide something which agents notice. `exposures`: hidden values in public ones and in
-  motions.
+- `leaks`: hidden values that decide something which agents notice. `public_values`: every value that agents may learn.
+  `exposures`: hidden values in those, in motions and in bodies of agents.
 - `drawn_params`: the values of drawn params, and bounds where there are too many values.
 - `spread`: places and numbers before the seed is known. `motion`: upper bounds of speed and flight time.
 - `outline`: a mission (every seed) or an instance (one seed) in the form that the builder of needs and proofs read.

@@ -41,6 +41,8 @@ class Taint(msgspec.Struct, frozen=True):
     """(group, field in rules): a state, `status`, or `position` for the place, the velocity and the heading."""
     sighted: frozenset[str] = frozenset()
     """The groups with an `assigned(…)` that depends on a hidden value, although the groups have none."""
+    amounts: frozenset[tuple[str, str]] = frozenset()
+    """(interaction, group of its targets) where a hidden value decides the moved amount, also with `told = all`."""
 
 
 class Group(msgspec.Struct, frozen=True):

@@ -1,11 +1,14 @@
 """Exposures of hidden values by public values and motions of a compiled mission.
 
 The compiler of a text finds hidden values in expressions, with the path from their declaration (LJ0401). This module
-finds them in the compiled mission, so that a `mission.json` is held to the same rules, and motions that show them:
+finds them in the compiled mission, so that a `mission.json` is held to the same rules. `public_values` lists every
+value that is no condition and that agents may learn. A reference to a member of a group (`uav[k]`) is public if its
+index is. Motions, receipts and the radio show hidden values, too:
 
 - a target with a public place that flees from, follows or wanders by a hidden place;
 - an observed target with a hidden drift, which its places show, or hidden arrivals, which its number of people shows;
-- an asset with a hidden speed or band, which the receipts of its commands show.
+- an asset with a hidden speed or band, which the receipts of its commands show;
+- an asset with a hidden place that agents command, or that shows in its pictures or by the range of its radio.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ from typing import NamedTuple
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.conditions.declarations import Declarations, Group, group_names, of_mission
+from lingjing.mission.conditions.public_values import References, public_values
 from lingjing.mission.conditions.reads import Reader
 from lingjing.mission.conditions.taint import PLACE, propagate
 from lingjing.mission.natures import PEOPLE
@@ -50,7 +54,13 @@ class Exposure(NamedTuple):
 def exposures(mission: model.Mission) -> tuple[Exposure, ...]:
     """Every exposure of a mission, in the order of declaration."""
     of = propagate(of_mission(mission))
-    return (*_values(mission, of), *_motions(of), *_shown_rates(mission), *_receipts(mission))
+    return (
+        *_values(mission, of),
+        *_motions(of),
+        *_shown_rates(mission),
+        *_receipts(mission),
+        *_places_of_agents(mission),
+    )
 
 
 # -- private
@@ -58,24 +68,21 @@ def exposures(mission: model.Mission) -> tuple[Exposure, ...]:
 
 def _values(mission: model.Mission, of: Declarations) -> Iterator[Exposure]:
     """Public declarations that are computed from hidden values."""
-    sinks: list[tuple[str, str, ex.Expr | None]] = []
-    sinks += [(each.name, f"the param `{each.name}`", each.default) for each in mission.parameters if not each.hidden]
-    sinks += [(each.name, f"the region `{each.name}`", each.shape) for each in mission.regions if not each.hidden]
-    for group in mission.groups:
-        public = (prop for prop in group.properties if not prop.hidden)
-        sinks += [(group.name, f"`{group.name}.{prop.plain}`", prop.value) for prop in public]
-        if not group.hides_count:
-            sinks.append((group.name, f"the number of `{group.name}`", group.count))
-    sinks += [(each.name, f"the limit `{each.name}`", each.most) for each in mission.limits]
-    sinks += [(each.name, f"the time of the event `{each.name}`", each.at) for each in mission.events]
-    sinks += [("weather", "the weather", prop.value) for prop in mission.weather]
-    sinks += [("budget", "the budget", mission.budget.ticks), ("clock", "the clock", mission.clock.tick)]
     reader = Reader(of)
-    for name, sink, value in sinks:
-        if value is not None and not isinstance(value, ex.Number | ex.Flag | ex.Text):
-            hidden = next((each for each in reader.value(value, {}).quantities if each.hidden), None)
-            if hidden is not None:
-                yield Exposure(name, sink, f"`{hidden.key}`")
+    for name, sink, value in public_values(mission):
+        if value is None or isinstance(value, ex.Number | ex.Flag | ex.Text | ex.Symbol):
+            continue
+        read = (each for part in _read_parts(value) for each in reader.value(part, {}).quantities)
+        hidden = next((each for each in read if each.hidden), None)
+        if hidden is not None:
+            yield Exposure(name, sink, f"`{hidden.name if hidden.kind == 'setting' else hidden.key}`")
+
+
+def _read_parts(value: ex.Expr | References) -> tuple[ex.Expr, ...]:
+    """The expressions that a public value shows: of references, the indices alone."""
+    if not isinstance(value, References):
+        return (value,)
+    return tuple(part.index for each in value.to for part in ex.parts(each) if isinstance(part, ex.Index))
 
 
 def _motions(of: Declarations) -> Iterator[Exposure]:
@@ -119,6 +126,38 @@ def _receipts(mission: model.Mission) -> Iterator[Exposure]:
     """Hidden bands and speeds of commanded assets: receipts show clipped commands, and when a command ends."""
     for group in mission.groups:
         if group.role == "asset" and group.verbs:
-            for prop in group.properties:
-                if prop.hidden and prop.plain in ("band", *MOTION):
-                    yield Exposure(group.name, "the receipts of commands", f"`{group.name}.{prop.plain}`")
+            hidden = {prop.plain for prop in group.properties if prop.hidden}
+            for name in sorted(hidden.intersection(("band", *MOTION))):
+                yield Exposure(group.name, "the receipts of commands", f"`{group.name}.{name}`")
+
+
+def _is_commanded(mission: model.Mission, group: str) -> bool:
+    controlled = (asset for agent in mission.agents for asset in agent.controls)
+    return group in group_names((*controlled, *(each.resource for each in mission.authorities)))
+
+
+def _places_of_agents(mission: model.Mission) -> Iterator[Exposure]:
+    """Hidden places of assets with agents, once each: receipts show the share of the way that is done, and poses of
+    pictures and the messages that arrive show the place."""
+    radio = _radio_reaches_places(mission)
+    for group in mission.groups:
+        if group.role != "asset" or not any(prop.hidden and prop.plain == PLACE for prop in group.properties):
+            continue
+        way = f"`{group.name}.{PLACE}`"
+        if group.verbs and _is_commanded(mission, group.name):
+            yield Exposure(group.name, "the receipts of commands", way)
+            continue
+        cameras = frozenset(("*", *(camera.name for camera in group.cameras)))
+        for agent in mission.agents:
+            if group.cameras and _observes(agent, group.name, cameras):
+                yield Exposure(agent.name, f"the pictures of `{group.name}` for `{agent.name}`", way)
+            elif radio and group.name in group_names(agent.controls):
+                yield Exposure(agent.name, f"the messages that reach `{agent.name}`", way)
+
+
+def _radio_reaches_places(mission: model.Mission) -> bool:
+    """True if the places of bodies decide which messages arrive."""
+    changes = (change for event in mission.events for change in event.changes)
+    return mission.comms.range is not None or any(
+        change.kind == "jam" or change.range is not None for change in changes
+    )

@@ -20,7 +20,7 @@ import msgspec
 from lingjing.mission import model
 from lingjing.mission.conditions.quantities import Quantity
 from lingjing.mission.conditions.survey import Condition, Survey, survey_mission
-from lingjing.mission.conditions.taint import carried_fields, changed_fields
+from lingjing.mission.conditions.taint import carried_fields, changed_fields, roots
 from lingjing.mission.expression_text import spell
 from lingjing.mission.requirements import repeated_draws
 
@@ -99,16 +99,24 @@ def every_leak(mission: model.Mission, survey: Survey) -> Iterator[Leak]:
 
 
 def _load_leaks(survey: Survey) -> Iterator[Leak]:
-    """Secret interactions that change the mass on board of an asset, unless they are told to all agents."""
-    of = survey.declarations
-    for name, target in sorted(of.taint.interactions):
+    """Interactions that change the mass on board of an asset and are secret or move a secret amount.
+
+    One that is told to all agents tells when it is performed, but no amount.
+    """
+    of, own = survey.declarations, roots(survey.declarations)
+    shown: set[str] = set()
+    for name, target in sorted(of.taint.interactions | of.taint.amounts, key=lambda pair: (pair not in own, pair)):
         spec = next(spec for spec in of.groups[target].interactions if spec.name == name)
-        bearers = [group for group, field in carried_fields(of, spec) if field == LOAD and spec.told != "all"]
-        if bearers:
-            notice = f"the speed and the battery of `{bearers[0].name}` show when `{name}` changes its load"
-            condition = next((c for c in survey.of_kind("unlock") if c.name == name and c.hidden), None)
-            way = f"`{target}` or what is done with it" if condition is None else _way(condition, survey)
-            yield Leak(name, f"unlock/{name}", notice, way)
+        if spec.told == "all" and (name, target) not in of.taint.amounts:
+            continue
+        bearers = [group.name for group, field in carried_fields(of, spec) if field == LOAD]
+        if not bearers or ((name, target) not in own and shown.issuperset(bearers)):
+            continue  # another interaction has made the load of these secret
+        shown |= set(bearers)
+        notice = f"the speed and the battery of `{bearers[0]}` show when `{name}` changes its load"
+        condition = next((c for c in survey.of_kind("unlock") if c.name == name and c.hidden), None)
+        way = f"`{target}` or what is done with it" if condition is None else _way(condition, survey)
+        yield Leak(name, f"unlock/{name}", notice, way)
 
 
 def _draw_leaks(mission: model.Mission) -> Iterator[Leak]:
@@ -172,7 +180,7 @@ def _way(condition: Condition, survey: Survey) -> str:
 def _deciding_interaction(quantity: Quantity, survey: Survey) -> str:
     """The secret interaction that changes a public quantity; "" for none."""
     of = survey.declarations
-    for name, target in sorted(of.taint.interactions):
+    for name, target in sorted(of.taint.interactions | of.taint.amounts):
         group = of.groups[target]
         spec = next(spec for spec in group.interactions if spec.name == name)
         changed = {(target, field) for field in changed_fields(group, spec)}

@@ -5,6 +5,7 @@ A rule that a condition calls is expanded once for each condition, so that the s
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
 
@@ -107,7 +108,8 @@ class Reader:
             case ex.Call(rule=True):
                 yield from self._called(expr, names, place)
             case ex.Call(function=function) if function in TEMPORAL:
-                yield self._leaf(expr, place, (_TIME,))
+                lengths = (self._read(length, names) for length in expr.arguments[TEMPORAL[function] :])
+                yield self._leaf(expr, place, tuple(dict.fromkeys((_TIME, *itertools.chain(*lengths)))))
                 for number, condition in enumerate(conditions_of(expr)):
                     necessary = place.necessary and not place.negated and (function != "before" or number == 0)
                     yield from self._leaves(condition, names, place._replace(necessary=necessary))
@@ -171,6 +173,8 @@ class Reader:
             case ex.Call(rule=True):
                 yield Quantity(kind="rule", name=expr.function)
             case ex.Call(function=function) if function in _FACTS:
+                for argument in expr.arguments:
+                    yield from self._index(argument, names)
                 yield from _FACTS[function](self, expr, names)
             case (
                 ex.Quantified(variable=variable, domain=domain, body=body)
@@ -327,7 +331,6 @@ class Reader:
         for argument in call.arguments:
             group = self._of.group(self._owner(argument, names) or "")
             if group is not None:
-                yield from self._index(argument, names)
                 yield self._of_group(group, "velocity", indirect=_is_bound(argument))
 
     def _truth(self, call: ex.Call, names: Names) -> Iterator[Quantity]:
@@ -350,15 +353,11 @@ class Reader:
         named = call.arguments[0]
         name = named.name if isinstance(named, ex.Symbol | ex.Ref) else spell(named)
         asset, inspectors, replan = self._of.inspections.get(name, ("", (), ""))
-        causes = [
-            cause
-            for group in map(self._of.group, (asset, *inspectors))
-            if group is not None
-            for cause in _motion_causes(self._of, group, "")
-        ]
+        bodies = [group for group in map(self._of.group, (asset, *inspectors)) if group is not None]
+        causes = [cause for group in bodies for cause in _motion_causes(self._of, group, "")]
         if replan:
             causes.append(Cause(kind="message", name=replan, by=self._of.senders(replan)))
-        secret = OPERATIONS[call.function].secret
+        secret = OPERATIONS[call.function].secret or any(map(self._hides_place, bodies))
         kind: QuantityKind = "counter" if call.function == "replans" else "route"
         yield Quantity(kind=kind, owner=name, causes=tuple(dict.fromkeys(causes)), hidden=secret)
 

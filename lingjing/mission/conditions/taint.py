@@ -6,7 +6,9 @@ event, its count, and all that it changes are then hidden quantities. They hide 
 until nothing is added.
 
 An interaction with `told = all` is public where every agent observes `events`: a condition over it decides nothing that
-an agent does not know from the event. Where an agent does not, the kernel still shows it to the others (`shown`).
+an agent does not know from the event. Where an agent does not, the kernel still shows it to the others (`shown`). Its
+event tells no amount: where a hidden value decides the amount (a hidden stock, demand or limit), the states that the
+interaction changes are hidden although its event is not.
 """
 
 from __future__ import annotations
@@ -35,6 +37,13 @@ def propagate(declarations: Declarations, *, shown: bool = False) -> Declaration
         declarations = msgspec.structs.replace(declarations, taint=grown)
 
 
+def roots(declarations: Declarations) -> frozenset[tuple[str, str]]:
+    """(interaction, group of its targets) that are secret, or move a secret amount, by a hidden value of their own and
+    not only through another interaction."""
+    first = _taint(msgspec.structs.replace(declarations, taint=Taint()), shown=declarations.events_observed)
+    return first.interactions | first.amounts
+
+
 def changed_fields(group: Group, interaction: model.Exchange) -> Iterator[str]:
     """The fields of a target in rules that an interaction with it changes."""
     yield "status"
@@ -50,16 +59,20 @@ def changed_fields(group: Group, interaction: model.Exchange) -> Iterator[str]:
 def _taint(of: Declarations, *, shown: bool) -> Taint:
     """One round: everything that is tainted by what is known to be hidden."""
     interactions: set[tuple[str, str]] = set()
+    amounts: set[tuple[str, str]] = set()
     fields: set[tuple[str, str]] = set()
     for target in of.groups.values():
         for spec in target.interactions:
+            if _hides_amount(target, spec, of):
+                amounts.add((spec.name, target.name))
+                fields |= {(group.name, field) for group, field in moved_fields(of, target, spec)}
             if (shown and spec.told == "all") or not _is_secret(spec, target, of):
                 continue
             interactions.add((spec.name, target.name))
             fields |= {(target.name, field) for field in changed_fields(target, spec)}
             fields |= {(actor.name, field) for actor, field in carried_fields(of, spec)}
     followers = {(group.name, PLACE) for group in of.groups.values() if _follows_hidden(group, of)}
-    return Taint(frozenset(interactions), frozenset(fields | followers), frozenset(_sighted(of)))
+    return Taint(frozenset(interactions), frozenset(fields | followers), frozenset(_sighted(of)), frozenset(amounts))
 
 
 def carried_fields(of: Declarations, interaction: model.Exchange) -> Iterator[tuple[Group, str]]:
@@ -67,6 +80,23 @@ def carried_fields(of: Declarations, interaction: model.Exchange) -> Iterator[tu
     for name in of.actors(interaction) if interaction.carried else ():
         group = of.groups[name]
         yield from ((group, field) for field, plain in group.states.items() if plain == interaction.carried)
+
+
+def moved_fields(of: Declarations, target: Group, interaction: model.Exchange) -> Iterator[tuple[Group, str]]:
+    """The states of the target and of each group of actors that show the amount of an interaction."""
+    if interaction.moves_goods:
+        yield from ((target, field) for field, plain in target.states.items() if plain == interaction.own)
+        yield from carried_fields(of, interaction)
+
+
+def _hides_amount(target: Group, interaction: model.Exchange, of: Declarations) -> bool:
+    """True if a hidden value decides the amount that an interaction moves."""
+    moved = {(group.name, field) for group, field in moved_fields(of, target, interaction)}
+    return bool(moved) and (
+        any(field in of.groups[name].hidden for name, field in moved)
+        or not moved.isdisjoint(of.taint.fields)
+        or any(_hides_limit(of.groups[name], interaction) for name in of.actors(interaction))
+    )
 
 
 def _is_secret(interaction: model.Exchange, target: Group, of: Declarations) -> bool:
@@ -83,9 +113,13 @@ def _is_secret(interaction: model.Exchange, target: Group, of: Declarations) -> 
 
 def _hides_action(actor: Group, interaction: model.Exchange) -> bool:
     """True if a hidden property of an actor decides whether it reaches a target, or the amount that it moves."""
-    amounts = {interaction.carried, interaction.up_to} - {""}
-    named = {name for name in actor.hidden if any(name == word or name.startswith(f"{word}_") for word in amounts)}
-    return PLACE in actor.hidden or bool(named)
+    return PLACE in actor.hidden or _hides_limit(actor, interaction)
+
+
+def _hides_limit(actor: Group, interaction: model.Exchange) -> bool:
+    """True if a hidden property of an actor bounds the amount that it moves."""
+    bounds = {interaction.carried, interaction.up_to} - {""}
+    return any(name == word or name.startswith(f"{word}_") for name in actor.hidden for word in bounds)
 
 
 def _reads_hidden(unlock: model.Unlock, target: Group, of: Declarations) -> bool:
