@@ -58,8 +58,8 @@ REACHED_M = 12.0
 ATTEMPTS = 3
 """Number of flights to one cell before it is left out. Chosen."""
 
-SURE = 0.5
-"""Least confidence of a report. Chosen."""
+SURE = 0.3
+"""Least confidence of a report. Chosen: that of the second look of `heuristic`, because no second look follows."""
 
 SAME_ROW = 0.5
 """Share of a cell's extent from north to south within which two cells are in one row. Chosen."""

@@ -4,9 +4,11 @@ import json
 import re
 from dataclasses import replace
 
+import msgspec
 import pytest
+from lingjing_agents.react.route_guidance import RouteGuidance
 
-from agents.tests.agent_kit import react
+from agents.tests.agent_kit import picture, react
 from agents.tests.chat_server import NOOP, Reply, serve
 from agents.tests.test_react_request import Told, brief_of, everybody, placed, registry_of
 from lingjing.kernel.visibility import Projector
@@ -18,6 +20,9 @@ FORWARD = {
     **NOOP,
     "command": {"verb": "setDestination", "arguments": {"x": 7, "y": 8, "z": 55}, "resource": "uav"},
 }
+
+
+DRIVE = {**NOOP, "command": {"verb": "forward", "arguments": {"distance": 80}, "resource": "van"}}
 
 
 async def asked(agent_id: str, intervention: str, answer: dict = NOOP) -> tuple[Told, Action | None]:
@@ -55,8 +60,28 @@ async def test_a0_holds_no_geometry_of_the_route(agent: str):
     assert "route" not in json.dumps(told.state.get("entities", []))
     for place in (start, end):
         assert not {f"{place[0]:g}", f"{place[1]:g}"} <= numbers
-    van = next((one for one in told.state["entities"] if one["id"] == "van"), {})
-    assert "position" not in van
+    shown = {one["id"]: one for one in told.state["entities"]}
+    assert all("position" not in shown.get(name, {}) for name in ("van", "uav", "dog")), "each begins at an end"
+
+
+async def test_a0_shows_a_body_again_once_it_has_left_the_end_of_the_route():
+    instance, city = placed(COLUMN)
+    agent = next(one for one in everybody(COLUMN) if one.id == "inspector")
+    guidance = RouteGuidance(brief_of(COLUMN, agent), "A0")
+    seen = Projector(instance, 0, city).observe(agent, registry_of(instance, 3))
+    pictures = (picture((-120.0, -195.0, 0.3)),)
+    pictures = (replace(pictures[0], entity="uav"),)
+
+    def uav_at(x: float, y: float) -> tuple[object, int]:
+        moved = tuple(
+            msgspec.structs.replace(view, position=(x, y, 50.0)) if view.id == "uav" else view for view in seen.entities
+        )
+        shown = guidance.observation(replace(seen, entities=moved, pictures=pictures))
+        return next(view.position for view in shown.entities if view.id == "uav"), len(shown.pictures)
+
+    assert uav_at(-120.0, -195.0) == (None, 0)
+    assert uav_at(-110.0, -180.0) == (None, 0)
+    assert uav_at(0.0, -182.0) == ((0.0, -182.0, 50.0), 1)
 
 
 async def test_a1_gives_the_ends_and_no_roads():
@@ -88,11 +113,14 @@ async def test_a2_gives_the_roads_and_a_way_along_them():
     assert "next_node" not in told.state
 
 
-async def test_a3_sends_the_flier_to_the_next_node_of_the_shortest_way():
-    told, command = await asked("inspector", "A3", FORWARD)
-    node = told.state["next_node"]
+async def test_a3_sends_the_vehicle_along_the_shortest_way_and_no_aircraft():
+    told, command = await asked("driver", "A3", DRIVE)
+    _, end = ends()
+    assert command is not None and len(told.state["next_node"]) == 2
+    assert (command.verb, command.arguments) == ("setDestination", {"x": round(end[0], 1), "y": round(end[1], 1)})
+    _, command = await asked("inspector", "A3", FORWARD)
     assert command is not None
-    assert (command.verb, command.arguments) == ("setDestination", {"x": node[0], "y": node[1], "z": 55.0})
+    assert command.arguments == {"x": 7.0, "y": 8.0, "z": 55.0}
     looking = {**NOOP, "command": {"verb": "takePhoto", "arguments": {"camera": "nadir"}, "resource": "uav"}}
     _, command = await asked("inspector", "A3", looking)
     assert command is not None

@@ -2,10 +2,10 @@
 
 - S1: the route was inspected from the air.
 - S2: an admitted report of the route's ends (a message of the record type `endpoints`) names both within `ENDS_M`.
-- S3: the waypoints that one sender reported (record type `waypoint`) lie on the road graph between the ends, in an
-  order that can be driven. S3 counts as not done if the city cannot be rebuilt exactly. A
-  route of the shipped missions has four or five waypoints (ADR 0010).
-- S4: the vehicle arrived along the inspected route, by the mission's rule.
+- S3: the waypoints that one sender reported (record type `waypoint`) name the vehicle's real way: in their order they
+  pass each waypoint between the ends of the route that the vehicle has, or, once it drove, each that its track passed,
+  within `ENDS_M`. A route of the shipped missions has four or five waypoints (ADR 0010).
+- S4: the vehicle arrived at the stop along the inspected route, by the mission's rule, and its track ends there.
 - S5: the dog reached the target house.
 
 A stage that an intervention supplies counts as done. The policy option `intervention` names it: A1 supplies the ends,
@@ -19,23 +19,15 @@ from collections.abc import Iterable, Sequence
 import msgspec
 
 from lingjing.analysis.messages import admitted_messages
-from lingjing.analysis.played_city import city_of
 from lingjing.mission.expression import Call, Symbol
 from lingjing.mission.geometry2d import Vector2
 from lingjing.mission.instance import InspectionSpec, Instance
 from lingjing.plugins.geometry import distance_xy
-from lingjing.scene.road_map import RoadMap, read_road_map
 from lingjing.trace.reader import Trace
 
 STAGES = ("S1", "S2", "S3", "S4", "S5")
 ENDS_M = 30.0
 """Largest error of a reported end: the paper's radius of road vehicles and delivery."""
-
-ON_ROAD_M = 15.0
-"""Largest distance of a reported waypoint from a road. Chosen."""
-
-DETOUR = 1.5
-"""Largest ratio of the length along the reported waypoints to the shortest way. Chosen."""
 
 _GIVEN = {"A1": ("S2",), "A2": ("S2", "S3"), "A3": ("S2", "S3")}
 """The stages that each intervention supplies."""
@@ -71,8 +63,9 @@ def last_mile(trace: Trace) -> LastMile | None:
     results = (
         _inspected(trace, inspection),
         _ends_named(trace, start, end),
-        _way_named(trace, start, end),
-        any(event.bindings == (inspection.destination,) for record in trace.boundaries for event in record.events),
+        _way_named(trace, inspection.asset, start, end),
+        any(event.bindings == (inspection.destination,) for record in trace.boundaries for event in record.events)
+        and _near(_last_place(trace, inspection.asset), end),
         trace.outcome is not None and trace.outcome.success,
     )
     interventions = {str(binding.arguments.get("intervention", "")) for binding in trace.header.bindings}
@@ -106,33 +99,57 @@ def _near(place: Vector2 | None, truth: Vector2) -> bool:
     return place is not None and distance_xy(place, truth) <= ENDS_M
 
 
-def _way_named(trace: Trace, start: Vector2, end: Vector2) -> bool:
-    """Return whether the waypoints of any sender form a drivable way. A later waypoint of the same number counts."""
+def _way_named(trace: Trace, vehicle: str, start: Vector2, end: Vector2) -> bool:
+    """Return whether the waypoints of any sender name the vehicle's way. A later waypoint of the same number counts."""
     waypoints: dict[str, dict[float, Vector2]] = {}
     for sender, body in _reports(trace, "waypoint"):
         place, number = _point(body.get("position")), body.get("number")
         if place is not None and isinstance(number, int | float):
             waypoints.setdefault(sender, {})[float(number)] = place
+    way = _real_way(trace, vehicle, start, end)
     ways = [[places[number] for number in sorted(places)] for places in waypoints.values()]
-    if not ways:
-        return False
-    city = city_of(trace)
-    if city is None or not city.network:
-        return False
-    roads = read_road_map(city.network)
-    return any(_drivable(roads, start, way, end) for way in ways)
+    return bool(way) and any(_passes(places, way) for places in ways)
 
 
-def _drivable(roads: RoadMap, start: Vector2, places: Sequence[Vector2], end: Vector2) -> bool:
-    """Return whether waypoints lie on roads, at least one of them between the ends, and can be driven in order."""
-    between = [place for place in places if min(distance_xy(place, start), distance_xy(place, end)) > ENDS_M]
-    shortest = roads.way(start, end)
-    nearest = [roads.nearest(place) for place in between]
-    if not between or shortest is None or any(road is None or road.off_m > ON_ROAD_M for road in nearest):
-        return False
-    legs = [roads.way(a, b) for a, b in zip((start, *between), (*between, end), strict=True)]
-    length = sum(leg.length_m for leg in legs if leg is not None)
-    return None not in legs and length <= DETOUR * shortest.length_m
+def _real_way(trace: Trace, vehicle: str, start: Vector2, end: Vector2) -> list[Vector2]:
+    """Return the waypoints of the vehicle's last route between the ends. Once it drove, those that its track passed."""
+    routes = [route for record in trace.boundaries for route in record.routes if route.entity == vehicle]
+    if not routes:
+        return []
+    between = [
+        (point[0], point[1])
+        for point in routes[-1].waypoints
+        if min(distance_xy(point, start), distance_xy(point, end)) > ENDS_M
+    ]
+    track = _track(trace, vehicle)
+    if not track or distance_xy(track[-1], start) <= ENDS_M:
+        return between
+    return [point for point in between if any(distance_xy(point, place) <= ENDS_M for place in track)]
+
+
+def _passes(places: Sequence[Vector2], way: Sequence[Vector2]) -> bool:
+    """Return whether places pass all waypoints of a way in their order."""
+    left = list(way)
+    for place in places:
+        if left and distance_xy(place, left[0]) <= ENDS_M:
+            left.pop(0)
+    return not left
+
+
+def _track(trace: Trace, vehicle: str) -> list[Vector2]:
+    """Return the places of the vehicle at all macro-steps."""
+    return [
+        state.position[:2]
+        for record in trace.boundaries
+        for snapshot in record.snapshots
+        for state in snapshot.states
+        if state.id == vehicle
+    ]
+
+
+def _last_place(trace: Trace, vehicle: str) -> Vector2 | None:
+    track = _track(trace, vehicle)
+    return track[-1] if track else None
 
 
 def _reports(trace: Trace, record: str) -> Iterable[tuple[str, dict[str, object]]]:

@@ -189,8 +189,8 @@ class Metrics(msgspec.Struct, frozen=True, kw_only=True):
     """For each stage, the number of subjects that completed it and the number required."""
     last_mile: Annotated[int | None, "outcome"] = None
     """Number of stages S1 to S5 of last-mile delivery that were done in a row: aerial inspection, report of the route's
-    ends, report of waypoints on the road graph, arrival at the stop, the target house. N/A in other missions. A stage
-    that an intervention supplies counts as done."""
+    ends, report of the places that the vehicle passes, arrival at the stop, the target house. N/A in other missions. A
+    stage that an intervention supplies counts as done."""
     rep_excess: Annotated[float | None, "communication"] = None
     """Excess target rate: assignments and visits of a target that were of no use, over all of them. A visit by the
     assignee and its consent are of use. An order larger than one load can have several assignees."""

@@ -13,15 +13,18 @@ from lingjing.analysis.last_mile import LastMile, last_mile
 from lingjing.mission.expression import Call, Symbol
 from lingjing.mission.instance import Instance
 from lingjing.scene.city import City, content_sha256
-from lingjing.scene.road_map import read_road_map
+from lingjing.scene.road_map import RoadWay, read_road_map
 from lingjing.testing import mission_file
 from lingjing.trace.records import (
     AdjudicatedEvent,
     AgentBinding,
+    BodyState,
     BoundaryRecord,
     Envelope,
     Header,
     Outcome,
+    Route,
+    Snapshot,
     StageChange,
 )
 
@@ -45,8 +48,15 @@ def trace(
         )
         for number, (kind, body) in enumerate(messages, 1)
     )  # fmt: skip
+    at = {entity.id: entity.position for entity in instance.entities}
+    van = BodyState(id="van", position=at["stop_node"] if arrived else at["van"])
+    points = tuple((*point, 0.0) for point in (*shortest().points[1:-1], at["stop_node"][:2]))
+    route = Route(entity="van", number=1, waypoints=points, length_m=700.0, duration_s=60.0, time_s=20.0)
+    track = tuple(BodyState(id="van", position=point) for point in points) if arrived else ()
+    snapshots = tuple(Snapshot(time_s=20.0, states=(state,)) for state in (*track, van))
     record = BoundaryRecord(
-        tick=1, time_s=20.0, snapshots=(), engines=(), task_events=(), frames=(), observations=(), inboxes=(),
+        tick=1, time_s=20.0, snapshots=snapshots, routes=(route,), engines=(), task_events=(), frames=(),
+        observations=(), inboxes=(),
         decisions=(), commands=(), messages=envelopes, receipts=(),
         events=(AdjudicatedEvent(id="e1", kind="driven", tick=1, time_s=20.0, bindings=("stop_node",)),) * arrived,
         stages=(StageChange(stage="inspect", subject="", tick=1, time_s=20.0),) * seen, reward=0.0, done=True,
@@ -60,16 +70,21 @@ def trace(
     return Trace(Path("x.mcap"), header, (record,), outcome, complete=True)
 
 
-def way(*shift: tuple[float, float]) -> list[tuple[str, dict]]:
-    """Return reports of the junctions of the shortest way, each moved by its `shift`."""
+def shortest() -> RoadWay:
+    """The shortest way of the van on the roads."""
     instance, city = placed()
     at = {entity.id: entity.position[:2] for entity in instance.entities}
-    shortest = read_road_map(city.network).way(at["van"], at["stop_node"])
-    assert shortest is not None
+    quickest = read_road_map(city.network).way(at["van"], at["stop_node"])
+    assert quickest is not None
+    return quickest
+
+
+def way(*shift: tuple[float, float]) -> list[tuple[str, dict]]:
+    """Return reports of the junctions of the shortest way, each moved by its `shift`."""
     moves = [*shift, *[(0.0, 0.0)] * 20]
     return [
         ("passing", {"number": float(number), "position": (x + dx, y + dy, 0.0)})
-        for number, ((x, y), (dx, dy)) in enumerate(zip(shortest.points[1:-1], moves, strict=False), 1)
+        for number, ((x, y), (dx, dy)) in enumerate(zip(shortest().points[1:-1], moves, strict=False), 1)
     ]
 
 
@@ -99,7 +114,8 @@ def test_both_ends_must_be_near():
 @pytest.mark.parametrize(
     "messages",  # called in the test: a way takes a city
     [
-        lambda: way((40.0, 40.0)),  # not on a road
+        lambda: way((40.0, 40.0)),  # not where the van passes
+        lambda: way()[1:],  # a turn is missing
         lambda: list(
             reversed([(kind, {**body, "number": -body["number"] + 100}) for kind, body in way()])
         ),  # backwards

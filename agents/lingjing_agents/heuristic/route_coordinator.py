@@ -1,8 +1,8 @@
 """The rules of a coordinator of routes, which observes the vehicle's channel alone: inspection, replanning, driving.
 
-Each new route is sent to the inspector as one order per waypoint. A reported jam causes a request for another route, as
-long as the limit allows. When all waypoints are reported, the driver is ordered to the route's end, repeatedly until an
-event reports its arrival. If a walker continues from there, the inspector also photographs that stretch, and the walker
+Each new route is sent to the inspector as one order per waypoint; where the mission has messages for it, its ends and
+its places are named to all. A reported jam causes a request for another route, as long as the limit allows. When all
+waypoints are reported, the driver is ordered to the route's end, repeatedly until an event reports its arrival. If a walker continues from there, the inspector also photographs that stretch, and the walker
 is guided by these pictures (`guidance.to_building`).
 """
 
@@ -40,11 +40,12 @@ class RouteCoordinator:
 
     roles: ClassVar[tuple[str, ...]] = ("coordinator",)
     reads: ClassVar[tuple[str, ...]] = ("status",)
-    sends: ClassVar[tuple[str, ...]] = ("assignment", "trafficJam", "guidance")
+    sends: ClassVar[tuple[str, ...]] = ("assignment", "trafficJam", "guidance", "endpoints", "waypoint")
 
     def __init__(self, brief: Brief) -> None:
         self._brief = brief
         self._order, self._jammed = sends(brief, "assignment"), sends(brief, "trafficJam")
+        self._ends, self._place = sends(brief, "endpoints"), sends(brief, "waypoint")
         self._inspector, self._driver = _inspector_and_driver(brief)
         limits = [value for name, value in brief.settings.items() if name.startswith("replan")]
         self._replans_left = min(limits, default=math.inf)
@@ -81,7 +82,7 @@ class RouteCoordinator:
         route = next((view.route for view in observation.entities if view.route), None)
         if route is not None and route != self._route and self._drive_tick < 0:
             self._route, self._told = route, set()
-            return Decision(messages=self._have_inspected(observation.tick))
+            return Decision(messages=self._name_way(observation) + self._have_inspected(observation.tick))
         messages: tuple[Outgoing, ...] = ()
         for envelope in inbox.messages:
             messages += self._hear(envelope, observation.tick)
@@ -92,6 +93,18 @@ class RouteCoordinator:
         if observation.tick - max(self._ordered_tick, self._heard_tick) > SILENCE_TICKS:
             messages += self._have_inspected(observation.tick)
         return Decision(messages=messages)
+
+    def _name_way(self, observation: Observation) -> tuple[Outgoing, ...]:
+        """Return the messages that name the ends and the places of a new route, if the mission has them."""
+        start = next((view.position for view in observation.entities if view.route and view.position), None)
+        messages: list[Outgoing] = []
+        if self._ends is not None and start is not None:
+            ends: dict[str, Datum] = {"start": centimetres(start), "target": centimetres(self._route[-1])}
+            messages.append(compose(self._ends, ends))
+        if self._place is not None:
+            for number, point in enumerate(self._route, 1):
+                messages.append(compose(self._place, {"number": number, "position": centimetres(point)}))
+        return tuple(messages)
 
     def _have_inspected(self, tick: int) -> tuple[Outgoing, ...]:
         self._ordered_tick = tick

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from lingjing.plugins.decisions import sendable
 from lingjing.plugins.policy import Brief, Datum, FrameInfo, MessageSpec, Outgoing
@@ -59,6 +59,14 @@ class MessageComposer:
             message,
             {**more, "frame": frame.id, "class": cls, "box": box, "position": position, "confidence": 1.0},
         )
+
+    def way(self, start: tuple[float, ...], points: Sequence[tuple[float, ...]]) -> list[Outgoing]:
+        """Return the messages that name a route: its ends, and its places in order; those that this agent may send."""
+        ends: dict[str, Datum] = {"start": start, "target": points[-1], "confidence": 1.0}
+        messages = self._composed(self.with_fields("start", "target"), ends)
+        for number, point in enumerate(points, 1):
+            messages += self._composed(self.with_fields("number", "position"), {"number": number, "position": point})
+        return messages
 
     def say(self, kind: str, body: Mapping[str, Datum], to: tuple[str, ...] = ()) -> list[Outgoing]:
         """Return a message of a kind by name, or [] if this agent may not send it."""

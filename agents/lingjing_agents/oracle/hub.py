@@ -28,6 +28,7 @@ class _HubAbility(Ability):
         self._ordered: dict[tuple[str, str], int] = {}
         self._followed: dict[str, tuple[int, int]] = {}
         self._since: dict[str, int] = {}
+        self._named: dict[str, set[int]] = {}
         self._asked: set[tuple[str, str]] = set()
         self._replans = {inspection.replan for inspection in plan.instance.inspections}
         self._watches = {spec.asset: RouteWatch(spec.asset) for spec in plan.instance.inspections}
@@ -115,13 +116,17 @@ class _HubAbility(Ability):
         return orders
 
     def _inspections(self, truth: PrivilegedState) -> list[Outgoing]:
-        """Return, for each new route, orders to its inspectors with all waypoints that were not inspected yet."""
+        """Return, for each new route, its ends and places, and orders to its inspectors with all waypoints that were
+        not inspected yet."""
         orders: list[Outgoing] = []
         for inspection in self._plan.instance.inspections:
             route = truth.routes.get(inspection.asset)
             seen = truth.known.inspected.get(inspection.name, ())
             if route is None or not self._is_due(inspection.name, route.number, len(seen), truth.tick):
                 continue
+            if route.number not in self._named.setdefault(inspection.name, set()) and route.waypoints:
+                self._named[inspection.name].add(route.number)
+                orders += self._composer.way(self._plan.entities[inspection.asset].position, route.waypoints)
             for agent in self._inspectors(inspection):
                 for number, waypoint in enumerate(route.waypoints):
                     if number not in seen:

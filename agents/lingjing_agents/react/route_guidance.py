@@ -1,10 +1,12 @@
 """`RouteGuidance`: the paper's staged interventions on an inspected route (last-mile delivery), A0 to A3.
 
 - A0 gives pictures alone. It removes coordinates from the goal and the task, routes, and the places of vehicles with an
-  inspected route.
+  inspected route. A body that begins near an end of the route would tell that end: it has no place and no pictures
+  until it has left.
 - A1 gives the ends of the route.
 - A2 also gives the roads around it and the shortest way.
-- A3 chooses the next node of that way by A* in the model's place: an aircraft that the model moves flies to the node.
+- A3 chooses the next node of that way by A* in the model's place: a vehicle that the model moves drives on along the
+  shortest way to the end of its route, node by node, whatever direction the model names.
 
 Without an intervention the brief and the observation stay unchanged. Ends and roads are public, so nothing hidden is
 given.
@@ -21,11 +23,14 @@ import msgspec
 from lingjing.plugins.geometry import distance_xy
 from lingjing.plugins.policy import PHOTO, STOP, Action, Brief, Datum, EntityView, Observation, RouteEnds, Vector
 from lingjing.plugins.roads import RoadMap, read_road_map
-from lingjing_agents.capability import straight_to
+from lingjing_agents.capability import route_to
 
 NOT_GIVEN = "(not given: find it in pictures)"
 REACHED_M = 20.0
 """The distance at which a node counts as visited, metres. Chosen: an inspection of the paper's missions needs 25 m."""
+
+NEAR_END_M = 30.0
+"""The distance from an end of the route within which a place tells it, metres: the paper's radius of road vehicles."""
 
 AROUND_M = 250.0
 """The distance from the ends of the route up to which roads are given, metres. Chosen."""
@@ -43,13 +48,11 @@ class RouteGuidance:
         if self._ends is not None and intervention in ("A2", "A3") and brief.road_network:
             self._roads = read_road_map(brief.road_network)
             self._way = self._roads.way(self._ends.start[:2], self._ends.end[:2])
-        self._fliers = {
-            resource.id: going
-            for resource in brief.resources
-            if resource.embodied and (going := straight_to(resource, "x", "y", "z"))
+        self._drivers = {
+            resource.id: going for resource in brief.resources if resource.embodied and (going := route_to(resource))
         }
         self._next = 0
-        self._height: dict[str, float] = {}
+        self._first: dict[str, Vector] = {}
 
     def brief(self, brief: Brief) -> Brief:
         """Return the brief: in A0 without coordinates in its texts."""
@@ -59,15 +62,19 @@ class RouteGuidance:
         return msgspec.structs.replace(brief, goal=goal, prompt=task, road_network="", route_ends=())
 
     def observation(self, observation: Observation) -> Observation:
-        """Return the observation: with routes from A2 on, with the vehicle's place from A1 on. Follows the agent's
-        aircraft along the way."""
+        """Return the observation: with routes from A2 on, with the places of bodies at the route's ends from A1 on.
+        Follows the vehicle along the way."""
         if self._ends is None:
             return observation
         for view in observation.entities:
-            if view.id in self._fliers and view.position is not None:
-                self._height[view.id] = view.position[2]
+            if view.id == self._ends.vehicle and view.position is not None:
                 self._pass_nodes(view.position)
-        return replace(observation, entities=tuple(map(self._shown, observation.entities)))
+        told = {view.id for view in observation.entities if self._tells_an_end(view)}
+        return replace(
+            observation,
+            entities=tuple(self._shown(view, placed=view.id not in told) for view in observation.entities),
+            pictures=tuple(picture for picture in observation.pictures if picture.entity not in told),
+        )
 
     def section(self) -> dict[str, object]:
         """Return the content of the intervention for the system text: the ends, the roads and the way."""
@@ -89,23 +96,38 @@ class RouteGuidance:
         return _rounded(self._way.points[self._next])
 
     def command(self, command: Action | None) -> Action | None:
-        """Return the command to send: in A3 an aircraft that the model moves goes to the next node at its height."""
-        node = self.next_node()
-        if node is None or command is None or command.resource not in self._fliers or command.verb in (STOP, PHOTO):
+        """Return the command to send: in A3 a vehicle that the model moves goes on along the way to its end.
+
+        The destination is the end and not the node: a new destination would be a new route, which no UAV has inspected.
+        """
+        if self.next_node() is None or self._ends is None or command is None or command.verb in (STOP, PHOTO):
             return command
-        z = command.arguments.get("z", self._height.get(command.resource, 0.0))
-        place: dict[str, Datum] = {"x": node[0], "y": node[1], "z": z}
-        return msgspec.structs.replace(command, verb=self._fliers[command.resource], arguments=place)
+        vehicle = command.resource or next(iter(self._drivers), "")
+        if vehicle != self._ends.vehicle or vehicle not in self._drivers:
+            return command
+        x, y = _rounded(self._ends.end)
+        place: dict[str, Datum] = {"x": x, "y": y}
+        return msgspec.structs.replace(command, verb=self._drivers[vehicle], arguments=place)
+
+    def _tells_an_end(self, view: EntityView) -> bool:
+        """Return whether the place of a body tells an end of the route, in A0."""
+        if self._name != "A0" or self._ends is None:
+            return False
+        if view.id == self._ends.vehicle:
+            return True
+        if view.position is None:
+            return False
+        first = self._first.setdefault(view.id, view.position)
+        begins_near = any(distance_xy(first, end) <= NEAR_END_M for end in (self._ends.start, self._ends.end))
+        return begins_near and distance_xy(view.position, first) <= NEAR_END_M
 
     def _pass_nodes(self, place: Vector) -> None:
         points = () if self._way is None else self._way.points
         while self._next < len(points) and distance_xy(place, points[self._next]) <= REACHED_M:
             self._next += 1
 
-    def _shown(self, view: EntityView) -> EntityView:
-        assert self._ends is not None
+    def _shown(self, view: EntityView, *, placed: bool) -> EntityView:
         route = view.route if self._name in ("A2", "A3") else None
-        placed = self._name != "A0" or view.id != self._ends.vehicle
         return msgspec.structs.replace(view, route=route, position=view.position if placed else None)
 
 

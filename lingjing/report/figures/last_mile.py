@@ -14,8 +14,8 @@ from lingjing.report.evidence import ReportEvidence
 from lingjing.report.figure import FigureKind, FigurePart, called, column_words, heading_of
 
 REPORTED = (
-    "S2 and S3 are read from typed reports of the route, which no policy but react sends: others stay at S1, even if "
-    "they deliver"
+    "S2 and S3 are read from typed reports of the route (`endpoints`, `waypoint`): a policy that sends none stays at "
+    "S1, even if it delivers"
 )
 """Note below tables with episodes that were won without such reports."""
 
