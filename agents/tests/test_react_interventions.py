@@ -60,7 +60,7 @@ async def test_a0_holds_no_geometry_of_the_route(agent: str):
     assert "route" not in json.dumps(told.state.get("entities", []))
     for place in (start, end):
         assert not {f"{place[0]:g}", f"{place[1]:g}"} <= numbers
-    shown = {one["id"]: one for one in told.state["entities"]}
+    shown = {entity["id"]: entity for entity in told.state["entities"]}
     assert all("position" not in shown.get(name, {}) for name in ("van", "uav", "dog")), "each begins at an end"
 
 

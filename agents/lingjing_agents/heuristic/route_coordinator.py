@@ -2,8 +2,9 @@
 
 Each new route is sent to the inspector as one order per waypoint; where the mission has messages for it, its ends and
 its places are named to all. A reported jam causes a request for another route, as long as the limit allows. When all
-waypoints are reported, the driver is ordered to the route's end, repeatedly until an event reports its arrival. If a walker continues from there, the inspector also photographs that stretch, and the walker
-is guided by these pictures (`guidance.to_building`).
+waypoints are reported, the driver is ordered to the route's end, repeatedly until an event reports its arrival. If a
+walker continues from there, the inspector also photographs that stretch, and the walker is guided by these pictures
+(`guidance.to_building`).
 """
 
 from __future__ import annotations

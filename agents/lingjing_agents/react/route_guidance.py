@@ -69,11 +69,11 @@ class RouteGuidance:
         for view in observation.entities:
             if view.id == self._ends.vehicle and view.position is not None:
                 self._pass_nodes(view.position)
-        told = {view.id for view in observation.entities if self._tells_an_end(view)}
+        withheld = {view.id for view in observation.entities if self._tells_an_end(view)}
         return replace(
             observation,
-            entities=tuple(self._shown(view, placed=view.id not in told) for view in observation.entities),
-            pictures=tuple(picture for picture in observation.pictures if picture.entity not in told),
+            entities=tuple(self._shown(view, placed=view.id not in withheld) for view in observation.entities),
+            pictures=tuple(picture for picture in observation.pictures if picture.entity not in withheld),
         )
 
     def section(self) -> dict[str, object]:
