@@ -9,6 +9,8 @@ properties, and conditions without switches.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import lru_cache
+from types import NoneType
 from typing import TypeVar
 
 import msgspec
@@ -20,17 +22,19 @@ from lingjing.mission.evaluate import Scope, flag_of
 T = TypeVar("T")
 Guarded = TypeVar("Guarded", model.Rule, model.Stage)
 
+_LEAVES = frozenset({str, float, int, bool, NoneType})
+"""Types of values without expressions: four of five fields of a mission."""
+
 
 def with_alternatives(mission: model.Mission, scope: Scope) -> model.Mission:
     """The mission for the mode and the parameters of `scope`: the same object if it has no alternative and no switch.
 
     Raises `MissionError` if a condition cannot be evaluated.
     """
-    switches = {param.name: scope.parameters[param.name] != 0.0 for param in mission.parameters if param.is_switch}
-    chosen = _chosen(mission, scope)
-    if not switches:
-        return chosen
-    return _rebuilt(chosen, lambda expr: _folded(expr, switches))
+    switches = tuple(
+        (param.name, scope.parameters[param.name] != 0.0) for param in mission.parameters if param.is_switch
+    )
+    return _chosen(_with_switches(_Identity(mission), switches) if switches else mission, scope)
 
 
 def at_tier_0(mission: model.Mission) -> model.Mission:
@@ -38,11 +42,10 @@ def at_tier_0(mission: model.Mission) -> model.Mission:
 
     Declarations and alternatives with a condition that is then false are left out.
     """
-    switches = {param.name: param.default.value for param in mission.parameters if isinstance(param.default, ex.Flag)}
-    if not switches:
-        return mission
-    folded = _rebuilt(mission, lambda expr: _folded(expr, switches))
-    return _without_absent(folded)
+    switches = tuple(
+        (param.name, param.default.value) for param in mission.parameters if isinstance(param.default, ex.Flag)
+    )
+    return _without_absent(_with_switches(_Identity(mission), switches)) if switches else mission
 
 
 def _without_absent(value: T) -> T:
@@ -134,6 +137,26 @@ def _observing(agent: model.Agent, scope: Scope) -> model.Agent:
 # -- folding of switches
 
 
+class _Identity:
+    """A key of a cache: equal keys hold the same object. The hash of a mission would walk it as the folding does."""
+
+    def __init__(self, mission: model.Mission) -> None:
+        self.mission = mission
+
+    def __hash__(self) -> int:
+        return id(self.mission)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Identity) and other.mission is self.mission
+
+
+@lru_cache(8)  # a check makes about twelve instances of a mission, with two or three combinations of switches
+def _with_switches(key: _Identity, switches: tuple[tuple[str, bool], ...]) -> model.Mission:
+    """The mission with these switches folded into its conditions."""
+    values = dict(switches)
+    return _rebuilt(key.mission, lambda expr: _folded(expr, values))
+
+
 def _folded(expr: ex.Expr, switches: dict[str, bool]) -> ex.Expr:
     """The expression with the values of switches, and without the parts that they decide."""
     match expr:
@@ -166,7 +189,9 @@ def _rebuilt(value: T, fold: Callable[[ex.Expr], ex.Expr]) -> T:
     if not isinstance(value, msgspec.Struct):
         return value
     changes = {
-        name: new for name in value.__struct_fields__ if (new := _rebuilt(old := getattr(value, name), fold)) is not old
+        name: new
+        for name in value.__struct_fields__
+        if type(old := getattr(value, name)) not in _LEAVES and (new := _rebuilt(old, fold)) is not old
     }
     whole = msgspec.structs.replace(value, **changes) if changes else value
     return fold(whole) if isinstance(whole, ex.Expr) else whole  # type: ignore[return-value]
