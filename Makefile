@@ -7,11 +7,12 @@ PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -q
 # Tests start hundreds of processes: without stored bytecode each one compiles all it imports, half a second of CPU.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: help setup demo test episodes wheels check lock sbom licences pythons bench study ray model detector browser readers eyes pictures missions selfcheck faults clean
+.PHONY: help setup demo test thorough episodes wheels check lock sbom licences pythons bench study ray model detector browser readers eyes pictures missions selfcheck faults clean
 
 help:
 	@echo 'make demo    play the sea rescue, seed 5, broadcast, with the heuristic agents'
 	@echo 'make test    run the tests'
+	@echo 'make thorough  repeat checks of `make test` with more cases, processes and engines: minutes'
 	@echo 'make episodes  play whole episodes of the shipped missions with the reference policies: minutes'
 	@echo 'make wheels  install the wheels and their requirements from an index into a bare environment: minutes'
 	@echo 'make check   ruff, mypy, import contracts and the tests'
@@ -39,6 +40,9 @@ demo: setup
 
 test: setup
 	@$(PYTEST)
+
+thorough: setup
+	@$(PYTEST) -m thorough
 
 episodes: setup
 	@$(PYTEST) -m episodes tests/episodes

@@ -211,8 +211,7 @@ def test_secrets_do_not_go_into_arguments(arguments: dict[str, str], says: str):
     assert not told(f"{failure.value} {failure.value.hint} {_linked(failure.value)}", PASSWORD, 7)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("client", ["direct", "litellm"])
+@pytest.mark.parametrize("client", ["direct", pytest.param("litellm", marks=pytest.mark.thorough)])
 def test_a_run_against_a_service_that_echoes_its_key_leaves_it_nowhere(client: str, tmp_path: Path):
     key = "Zq8vT3kX9-mWn2bLs77Rx"
     (tmp_path / "trip.ljs").write_text(MISSION)

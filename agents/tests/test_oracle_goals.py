@@ -13,6 +13,9 @@ EXAMPLES = Path(__file__).parents[2] / "scenarios" / "examples"
 WON_ELSEWHERE = {"castaways", "chase", "overwatch", "parcels", "rounds"}
 """The examples that the oracle wins with the same seed in `tests/play/test_examples.py`."""
 
+LONG = {"campus", "patrol"}
+"""The examples whose episodes take more than two seconds of processor time."""
+
 
 def played(mission: Path | str, folder: Path, **settings: float):
     return lingjing.run(
@@ -20,7 +23,13 @@ def played(mission: Path | str, folder: Path, **settings: float):
     )
 
 
-@pytest.mark.parametrize("name", sorted({path.stem for path in EXAMPLES.glob("*.ljs")} - WON_ELSEWHERE))
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.thorough] * (name in LONG))
+        for name in sorted({path.stem for path in EXAMPLES.glob("*.ljs")} - WON_ELSEWHERE)
+    ],
+)
 def test_the_examples_are_won(name: str, tmp_path: Path) -> None:
     result = played(EXAMPLES / f"{name}.ljs", tmp_path)
     assert result.success, (result.reason, result.warnings)

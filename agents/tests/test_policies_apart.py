@@ -50,8 +50,9 @@ def key(monkeypatch: pytest.MonkeyPatch) -> None:
 COLUMNS = [
     ("ssr", "star", "heuristic"),
     ("ssr", "broadcast", "random"),
-    pytest.param("cd", "star", "oracle", marks=pytest.mark.slow),
-    pytest.param("ld", "star", "heuristic", marks=pytest.mark.slow),
+    ("ssr", "broadcast", "oracle"),
+    pytest.param("cd", "star", "oracle", marks=pytest.mark.thorough),
+    pytest.param("ld", "star", "heuristic", marks=pytest.mark.thorough),
 ]
 """Each reference policy that draws or follows rules, and bodies in the air, on the water and on the ground."""
 

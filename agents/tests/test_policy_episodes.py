@@ -43,7 +43,7 @@ def reports(trace: Trace) -> int:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("policy", ["heuristic", "oracle"])
+@pytest.mark.parametrize("policy", [pytest.param("heuristic", marks=pytest.mark.thorough), "oracle"])
 def test_who_starts_from_pads_eight_metres_apart_meets_nobody(policy: str, tmp_path: Path):
     text = SCENARIO.read_text("utf-8").replace("ticks <= 60", "ticks <= 10").replace("1920 by 1080", "160 by 90")
     (tmp_path / "short.ljs").write_text(text, "utf-8")

@@ -116,7 +116,10 @@ def test_a_thread_that_a_policy_leaves_behind_does_not_hold_the_command(short: P
     assert (done.returncode, json.loads(done.stdout)["reason"]) == (0, "budget")
 
 
-@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&- <&-"])
+@pytest.mark.parametrize(
+    "closed",
+    [*(pytest.param(closed, marks=pytest.mark.thorough) for closed in (">&-", "2>&-")), ">&- 2>&- <&-"],
+)
 def test_closed_streams_are_no_fault(closed: str, short: Path, tmp_path: Path) -> None:
     script = f'"$@" {closed}'
     command = ["sh", "-c", script, "sh", *COMMAND, "run", str(short), "--policy", "random"]
@@ -192,7 +195,7 @@ def ended(
     return process, out, err
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGTERM, pytest.param(signal.SIGHUP, marks=pytest.mark.thorough)])
 def test_being_told_to_end_is_an_interrupt(number: signal.Signals, endless: Path, tmp_path: Path) -> None:
     process, out, err = ended(endless, (), tmp_path, 1, lambda process: process.send_signal(number))
     answer = json.loads(out)

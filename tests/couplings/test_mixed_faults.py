@@ -75,7 +75,9 @@ def episode(tmp_path, descendants):
     ("place", "blow", "words"),
     [
         ("world", signal.SIGKILL, "the world process died (SIGKILL)"),
-        ("camera", signal.SIGKILL, "the camera process died (SIGKILL)"),
+        pytest.param(
+            "camera", signal.SIGKILL, "the camera process died (SIGKILL)", marks=pytest.mark.thorough
+        ),  # in `make test`: tests/kernel/test_world_faults.py
         ("world", signal.SIGSTOP, "did not answer within 10 s; the world process was killed"),
     ],
 )

@@ -43,7 +43,7 @@ def drawn(cache: Path, *before: str, limit: int | None = None) -> subprocess.Com
 
 @drawing
 @can_mount
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_full_cache_disk_kills_no_camera(tmp_path: Path) -> None:
     done = drawn(tmp_path, *FULL_DISK)
     assert (done.returncode, done.stdout) == (0, "(270, 480, 3)\n"), (done.returncode, done.stderr)

@@ -135,7 +135,7 @@ def admits(instance, agent, decision):
 
 
 @given(st.data())
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 def test_the_schema_accepts_what_the_kernel_admits_and_nothing_else(data):
     instance = data.draw(instances())
     agent = data.draw(st.sampled_from(instance.agents))

@@ -199,6 +199,7 @@ def played(policy, seed, ticks):
         return play
 
 
+@pytest.mark.thorough
 def test_the_oracle_plays_it_without_knowing_it():
     play = played("oracle", 5, 60)
     assert play.success

@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture(scope="module")
 def short(tmp_path_factory):
-    """The sea rescue with five ticks, so that four whole episodes with pictures fit in a test."""
+    """The sea rescue with five ticks, so that three whole episodes with pictures fit in a test."""
     text = (ROOT / "scenarios" / "ssr.ljs").read_text("utf-8").replace("ticks <= 60", "ticks <= 5")
     text = text.replace("(12.4 m, -1351.8 m)", "(270 m, -920 m)")  # else five ticks are proved too few
     path = tmp_path_factory.mktemp("short") / "ssr.ljs"
@@ -42,11 +42,10 @@ def test_the_digest_is_the_same_in_other_processes_folders_hash_seeds_and_worlds
     first = played(short, tmp_path, "1", "--seed", "7", *policies)
     elsewhere = tmp_path / "else" / "where"
     elsewhere.mkdir(parents=True)
-    second = played(short, elsewhere, "2", "--seed", "7", *policies)
-    several = played(short, elsewhere, "3", "--seeds", "7-8", *policies, "--world", "inline")
+    several = played(short, elsewhere, "2", "--seeds", "7-8", *policies, "--world", "inline")
     inline, other = several["episodes"]
     assert first["ticks"] == 5
     assert first["metrics"]["frames"] > 0
-    assert first["digest"] == second["digest"] == inline["digest"]
-    assert first["frames_digest"] == second["frames_digest"] == inline["frames_digest"]
+    assert first["digest"] == inline["digest"]
+    assert first["frames_digest"] == inline["frames_digest"]
     assert first["digest"] != other["digest"]

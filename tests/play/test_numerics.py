@@ -63,7 +63,10 @@ needs_glibc = pytest.mark.skipif(
 
 @needs_avx2
 @pytest.mark.slow
-@pytest.mark.parametrize("settings", PROCESSORS, ids=["old", "new"])
+@pytest.mark.parametrize(
+    "settings",
+    [pytest.param(PROCESSORS[0], id="old"), pytest.param(PROCESSORS[1], id="new", marks=pytest.mark.thorough)],
+)
 def test_one_digest_on_every_processor(settings):
     """A dog, a van and a UAV with commands, and UAVs that look for what pictures show: the same to the last bit, and
     every process really ran the pinned code."""
@@ -121,6 +124,7 @@ def test_without_the_pins_a_network_answers_otherwise():
 
 @needs_avx2
 @needs_glibc
+@pytest.mark.thorough
 def test_without_the_pins_an_episode_has_another_digest():
     """The C library without FMA: pinned, the workers run what the processor has; unpinned, they take what they are
     given."""

@@ -280,7 +280,7 @@ def _has_begun(part: Path) -> bool:
         return False
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.thorough)])
 def test_an_interrupt_leaves_a_partial_trace_and_no_process(number: signal.Signals, tmp_path: Path) -> None:
     process, mark = interrupted(tmp_path, "Signals")
     process.send_signal(number)

@@ -21,8 +21,8 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
 
 
-@pytest.mark.slow
-def test_two_thousand_maps_are_built_or_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("count", [150, pytest.param(2000, marks=pytest.mark.thorough)])
+def test_maps_with_faults_are_built_or_refused(count: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """All steps except netconvert, a slow separate program; its input is written."""
 
     def unconverted(data, features):  # type: ignore[no-untyped-def]
@@ -31,7 +31,7 @@ def test_two_thousand_maps_are_built_or_refused(tmp_path: Path, monkeypatch: pyt
 
     monkeypatch.setattr(building, "_network", unconverted)
     ends: Counter[str] = Counter()
-    for seed in range(2000):
+    for seed in range(count):
         path = mutated(seed, tmp_path)
         try:
             built = _assembled(path)
@@ -45,7 +45,7 @@ def test_two_thousand_maps_are_built_or_refused(tmp_path: Path, monkeypatch: pyt
             assert built.attribution
             ends["built"] += 1
         path.unlink()
-    assert min(ends["refused"], ends["built"]) > 500, ends  # a fault common to all maps would prove nothing
+    assert min(ends["refused"], ends["built"]) > count / 4, ends  # a fault common to all maps would prove nothing
 
 
 def _assembled(path: Path) -> City:
