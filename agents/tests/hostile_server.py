@@ -39,8 +39,8 @@ def header_of(request: bytes, name: str) -> str:
 def gzip_bomb(status: str = "200 OK") -> bytes:
     """Return an answer of 4 GiB of spaces, 4 MB on the wire: a block after a full flush may be repeated."""
     packer = zlib.compressobj(9, zlib.DEFLATED, -zlib.MAX_WBITS)
-    block = packer.compress(b" " * (64 * 1024 * 1024)) + packer.flush(zlib.Z_FULL_FLUSH)
-    return answered(status, b"\x1f\x8b\x08" + bytes(7) + block * 64, "content-encoding: gzip")
+    block = packer.compress(b" " * (1024 * 1024)) + packer.flush(zlib.Z_FULL_FLUSH)
+    return answered(status, b"\x1f\x8b\x08" + bytes(7) + block * 4096, "content-encoding: gzip")
 
 
 @contextmanager

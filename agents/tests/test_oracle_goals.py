@@ -14,7 +14,7 @@ WON_ELSEWHERE = {"castaways", "chase", "overwatch", "parcels", "rounds"}
 """The examples that the oracle wins with the same seed in `tests/play/test_examples.py`."""
 
 LONG = {"campus", "patrol"}
-"""The examples whose episodes take more than two seconds of processor time."""
+"""The examples with long episodes: more than two seconds of processor time each."""
 
 
 def played(mission: Path | str, folder: Path, **settings: float):

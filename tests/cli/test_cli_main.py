@@ -12,7 +12,7 @@ import pytest
 
 from lingjing.cli import main as door
 from lingjing.errors import InfrastructureError, MissionError, UsageError
-from lingjing.testing import mission_file
+from lingjing.testing import mission_file, run_command
 
 HEAVY = (
     "mujoco", "libsumo", "jsbsim", "litellm", "mcap", "gymnasium", "pydantic", "jsonschema",
@@ -61,11 +61,12 @@ def test_no_verb_prints_the_verbs_and_is_a_usage_error() -> None:
         assert f"    {verb.name} " in done.stderr
 
 
-def test_help_of_every_verb_ends_well() -> None:
+def test_help_of_every_verb_ends_well(capsys: pytest.CaptureFixture[str]) -> None:
     for verb in door.VERBS:
-        done = cli(verb.name, "--help")
-        assert done.returncode == 0, done.stderr
-        assert f"lingjing {verb.name}" in done.stdout
+        with pytest.raises(SystemExit) as end:
+            run_command([verb.name, "--help"])
+        assert end.value.code == 0
+        assert f"lingjing {verb.name}" in capsys.readouterr().out
 
 
 def test_an_unknown_verb_is_a_usage_error() -> None:

@@ -1,4 +1,4 @@
-"""Twenty of the hundred faults that every run of the tests plants: episodes in several processes, and suites."""
+"""Ten of the hundred faults that every run of the tests plants: episodes in several processes, and suites."""
 
 import sys
 
@@ -10,4 +10,4 @@ from tests.faults.planted import assert_all_end_well
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="processes are watched through /proc")
 def test_faults_of_episodes_in_several_processes_and_of_suites_end_as_they_should() -> None:
-    assert_all_end_well(20, "process", "suite")
+    assert_all_end_well(10, "process", "suite")

@@ -105,8 +105,9 @@ def test_completion_of_libraries() -> None:
     assert set(labels("ljs 1\nuse std.sea { | }")) >= {"lifeboat", "person_in_water"}
 
 
-def test_completion_works_at_every_place_of_every_prefix() -> None:
-    for end in range(0, len(SSR), 37):
+@pytest.mark.parametrize("step", [149, pytest.param(37, marks=pytest.mark.thorough)])
+def test_completion_works_at_every_place_of_every_prefix(step: int) -> None:
+    for end in range(0, len(SSR), step):
         complete(Analysis(SSR[:end], "<test>"), end)
         complete(Analysis(SSR, "<test>"), end)
 

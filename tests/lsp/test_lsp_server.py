@@ -269,9 +269,9 @@ def long_mission(lines: int) -> str:
     return SSR.replace("  asset boat", f"{entities}\n  asset boat")
 
 
-@pytest.mark.slow
-async def test_ten_thousand_lines(editor: Editor, record_property: pytest.RecordProperty) -> None:  # type: ignore[name-defined]
-    text = long_mission(10_000)
+@pytest.mark.parametrize("lines", [1_000, pytest.param(10_000, marks=pytest.mark.thorough)])
+async def test_many_lines(editor: Editor, lines: int, record_property: pytest.RecordProperty) -> None:  # type: ignore[name-defined]
+    text = long_mission(lines)
     started = time.monotonic()
     editor.open(text)
     assert await editor.diagnostics() == []
@@ -297,7 +297,7 @@ async def test_ten_thousand_lines(editor: Editor, record_property: pytest.Record
 
 
 async def test_a_cancelled_request_does_not_harm_the_server(editor: Editor) -> None:
-    editor.open(long_mission(2000))
+    editor.open(long_mission(700))
     requests = [
         asyncio.ensure_future(editor.text_document_hover_async(lsp.HoverParams(DOCUMENT, lsp.Position(30 + n, 8))))
         for n in range(5)
@@ -311,7 +311,7 @@ async def test_a_cancelled_request_does_not_harm_the_server(editor: Editor) -> N
 
 
 async def test_shutdown_during_a_check_leaves_nothing(editor: Editor) -> None:
-    editor.open(long_mission(3000))
+    editor.open(long_mission(1500))
     await asyncio.sleep(0.1)
     await asyncio.wait_for(editor.shutdown_async(None), 600)
     editor.exit(None)

@@ -36,7 +36,7 @@ def test_a_parcel_that_is_late_ends_the_mission(tmp_path: Path) -> None:
     assert named and all(deadlines[order] <= 10.0 * outcome.ticks for order in named)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_stages_count_in_their_order(tmp_path: Path) -> None:
     trace = played("rounds", tmp_path).trace
     assert trace.outcome is not None and trace.outcome.success
@@ -59,7 +59,7 @@ def test_a_hidden_number_of_people_is_drawn_and_all_are_rescued(tmp_path: Path) 
     assert counts == {3, 4}
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_oracle_comes_near_targets_that_flee_wander_and_follow(tmp_path: Path) -> None:
     trace = played("chase", tmp_path).trace
     assert trace.outcome is not None and trace.outcome.success
