@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
-from lingjing_agents.react.prompt_reviser import ModelReviser, make_reviser, revised_prompt
+from lingjing_agents.react.prompt_reviser import LETTERS_PER_TOKEN, ModelReviser, make_reviser, revised_prompt
 
 from agents.tests.chat_server import NOOP, Reply, serve
 from lingjing import read as read_trace
@@ -129,7 +129,7 @@ def test_an_answer_without_a_new_prompt_is_told_why(answer: str, finish: str, fa
 def test_a_reviser_is_told_what_was_tried_and_no_more_than_its_context_takes(tmp_path: Path):
     tried = [TriedPrompt("Fly low at first.", "TSR 10%"), TriedPrompt("", "no prompt: the answer was cut off")]
     failures = ["scout said nothing. " * 40, "boat stood still. " * 40]
-    (tmp_path / "models.toml").write_text('[models.small]\nservice = "vllm"\nserved = "small"\ncontext = 2048\n')
+    (tmp_path / "models.toml").write_text('[models.small]\nservice = "vllm"\nserved = "small"\ncontext = 3000\n')
     for options, parts in (
         ({}, ["FAILED EPISODE 1", "FAILED EPISODE 2", "DID NO BETTER: TSR 10%\nFly low", "the answer was cut off"]),
         ({"model": "small", "models": str(tmp_path / "models.toml"), "max_tokens": "700"}, ["FAILED EPISODE 1"]),
@@ -140,4 +140,4 @@ def test_a_reviser_is_told_what_was_tried_and_no_more_than_its_context_takes(tmp
         every = ("FAILED EPISODE 1", "FAILED EPISODE 2", "DID NO BETTER: TSR 10%\nFly low", "the answer was cut off")
         assert [part for part in every if part in question] == parts
         letters = sum(len(message["content"]) for message in server.requests[0]["messages"])
-        assert not options or letters / 3.0 + 700 <= 2048
+        assert not options or letters / LETTERS_PER_TOKEN + 700 <= 3000

@@ -217,7 +217,7 @@ async def test_a_service_is_never_sent_more_images_than_it_takes(tmp_path: Path)
 
 async def test_reported_pictures_are_kept_as_far_as_there_is_room():
     with serve([Reply(STEP)]) as server:
-        policy = await mind(server.url, history_images="2", history_tokens="50000")
+        policy = await mind(server.url, history_images="2", request_tokens="80000")
         for tick in range(5):
             await policy.act(observe("scout[1]", tick, HERE, pictures=(picture((0, 0, 96)),)), Inbox())
     turns = server.requests[-1]["messages"][1:-1:2]

@@ -78,6 +78,13 @@ def registry_of(instance: Instance, tick: int) -> Registry:
     return msgspec.structs.replace(initial(instance), tick=tick, states=states, routes=routes)
 
 
+def observation(column: str, agent: AgentSpec, tick: int) -> Observation:
+    """Return an agent's observation at a boundary, with pictures of all cameras that it receives."""
+    instance, city = placed(column)
+    pictures = pictures_of(instance, agent, tick)
+    return Projector(instance, 0, city).observe(agent, registry_of(instance, tick), pictures=pictures)
+
+
 def pictures_of(instance: Instance, agent: AgentSpec, tick: int) -> tuple[Picture, ...]:
     """One picture from each of the agent's cameras, some 60 m up for what flies, over a roof in the north-east; and the
     reference pictures of its role at boundary 0."""

@@ -22,6 +22,7 @@ from typing import Annotated, Any, get_type_hints
 import msgspec
 
 from lingjing.analysis.behaviour import actions, behaviour
+from lingjing.analysis.box_conventions import convention_errors
 from lingjing.analysis.completion import required_mass_kg
 from lingjing.analysis.detection import Detection, detect, ratio, shots
 from lingjing.analysis.idleness import idle_fraction
@@ -110,6 +111,9 @@ class Metrics(msgspec.Struct, frozen=True, kw_only=True):
     """Share of pictures with a false report."""
     confusion_rate: Annotated[float | None, "perception"]
     """Object confusion: share of pictures with a false report on an object of another class."""
+    box_convention_errors: Annotated[int, "perception"]
+    """Boxes that match no target as they were written and would match one under another convention (0 to 1000, pixels,
+    y first, or width and height). Boxes of answers that could not be used count too. They are misses all the same."""
     localisation_error_m: Annotated[float | None, "perception", "m"]
     """Median planar distance between a matched report's position and the target when the picture was taken."""
     calibration_error: Annotated[float | None, "perception"]
@@ -295,6 +299,7 @@ def metrics(trace: Trace) -> Metrics:
         miss_rate=detection.miss_rate,
         hallucination_rate=detection.hallucination_rate,
         confusion_rate=detection.confusion_rate,
+        box_convention_errors=len(convention_errors(trace)),
         localisation_error_m=detection.localisation_error_m,
         calibration_error=detection.calibration_error,
         first_discovery_tick=_first_discovery(detection),

@@ -18,10 +18,10 @@ import numpy as np
 
 from lingjing.kernel.commands import camera_of
 from lingjing.kernel.world.contract import StoredFrame
-from lingjing.mission.instance import AgentSpec, Entity, Instance
+from lingjing.mission.instance import AgentSpec, CameraSpec, Entity, Instance
 from lingjing.mission.vocabulary import PHOTO
 from lingjing.plugins.engine import CaptureRequest
-from lingjing.plugins.policy import REFERENCE, Picture
+from lingjing.plugins.policy import REFERENCE, CameraView, Picture
 from lingjing.trace.images import decode_jpeg
 from lingjing.trace.records import Absent, CameraPose, Command, Receipt
 
@@ -110,6 +110,17 @@ _HIDDEN_POSE = CameraPose(
     position=(0.0, 0.0, 0.0), heading_deg=0.0, tilt_deg=TILT_DEG, hfov_deg=HFOV_DEG, width=WIDTH, height=HEIGHT
 )
 """The pose that agents receive: the frame's origin."""
+
+
+_REFERENCE_CAMERA = CameraSpec(
+    name=REFERENCE, view="front", width=WIDTH, height=HEIGHT, hfov_deg=HFOV_DEG, channels=("rgb",), capture="on_request"
+)
+
+
+def reference_views(instance: Instance, agent: AgentSpec) -> tuple[CameraView, ...]:
+    """Return the reference pictures that are revealed to the agent's role, as cameras."""
+    shown = dict.fromkeys(name for reveal in instance.reveals if reveal.role == agent.role for name in reveal.entities)
+    return tuple(CameraView(entity=name, camera=_REFERENCE_CAMERA) for name in shown)
 
 
 class ReferencePictures:

@@ -18,6 +18,7 @@ from lingjing.kernel.commands import reachable
 from lingjing.kernel.event_visibility import EventVisibility
 from lingjing.kernel.gnss import GnssError, GnssErrors, shifted
 from lingjing.kernel.imu import InertialUnits, Motion
+from lingjing.kernel.pictures import reference_views
 from lingjing.kernel.registry import Registry
 from lingjing.kernel.rule_sentences import rule_sentences
 from lingjing.kernel.stocks import public_resources, stocks
@@ -28,7 +29,7 @@ from lingjing.mission.kinds import admitted, engine_kind
 from lingjing.mission.schedule import Schedule
 from lingjing.mission.seeding import integer
 from lingjing.mission.vocabulary import DORMANT
-from lingjing.plugins.policy import Brief, Observation, Peer, Picture, Privileged, Resource, RouteEnds
+from lingjing.plugins.policy import Brief, CameraView, Observation, Peer, Picture, Privileged, Resource, RouteEnds
 from lingjing.scene.city import City
 from lingjing.trace.records import (
     Absent,
@@ -117,8 +118,19 @@ class Projector:
             loss=instance.comms.loss,
             road_network="" if self._city is None else self._city.network,
             route_ends=self._route_ends,
+            views=self._views(agent),
             decision_s=instance.budget.policy_s,
         )
+
+    def _views(self, agent: AgentSpec) -> tuple[CameraView, ...]:
+        """Return the cameras with pictures that the agent's channels show, and its reference pictures."""
+        mounted = (
+            CameraView(entity=entity.id, camera=camera)
+            for entity in self._instance.entities
+            for camera in entity.cameras
+            if self._shows(agent, entity.id, camera.name)
+        )
+        return (*mounted, *reference_views(self._instance, agent))
 
     @cached_property
     def _route_ends(self) -> tuple[RouteEnds, ...]:

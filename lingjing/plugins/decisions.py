@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from itertools import islice
-from typing import Any
+from typing import Any, cast
 
 import msgspec
 
@@ -29,7 +29,7 @@ from lingjing.mission.spec_schema import (
     object_schema,
 )
 from lingjing.mission.vocabulary import PHOTO
-from lingjing.plugins.policy import ArgumentSpec, Brief, Decision, MessageSpec, Resource, VerbSpec
+from lingjing.plugins.policy import ArgumentSpec, Brief, Decision, MessageSpec, Resource, UnreadBox, VerbSpec
 
 MESSAGES_PER_CALL = 32
 """The most messages of one decision: the kernel rejects further ones."""
@@ -83,6 +83,22 @@ class DecisionFormat:
         """Return a completed answer without faults as a decision, without fields of the policy's own."""
         return msgspec.convert({name: answer[name] for name in ("thought", "command", "messages")}, Decision)
 
+    def unread_boxes(self, answer: object) -> tuple[UnreadBox, ...]:
+        """Return the boxes of the reports in an answer with faults, as they are written; parts without the form of a
+        report are left out."""
+        boxes: list[UnreadBox] = []
+        messages = answer.get("messages") if isinstance(answer, dict) else None
+        for message in messages if isinstance(messages, list) else ():
+            if not isinstance(message, dict) or not isinstance(body := message.get("body"), dict):
+                continue
+            for name in self._boxes.get(str(message.get("kind")), ()):
+                try:
+                    box = msgspec.convert({"frame": body.get("frame"), "numbers": body.get(name)}, UnreadBox)
+                except msgspec.ValidationError:
+                    continue
+                boxes.append(box)
+        return tuple(boxes)
+
     def _disordered(self, answer: Any) -> Iterator[str]:
         """Yield the faults of boxes with edges in the wrong order, which JSON Schema cannot express."""
         for number, message in enumerate(answer["messages"]):
@@ -110,6 +126,61 @@ def decision_schema(brief: Brief, extra: Mapping[str, JsonSchema] | None = None)
         },
         ("thought", "command", "messages"),
     )
+
+
+def prompt_schema(schema: JsonSchema) -> JsonSchema:
+    """Return a decision's schema for the text of a prompt: it accepts the same answers and is shorter.
+
+    Descriptions and the bounds of places are left out, because prompts say them beside the verbs and messages. Commands
+    with the same arguments are one branch. The order is that of the schema, so the same brief gives the same text.
+    """
+    fields: dict[str, Any] = dict(cast("Mapping[str, Any]", schema["properties"]))
+    branches = [branch["properties"] for branch in fields["command"]["anyOf"] if "properties" in branch]
+    grouped: dict[str, dict[str, list[str]]] = {}
+    for branch in branches:
+        arguments = msgspec.json.encode(_plain(branch["arguments"])).decode()
+        verbs = grouped.setdefault(arguments, {})
+        verbs.setdefault(branch["verb"]["const"], []).append(branch["resource"]["const"])
+    commands = [
+        _short_command(resources, verbs, msgspec.json.decode(arguments))
+        for arguments, by_verb in grouped.items()
+        for resources, verbs in _by_resources(by_verb)
+    ]
+    short = {
+        **{name: _plain(field) for name, field in fields.items()},
+        "command": {"anyOf": [*commands, {"type": "null"}]},
+    }
+    return {**schema, "properties": short}
+
+
+def _by_resources(by_verb: Mapping[str, list[str]]) -> Iterator[tuple[list[str], list[str]]]:
+    """Yield the resources that share verbs, and these verbs."""
+    sharing: dict[tuple[str, ...], list[str]] = {}
+    for verb, resources in by_verb.items():
+        sharing.setdefault(tuple(resources), []).append(verb)
+    for shared, verbs in sharing.items():
+        yield list(shared), verbs
+
+
+def _short_command(resources: list[str], verbs: list[str], arguments: JsonSchema) -> JsonSchema:
+    properties: JsonSchema = {"resource": _one_of(resources), "verb": _one_of(verbs), "arguments": arguments}
+    return object_schema(properties, tuple(properties))
+
+
+def _one_of(names: list[str]) -> JsonSchema:
+    return {"const": names[0]} if len(names) == 1 else {"enum": names}
+
+
+def _plain(value: Any) -> Any:
+    """Return a schema without descriptions and without the bounds of places."""
+    if isinstance(value, list):
+        return [_plain(item) for item in value]
+    if not isinstance(value, dict):
+        return value
+    kept = {name: item for name, item in value.items() if not (name == "description" and isinstance(item, str))}
+    if kept.get("minimum") == -REACH_M and kept.get("maximum") == REACH_M:
+        kept = {name: item for name, item in kept.items() if name not in ("minimum", "maximum")}
+    return {name: _plain(item) for name, item in kept.items()}
 
 
 def sendable(brief: Brief) -> tuple[MessageSpec, ...]:
@@ -239,5 +310,5 @@ def _message_completed(message: object) -> object:
 
 __all__ = [
     "PHOTO", "DecisionFormat", "JsonSchema", "altitude_band", "argument_bounds", "decision_schema", "field_values",
-    "recipients", "sendable",
+    "prompt_schema", "recipients", "sendable",
 ]  # fmt: skip

@@ -49,6 +49,7 @@ from lingjing.trace.records import (
     Receipt,
     Route,
     TaskEvent,
+    UnreadBox,
     Usage,
 )
 from lingjing.trace.request_ids import is_request_of
@@ -82,6 +83,14 @@ class Peer(msgspec.Struct, frozen=True, kw_only=True):
     id: str
     role: str
     resources: tuple[str, ...]
+
+
+class CameraView(msgspec.Struct, frozen=True, kw_only=True):
+    """A camera with pictures that an agent receives. A reference picture counts as one of the camera `REFERENCE`."""
+
+    entity: str
+    """The id of the entity that carries the camera; of the target for a reference picture."""
+    camera: CameraSpec
 
 
 class RouteEnds(msgspec.Struct, frozen=True, kw_only=True):
@@ -147,6 +156,8 @@ class Brief(msgspec.Struct, frozen=True, kw_only=True):
     """The file of the roads, for `lingjing.plugins.roads`; "" without roads."""
     route_ends: tuple[RouteEnds, ...] = ()
     """The ends of the routes to inspect."""
+    views: tuple[CameraView, ...] = ()
+    """The cameras with pictures that the agent receives, then the reference pictures of its role."""
     decision_s: float | None = None
     """The wall clock of one decision, seconds; None if it is not known. A later decision is replaced by a no-op, so a
     policy should give up before and state why."""
@@ -296,9 +307,9 @@ class PolicyPlugin:
 
 __all__ = [
     "CLEARED", "DEAD", "DORMANT", "NOTE", "PHOTO", "REFERENCE", "STOP", "Absent", "Action", "ArgumentSpec", "BodyState",
-    "Brief", "CameraPose", "CameraSpec", "Cell", "CellView", "City", "Datum", "Decision", "Entity", "EntityView",
-    "Envelope", "EventView", "Field", "FrameInfo", "Inbox", "InfrastructureError", "InspectionSpec", "Instance",
-    "MessageSpec", "NoDecisionError", "Observation", "Outgoing", "Peer", "Picture", "Policy", "PolicyPlugin",
-    "Privileged", "Receipt", "Region", "Resource", "Route", "RouteEnds", "ServiceProbe", "TaskEvent", "Usage",
-    "UsageError", "Vector", "VerbMotion", "VerbSpec", "Weather", "is_request_of",
+    "Brief", "CameraPose", "CameraSpec", "CameraView", "Cell", "CellView", "City", "Datum", "Decision", "Entity",
+    "EntityView", "Envelope", "EventView", "Field", "FrameInfo", "Inbox", "InfrastructureError", "InspectionSpec",
+    "Instance", "MessageSpec", "NoDecisionError", "Observation", "Outgoing", "Peer", "Picture", "Policy",
+    "PolicyPlugin", "Privileged", "Receipt", "Region", "Resource", "Route", "RouteEnds", "ServiceProbe",
+    "TaskEvent", "UnreadBox", "Usage", "UsageError", "Vector", "VerbMotion", "VerbSpec", "Weather", "is_request_of",
 ]  # fmt: skip

@@ -91,6 +91,7 @@ FORMS: Final[Mapping[type[msgspec.Struct], tuple[FormField, ...]]] = {
         FormField("cost_usd", derived=True),  # follows from the tokens and from a table of prices
         FormField("answers", 0),
         FormField("valid_answers", 0),
+        FormField("unread_boxes", derived=True),  # follow from answers that decided nothing
     ),
     records.Decision: (
         FormField("command", None, nested=records.Action),

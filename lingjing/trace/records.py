@@ -100,6 +100,15 @@ class Outgoing(TraceRecord, frozen=True, kw_only=True):
     """Ids of the receiving agents. It counts only where the topology leaves a choice, which is at the hub."""
 
 
+class UnreadBox(TraceRecord, frozen=True, kw_only=True):
+    """A box in a model's answer that could not be used, as the model wrote it."""
+
+    frame: str
+    """The id of the frame that the report names."""
+    numbers: tuple[float, float, float, float]
+    """The four numbers, in whatever unit and order the model means."""
+
+
 class Usage(TraceRecord, frozen=True, kw_only=True):
     """The consumption of model inference by one policy call."""
 
@@ -111,6 +120,8 @@ class Usage(TraceRecord, frozen=True, kw_only=True):
     """Answers of the model, those to repeated requests included."""
     valid_answers: int = 0
     """The part of `answers` that matches the requested schema."""
+    unread_boxes: tuple[UnreadBox, ...] = ()
+    """The boxes of reports in the other answers."""
 
 
 NOTE = "[note] "

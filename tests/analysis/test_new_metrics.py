@@ -15,6 +15,7 @@ import pytest
 from lingjing import EpisodeReport, Trace
 from lingjing.analysis.attention import attention_iou, box_iou, read_attention
 from lingjing.analysis.behaviour import TERCILES, actions, behaviour, count_by_tercile
+from lingjing.analysis.box_conventions import convention_errors
 from lingjing.analysis.detection import calibration_error, confused_with, detect, iou
 from lingjing.analysis.metrics import StageMetric
 from lingjing.analysis.search_marks import communication_at_discovery, discoveries, redundant_revisit_rate
@@ -35,6 +36,7 @@ from lingjing.trace.records import (
     DecisionRecord,
     Envelope,
     Receipt,
+    UnreadBox,
     Usage,
 )
 from tests.analysis.test_metrics import at, boundary, frame, matched, report
@@ -216,6 +218,32 @@ def test_a_report_of_a_thing_without_an_entity_is_a_confusion(of) -> None:  # ty
     detection = detect(there)
     assert [confused_with(there, report) for report in detection.reports] == ["debris", None]
     assert (detection.confusion_rate, detection.hallucination_rate) == (1 / 2, 2 / 2)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "convention"),
+    [
+        ((0.4, 0.3, 0.6, 0.5), ""),
+        ((0.3, 0.4, 0.5, 0.6), "shares, y first"),
+        ((0.4, 0.3, 0.2, 0.2), "shares, x first, width and height"),
+        ((400, 300, 600, 500), "thousandths, x first"),
+        ((300, 400, 500, 600), "thousandths, y first"),
+        ((768, 324, 1152, 540), "pixels, x first"),
+        ((324, 768, 540, 1152), "pixels, y first"),
+        ((768, 324, 384, 216), "pixels, x first, width and height"),
+        ((100, 100, 120, 110), ""),
+        ((math.inf, 0, 1, 1), ""),
+    ],
+)
+def test_a_box_of_another_convention_is_told_from_a_miss(of, numbers, convention) -> None:  # type: ignore[no-untyped-def]
+    """The target lies at (0.4, 0.3) to (0.6, 0.5) of a picture of 1920 x 1080 pixels."""
+    person = Box(entity="victim[1]", cls="person_in_water", box=(0.4, 0.3, 0.6, 0.5), pixels=9)
+    seen = replace(frame("a", 1), boxes=(person,))
+    unread = Usage(answers=1, unread_boxes=(UnreadBox(frame="a", numbers=tuple(map(float, numbers))),))
+    made = DecisionRecord(agent="scout[1]", decision=Decision(usage=unread))
+    there = of(boundary(0), boundary(1, frames=(seen,)), boundary(2, decisions=(made,)))
+    assert [error.convention for error in convention_errors(there)] == [convention] * bool(convention)
+    assert [error.target for error in convention_errors(there)] == ["victim[1]"] * bool(convention)
 
 
 def test_attention_is_thresholded_at_mean_plus_one_deviation(of, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]

@@ -139,13 +139,16 @@ def test_wall_clocks_hashes_and_free_text_alone_are_left_out() -> None:
         "DecisionRecord.detail",
         "DecisionRecord.policy_wall_s",
         "EngineStatus.wait_wall_s",
+        "EntityView.assignment",
         "FrameInfo.instance_ids",
+        "FrameInfo.others",
         "FrameInfo.channels_sha256",
         "FrameInfo.renderer",
         "FrameInfo.sha256",
         "ObservationRecord.sha256",
         "Receipt.detail",
         "Usage.cost_usd",
+        "Usage.unread_boxes",
     }
 
 

@@ -28,6 +28,7 @@ from lingjing_agents.llm.direct import DirectClient
 from lingjing_agents.llm.guard import GuardedClient
 from lingjing_agents.llm.limits import limited
 from lingjing_agents.llm.options import DIRECT, LITELLM, ModelOptions, ModelProfile
+from lingjing_agents.llm.picture_tokens import jpeg_size
 from lingjing_agents.llm.redaction import Redactor
 from lingjing_agents.llm.retry import Attempts, CallDeadline, complete_with_retries
 from lingjing_agents.llm.through_litellm import LitellmClient, load_litellm
@@ -137,7 +138,7 @@ class AskedModel:
         head = msgspec.json.encode(parameters(request), order="sorted")
         # No tokenizer makes more than one token of a byte.
         prompt = len(head) + sum(len(message) + _OVERHEAD_TOKENS for message in messages)
-        prompt += len(pictures) * self.profile.traits.image_tokens
+        prompt += sum(self.profile.pictures.count(jpeg_size(picture)) for picture in pictures)
         return CallRequest(
             tick=tick,
             number=self._number(tick),

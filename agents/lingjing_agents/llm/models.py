@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from fnmatch import fnmatchcase
 from functools import cache
 from pathlib import Path
@@ -21,14 +21,15 @@ from lingjing.plugins.chat_model import ModelPlugin, Tier
 from lingjing.plugins.options import Fault, Field, PluginOptions, option_faults
 from lingjing.plugins.policy import UsageError
 from lingjing_agents.llm.address import address
+from lingjing_agents.llm.picture_tokens import FULL_PICTURE, PictureRule
 
 SHIPPED = Path(__file__).with_name("models.toml")
 """The table that ships with this package."""
 OWN_VARIABLE = "LINGJING_MODELS"
 """The environment variable with the path of a user's own table."""
-IMAGE_TOKENS = 4096
-"""Upper bound of the tokens of a picture with 1920 by 1080 pixels for models without a declared value. Chosen, twice
-the 2,040 tokens of Qwen3-VL (one token for 32 by 32 pixels).
+UNKNOWN_PICTURES = PictureRule.model_validate({"rule": "fixed", "tokens": 4096})
+"""The tokens of a picture for models without a declared rule. Chosen: more than any shipped rule counts for 1920 by
+1080 pixels.
 """
 
 MOST_BYTES = 4 * 1024 * 1024
@@ -48,7 +49,8 @@ class ModelTraits(_Checked):
     images: bool = True
     most_images: int | None = Field(None, ge=1, le=1000)
     image_side: int | None = Field(None, ge=64, le=16384)
-    image_tokens: int = Field(IMAGE_TOKENS, ge=1, le=10**6)
+    image_tokens: int | None = Field(None, ge=1, le=10**6)
+    pictures: str = ""
     structured: Structured = "json_schema"
     limit: TokenLimit = "max_tokens"
     temperature: Literal["yes", "no", "without reasoning"] = "yes"
@@ -129,12 +131,19 @@ class ModelTable(_Checked):
     """One or several files of models. Each model names a service of the table."""
 
     services: dict[str, ServiceEntry] = {}
+    pictures: dict[str, PictureRule] = {}
     models: dict[str, ModelEntry] = {}
     families: list[FamilyEntry] = []
 
     def entry(self, name: str) -> ModelEntry | None:
         """Return the model of that name, or None."""
         return self.models.get(name)
+
+    def picture_rule(self, traits: ModelTraits) -> PictureRule:
+        """Return the rule that counts the tokens of a model's pictures."""
+        if traits.image_tokens is not None:
+            return PictureRule.model_validate({"rule": "fixed", "tokens": traits.image_tokens})
+        return self.pictures.get(traits.pictures, UNKNOWN_PICTURES)
 
     def traits(self, name: str) -> ModelTraits:
         """Return the traits of a model: those of its entry, else of the first matching family, else
@@ -169,13 +178,18 @@ def known_models() -> tuple[ModelPlugin, ...]:
             tier=entry.tier,
             price_in=entry.price_in,
             price_out=entry.price_out,
-            image_tokens=entry.image_tokens,
+            image_tokens=table.picture_rule(entry).count(FULL_PICTURE),
             summary=_summary(entry, table.services[entry.service]),
             title=entry.title or name,
             key_variable=table.services[entry.service].key_variable,
         )
         for name, entry in table.models.items()
     )
+
+
+def shipped_picture_rules() -> tuple[PictureRule, ...]:
+    """Return the rules of the shipped table."""
+    return tuple(_shipped().pictures.values())
 
 
 def _summary(entry: ModelEntry, service: ServiceEntry) -> str:
@@ -198,6 +212,7 @@ def _shipped() -> ModelTable:
 def _merged(table: ModelTable, own: ModelTable) -> ModelTable:
     return ModelTable(
         services={**table.services, **own.services},
+        pictures={**table.pictures, **own.pictures},
         models={**table.models, **own.models},
         families=[*own.families, *table.families],
     )
@@ -206,7 +221,7 @@ def _merged(table: ModelTable, own: ModelTable) -> ModelTable:
 def _read(path: Path, below: ModelTable) -> ModelTable:
     """Return the table of a file. Its models may also name services of the table `below`."""
     content = _toml(path)
-    faults = (*option_faults(ModelTable, content), *_unknown_services(content, below))
+    faults = (*option_faults(ModelTable, content), *_unknown_names(content, below))
     if faults:
         lines = "\n".join(f"{path}: {fault.where}: {fault.message}" for fault in faults)
         hint = f"{SHIPPED.name} of the agents' package is an example; its head explains each entry"
@@ -227,16 +242,20 @@ def _toml(path: Path) -> dict[str, Any]:
         raise UsageError(f"{path} is not TOML: {error}") from error
 
 
-def _unknown_services(content: Mapping[str, Any], below: ModelTable) -> list[Fault]:
-    models, services = content.get("models"), content.get("services")
-    known = dict.fromkeys((*below.services, *(services if isinstance(services, dict) else ())))
-    named = {
-        name: entry["service"]
-        for name, entry in (models.items() if isinstance(models, dict) else ())
-        if isinstance(entry, dict) and isinstance(entry.get("service"), str)
-    }
-    return [
-        Fault(f"models.{name}.service", f"no service is called `{service}`; there are: {', '.join(known)}")
-        for name, service in named.items()
-        if service not in known
-    ]
+def _unknown_names(content: Mapping[str, Any], below: ModelTable) -> Iterator[Fault]:
+    """Yield a fault for each service and each rule for pictures that an entry names and no table has."""
+    models, families = content.get("models"), content.get("families")
+    entries = {f"models.{name}": entry for name, entry in models.items()} if isinstance(models, dict) else {}
+    if isinstance(families, list):
+        entries |= {f"families.{number}": entry for number, entry in enumerate(families)}
+    known = {"service": dict.fromkeys(below.services), "pictures": dict.fromkeys(("", *below.pictures))}
+    for field, section in (("service", "services"), ("pictures", "pictures")):
+        own = content.get(section)
+        known[field] |= dict.fromkeys(own if isinstance(own, dict) else ())
+    kinds = {"service": "service", "pictures": "rule for pictures"}
+    for where, entry in entries.items():
+        for field, kind in kinds.items():
+            name = entry.get(field) if isinstance(entry, dict) else None
+            if isinstance(name, str) and name not in known[field]:
+                there = ", ".join(filter(None, known[field])) or "none"
+                yield Fault(f"{where}.{field}", f"no {kind} is called `{name}`; there are: {there}")

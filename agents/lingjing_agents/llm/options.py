@@ -16,7 +16,8 @@ from lingjing.plugins.backbone import Structured
 from lingjing.plugins.options import Fault, Field, PluginOptions, options_error
 from lingjing.plugins.policy import UsageError
 from lingjing_agents.llm.address import Address, address
-from lingjing_agents.llm.models import ModelTraits, ServiceEntry, read_models
+from lingjing_agents.llm.models import ModelTraits, ServiceEntry, read_models, shipped_picture_rules
+from lingjing_agents.llm.picture_tokens import PictureRule
 
 _FOR_INSTANCE = "for instance http://localhost:8000/v1"
 
@@ -129,6 +130,8 @@ class ModelOptions(PluginOptions):
             service=_unlisted(self.client) if elsewhere else listed,
             client=self.client if elsewhere or "client" in self.model_fields_set else listed.client,
             traits=traits,
+            pictures=table.picture_rule(traits),
+            counted=tuple(dict.fromkeys((*shipped_picture_rules(), table.picture_rule(traits)))),
             temperature=self.temperature if self._is_given("temperature") or traits.takes_temperature else None,
             insist=self._is_given("temperature"),
             max_tokens=self.max_tokens,
@@ -190,6 +193,10 @@ class ModelProfile:
     """The client that makes the calls."""
     traits: ModelTraits
     """The abilities and prices of the model."""
+    pictures: PictureRule
+    """The rule that counts the tokens of the model's pictures."""
+    counted: tuple[PictureRule, ...]
+    """The rules that requests are budgeted with: all shipped ones, and the model's own."""
     temperature: float | None
     """The temperature to send; None for none."""
     insist: bool

@@ -9,7 +9,8 @@ from __future__ import annotations
 import json
 import re
 
-from lingjing.plugins.decisions import JsonSchema
+from lingjing.plugins.decisions import JsonSchema, prompt_schema
+from lingjing.plugins.policy import UnreadBox
 from lingjing.plugins.scaffold import ModelStep, StepError
 from lingjing_agents.react.facts import compact
 from lingjing_agents.react.step import StepFormat
@@ -34,16 +35,19 @@ SCANNED_LETTERS = 2_000_000
 
 
 class StepParser:
-    """The parser of `react`. With `structured` the service keeps answers to the schema, and no text repeats it."""
+    """The parser of `react`. Without `in_text` the prompt leaves the form of an answer to the model.
 
-    def __init__(self, form: StepFormat, *, structured: bool) -> None:
+    The text does not depend on whether the service keeps answers to the schema: all models share the prompt.
+    """
+
+    def __init__(self, form: StepFormat, *, in_text: bool = True) -> None:
         self._form = form
-        self._structured = structured
+        self._in_text = in_text
 
     @property
     def instructions(self) -> str:
-        """The section of the system text with the schema; "" where the service has it."""
-        return "" if self._structured else f"JSON SCHEMA OF YOUR ANSWER\n{compact(self.schema)}"
+        """The JSON Schema of an answer as text; "" where the prompt leaves it out."""
+        return compact(prompt_schema(self.schema)) if self._in_text else ""
 
     @property
     def schema(self) -> JsonSchema:
@@ -53,6 +57,14 @@ class StepParser:
     def parse(self, text: str) -> ModelStep:
         """Return the step of an answer. Raises `StepError` that lists every fault found."""
         return read_step(text, self._form)
+
+    def unread_boxes(self, text: str) -> tuple[UnreadBox, ...]:
+        """Return the boxes of the reports in an answer that `parse` refused, as they are written."""
+        try:
+            answer = json.loads(step_text(text))
+        except (StepError, ValueError, RecursionError):
+            return ()
+        return self._form.unread_boxes(answer)
 
     def repair(self, fault: str) -> str:
         """Return the text that requests another answer."""

@@ -2,37 +2,41 @@
 
 Services cache the beginning of a request. So a kept turn never changes. When the bound is passed, the oldest turns are
 removed in one block, down to half of the bound. The beginning of a request then stays the same for many boundaries.
+A turn is kept as a difference to the one before (`state_difference`), so that more of them fit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from lingjing.plugins.backbone import ChatMessage
 from lingjing.plugins.scaffold import MemoryLimits, Turn
+from lingjing_agents.react.state_difference import EARLIER_TURNS, shortened
 from lingjing_agents.react.step import MEMORY_TOLD
+from lingjing_agents.react.token_bound import message_bound
 
-LETTERS_PER_TOKEN = 3.0
-"""Letters of a token in JSON with many numbers; prose has about 4. Chosen low: a bound that is too strict does no
-harm."""
-
-PIXELS_PER_TOKEN = 28 * 28
-"""Pixels of a token of an image: the patch of most models. Chosen."""
+EARLIER = f"EARLIER TURNS\n{EARLIER_TURNS}"
+"""The section of the system text about earlier turns."""
 
 
 class TurnMemory:
-    """The earlier turns and the kept lines of one agent. With `keeps_lines` the model may keep lines."""
+    """The earlier turns and the kept lines of one agent.
 
-    def __init__(self, *, keeps_lines: bool) -> None:
+    With `keeps_lines` the model may keep lines. `pictures` counts the tokens of JPEG files.
+    """
+
+    def __init__(self, *, keeps_lines: bool, pictures: Callable[[Sequence[bytes]], int]) -> None:
         self._keeps_lines = keeps_lines
+        self._picture_tokens = pictures
+        self._before: str | None = None
         self._limits = MemoryLimits(tokens=0, images=0)
         self._lines: dict[str, tuple[str, ...]] = {}
         self._turns: list[tuple[ChatMessage, ChatMessage, int]] = []
 
     @property
     def instructions(self) -> str:
-        """The section of the system text about the memory; "" without one."""
-        return f"YOUR MEMORY\n{MEMORY_TOLD}" if self._keeps_lines else ""
+        """The sections of the system text about the memory and earlier turns."""
+        return f"YOUR MEMORY\n{MEMORY_TOLD}\n\n{EARLIER}" if self._keeps_lines else EARLIER
 
     def begin(self, limits: MemoryLimits) -> None:
         """Set the bounds of the turns."""
@@ -55,18 +59,14 @@ class TurnMemory:
         reported = {str(message.body.get("frame")) for message in turn.decision.messages}
         room = self._limits.images - sum(len(state.images) for state, _, _ in self._turns)
         kept = [image for image in turn.images if image.frame in reported][: max(0, room)]
-        tokens = text_tokens(turn.state) + text_tokens(turn.answer)
-        tokens += sum(image.pixels // PIXELS_PER_TOKEN for image in kept)
-        state = ChatMessage("user", turn.state, tuple(image.jpeg for image in kept))
-        self._turns.append((state, ChatMessage("assistant", turn.answer), tokens))
+        text = shortened(turn.state, self._before, frozenset(image.frame for image in kept))
+        self._before = turn.state
+        files = tuple(image.jpeg for image in kept)
+        tokens = message_bound(text) + message_bound(turn.answer) + self._picture_tokens(files)
+        self._turns.append((ChatMessage("user", text, files), ChatMessage("assistant", turn.answer), tokens))
         if self._used() > self._limits.tokens:
             while self._turns and self._used() > self._limits.tokens // 2:
                 del self._turns[0]
 
     def _used(self) -> int:
         return sum(tokens for _, _, tokens in self._turns)
-
-
-def text_tokens(text: str) -> int:
-    """Return about how many tokens a text has."""
-    return int(len(text) / LETTERS_PER_TOKEN) + 1

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
-from pydantic import JsonValue, ValidationInfo, field_validator
+from pydantic import JsonValue, ValidationInfo, field_validator, model_validator
 
 from lingjing.plugins.options import Field
 from lingjing.plugins.policy import UsageError
@@ -18,13 +18,37 @@ OWN_SCAFFOLD = "react"
 """The scaffold of `react` itself; every other name is an installed scaffold."""
 
 
+ENCODINGS: Mapping[str, Mapping[str, JsonValue]] = {
+    "paper": {
+        "request_tokens": 16_384,  # the context of the paper's open models (lingjing.tex, Implementation Details)
+        "max_tokens": 2048,  # the paper's output limit
+        "structured": "none",  # nothing is enforced by a service: the schema stands in the prompt of every model
+        "repairs": 0,  # a malformed answer becomes a no-op (alg:step)
+        "images": 2,
+        "image_side": 1920,  # the shipped cameras' pictures as they are
+        "tiles": 1,
+        "crops": 0,
+        "history_images": 0,
+    }
+}
+"""Sets of options under which models can be compared. An option that is given besides has priority."""
+
+
 class ReactOptions(ModelOptions):
     """The options of `react`."""
 
+    encoding: Literal["", "paper"] = Field(
+        "", description="a set of options by name: paper is what the suites play with, the same for every model"
+    )
     deadline_s: float = Field(80.0, alias="deadline", ge=0.1, le=86_400.0, description="seconds for one decision")
     repairs: int = Field(1, ge=0, le=10, description="how often an answer that cannot be used is asked for again")
     prompt: str = Field("P1", description="the prompt: P0 (one line), P1 (whole), or a file that holds another")
-    history_tokens: int = Field(6000, ge=0, le=1_000_000, description="earlier ticks that the model is shown, tokens")
+    request_tokens: int = Field(
+        16_384, ge=1024, le=1_000_000, description="tokens of a request and its answer, at most, for every model"
+    )
+    history_tokens: int | None = Field(
+        None, ge=0, le=1_000_000, description="earlier ticks that the model is shown, tokens; not given: what fits"
+    )
     history_images: int = Field(2, ge=0, le=16, description="pictures of an earlier tick that stay if it reported them")
     memory: bool = Field(True, description="whether the model keeps commitments and a plan from tick to tick")
     research: int = Field(2, ge=0, le=100, description="rounds over all cells that may be searched again; 0: one pass")
@@ -54,6 +78,12 @@ class ReactOptions(ModelOptions):
         "A3 the next node chosen by A*; not given: what the mission shows",
     )
 
+    @model_validator(mode="before")
+    @classmethod
+    def _with_encoding(cls, options: Any) -> Any:
+        name = options.get("encoding") if isinstance(options, dict) else None
+        return {**ENCODINGS[name], **options} if isinstance(name, str) and name in ENCODINGS else options
+
     @field_validator("prompt")
     @classmethod
     def _is_prompt(cls, name: str) -> str:
@@ -76,6 +106,25 @@ class ReactOptions(ModelOptions):
             _checked(lambda: _builder(info.data["scaffold"], arguments))
         return arguments
 
+    @model_validator(mode="after")
+    def _takes_encoding(self) -> ReactOptions:
+        """Refuse a model that cannot be sent what the encoding sends to all."""
+        if not self.encoding or not self.model:
+            return self
+        traits = self.profile.traits
+        if traits.context is not None and traits.context < self.request_tokens:
+            raise ValueError(
+                f"`{self.model}` has a context of {traits.context:,} tokens, and the encoding `{self.encoding}` needs "
+                f"{self.request_tokens:,}: give a lower request_tokens to all models that are compared"
+            )
+        images = self.images * (1 if self.tiles == 1 else 1 + self.tiles**2)
+        if traits.images and traits.most_images is not None and traits.most_images < images:
+            raise ValueError(
+                f"`{self.model}` takes {traits.most_images} images, and the encoding `{self.encoding}` sends {images}: "
+                "give lower images to all models that are compared"
+            )
+        return self
+
     def scaffold_builder(self) -> Callable[[ScaffoldContext], AgentParts]:
         """Return the function that builds the parts of an agent."""
         return _builder(self.scaffold, self.scaffold_args)
@@ -83,7 +132,9 @@ class ReactOptions(ModelOptions):
     def fingerprint(self) -> dict[str, str]:
         """Return the prompt's name and the SHA-256 of its text; the distribution of a scaffold other than `react`."""
         prompt = prompt_text(self.prompt)
-        deciding = {**super().fingerprint(), "prompt": f"{Path(prompt.name).name} sha256:{prompt.sha256}"}
+        encoding = ENCODINGS.get(self.encoding, {})
+        deciding = {**super().fingerprint(), **{name: f"{getattr(self, name)}" for name in encoding}}
+        deciding = {**deciding, "prompt": f"{Path(prompt.name).name} sha256:{prompt.sha256}"}
         if self.scaffold != OWN_SCAFFOLD:
             from lingjing.plugins.lookup import scaffold_owner
 

@@ -26,6 +26,7 @@ from lingjing.plugins.policy import (
     Observation,
     Picture,
     Policy,
+    UnreadBox,
     Usage,
 )
 from lingjing.plugins.scaffold import (
@@ -40,16 +41,18 @@ from lingjing.plugins.scaffold import (
 )
 from lingjing_agents.heuristic.policy import HeuristicPolicy
 from lingjing_agents.llm.asking import AskedModel, open_model
+from lingjing_agents.llm.options import ModelProfile
 from lingjing_agents.llm.retry import CallDeadline
 from lingjing_agents.react.ablation import shown_brief, shown_observation
 from lingjing_agents.react.answer import StepParser, after_reasoning
 from lingjing_agents.react.facts import compact
-from lingjing_agents.react.history import TurnMemory, text_tokens
+from lingjing_agents.react.history import TurnMemory
 from lingjing_agents.react.options import ReactOptions
 from lingjing_agents.react.pictures import image, images
 from lingjing_agents.react.prompt import ReactPrompt
 from lingjing_agents.react.prompt_files import prompt_text
 from lingjing_agents.react.remedy import explained, remedy
+from lingjing_agents.react.request_budget import RequestBudget, picture_sizes
 from lingjing_agents.react.route_guidance import RouteGuidance
 from lingjing_agents.react.search_budget import SearchBudget
 from lingjing_agents.react.step import StepFormat
@@ -67,10 +70,6 @@ LONGEST_SIDE = 4096
 
 CROP_SIDE = 768
 """The longer side of a crop at least, pixels; a smaller crop is enlarged. Chosen."""
-
-
-STATE_TOKENS = 2500
-"""Tokens of a model's context that are left for the state of one boundary and a repair of its answer. Chosen."""
 
 
 class ReactError(NoDecisionError):
@@ -93,8 +92,10 @@ class ReactPolicy:
         self._model = open_model(options, calls)
         self._side = options.image_side or self._model.profile.traits.image_side or LONGEST_SIDE
         self._prompt = prompt_text(options.prompt)
+        self._budget = _budget(options, self._model.profile)
         self._refused = 0
         self._answers, self._valid = 0, 0
+        self._unread: tuple[UnreadBox, ...] = ()
 
     async def reset(self, brief: Brief) -> None:
         """Begin an episode. The system text is written at the first boundary, because it needs the observation."""
@@ -102,6 +103,7 @@ class ReactPolicy:
         self._brief = shown_brief(self._guidance.brief(brief), self._options)
         self._refused = 0
         self._answers, self._valid = 0, 0
+        self._unread = ()
         self._system: ChatMessage | None = None
         self._references: tuple[Picture, ...] = ()
         self._withheld = ""
@@ -118,14 +120,15 @@ class ReactPolicy:
         """
         observation = self._guidance.observation(shown_observation(observation, self._brief, self._options))
         self._references += tuple(picture for picture in observation.pictures if picture.camera == REFERENCE)
-        if self._system is None:
-            self._system = ChatMessage("system", self._system_text(observation))
-            self._parts.memory.begin(MemoryLimits(self._history_tokens(), self._history_images()))
         if self._idle(observation, inbox):
             return Decision(thought="the search is over and nothing is new: the model was not asked")
         pictures = self._shown(observation)
         sent = tuple(file for picture in pictures for file in images(picture, self._side, self._options.tiles))
         situation = Situation(observation, inbox, pictures, sent, dict(self._commands), self._members())
+        if self._system is None:
+            self._system = ChatMessage("system", self._system_text(observation))
+            room = self._history_tokens(self._parts.prompt.state(situation))
+            self._parts.memory.begin(MemoryLimits(room, self._history_images()))
         try:
             return await self._decide(situation, CallDeadline(self._patience_s()))
         except ModelError as error:
@@ -139,7 +142,7 @@ class ReactPolicy:
         situation = replace(situation, members={**thoughts, **situation.members})
         text = parts.prompt.state(situation)
         question = ChatMessage("user", text, tuple(file.jpeg for file in situation.images))
-        request = (self._system, *parts.memory.turns(), question)
+        request = self._budget.fitted(self._system, parts.memory.turns(), question)
         step, answer = await self._settle(tick, request, situation.pictures, deadline)
         decision = self._sendable(step.decision, situation.observation)
         parts.memory.record(Turn(tick, text, answer, step, decision, situation.images))
@@ -149,10 +152,11 @@ class ReactPolicy:
         """Return the parts of `react` for the brief."""
         options = self._options
         form = StepFormat(self._brief, memory=options.memory, crops=options.crops > 0)
+        self._own_parser = StepParser(form, in_text=self._prompt.has_schema)
         return AgentParts(
             ReactPrompt(self._prompt, self._brief, crops=options.crops, route=self._guidance.section()),
-            TurnMemory(keeps_lines=options.memory),
-            StepParser(form, structured=self._structured),
+            TurnMemory(keeps_lines=options.memory, pictures=self._budget.pictures),
+            self._own_parser,
         )
 
     @property
@@ -164,15 +168,18 @@ class ReactPolicy:
         parts = self._parts
         return parts.prompt.system(observation, parts.memory.instructions, parts.parser.instructions)
 
-    def _history_tokens(self) -> int:
-        """Return the tokens of earlier turns: the option, or less where the model's context has less room."""
+    def _history_tokens(self, first: str) -> int:
+        """Return the tokens of earlier turns: what the budget leaves beside states like the first one, or less if the
+        option has a bound."""
         assert self._system is not None
-        traits, options = self._model.profile.traits, self._options
-        if traits.context is None:
-            return options.history_tokens
-        seen = self._most_pictures() * self._images_each() * traits.image_tokens if traits.images else 0
-        rest = text_tokens(self._system.text) + seen + options.max_tokens + STATE_TOKENS
-        return max(0, min(options.history_tokens, traits.context - rest))
+        sizes = [
+            size
+            for size in picture_sizes(self._brief, self._most_pictures(), self._side)
+            for _ in range(self._images_each())
+        ]
+        room = self._budget.room(self._system, first, sizes)
+        most = self._options.history_tokens
+        return room if most is None else min(most, room)
 
     def _members(self) -> Mapping[str, object]:
         """Return the members of the state that the loop adds: memory, withheld command, rest of the search."""
@@ -273,7 +280,11 @@ class ReactPolicy:
             raise StepError(f"it was cut off at {self._options.max_tokens} tokens; be much shorter")
         if completion.finish_reason == "content_filter":
             raise StepError("the service's content filter removed it")
-        step = self._parts.parser.parse(completion.text)
+        try:
+            step = self._parts.parser.parse(completion.text)
+        except StepError:
+            self._unread += self._own_parser.unread_boxes(completion.text)
+            raise
         self._valid += 1
         return step
 
@@ -292,9 +303,17 @@ class ReactPolicy:
 
     def _bill(self) -> Usage:
         """Return the cost since the last bill, with the numbers of answers and of valid answers."""
-        bill = msgspec.structs.replace(self._model.bill(), answers=self._answers, valid_answers=self._valid)
-        self._answers, self._valid = 0, 0
+        bill = msgspec.structs.replace(
+            self._model.bill(), answers=self._answers, valid_answers=self._valid, unread_boxes=self._unread
+        )
+        self._answers, self._valid, self._unread = 0, 0, ()
         return bill
+
+
+def _budget(options: ReactOptions, profile: ModelProfile) -> RequestBudget:
+    """Return the budget of the options, or the model's context if that is smaller."""
+    tokens = min(options.request_tokens, profile.traits.context or options.request_tokens)
+    return RequestBudget(tokens, options.max_tokens, profile.counted)
 
 
 class _Question:

@@ -23,16 +23,19 @@ class ReactPrompt:
         self._route = route
 
     def system(self, first: Observation, memory: str, answer: str) -> str:
-        """Return the filled prompt, the facts of the interface, and one section for each further text."""
+        """Return the filled prompt, the facts of the interface, and one section for each further text.
+
+        `answer` fills the prompt's hole of the schema; without that hole it is the last section.
+        """
         costs = road_costs(self._brief, first)
         sections = (
-            self._prompt.filled(self._brief),
+            self._prompt.filled(self._brief, answer),
             interface(self._brief),
             memory,
             f"SEEING CLOSER\n{CROPS_TOLD.format(self._crops)}" if self._crops else "",
             f"GIVEN OF THE ROUTE\n{compact(self._route)}" if self._route else "",
             "" if costs is None else f"ROADS (shortest ways when they are empty)\n{compact(costs)}",
-            answer,
+            "" if self._prompt.has_schema else answer,
         )
         return "\n\n".join(section for section in sections if section)
 

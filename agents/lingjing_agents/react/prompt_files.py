@@ -1,8 +1,8 @@
 """Prompts: text files by name or by path, with holes such as `$goal` (`HOLES` lists them) for each agent.
 
 `P0` is one line. `P1` adds the rules, a checklist for pictures, the coordinate frame, rules for decisions and the form
-of an answer. `lingjing prompts improve` makes others. The agent's commands and messages follow each prompt, because no
-prompt may change them. The trace holds a prompt's name and the SHA-256 of its text.
+of an answer with its JSON Schema. `lingjing prompts improve` makes others. The agent's commands and messages follow
+each prompt, because no prompt may change them. The trace holds a prompt's name and the SHA-256 of its text.
 """
 
 from __future__ import annotations
@@ -16,7 +16,10 @@ from string import Template
 from lingjing.plugins.policy import Brief
 from lingjing_agents.react.facts import rules
 
-HOLES = ("agent", "role", "goal", "task", "rules", "ticks", "tick_s")
+SCHEMA_HOLE = "schema"
+"""The hole of the JSON Schema of an answer. A prompt without it leaves the form of an answer to the model."""
+
+HOLES = ("agent", "role", "goal", "task", "rules", "ticks", "tick_s", SCHEMA_HOLE)
 LONGEST_BYTES = 64 * 1024
 _FOLDER = files("lingjing_agents.react") / "prompts"
 
@@ -33,8 +36,13 @@ class PromptText:
         """SHA-256 (hex) of the text."""
         return hashlib.sha256(self.text.encode()).hexdigest()
 
-    def filled(self, brief: Brief) -> str:
-        """Return the text for one agent."""
+    @property
+    def has_schema(self) -> bool:
+        """True if the prompt has the hole of the schema."""
+        return SCHEMA_HOLE in Template(self.text).get_identifiers()
+
+    def filled(self, brief: Brief, schema: str = "") -> str:
+        """Return the text for one agent. `schema` is the JSON Schema of its answers."""
         values = {
             "agent": brief.agent,
             "role": brief.role,
@@ -43,6 +51,7 @@ class PromptText:
             "rules": rules(brief),
             "ticks": f"{brief.ticks}",
             "tick_s": f"{brief.tick_s:g}",
+            SCHEMA_HOLE: schema,
         }
         return Template(self.text).substitute(values).strip()
 

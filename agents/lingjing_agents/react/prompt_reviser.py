@@ -18,8 +18,8 @@ from lingjing_agents.llm.asking import AskedModel, open_model
 from lingjing_agents.llm.options import ModelOptions
 from lingjing_agents.llm.retry import CallDeadline
 from lingjing_agents.react.answer import after_reasoning
-from lingjing_agents.react.history import LETTERS_PER_TOKEN, text_tokens
 from lingjing_agents.react.prompt_files import HOLES, check_text
+from lingjing_agents.react.token_bound import token_bound
 
 _PROMPT = re.compile(r"<prompt>(.*?)</prompt>", re.DOTALL | re.IGNORECASE)
 _OPENING = re.compile(r"<prompt>", re.IGNORECASE)
@@ -33,6 +33,9 @@ AS_JSON = b'{"type": "object", "properties": {"prompt": {"type": "string"}}, "re
 
 TRIED = 3
 """The number of earlier candidates in a request, the latest. Chosen."""
+
+LETTERS_PER_TOKEN = 1.5
+"""Letters of a token in traces, which are full of numbers. Measured: 1.53 at least in states of shipped missions."""
 
 QUOTED_LETTERS = 2_000
 """Letters of an unusable answer that the second request quotes. Chosen."""
@@ -50,7 +53,8 @@ wrong that words can mend: how they read pictures and coordinates, what form the
 repeat or overlook, how they share work. Write the whole prompt anew. Speak of the mission in general, and name no \
 place, number or picture of these episodes: the prompt is used in others.
 
-These holes are filled for each agent, and may be used as they are: {holes}. Answer with the prompt between <prompt> \
+These holes are filled for each agent, and may be used as they are: {holes}. $schema is the JSON Schema of an answer; \
+agents are told it only where a prompt has this hole. Answer with the prompt between <prompt> \
 and </prompt>."""
 
 
@@ -122,7 +126,7 @@ class ModelReviser:
         context = self._model.profile.traits.context
         if context is None:
             return None
-        used = text_tokens(before) + self._options.max_tokens
+        used = token_bound(before) + self._options.max_tokens
         return int(max(0, context - used) * LETTERS_PER_TOKEN) - QUOTED_LETTERS
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 
 from lingjing.plugins.decisions import DecisionFormat, JsonSchema
-from lingjing.plugins.policy import Brief
+from lingjing.plugins.policy import Brief, UnreadBox
 from lingjing.plugins.scaffold import Crop, ModelStep, UnitBox
 
 LINES, LETTERS = 8, 240
@@ -49,6 +49,10 @@ class StepFormat:
             x0, y0, x1, y1 = answer[CROP]["box"]
             return () if x0 < x1 and y0 < y1 else ("crop.box: x_min < x_max and y_min < y_max are due",)
         return faults
+
+    def unread_boxes(self, answer: object) -> tuple[UnreadBox, ...]:
+        """Return the boxes of the reports in an answer with faults, as they are written."""
+        return self._form.unread_boxes(answer)
 
     def step(self, answer: Any) -> ModelStep:
         """Return the step of a completed answer without faults."""
