@@ -30,7 +30,7 @@ from lingjing.analysis.incidents import incidents
 from lingjing.analysis.last_mile import last_mile
 from lingjing.analysis.memo import cache_by_trace
 from lingjing.analysis.repetition import excess_target_events, excess_target_rate, repeated_target_rate, target_events
-from lingjing.analysis.search_marks import communication_at_discovery, redundant_revisit_rate
+from lingjing.analysis.search_marks import area_coverage, communication_at_discovery, redundant_revisit_rate
 from lingjing.kernel.subtasks import required_groups
 from lingjing.suggest import nearest_or
 from lingjing.trace.reader import Trace
@@ -195,6 +195,9 @@ class Metrics(msgspec.Struct, frozen=True, kw_only=True):
     """Number of stages S1 to S5 of last-mile delivery that were done in a row: aerial inspection, report of the route's
     ends, report of the places that the vehicle passes, arrival at the stop, the target house. N/A in other missions. A
     stage that an intervention supplies counts as done."""
+    area_coverage: Annotated[float | None, "outcome"] = None
+    """Share of the ground of all search cells that pictures showed: the union of their footprints by height and tilt,
+    cut at 20 degrees below the horizon ([ADR 0054](adr/0054-ground-seen.md)). N/A if agents observe no cells."""
     rep_excess: Annotated[float | None, "communication"] = None
     """Excess target rate: assignments and visits of a target that were of no use, over all of them. A visit by the
     assignee and its consent are of use. An order larger than one load can have several assignees."""
@@ -330,6 +333,7 @@ def metrics(trace: Trace) -> Metrics:
         absent_frames=_absent(trace),
         faint_targets=_faint(trace),
         stages=_stages_of(trace),
+        area_coverage=area_coverage(trace),
         rep_excess=excess_target_rate(trace),
         excess_events=excess_target_events(trace)[1],
         last_mile=None if (chain := last_mile(trace)) is None else chain.cumulative,

@@ -4,6 +4,9 @@
 visit is a downward picture from above a cell that the entity was not above in its previous picture. The visit is
 redundant if an earlier picture of any entity covered the cell.
 
+*Area coverage* is no metric of the paper: its cells count as visited by one picture from above any of their points,
+however little of them it shows. Here the footprints of all pictures are united (ADR 0054).
+
 *Communication at discovery events*, "number of messages aligned with a validated target discovery event, divided by all
 evaluated messages": a discovery is the first report of a target that a matching rule accepts. The messages of its tick,
 counted once for each recipient, are aligned with it.
@@ -12,6 +15,7 @@ counted once for each recipient, are aligned with it.
 from __future__ import annotations
 
 from lingjing.analysis.detection import matching_rules, ratio, shots
+from lingjing.analysis.memo import cache_by_trace
 from lingjing.kernel.registry import DOWNWARD_DEG, cells_at
 from lingjing.trace.reader import Trace
 
@@ -34,6 +38,19 @@ def redundant_revisit_rate(trace: Trace) -> float | None:
         above[frame.entity] = here
         covered |= here
     return ratio(redundant, visits)
+
+
+@cache_by_trace
+def area_coverage(trace: Trace) -> float | None:
+    """Return the share of the ground of the observed cells that pictures showed, or None if agents observe no cells."""
+    instance = trace.header.instance
+    grids = {channel.name for agent in instance.agents for channel in agent.observes if channel.source == "grid"}
+    cells = [cell.polygon for cell in instance.cells if cell.grid in grids]
+    if not cells:
+        return None
+    from lingjing.scene.ground_coverage import seen_share  # loads shapely, which most traces need not wait for
+
+    return seen_share(cells, [frame.pose for frame in shots(trace)], instance.scene.datum_m)
 
 
 def discoveries(trace: Trace) -> dict[str, int]:

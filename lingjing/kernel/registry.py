@@ -98,6 +98,10 @@ class Registry(msgspec.Struct, frozen=True):
     """Destination (east, north) in metres of the latest accepted command of each resource that names one."""
     visits: Mapping[str, _CellVisit] = field(default_factory=dict)
     """The first visit of each cell."""
+    ground: Mapping[str, bytes] = field(default_factory=dict)
+    """The ground that pictures have shown of the cells with `Cell.seen`, as well-known binary."""
+    seen: Mapping[str, float] = field(default_factory=dict)
+    """The share of these cells that `ground` covers."""
     achieved: AppendOnlyMap[tuple[str, Binding], float] = field(default_factory=AppendOnlyMap)
     """The time in seconds at which a (rule, binding) became true."""
     witnesses: AppendOnlyMap[tuple[str, int, Binding], str] = field(default_factory=AppendOnlyMap)
@@ -208,11 +212,14 @@ class Registry(msgspec.Struct, frozen=True):
                 continue
             for cell in cells_at(instance.cells, frame.pose.position[0], frame.pose.position[1]):
                 visits.setdefault(cell.name, _CellVisit(cell.name, frame.entity, frame.tick))
+        ground, seen = _with_ground(self, new.values(), instance)
         return replace(
             self,
             frames=self.frames.extended(new),
             frame_states=self.frame_states.extended(dict.fromkeys(new, self.states)),
             visits=visits,
+            ground=ground,
+            seen=seen,
         )
 
     def with_assignments(self, assignments: Iterable[Assignment]) -> Registry:
@@ -265,6 +272,18 @@ def initial(instance: Instance) -> Registry:
 def _declared_state(entity: Entity) -> BodyState:
     """Return the state with which an entity is declared, before its engine has reported any."""
     return BodyState(id=entity.id, position=entity.position, heading_deg=entity.heading_deg)
+
+
+def _with_ground(
+    registry: Registry, frames: Iterable[FrameInfo], instance: Instance
+) -> tuple[Mapping[str, bytes], Mapping[str, float]]:
+    """Return the ground that was seen of the cells with `Cell.seen`, and the shares."""
+    cells = {cell.name: cell.polygon for cell in instance.cells if cell.seen}
+    if not cells:
+        return registry.ground, registry.seen
+    from lingjing.scene.ground_coverage import add_ground  # loads shapely, which most missions need not wait for
+
+    return add_ground(cells, registry.ground, [frame.pose for frame in frames], instance.scene.datum_m)
 
 
 def cells_at(cells: Iterable[Cell], east: float, north: float) -> tuple[Cell, ...]:

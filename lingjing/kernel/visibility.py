@@ -307,6 +307,7 @@ class Projector:
                     name=cell.name,
                     visited_tick=visit.tick if visit else None,
                     visited_by=visit.entity if visit else None,
+                    seen=registry.seen.get(cell.name, 0.0) if cell.seen else None,
                 )
 
 

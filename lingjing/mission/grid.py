@@ -13,11 +13,18 @@ from lingjing.mission.instance import Cell
 
 
 def cells(
-    grid: str, region: geometry2d.Polygon, rows: int, columns: int, overlap: float, *, hidden: bool = False
+    grid: str,
+    region: geometry2d.Polygon,
+    rows: int,
+    columns: int,
+    overlap: float,
+    *,
+    hidden: bool = False,
+    seen: bool = False,
 ) -> tuple[Cell, ...]:
     """The cells of a grid over an anticlockwise region, row by row from the south-west. `overlap` in 0..1.
 
-    Cells over a `hidden` region are hidden too.
+    Cells over a `hidden` region are hidden too. `seen` is as in `Cell`.
     """
     west, south, east, north = geometry2d.bounds(region)
     width, height = (east - west) / columns, (north - south) / rows
@@ -29,7 +36,16 @@ def cells(
             if outline:
                 name = f"{grid}-{row}-{column}"
                 made.append(
-                    Cell(name=name, grid=grid, row=row, column=column, polygon=outline, centre=centre, hidden=hidden)
+                    Cell(
+                        name=name,
+                        grid=grid,
+                        row=row,
+                        column=column,
+                        polygon=outline,
+                        centre=centre,
+                        hidden=hidden,
+                        seen=seen,
+                    )
                 )
     return tuple(made)
 

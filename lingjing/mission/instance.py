@@ -115,6 +115,8 @@ class Cell(Record, frozen=True, kw_only=True):
     centre: tuple[float, float]
     hidden: bool = False
     """True for a cell of a hidden region, which must never reach a policy."""
+    seen: bool = False
+    """True if agents receive the share of its ground that pictures have shown (ADR 0054)."""
 
 
 class CameraSpec(Record, frozen=True, kw_only=True):

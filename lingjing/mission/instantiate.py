@@ -22,7 +22,19 @@ from lingjing.mission.clock import clock_fault
 from lingjing.mission.conditions.declared_values import deadlines_s
 from lingjing.mission.conditions.spread import numbers
 from lingjing.mission.draws import draw
-from lingjing.mission.evaluate import Area, Interval, Place, Scope, Value, area, describe, evaluate, number, whole
+from lingjing.mission.evaluate import (
+    Area,
+    Interval,
+    Place,
+    Scope,
+    Value,
+    area,
+    describe,
+    evaluate,
+    flag_of,
+    number,
+    whole,
+)
 from lingjing.mission.expression_text import spell
 from lingjing.mission.instance import Budget, Cell, Clock, Entity, Instance, Option, Region, SceneSpec, Weather
 from lingjing.mission.instance_entities import at_path, datum, entities, holds, member_ids, single
@@ -405,7 +417,8 @@ def _cells(mission: model.Mission, scope: Scope) -> tuple[Cell, ...]:
             if not 0 <= overlap <= 1:
                 raise MissionError(f"an overlap of {overlap:.0%}", hint="choose 0 % to 100 %")
             hidden = grid.region in hidden_regions
-            cells.extend(grids.cells(grid.name, region.polygon, rows, columns, overlap, hidden=hidden))
+            seen = grid.seen is not None and flag_of(grid.seen, scope)
+            cells.extend(grids.cells(grid.name, region.polygon, rows, columns, overlap, hidden=hidden, seen=seen))
     return tuple(cells)
 
 

@@ -158,6 +158,8 @@ class Grid(Record, frozen=True, kw_only=True):
     """Counted from the west."""
     overlap: Expr
     """Overlap of neighbours as a share of a cell, 0..1."""
+    seen: Expr | None = None
+    """True if agents that observe the grid receive the share of each cell's ground that pictures have shown."""
 
 
 class Camera(Record, frozen=True, kw_only=True):

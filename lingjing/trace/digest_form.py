@@ -209,7 +209,12 @@ FORMS: Final[Mapping[type[msgspec.Struct], tuple[FormField, ...]]] = {
         FormField("specific_force", None, since=2),
         FormField("angular_rate", None, since=2),
     ),
-    records.CellView: (FormField("name"), FormField("visited_tick", None), FormField("visited_by", None)),
+    records.CellView: (
+        FormField("name"),
+        FormField("visited_tick", None),
+        FormField("visited_by", None),
+        FormField("seen", None, derived=True, since=2),  # follows from the poses of the pictures
+    ),
     records.EventView: (FormField("id"), FormField("kind"), FormField("tick"), FormField("entities")),
     Weather: (
         FormField("wind_mps", 0.0),

@@ -405,6 +405,8 @@ class CellView(TraceRecord, frozen=True, kw_only=True):
     """Tick of the first photograph over the cell. None if there is none."""
     visited_by: str | None = None
     """The entity that took the photograph. None if there is none."""
+    seen: float | None = None
+    """Share of the cell's ground that pictures of all agents have shown, 0 to 1. None unless the mission tells it."""
 
 
 class EventView(TraceRecord, frozen=True, kw_only=True):

@@ -122,7 +122,8 @@ def _cells(observation: Observation) -> dict[str, object]:
         if cell.visited_tick is not None
     }
     unsearched = [cell.name for cell in observation.cells if cell.visited_tick is None]
-    return {"cells_searched": searched, "cells_unsearched": unsearched}
+    seen = {cell.name: round(cell.seen, 2) for cell in observation.cells if cell.seen is not None}
+    return {"cells_searched": searched, "cells_unsearched": unsearched, "share_of_cells_seen": seen}
 
 
 def _parts(picture: Picture, sent: Sequence[ImageFile]) -> dict[str, object]:

@@ -267,7 +267,12 @@ class SettingsChecker(DeclarationChecker):
         rows, columns = entries["shape"].parts
         overlap = entries["overlap"].value.ir if "overlap" in entries else ex.Number(0.0)
         return model.Grid(
-            name=node.name.text, region=node.region.text, rows=rows.ir, columns=columns.ir, overlap=overlap
+            name=node.name.text,
+            region=node.region.text,
+            rows=rows.ir,
+            columns=columns.ir,
+            overlap=overlap,
+            seen=entries["seen"].value.ir if "seen" in entries else None,
         )
 
     def comms(self, node: s.SettingsBlock) -> model.Comms:

@@ -57,7 +57,7 @@ mission rescue {
   stage find { done when exists r: matched(victim, r) }
   stage save { done when rescued(victim) }
   relation dependency find -> save
-  declassify end because "the rescue ends it"
+  declassify end because "it ends"
   success when rescued(victim)
 }
 """

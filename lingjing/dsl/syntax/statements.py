@@ -194,10 +194,12 @@ STATEMENTS = (
         keys=keyed(
             PropertyKey("shape", Type("size"), required=True),
             PropertyKey("overlap", NUMBER, low=0, high=0.9, default="0"),
+            PropertyKey("seen", FLAG, default="false"),
         ),
         part="grids", paragraph="places",
         layout=Layout(
-            "grid {name} over {region}", ("shape = {rows:sum} by {columns:sum}", "[overlap = {overlap:nonzero}]")
+            "grid {name} over {region}",
+            ("shape = {rows:sum} by {columns:sum}", "[overlap = {overlap:nonzero}]", "[seen = {seen}]"),
         ),
     ),
     StatementKind(

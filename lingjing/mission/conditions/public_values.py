@@ -105,7 +105,7 @@ def _settings(mission: model.Mission) -> Iterator[PublicValue]:
     yield from _all("weather", "the weather", (prop.value for prop in mission.weather))
     yield from _all("comms", "the radio", (radio.delay, radio.payload, radio.range, radio.loss))
     for grid in mission.grids:
-        yield from _all(grid.name, f"the grid `{grid.name}`", (grid.rows, grid.columns, grid.overlap))
+        yield from _all(grid.name, f"the grid `{grid.name}`", (grid.rows, grid.columns, grid.overlap, grid.seen))
     for sweep in mission.sweeps:
         yield from _all(sweep.name, f"the sweep `{sweep.name}`", (each for row in sweep.values for each in row))
     for tier in mission.tiers:
