@@ -45,6 +45,9 @@ _LOWEST_M = -500.0
 _HIGHEST_M = 30_000.0
 """A higher elevation comes from a mistaken unit, metres (chosen): aircraft fly below 30 km. Satellites are exempt."""
 
+DISPLACED_M = 50.0
+"""Farthest permitted move in a mission without the option `displacement`, metres (chosen: half a block of houses)."""
+
 GROUND_REACH_M = 200.0
 """The largest distance by which the scene moves an entity that is `on = ground` or inside an obstacle, to the nearest
 free ground, metres (chosen)."""

@@ -12,6 +12,7 @@ from math import dist, hypot
 from lingjing.errors import MissionError
 from lingjing.mission.footprint import STANDS_M
 from lingjing.mission.instance import Entity, Instance
+from lingjing.mission.instance_entities import DISPLACED_M
 from lingjing.mission.kinds import DISPLACEMENT, engine_kind
 from lingjing.trace.records import MovedBody
 
@@ -28,9 +29,6 @@ BELOW = "surface below"
 SHOWN = 5
 """Most moved entities that a summary names."""
 
-MOST_M = 50.0
-"""Farthest permitted move in a mission without the option `displacement`, metres (chosen: half a block of houses)."""
-
 
 def moved_bodies(before: Instance, after: Instance) -> tuple[MovedBody, ...]:
     """The entities that begin farther from their declared places than their own length, or that were put down."""
@@ -40,8 +38,8 @@ def moved_bodies(before: Instance, after: Instance) -> tuple[MovedBody, ...]:
 
 def check_displacements(declared: Instance, placed: Sequence[Entity]) -> None:
     """Raise `MissionError` for the first entity that is moved farther than the mission permits."""
-    option = declared.scene.options.get(DISPLACEMENT, MOST_M)
-    most_m = float(option) if isinstance(option, int | float) else MOST_M
+    option = declared.scene.options.get(DISPLACEMENT, DISPLACED_M)
+    most_m = float(option) if isinstance(option, int | float) else DISPLACED_M
     for entity, moved in zip(declared.entities, placed, strict=True):
         moved_m = 0.0 if entity.drawn_in else _distance_m(entity, moved, declared)
         if moved_m > max(most_m, NOTED_M):

@@ -34,7 +34,10 @@ mission m "M" {{
     hidden position ~ subset([(100 m, -900 m), (200 m, -900 m)])
     hidden position ~ sites_along([(0 m, -950 m), (300 m, -800 m), (300 m, -700 m)], clear >= 20 m) when layout
   }}
-  asset boat : lifeboat {{ position = (10 m, -1350 m), speed <= 3 m/s, speed <= 5 m/s when layout and light }}
+  asset boat : lifeboat {{
+    position = (10 m, -1350 m), speed <= 3 m/s, speed <= 5 m/s when layout and light
+    camera front {{ size = 320 by 240, hfov = 60 deg, channels = [rgb], capture = each_tick }}
+  }}
   agent skipper as rescuer controls boat {{
     observes boat.*
     observes events when not evidence

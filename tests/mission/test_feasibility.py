@@ -197,7 +197,8 @@ def test_trips() -> None:
     assert many.code == "LJ0604"
     assert "3 orders require 600 kg, but 1 vehicles bring 400 kg at most: 2 loads" in many.message
     assert codes(cargo("201 kg", orders=3)) == ["LJ0604"]
-    assert codes(cargo("200 kg", orders=9, store="buoy")) == []
+    (unsupplied,) = found(cargo("200 kg", orders=9, store="buoy"))
+    assert "there is no warehouse, and the vehicles hold 0 kg" in unsupplied.message
 
 
 def test_what_nobody_declares_means_nothing() -> None:
@@ -212,9 +213,8 @@ def test_what_nobody_declares_means_nothing() -> None:
 
 def test_the_scene_may_move_what_stands_on_a_road() -> None:
     far = sail("(2031 m, 0 m)").replace("position = (2031 m, 0 m)", "position = (2031 m, 0 m), on = road")
-    assert codes(far) == []
-    assert codes(far.replace("2031", "3031")) == ["LJ0601"]
-    assert codes(far.replace("2031", "3030")) == []
+    assert codes(far) == [] and codes(far.replace("2031", "2090")) == []  # 50 m, and 10 m beside the place
+    assert codes(far.replace("2031", "2092")) == ["LJ0601"]
 
 
 def test_stock() -> None:

@@ -309,6 +309,8 @@ class EpisodeKnowledge(Knowledge):
                 return name in ("min", "max")
             case ex.Index() | ex.Binary(operator="/"):
                 return True
+            case ex.Attr(base=ex.Ref(kind="group" | "entity"), name="position"):
+                return False
             case ex.Attr(name=name):
                 fields = [fields[name] for fields in self._fields.values() if name in fields]
                 return any(field.optional for field in fields) or (bool(fields) and name == "position")

@@ -20,11 +20,11 @@ from lingjing.mission.conditions.motion import Air, bounds, ceiling, flight_s, m
 from lingjing.mission.conditions.spread import PossiblePlaces, numbers, places, point
 from lingjing.mission.evaluate import Area, Scope, number
 from lingjing.mission.instance import AgentSpec, Allowance, Budget, Entity, Instance, InteractionSpec
-from lingjing.mission.instance_entities import GROUND_REACH_M, count_of
+from lingjing.mission.instance_entities import DISPLACED_M, GROUND_REACH_M, count_of
 from lingjing.mission.instance_rules import in_seconds
 from lingjing.mission.instantiate import instantiate, parameters
 from lingjing.mission.intervals import Bounds
-from lingjing.mission.kinds import engine_kind
+from lingjing.mission.kinds import DISPLACEMENT, engine_kind
 
 ENTITIES_MOST = 150
 """A mission with more entities or agents is not checked, because compilation must stay fast (chosen)."""
@@ -34,6 +34,10 @@ _MAX_DISPLACEMENT_M = {"ground": GROUND_REACH_M} | dict.fromkeys(
 )
 """The largest distance, metres, by which the scene moves an entity declared `on` a surface: only the built city has the
 surface's position."""
+
+
+_PLACING_M = 10.0
+"""Metres by which a body can stand beside its place in the city (chosen): the middle of a lane, a kerb, a wall."""
 
 
 _SWAY_M = 20.0
@@ -158,7 +162,16 @@ def of_mission(
         kinds,
         first_ticks=_first_ticks(mission, scope, wide),
         wide=wide,
+        displaced_m=_displaced_m(mission, instance, wide),
     )
+
+
+def _displaced_m(mission: model.Mission, instance: Instance, wide: Wide) -> float:
+    """The farthest that the scene may move a body from its declared place, metres; infinity if that is not known."""
+    if mission.origin.document or mission.origin.places or wide:
+        return math.inf  # the bodies of an imported document are moved as far as its city requires
+    option = instance.scene.options.get(DISPLACEMENT, DISPLACED_M)
+    return max(float(option), DISPLACED_M) + _PLACING_M if isinstance(option, int | float) else math.inf
 
 
 def _first_ticks(mission: model.Mission, scope: Scope, wide: Wide) -> dict[str, int]:
@@ -207,10 +220,11 @@ def _outline(
     *,
     first_ticks: Mapping[str, int] | None = None,
     wide: Wide | None = None,
+    displaced_m: float = math.inf,
 ) -> Outline:
     driven = {name for agent in able_agents(instance) for name in agent.commands}
     driven |= {inspection.asset for inspection in instance.inspections}  # the kernel commands their routes
-    bodies = {entity.id: _body(entity, air, opened, driven, instance) for entity in instance.entities}
+    bodies = {entity.id: _body(entity, air, opened, driven, instance, displaced_m) for entity in instance.entities}
     groups: dict[str, list[Body]] = {}
     for body in bodies.values():
         groups.setdefault(body.entity.group, []).append(body)
@@ -230,14 +244,19 @@ def _spent(bound: Budget | Allowance) -> bool:
     return any(most is not None and most <= 0 for most in (bound.tokens, bound.money_usd))
 
 
-def _body(entity: Entity, air: Air, opened: dict[str, _Opened], driven: set[str], instance: Instance) -> Body:
+def _body(
+    entity: Entity, air: Air, opened: dict[str, _Opened], driven: set[str], instance: Instance, displaced_m: float
+) -> Body:
     where, drawn = opened.get(entity.group, (None, {}))
     place = point(entity.position[0], entity.position[1]) if where is None else where
+    loose_m = _MAX_DISPLACEMENT_M.get(str(entity.properties.get("on")), 0.0)
+    if where is None:
+        loose_m = min(loose_m, displaced_m)
     moves = entity.id in driven and bool(moving_verbs(entity))
     carrying = [interaction for interaction in entity.interactions if interaction.aboard]
     return Body(
         entity=entity,
-        where=msgspec.structs.replace(place, loose_m=_MAX_DISPLACEMENT_M.get(str(entity.properties.get("on")), 0.0)),
+        where=msgspec.structs.replace(place, loose_m=loose_m),
         drawn=drawn,
         speed_mps=ceiling(entity, drawn, air, driven=moves),
         flight_s=flight_s(entity, drawn),

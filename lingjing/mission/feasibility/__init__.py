@@ -19,13 +19,15 @@ Modules in control-flow order:
   wider than the scene, stages that wait for each other.
 
 Only needs of success count. A stage that cannot end matters if its own budget of ticks ends the episode before success
-can hold. Missions are checked at their default settings, in each of their modes; other settings are checked when their
-instance is made. A param that each seed draws takes each of its values; with too many values, or with a draw from a
-continuous range, its bounds stand for them (`lingjing.mission.conditions.drawn_params`). Pictures from below an asset's
-altitude band do not count, because a climb passes through these altitudes only by chance.
+can hold. Missions are checked at their default settings and at their tiers, in each of their modes; other settings are
+checked when their instance is made. A param that each seed draws takes each of its values; with too many values, or
+with a draw from a continuous range, its bounds stand for them (`lingjing.mission.conditions.drawn_params`). Pictures
+from below an asset's altitude band do not count, because a climb passes through these altitudes only by chance.
 """
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import msgspec
 
@@ -43,16 +45,26 @@ from lingjing.mission.feasibility.refutation import refute
 from lingjing.mission.feasibility.start import lost_at_boundary_0
 from lingjing.mission.feasibility.start_places import OVERLAP, refute_overlaps, refute_places, refute_standing
 from lingjing.mission.instance import Instance
+from lingjing.mission.tiers import settings_of_tier, tiers_of
 
 __all__ = ["Proof", "prove", "prove_instance", "prove_outline", "unproved"]
 
 
 def prove(mission: model.Mission) -> tuple[Proof, ...]:
-    """Proofs that the mission cannot be won at its default settings, for any seed, in at least one of its modes.
+    """Proofs that the mission cannot be won at its default settings, or at one of its tiers, for any seed, in at least
+    one of its modes. The lowest tier that cannot be won is proved.
 
     A proof is `partly` one if it does not hold in the mission's own mode. The result is empty if nothing is proved, if
     the mission cannot be evaluated, or if it is too large.
     """
+    for tier in tiers_of(mission):
+        proofs = _at_tier(mission, tier)
+        if proofs:
+            return proofs
+    return ()
+
+
+def _at_tier(mission: model.Mission, tier: int) -> tuple[Proof, ...]:
     modes = mission.modes.allowed
     modes_of_proof: dict[Proof, list[str]] = {}
     lost: set[str] = set()
@@ -60,21 +72,26 @@ def prove(mission: model.Mission) -> tuple[Proof, ...]:
         try:
             if too_large(mission, mode):
                 return ()
-            proofs = _of_every_draw(mission, mode)
+            proofs = _of_every_draw(mission, mode, settings_of_tier(mission, tier, mode))
         except LingjingError:
             continue
         for proof in proofs:
             modes_of_proof.setdefault(proof, []).append(mode)
             lost.add(mode)
     partly = mission.modes.default not in lost
-    return tuple(_in_modes(proof, where, modes, partly=partly) for proof, where in modes_of_proof.items())
+    proofs = tuple(_in_modes(proof, where, modes, partly=partly) for proof, where in modes_of_proof.items())
+    if tier == 0:
+        return proofs
+    return tuple(msgspec.structs.replace(proof, message=f"at tier {tier}, {proof.message}") for proof in proofs)
 
 
-def _of_every_draw(mission: model.Mission, mode: str) -> tuple[Proof, ...]:
-    """Proofs for each possible value of the drawn params: those of the first case if all have some, else none."""
+def _of_every_draw(mission: model.Mission, mode: str, settings: Mapping[str, float]) -> tuple[Proof, ...]:
+    """Proofs for each possible value of the drawn params: those of the first case if all have some, else none. The
+    `settings` are fixed."""
     first: tuple[Proof, ...] = ()
     for case in cases(mission, mode):
-        proofs = prove_outline(of_mission(mission, mode, case.settings, case.wide))
+        wide = {name: bounds for name, bounds in (case.wide or {}).items() if name not in settings}
+        proofs = prove_outline(of_mission(mission, mode, {**case.settings, **settings}, wide))
         # bodies of an imported document are kept apart when the city is there
         kept = tuple(proof for proof in proofs if not (proof.code == OVERLAP and mission.origin.places))
         if not kept:

@@ -12,6 +12,7 @@ failed yet at every boundary before its last.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterable, Mapping
 
@@ -195,23 +196,26 @@ class Milestones:
             if constraint.kind == "hard"
             for names in self.subjects(constraint.variable, constraint.domain)
         )
-        barred = () if self._barred_condition is None else (self.subject_truth(*self._barred_condition).if_false,)
-        return self._static((*kept, *barred))
+        known = () if self._barred_condition is None else (self._barred_condition,)
+        return self._static(itertools.chain(kept, (self.subject_truth(*each).if_false for each in known)))
 
     def _extents_before_failure(self) -> Extents:
         """The bounds that hold at every boundary of a winning episode before its last."""
         failure = self.outline.instance.failure
         if failure is None:
             return self._steady
-        return self._static((self._steady, *(self.subject_truth(each, {}).if_false for each in (failure,))))
+        before = (self.subject_truth(each, {}).if_false for each in (failure,))
+        return self._static(itertools.chain((self._steady,), before))
 
     def subject_truth(self, condition: ex.Expr, names: dict[str, Value]) -> Truth:
         """The truth of a condition without further assumptions."""
         return truth_of(self._meanings.of(condition)(names, self), self)
 
     def _static(self, each: Iterable[Extents]) -> Extents:
-        """The common bounds of several conditions, with every fact possible at once. Contradictory ones are left
-        out."""
+        """The common bounds of several conditions, with every fact possible at once. Contradictory ones are left out.
+
+        `each` is lazy: a moment that is computed before all bounds are known would be kept.
+        """
         self._frozen = True
         whole: Extents = {}
         for extents in each:
@@ -470,8 +474,9 @@ class Milestones:
         return _Motion(start, min(idle, full) if math.isinf(tether) else idle, full, tether, lasts, moment)
 
     def _keeps_out(self, body: Body | None, goal: Body | None, places: PossiblePlaces, radius: float) -> Moment | None:
-        """Never, if a hard constraint keeps the body farther than the radius from all possible places of the goal."""
-        if body is None or not self._steady or not places.outlines:
+        """Never, if a hard constraint keeps the body farther than the radius from all possible places of the goal, or a
+        failure keeps it there at each boundary but the last, from which one tick is too short."""
+        if body is None or not (self._steady or self._before_end) or not places.outlines:
             return None
         reach = radius + places.loose_m + (self.knowledge.reach_m(goal) if goal is not None else 0.0)
         if math.isinf(reach):
@@ -479,6 +484,12 @@ class Milestones:
         for key, bounds in self._steady.items():
             if len(key) > 1 and key[1] == body.id and self._bars(key, bounds, places, reach):
                 return self._never(f"a hard constraint on {in_words(key)} keeps `{body.id}` away", "LJ0614")
+        carriers = (self.outline.bodies[name].speed_mps for name in body.aboard)
+        speed = max((body.speed_mps, *carriers))
+        last_tick_m = speed * self.outline.instance.clock.tick_s + _loose_m(body)
+        for key, bounds in self._before_end.items():
+            if len(key) > 1 and key[1] == body.id and self._bars(key, bounds, places, reach + last_tick_m):
+                return Moment(NEVER, self._barred(key))
         return None
 
     def _bars(self, key: Quantity, bounds: Bounds | frozenset[str], places: PossiblePlaces, reach: float) -> bool:
@@ -576,7 +587,12 @@ class Milestones:
         changes = [
             (event, radio.loss) for event in self.outline.instance.events for radio in event.radio if not radio.region
         ]
-        if self.outline.instance.comms.loss < 1.0 or any(event.until for event, _ in changes):
+        silent = any(
+            event.tick == 0 and event.name not in self.outline.first_ticks and loss == 1.0
+            for event, loss in changes
+            if event.condition is None
+        )
+        if (self.outline.instance.comms.loss < 1.0 and not silent) or any(event.until for event, _ in changes):
             return AT_ONCE
         lowered = [event.name for event, loss in changes if loss is not None and loss < 1.0]
         if not lowered:
@@ -730,6 +746,9 @@ class Milestones:
 
     def _finished(self, spec: InteractionSpec, target: str) -> Moment:
         reached = self.moment(("reached", spec.name, target))
+        words = self._steady.get(("status", target))
+        if isinstance(words, frozenset) and spec.done_word not in words and not (spec.own or spec.carried):
+            return Moment(NEVER, self._barred(("status", target)))
         levelled = spec.works_off or any(state.name in _LEVELS for state in self.outline.bodies[target].entity.state)
         lasting = 0.0 if levelled or spec.lasting_s is None else spec.lasting_s
         step = self.clock.after(reached.step, lasting)

@@ -58,7 +58,7 @@ def _kinds(supplies: list[Supply], outline: Outline) -> Iterator[_Goods]:
         stores = [(body, spec) for body in outline.bodies.values() for spec in body.entity.interactions]
         giving = [(body, spec) for body, spec in stores if spec.gives == name]
         carriers = {body.id: _most_held(body, name, giving, outline) for body in _carriers(wanted, name, outline)}
-        if carriers and giving:
+        if carriers:
             yield _Goods(name, unit, wanted, carriers, giving)
 
 
@@ -93,10 +93,11 @@ def _stock(goods: _Goods, outline: Outline) -> Proof | None:
     wanted = sum(supply.amount for supply in goods.supplies)
     if math.isinf(stock) or not exceeds(wanted, stock):
         return None
+    holders = "the warehouses hold" if goods.stores else "there is no warehouse, and the vehicles hold"
     return Proof(
         "LJ0604",
         goods.supplies[0].at,
-        f"{len(goods.supplies)} orders require {spelled(wanted)} {goods.unit}, and the warehouses hold "
+        f"{len(goods.supplies)} orders require {spelled(wanted)} {goods.unit}, and {holders} "
         f"{spelled(stock)} {goods.unit}",
         "raise the stock or lower the demand",
         tuple((path, "a warehouse") for path in dict.fromkeys(body.path for body, _ in goods.stores)),
@@ -106,6 +107,8 @@ def _stock(goods: _Goods, outline: Outline) -> Proof | None:
 def _trips(goods: _Goods, limit: TimeLimit, outline: Outline) -> Proof | None:
     """A proof that the demand exceeds the deliveries of all vehicles without pauses: a first load, and another one for
     each return trip."""
+    if not goods.stores:
+        return None  # `_stock` compares the demand with the loads at the start
     wanted = sum(supply.amount for supply in goods.supplies)
     way = _shortest_way(goods)
     bodies = {name: outline.bodies[name] for name in goods.carriers}

@@ -8,7 +8,7 @@ whole episode, or is unknown.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 import msgspec
@@ -27,6 +27,7 @@ from lingjing.mission.feasibility.truths import (
     AT_ONCE,
     NO,
     YES,
+    Choice,
     Extents,
     Moment,
     Quantity,
@@ -45,6 +46,9 @@ from lingjing.mission.functions import operation
 from lingjing.mission.intervals import ANYTHING, Bounds, exactly
 from lingjing.mission.operations import AXES
 from lingjing.mission.values import Area, Interval, Place, Value, is_number
+
+_CHOICES_MOST = 64
+"""Members of which the choices are compared (chosen); more of them are left open."""
 
 AXIS_NAMES = ("east", "north", "elevation")
 
@@ -84,6 +88,8 @@ class WordOf(msgspec.Struct, frozen=True):
     """A text of a message."""
 
     key: Quantity
+    words: frozenset[str] | None = None
+    """The words that it can be; None for any."""
 
 
 class Tally(msgspec.Struct, frozen=True):
@@ -252,8 +258,10 @@ class Readings:
                 return _aggregated(node.function, values, on)
             parts = [truth_of(value, on) for value in values]
             if node.quantifier == "forall":
-                return conjunction(parts, on.clock)
-            return disjunction(parts, on.clock) if parts else _no_member(node.domain, on)
+                whole, fewest = conjunction(parts, on.clock), len(parts)
+            else:
+                whole, fewest = disjunction(parts, on.clock) if parts else _no_member(node.domain, on), 1
+            return _chosen(whole, parts, fewest)
 
         return value_of
 
@@ -332,7 +340,23 @@ def _field(base: Value, name: str, on: World) -> Value:
     if not isinstance(base, Message):
         return value
     of_message: Quantity = ("field", base.mark, base.kind, name)
+    if name in ("role", "sent") and not _is_declared(base, name, on):
+        if name == "role":
+            return WordOf(of_message, _sending_roles(base, on))
+        return Gauge(of_message, Bounds(0.0, on.clock.time_s(max(0, on.clock.last - on.clock.per_tick))))
     return Gauge(of_message, value) if isinstance(value, Bounds) else WordOf(of_message) if value is None else value
+
+
+def _is_declared(message: Message, name: str, on: World) -> bool:
+    """True if the record of a message has a field of this name, which then hides the one of the envelope."""
+    specs = on.knowledge.outline.instance.messages
+    return any(spec.kind == message.kind and name in {field.name for field in spec.fields} for spec in specs)
+
+
+def _sending_roles(message: Message, on: World) -> frozenset[str]:
+    instance = on.knowledge.outline.instance
+    specs = [spec for spec in instance.messages if spec.kind == message.kind]
+    return frozenset(agent.role for agent in instance.agents if any(spec.is_sent_by(agent.role) for spec in specs))
 
 
 # -- over time ------------------------------------------------------------------------------------------------------
@@ -688,6 +712,8 @@ def _equal(node: ex.Binary, left: Value, right: Value, on: World) -> Truth:
         if isinstance(status, StatusOf) and isinstance(word, str):
             return on.status(status.body, word)
         if isinstance(status, WordOf) and isinstance(word, str):
+            if status.words is not None and word not in status.words:
+                return constant(False, on.clock)
             return Truth(on.clock.always, (), {status.key: frozenset((word,))})
     if isinstance(left, str | bool) and isinstance(right, str | bool):
         return constant(left == right, on.clock)
@@ -784,11 +810,25 @@ def _counted(tally: Tally, least: float, on: World, *, strict: bool) -> Truth:
         words = f"{number} are required, and there are {len(tally.parts)}"
         return constant(False, on.clock, Reason(lambda: words, "LJ0612"))
     if number == len(tally.parts):
-        return conjunction(tally.parts, on.clock)
+        return _chosen(conjunction(tally.parts, on.clock), tally.parts, number)
+    if number == 1:
+        return _chosen(disjunction(tally.parts, on.clock), tally.parts, number)
     may = at_least_of(number, tuple(part.may for part in tally.parts), on.clock)
     must = at_least_of(number, tuple(part.must for part in tally.parts), on.clock)
     late = sorted(tally.parts, key=lambda part: first(part.may))
-    return Truth(may, must, reason=late[max(number, 1) - 1].reason)
+    return _chosen(Truth(may, must, reason=late[max(number, 1) - 1].reason), tally.parts, number)
+
+
+def _chosen(whole: Truth, parts: Sequence[Truth], least: int) -> Truth:
+    """A truth that needs at least some of its parts, with the choices that are left when it is true or false."""
+    if not 1 <= least <= len(parts) or not whole.may or len(parts) > _CHOICES_MOST:
+        return whole
+    holding = Choice(least, tuple(part.if_true for part in parts if part.may))
+    failing = Choice(len(parts) - least + 1, tuple(part.if_false for part in parts))
+    every, none = least == len(parts), least == 1  # their bounds are merged already
+    choices = whole.choices if every else (*whole.choices, holding)
+    denials = whole.denials if none else (*whole.denials, failing)
+    return msgspec.structs.replace(whole, choices=choices, denials=denials)
 
 
 def _of_time(node: ex.Binary, left: Value, right: Value, on: World, *, strict: bool) -> Truth:

@@ -75,6 +75,19 @@ def earliest(moments: Iterable[Moment]) -> Moment:
     return Moment(NEVER) if best is None else best
 
 
+class Choice(msgspec.Struct, frozen=True):
+    """Some of several conditions that hold at the same moment."""
+
+    least: int
+    """The least number of them."""
+    parts: tuple[Extents, ...]
+    """The bounds of quantities at a moment at which each is true."""
+
+    def left_by(self, extents: Extents) -> bool:
+        """True if enough of the conditions agree with the bounds."""
+        return sum(not contradiction(part, extents) for part in self.parts) >= self.least
+
+
 class Truth(msgspec.Struct, frozen=True):
     """The value of a condition over an episode."""
 
@@ -88,11 +101,10 @@ class Truth(msgspec.Struct, frozen=True):
     """The reason why `may` begins late or is empty."""
     ends: Reason | None = None
     """The reason why `may` ends early."""
-
-    @property
-    def negated(self) -> tuple[Extents, Extents]:
-        """`if_true` and `if_false` of its negation."""
-        return self.if_false, self.if_true
+    choices: tuple[Choice, ...] = ()
+    """Conditions of members of which some hold when it is true."""
+    denials: tuple[Choice, ...] = ()
+    """The same when it is false."""
 
 
 def unknown(clock: StepClock) -> Truth:
@@ -122,7 +134,8 @@ def lasting(extents: Extents) -> Extents:
 
 def opposite(truth: Truth, clock: StepClock) -> Truth:
     """`not x`."""
-    return Truth(clock.other(truth.must), clock.other(truth.may), truth.if_false, truth.if_true)
+    may, must = clock.other(truth.must), clock.other(truth.may)
+    return Truth(may, must, truth.if_false, truth.if_true, choices=truth.denials, denials=truth.choices)
 
 
 def conjunction(parts: Iterable[Truth], clock: StepClock) -> Truth:
@@ -143,10 +156,14 @@ def disjunction(parts: Iterable[Truth], clock: StepClock) -> Truth:
 
 def _both(left: Truth, right: Truth) -> Truth:
     extents = merged(left.if_true, right.if_true)
-    may = () if extents is None else common(left.may, right.may)
+    choices = (*left.choices, *right.choices)
+    refused = next((choice for choice in choices if extents is not None and not choice.left_by(extents)), None)
+    may = () if extents is None or refused is not None else common(left.may, right.may)
     later = left if first(left.may) >= first(right.may) else right
     reason = later.reason
-    if not may and left.may and right.may:
+    if refused is not None:
+        reason = _too_few(refused, extents or NOWHERE)
+    elif not may and left.may and right.may:
         reason = _apart(left, right) if extents is not None else _contrary(left, right)
     return Truth(
         may,
@@ -155,6 +172,7 @@ def _both(left: Truth, right: Truth) -> Truth:
         widened(left.if_false, right.if_false),
         reason,
         left.ends or right.ends,
+        choices,
     )
 
 
@@ -173,6 +191,8 @@ def _either(left: Truth, right: Truth) -> Truth:
         merged(left.if_false, right.if_false) or NOWHERE,
         earlier.reason,
         left.ends if left.ends and right.ends else None,
+        left.choices if not right.may else right.choices if not left.may else (),
+        (*left.denials, *right.denials),
     )
 
 
@@ -188,6 +208,12 @@ def _apart(left: Truth, right: Truth) -> Reason | None:
 def _contrary(left: Truth, right: Truth) -> Reason:
     clash = contradiction(left.if_true, right.if_true)
     return Reason(lambda: f"the condition contradicts itself: {in_words(clash)}", "LJ0612")
+
+
+def _too_few(choice: Choice, extents: Extents) -> Reason:
+    clash = next(contradiction(part, extents) for part in choice.parts if contradiction(part, extents))
+    words = f"{choice.least} of {len(choice.parts)} members are required"
+    return Reason(lambda: f"the condition contradicts itself: {words}, and {in_words(clash)} is excluded", "LJ0612")
 
 
 def contradiction(left: Extents, right: Extents) -> Quantity:
