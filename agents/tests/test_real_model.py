@@ -15,8 +15,8 @@ import pytest
 
 import lingjing
 from lingjing import read as read_trace
-from lingjing.mission.expression import Number
 from lingjing.testing import recorded_calls
+from lingjing.testing.expressions import Number
 
 PYTHON = os.environ.get("LINGJING_MODEL_PYTHON", "")
 TICKS = 6

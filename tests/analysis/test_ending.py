@@ -11,8 +11,8 @@ from lingjing import read as read_trace
 from lingjing.analysis.clauses import condition_text, unmet_parts
 from lingjing.analysis.ending import why
 from lingjing.analysis.registries import registries
-from lingjing.mission.expression import Attr, Binary, Call, Number, Quantified, Ref
 from lingjing.testing import mission_file, play, run_command, sea_rescue, shortened
+from lingjing.testing.expressions import Attr, Binary, Call, Number, Quantified, Ref
 from lingjing.trace.records import BoundaryRecord, Decision, DecisionRecord, Outcome
 
 replace = msgspec.structs.replace

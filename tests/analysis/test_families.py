@@ -13,11 +13,11 @@ from lingjing.analysis import families
 from lingjing.analysis.ending import why
 from lingjing.analysis.families import FAMILIES, Attribution, attribute
 from lingjing.bench.played import Played
-from lingjing.mission.expression import Attr, Binary, Call, Flag, Quantified, Ref, Symbol
 from lingjing.mission.instance import MessageSpec
-from lingjing.mission.model import Field, Relation, Rule, RuleParameter, Stage
 from lingjing.play.report import report_of
 from lingjing.testing import bare_instance, shipped_missions
+from lingjing.testing.declarations import Field, Relation, Rule, RuleParameter, Stage
+from lingjing.testing.expressions import Attr, Binary, Call, Flag, Quantified, Ref, Symbol
 from lingjing.trace.records import (
     Action,
     AdjudicatedEvent,

@@ -9,9 +9,9 @@ import pytest
 
 from lingjing import Trace
 from lingjing.analysis.idleness import idle_fraction
-from lingjing.mission.expression import Flag, Quantified
 from lingjing.mission.instance import AgentSpec, Entity, InteractionSpec
-from lingjing.mission.model import Stage
+from lingjing.testing.declarations import Stage
+from lingjing.testing.expressions import Flag, Quantified
 from lingjing.trace.records import (
     BoundaryRecord,
     Command,

@@ -10,11 +10,11 @@ import pytest
 import lingjing
 from lingjing import Trace, testing
 from lingjing.analysis.last_mile import LastMile, last_mile
-from lingjing.mission.expression import Call, Symbol
 from lingjing.mission.instance import Instance
 from lingjing.scene.city import City, content_sha256
 from lingjing.scene.road_map import RoadWay, read_road_map
 from lingjing.testing import mission_file
+from lingjing.testing.expressions import Call, Symbol
 from lingjing.trace.records import (
     AdjudicatedEvent,
     AgentBinding,

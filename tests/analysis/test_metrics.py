@@ -17,9 +17,9 @@ from lingjing.analysis.repetition import (
     repeated_target_rate,
     service_radii,
 )
-from lingjing.mission.expression import Attr, Binary, Call, Number, Quantified, Ref
 from lingjing.mission.instance import AgentSpec, ChannelSpec, Entity, InteractionSpec, StateSpec
-from lingjing.mission.model import Rule, RuleParameter, Unlock
+from lingjing.testing.declarations import Rule, RuleParameter, Unlock
+from lingjing.testing.expressions import Attr, Binary, Call, Number, Quantified, Ref
 from lingjing.trace.records import (
     Absent,
     AdjudicatedEvent,

@@ -8,8 +8,7 @@ import pytest
 import lingjing
 from lingjing import Trace
 from lingjing.analysis.families import attribute
-from lingjing.mission.instantiate import instantiate
-from lingjing.testing import shipped_missions
+from lingjing.testing import instantiate, shipped_missions
 from lingjing.trace.records import (
     Action,
     AdjudicatedEvent,

@@ -22,10 +22,10 @@ from lingjing.analysis.search_marks import communication_at_discovery, discoveri
 from lingjing.bench.played import Played
 from lingjing.cli.metrics import as_csv, domain_difference, retained, together
 from lingjing.errors import UsageError
-from lingjing.mission.expression import Flag
-from lingjing.mission.model import Constraint
 from lingjing.play.report import report_of
 from lingjing.testing import run_command
+from lingjing.testing.declarations import Constraint
+from lingjing.testing.expressions import Flag
 from lingjing.trace.records import (
     Action,
     AdjudicatedEvent,

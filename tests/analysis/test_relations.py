@@ -6,9 +6,9 @@ import pytest
 
 from lingjing.analysis.relations import RelationTracker
 from lingjing.kernel.registry import Registry, Report
-from lingjing.mission.model import Relation
 from lingjing.testing import does, together
 from lingjing.testing import rescue as kit
+from lingjing.testing.declarations import Relation
 from lingjing.trace.records import BodyState, Envelope
 
 

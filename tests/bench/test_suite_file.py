@@ -10,7 +10,6 @@ import pytest
 
 from lingjing.bench.planning import SuitePlan, options_of_cell
 from lingjing.bench.suite import Suite, find_suite, json_schema, read_document, shipped_suites
-from lingjing.data import data_path
 from lingjing.errors import ExitCode, UsageError
 from lingjing.play.policy_processes.barrier import LOAD_VARIABLE
 from lingjing.plugins.chat_model import ModelPlugin
@@ -287,7 +286,7 @@ def test_sweeps_are_what_missions_declare(tmp_path: Path, host: PluginHost) -> N
 
 
 def test_the_schema_is_the_committed_one_and_takes_every_shipped_suite() -> None:
-    committed = data_path("schemas", "suite.schema.json").read_bytes()
+    committed = Path(__file__).parents[2].joinpath("schemas", "suite.schema.json").read_bytes()
     assert committed == json_schema(), "run `python -m lingjing.bench.suite`"
     validator = jsonschema.Draft202012Validator(msgspec.json.decode(committed))
     jsonschema.Draft202012Validator.check_schema(validator.schema)

@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 import lingjing
-from lingjing.data import data_path
 from lingjing.errors import UsageError
 from lingjing.testing import mission_file
 from tools.python_forks import run_python
@@ -31,7 +30,7 @@ def folder(tmp_path: Path) -> bytes:
     """A folder with a mission and a suite with names that are not UTF-8."""
     inside = os.fsencode(tmp_path)
     shutil.copy(mission_file("ssr"), os.path.join(inside, NOT_TEXT + b".ljs"))
-    shutil.copy(data_path("suites", "main.toml"), os.path.join(inside, NOT_TEXT + b".toml"))
+    shutil.copy(Path(__file__).parents[2].joinpath("suites", "main.toml"), os.path.join(inside, NOT_TEXT + b".toml"))
     return inside
 
 

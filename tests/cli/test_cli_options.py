@@ -14,9 +14,9 @@ from lingjing import Mission
 from lingjing.cli.arguments import parse_pairs, parse_seeds, parse_settings, whole_number
 from lingjing.dsl.loading.shipped import find_mission, shipped_missions
 from lingjing.errors import UsageError
-from lingjing.mission.expression import Number
-from lingjing.mission.model import Parameter
 from lingjing.play.folders import claim_folder, claim_run_folder
+from lingjing.testing.declarations import Parameter
+from lingjing.testing.expressions import Number
 
 
 def mission_with_altitude() -> Mission:

@@ -7,8 +7,9 @@ import json
 import pytest
 
 from lingjing.dsl.printing.printer import round_trip_losses, to_ljs
-from lingjing.mission import document, model
+from lingjing.mission import document
 from lingjing.testing import compile_text, instantiate
+from lingjing.testing import declarations as model
 
 TYPES = """ljs 1
 use std.air { quadrotor }

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from lingjing import Mission
-from lingjing.mission import expression as ex
 from lingjing.mission.instance import Instance, StateSpec
 from lingjing.testing import compile_text, instantiate
+from lingjing.testing import expressions as ex
 
 
 def added(small: str, *lines: str, use: str = "") -> Mission:

@@ -8,8 +8,8 @@ import msgspec
 import pytest
 
 from lingjing import Mission
-from lingjing.mission import expression as ex
 from lingjing.testing import compile_file, run_command
+from lingjing.testing import expressions as ex
 
 ROOT = Path(__file__).parents[2]
 GOLDEN = Path(__file__).with_name("golden") / "ssr.mission.json"

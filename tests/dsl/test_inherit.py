@@ -9,8 +9,8 @@ import pytest
 
 from lingjing.dsl.checking import inherit
 from lingjing.dsl.syntax.parser import Parser
-from lingjing.mission import expression as ex
 from lingjing.testing import Compilation, compile_file, instantiate
+from lingjing.testing import expressions as ex
 
 
 @pytest.fixture

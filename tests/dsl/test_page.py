@@ -10,9 +10,9 @@ import pytest
 
 import lingjing
 from lingjing.dsl.pages.page import page
-from lingjing.mission import expression as ex
-from lingjing.mission import model
 from lingjing.testing import compile_text
+from lingjing.testing import declarations as model
+from lingjing.testing import expressions as ex
 
 ROOT = Path(__file__).parents[2]
 MISSIONS = sorted((ROOT / "scenarios").glob("*.ljs"))

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.mission.expression import Binary, Unary
 from lingjing.testing import compile_text
+from lingjing.testing.expressions import Binary, Unary
 
 SSR = (Path(__file__).parents[2] / "scenarios" / "ssr.ljs").read_text("utf-8")
 WON = "success when forall v in victim: rescued(v)"

@@ -14,10 +14,11 @@ from lingjing.dsl.formatting.formatter import format_text
 from lingjing.dsl.printing.phrases import Phrases, number_text
 from lingjing.dsl.printing.printer import _KNOWN, canonical, round_trip_losses, to_ljs, unprintable_paths
 from lingjing.errors import MissionError
-from lingjing.mission import document, model
-from lingjing.mission import expression as ex
+from lingjing.mission import document
 from lingjing.mission.units import UNITS, si_value
 from lingjing.testing import compile_text
+from lingjing.testing import declarations as model
+from lingjing.testing import expressions as ex
 
 ROOT = Path(__file__).parents[2]
 MISSIONS = sorted([*(ROOT / "scenarios").glob("*.ljs"), *(ROOT / "scenarios" / "examples").glob("*.ljs")])

@@ -168,7 +168,7 @@ INSERTIONS: dict[str, list[tuple[str, str]]] = {
 
 USE = """
 import sys
-from lingjing.dsl import compile_text
+from lingjing.testing import compile_text
 from lingjing.dsl.formatting.formatter import format_text
 from lingjing.dsl.pages.page import page
 from lingjing.dsl.printing.printer import canonical, round_trip_losses, to_ljs

@@ -8,8 +8,8 @@ import pytest
 import lingjing
 from lingjing.dsl import SourceText
 from lingjing.dsl.upgrade import upgrade_source
-from lingjing.mission.model import Origin
 from lingjing.testing import compile_file, compile_text, instantiate
+from lingjing.testing.declarations import Origin
 
 STORED = sorted((Path(__file__).parent / "data" / "ljs-1").glob("*.ljs"))
 

@@ -10,9 +10,9 @@ import pytest
 import lingjing
 from lingjing import Mission
 from lingjing.errors import ExitCode, UsageError
-from lingjing.mission.expression import Call, Expr, Ref, parts
 from lingjing.mission.instance import Instance
 from lingjing.testing import compile_file, compile_text, instantiate, run_command
+from lingjing.testing.expressions import Call, Expr, Ref, parts
 
 MISSION = """ljs 2
 use std.sea {{ lifeboat, person_in_water }}

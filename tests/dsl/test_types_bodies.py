@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from lingjing.dsl.printing.printer import round_trip_losses, to_ljs
-from lingjing.mission.model import BodyPart, CameraMount, Group
 from lingjing.testing import compile_text, instantiate
+from lingjing.testing.declarations import BodyPart, CameraMount, Group
 
 BUOY = """target beacon : person_in_water {
   length = 2 m, width = 1 m, height = 3 m

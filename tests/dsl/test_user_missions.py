@@ -12,7 +12,7 @@ import msgspec
 
 import lingjing
 from lingjing.mission.document import decode
-from lingjing.mission.model import Origin
+from lingjing.testing.declarations import Origin
 
 HERE = Path(__file__).parent
 

@@ -31,11 +31,11 @@ from lingjing.engines.camera.models.shapes import turned
 from lingjing.mission import appearance
 from lingjing.mission.appearance import COLOURS
 from lingjing.mission.instance import Entity, Weather
-from lingjing.mission.model import BodyPart
 from lingjing.plugins.bodies import entity_size
 from lingjing.scene.city import Bridge, Building, Lane, Pieces, Pipe, Prop, Road, Solid, Tile
 from lingjing.scene.sizes import SIZES
 from lingjing.testing import declared
+from lingjing.testing.declarations import BodyPart
 from lingjing.testing.engines import library_types
 from lingjing.trace.records import BodyState
 from tests.engines.camera_town import CLASSES

@@ -7,9 +7,9 @@ from lingjing.errors import UsageError
 from lingjing.kernel.adjudication import Adjudicator
 from lingjing.kernel.registry import initial
 from lingjing.kernel.rules import depends_on_motion, evaluate
-from lingjing.mission.expression import Aggregate, Attr, Binary, Call, Index, Number, Range, Ref, Symbol
 from lingjing.mission.instance import Region
 from lingjing.testing import rescue as kit
+from lingjing.testing.expressions import Aggregate, Attr, Binary, Call, Index, Number, Range, Ref, Symbol
 from lingjing.trace.records import TaskEvent
 
 EAST = Attr(base=Attr(base=kit.local("v"), name="position"), name="east")

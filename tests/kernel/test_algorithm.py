@@ -16,11 +16,11 @@ import pytest
 from lingjing.errors import InfrastructureError, PluginError
 from lingjing.kernel.barrier import PolicyBarrier
 from lingjing.kernel.episode import play, policy_barrier
-from lingjing.mission.expression import Binary, Call, Flag, Number, Point, Ref
 from lingjing.plugins.engine import Boundary
 from lingjing.plugins.policy import NoDecisionError
 from lingjing.testing import does, says, together
 from lingjing.testing import rescue as kit
+from lingjing.testing.expressions import Binary, Call, Flag, Number, Point, Ref
 from lingjing.trace.digest import next_digest
 from lingjing.trace.records import Decision, Usage
 

@@ -9,10 +9,10 @@ from msgspec.structs import replace
 
 from lingjing.kernel.inspections import Inspections
 from lingjing.kernel.rules import evaluate
-from lingjing.mission.expression import Call, Number, Sequence, Symbol, Text
 from lingjing.mission.instance import CountedSpec, InspectionSpec, LimitSpec
 from lingjing.testing import does, says, together
 from lingjing.testing import rescue as kit
+from lingjing.testing.expressions import Call, Number, Sequence, Symbol, Text
 from lingjing.testing.rescue import decisions
 from lingjing.trace.records import BoundaryRecord, CameraPose, Route, Snapshot
 

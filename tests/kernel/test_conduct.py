@@ -8,7 +8,6 @@ import pytest
 from lingjing.kernel.barrier import PolicyBarrier
 from lingjing.kernel.episode import play
 from lingjing.kernel.rules import evaluate
-from lingjing.mission.expression import Binary, Call, Number, Ref, Symbol
 from lingjing.mission.instance import (
     Allowance,
     CommsSpec,
@@ -18,9 +17,10 @@ from lingjing.mission.instance import (
     PermitSpec,
     RevealSpec,
 )
-from lingjing.mission.model import Constraint, Relation, Stage
 from lingjing.testing import does, says
 from lingjing.testing import rescue as kit
+from lingjing.testing.declarations import Constraint, Relation, Stage
+from lingjing.testing.expressions import Binary, Call, Number, Ref, Symbol
 from lingjing.testing.rescue import decisions
 from lingjing.trace.records import Decision, Route, Usage
 

@@ -9,10 +9,10 @@ from lingjing.kernel.bus import MessageRouter
 from lingjing.kernel.commands import CommandValidator
 from lingjing.kernel.registry import Registry
 from lingjing.mission.instance import ArgumentSpec, MessageSpec, VerbSpec
-from lingjing.mission.model import Field
 from lingjing.plugins.decisions import MESSAGES_PER_CALL, REACH_M, DecisionFormat
 from lingjing.testing import brief_of
 from lingjing.testing import rescue as kit
+from lingjing.testing.declarations import Field
 from lingjing.trace.records import BodyState, Decision
 
 FRAME = "f1-uav[1]-nadir"

@@ -7,11 +7,11 @@ import pytest
 
 from lingjing.kernel.event_visibility import EventVisibility
 from lingjing.kernel.visibility import Projector
-from lingjing.mission.expression import Binary, Call, Number, Point, Quantified, Ref, Symbol
 from lingjing.mission.instance import ChannelSpec, Instance, InteractionSpec
-from lingjing.mission.model import Constraint
 from lingjing.testing import CENTRE_BOX, compile_text, does, instantiate
 from lingjing.testing import rescue as kit
+from lingjing.testing.declarations import Constraint
+from lingjing.testing.expressions import Binary, Call, Number, Point, Quantified, Ref, Symbol
 from lingjing.trace.records import AdjudicatedEvent, Receipt, TaskEvent
 
 RESCUE = TaskEvent(kind="rescue", entities=("victim[1]", "boat"), time_s=10.0)

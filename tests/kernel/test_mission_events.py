@@ -5,10 +5,10 @@ import pytest
 
 from lingjing.kernel.barrier import PolicyBarrier
 from lingjing.kernel.episode import play
-from lingjing.mission.expression import Call, Ref, Symbol
 from lingjing.mission.instance import ChannelSpec, EventSpec, Weather
 from lingjing.testing import compile_text
 from lingjing.testing import rescue as kit
+from lingjing.testing.expressions import Call, Ref, Symbol
 from lingjing.trace.encoding import from_json, to_json
 from lingjing.trace.foxglove import logs
 from lingjing.trace.records import BoundaryRecord, ObservationRecord, TaskEvent

@@ -5,11 +5,11 @@ import pytest
 
 import lingjing
 from lingjing.kernel.rule_sentences import rule_sentences
-from lingjing.mission.expression import Binary, Expr, Ref, Unary
 from lingjing.mission.instance import Instance
 from lingjing.mission.instance_text import InstanceText
 from lingjing.testing import instantiate, mission_file
 from lingjing.testing import rescue as kit
+from lingjing.testing.expressions import Binary, Expr, Ref, Unary
 
 
 def played(name: str, mode: str, seed: int = 1) -> Instance:

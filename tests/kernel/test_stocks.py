@@ -4,9 +4,9 @@ import msgspec
 import pytest
 
 from lingjing.kernel.stocks import current, stocks
-from lingjing.mission.expression import Aggregate, Attr, Binary, Number
 from lingjing.mission.instance import ChannelSpec, StateSpec
 from lingjing.testing import rescue as kit
+from lingjing.testing.expressions import Aggregate, Attr, Binary, Number
 from lingjing.trace.records import BodyState, Route
 
 LOAD = StateSpec(name="load", unit="kg")

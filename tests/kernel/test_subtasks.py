@@ -3,10 +3,10 @@
 import pytest
 
 from lingjing.kernel.subtasks import required_groups
-from lingjing.mission.expression import Binary, Call, Flag, Number, Point, Quantified, Ref
-from lingjing.mission.model import Constraint, Stage
 from lingjing.testing import does
 from lingjing.testing import rescue as kit
+from lingjing.testing.declarations import Constraint, Stage
+from lingjing.testing.expressions import Binary, Call, Flag, Number, Point, Quantified, Ref
 
 NEVER = Flag(value=False)
 THREE = ((100.0, 0.0), (0.0, -100.0), (-100.0, 0.0))

@@ -4,8 +4,8 @@ from typing import Literal
 
 import pytest
 
-from lingjing.mission import expression as ex
-from lingjing.mission import model as m
+from lingjing.testing import declarations as m
+from lingjing.testing import expressions as ex
 
 
 def metres(value: float) -> ex.Number:

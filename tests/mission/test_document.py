@@ -9,7 +9,7 @@ import pytest
 
 from lingjing.errors import LingjingError, MissionError, UsageError
 from lingjing.mission import document
-from lingjing.mission import model as m
+from lingjing.testing import declarations as m
 
 ROOT = Path(__file__).resolve().parents[2]
 

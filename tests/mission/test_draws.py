@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lingjing.errors import MissionError
-from lingjing.mission import expression as ex
 from lingjing.mission import geometry2d
 from lingjing.mission.draws import Drawn, draw, sites
 from lingjing.mission.evaluate import Area, Place, Scope
+from lingjing.testing import expressions as ex
 
 FIELD = ((0.0, 0.0), (800.0, 0.0), (800.0, 300.0), (300.0, 300.0), (300.0, 350.0), (0.0, 350.0))
 SCOPE = Scope(areas={"field": Area(FIELD)})

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lingjing.errors import MissionError
-from lingjing.mission import expression as ex
 from lingjing.mission.evaluate import Area, Interval, Members, Place, Scope, evaluate, further_place, number, whole
+from lingjing.testing import expressions as ex
 
 SCOPE = Scope(
     parameters={"uavs": 3.0},

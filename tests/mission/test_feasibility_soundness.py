@@ -12,8 +12,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lingjing.mission import expression as ex
-from lingjing.mission import model as m
 from lingjing.mission.conditions.condition_needs import needs
 from lingjing.mission.conditions.needs import mandatory
 from lingjing.mission.conditions.outline import of_instance, of_mission, too_large
@@ -23,6 +21,8 @@ from lingjing.mission.feasibility.limits import episode
 from lingjing.mission.feasibility.tour import tours
 from lingjing.mission.instance import Instance
 from lingjing.testing import compile_file, instantiate
+from lingjing.testing import declarations as m
+from lingjing.testing import expressions as ex
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 BOAT_MPS = 3.0

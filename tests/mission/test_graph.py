@@ -10,11 +10,11 @@ import pytest
 
 import lingjing
 from lingjing.errors import MissionError, UsageError
-from lingjing.mission import expression as ex
-from lingjing.mission import model as m
 from lingjing.mission.expression_text import spell
 from lingjing.mission.graph import EdgeKind, MissionGraph, NodeKind, graph
 from lingjing.mission.graph.guards import presence
+from lingjing.testing import declarations as m
+from lingjing.testing import expressions as ex
 
 SSR = Path(__file__).parents[2] / "scenarios" / "ssr.ljs"
 V, R = ex.Ref("v", "local"), ex.Ref("r", "local")

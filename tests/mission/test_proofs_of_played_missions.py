@@ -20,13 +20,13 @@ from lingjing import Trace
 from lingjing import read as read_trace
 from lingjing.analysis.registries import registries
 from lingjing.kernel.rules import holds
-from lingjing.mission import expression as ex
 from lingjing.mission.conditions.outline import of_instance
 from lingjing.mission.feasibility import prove_instance
 from lingjing.mission.feasibility.milestones import Milestones
 from lingjing.mission.instance import CountedSpec, Instance, LimitSpec, PermitSpec
-from lingjing.mission.model import Constraint
 from lingjing.testing import compile_text
+from lingjing.testing import expressions as ex
+from lingjing.testing.declarations import Constraint
 from lingjing.trace.records import BodyState, BoundaryRecord
 from tests.mission.language_cases import CLOCKS, STATES, WINNABLE, Variant, success
 

@@ -16,12 +16,12 @@ from msgspec.structs import replace
 
 from lingjing.errors import LingjingError, MissionError, UsageError
 from lingjing.mission import document, frames, geometry2d
-from lingjing.mission import expression as ex
-from lingjing.mission import model as m
 from lingjing.mission.instance import Entity, Instance
 from lingjing.mission.reset.reading import instantiate_document
 from lingjing.mission.weather_words import SKIES, sky_of, word_for
 from lingjing.plugins.geometry import bearing_deg
+from lingjing.testing import declarations as m
+from lingjing.testing import expressions as ex
 from lingjing.testing import instantiate
 
 ROOT = Path(__file__).resolve().parents[2]

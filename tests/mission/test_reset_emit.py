@@ -12,9 +12,9 @@ from msgspec.structs import replace
 
 from lingjing.errors import MissionError
 from lingjing.mission import document
-from lingjing.mission import model as m
 from lingjing.mission.reset.emit import emit, with_template
 from lingjing.mission.reset.reading import instantiate_document
+from lingjing.testing import declarations as m
 from lingjing.testing import instantiate
 
 ROOT = Path(__file__).resolve().parents[2]

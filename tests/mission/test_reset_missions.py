@@ -12,8 +12,6 @@ import pytest
 from lingjing.dsl.loading.load import templates_beside
 from lingjing.errors import MissionError
 from lingjing.mission import document, frames
-from lingjing.mission import expression as ex
-from lingjing.mission import model as m
 from lingjing.mission.instance import Instance, StateSpec
 from lingjing.mission.reset.elements import elements_fault
 from lingjing.mission.reset.emit import emit
@@ -21,6 +19,8 @@ from lingjing.mission.reset.fields import FIELDS, field_of
 from lingjing.mission.reset.reading import instantiate_document
 from lingjing.mission.reset.shapes import LISTS
 from lingjing.mission.reset.template import fleet_of, signatures
+from lingjing.testing import declarations as m
+from lingjing.testing import expressions as ex
 from lingjing.testing import instantiate
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -12,10 +12,10 @@ from lingjing import Mission
 from lingjing.dsl.loading.load import templates_beside
 from lingjing.errors import MissionError
 from lingjing.mission.document import read
-from lingjing.mission.expression import Number
 from lingjing.mission.instance import Instance
 from lingjing.mission.reset.emit import emit
 from lingjing.testing import instantiate
+from lingjing.testing.expressions import Number
 
 TEMPLATES = templates_beside(Path("nowhere"))
 MADE_UP = Path(__file__).parent / "made_up"

@@ -8,11 +8,11 @@ import msgspec
 import pytest
 
 from lingjing.mission import document
-from lingjing.mission import model as m
 from lingjing.mission.instance import Instance
 from lingjing.mission.reset.emit import emit
 from lingjing.mission.reset.reading import instantiate_document
 from lingjing.testing import compile_file, instantiate
+from lingjing.testing import declarations as m
 
 ROOT = Path(__file__).resolve().parents[2]
 LISTING = (ROOT / "scenarios" / "reset" / "ssr-001.json").read_text(encoding="utf-8")

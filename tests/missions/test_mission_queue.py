@@ -6,9 +6,9 @@ import msgspec
 import pytest
 
 from lingjing.kernel.episode import policy_barrier
-from lingjing.mission.expression import Aggregate, Attr, Binary, Call, Number, Ref, Symbol
 from lingjing.mission.tasks import declared, matching_members, required_tasks
 from lingjing.testing import CENTRE_BOX, PluginHost, Stage, does, reports, says
+from lingjing.testing.expressions import Aggregate, Attr, Binary, Call, Number, Ref, Symbol
 from tests.missions import staging as kit
 
 SHOPS = ("shop[1]", "shop[2]", "shop[3]")

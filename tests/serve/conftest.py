@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.trace.reader import Trace, read_trace
+from lingjing import Trace
+from lingjing import read as read_trace
 
 WAIT_S = 120
 

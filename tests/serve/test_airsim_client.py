@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lingjing.cli.main import main
+from lingjing.testing import run_command
 from lingjing.trace.records import GROUNDED
 from tests.serve.conftest import Serve, Served, thoughts
 
@@ -90,7 +90,7 @@ def test_a_drone_takes_off_hovers_turns_and_lands_and_the_trace_replays(serve: S
     trace = served.finish()
     assert trace.outcome is not None and trace.outcome.success
     assert any("takeoff(20, '')" in line for _, line in thoughts(trace))
-    assert main(["replay", str(trace.path)]) == 0
+    assert run_command(["replay", str(trace.path)]) == 0
 
 
 def test_velocities_and_paths_are_north_east_down(serve: Serve) -> None:

@@ -13,9 +13,9 @@ from typing import Any
 import msgpack
 import pytest
 
-from lingjing.cli.main import main
 from lingjing.serve.airsim.methods import METHODS
 from lingjing.serve.airsim.protocol import MOST_BYTES, FrameReader, ProtocolError, Request
+from lingjing.testing import run_command
 from tests.serve.conftest import Serve, Served
 
 
@@ -178,7 +178,7 @@ def test_a_token_guards_the_server(serve: Serve, tmp_path: Path) -> None:
 def test_a_wrong_command_line_ends_with_one_message(
     options: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["serve", *options]) == 2
+    assert run_command(["serve", *options]) == 2
     error = capsys.readouterr().err
     assert message in error and "Traceback" not in error
 
@@ -186,5 +186,5 @@ def test_a_wrong_command_line_ends_with_one_message(
 def test_a_taken_port_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     with socket.create_server(("127.0.0.1", 0)) as holder:
         port = str(holder.getsockname()[1])
-        assert main(["serve", "--airsim", "--scene", "bay", "--port", port]) == 2
+        assert run_command(["serve", "--airsim", "--scene", "bay", "--port", port]) == 2
     assert f"cannot listen at 127.0.0.1 port {port}" in capsys.readouterr().err

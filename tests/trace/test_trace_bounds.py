@@ -22,7 +22,7 @@ from lingjing.trace.container import MAGIC, scan
 READ = """
 import json, resource, sys
 from pathlib import Path
-from lingjing.trace.reader import read_trace
+from lingjing import read as read_trace
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 trace = read_trace(Path(sys.argv[1]))
 grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before

@@ -105,7 +105,7 @@ KILLED = """
 import os, signal, sys
 from pathlib import Path
 from lingjing.testing import sea_rescue
-from lingjing.trace.writer import TraceWriter
+from lingjing.testing import TraceWriter
 writer = TraceWriter(Path(sys.argv[1]), sea_rescue.header())
 for record, pictures in sea_rescue.episode(60):
     writer.boundary(record, pictures)

@@ -10,14 +10,13 @@ import msgspec
 import pytest
 
 from lingjing import Trace
-from lingjing.data import data_path
 from lingjing.trace.encoding import to_json
 from lingjing.trace.schemas import RECORDS, schema_text
 
 
 @pytest.mark.parametrize("name", RECORDS)
 def test_the_folder_holds_the_schemas_of_the_code(name: str) -> None:
-    stored = data_path("schemas", "trace", f"{name}.schema.json").read_text(encoding="utf-8")
+    stored = Path(__file__).parents[2].joinpath("schemas", "trace", f"{name}.schema.json").read_text(encoding="utf-8")
     assert stored == schema_text(name), "run `python -m lingjing.trace.schemas`"
 
 

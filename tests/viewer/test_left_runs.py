@@ -22,7 +22,7 @@ from lingjing.viewer.live import LiveSource
 WRITE = """
 import sys, time
 from pathlib import Path
-from lingjing.trace.writer import TraceWriter
+from lingjing.testing import TraceWriter
 from lingjing.testing import sea_rescue
 steps = sea_rescue.episode(ticks=4)
 with TraceWriter(Path(sys.argv[1]), sea_rescue.header()) as writer:
