@@ -330,8 +330,9 @@ def inbox_from(state: dict[str, Any], brief: Brief) -> Inbox:
         body = {name: tuple(value) if isinstance(value, list) else value for name, value in item["body"].items()}
         notes.append(
             Envelope(
-                id=f"m{state['tick']}-{number}", tick=item["sent_at_tick"], sender=item["from"], recipient=brief.agent,
-                kind=item["kind"], category=category, body=body, bytes=1, deliver_at=state["tick"],
+                id=f"m{state['tick']}-{number}", tick=item["sent_at_tick"] + 1, sender=item["from"],
+                recipient=brief.agent, kind=item["kind"], category=category, body=body, bytes=1,
+                deliver_at=state["tick"],
             )
         )  # fmt: skip
     receipts = [

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from lingjing.kernel.facts import HANDOFF_M, SAME_POINT_M
 from lingjing.mission.condition_words import ConditionWords
 from lingjing.mission.conditions.declared_values import deadlines_s
-from lingjing.mission.expression import Attr, Expr, Number, parts
+from lingjing.mission.expression import Attr, Call, Expr, Number, parts
 from lingjing.mission.instance import Instance, InteractionSpec, LimitSpec
 from lingjing.mission.instance_text import InstanceText, public_values
 from lingjing.mission.model import Stage
@@ -41,6 +42,7 @@ class _Rules:
         yield from map(_limit, self._instance.limits)
         yield from self._constraints()
         yield from self._timed_stages()
+        yield from self._assignments()
 
     def _condition(self, condition: Expr, domains: Mapping[str, str]) -> str:
         """Return the condition in words, followed by the bounds of its measured quantities."""
@@ -60,8 +62,9 @@ class _Rules:
         for group, entity in groups.items():
             for spec in entity.interactions:
                 actors = ", ".join(f"`{actor.id}`" for actor in self._instance.actors(spec)) or "nobody here"
+                reach = f"within {spec.within_m:g} m (horizontally)"
                 yield (
-                    f"`{spec.name}` is done to a {group} by {actors} within {spec.within_m:g} m{_course(spec)}"
+                    f"`{spec.name}` is done to a {group} by {actors} {reach}{_course(spec)}"
                     + "".join(
                         f", once {self._condition(unlock.condition, {})}"
                         for unlock in self._instance.unlocks
@@ -108,6 +111,23 @@ class _Rules:
                 times = ", ".join(self._deadlines(stage))
                 when = self._condition(stage.condition, domains)
                 yield f"the stage *{stage.name}* must be done by {times}, or the mission ends: when {when}"
+
+    def _assignments(self) -> Iterator[str]:
+        """Yield the meaning of `assigned` if a condition reads it, for rules that say no more than the word."""
+        conditions = (
+            *(rule.condition for rule in self._instance.rules),
+            *(stage.condition for stage in self._instance.stages),
+            *(permit.condition for permit in self._instance.permits),
+            *(unlock.condition for unlock in self._instance.unlocks),
+            self._instance.success,
+        )
+        if any(isinstance(part, Call) and part.function == "assigned" for expr in conditions for part in parts(expr)):
+            yield (
+                "a body is assigned to a target when its latest destination lies within "
+                f"{HANDOFF_M:g} m (horizontally) of the target, or within {SAME_POINT_M:g} m of the position in a "
+                "report that matches the target; a destination is the `position` of an assignment message with this "
+                "body or its agent as `assignee`, or the place of a command that the body accepted"
+            )
 
     def _deadlines(self, stage: Stage) -> Iterator[str]:
         """Yield the deadline of each subject. A group with a hidden property in the deadline is named without times."""

@@ -262,7 +262,7 @@ def field_values(brief: Brief, field: Field) -> str:
         known = names_of(brief) if names_of else ()
         many = "a list, each " if field.type == "names" else ""
         return f"{many}one of {', '.join(known)}" if known else f"{many}{_FREE.get(field.name, 'a short word')}"
-    return _MEANT[field.type]
+    return _FLAGS.get(field.name, _MEANT[field.type])
 
 
 def _bodies(brief: Brief) -> tuple[str, ...]:
@@ -282,6 +282,8 @@ _FREE = {
     "stops": "id of a place among the entities you observe, in the order of the tour",
     "step": "verb of the assignee's next command, such as forward, left, right or stop",
 }
+_FLAGS = {"hover": "true if the body that took the picture should stay over the place, else false"}
+"""The meanings of flags with a name that says too little (the paper's sea rescue, line 664)."""
 _MEANT = {
     "text": "a text",
     "frame": "id of a picture that was taken, such as you were given it",

@@ -6,6 +6,8 @@ the description are measured where the camera has a depth channel, and computed 
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from lingjing.plugins.geometry import pixel_to_plane, pixel_to_world
@@ -80,13 +82,23 @@ def _ground(picture: Picture, brief: Brief) -> dict[str, object]:
     )
     columns, rows = len(places[0]), len(places)
     return {
+        **_extent(places),
         "ground": {
             "x": [round(i / (columns - 1), 3) for i in range(columns)],
             "y": [round(j / (rows - 1), 3) for j in range(rows)],
             "east_north_elevation_m": places,
             "heights": known,
-        }
+        },
     }
+
+
+def _extent(places: list[list[list[float] | None]]) -> dict[str, object]:
+    """Return the width and height of the ground in a picture, metres, if all of its corners show ground."""
+    corners = (places[0][0], places[0][-1], places[-1][0])
+    if any(corner is None for corner in (*corners, places[-1][-1])):
+        return {}
+    first, across, down = (corner or [] for corner in corners)
+    return {"covers_m": [round(math.dist(first[:2], other[:2])) for other in (across, down)]}
 
 
 def _grid(picture: Picture, brief: Brief, columns: int, rows: int) -> list[list[list[float] | None]]:

@@ -14,7 +14,7 @@ from pathlib import Path
 from string import Template
 
 from lingjing.plugins.policy import Brief
-from lingjing_agents.react.facts import rules
+from lingjing_agents.react.facts import goal_text, rules
 
 SCHEMA_HOLE = "schema"
 """The hole of the JSON Schema of an answer. A prompt without it leaves the form of an answer to the model."""
@@ -46,7 +46,7 @@ class PromptText:
         values = {
             "agent": brief.agent,
             "role": brief.role,
-            "goal": brief.goal,
+            "goal": goal_text(brief),
             "task": brief.prompt,
             "rules": rules(brief),
             "ticks": f"{brief.ticks}",

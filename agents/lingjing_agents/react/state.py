@@ -78,7 +78,8 @@ def observation_text(
             {"kind": event.kind, "entities": event.entities, "tick": event.tick} for event in observation.events
         ],
         "received": [
-            {"from": note.sender, "kind": note.kind, "body": note.body, "sent_at_tick": note.tick}
+            # a message is admitted at the boundary after the decision that sends it
+            {"from": note.sender, "kind": note.kind, "body": note.body, "sent_at_tick": note.tick - 1}
             for note in inbox.messages
         ],
         "receipts": requests.in_words(observation.agent, inbox.receipts),

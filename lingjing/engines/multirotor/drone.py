@@ -76,6 +76,7 @@ class Drone(Aircraft):
         self._power = RotorPower()
         self._stock = Stock(entity)
         self._full_cruise = self.cruise_mps = entity.number_or("cruise_mps", CRUISE_MPS)
+        self._band_low_m = entity.number_or("band_low_m", -math.inf)
         self._origin = origin
         self._airframe = QuadrotorAirframe(origin, entity.position[2], entity.heading_deg)
         self._controller = PositionController()
@@ -126,7 +127,7 @@ class Drone(Aircraft):
             self._brake()
             return
         grounded = self.phase in (FlightPhase.GROUNDED, FlightPhase.SPINUP)
-        here = Situation(self.position, self._attitude[2], grounded, self._battery.left_wh)
+        here = Situation(self.position, self._attitude[2], grounded, self._battery.left_wh, self._band_low_m)
         task = plan(command, here, self._terrain, self._floor)
         self._check_load()
         self._begin(*task.legs, arrives=task.arrives)

@@ -68,6 +68,8 @@ class Situation:
     """True on the ground."""
     left_wh: float
     """Energy left, watt-hours."""
+    band_low_m: float = -math.inf
+    """The lowest elevation of the vehicle's band, metres; minus infinity without one."""
 
 
 KIND = builtin_engines()["multirotor"]
@@ -97,7 +99,8 @@ def _takeoff(command: Command, here: Situation) -> _FlightTask:
     if not here.grounded:
         raise Refusal("airborne", f"`{command.resource}` is flying already")
     has_altitude = optional_number(command, "altitude") is not None
-    altitude = number_at_least(command, "altitude", KIND) if has_altitude else TAKEOFF_M
+    usual = max(TAKEOFF_M, here.band_low_m - here.position[2])  # a default must not leave it below its band
+    altitude = number_at_least(command, "altitude", KIND) if has_altitude else usual
     return _FlightTask(legs=(_raised(here.position, altitude),), arrives=False)
 
 
