@@ -27,7 +27,7 @@ def played(name: str, mode: str, seed: int = 1) -> Instance:
         (
             "upr",
             "star",
-            ("is at most `10 m`", "within 5 m", "at most 20 of `guide` messages", "else the mission fails"),
+            ("is at most `10 m`", "within 5 m", "at most 20 of `guide` messages"),
         ),
         (
             "cr",
