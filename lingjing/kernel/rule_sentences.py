@@ -26,6 +26,11 @@ def rule_sentences(instance: Instance) -> tuple[str, ...]:
     return tuple(_Rules(instance).sentences())
 
 
+def failure_sentences(instance: Instance) -> tuple[str, ...]:
+    """Return the sentences on what ends the mission as a failure: its failure condition and its hard constraints."""
+    return tuple(_Rules(instance).failures())
+
+
 class _Rules:
     def __init__(self, instance: Instance) -> None:
         self._instance = instance
@@ -33,8 +38,7 @@ class _Rules:
 
     def sentences(self) -> Iterator[str]:
         yield f"The mission is won when {self._condition(self._instance.success, {})}"
-        if self._instance.failure is not None:
-            yield f"The mission is lost when {self._condition(self._instance.failure, {})}"
+        yield from self._failure()
         yield from self._adjudicated()
         yield from self._interactions()
         yield from self._inspections()
@@ -43,6 +47,15 @@ class _Rules:
         yield from self._constraints()
         yield from self._timed_stages()
         yield from self._assignments()
+
+    def failures(self) -> Iterator[str]:
+        """Yield the failure condition and the hard constraints."""
+        yield from self._failure()
+        yield from self._constraints("hard")
+
+    def _failure(self) -> Iterator[str]:
+        if self._instance.failure is not None:
+            yield f"The mission is lost when {self._condition(self._instance.failure, {})}"
 
     def _condition(self, condition: Expr, domains: Mapping[str, str]) -> str:
         """Return the condition in words, followed by the bounds of its measured quantities."""
@@ -91,8 +104,11 @@ class _Rules:
             )
             yield f"{scope} is rejected until {self._condition(permit.condition, {})} (`stop` is always taken)"
 
-    def _constraints(self) -> Iterator[str]:
+    def _constraints(self, kind: str = "") -> Iterator[str]:
+        """Yield the constraints, of one kind if it is given."""
         for rule in self._instance.constraints:
+            if kind not in ("", rule.kind):
+                continue
             domains = {rule.variable: rule.domain} if rule.variable and rule.domain else {}
             each = f" for each {rule.domain} `{rule.variable}`" if domains else ""
             cost = f"at a penalty of {rule.penalty.value:g}" if isinstance(rule.penalty, Number) else "at a penalty"

@@ -20,7 +20,7 @@ from lingjing.kernel.gnss import GnssError, GnssErrors, shifted
 from lingjing.kernel.imu import InertialUnits, Motion
 from lingjing.kernel.pictures import reference_views
 from lingjing.kernel.registry import Registry
-from lingjing.kernel.rule_sentences import rule_sentences
+from lingjing.kernel.rule_sentences import failure_sentences, rule_sentences
 from lingjing.kernel.stocks import public_resources, stocks
 from lingjing.mission.appearance import PHYSICAL
 from lingjing.mission.functions import GNSS, IMU
@@ -111,6 +111,7 @@ class Projector:
             water_level_m=instance.scene.datum_m,
             settings={k: v for k, v in instance.settings.items() if k not in instance.hidden_settings},
             rules=self._rules,
+            failures=self._failures,
             bounds=None if self._city is None else reachable(self._city.bounds),
             payload_bytes=instance.comms.payload_bytes,
             delay_ticks=instance.comms.delay_ticks,
@@ -143,6 +144,10 @@ class Projector:
             for inspection in self._instance.inspections
             if inspection.destination in self._public and inspection.asset in self._public
         )
+
+    @cached_property
+    def _failures(self) -> tuple[str, ...]:
+        return failure_sentences(self._instance)
 
     @cached_property
     def _rules(self) -> tuple[str, ...]:

@@ -142,6 +142,8 @@ class Brief(msgspec.Struct, frozen=True, kw_only=True):
     """The public parameters of the mission."""
     rules: tuple[str, ...] = ()
     """Sentences that state how the mission is won and how it is scored."""
+    failures: tuple[str, ...] = ()
+    """The part of `rules` that states what ends the mission as a failure."""
     bounds: tuple[float, float, float, float] | None = None
     """West, south, east and north of the places that a command may name, metres; None for anywhere."""
     payload_bytes: int = 4000

@@ -42,7 +42,11 @@ def played(name: str, mode: str, seed: int = 1) -> Instance:
         (
             "cd",
             "star",
-            ("within 30 m", "within 50 m (horizontally), which raises the actor's load up to its payload", "is at most `0 kg`"),
+            (
+                "within 30 m",
+                "within 50 m (horizontally), which raises the actor's load up to its payload",
+                "is at most `0 kg`",
+            ),
         ),
     ],
 )

@@ -27,8 +27,6 @@ from lingjing.plugins.policy import (
 
 _VIEWS = {"nadir": "straight down", "front": "ahead", "oblique": "ahead and down"}
 _UNITS = {"m": "m", "deg": "degrees", "s": "s", "kg": "kg", "mps": "m/s"}
-LOST, FAILS = "The mission is lost when", "else the mission fails"
-"""The beginning and the end of the rules (`Brief.rules`) that say when a mission fails."""
 _TOLD = ("length_m", "width_m", "height_m")
 """Measures of a body that are left out, because no decision needs them."""
 
@@ -51,9 +49,8 @@ def rules(brief: Brief) -> str:
 
 def goal_text(brief: Brief) -> str:
     """Return the goal with everything that ends the mission as a failure."""
-    ends = [sentence for sentence in brief.rules if sentence.startswith(LOST) or sentence.endswith(FAILS)]
     late = f"It is lost too if it is not won within {brief.ticks} ticks"
-    return " ".join((brief.goal, *(f"{sentence[0].upper()}{sentence[1:]}." for sentence in (*ends, late))))
+    return " ".join((brief.goal, *(f"{sentence[0].upper()}{sentence[1:]}." for sentence in (*brief.failures, late))))
 
 
 def known(brief: Brief) -> dict[str, object]:
