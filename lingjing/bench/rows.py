@@ -95,6 +95,18 @@ def column_label(mission: str, mode: str, tier: int) -> str:
     return f"{mission}-{mode}{f', tier {tier}' if tier else ''}"
 
 
+NEVER_BY_NUMBER = "tier 0 is comparable with the paper by protocol and never by number"
+"""The sentence beside every result of tier 0."""
+
+
+def tiers_in_words(missions: Iterable[tuple[int, str]]) -> str:
+    """The missions of each tier: `tier 0: queue; tier 1: bi, ssr`. `missions`: pairs of a tier and a mission's name."""
+    tiers: dict[int, dict[str, None]] = {}
+    for tier, mission in missions:
+        tiers.setdefault(tier, {})[mission] = None
+    return "; ".join(f"tier {tier}: {', '.join(tiers[tier])}" for tier in sorted(tiers))
+
+
 def check_tiers(rows: Iterable[SuiteRow]) -> None:
     """Raise `UsageError` if rows of one mission have different tiers, because no table compares these."""
     tiers: dict[str, set[int]] = {}

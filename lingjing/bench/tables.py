@@ -17,7 +17,7 @@ from lingjing.analysis.shares import ConfidenceBounds, wilson
 from lingjing.bench.failure_tables import drift_table, failure_tables
 from lingjing.bench.paired_tests import paired_tests
 from lingjing.bench.played import Played, columns_of, grouped, mean_of
-from lingjing.bench.rows import RowKey, SuiteRow
+from lingjing.bench.rows import NEVER_BY_NUMBER, RowKey, SuiteRow, tiers_in_words
 from lingjing.bench.statistics import (
     bootstrap,
     macro_average,
@@ -96,13 +96,12 @@ def standing_notes(rows: Sequence[SuiteRow]) -> tuple[str, ...]:
 
 
 def _tier_notes(rows: Iterable[SuiteRow]) -> Iterator[str]:
-    """Yield the tier of each mission, if any is above 0. Results of different tiers are never compared."""
-    tiers: dict[int, dict[str, None]] = {}
-    for row in rows:
-        tiers.setdefault(row.tier, {})[row.mission] = None
-    if any(tiers):
-        listed = "; ".join(f"tier {tier}: {', '.join(sorted(tiers[tier]))}" for tier in sorted(tiers))
-        yield f"{listed} (tier 0 is the mission of the paper; other tiers are harder and are not compared with it)"
+    """Yield the tier of each mission, if any is above 0, and how tier 0 compares with the paper."""
+    missions = sorted({(row.tier, row.mission) for row in rows})
+    if any(tier for tier, _ in missions):
+        yield f"{tiers_in_words(missions)} (other tiers are harder than tier 0 and are never compared with it)"
+    if any(tier == 0 for tier, _ in missions):
+        yield NEVER_BY_NUMBER
 
 
 def _named(keys: Sequence[RowKey]) -> str:
@@ -133,7 +132,39 @@ def _success(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
             lines.append(_line(own[0], (entrant,), (*cells, average_cell(own, columns))))
         heads = (*(column_head(mission, mode, columns) for mission, mode in columns), "Avg")
         named = titled(title or "Task success rate (TSR, %)", condition)
-        yield ResultTable("success", named, ("Entrant",), heads, marked(lines, by_column=True))
+        whole = (*marked(lines, by_column=True), *_beside_rates(some, columns))
+        yield ResultTable("success", named, ("Entrant",), heads, whole, _chance_notes(some))
+
+
+def _beside_rates(rows: Sequence[SuiteRow], columns: Sequence[tuple[str, str]]) -> Iterator[ResultLine]:
+    """Yield the lines beside the rates above tier 0: the precision of each entrant's reports, and the chance level.
+
+    The chance level of a column is the best rate of an entrant with black pictures.
+    """
+    if not any(row.tier for row in rows):
+        return
+    hard = [row for row in rows if row.tier]
+    for entrant, own in grouped(hard, lambda row: row.entrant).items():
+        cells = [percent(_played(own, column).precision()) for column in columns]
+        name = f"{entrant} {PRIVILEGED}" if own[0].privileged else entrant
+        yield ResultLine(_PRECISION, (name,), (*cells, ResultCell(ABSENT)))
+    blind = grouped([row for row in hard if row.options.blank_pictures], lambda row: row.entrant).values()
+    rates = [[rate_cell(_played(own, column)) for own in blind] for column in columns]
+    best = [max(cells, key=lambda cell: _finite(cell.value), default=ResultCell(ABSENT)) for cells in rates]
+    yield ResultLine(_CHANCE, ("best with black pictures",), (*best, ResultCell(ABSENT)))
+
+
+def _chance_notes(rows: Sequence[SuiteRow]) -> tuple[str, ...]:
+    """Return a note if the chance level was not measured above tier 0."""
+    hard = [row for row in rows if row.tier]
+    if not hard or any(row.options.blank_pictures for row in hard):
+        return ()
+    return ("the chance level was not measured: no entrant with `blank_pictures` was played",)
+
+
+_PRECISION = "Precision of reports (%)"
+_CHANCE = "Chance level (TSR, %)"
+"""Headings of the lines beside the rates above tier 0."""
 
 
 def _intervals(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:

@@ -338,10 +338,11 @@ def _size(cells: Sequence[SuiteCell], seeds: int, shard: Shard | None) -> str:
 
 def _say_tiers(cells: Sequence[SuiteCell]) -> None:
     """Print the tier of each mission: those without tiers are played at tier 0."""
-    tiers: dict[int, dict[str, None]] = {}
-    for cell in cells:
-        tiers.setdefault(cell.column.tier, {})[cell.column.mission] = None
-    say("; ".join(f"tier {tier}: {', '.join(missions)}" for tier, missions in sorted(tiers.items())))
+    from lingjing.bench.rows import NEVER_BY_NUMBER, tiers_in_words
+
+    missions = [(cell.column.tier, cell.column.mission) for cell in cells]
+    paper = f" ({NEVER_BY_NUMBER})" if any(tier == 0 for tier, _ in missions) else ""
+    say(f"{tiers_in_words(missions)}{paper}")
 
 
 def _print_cost(plan: SuitePlan, episodes: Sequence[SuiteEpisode]) -> None:

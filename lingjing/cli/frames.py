@@ -8,7 +8,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lingjing.cli.arguments import check_counts, parse_pairs, parse_seeds, parse_settings
+from lingjing.cli.arguments import check_counts, parse_pairs, parse_seeds, parse_settings, parse_tier
 from lingjing.cli.parser import ArgumentParser
 from lingjing.errors import ExitCode, UsageError
 from lingjing.mission.vocabulary import MODES
@@ -57,6 +57,7 @@ def _add_export(actions: argparse._SubParsersAction[ArgumentParser]) -> None:
     export.add_argument("--seeds", metavar="A-B", default="2000-2009", help="seeds to play (default 2000-2009)")
     export.add_argument("--policy", default="heuristic", help="the policy that plays (default heuristic)")
     export.add_argument("--mode", choices=MODES, help="the missions' mode")
+    export.add_argument("--tier", metavar="N", default="0", help="the tier of the missions (default 0)")
     export.add_argument("--set", metavar="PARAM=VALUE", action="append", default=[], help="a parameter of the missions")
     export.add_argument("-j", "--jobs", metavar="N", type=int, default=1, help="play N episodes at a time")
     export.add_argument(
@@ -151,16 +152,17 @@ def _check_seeds(seeds: set[int], held_out: str) -> None:
 
 
 def _episodes(args: argparse.Namespace) -> list[PlayOptions]:
+    from msgspec.structs import replace
+
     from lingjing.play.options import PlayOptions, compiled
 
     seeds, pairs = parse_seeds(args.seeds), parse_pairs("--set", args.set)
     _check_seeds(set(seeds), args.held_out)
     options = []
     for mission in args.play:
-        base = PlayOptions(mission=mission, policy=args.policy, mode=args.mode)
+        base = PlayOptions(mission=mission, policy=args.policy, mode=args.mode, tier=parse_tier(args.tier))
         settings = parse_settings(pairs, compiled(base))
-        options += [PlayOptions(mission=mission, policy=args.policy, mode=args.mode, settings=settings, seed=seed)
-                    for seed in seeds]  # fmt: skip
+        options += [replace(base, settings=settings, seed=seed) for seed in seeds]
     return options
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ from lingjing.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
     from lingjing.mission.graph import MissionGraph
+    from lingjing.mission.model import Mission
 
 FORMATS = ("svg", "mermaid", "dot", "json")
 _SUFFIXES = {".svg": "svg", ".mmd": "mermaid", ".mermaid": "mermaid", ".dot": "dot", ".gv": "dot", ".json": "json"}
@@ -24,6 +26,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--mode", metavar="MODE", help="only the graph of this mode, such as star or broadcast (default: all)"
     )
+    parser.add_argument("--tier", metavar="N", help="the graph of this tier (default 0)")
     parser.add_argument(
         "--conditions",
         action="store_true",
@@ -33,16 +36,19 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def handler(args: argparse.Namespace) -> int:
     """Draw and write; the output file is complete or absent."""
-    if args.conditions:
-        return _conditions(args)
+    from lingjing.cli.arguments import parse_tier
+    from lingjing.mission.alternatives import at_tier
     from lingjing.mission.graph import graph
 
+    tier = parse_tier(args.tier) if args.tier is not None else 0
+    if args.conditions:
+        return _conditions(args, lambda mission: at_tier(mission, tier) if args.tier is not None else mission)
     chosen = args.format or _format_of(args.output)
-    write_output(render(graph(read_mission(args.file), args.mode), chosen), args.output, [args.file])
+    write_output(render(graph(read_mission(args.file), args.mode, tier), chosen), args.output, [args.file])
     return ExitCode.OK
 
 
-def _conditions(args: argparse.Namespace) -> int:
+def _conditions(args: argparse.Namespace, at_its_tier: Callable[[Mission], Mission]) -> int:
     from lingjing.cli.conditions import as_json, as_text, print_conditions
     from lingjing.mission.conditions.listing import list_conditions
 
@@ -51,7 +57,7 @@ def _conditions(args: argparse.Namespace) -> int:
         raise UsageError(
             f"conditions are text or JSON, not {args.format}", hint="remove --format, or choose --format json"
         )
-    listed = list_conditions(read_mission(args.file), args.mode)
+    listed = list_conditions(at_its_tier(read_mission(args.file)), args.mode)
     if args.format == "json" or named_json:
         write_output(as_json(listed), args.output, [args.file])
     elif args.output in (None, "-"):

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lingjing.cli.arguments import check_counts, parse_amount, parse_pairs, parse_seeds, parse_settings
+from lingjing.cli.arguments import check_counts, parse_amount, parse_pairs, parse_seeds, parse_settings, parse_tier
 from lingjing.cli.files import write_output
 from lingjing.cli.parser import ArgumentParser
 from lingjing.cli.process import say
@@ -39,6 +39,7 @@ def add_options(parser: ArgumentParser) -> None:
         "--held-out", metavar="A-B", default="0-199", help="seeds of the evaluation, which --seeds must not contain"
     )
     better.add_argument("--mode", choices=MODES, help="the mission's mode")
+    better.add_argument("--tier", metavar="N", default="0", help="the mission's tier (default 0)")
     better.add_argument("--set", metavar="PARAM=VALUE", action="append", default=[], help="a parameter of the mission")
     better.add_argument("--policy", default="react", help="the policy of the prompt (default react)")
     better.add_argument("--policy-arg", metavar="K=V", action="append", default=[], help="an option of the policy")
@@ -97,7 +98,8 @@ def _improve(args: argparse.Namespace) -> int:
     start = _text_of(args.start, plugin)
     policy_args = parse_pairs("--policy-arg", args.policy_arg)
     options = PlayOptions(
-        mission=args.mission, policy=args.policy, mode=args.mode, policy_args={**policy_args},
+        mission=args.mission, policy=args.policy, mode=args.mode, tier=parse_tier(args.tier),
+        policy_args={**policy_args},
         max_cost=parse_amount("--max-cost", args.max_cost),
     )  # fmt: skip
     mission = compiled(options)

@@ -118,7 +118,7 @@ class Projector:
             range_m=instance.comms.range_m,
             loss=instance.comms.loss,
             road_network="" if self._city is None else self._city.network,
-            route_ends=self._route_ends,
+            route_ends=tuple(ends for name, ends in self._route_ends if self._knows_place(agent, name)),
             views=self._views(agent),
             decision_s=instance.budget.policy_s,
         )
@@ -133,13 +133,25 @@ class Projector:
         )
         return (*mounted, *reference_views(self._instance, agent))
 
+    def _knows_place(self, agent: AgentSpec, name: str) -> bool:
+        """Return whether an agent observes an entity's place, or none does: a prompt or the goal tells it then."""
+        observers = [
+            each.id
+            for each in self._instance.agents
+            if any(spec.name == name and {"position", ALL} & set(spec.fields) for spec in each.observes)
+        ]
+        return not observers or agent.id in observers
+
     @cached_property
-    def _route_ends(self) -> tuple[RouteEnds, ...]:
+    def _route_ends(self) -> tuple[tuple[str, RouteEnds], ...]:
         return tuple(
-            RouteEnds(
-                vehicle=inspection.asset,
-                start=self._entities[inspection.asset].position,
-                end=self._entities[inspection.destination].position,
+            (
+                inspection.destination,
+                RouteEnds(
+                    vehicle=inspection.asset,
+                    start=self._entities[inspection.asset].position,
+                    end=self._entities[inspection.destination].position,
+                ),
             )
             for inspection in self._instance.inspections
             if inspection.destination in self._public and inspection.asset in self._public

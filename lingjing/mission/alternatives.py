@@ -18,9 +18,10 @@ import msgspec
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.evaluate import Scope, flag_of
+from lingjing.mission.tiers import settings_of_tier
 
 T = TypeVar("T")
-Guarded = TypeVar("Guarded", model.Rule, model.Stage)
+Guarded = TypeVar("Guarded", model.Rule, model.Stage, model.Reveal)
 
 _LEAVES = frozenset({str, float, int, bool, NoneType})
 """Types of values without expressions: four of five fields of a mission."""
@@ -34,18 +35,55 @@ def with_alternatives(mission: model.Mission, scope: Scope) -> model.Mission:
     switches = tuple(
         (param.name, scope.parameters[param.name] != 0.0) for param in mission.parameters if param.is_switch
     )
-    return _chosen(_with_switches(_Identity(mission), switches) if switches else mission, scope)
+    if not switches:
+        return _chosen(mission, scope)
+    return _chosen(_without_impossible_failure(_with_switches(_Identity(mission), switches)), scope)
 
 
-def at_tier_0(mission: model.Mission) -> model.Mission:
-    """The mission with its switches at their defaults: for readers that show one form of it in all modes.
+def at_tier(mission: model.Mission, tier: int = 0) -> model.Mission:
+    """The mission with its switches as a tier sets them: for readers that show one form of it in all modes.
 
-    Declarations and alternatives with a condition that is then false are left out.
+    Declarations and alternatives with a condition that is then false are left out, and alternatives with one that is
+    then true are in place. Raises `UsageError` for a tier that the mission does not declare.
     """
-    switches = tuple(
-        (param.name, param.default.value) for param in mission.parameters if isinstance(param.default, ex.Flag)
+    defaults = {param.name: param.default.value for param in mission.parameters if isinstance(param.default, ex.Flag)}
+    chosen = settings_of_tier(mission, tier, mission.modes.default)
+    if not defaults:
+        return mission
+    switches = tuple((name, chosen[name] != 0.0 if name in chosen else value) for name, value in defaults.items())
+    folded = _without_absent(_with_switches(_Identity(mission), switches))
+    return _without_impossible_failure(_settled(folded))
+
+
+def _settled(mission: model.Mission) -> model.Mission:
+    """The mission with the alternatives of groups, scene and weather in place that hold in every mode."""
+    scene = mission.scene
+    return msgspec.structs.replace(
+        mission,
+        groups=tuple(
+            msgspec.structs.replace(
+                group, properties=_with_certain(group.properties, group.alternatives), alternatives=()
+            )
+            if group.alternatives
+            else group
+            for group in mission.groups
+        ),
+        scene=msgspec.structs.replace(scene, options=_with_certain(scene.options, scene.alternatives), alternatives=()),
+        weather=_with_certain(mission.weather, mission.weather_alternatives),
+        weather_alternatives=(),
     )
-    return _without_absent(_with_switches(_Identity(mission), switches)) if switches else mission
+
+
+def _with_certain(
+    properties: tuple[model.Property, ...], alternatives: Iterable[model.Alternative]
+) -> tuple[model.Property, ...]:
+    certain = (each for each in alternatives if each.when.condition == ex.Flag(True))
+    return _replaced(properties, certain, Scope(mode=""))
+
+
+def _without_impossible_failure(mission: model.Mission) -> model.Mission:
+    """The mission without a failure that its switches have made false: an instance of before has none."""
+    return msgspec.structs.replace(mission, failure=None) if mission.failure == ex.Flag(False) else mission
 
 
 def _without_absent(value: T) -> T:
@@ -94,12 +132,13 @@ def _chosen(mission: model.Mission, scope: Scope) -> model.Mission:
         weather_alternatives=(),
         rules=_existing(mission.rules, scope),
         stages=_existing(mission.stages, scope),
+        reveals=_existing(mission.reveals, scope),
     )
     return mission if whole == mission else whole
 
 
 def _existing(declared: tuple[Guarded, ...], scope: Scope) -> tuple[Guarded, ...]:
-    """The rules or stages that exist with these settings, without their conditions."""
+    """The rules, stages or reveals that exist with these settings, without their conditions."""
     if all(each.when is None for each in declared):
         return declared
     return tuple(
@@ -123,15 +162,25 @@ def _replaced(
 
 
 def _observing(agent: model.Agent, scope: Scope) -> model.Agent:
-    """The agent with the channels that it observes with these settings."""
+    """The agent with the channels that it observes with these settings.
+
+    A condition that reads the agent's index stays: `instance_agents` evaluates it for each member.
+    """
     if all(channel.when is None for channel in agent.observes):
         return agent
     observed = tuple(
-        msgspec.structs.replace(channel, when=None)
+        channel if _is_of_members(channel, agent) else msgspec.structs.replace(channel, when=None)
         for channel in agent.observes
-        if channel.when is None or flag_of(channel.when.condition, scope)
+        if channel.when is None or _is_of_members(channel, agent) or flag_of(channel.when.condition, scope)
     )
     return msgspec.structs.replace(agent, observes=observed)
+
+
+def _is_of_members(channel: model.Channel, agent: model.Agent) -> bool:
+    """True if the condition of a channel reads the index of the agent's declaration."""
+    if channel.when is None or not agent.index:
+        return False
+    return any(isinstance(part, ex.Ref) and part.name == agent.index for part in ex.parts(channel.when.condition))
 
 
 # -- folding of switches

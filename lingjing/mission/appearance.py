@@ -80,6 +80,13 @@ MOST_M = 1000.0
 UNSAID_M = 0.5
 """The default of each measure that a type with a body leaves out, metres (chosen)."""
 
+VARIANT = "look_variant"
+"""The whole number that selects the variant of a look: clothes, paint, shape of flames. Without it the variant follows
+from the entity's name or index, which is the same for every seed."""
+
+VARIANT_MOST = 9999
+"""The greatest number of a variant (chosen)."""
+
 RESHAPING = frozenset((*MEASURES, "shape"))
 """Properties that define another body: a type with one of them and without a `look` does not inherit its base's look.
 """
@@ -95,6 +102,7 @@ PHYSICAL = frozenset(
         "origin",
         "look",
         "look_sha256",
+        "look_variant",
         "acceleration_mps2",
         "braking_mps2",
     )

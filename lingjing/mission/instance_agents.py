@@ -101,7 +101,12 @@ def _agents(
                     role=agent.role,
                     controls=controls,
                     commands=tuple(dict.fromkeys(controls + granted)),
-                    observes=tuple(spec for channel in agent.observes for spec in _channel(mission, channel, local)),
+                    observes=tuple(
+                        spec
+                        for channel in agent.observes
+                        if holds(channel.when, local)
+                        for spec in _channel(mission, channel, local)
+                    ),
                     prompt=agent.prompt,
                     budget=instance_rules.allowance(agent.budget, local),
                 )

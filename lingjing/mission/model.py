@@ -611,6 +611,7 @@ class Reveal(Record, frozen=True, kw_only=True):
     what: Literal["image"]
     entity: Expr
     role: str
+    when: Guard | None = None
 
 
 class Requirement(Record, frozen=True, kw_only=True):

@@ -374,4 +374,4 @@ def test_a_table_says_whose_answers_were_replaced() -> None:
     rows = [made_row(metrics={"substitutions": 2}), made_row(seed=1, metrics={"substitutions": 1})]
     rows += [made_row(entrant="f"), made_row(entrant="g", standing="aborted", metrics={"substitutions": 9})]
     (table,) = make_tables(rows, ["success"])
-    assert table.notes[1:] == ("answers of policies replaced by doing nothing: e 3",)
+    assert table.notes[1] == "answers of policies replaced by doing nothing: e 3"

@@ -50,6 +50,21 @@ def test_a_claim_that_is_passed_on_is_free() -> None:
     assert "matched" in events(record) and kernel.state.registry.progress.used["positives"] == 2
 
 
+def test_one_box_with_another_position_is_another_claim() -> None:
+    """Otherwise one box could be tried with every possible position."""
+    kernel = limited(2)
+    for east in (10.0, 20.0, 30.0):
+        kernel.step(decisions(scout_1=kit.report(FRAME, box=WRONG[0], position=(east, 0.0, 0.0))))
+    assert kernel.state.registry.progress.used["positives"] == 2
+
+
+def test_fields_that_no_rule_reads_make_no_other_claim() -> None:
+    kernel = limited(2)
+    for confidence in (0.1, 0.5, 0.9):
+        kernel.step(decisions(scout_1=kit.report(FRAME, box=WRONG[0], confidence=confidence)))
+    assert kernel.state.registry.progress.used["positives"] == 1
+
+
 def test_no_receipt_and_no_message_differs_beyond_the_limit() -> None:
     """Agents receive the same with a limit of 1 and with one of 50, as long as nothing of it is a true claim."""
     seen = []

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import lingjing
-from lingjing.mission.alternatives import at_tier_0
+from lingjing.mission.alternatives import at_tier
 from lingjing.mission.conditions.quantities import Cause
 from lingjing.mission.conditions.survey import Condition, Gate, Survey, survey_instance, survey_mission
 from lingjing.testing import compile_text, instantiate, mission_file
@@ -84,7 +84,7 @@ def test_the_shipped_conditions_that_depend_on_hidden_values_and_gate_commands_a
 
 @pytest.mark.parametrize("name", NINE)
 def test_an_instance_and_its_mission_agree(name: str) -> None:
-    mission = at_tier_0(lingjing.compile(str(mission_file(name))))
+    mission = at_tier(lingjing.compile(str(mission_file(name))))
     for mode in mission.modes.allowed:
         of = survey_instance(instantiate(mission, seed=1, mode=mode))
         whole = {condition.at: condition for condition in survey_mission(mission).conditions}

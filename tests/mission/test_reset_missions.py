@@ -136,7 +136,7 @@ def test_unknown_fields_come_back_to_the_letter(nine: Nine) -> None:
 def test_signatures_are_those_of_the_compiled_missions(nine: Nine) -> None:
     driven = {entity_list.engine for entity_list in LISTS}
     for signature in signatures():
-        groups = nine[signature.mission].groups
+        groups = at_tier(nine[signature.mission]).groups
         engines = {g.engine for g in groups if g.role == "asset"} & driven
         assert (signature.engines | signature.optional, signature.engines & signature.optional) == (engines, set())
         assert signature.types == {(g.type, *g.bases)[-1] for g in groups if g.role == "target"}
@@ -152,7 +152,7 @@ def test_signatures_are_those_of_the_compiled_missions(nine: Nine) -> None:
 @pytest.mark.parametrize("name", FLEETS)
 def test_a_fleet_has_what_its_mission_has_and_takes_several_of_it(nine: Nine, name: str) -> None:
     mission, fleet = nine[name], nine[fleet_of(name)]
-    held = [{(g.name, (g.type, *g.bases)[-1], g.role) for g in each.groups} for each in (mission, fleet)]
+    held = [{(g.name, (g.type, *g.bases)[-1], g.role) for g in at_tier(each).groups} for each in (mission, fleet)]
     assert held[0] == held[1]
     assert all(group.count is not None for group in fleet.groups if group.name != "stop_node")
     for mode in fleet.modes.allowed:
@@ -270,7 +270,9 @@ def test_hidden_places_are_found_under_many_names(nine: Nine, name: str, edit: E
     instance = instantiate(mission)
     assert places(instance) == places(instantiate(nine[name], seed=1))
     assert not [note for note in notes if "kept" in note]
-    hidden = {g.name for g in nine[name].groups if any(p.name == "position" and p.hidden for p in g.properties)}
+    hidden = {
+        g.name for g in at_tier(nine[name]).groups if any(p.name == "position" and p.hidden for p in g.properties)
+    }
     assert {e.group for e in instance.entities if "position" in e.hidden} == hidden
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from lingjing.plugins.geometry import bearing_deg, turn_deg
+from lingjing.plugins.geometry import bearing_deg, offset_xy, turn_deg
 from lingjing.plugins.policy import DEAD, PHOTO, Action, Brief, CameraSpec, Datum, Entity, Outgoing, VerbSpec
 from lingjing.plugins.tasks import Task, entry_regions
 from lingjing.plugins.terrain import ObstacleMap, obstacle_map
@@ -28,7 +28,9 @@ SEEN_M = (4.0, 14.0)
 AIMED_DEG = 12.0
 """Largest bearing error in degrees for a picture. Chosen."""
 _LOOKS = 3
-"""Number of pictures of one target. Chosen."""
+"""Number of pictures of one target from one place. Chosen."""
+_BEFORE_M = 6.0
+"""Distance in metres before a target's front from which a dog photographs it after pictures in vain. Chosen."""
 _FINEST_DEG, _COARSEST_DEG, _STRAY_M = 1.6, 12.0, 0.4
 """Bounds in degrees of the tolerated heading error, and the tolerated deviation at the end of a step in metres.
 Chosen.
@@ -198,6 +200,7 @@ class _DogAbility(Ability):
         self._walk, self._plan, self._composer, self._reports = walk, plan, composer, reports
         self._camera = _front(walk.dog)
         self._looks: dict[str, int] = {}
+        self._fronts: set[str] = set()
         self._heard = 0
 
     def say(self, truth: PrivilegedState) -> list[Outgoing]:
@@ -221,8 +224,28 @@ class _DogAbility(Ability):
             return photo
         if self._led(truth):
             return self._walk.command(truth, guidance) if guidance is not None else None
-        step = self._walk.step(truth, task)
+        step = self._walk.step(truth, task) or self._view_step(truth, task.target)
         return self._walk.command(truth, step) if step is not None else None
+
+    def _view_step(self, truth: PrivilegedState, target: str) -> tuple[str, float] | None:
+        """Return the next step of a dog that is near enough to a target, of which it still needs a picture.
+
+        It turns to the target. After pictures that did not show the target it goes before the target's front.
+        """
+        if self._camera is None or self._reports is None or target not in self._reports.open(truth):
+            return None
+        state, dog = truth.states[target], truth.states[self._walk.dog.id]
+        if self._looks.get(target, 0) >= _LOOKS and target not in self._fronts:
+            step = self._walk.step_to(truth, offset_xy(state.position, state.heading_deg, _BEFORE_M), 1.0)
+            if step is not None:
+                return step
+            self._fronts.add(target)
+            self._looks[target] = 0
+        off = turn_deg(dog.heading_deg, bearing_deg(dog.position, state.position))
+        if abs(off) <= AIMED_DEG:
+            return None
+        verb = "right" if off > 0.0 else "left"
+        return verb, min(abs(off), first_argument_bounds(self._walk.dog.verbs, verb)[1])
 
     def _led(self, truth: PrivilegedState) -> bool:
         """Return whether another agent still guides this dog, which has no camera."""

@@ -54,7 +54,7 @@ class AgentChecker(DeclarationChecker):
         budget: model.AllowanceDeclaration | None = None
         for item in node.block.items if node.block else ():
             if isinstance(item, s.Observes):
-                guard = self.settings.guard(item.guard)
+                guard = self.settings.guard(item.guard, environment)
                 for channel in item.channels:
                     checked = self._channel(channel, environment)
                     if checked is not None:
@@ -123,7 +123,8 @@ class AgentChecker(DeclarationChecker):
         )
 
     def reveal(self, node: s.RevealLine) -> model.Reveal | None:
-        """`reveal image(target) to role`."""
+        """`reveal image(target) to role when …`."""
+        guard = self.settings.guard(node.guard)
         if node.what.text != "image":
             self.report.at("LJ0109", node.what, f"`{node.what.text}` cannot be revealed", "only an `image` can")
             return None
@@ -134,7 +135,9 @@ class AgentChecker(DeclarationChecker):
         self.role(node.role)
         if value.type.kind == "group":
             self.blocks.leak(self.scope.groups[value.type.of].count_taint, node.entity, "the number of pictures")
-        return None if value is UNKNOWN else model.Reveal(what="image", entity=value.ir, role=node.role.text)
+        return (
+            None if value is UNKNOWN else model.Reveal(what="image", entity=value.ir, role=node.role.text, when=guard)
+        )
 
     def relation(self, node: s.RelationLine) -> model.Relation | None:
         """One of the paper's five relations."""

@@ -26,8 +26,10 @@ from lingjing.mission.appearance import (
     ORIGINS,
     RESHAPING,
     SHAPES,
+    VARIANT,
+    VARIANT_MOST,
 )
-from lingjing.mission.functions import METRES, Type
+from lingjing.mission.functions import METRES, NUMBER, Type
 from lingjing.mission.units import MASS
 
 _MOST_KG = 1e7
@@ -40,9 +42,10 @@ BODY_KEYS = keyed(
     PropertyKey("shape", Type("name"), choices=(*SHAPES, BARE)),
     PropertyKey("origin", Type("name"), choices=ORIGINS),
     PropertyKey("look", Type("name"), choices=(*MODELS, BARE), file_ending=GLB),
+    PropertyKey(VARIANT, NUMBER, DRAWN, low=0, high=VARIANT_MOST, whole=True, hideable=True, public=False),
 )
 """Properties of any type and entity: size, mass and colour of the body, its collision shape, the position's place in
-it, and the camera's model for it."""
+it, the camera's model for it and the variant of that model."""
 
 
 def reshaped(changed: set[str]) -> bool:

@@ -33,7 +33,7 @@ OWN_NAMES = {"mode": "the mode of the episode", "now": "the time since the begin
 _SCENE_KEYS = keyed(
     PropertyKey("datum", Type("level")),
     PropertyKey("origin", Type("position", of="degrees")),
-    PropertyKey("layout", NUMBER, low=0, whole=True),
+    PropertyKey("layout", NUMBER, DRAWN, low=0, whole=True),
     PropertyKey("displacement", METRES, low=0),
 )
 """Properties of every scene. `layout` selects another scene of the same kind. `displacement` limits the distance from a
@@ -291,11 +291,11 @@ class SettingsChecker(DeclarationChecker):
             receipts=_receipts(word_of(entries, "receipts")),
         )
 
-    def guard(self, node: s.Expression | None) -> model.Guard | None:
-        """`when …` after a declaration: a condition over mode and params."""
+    def guard(self, node: s.Expression | None, environment: Environment = STATIC) -> model.Guard | None:
+        """`when …` after a declaration: a condition over mode and params, and over the names of `environment`."""
         if node is None:
             return None
-        value = self.of.expect(node, STATIC, FLAG, "`when`")
+        value = self.of.expect(node, environment, FLAG, "`when`")
         self.blocks.leak(value.taint, node, "a declaration's condition")
         return model.Guard(condition=value.ir)
 

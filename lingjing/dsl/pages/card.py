@@ -204,9 +204,13 @@ def _bodies() -> Iterator[str]:
     )
 
 
+_NOT_ON_THE_CARD = ("std.rivals",)
+"""Libraries that no mission needs: what resembles targets is for authors of benchmarks, and the card is short."""
+
+
 def _library() -> Iterator[str]:
     lines = []
-    for path in known_paths("std"):
+    for path in (path for path in known_paths("std") if path not in _NOT_ON_THE_CARD):
         declared = load_library(f"{shipped_folder('std')}/{path.removeprefix('std.')}.ljs")[0].declared
         lines.append(f"- `{path}`: {', '.join(map(_declared, declared.values()))}")
     yield "## The standard library\n\n" + "\n".join(lines)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from lingjing.dsl.printing.printer import Printer
 from lingjing.mission import expression as ex
 from lingjing.mission import model
-from lingjing.mission.alternatives import at_tier_0
+from lingjing.mission.alternatives import at_tier
 from lingjing.mission.certain import Knowledge, truth
 from lingjing.mission.condition_words import ConditionWords
 from lingjing.mission.intervals import Bounds
@@ -18,9 +18,9 @@ HEADS = ("Event", "Made true by", "Bounds", "In words")
 """The heads of the table; `judging` yields its rows."""
 
 
-def judging(mission: model.Mission) -> Iterator[tuple[str, ...]]:
-    """Yield a row for each rule, each interaction of the targets, and each inspection, as they are at tier 0."""
-    mission = at_tier_0(mission)
+def judging(mission: model.Mission, tier: int = 0) -> Iterator[tuple[str, ...]]:
+    """Yield a row for each rule, each interaction of the targets, and each inspection, as they are at a tier."""
+    mission = at_tier(mission, tier)
     printer = Printer(mission)
     words = ConditionWords(printer.phrases.text, printer.phrases.declared())
     for rule in mission.rules:

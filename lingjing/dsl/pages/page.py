@@ -79,6 +79,52 @@ class _Page:
             yield from _table(("Parameter", "Default", "Allowed"), rows)
         yield from self._code(self.printer.paragraph("sweeps"), "Matched studies:")
 
+    def tiers(self) -> Iterator[str]:
+        """The tiers, and the lines that each of their switches adds."""
+        if not self.mission.tiers:
+            return
+        yield "Tier 0 is the mission with the defaults of its parameters. It is comparable with the paper by protocol"
+        yield "and never by number, and results of different tiers are never compared.\n"
+        for tier in self.mission.tiers:
+            named = (f"`{setting.name} = {self.printer.text(setting.value)}`" for setting in tier.settings)
+            yield f"Tier {tier.level} sets {', '.join(named)}.\n"
+        rows = [
+            (f"`{param.name}`", "<br>".join(f"`{line}`" for line in self._lines_of(param.name)))
+            for param in self.mission.parameters
+            if param.is_switch
+        ]
+        yield from _table(("Switch", "Lines under it"), rows)
+
+    def _lines_of(self, switch: str) -> Iterator[str]:
+        """Yield the lines of the mission with a condition or a part that reads the switch."""
+        for group in self.mission.groups:
+            if self._reads(group.when, switch):
+                yield f"{group.name}: {group.type}"
+            yield from self._alternatives(f"{group.name} ", group.alternatives, switch)
+        yield from self._alternatives("scene ", self.mission.scene.alternatives, switch)
+        yield from self._alternatives("weather ", self.mission.weather_alternatives, switch)
+        for agent in self.mission.agents:
+            for channel in agent.observes:
+                if channel.when is not None and self._reads(channel.when, switch):
+                    seen, condition = self.printer.channel(channel), self.printer.text(channel.when.condition)
+                    yield f"{agent.name} observes {seen} when {condition}"
+        for name in ("rules", "limits", "relations", "outcomes"):
+            for line in self.printer.paragraph(name):
+                if re.search(rf"\b{switch}\b", line):
+                    yield " ".join(line.split())
+
+    def _alternatives(self, lead: str, alternatives: Iterable[model.Alternative], switch: str) -> Iterator[str]:
+        for alternative in alternatives:
+            if self._reads(alternative.when, switch):
+                yield from (f"{lead}{line}" for line in self.printer.alternatives((alternative,)))
+
+    @staticmethod
+    def _reads(guard: model.Guard | None, switch: str) -> bool:
+        """True if a condition reads the switch."""
+        return guard is not None and any(
+            isinstance(part, ex.Ref) and part.name == switch for part in ex.parts(guard.condition)
+        )
+
     def places(self) -> Iterator[str]:
         """Regions and grids."""
         yield from self._code(self.printer.paragraph("places"))
@@ -286,6 +332,7 @@ class _Page:
 _SECTIONS: tuple[tuple[str, Callable[[_Page], Iterator[str]]], ...] = (
     ("At a glance", _Page.glance),
     ("Parameters", _Page.parameters),
+    ("Tiers", _Page.tiers),
     ("Places", _Page.places),
     ("Assets", _Page.assets),
     ("Targets", _Page.targets),

@@ -396,10 +396,10 @@ STATEMENTS = (
         names={"category": NamePlace(spaces=(), choices=CATEGORIES)},
     ),
     StatementKind(
-        "reveal", s.RevealLine, (Form("what:NAME ( entity:value ) to role:NAME"),), ("mission",),
+        "reveal", s.RevealLine, (Form("what:NAME ( entity:value ) to role:NAME [guard]"),), ("mission",),
         example="reveal image(victim) to searcher", doc="the audited exception from `hidden`",
         names={"what": NamePlace(spaces=(), choices=("image",)), "role": _ROLE},
-        part="reveals", paragraph="relations", layout=Layout("reveal {what}({entity}) to {role}"),
+        part="reveals", paragraph="relations", layout=Layout("reveal {what}({entity}) to {role}" + _WHEN),
     ),
     StatementKind(
         "declassify", s.DeclassifyLine, (Form("what:channels because reason:STRING"),), ("mission",),

@@ -621,11 +621,12 @@ class RecordBlock(Statement, frozen=True, gc=False):
 
 
 class RevealLine(Statement, frozen=True, gc=False):
-    """`reveal image(target) to role`."""
+    """`reveal image(target) to role when …`."""
 
     what: Name
     entity: Expression
     role: Name
+    guard: Expression | None = None
 
 
 class DeclassifyLine(Statement, frozen=True, gc=False):

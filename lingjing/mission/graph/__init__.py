@@ -21,7 +21,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from lingjing.errors import UsageError
-from lingjing.mission.alternatives import at_tier_0
+from lingjing.mission.alternatives import at_tier
 from lingjing.mission.graph import entities, limits, rules
 from lingjing.mission.graph.builder import GraphBuilder
 from lingjing.mission.graph.types import EdgeKind, GraphEdge, GraphNode, MissionGraph, NodeKind
@@ -58,17 +58,17 @@ PASSES: tuple[Callable[[Mission, GraphBuilder], None], ...] = (
 """The passes in order: nodes before the edges that name them, otherwise in the order of a mission file."""
 
 
-def graph(mission: Mission, mode: str | None = None) -> MissionGraph:
-    """The graph of a mission at tier 0: of all its modes with guards as labels, or of one mode with guards evaluated.
+def graph(mission: Mission, mode: str | None = None, tier: int = 0) -> MissionGraph:
+    """The graph of a mission at a tier: of all its modes with guards as labels, or of one mode with guards evaluated.
 
-    Raises `UsageError` for a mode that the mission does not have, `MissionError` if a declaration names an unknown
-    element.
+    Raises `UsageError` for a mode or a tier that the mission does not have, `MissionError` if a declaration names an
+    unknown element.
     """
     allowed = mission.modes.allowed
     if mode is not None and mode not in allowed:
         hint = nearest_or(mode, allowed, f"choose one of {', '.join(allowed)}")
         raise UsageError(f"mission `{mission.name}` has no mode `{mode}`", hint=hint)
-    mission = at_tier_0(mission)
+    mission = at_tier(mission, tier)
     draft = GraphBuilder(mission, allowed if mode is None else (mode,))
     for add in PASSES:
         add(mission, draft)

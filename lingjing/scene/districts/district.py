@@ -42,7 +42,7 @@ GROUND_M = 3000.0
 """Distance that the ground extends beyond the district, metres (chosen): the horizon is land."""
 
 
-KEPT = 4
+KEPT = 8
 """Cached districts of a process (chosen). Episodes of one mission differ by a seed that changes only floating
 objects."""
 

@@ -11,7 +11,7 @@ from lingjing.engines.camera.effects.fracture import fracture
 from lingjing.engines.camera.effects.particles import Effects, seed_of
 from lingjing.engines.camera.effects.town_changes import Site, gap_of
 from lingjing.engines.camera.mesh_rows import Floats
-from lingjing.engines.camera.models import look_of
+from lingjing.engines.camera.models import look_of, variant_of
 from lingjing.mission.instance import Entity, Weather
 from lingjing.scene.city import Prop
 from lingjing.trace.records import BodyState
@@ -40,6 +40,11 @@ def prop_effects(prop: Prop, time_s: float, weather: Weather) -> Effects:
     return NOTHING
 
 
+def _seed(entity: Entity) -> int:
+    """Return the number from which an entity's effect takes its random values: that of its variant, or its name's."""
+    return variant_of(entity, seed_of(entity.id))
+
+
 def _place(state: BodyState) -> Floats:
     return np.array(state.position, float)
 
@@ -55,7 +60,7 @@ def _share(state: BodyState, entity: Entity, name: str) -> float:
 def _fire(blaze: fire.FireScale) -> Callable[[Entity, BodyState, float, Weather, Site], Effects]:
     def show(entity: Entity, state: BodyState, time_s: float, weather: Weather, site: Site) -> Effects:
         heat = 0.0 if state.status in ("out", "extinguished") else _share(state, entity, "heat")
-        return fire.fire(seed_of(entity.id), _place(state), blaze, heat, time_s, weather, site.inward)
+        return fire.fire(_seed(entity), _place(state), blaze, heat, time_s, weather, site.inward)
 
     return show
 
@@ -63,7 +68,7 @@ def _fire(blaze: fire.FireScale) -> Callable[[Entity, BodyState, float, Weather,
 def _leak(entity: Entity, state: BodyState, time_s: float, weather: Weather, site: Site) -> Effects:
     flow = 0.0 if state.status == "sealed" else _share(state, entity, "flow")
     heading = state.heading_deg if site.heading_deg is None else site.heading_deg
-    return water.leak(seed_of(entity.id), _place(state), heading, site.ground_m, flow, time_s, weather)
+    return water.leak(_seed(entity), _place(state), heading, site.ground_m, flow, time_s, weather)
 
 
 def _fracture(entity: Entity, state: BodyState, time_s: float, weather: Weather, site: Site) -> Effects:
@@ -72,7 +77,7 @@ def _fracture(entity: Entity, state: BodyState, time_s: float, weather: Weather,
         place[2] = site.deck_m
     heading = state.heading_deg if site.heading_deg is None else site.heading_deg
     drop = max(1.5, float(place[2]) - site.ground_m)
-    return fracture(seed_of(entity.id), place, heading, gap_of(entity), site.width_m, site.thickness_m, drop)
+    return fracture(_seed(entity), place, heading, gap_of(entity), site.width_m, site.thickness_m, drop)
 
 
 def _lights(entity: Entity, state: BodyState, time_s: float, weather: Weather, site: Site) -> Effects:

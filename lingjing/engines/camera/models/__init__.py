@@ -32,6 +32,7 @@ from lingjing.engines.camera.models.catalogue import (
     painted,
     prop_model,
     prop_part,
+    variant_of,
 )
 from lingjing.engines.camera.models.people import CLOTHES, WAVES, in_water, on_foot, pose_on_foot
 from lingjing.engines.camera.models.shapes import HERE, ModelPart
@@ -62,5 +63,6 @@ __all__ = [
     "prop_model",
     "prop_part",
     "skin",
+    "variant_of",
     "vehicle",
 ]

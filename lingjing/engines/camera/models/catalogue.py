@@ -22,7 +22,7 @@ from lingjing.engines.camera.meshes import Mesh, SameMesh, box, main_colour, mer
 from lingjing.engines.camera.models import air, dog, nature, people, places, sea, street, vehicles
 from lingjing.engines.camera.models.shapes import ModelPart, at, turned
 from lingjing.engines.camera.models.skeleton import gait
-from lingjing.mission.appearance import BARE, COLOURS, MEASURES, LinearRgb
+from lingjing.mission.appearance import BARE, COLOURS, MEASURES, VARIANT, LinearRgb
 from lingjing.mission.instance import Datum, Entity
 from lingjing.mission.model import BodyPart
 from lingjing.plugins.bodies import entity_size, solid_size, sunk_m
@@ -94,7 +94,7 @@ def entity_parts(
     if look in MODELS:
         drawn = MODELS[look](
             _DrawnEntity(
-                number=entity.index - 1,
+                number=variant_of(entity, entity.index - 1),
                 state=state,
                 time_s=time_s,
                 properties=entity.properties,
@@ -113,6 +113,12 @@ def entity_parts(
 def look_of(entity: Entity) -> str:
     """Return the name of the model that an entity's type declares; empty if there is none."""
     return str(entity.properties.get("look", ""))
+
+
+def variant_of(entity: Entity, otherwise: int) -> int:
+    """Return the number of the variant of an entity's look: the declared one, else the given one."""
+    value = entity.properties.get(VARIANT)
+    return int(value) if isinstance(value, float) else otherwise
 
 
 def _own_part(entity: Entity) -> ModelPart:
