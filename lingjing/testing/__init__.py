@@ -26,6 +26,7 @@ from lingjing.testing.missions import (
     Compilation,
     MissionSource,
     PluginHost,
+    at_tier,
     bare_instance,
     brief_of,
     city_of,
@@ -46,7 +47,7 @@ from lingjing.testing.traces import TraceWriter, header_of, outcome_of, write_tr
 
 __all__ = [
     "CENTRE_BOX", "Compilation", "EngineRun", "Episode", "MissionSource", "PlayedEpisode", "PluginHost",
-    "ScriptedPolicy", "Stage", "StandIns", "TraceWriter", "bare_instance", "brief_of", "build_policy", "city_of",
+    "ScriptedPolicy", "Stage", "StandIns", "TraceWriter", "at_tier", "bare_instance", "brief_of", "build_policy", "city_of",
     "compile_file", "compile_text", "compiled", "declared", "decode_jpeg", "does", "drive", "encode_jpeg", "episode",
     "header_of", "instantiate", "mission_file", "open_sea", "outcome_of", "placed", "play", "quay", "recorded_calls",
     "reports", "run_command", "says", "scripted", "shipped_missions", "shortened", "square", "together",

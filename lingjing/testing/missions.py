@@ -19,6 +19,7 @@ from lingjing.errors import UsageError
 from lingjing.kernel.cities import CityBuilder
 from lingjing.kernel.visibility import Projector
 from lingjing.mission import instantiate as instantiation
+from lingjing.mission.alternatives import at_tier
 from lingjing.mission.expression import Flag, Number
 from lingjing.mission.instance import Budget, Clock, CommsSpec, Entity, Instance, SceneSpec, Weather
 from lingjing.mission.model import Mission
@@ -162,6 +163,6 @@ def shipped_missions() -> tuple[Path, ...]:
 
 
 __all__ = [
-    "Compilation", "MissionSource", "PluginHost", "bare_instance", "brief_of", "city_of", "compile_file",
+    "Compilation", "MissionSource", "PluginHost", "at_tier", "bare_instance", "brief_of", "city_of", "compile_file",
     "compile_text", "compiled", "instantiate", "mission_file", "placed", "shipped_missions", "shortened",
 ]  # fmt: skip

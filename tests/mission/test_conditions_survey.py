@@ -7,10 +7,9 @@ from pathlib import Path
 import pytest
 
 import lingjing
-from lingjing.mission.alternatives import at_tier
 from lingjing.mission.conditions.quantities import Cause
 from lingjing.mission.conditions.survey import Condition, Gate, Survey, survey_instance, survey_mission
-from lingjing.testing import compile_text, instantiate, mission_file
+from lingjing.testing import at_tier, compile_text, instantiate, mission_file
 
 NINE = ("bi", "cd", "cr", "idf", "ld", "ssr", "ufr", "upr", "vdn")
 

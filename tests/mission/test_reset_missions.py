@@ -21,7 +21,7 @@ from lingjing.mission.reset.shapes import LISTS
 from lingjing.mission.reset.template import fleet_of, signatures
 from lingjing.testing import declarations as m
 from lingjing.testing import expressions as ex
-from lingjing.testing import instantiate
+from lingjing.testing import at_tier, instantiate
 
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = ("air_delivery", "bi", "cd", "cr", "fire_search", "idf", "ld", "queue", "ssr", "ufr", "upr", "vdn")

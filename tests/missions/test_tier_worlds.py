@@ -7,10 +7,8 @@ import math
 import pytest
 
 from lingjing import Mission
-from lingjing.bench.columns import columns
-from lingjing.mission.alternatives import at_tier
-from lingjing.mission.instance import Instance
-from lingjing.testing import compile_file, instantiate, mission_file
+from lingjing.plugins.policy import Instance
+from lingjing.testing import at_tier, compile_file, instantiate, mission_file
 
 NINE = ("bi", "cd", "cr", "idf", "ld", "ssr", "ufr", "upr", "vdn")
 TARGETS = {
@@ -36,8 +34,8 @@ def worlds(name: str, seeds: int = 100) -> list[tuple[int, list[tuple[float, flo
     return [(instance.scene.layout, places(instance)) for instance in instances]
 
 
-def differ(one: tuple[int, list[tuple[float, float]]], other: tuple[int, list[tuple[float, float]]]) -> bool:
-    return one[0] != other[0] or any(math.dist(a, b) > APART_M for a, b in zip(one[1], other[1], strict=True))
+def differ(world: tuple[int, list[tuple[float, float]]], other: tuple[int, list[tuple[float, float]]]) -> bool:
+    return world[0] != other[0] or any(math.dist(a, b) > APART_M for a, b in zip(world[1], other[1], strict=True))
 
 
 @pytest.mark.parametrize(("name", "least"), [(name, 60 if name in ("upr", "vdn", "bi") else 95) for name in NINE])
@@ -53,8 +51,9 @@ def test_a_hundred_seeds_have_that_many_different_worlds(name: str, least: int) 
 def test_eight_layouts_are_drawn_and_kept_within_sweeps(name: str) -> None:
     made = mission(name)
     assert len({instantiate(made, seed=seed, tier=1).scene.layout for seed in range(80)}) == 8
-    swept = columns([mission_file(name)], sweeps=True, tiers={name: 1})
-    instances = (instantiate(made, seed=3, tier=1, mode=each.mode, settings=each.settings) for each in swept)
+    swept = [sweep.parameters[0] for sweep in made.sweeps]
+    lowest = {param.name: param.bounds.low.value for param in made.parameters if param.name in swept}
+    instances = [instantiate(made, seed=3, tier=1, settings=settings) for settings in ({}, lowest)]
     assert len({instance.scene.layout for instance in instances}) == 1
 
 
