@@ -47,9 +47,9 @@ from lingjing.testing.traces import TraceWriter, header_of, outcome_of, write_tr
 
 __all__ = [
     "CENTRE_BOX", "Compilation", "EngineRun", "Episode", "MissionSource", "PlayedEpisode", "PluginHost",
-    "ScriptedPolicy", "Stage", "StandIns", "TraceWriter", "at_tier", "bare_instance", "brief_of", "build_policy", "city_of",
-    "compile_file", "compile_text", "compiled", "declared", "decode_jpeg", "does", "drive", "encode_jpeg", "episode",
-    "header_of", "instantiate", "mission_file", "open_sea", "outcome_of", "placed", "play", "quay", "recorded_calls",
-    "reports", "run_command", "says", "scripted", "shipped_missions", "shortened", "square", "together",
-    "write_trace",
+    "ScriptedPolicy", "Stage", "StandIns", "TraceWriter", "at_tier", "bare_instance", "brief_of", "build_policy",
+    "city_of", "compile_file", "compile_text", "compiled", "declared", "decode_jpeg", "does", "drive", "encode_jpeg",
+    "episode", "header_of", "instantiate", "mission_file", "open_sea", "outcome_of", "placed", "play", "quay",
+    "recorded_calls", "reports", "run_command", "says", "scripted", "shipped_missions", "shortened", "square",
+    "together", "write_trace",
 ]  # fmt: skip
