@@ -19,9 +19,9 @@ from lingjing.mission.reset.fields import FIELDS, field_of
 from lingjing.mission.reset.reading import instantiate_document
 from lingjing.mission.reset.shapes import LISTS
 from lingjing.mission.reset.template import fleet_of, signatures
+from lingjing.testing import at_tier, instantiate
 from lingjing.testing import declarations as m
 from lingjing.testing import expressions as ex
-from lingjing.testing import at_tier, instantiate
 
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = ("air_delivery", "bi", "cd", "cr", "fire_search", "idf", "ld", "queue", "ssr", "ufr", "upr", "vdn")
