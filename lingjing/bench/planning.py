@@ -202,6 +202,7 @@ class _Reader:
         args = suite.args if suite is not None else {}
         conditions = list(_parts(self._document, "conditions", SuiteCondition))
         places = self._columns(conditions, modes, sweeps=suite is not None and suite.sweeps)
+        places = self._chosen(places, suite.columns if suite is not None else None)
         players = [(at, *read) for at, entrant in _parts(self._document, "entrants", Entrant)
                    if (read := self._player(at, entrant)) is not None]  # fmt: skip
         self._check_names("entrants", [(at, player.name) for at, _, player in players])
@@ -349,6 +350,17 @@ class _Reader:
             if next(other for key, other in names if key == name) != where:
                 self._fault(f"{where}.name", f"`{name[2]}` is the name of another condition in {name[0]}, {name[1]}")
         return places
+
+    def _chosen(self, places: list[_Place], names: Sequence[str] | None) -> list[_Place]:
+        """Return the places in the columns that the suite names; all without names."""
+        if names is None:
+            return places
+        known = {f"{place.column.mission}-{place.column.mode}" for place in places}
+        for at, name in enumerate(names):
+            if self.missions and name not in known:
+                hint = did_you_mean(name, known, "columns")
+                self._fault(f"columns[{at}]", f"no mission of the suite has the column `{name}`", hint)
+        return [place for place in places if f"{place.column.mission}-{place.column.mode}" in names]
 
     def _places(self, at: int, condition: SuiteCondition, modes: Sequence[str] | None) -> Iterator[_Place]:
         where = f"conditions[{at}]"

@@ -141,6 +141,9 @@ class Suite(SuitePart):
     modes: tuple[SuiteMode, ...] | None = Field(
         None, min_length=1, strict=False, description="only these modes (default: all modes of a mission)"
     )
+    columns: tuple[ShortText, ...] | None = Field(
+        None, min_length=1, strict=False, description="only these missions in these modes, such as ssr-broadcast"
+    )
     seeds: Seeds = Field(description="a number of seeds from 0, a range 'A-B', or a list")
     args: dict[str, Plain] = Field({}, description="options of every entrant's policy")
     entrants: tuple[Entrant, ...] = Field(min_length=1, strict=False, description="the policies and models to compare")

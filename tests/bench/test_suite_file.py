@@ -55,6 +55,15 @@ def test_a_suite_means_entrants_times_columns(tmp_path: Path, host: PluginHost) 
     assert plan.suite.seeds == (0, 1)
 
 
+def test_a_suite_may_name_its_columns(tmp_path: Path, host: PluginHost) -> None:
+    plan = planned(SMALL.replace("seeds = 2", 'seeds = 2\ncolumns = ["cd-star"]'), tmp_path, host)
+    assert [(cell.player.name, cell.column.name) for cell in plan.cells] == [
+        ("oracle", "cd-star-tier1"), ("random", "cd-star-tier1")
+    ]  # fmt: skip
+    (line,) = faults(SMALL.replace("seeds = 2", 'seeds = 2\ncolumns = ["cd-star", "bi-star"]'), tmp_path, host)
+    assert line.startswith("columns[1]: no mission of the suite has the column `bi-star`; did you mean `cd-star`?")
+
+
 def test_a_suite_plays_tier_1_where_a_mission_has_it_and_another_tier_on_request(
     tmp_path: Path, host: PluginHost
 ) -> None:
