@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from lingjing import read as read_trace
+from tools.python_forks import run_python
 
 RUN = (sys.executable, "-m", "lingjing.cli.main", "run")
 
@@ -55,9 +56,12 @@ def short(tmp_path: Path) -> Path:
     return tmp_path
 
 
+def line(*arguments: str) -> list[str]:
+    return [*RUN, "short.ljs", "--policy", "./p.py:P", "--no-overview", "--json", "-o", "out", *arguments]
+
+
 def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    line = [*RUN, "short.ljs", "--policy", "./p.py:P", "--no-overview", "--json", "-o", "out", *arguments]
-    return subprocess.run(line, cwd=folder, capture_output=True, text=True, check=False, timeout=1500)
+    return subprocess.run(line(*arguments), cwd=folder, capture_output=True, text=True, check=False, timeout=1500)
 
 
 def runs(pid: int) -> bool:
@@ -102,7 +106,7 @@ def descendants_of(pid: int) -> set[int]:
 )
 def test_a_policy_that_meddles_with_the_output_ends_its_own_episode(short: Path, deed: str, message: str) -> None:
     (short / "plan").write_text(f"{deed}\n")
-    done = run(short, "--seeds", "0-1")
+    done = run_python(line("--seeds", "0-1"), cwd=short)
     assert done.returncode == 3, done.stderr
     first, second = json.loads(done.stdout)["episodes"]
     assert (first["reason"], second["reason"]) == ("infrastructure-abort", "budget")
@@ -115,8 +119,7 @@ def test_a_policy_that_meddles_with_the_output_ends_its_own_episode(short: Path,
 
 def test_a_killed_command_leaves_no_process(short: Path, request: pytest.FixtureRequest) -> None:
     (short / "plan").write_text("settle stay\n")
-    line = [*RUN, "short.ljs", "--policy", "./p.py:P", "--no-overview", "--json", "-o", "out"]
-    process = subprocess.Popen(line, cwd=short, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(line(), cwd=short, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     request.addfinalizer(process.kill)  # of a failure too nothing is left that plays
     while not ((short / "settled").exists() and (short / "settled").read_text().strip()):
         assert process.poll() is None
