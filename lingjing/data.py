@@ -46,7 +46,7 @@ def cache_is_off() -> bool:
     return os.environ.get(CACHE_OFF, "0") not in ("", "0")
 
 
-CACHE_KINDS = ("missions", "cities", "networks", "meshes", "shaders", "trials")
+CACHE_KINDS = ("missions", "cities", "networks", "meshes", "shaders", "sites", "trials")
 """The folders within the cache."""
 
 LEAST_FREE_BYTES = 32 << 20

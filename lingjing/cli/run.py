@@ -55,6 +55,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--seed", metavar="N", help="the episode's seed (default 0)")
     which.add_argument("--seeds", metavar="A-B", help="several seeds, both ends included")
+    parser.add_argument(
+        "--scene", metavar="MAP", help="play in a real city: a map (.osm, .osm.pbf) or a folder of `scene build`"
+    )
     parser.add_argument("--mode", metavar="MODE", help="communication mode (default: the mission's)")
     parser.add_argument("--tier", metavar="N", help="tier of difficulty: 0 (default), or one that the mission declares")
     parser.add_argument("--set", metavar="NAME=VALUE", action="append", default=[], help="set a mission parameter")
@@ -224,6 +227,7 @@ def _options(args: argparse.Namespace, errors: ErrorCollector) -> tuple[PlayOpti
         else None,
         "policy": args.policy,
         "mode": args.mode,
+        "scene": args.scene,
         "tier": errors.attempt(lambda: parse_tier(args.tier), None) if args.tier is not None else None,
         "world": args.world,
         "sign": args.sign,

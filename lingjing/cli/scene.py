@@ -67,6 +67,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="a plan, or a rendered picture of a mission's bodies",
     )
     draw.add_argument("--mode", choices=MODES, help="the communication mode, for a mission (default: its own)")
+    draw.add_argument("--scene", metavar="MAP", help="a map or a built city to find the mission's places in")
     draw.add_argument("--tier", metavar="N", default="0", help="the tier, for a mission (default 0)")
     _add_city(draw)
     draw.add_argument(
@@ -155,12 +156,15 @@ def _placed(args: argparse.Namespace) -> tuple[City, Instance | None]:
     from lingjing.dsl.loading.load import load_mission
     from lingjing.kernel.cities import CityBuilder
     from lingjing.mission.instantiate import instantiate
+    from lingjing.play.siting import sited_mission
     from lingjing.plugins.host import PluginHost
 
-    mission = load_mission(args.city)
+    host = PluginHost()
+    with _phases(f"building the scene of {args.city}"):
+        mission = sited_mission(load_mission(args.city), args.scene or "", host)
     instance = instantiate(mission, seed=parse_seed(args.seed), mode=args.mode, tier=parse_tier(args.tier))
     with _phases(f"building the scene of {args.city}"):
-        placed, city = CityBuilder(PluginHost()).place(instance, imported=bool(mission.origin.places))
+        placed, city = CityBuilder(host).place(instance, imported=bool(mission.origin.places))
     return city, placed
 
 

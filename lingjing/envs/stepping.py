@@ -21,6 +21,7 @@ from lingjing.mission.instance import Instance
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Mission
 from lingjing.play.policy_files import load_policy
+from lingjing.play.siting import sited_mission
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import build_policy
 from lingjing.trace.records import Decision, DecisionRecord
@@ -43,8 +44,9 @@ class SteppedEpisodes:
     ) -> None:
         if world not in ("process", "inline"):
             raise UsageError(f"world={world!r}", hint='engines run in "process" or "inline"')
-        self._mission, self._mode, self._settings, self._tier = mission, mode, dict(settings), tier
         self._host = PluginHost()
+        self._mission = sited_mission(mission, "", self._host)
+        self._mode, self._settings, self._tier = mode, dict(settings), tier
         self._cities = CityBuilder(self._host)
         self._others = load_policy(others, self._host)
         self._kind = world

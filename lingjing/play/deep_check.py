@@ -16,6 +16,7 @@ from lingjing.kernel.world.selection import select_engines
 from lingjing.mission.draws import redrawn_in_words
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Mission
+from lingjing.play.siting import sited_mission
 from lingjing.plugins.host import PluginHost
 from lingjing.scene.displacement import in_words, moved_bodies
 
@@ -58,6 +59,7 @@ def deep_check(
     """
     host = PluginHost()
     cities = CityBuilder(host)
+    mission = sited_mission(mission, "", host)
     modes = mission.modes.allowed
     seeds_of: dict[tuple[str, str, bool], dict[str, list[int]]] = {}
     for number, (mode, seed) in enumerate((mode, seed) for mode in modes for seed in seeds):

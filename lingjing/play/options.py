@@ -43,6 +43,8 @@ class PlayOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """Options of engines, as `ENGINE.OPTION` (`camera.quality`)."""
     evaluator_args: dict[str, GivenOption] = {}
     """Options of evaluators, as `EVALUATOR.OPTION`."""
+    scene: str = ""
+    """A map or a built city in which the mission's places are found; "" to play in the mission's own scene."""
     seed: Seed = 0
     """The seed from which the instance is drawn."""
     policy_seed: Seed = 0
@@ -83,6 +85,7 @@ class Changes(TypedDict, total=False):
     policy_args: Mapping[str, object]
     engine_args: Mapping[str, object]
     evaluator_args: Mapping[str, object]
+    scene: str | PathLike[str]
     seed: int
     policy_seed: int
     mode: str | None

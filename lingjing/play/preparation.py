@@ -21,6 +21,7 @@ from lingjing.play.option_sharing import engine_options, evaluator_options
 from lingjing.play.options import PlayOptions
 from lingjing.play.policies import AssignedPolicy, assign_policies
 from lingjing.play.recorded_calls import check_calls
+from lingjing.play.siting import sited_mission
 from lingjing.plugins.evaluator import EvaluatorPlugin
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.policy import PolicyPlugin
@@ -59,10 +60,15 @@ def prepare(
     `mission` is None if it has errors. `loaded` are loaded policies by their names in the options. `errors` holds the
     faults that reading the options has found. With a `server` no code of a policy's file runs in this process.
 
+    A mission that is to be played in a city from a map gets its places there.
+
     Raises `UsageError` that lists every fault: of mode, settings, scene, engines, policies, roles, evaluators and the
     options of each. Raises `MissionError` if the only fault is a mission that cannot be evaluated.
     """
     errors = errors or ErrorCollector()
+    if mission is not None:
+        declared = mission
+        mission = errors.attempt(lambda: sited_mission(declared, options.scene, host), None)
     instance = _drawn(options, mission, errors) if mission is not None else None
     used: tuple[str, ...] = ()
     if instance is not None:

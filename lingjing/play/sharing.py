@@ -27,6 +27,7 @@ from lingjing.mission.instantiate import instantiate
 from lingjing.numerics import versions
 from lingjing.play.option_sharing import engine_options
 from lingjing.play.options import PlayOptions, compiled
+from lingjing.play.siting import sited_mission
 from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import City
 from lingjing.scene.surroundings import surroundings
@@ -53,7 +54,7 @@ def share(text: str) -> None:
     start = msgspec.json.decode(text, type=SharedStart)
     options = start.options
     host = PluginHost(entry_points=False, extra=(import_module(CORE.plugin),))
-    mission = compiled(options)
+    mission = sited_mission(compiled(options), options.scene, host)
     instance = instantiate(mission, seed=options.seed, mode=options.mode, settings=options.settings, tier=options.tier)
     if instance.scene.kind not in host.scenes:
         return

@@ -16,6 +16,7 @@ The modules, in the order in which an episode uses them:
 - `cutting`, `store`, `tiles`   long pieces cut at the grid → a city in a folder of tiles → tiles near a place
 - `atomic_folder` temporary folders for writers, so that a city or network appears complete or not at all
 - `anchor`      moves entities onto the roads, roofs, … that they declare ← `footing`, `lines`, `places_alike`
+- `siting`      the places of a shipped mission, found in a city from a map
 - `displacement`   the distance by which `anchor` moved declared places: reports and limits
 - `terrain`     water, ground and obstacles at a place, with their elevations ← `outlines`, `blocks`
 - `flight_floor`   the lowest points to which flying bodies may be sent

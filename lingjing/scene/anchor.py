@@ -10,6 +10,7 @@ Rules for places:
 - No two assets that exist from the start overlap: the later one gives way.
 - If an interaction names its actor and its range, the place is within reach of such a body: a fire on a roof is near
   enough to a road for the fire truck.
+- On a map, vehicles and what they drive to are on roads that lead everywhere and back.
 - An entity without `on` stays where it is, unless it would begin inside a building or, on the ground, on a road.
 - An entity that is drawn from a region stays in that region.
 - A place outside of the city or under its ground is an error, and so is a move beyond the mission's limit
@@ -36,11 +37,12 @@ from lingjing.mission.instance import Entity, Instance, Vector
 from lingjing.mission.instance_entities import GROUND_REACH_M
 from lingjing.mission.kinds import engine_kind, spoken
 from lingjing.scene.camera_geometry import offset_xy, turn_deg
-from lingjing.scene.city import Building, City, Tile
+from lingjing.scene.city import Building, City, Road, Tile
 from lingjing.scene.displacement import check_displacements
 from lingjing.scene.footing import Footing, rings
 from lingjing.scene.lines import line_length, point_at, project
 from lingjing.scene.places_alike import PlacesAlike
+from lingjing.scene.road_map import read_road_map
 from lingjing.scene.terrain import Terrain
 from lingjing.scene.tiles import Tiles
 
@@ -114,6 +116,8 @@ def anchor(instance: Instance, city: City, *, imported: bool = False) -> Instanc
 # -- private
 
 _Item = TypeVar("_Item")
+MAP = "map"
+"""The kind of scene with roads that the edge of the map may cut off from each other."""
 _ROAD = "road"
 
 
@@ -261,13 +265,24 @@ class _Anchoring:
 
         def lanes(tile: Tile) -> Iterator[tuple[float, str, tuple[Vector, ...], float]]:
             for road in tile.roads:
-                for lane in road.lanes if not road.tunnel else ():
+                for lane in road.lanes if not road.tunnel and self._leads_on(road) else ():
                     if lane.kind == "car" and line_length(lane.shape) > 2.0:
                         at = _kept_inside(lane.shape, project(lane.shape, x, y).at_m)
                         (px, py, _), heading = point_at(lane.shape, at)
                         yield hypot(px - x, py - y), lane.id, lane.shape, heading
 
         yield from self._around(entity, lanes, lambda way: way[0])
+
+    def _leads_on(self, road: Road) -> bool:
+        """False for a road of a map from which not every place can be reached and left again."""
+        return self._connected is None or road.id in self._connected
+
+    @cached_property
+    def _connected(self) -> frozenset[str] | None:
+        """The roads of a map that lead everywhere and back; None for other scenes: all their roads do."""
+        if self._instance.scene.kind != MAP or not self._city.network:
+            return None
+        return read_road_map(self._city.network).connected
 
     def _free_on(
         self, line: tuple[Vector, ...], entity: Entity, vehicles: Sequence[tuple[float, float]]
@@ -335,7 +350,7 @@ class _Anchoring:
             lane.shape
             for tile in self._tiles.near(x, y, size + within)
             for road in tile.roads
-            if not road.tunnel and not road.bridge
+            if not road.tunnel and not road.bridge and self._leads_on(road)
             for lane in road.lanes
             if lane.kind == "car" and project(lane.shape, x, y).off_m < size + within
         ]

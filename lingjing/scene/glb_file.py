@@ -150,6 +150,12 @@ def _check_nodes(path: str, document: _Part) -> None:
         raise glb_fault(path, "is damaged: a node has two parents or refers to nothing")
     if len(nodes) and len(children) == len(nodes):
         raise glb_fault(path, "is damaged: its nodes are a circle")
+    for animation in document.get("animations", ()):
+        for channel in animation["channels"]:
+            if not 0 <= channel["sampler"] < len(animation["samplers"]) or channel["target"].get("node", 0) >= len(
+                nodes
+            ):
+                raise glb_fault(path, "is damaged: an animation refers to nothing", "export it without animations")
     counts = [sum(_triangles(part, document) for part in mesh["primitives"]) for mesh in meshes]
     total = sum(counts[node["mesh"]] for node in nodes if "mesh" in node)
     if total > MOST_TRIANGLES:

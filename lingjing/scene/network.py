@@ -49,6 +49,9 @@ THROUGH_KEY = "through"
 """The parameter of an edge, and the tag of a street. It is `no` where only traffic that begins or ends there may
 drive."""
 
+OPEN_TUNNELS = ("", "no", "building_passage", "passage")
+"""Values of a way's `tunnel` that leave it on the ground: it has none, or leads through a building."""
+
 SECONDS_MOST = 600.0
 """Time limit of one netconvert run, seconds (chosen)."""
 NETWORKS = "networks"
@@ -420,7 +423,7 @@ def _road(element: Element) -> Road:
         kind=element.get("type", "residential").removeprefix("highway.").split("|")[0],
         speed_mps=max(float(lane.get("speed", "13.9")) for lane in lanes),
         bridge=parameters.get("bridge", "no") not in ("no", ""),
-        tunnel=parameters.get("tunnel", "no") not in ("no", ""),
+        tunnel=parameters.get("tunnel", "no") not in OPEN_TUNNELS,
     )
 
 
@@ -446,9 +449,9 @@ def _lane_kind(allow: str | None, disallow: str) -> str:
     if allow is None:
         return "foot" if disallow == "all" else "car"
     allowed = set(allow.split())
-    if allowed & {"passenger", "all", "delivery", "truck"}:
+    if allowed & {"passenger", "all"}:  # the road engine drives passenger cars
         return "car"
-    kinds = {"bus": "bus", "private": "closed", "bicycle": "bicycle"}
+    kinds = {"bus": "bus", "delivery": "closed", "truck": "closed", "private": "closed", "bicycle": "bicycle"}
     return next((kind for name, kind in kinds.items() if name in allowed), "foot")
 
 

@@ -1,7 +1,8 @@
 """Models of a user's own: `look = "file.glb"`. This is the only module that imports trimesh and fast_simplification.
 
 glTF has metres, y up and z to the front. The model is moved so that the middle of its plan and its base are at the
-position of its body, and the box around it is the body's box, which others collide with. A texture is sampled at the
+position of its body, and the box around it is the body's box, which others collide with. Nodes with the names of
+`MOUNTS` are the places of cameras. A texture is sampled at the
 vertices. Coarser levels of detail are made by quadric simplification.
 """
 
@@ -9,9 +10,10 @@ from __future__ import annotations
 
 import io
 import logging
+import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
@@ -21,13 +23,20 @@ from lingjing.errors import UsageError
 from lingjing.installation import install_line
 from lingjing.mission.appearance import GLB, LEAST_M, MOST_M
 from lingjing.mission.instance import Entity, Instance
+from lingjing.mission.model import CameraMount
 from lingjing.scene.glb_file import GlbFile, glb_fault, read_glb
 from lingjing.scene.sizes import Size
 
 SHA = "look_sha256"
 """Property of an entity with a model of its own: the hash of the file."""
+MOUNTS: dict[str, Literal["front", "oblique", "nadir"]] = {
+    "mount_front": "front", "mount_oblique": "oblique", "mount_nadir": "nadir"
+}  # fmt: skip
+"""Name of a node → the view of the cameras that are mounted there."""
 COARSER = (0.25, 0.06)
 """Shares of the triangles at the coarser levels of detail (chosen)."""
+ASIDE_M = 0.3
+"""Farthest a node for cameras may lie beside the middle plane, metres (chosen): mounts have no place to the side."""
 LEAST_TRIANGLES = 60
 """A level has at least this many triangles (chosen)."""
 MOST_PIXELS = 4096 * 4096
@@ -50,6 +59,8 @@ class OwnModel:
     """The box around it."""
     levels: tuple[Rows, ...]
     """The triangles at all levels of detail, the finest first; the base is at z = 0."""
+    mounts: tuple[CameraMount, ...] = ()
+    """The places of cameras that the file names, above its base."""
 
 
 def own_look(entity: Entity) -> str:
@@ -83,12 +94,27 @@ def _measured(entity: Entity) -> Entity:
     model = own_model(path, str(entity.properties.get(SHA, "")))
     size = model.size
     measures = {"length_m": size.length_m, "width_m": size.width_m, "height_m": size.height_m, SHA: model.sha256}
-    return msgspec.structs.replace(entity, properties={**entity.properties, **measures})
+    mounts = _mounts(entity, model)
+    return msgspec.structs.replace(entity, properties={**entity.properties, **measures}, mounts=mounts)
+
+
+def _mounts(entity: Entity, model: OwnModel) -> tuple[CameraMount, ...]:
+    """The mounts of an entity: those of its file, and its type's for other views. Gimbals are those of the type."""
+    lowered = model.size.height_m / 2.0 if entity.properties.get("origin") == "middle" else 0.0
+    own = {mount.view: mount for mount in model.mounts}
+    gimbals = {mount.view: mount.gimbal for mount in entity.mounts}
+    made = tuple(
+        msgspec.structs.replace(
+            mount, above_m=round(mount.above_m - lowered, 3), gimbal=gimbals.get(view, mount.gimbal)
+        )
+        for view, mount in own.items()
+    )
+    return made + tuple(mount for mount in entity.mounts if mount.view not in own)
 
 
 @lru_cache(maxsize=KEPT)
 def _kept(file: GlbFile) -> OwnModel:
-    points, faces, colours = _surface(file)
+    points, faces, colours, nodes = _surface(file)
     low, high = points.min(axis=0), points.max(axis=0)
     spans = high - low
     if not np.isfinite(points).all() or spans.max() < LEAST_M:
@@ -97,14 +123,31 @@ def _kept(file: GlbFile) -> OwnModel:
         raise glb_fault(
             file.path, f"is {spans.max():g} m long, and at most {MOST_M:g} m are drawn", "export it in metres"
         )
-    points = points - (0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), low[2])
+    middle = np.array([0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), low[2]])
+    points = points - middle
+    mounts = tuple(_mount(file.path, name, place - middle, front) for name, place, front in nodes)
     right, ahead, up = (max(float(span), LEAST_M) for span in spans)
     levels = tuple(_rows(*part) for part in _levels(points, faces, colours))
-    return OwnModel(file.sha256, Size(ahead, right, up), levels)
+    return OwnModel(file.sha256, Size(ahead, right, up), levels, mounts)
 
 
-def _surface(file: GlbFile) -> tuple[_Array, _Array, _Array]:
-    """Return vertices in the body's frame, triangles and linear colours. Raises `UsageError` for a broken file."""
+def _mount(path: str, name: str, place: _Array, front: _Array) -> CameraMount:
+    """The mount at a node: its place, and its tilt by the direction of its z axis."""
+    if abs(place[0]) > ASIDE_M:
+        why = f"has its node `{name}` {abs(place[0]):.2f} m beside its middle, where no camera is mounted"
+        raise glb_fault(path, why, "move the node into the middle plane of the model")
+    view = MOUNTS[name]
+    tilt = 90.0 if view == "nadir" else math.degrees(math.atan2(-front[2], math.hypot(front[0], front[1])))
+    return CameraMount(
+        view=view, ahead_m=round(float(place[1]), 3), above_m=round(float(place[2]), 3), tilt_deg=round(tilt, 2)
+    )
+
+
+def _surface(file: GlbFile) -> tuple[_Array, _Array, _Array, list[tuple[str, _Array, _Array]]]:
+    """Return vertices in the body's frame, triangles, linear colours, and name, place and front of the mounts.
+
+    Raises `UsageError` for a broken file.
+    """
     trimesh = _trimesh()
     _check_textures(file)
     try:
@@ -116,6 +159,7 @@ def _surface(file: GlbFile) -> tuple[_Array, _Array, _Array]:
             if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces):
                 colours = _colours(mesh)
                 parts.append((trimesh.transform_points(mesh.vertices, placement), mesh.faces, colours))
+        nodes = [(name, *_node(scene.graph[name][0])) for name in MOUNTS if name in scene.graph.nodes]
         starts = np.cumsum([0, *(len(points) for points, _, _ in parts)])
         whole = np.concatenate([points for points, _, _ in parts])
         faces = np.concatenate([faces + start for (_, faces, _), start in zip(parts, starts, strict=False)])
@@ -126,7 +170,20 @@ def _surface(file: GlbFile) -> tuple[_Array, _Array, _Array]:
         raise glb_fault(file.path, f"is damaged: {str(error)[:80] or type(error).__name__}") from None
     if faces.min() < 0 or faces.max() >= len(whole):
         raise glb_fault(file.path, "is damaged: a triangle has a corner that is not there")
-    return np.column_stack([-whole[:, 0], whole[:, 2], whole[:, 1]]), faces, colours
+    return _turned(whole), faces, colours, nodes
+
+
+def _turned(points: _Array) -> _Array:
+    """Points of glTF (y up, z to the front) in the body's frame."""
+    return np.column_stack([-points[:, 0], points[:, 2], points[:, 1]])
+
+
+def _node(placement: _Array) -> tuple[_Array, _Array]:
+    """Place and front of a node in the body's frame."""
+    place, front = _turned(np.array([placement[:3, 3], placement[:3, 2]], np.float64))
+    if not np.isfinite(place).all() or not np.isfinite(front).all():
+        raise ValueError("a node has no place")
+    return place, front
 
 
 def _check_textures(file: GlbFile) -> None:

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Iterator, Sequence
-from functools import lru_cache
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Set as AbstractSet
+from functools import cached_property, lru_cache
 from pathlib import Path
 from xml.etree.ElementTree import Element, ParseError
 
@@ -84,6 +85,23 @@ class RoadMap:
     def __init__(self, segments: Sequence[RoadSegment]) -> None:
         self.segments = {segment.id: segment for segment in segments}
         self._known: dict[Vector2, RoadPlace | None] = {}
+
+    @cached_property
+    def connected(self) -> frozenset[str]:
+        """The ids of the largest set of segments of which each leads to every other (strongly connected)."""
+        backward: dict[str, list[str]] = {name: [] for name in self.segments}
+        for name, segment in self.segments.items():
+            for after in segment.following:
+                backward[after].append(name)
+        order = _finished(self.segments, {name: segment.following for name, segment in self.segments.items()})
+        left, best = set(self.segments), frozenset[str]()
+        for name in reversed(order):
+            if name in left:
+                group = _reached(name, backward, left)
+                left -= group
+                if len(group) > len(best):
+                    best = frozenset(group)
+        return best
 
     def nearest(self, place: Vector2) -> RoadPlace | None:
         """Return the nearest point of the network to a place; None without roads."""
@@ -159,6 +177,37 @@ def read_road_map(path: str) -> RoadMap:
             for name, segment in segments.items()
         ]
     )
+
+
+def _finished(names: Iterable[str], following: Mapping[str, Sequence[str]]) -> list[str]:
+    """The segments in the order in which a depth-first search leaves them (Kosaraju's first pass)."""
+    seen: set[str] = set()
+    order: list[str] = []
+    for root in names:
+        stack = [(root, 0)] if root not in seen else []
+        seen.add(root)
+        while stack:
+            name, number = stack.pop()
+            if number < len(following[name]):
+                stack.append((name, number + 1))
+                after = following[name][number]
+                if after not in seen:
+                    seen.add(after)
+                    stack.append((after, 0))
+            else:
+                order.append(name)
+    return order
+
+
+def _reached(start: str, ways: Mapping[str, Sequence[str]], within: AbstractSet[str]) -> set[str]:
+    """The segments that can be reached, without leaving `within`."""
+    reached, stack = {start}, [start]
+    while stack:
+        for name in ways[stack.pop()]:
+            if name in within and name not in reached:
+                reached.add(name)
+                stack.append(name)
+    return reached
 
 
 def _segments(edge: Element) -> Iterator[RoadSegment]:

@@ -142,19 +142,6 @@ def test_the_seed_decides_only_untagged_details(tmp_path: Path) -> None:
     assert {key: more[key] for key in first} == first  # one more house changes no other
 
 
-def test_entrances_face_away_from_their_wall(tmp_path: Path) -> None:
-    made = Map()
-    made.way([(0, 0), (10, 0), (20, 0), (20, 20), (0, 20), (0, 0)], {"building": "yes", "height": "9"})
-    made.node(10, 0, entrance="main")
-    made.node(20, 20, entrance="yes")
-    (house,) = built(made, tmp_path).values()
-    assert house.entrance == (
-        pytest.approx(10.0, abs=0.05),
-        pytest.approx(0.0, abs=0.05),
-        pytest.approx(180.0, abs=0.3),
-    )
-
-
 def test_use_comes_from_tags_and_from_the_land_around(tmp_path: Path) -> None:
     made = Map()
     made.way(square(-300, -300, 200), {"landuse": "industrial"})
@@ -253,8 +240,8 @@ def test_pieces_with_a_common_wall_are_separated(tmp_path: Path) -> None:
 
 def test_neighbours_back_to_back_keep_their_roofs(tmp_path: Path) -> None:
     made = Map()
-    made.way(square(0, 0, 20), {"building": "yes", "height": "12"})
-    made.way(square(20, 0, 20), {"building": "yes", "height": "20", "min_height": "11.8"})
+    made.way(square(0, 0, 20), {"building": "yes", "roof:shape": "flat", "height": "12"})
+    made.way(square(20, 0, 20), {"building": "yes", "roof:shape": "flat", "height": "20", "min_height": "11.8"})
     buildings = built(made, tmp_path)
     assert [buildings[key].roof for key in ("w1", "w2")] == ["flat", "flat"]
     assert (buildings["w2"].base_m, buildings["w2"].top_m) == (11.8, 20.0)

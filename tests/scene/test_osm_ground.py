@@ -95,7 +95,7 @@ def test_trees_stand_where_trees_can(tmp_path: Path) -> None:
     wet = water.wet(features)
     areas = ground.areas(features, wet)
     road = Road(id="e", lanes=(Lane(id="e_0", shape=((0, 180, 0), (200, 180, 0)), width_m=10.0),))
-    occupied = trees.occupied_area(wet, (), (road,))
+    occupied = trees.occupied_area(wet, (), trees.pavement((road,)))
     props = list(trees.trees(features, areas, occupied, seed=3))
     assert props == list(trees.trees(features, areas, occupied, seed=3))
     assert props != list(trees.trees(features, areas, occupied, seed=4))

@@ -144,6 +144,11 @@ def _flat(document: dict[str, Any]) -> None:
     document["nodes"][0]["scale"] = [0, 0, 0]
 
 
+def _with_node(document: dict[str, Any], name: str, place: list[float], **more: Any) -> None:
+    document["nodes"].append({"name": name, "translation": place, **more})
+    document["scenes"][0]["nodes"].append(len(document["nodes"]) - 1)
+
+
 BAD = {
     "does not exist": None,
     "is cut": lambda: glb()[:-500],
@@ -162,6 +167,12 @@ BAD = {
     "its nodes are a circle": lambda: glb(lambda document: document["nodes"][0].update(children=[0])),
     "refers to nothing": lambda: glb(lambda document: document["nodes"][0].update(mesh=7)),
     "is damaged": lambda: glb(lambda document: document["accessors"][0].update(count=90_000)),
+    "an animation refers to nothing": lambda: glb(
+        lambda document: document.update(
+            animations=[{"samplers": [], "channels": [{"sampler": 0, "target": {"node": 0, "path": "rotation"}}]}]
+        )
+    ),
+    "beside its middle": lambda: glb(lambda document: _with_node(document, "mount_front", [9.0, 8.0, -4.0])),
     "another file": lambda: glb(lambda document: document["buffers"][0].update(uri="data.bin")),
 }
 
@@ -174,6 +185,24 @@ def test_a_file_that_cannot_be_used_is_one_clear_message(folder: Path, message: 
     with pytest.raises(UsageError, match=message) as raised:
         placed(folder / "own.ljs")
     assert "`statue.glb`" in str(raised.value) and "\n" not in str(raised.value)
+
+
+def test_nodes_of_the_file_are_the_mounts_of_cameras(folder: Path) -> None:
+    def change(document: dict[str, Any]) -> None:
+        half = np.radians(15.0)  # turned about x by 30 degrees: its front points down
+        _with_node(document, "mount_front", [5.0, 9.0, -2.0], rotation=[float(np.sin(half)), 0, 0, float(np.cos(half))])
+        _with_node(document, "mount_nadir", [5.0, 7.5, -4.0])
+
+    (folder / "statue.glb").write_bytes(glb(change))
+    text = MISSION.replace("quadrotor }\n", 'quadrotor }\nasset own_uav : quadrotor { look = "statue.glb" }\n', 1)
+    (folder / "own.ljs").write_text(text.replace("asset uav : quadrotor", "asset uav : own_uav"), encoding="utf-8")
+    instance, _ = placed(folder / "own.ljs")
+    mounts = {mount.view: mount for mount in instance.entities[1].mounts}
+    middle_m = 1.5 if instance.entities[1].properties.get("origin") == "middle" else 0.0
+    front = mounts["front"]
+    assert (front.ahead_m, front.above_m) == (pytest.approx(2.0, abs=0.01), pytest.approx(2.0 - middle_m, abs=0.01))
+    assert front.tilt_deg == pytest.approx(30.0, abs=0.1)
+    assert mounts["nadir"].above_m == pytest.approx(0.5 - middle_m, abs=0.01) and mounts["nadir"].tilt_deg == 90.0
 
 
 def test_an_enormous_file_is_not_read(folder: Path) -> None:

@@ -58,13 +58,19 @@ class EpisodeDisplays:
     def __call__(self, title: str) -> AbstractContextManager[EpisodeDisplay | LiveProgress]:
         """Return the display of the episode that starts now."""
         from lingjing.mission.instantiate import instantiate
+        from lingjing.play.siting import sited_mission
+        from lingjing.plugins.host import PluginHost
 
         if not self._drawable:
             return LiveProgress(title)
         options = self._options
         instance, city = self._cities.place(
             instantiate(
-                self._mission, seed=self._seed, mode=options.mode, settings=options.settings, tier=options.tier
+                sited_mission(self._mission, options.scene, PluginHost()),
+                seed=self._seed,
+                mode=options.mode,
+                settings=options.settings,
+                tier=options.tier,
             ),
             imported=bool(self._mission.origin.places),
         )

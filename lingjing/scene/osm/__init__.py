@@ -12,7 +12,8 @@ The modules in control-flow order:
 - One module for each kind of thing: `buildings`, `streets`, `water`, `ground`, `structures`, `footbridges`, `trees`,
   `furniture`.
 - For buildings: `tags`, `uses` and `heights` read what tags state; `places`, `storeys` and `neighbours` estimate
-  heights that they do not state; `looks` gives facades and colours; `stacking` resolves parts that overlap.
+  heights that they do not state; `looks` gives facades, roofs and colours; `stacking` resolves parts that overlap;
+  `passages` lets streets through; `doors` gives entrances.
 - For streets: `access` and `speed` read what tags permit; `elevation` gives bridges and tunnels.
 - `build` writes all of it into a store, cached by content; `summary` describes the result.
 - `provider` is the scene kind `map`.

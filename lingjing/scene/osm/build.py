@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from html import unescape
 from importlib import metadata
@@ -20,14 +20,16 @@ import msgspec
 from lingjing.data import CACHE_OFF, cache_is_off, kept_path
 from lingjing.errors import UsageError
 from lingjing.installation import CORE, version_of
-from lingjing.scene.city import City, Junction, Pieces, Road, Solid
+from lingjing.scene.city import City, Junction, Pieces, Road
 from lingjing.scene.osm import buildings, ground, read, structures, trees, water
-from lingjing.scene.osm.buildings import HeightCounts
+from lingjing.scene.osm.buildings import HeightCounts, footprints
+from lingjing.scene.osm.doors import with_doors
 from lingjing.scene.osm.features import Features, collect
 from lingjing.scene.osm.footbridges import footbridges
 from lingjing.scene.osm.frame import MapFrame, choose
 from lingjing.scene.osm.furniture import Obstruction, furniture
 from lingjing.scene.osm.map_data import DegreeBox, MapData
+from lingjing.scene.osm.passages import with_passages
 from lingjing.scene.osm.streets import streets
 from lingjing.scene.osm.summary import ATTRIBUTION, SUMMARY_FILE, MapSource, Summary, counts, encode, read_summary
 from lingjing.scene.store import check_free, cities_folder, code_sha256, copy_store, intact_city, write_store
@@ -149,26 +151,35 @@ def _assemble(
     features = collect(data, frame)
     on_phase("raising buildings")
     raised = buildings.buildings(features, options.seed, options.default_levels)
-    built = raised.buildings
     on_phase("making the road network")
     network, roads, junctions, notes = _network(data, features)
     on_phase("laying out ground and water")
-    wet = water.wet(features)
+    built = with_passages(raised.buildings, roads)
+    wet, on_piles = water.with_banks(water.wet(features), built)
+    built = with_doors(built, features, roads, wet)
     areas = ground.areas(features, wet)
     on_phase("planting trees")
-    occupied = trees.occupied_area(wet, built, roads)
+    pavement = trees.pavement(roads)
+    occupied = trees.occupied_area(wet, built, pavement)
     planted = tuple(trees.trees(features, areas, occupied, options.seed))
     if options.furniture:
-        blocked = Obstruction(trees.pavement(roads), occupied)
+        blocked = Obstruction(pavement, occupied)
         planted += tuple(furniture(features, blocked, options.seed))
     pieces = Pieces(
         waters=water.waters(wet, options.water_m),
         areas=areas,
-        solids=tuple(_solids(features, roads, options.water_m)),
+        solids=tuple(
+            chain(
+                structures.piers(features, options.water_m),
+                structures.platforms(on_piles, options.water_m),
+                structures.walls(features, pavement),
+            )
+        ),
         buildings=built,
         roads=roads,
         junctions=junctions,
         bridges=tuple(chain(structures.decks(roads), footbridges(features, roads))),
+        pipes=tuple(structures.pipelines(features, pavement, footprints(built))),
         props=planted,
     )
     if not built:
@@ -185,14 +196,6 @@ def _assemble(
         tile_m=TILE_M,
     )
     return pieces, light, raised.counts(), dict(sorted((features.skipped + data.skipped).items())), notes
-
-
-def _solids(features: Features, roads: Iterable[Road], level_m: float) -> Iterable[Solid]:
-    import shapely
-
-    lanes = trees.pavement(roads)
-    shapely.prepare(lanes)
-    return chain(structures.piers(features, level_m), structures.walls(features, lanes))
 
 
 def _network(data: MapData, features: Features) -> tuple[str, tuple[Road, ...], tuple[Junction, ...], list[str]]:

@@ -8,21 +8,20 @@ buildings by these sources.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from math import atan2, degrees, hypot
+from math import hypot
 from random import Random
 from typing import Any, Literal
 
 import msgspec
 
-from lingjing.mission.geometry2d import Polygon
 from lingjing.scene.city import Building
 from lingjing.scene.cutting import polygons, rings
 from lingjing.scene.osm import looks
 from lingjing.scene.osm.features import Feature, Features
-from lingjing.scene.osm.heights import HEIGHT_KEYS, LEVEL_KEYS, STANDING, heights, is_tagged
+from lingjing.scene.osm.heights import HEIGHT_KEYS, LEVEL_KEYS, STANDING, heights, is_tagged, tagged_levels
 from lingjing.scene.osm.neighbours import NearbyBuilding, NearbyBuildings, Neighbourhood
 from lingjing.scene.osm.places import Places
 from lingjing.scene.osm.stacking import LEFT, resolve_overlaps
@@ -122,8 +121,7 @@ def buildings(features: Features, seed: int, default_levels: int | None = None) 
         source, pieces = _raise(body, around, seed, default_levels)
         sources |= {piece.id: source for piece in pieces}
         raised += pieces
-    doors = _doors(features)
-    whole = tuple(_with_door(building, features, doors) for building in resolve_overlaps(raised))
+    whole = resolve_overlaps(raised)
     return RaisedBuildings(whole, {building.id: sources[building.id.partition(LEFT)[0]] for building in whole})
 
 
@@ -131,6 +129,15 @@ def is_building(tags: Mapping[str, str]) -> bool:
     """True if a footprint is that of a whole, visible building."""
     named = is_set(tags, "building") or tags.get("man_made") in STANDING
     return named and not is_below(tags)
+
+
+def footprints(built: Iterable[Building]) -> Any:
+    """The ground of buildings as one prepared shapely geometry."""
+    import shapely
+
+    whole = shapely.union_all([shapely.make_valid(shapely.Polygon(building.polygon)) for building in built])
+    shapely.prepare(whole)
+    return whole
 
 
 # -- footprints
@@ -196,6 +203,9 @@ class _Around:
         self._neighbours = NearbyBuildings(self.neighbour(f.tags, f.shape) for f in areas if is_building(f.tags))
         named = [f for f in areas if "place" in f.tags]
         self._places = Places((*features.places, *named), metro=features.has_metro)
+        self._pitched = looks.pitched_share(
+            [f.tags for f in areas if is_building(f.tags) and f.shape.area < looks.SMALL_M2], features.frame.origin[0]
+        )
 
     def neighbour(self, tags: Mapping[str, str], shape: Any) -> NearbyBuilding:
         """A building with its use and the smallest land use area around it."""
@@ -203,6 +213,10 @@ class _Around:
         lands = (int(k) for k in self._tree.query(spot, predicate="within"))
         land = min(lands, key=lambda k: (self._areas[k], k), default=-1)
         return NearbyBuilding(tags, use_of(tags, self._uses[land] if land >= 0 else ""), land, shape)
+
+    def pitched_share(self, building: NearbyBuilding) -> float:
+        """The probability of a pitched roof on a building without a tagged one, 0..1."""
+        return looks.pitched_by_size(building.tags, building.use, building.shape.area, self._pitched)
 
     def of(self, building: NearbyBuilding) -> tuple[Neighbourhood, BuildingSite]:
         """The neighbours of a building, and its ground and settlement."""
@@ -224,9 +238,11 @@ def _raise(
     building = around.neighbour(tags, body.shape)
     use = building.use
     near, site = around.of(building)
-    roof = looks.roof_of(tags, use, chance)
+    pitched = around.pitched_share(building) if is_building(tags) else 0.0
+    roof = looks.roof_of(tags, use, chance, pitched)
     storeys, source = _storeys(building, near, site, chance, default_levels)
     floor_m = storey_m(tags, use, site.area_m2)
+    roof = looks.fitted_roof(tags, roof, body.shape, tagged_levels(tags) or storeys)
     base, top, roof_m, levels = heights(tags, floor_m, roof, storeys, _narrow(body.shape) if roof != "flat" else 0.0)
     around_m = tallest_m(site.people) if near.storeys is None else near.storeys * STOREY_M["residential"]
     kind = looks.kind_of(use, top, around_m)
@@ -285,39 +301,3 @@ def _narrow(shape: Any) -> float:
     corners = list(shape.minimum_rotated_rectangle.exterior.coords)
     sides = [hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(corners[:3])]
     return float(min(sides))
-
-
-# -- entrances
-
-
-def _doors(features: Features) -> Any:
-    """The entrances as a tree of points, in the order of `features.entrances`."""
-    import shapely
-
-    return shapely.STRtree([shapely.Point(place) for place in features.entrances])
-
-
-def _with_door(building: Building, features: Features, doors: Any) -> Building:
-    """The building with its entrance, if it stands on the ground and the map has one on its outline; main ones
-    first."""
-    import shapely
-
-    if building.base_m > 0.0 or not features.entrances:
-        return building
-    outline = shapely.LinearRing(building.polygon)
-    places = list(features.entrances.items())
-    near = [places[int(k)] for k in doors.query(outline, predicate="dwithin", distance=0.2)]
-    if not near:
-        return building
-    (x, y), _ = min(near, key=lambda item: (item[1] != "main", item[0]))
-    return msgspec.structs.replace(building, entrance=(x, y, _outward(building.polygon, x, y)))
-
-
-def _outward(outline: Polygon, x: float, y: float) -> float:
-    """The bearing away from an anticlockwise outline at a point on it, degrees: perpendicular to the nearest wall."""
-    import shapely
-
-    walls = zip(outline, (*outline[1:], outline[0]), strict=True)
-    spot = shapely.Point(x, y)
-    (ax, ay), (bx, by) = min(walls, key=lambda wall: float(shapely.LineString(wall).distance(spot)))
-    return round((degrees(atan2(bx - ax, by - ay)) + 90.0) % 360.0, 1)

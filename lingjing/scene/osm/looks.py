@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from random import Random
+from typing import Any
 
 from lingjing.mission.appearance import LinearRgb
 from lingjing.scene.osm.storeys import LOW_TOWN_M
 from lingjing.scene.osm.tags import colour, linear
-from lingjing.scene.osm.uses import LOW
+from lingjing.scene.osm.uses import LOW, word_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +67,27 @@ _ROOFS = {
 """Value of `roof:shape` → roof of `Building`."""
 
 
+SMALL_M2, MIDDLE_M2 = 250.0, 500.0
+"""Footprints below which a dwelling is a small house, and a house of some families, square metres (chosen)."""
+
+PITCHED, PITCHED_WARM = 0.9, 0.6
+"""Share of small houses with pitched roofs without tagged ones (chosen): where it snows, and nearer to the equator,
+where terraces are common."""
+
+WARM_DEG = 33.0
+"""Latitude below which `PITCHED_WARM` applies, degrees (chosen)."""
+
+PRIOR = 20.0
+"""Number of tagged roofs that count as much as the climate (chosen)."""
+
+PITCHED_STOREYS = 4.0
+"""Most storeys under a drawn pitched roof (chosen)."""
+
+RECTANGULAR, COMPACT = 0.8, 0.9
+"""Least share of the enclosing rectangle under a ridge, and of the convex hull under a pyramid (chosen): over other
+footprints these shapes would stick out."""
+
+
 def stream(seed: int, name: str) -> Random:
     """The random stream of one thing, independent of the rest of the map."""
     return Random(int.from_bytes(hashlib.sha256(f"{seed}/{name}".encode()).digest()[:16], "big"))
@@ -105,12 +127,60 @@ def roof_colour(tags: Mapping[str, str], roof: str, chance: Random) -> LinearRgb
     return tagged or _MATERIALS.get(tags.get("roof:material", ""), pick)
 
 
-def roof_of(tags: Mapping[str, str], use: str, chance: Random) -> str:
-    """Shape of the roof. Houses without a tag are often gabled."""
+def pitched_share(small: Iterable[Mapping[str, str]], latitude_deg: float) -> float:
+    """The share of small houses with pitched roofs at a place, 0..1.
+
+    `small`: tags of the small buildings of the map. The tagged roofs count, and with few of them the climate.
+    """
+    usual = PITCHED if abs(latitude_deg) >= WARM_DEG else PITCHED_WARM
+    shapes = [shape for tags in small if (shape := _tagged_roof(tags)) is not None and is_dwelling_word(tags)]
+    tagged = sum(shape != "flat" for shape in shapes)
+    return (tagged + usual * PRIOR) / (len(shapes) + PRIOR)
+
+
+def pitched_by_size(tags: Mapping[str, str], use: str, area_m2: float, share: float) -> float:
+    """The probability of a pitched roof by a building's use and footprint. `share`: that of small houses there."""
+    if not is_dwelling_word(tags):
+        return 0.0
+    if use == "house" or (use == "residential" and area_m2 < SMALL_M2):
+        return share
+    if word_of(tags) in ("yes", "") and area_m2 < SMALL_M2 and use in ("commercial", "office", "public"):
+        return 0.6 * share
+    return 0.5 * share if use == "residential" and area_m2 < MIDDLE_M2 else 0.0
+
+
+def is_dwelling_word(tags: Mapping[str, str]) -> bool:
+    """True unless the tag `building` names something low that is no dwelling, such as a garage."""
+    return word_of(tags) not in LOW
+
+
+def roof_of(tags: Mapping[str, str], use: str, chance: Random, pitched: float) -> str:
+    """Shape of the roof: tagged, that of churches and barns, or pitched with the probability `pitched`."""
     drawn = chance.random()
-    tagged = _ROOFS.get(tags.get("roof:shape", tags.get("building:roof:shape", "")))
+    tagged = _tagged_roof(tags)
     if tagged is not None:
         return tagged
-    if tags.get("building") in ("church", "cathedral", "chapel", "barn"):
+    if tags.get("building") in ("church", "cathedral", "chapel", "barn", "farm_auxiliary", "stable", "cowshed"):
         return "gabled"
-    return "gabled" if use == "house" and "building:part" not in tags and drawn < 0.7 else "flat"
+    if "building:part" in tags or drawn >= pitched:
+        return "flat"
+    return "hipped" if drawn >= 0.8 * pitched else "gabled"
+
+
+def fitted_roof(tags: Mapping[str, str], roof: str, shape: Any, storeys: float) -> str:
+    """The roof that a footprint can carry: a drawn one is flat on tall or ragged buildings."""
+    if roof == "flat" or _tagged_roof(tags) is not None:
+        return roof
+    if storeys > PITCHED_STOREYS and tags.get("building") not in ("church", "cathedral", "chapel"):
+        return "flat"
+    whole = shape.minimum_rotated_rectangle
+    if shape.area >= RECTANGULAR * whole.area:
+        return roof
+    return "pyramidal" if shape.area >= COMPACT * shape.convex_hull.area else "flat"
+
+
+# -- private
+
+
+def _tagged_roof(tags: Mapping[str, str]) -> str | None:
+    return _ROOFS.get(tags.get("roof:shape", tags.get("building:roof:shape", "")))

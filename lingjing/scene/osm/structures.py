@@ -1,11 +1,11 @@
-"""Open-air structures that are no buildings: piers, walls and hedges, and the decks under raised roads.
+"""Open-air structures that are no buildings: piers, walls, hedges, pipelines, and the decks under raised roads.
 
 A deck follows its lanes. So it continues under a ramp that the map does not tag as a bridge, down to the ground.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import pairwise
 from math import ceil, hypot
 from typing import Any
@@ -14,7 +14,7 @@ import msgspec
 
 from lingjing.mission.geometry2d import Extent, Polygon
 from lingjing.mission.instance import Vector
-from lingjing.scene.city import Bridge, Junction, Lane, Road, Solid
+from lingjing.scene.city import Bridge, Junction, Lane, Pipe, Road, Solid
 from lingjing.scene.cutting import polygons, rings
 from lingjing.scene.lines import line_length
 from lingjing.scene.osm.features import Features
@@ -41,6 +41,18 @@ PIER_TOP_M = 0.3
 """Elevation of the top of piers, metres (chosen)."""
 PILES_M = 12.0
 """Distance between piles, metres (chosen)."""
+PLATFORM_M = 1.5
+"""Width of the deck around a building over water, metres (chosen)."""
+OVERGROUND = ("overground", "overhead", "surface", "aboveground", "bridge", "outdoor")
+"""Values of `location` of a pipeline in the open."""
+PIPE_M = 0.3
+"""Radius of a pipeline without a tagged diameter, metres (chosen)."""
+RACK_M = 0.9
+"""Elevation of the axis of a pipeline on its supports, metres (chosen)."""
+GANTRY_TOP_M = 5.5
+"""Elevation of its axis over streets, metres (chosen: clear of vehicles of 4.5 m)."""
+GANTRY_M = 2.0
+"""Distance from a street at which a pipeline rises, metres (chosen)."""
 WALLS = {"wall": (0.3, 2.2), "city_wall": (1.5, 6.0), "retaining_wall": (0.4, 1.0), "hedge": (0.9, 1.2)}
 """`barrier` → usual thickness and height, metres (chosen)."""
 
@@ -150,6 +162,32 @@ def piers(features: Features, level_m: float) -> Iterator[Solid]:
                 yield from () if solid else _piles(name, outline, level_m)
 
 
+def platforms(outlines: Iterable[Any], level_m: float) -> Iterator[Solid]:
+    """Yield the decks and piles under buildings over water at `level_m`. `outlines`: shapely polygons."""
+    for number, outline in enumerate(outlines):
+        deck = outline.buffer(PLATFORM_M, join_style="mitre")
+        for part, ring in ((part, ring) for part, shape in enumerate(polygons(deck)) for ring in rings(shape)[:1]):
+            name = f"platform-{number}-{part}"
+            yield Solid(id=name, polygon=ring, base_m=-0.4, top_m=PIER_TOP_M, material="wood")
+            yield from _piles(name, ring, level_m)
+
+
+def pipelines(features: Features, free: Any, blocked: Any) -> Iterator[Pipe]:
+    """Yield the pipelines that lie in the open, raised over streets (`free`) and cut at buildings (`blocked`).
+
+    Both are prepared shapely geometries.
+    """
+    for line in features.lines:
+        if line.tags.get("man_made") != "pipeline" or not _is_overground(line.tags):
+            continue
+        radius = min(max(_diameter_m(line.tags) / 2.0, PIPE_M), 1.5)
+        for number, piece in enumerate(features.pieces(line)):
+            parts = [part for part in _line_parts(piece.simplify(0.1).difference(blocked)) if part.length > 4.0]
+            for k, part in enumerate(parts):
+                name = f"pipe-{line.ref}-{number}" + (f"-{k}" if k else "")
+                yield Pipe(id=name, path=_over(part, free), radius_m=round(radius, 2))
+
+
 def walls(features: Features, free: Any) -> Iterator[Solid]:
     """Yield walls and hedges, one solid for each straight piece. `free`: prepared geometry that none may cross
     (roads)."""
@@ -169,6 +207,42 @@ def walls(features: Features, free: Any) -> Iterator[Solid]:
 
 
 # -- private
+
+
+def _is_overground(tags: Mapping[str, str]) -> bool:
+    """True if a pipeline can be seen; one without a location is taken as visible."""
+    return not is_below(tags) and tags.get("location", "overground") in OVERGROUND
+
+
+def _diameter_m(tags: Mapping[str, str]) -> float:
+    """The tagged diameter; 0 without one. A number above 10 is in millimetres, as OpenStreetMap's convention says."""
+    stated = metres(tags, "diameter") or 0.0
+    return stated / 1000.0 if stated > 10.0 else stated
+
+
+def _line_parts(shape: Any) -> list[Any]:
+    import shapely
+
+    return [part for part in shapely.get_parts(shape) if part.geom_type == "LineString"]
+
+
+def _over(line: Any, free: Any) -> tuple[Vector, ...]:
+    """The path of a pipe along a line: at rack height, on a gantry over streets."""
+    import shapely
+
+    crossed = shapely.intersection(line, free)
+    gantry = crossed.buffer(GANTRY_M, cap_style="flat") if not crossed.is_empty else crossed
+    ends = {line.project(shapely.Point(point)) for part in _line_parts(crossed) for point in part.coords}
+    bends = {line.project(shapely.Point(point)) for point in line.coords}
+    edges = {min(max(end + step, 0.0), line.length) for end in ends for step in (-GANTRY_M, -GANTRY_M + 0.4, 0.0)} | {
+        min(max(end + step, 0.0), line.length) for end in ends for step in (GANTRY_M, GANTRY_M - 0.4)
+    }
+    path = []
+    for at in sorted(bends | edges):
+        spot = line.interpolate(at)
+        high = not gantry.is_empty and gantry.distance(spot) < 0.01 and crossed.distance(spot) < GANTRY_M - 0.2
+        path.append((round(spot.x, 3), round(spot.y, 3), GANTRY_TOP_M if high else RACK_M))
+    return tuple(path)
 
 
 def _gap(right: Lane, left: Lane) -> float:

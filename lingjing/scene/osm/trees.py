@@ -1,6 +1,7 @@
 """Trees: those on the map, along mapped rows, and scattered in parks and woods by the seed.
 
-No tree stands in water, in a building, on a road or on a pitch.
+No tree stands in water, in a building, on a road or on a pitch. A mapped one that would is set aside by up to
+`ASIDE_M`, because maps draw streets as lines, else left out.
 """
 
 from __future__ import annotations
@@ -9,6 +10,8 @@ from collections.abc import Iterable, Iterator
 from math import ceil, floor, sqrt
 from random import Random
 from typing import Any
+
+import msgspec
 
 from lingjing.scene.city import Building, PaintedArea, Prop, Road
 from lingjing.scene.osm.features import Features
@@ -24,6 +27,12 @@ SOWN_M = {"park": (14.0, 0.6), "forest": (7.0, 0.85), "grass": (26.0, 0.35)}
 FIELDS = ("pitch", "plaza", "parking", "asphalt", "sidewalk", "sand", "concrete")
 """Surfaces without trees."""
 
+ASIDE_M = 4.0
+"""Farthest move of a mapped tree off a road or a wall, metres (chosen: a lane's width and a little)."""
+
+CLEAR_M = 0.2
+"""Distance of a moved tree from the edge that it was moved over, metres (chosen)."""
+
 USUAL_M = 8.0
 """Height of a tree of scale 1, metres; mapped heights are scaled by it."""
 
@@ -36,28 +45,22 @@ _MOST_SPOTS = 1_000_000
 
 def trees(features: Features, areas: tuple[PaintedArea, ...], built: Any, seed: int) -> Iterator[Prop]:
     """The trees of the frame. `built`: geometry without trees (see `occupied_area`)."""
-    box = features.box
-    for spot in features.spots:
-        if spot.tags.get("natural") == "tree":
-            yield _tree(spot.ref, spot.shape.x, spot.shape.y, spot.tags, stream(seed, f"tree/{spot.ref}"))
-    for line in features.lines:
-        if line.tags.get("natural") == "tree_row":
-            yield from _row(line.ref, line.shape, line.tags, box, stream(seed, f"row/{line.ref}"))
+    yield from _aside(_mapped(features, seed), built)
     yield from _sown(areas, built, seed)
 
 
-def occupied_area(wet: Any, buildings: Iterable[Building], roads: Iterable[Road]) -> Any:
-    """Water, buildings and roads with a margin, as a prepared geometry."""
+def occupied_area(wet: Any, buildings: Iterable[Building], pavement: Any) -> Any:
+    """Water, buildings with a margin and the pavement, as a prepared geometry."""
     import shapely
 
     houses = [shapely.Polygon(building.polygon).buffer(1.5, quad_segs=1) for building in buildings]
-    whole = shapely.union_all([wet, *houses, pavement(roads)])
+    whole = shapely.union_all([wet, *houses, pavement])
     shapely.prepare(whole)
     return whole
 
 
 def pavement(roads: Iterable[Road]) -> Any:
-    """The area of lanes with a margin of 0.5 m."""
+    """The area of lanes with a margin of 0.5 m, as a prepared geometry."""
     import shapely
 
     lanes = [
@@ -66,10 +69,44 @@ def pavement(roads: Iterable[Road]) -> Any:
         for lane in road.lanes
         if len(lane.shape) > 1
     ]
-    return shapely.union_all(lanes)
+    whole = shapely.union_all(lanes)
+    shapely.prepare(whole)
+    return whole
 
 
 # -- private
+
+
+def _mapped(features: Features, seed: int) -> Iterator[Prop]:
+    """Yield the single trees of the map, and those of its rows."""
+    box = features.box
+    for spot in features.spots:
+        if spot.tags.get("natural") == "tree":
+            yield _tree(spot.ref, spot.shape.x, spot.shape.y, spot.tags, stream(seed, f"tree/{spot.ref}"))
+    for line in features.lines:
+        if line.tags.get("natural") == "tree_row":
+            yield from _row(line.ref, line.shape, line.tags, box, stream(seed, f"row/{line.ref}"))
+
+
+def _aside(planted: Iterable[Prop], built: Any) -> Iterator[Prop]:
+    """Yield trees at places outside of `built`, moved by at most `ASIDE_M`; a tree farther inside is left out."""
+    import shapely
+
+    trees = list(planted)
+    inside = shapely.contains_xy(built, [tree.position[0] for tree in trees], [tree.position[1] for tree in trees])
+    edge = built.boundary if inside.any() else None
+    for tree, is_inside in zip(trees, inside.tolist(), strict=True):
+        if not is_inside:
+            yield tree
+            continue
+        spot = shapely.Point(tree.position[:2])
+        near = shapely.shortest_line(spot, edge).coords[-1]
+        reach = spot.distance(shapely.Point(near))
+        if reach <= ASIDE_M:
+            beyond = 1.0 + CLEAR_M / max(reach, CLEAR_M)
+            x, y = (spot.x + (near[0] - spot.x) * beyond, spot.y + (near[1] - spot.y) * beyond)
+            if not shapely.contains_xy(built, x, y):
+                yield msgspec.structs.replace(tree, position=(round(x, 2), round(y, 2), tree.position[2]))
 
 
 def _row(ref: str, line: Any, tags: dict[str, str], box: Any, chance: Random) -> Iterator[Prop]:

@@ -8,11 +8,12 @@ is land or sea.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from itertools import pairwise
 from math import dist, hypot
 from typing import Any
 
-from lingjing.scene.city import Water
+from lingjing.scene.city import Building, Water
 from lingjing.scene.cutting import polygons, rings
 from lingjing.scene.osm.features import Feature, Features
 from lingjing.scene.osm.tags import is_set, layer, metres
@@ -24,6 +25,10 @@ WIDTHS_M = {"river": 20.0, "canal": 10.0, "stream": 3.0, "fairway": 0.0}
 """Usual widths of waterways that are mapped as lines, metres (chosen)."""
 LANDLOCKED = {"basin", "reservoir"}
 """Values of `landuse` that are waters."""
+ON_PILES = 0.5
+"""Share of a footprint in the water above which a building stands on piles, and below which on a quay (chosen)."""
+QUAY_M = 1.5
+"""Width of the quay around a building, metres (chosen)."""
 SIMPLIFY_M = 0.1
 """Tolerance of simplified outlines, metres (chosen)."""
 
@@ -47,6 +52,27 @@ def waters(area: Any, level_m: float) -> tuple[Water, ...]:
         for outline, *holes in filter(None, (rings(shape),)):
             bodies.append(Water(polygon=outline, holes=(*holes,), level_m=level_m))
     return tuple(bodies)
+
+
+def with_banks(area: Any, buildings: Iterable[Building]) -> tuple[Any, tuple[Any, ...]]:
+    """The waters with dry ground under buildings that stand partly in them, and the outlines of those that stand all
+    but wholly in them, which need a pier. Both are shapely geometries.
+
+    Maps draw banks to a few metres. So a wall in the water at a bank is a quay wall, and a boathouse stands on piles.
+    """
+    import shapely
+
+    shapely.prepare(area)
+    shapes = [shapely.make_valid(shapely.Polygon(building.polygon)) for building in buildings if building.base_m <= 0.0]
+    touched = [shape for shape in shapes if area.intersects(shape)]
+    shares = [shapely.intersection(shape, area).area / max(shape.area, 1.0) for shape in touched]
+    afloat = tuple(shape for shape, share in zip(touched, shares, strict=True) if share > ON_PILES)
+    quays = [
+        shape.buffer(QUAY_M, quad_segs=1)
+        for shape, share in zip(touched, shares, strict=True)
+        if 0.0 < share <= ON_PILES
+    ]
+    return shapely.difference(area, shapely.union_all(quays)) if quays else area, afloat
 
 
 # -- private

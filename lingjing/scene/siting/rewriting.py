@@ -1,0 +1,148 @@
+"""The found places, written into a mission."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+import msgspec
+
+from lingjing.mission import expression as ex
+from lingjing.mission.geometry2d import Vector2
+from lingjing.mission.instance import Vector
+from lingjing.mission.model import Group, Mission, Property, Record, RegionDeclaration, Scene
+from lingjing.scene.siting.layout import point
+
+R = TypeVar("R")
+
+_DECIMALS = 2
+"""Decimals of written places (chosen: a centimetre)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Placement:
+    """The places of a mission in a city."""
+
+    shift: Callable[[Vector2], Vector2]
+    """Place of the mission → place in the city, for every place that the fields below do not name."""
+    regions: Mapping[str, tuple[Vector2, ...]] = field(default_factory=dict)
+    """Region → outline."""
+    lines: Mapping[tuple[Vector2 | None, ...], tuple[Vector2, ...]] = field(default_factory=dict)
+    """Line of the mission → line in the city, wherever the mission writes it."""
+    places: Mapping[str, tuple[Vector2 | Vector, ...]] = field(default_factory=dict)
+    """Group → the places of its members, or the places that they are drawn from. With three numbers, the last is the
+    elevation."""
+    headings_deg: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    """Group → the headings of its members."""
+
+
+def rewritten(mission: Mission, placement: Placement, scene: Scene) -> Mission:
+    """Return the mission with these places and this scene."""
+    moved = _Moving(placement)
+    groups = tuple(moved.group(group) for group in mission.groups)
+    regions = tuple(moved.region(region) for region in mission.regions)
+    rest = {
+        name: moved.everywhere(getattr(mission, name))
+        for name in mission.__struct_fields__
+        if name not in ("groups", "regions", "scene")
+    }
+    return msgspec.structs.replace(mission, **{**rest, "groups": groups, "regions": regions, "scene": scene})
+
+
+def number(value: float, unit: str = "m") -> ex.Number:
+    """A quantity, rounded."""
+    return ex.Number(value=round(value, _DECIMALS), unit=unit)
+
+
+# -- private
+
+
+class _Moving:
+    def __init__(self, placement: Placement) -> None:
+        self._placement = placement
+
+    def region(self, region: RegionDeclaration) -> RegionDeclaration:
+        outline = self._placement.regions.get(region.name)
+        if outline is None:
+            return self.everywhere(region)
+        shape = ex.Call(function="polygon", arguments=tuple(_point(corner) for corner in outline))
+        return msgspec.structs.replace(region, shape=shape)
+
+    def group(self, group: Group) -> Group:
+        properties = tuple(self._property(group.name, prop) for prop in group.properties)
+        alternatives = tuple(
+            msgspec.structs.replace(item, properties=tuple(self._property(group.name, p) for p in item.properties))
+            for item in group.alternatives
+        )
+        return msgspec.structs.replace(group, properties=properties, alternatives=alternatives)
+
+    def _property(self, group: str, prop: Property) -> Property:
+        if prop.name == "heading_deg" and group in self._placement.headings_deg:
+            turned = _headings(prop.value, self._placement.headings_deg[group])
+            return msgspec.structs.replace(prop, value=turned)
+        if prop.name != "position":
+            return prop
+        places = self._placement.places.get(group)
+        value = prop.value
+        if places is not None and isinstance(value, ex.Draw) and value.distribution in ("subset", "choice"):
+            listed = ex.Sequence(items=tuple(_point(place) for place in places))
+            value = msgspec.structs.replace(value, arguments=(listed,))
+        elif places is not None and not isinstance(value, ex.Draw):
+            queue = list(places)
+            value = self.expr(value, lambda original: _like(original, queue.pop(0) if len(queue) > 1 else queue[0]))
+        else:
+            value = self.everywhere(value)
+        return msgspec.structs.replace(prop, value=value)
+
+    def everywhere(self, value: R) -> R:
+        """The value with every written place moved."""
+        moved: R = self.expr(value, self._moved)
+        return moved
+
+    def expr(self, value: Any, moved: Callable[[ex.Point], ex.Point]) -> Any:
+        if isinstance(value, ex.Point):
+            return moved(value)
+        if isinstance(value, ex.Sequence) and (line := self._line(value)) is not None:
+            return line
+        if isinstance(value, tuple):
+            return tuple(self.expr(item, moved) for item in value)
+        if isinstance(value, Record | ex._Node):
+            changed = {name: self.expr(getattr(value, name), moved) for name in value.__struct_fields__}
+            same = all(changed[name] is getattr(value, name) for name in changed)
+            return value if same else msgspec.structs.replace(value, **changed)
+        return value
+
+    def _line(self, listed: ex.Sequence) -> ex.Sequence | None:
+        written = tuple(point(item) for item in listed.items if isinstance(item, ex.Point))
+        line = self._placement.lines.get(written)
+        return None if line is None else ex.Sequence(items=tuple(_point(place) for place in line))
+
+    def _moved(self, written: ex.Point) -> ex.Point:
+        place = point(written)
+        return written if place is None else _like(written, self._placement.shift(place))
+
+
+def _headings(value: ex.Expr, headings_deg: tuple[float, ...]) -> ex.Expr:
+    """The expression with its angles replaced, one after the other."""
+    if isinstance(value, ex.Number):
+        return number(headings_deg[0], "deg")
+    if isinstance(value, ex.Sequence):
+        return ex.Sequence(items=tuple(number(angle, "deg") for angle in headings_deg))
+    if isinstance(value, ex.Call):
+        arguments = tuple(
+            _headings(item, headings_deg) if isinstance(item, ex.Sequence) else item for item in value.arguments
+        )
+        return msgspec.structs.replace(value, arguments=arguments)
+    return value
+
+
+def _point(place: Vector2 | Vector) -> ex.Point:
+    return ex.Point(items=tuple(number(value) for value in place))
+
+
+def _like(written: ex.Point, place: Vector2 | Vector) -> ex.Point:
+    """A place with the elevation of the written one, unless it has its own."""
+    if len(place) == 3:
+        return _point(place)
+    return ex.Point(items=(*_point(place).items, *written.items[2:]))

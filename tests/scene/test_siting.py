@@ -1,0 +1,198 @@
+"""Siting: the places of the shipped missions in a city from a map, and what is missing where they do not fit."""
+
+from __future__ import annotations
+
+import itertools
+from functools import lru_cache
+from math import dist
+from pathlib import Path
+
+import pytest
+
+from lingjing.errors import MissionError, UsageError
+from lingjing.mission import expression as ex
+from lingjing.mission.instance import Instance
+from lingjing.mission.instantiate import instantiate
+from lingjing.mission.model import Mission
+from lingjing.scene.anchor import anchor
+from lingjing.scene.city import City
+from lingjing.scene.footing import Footing
+from lingjing.scene.lines import project
+from lingjing.scene.osm.build import Options, build
+from lingjing.scene.road_map import read_road_map
+from lingjing.scene.siting.sited import sited, with_city_option
+from lingjing.testing import compile_text, compiled, mission_file
+from tests.scene.osm_maps import Map, square, town
+
+FITTING = ("ufr", "cd", "cr", "vdn", "ld", "bi", "idf", "upr")
+BLOCK = 110
+STREETS = range(-440, 441, BLOCK)
+
+
+def grid_town() -> Map:
+    """Blocks of houses and flats on two-way streets, works with a pipeline in the east, a river with a bridge."""
+    made = Map(half_m=620.0)
+    for x in STREETS:
+        made.way([(x, y) for y in STREETS], {"highway": "residential", "name": f"Street {x}"})
+    for y in STREETS:
+        made.way([(x, y) for x in STREETS], {"highway": "residential", "name": f"Avenue {y}"})
+    for x, y in itertools.product(list(STREETS)[:-1], list(STREETS)[:-1]):
+        if x >= 330 and y < 0:
+            made.way(square(x + 15, y + 20, 36, 60), {"building": "industrial", "height": "9"})
+            made.way(square(x + 65, y + 20, 30, 30), {"building": "warehouse", "height": "8"})
+            continue
+        for i, j in itertools.product(range(3), range(2)):
+            tags = {"building": "house", "height": "7", "roof:shape": "gabled"}
+            if (i + j) % 2:
+                tags = {"building": "apartments", "height": "12", "roof:shape": "flat"}
+            made.way(square(x + 14 + 28 * i, y + 15 + 52 * j, 16, 22), tags)
+    made.way([(x, 520) for x in range(-600, 601, 100)], {"waterway": "river", "width": "90"})
+    made.way([(0, 440), (0, 460)], {"highway": "residential"})
+    made.way([(0, 460), (0, 580)], {"highway": "residential", "bridge": "yes", "layer": "1"})
+    made.way([(0, 580), (0, 610)], {"highway": "residential"})
+    made.way([(470, -400), (470, -220)], {"man_made": "pipeline", "location": "overground"})
+    return made
+
+
+@pytest.fixture(scope="module")
+def grid_city(tmp_path_factory: pytest.TempPathFactory) -> City:
+    folder = tmp_path_factory.mktemp("grid")
+    return build(grid_town().write(folder / "grid.osm"), Options(), folder / "city").city
+
+
+@lru_cache
+def mission(name: str) -> Mission:
+    return with_city_option(compiled(name), "city")
+
+
+def found(name: str, city: City) -> Mission:
+    return sited(mission(name), city, {"folder": ex.Text(value="city")})
+
+
+_instances: dict[tuple[str, int], list[Instance]] = {}
+
+
+def instances(name: str, city: City, tier: int = 0) -> list[Instance]:
+    """Placed instances of other seeds than siting tries, found once for all tests."""
+    if (name, tier) not in _instances:
+        sites = found(name, city)
+        for number in (0, 1):
+            drawn = [instantiate(sites, seed=seed, tier=number) for seed in range(20, 24)]
+            _instances[name, number] = [anchor(instance, city) for instance in drawn]
+    return _instances[name, tier]
+
+
+@pytest.mark.parametrize("name", FITTING)
+def test_every_mission_fits_into_a_town_that_has_all_it_needs(grid_city: City, name: str) -> None:
+    west, south, east, north = grid_city.bounds
+    for tier in (0, 1):
+        for instance in instances(name, grid_city, tier):
+            assert instance.scene.kind == "map" and "city" not in instance.scene.options
+            assert instance.goal == instantiate(mission(name)).goal
+            for entity in instance.entities:
+                x, y, _ = entity.position
+                assert west <= x <= east and south <= y <= north
+
+
+def test_the_places_are_a_function_of_mission_and_city(grid_city: City) -> None:
+    again = anchor(instantiate(found("cr", grid_city), seed=20), grid_city)
+    assert again == instances("cr", grid_city)[0]
+
+
+def test_vehicles_stand_on_roads_that_lead_everywhere_and_back(grid_city: City) -> None:
+    roads = read_road_map(grid_city.network)
+    for name in ("ufr", "cd", "cr", "ld"):
+        for entity in instances(name, grid_city)[0].entities:
+            if entity.properties.get("on") == "road":
+                near = roads.nearest(entity.position[:2])
+                assert near is not None and near.off_m < 3.5 and near.segment in roads.connected
+
+
+def test_every_pair_of_jams_leaves_a_way_to_the_goal(grid_city: City) -> None:
+    from lingjing.scene.siting.city_view import CityView
+    from lingjing.scene.siting.routes import BLOCKED_M, LONGEST_AROUND_M, Router
+
+    router = Router(CityView(grid_city))
+    for instance in instances("cr", grid_city):
+        at = {entity.id: entity.position[:2] for entity in instance.entities}
+        closed = frozenset().union(*(router.near(at[f"jam[{k}]"], BLOCKED_M) for k in (1, 2)))
+        names = [sorted(router.near(at[name], 2.0))[0] for name in ("van", "goal_place")]
+        start, goal = (
+            router.spot(segment, project(router.segments[segment].shape, *at[name]).at_m)
+            for segment, name in zip(names, ("van", "goal_place"), strict=True)
+        )
+        way = router.way(start, goal, closed)
+        assert way is not None and way.length_m <= LONGEST_AROUND_M + 100.0
+
+
+def test_dogs_begin_on_free_ground_near_their_targets(grid_city: City) -> None:
+    footing = Footing(grid_city)
+    for name in ("vdn", "ld", "idf", "upr"):
+        for instance in instances(name, grid_city):
+            dogs = [entity for entity in instance.entities if entity.engine == "quadruped"]
+            for dog in dogs:
+                assert footing.is_clear(*dog.position[:2], 0.5)
+            goal = next(e for e in instance.entities if e.group in ("home", "house", "fire", "leak"))
+            assert min(dist(dog.position[:2], goal.position[:2]) for dog in dogs) < 420.0
+
+
+def test_the_fracture_is_over_water_and_the_inspection_begins_on_land(grid_city: City) -> None:
+    footing = Footing(grid_city)
+    for instance in instances("bi", grid_city):
+        fracture, uav = instance.entities
+        assert footing.is_water(*fracture.position[:2]) and not footing.is_water(*uav.position[:2])
+        deck = next(region for region in instance.regions if region.name == "deck")
+        assert any(dist(corner, fracture.position[:2]) < 200.0 for corner in deck.polygon)
+
+
+NEEDS = {
+    "ufr": "flat roofs within", "cd": "connected roads", "cr": "waypoints that have a way around", "vdn": "entrances",
+    "ld": "entrances which a dog reaches", "bi": "a bridge of at least", "idf": "industrial buildings",
+    "upr": "a pipeline in the open",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def small_city(tmp_path_factory: pytest.TempPathFactory) -> City:
+    folder = tmp_path_factory.mktemp("small")
+    made = Map()
+    made.way([(-400, 0), (400, 0)], {"highway": "residential"})
+    made.way(square(0, 20, 15), {"building": "house"})
+    return build(made.write(folder / "small.osm"), Options(), folder / "city").city
+
+
+@pytest.mark.parametrize("name", FITTING)
+def test_a_city_that_lacks_something_is_refused_with_what_is_missing(small_city: City, name: str) -> None:
+    with pytest.raises(MissionError, match=NEEDS[name]) as raised:
+        found(name, small_city)
+    assert f"`{name}` does not fit into `map-small`" in str(raised.value) and "\n" not in str(raised.value)
+
+
+def test_open_water_cannot_be_played_in_a_town() -> None:
+    with pytest.raises(UsageError, match="the scene `bay` of `ssr` cannot be played in a city"):
+        with_city_option(compiled("ssr"), "x.osm")
+
+
+def test_one_line_of_a_mission_names_the_city(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from lingjing.play.siting import sited_mission
+    from lingjing.plugins.host import PluginHost
+
+    monkeypatch.chdir(tmp_path)
+    grid_town().write(tmp_path / "town.osm")
+    text = mission_file("ufr").read_text(encoding="utf-8")
+    result = compile_text(text.replace("traffic = 40", 'traffic = 40, city = "town.osm"'))
+    assert [item.message for item in result.diagnostics] == [] and result.mission is not None
+    host = PluginHost()
+    by_line = sited_mission(result.mission, "", host)
+    by_option = sited_mission(compiled("ufr"), "town.osm", host)
+    assert by_line.scene == by_option.scene and by_line.groups == by_option.groups
+    assert sited_mission(compiled("ufr"), "", host) is not None
+
+
+def test_the_largest_part_of_a_network_that_leads_everywhere_is_found(tmp_path: Path) -> None:
+    city = build(town().write(tmp_path / "town.osm"), Options(), tmp_path / "city").city
+    roads = read_road_map(city.network)
+    connected = roads.connected
+    assert connected
+    for name in connected:
+        assert any(after in connected for after in roads.segments[name].following)
