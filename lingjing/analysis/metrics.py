@@ -31,6 +31,7 @@ from lingjing.analysis.last_mile import last_mile
 from lingjing.analysis.memo import cache_by_trace
 from lingjing.analysis.repetition import excess_target_events, excess_target_rate, repeated_target_rate, target_events
 from lingjing.analysis.search_marks import area_coverage, communication_at_discovery, redundant_revisit_rate
+from lingjing.analysis.small_boxes import chance_level, strict_detections, tolerance_of
 from lingjing.kernel.subtasks import required_groups
 from lingjing.suggest import nearest_or
 from lingjing.trace.reader import Trace
@@ -195,6 +196,14 @@ class Metrics(msgspec.Struct, frozen=True, kw_only=True):
     """Number of stages S1 to S5 of last-mile delivery that were done in a row: aerial inspection, report of the route's
     ends, report of the places that the vehicle passes, arrival at the stop, the target house. N/A in other missions. A
     stage that an intervention supplies counts as done."""
+    strict_detections: Annotated[int, "perception"] = 0
+    """Detections with a box that overlaps the true one by half. They are all detections, unless the mission accepts a
+    tolerance in pixels for small targets ([small targets](small-targets.md))."""
+    chance: Annotated[float | None, "perception"] = None
+    """Chance level of `detections`: share of boxes of a target's true size, at places drawn uniformly over the picture,
+    that the mission would accept; mean over visible targets."""
+    strict_chance: Annotated[float | None, "perception"] = None
+    """Chance level of `strict_detections`."""
     area_coverage: Annotated[float | None, "outcome"] = None
     """Share of the ground of all search cells that pictures showed: the union of their footprints by height and tilt,
     cut at 20 degrees below the horizon ([ADR 0054](adr/0054-ground-seen.md)). N/A if agents observe no cells."""
@@ -333,6 +342,9 @@ def metrics(trace: Trace) -> Metrics:
         absent_frames=_absent(trace),
         faint_targets=_faint(trace),
         stages=_stages_of(trace),
+        strict_detections=strict_detections(trace),
+        chance=chance_level(trace, tolerance_of(trace)),
+        strict_chance=chance_level(trace, 0.0),
         area_coverage=area_coverage(trace),
         rep_excess=excess_target_rate(trace),
         excess_events=excess_target_events(trace)[1],

@@ -62,6 +62,15 @@ def _ray_distance(at: RuntimeContext, frame: Value, box: Value, place: Value) ->
     return math.hypot(east - ahead[0], north - ahead[1])
 
 
+def _edge_error(at: RuntimeContext, frame: Value, first: Value, second: Value) -> Value:
+    """Return the largest distance between the same edges of two boxes, in pixels of the picture; None without one."""
+    info = at.registry.frames.get(frame) if isinstance(frame, str) else None
+    if info is None or not is_box(first) or not is_box(second):
+        return None
+    sizes = (info.pose.width, info.pose.height, info.pose.width, info.pose.height)
+    return max(abs(a - b) * size for a, b, size in zip(first, second, sizes, strict=True))
+
+
 def _emitted(at: RuntimeContext, kind: Value, *entities: Value) -> Value:
     """Return whether an engine has emitted the task event `kind` about all these entities by this instant."""
     names = {entity.id for entity in entities if isinstance(entity, Entity)}
@@ -176,6 +185,7 @@ def _count(at: RuntimeContext, name: Value, *entities: Value) -> Value:
 
 FACTS: Mapping[str, Callable[..., Value]] = {
     "truth": _truth,
+    "edge_error": _edge_error,
     "ray_distance": _ray_distance,
     "emitted": _emitted,
     "assigned": _assigned,

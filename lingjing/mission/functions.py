@@ -302,6 +302,13 @@ _SIGNATURES = (
         where="rule",
         doc="horizontal distance of a place from the camera's ray through the middle of a box",
     ),
+    Signature(
+        "edge_error",
+        (_p("frame", FRAME), _p("a", BOX), _p("b", BOX)),
+        NUMBER,
+        where="rule",
+        doc="largest distance between the same edges of two boxes, in pixels of the picture",
+    ),
     Signature("truth", (_p("entity", ENTITY), _p("frame", FRAME)), Type("truth"), where="rule"),
     Signature(
         "emitted",
@@ -467,6 +474,7 @@ OPERATIONS: Mapping[str, Operation] = {
         _plain("round", round, intervals.monotone(round)),
         Operation("iou", operations.iou, intervals.share, words="the overlap of {0} with {1}", measure="IoU "),
         _fact("ray_distance", words="the distance of {2} from the ray of the camera through {1} in {0}", stable=True),
+        _fact("edge_error", words="the distance in pixels of the edges of {1} from those of {2}", stable=True),
         _fact("truth", words="the true box of {0} in {1}", secret=True, stable=True),
         _fact("emitted", words="an engine has performed {0}[ on {1}]", of_time=True, about=("event",), at_start=False),
         _fact("assigned", words="{0} is assigned to {1}", at_start=False),

@@ -180,3 +180,19 @@ def test_a_limit_of_claims_is_read_like_any_other() -> None:
     registry = kernel.state.registry
     at = kernel._adjudicator.context_at(registry, registry.states, registry.time_s)
     assert evaluate(Call("used", (Symbol("positives"),)), {}, at) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("moved_px", "error"), [((0, 0, 0, 0), 0.0), ((2, 0, 2, 0), 2.0), ((0, -3, 0, 1), 3.0), ((-5, 0, 5, 0), 5.0)]
+)
+def test_the_error_of_edges_is_in_pixels_of_the_picture(moved_px: tuple[int, ...], error: float) -> None:
+    """The picture has 1920 by 1080 pixels: a pixel is not the same share of its width and of its height."""
+    kernel = limited(1)
+    registry = with_high_picture(kernel)
+    at = kernel._adjudicator.context_at(registry, registry.states, registry.time_s)
+    true = (0.4, 0.4, 0.41, 0.41)
+    sizes = (1920, 1080, 1920, 1080)
+    box = tuple(edge + moved / size for edge, moved, size in zip(true, moved_px, sizes, strict=True))
+    boxes = [Sequence(tuple(Number(edge) for edge in each)) for each in (box, true)]
+    assert evaluate(Call("edge_error", (Text(HIGH), *boxes)), {}, at) == pytest.approx(error)
+    assert evaluate(Call("edge_error", (Text("f9-uav[1]-nadir"), *boxes)), {}, at) is None

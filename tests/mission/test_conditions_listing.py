@@ -61,6 +61,7 @@ def test_declassifications_stand_with_the_conditions_that_leak() -> None:
     declassified = {c.at: tuple(c.declassified) for c in listed("vdn").conditions if c.declassified}
     assert declassified == {
         "success": ("end",),
+        "stage/search": ("search",),
         "stage/approach": ("approach",),
         "stage/arrive": ("arrive",),
     }

@@ -90,6 +90,8 @@ speaks_to role:coordinator channel:progress
 speaks_to channel:detection role:coordinator
 speaks_to channel:assignment role:coordinator
 speaks_to channel:progress role:coordinator
+observes agent:commander asset:uav
+observes agent:commander asset:boat
 observes agent:commander grid:cells
 observes agent:commander channel:events
 guidance role:coordinator role:searcher

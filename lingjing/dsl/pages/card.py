@@ -26,7 +26,7 @@ _HEAD = """# .ljs on one card
 
 No loops, no `if`. A statement ends with its line or a comma in a block; `#` begins a comment; texts: "…" or \"""…\""". Every number has its unit (`10 s`, `4 m/s`, `20 %`), except counts. `=` fixes, `~` draws from a distribution, `<=` bounds. Conditions: `and or not == != < <= > >= in`, `exists r: c`, `forall v in group: c`. Places are `(east, north[, elevation])` in metres; ranges `1..4`; lists `[a, b]`; sizes `3 by 4`. Members count from 1: `uav[1]`. A property line with `when` replaces the one without. […] is optional; … goes on after commas.
 
-A mission needs goal, scene, clock, budget with ticks, success and an agent. Hidden values may be read by `adjudicate` and sensors; what agents notice of them needs `declassify … because "…"`.
+A mission needs goal, scene, clock, budget with ticks, success, an agent. Hidden values are read by `adjudicate` and sensors; what agents notice needs `declassify … because "…"`.
 """  # noqa: E501 - a paragraph of Markdown is one line
 EXAMPLE = """ljs 2
 use std.air { quadrotor }

@@ -526,7 +526,7 @@ STATEMENTS = (
     ),
     StatementKind(
         "expect", s.ExpectBlock, (Form("block"),), ("mission",),
-        example="expect { oracle wins at least 4 of 5 within 40 ticks, idle loses, infeasible when boats == 0, "
+        example="expect { oracle wins within 40 ticks, idle loses, infeasible when boats == 0, "
         "draws spread over search }",
         doc="the mission's own tests, which `lingjing test` runs",
         part="expectations", paragraph="expectations",
