@@ -107,9 +107,11 @@ def test_completion_of_libraries() -> None:
 
 @pytest.mark.parametrize("step", [149, pytest.param(37, marks=pytest.mark.thorough)])
 def test_completion_works_at_every_place_of_every_prefix(step: int) -> None:
-    for end in range(0, len(SSR), step):
+    """At places in equal steps, and behind the first of each mark."""
+    whole = Analysis(SSR, "<test>")
+    for end in {*range(0, len(SSR), step), *(SSR.index(mark) + 1 for mark in '.:=<[({,"~')}:
         complete(Analysis(SSR[:end], "<test>"), end)
-        complete(Analysis(SSR, "<test>"), end)
+        complete(whole, end)
 
 
 def hovered(word: str, *, nth: int = 0, text: str = SSR) -> str:
