@@ -119,7 +119,7 @@ def shipped() -> None:
 
 LINES = {
     "assets": "  asset b{k} : quadrotor {{ position = ({x:.1f} m, {y:.1f} m, 10 m), heading = {h} deg }}\n",
-    "targets": "  target t{k} : destination {{ position = ({x:.1f} m, {y:.1f} m), deadline = {h} s }}\n",
+    "targets": "  target t{k} : person_in_water {{ position = ({x:.1f} m, {y:.1f} m), deadline = {h} s }}\n",
     "events": "  event e{k} at {h} s {{ weather {{ cloud = 50 % }} }}\n",
     "stages": "  stage s{k} {{ done when a0.position.east > {x:.1f} m, weight = 2 }}\n",
 }
@@ -128,7 +128,7 @@ LINES = {
 
 def kinds(folder: Path) -> None:
     """Compare the time for 1,000 and 10,000 declarations of each kind, and fit a power law above the start."""
-    head = FRAME.replace("use std.air { quadrotor }", "use std.air { quadrotor }\nuse std.traffic { destination }")
+    head = FRAME.replace("use std.air { quadrotor }", "use std.air { quadrotor }\nuse std.sea { person_in_water }")
     start = statistics.median(cost(validate(SSR))[0] for _ in range(3))
     first = "  asset a0 : quadrotor { position = (1 m, 1 m, 10 m) }\n"
     print("| declarations | 1,000, CPU s | 10,000, CPU s | exponent above the start |")

@@ -16,7 +16,7 @@ from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.checking.values import STATIC, UNKNOWN, Environment, Taint, TypedExpression
 from lingjing.dsl.source.reporter import Change
 from lingjing.dsl.syntax import tree as s
-from lingjing.dsl.syntax.foreign import CONTROL, KEYS
+from lingjing.dsl.syntax.foreign import CONTROL, KEYS, PREFIXES
 from lingjing.dsl.syntax.keys import PropertyKey
 from lingjing.dsl.syntax.statement_kinds import FILE, TYPE
 from lingjing.dsl.syntax.statements import KINDS, kind_of
@@ -84,6 +84,8 @@ class BlockReader:
             return
         if isinstance(item, s.FieldLine):
             hint = f"write `{first} = …`"
+        if isinstance(item, s.PropertyLine) and isinstance(item.value, s.CallExpr) and first not in CONTROL:
+            hint = hint or f"an entity is declared: `asset {first} : TYPE {{ position = (… m, … m) }}`"
         message = f"`{first}` has no meaning in {what}" if code == "LJ0107" else f"{what} knows no `{first}`"
         hint = hint or _place_of(item)
         self.report(code, name.start, max(end, name.start + 1), message, hint)
@@ -125,6 +127,7 @@ class BlockReader:
             right_name = KEYS.get(name.text)
             right_name = right_name if right_name in proposed and right_name not in seen else None
             hint = f"write `{right_name}`" if right_name else did_you_mean(name.text, proposed)
+            hint = PREFIXES.get(name.text, hint)
             close = right_name or nearest(name.text, proposed)
             certain = right_name is None and is_certain(name.text, set(proposed) - seen.keys())
             self.report.at("LJ0108", name, f"{what} knows no `{name.text}`", hint, replace=close, safe=certain)

@@ -70,6 +70,16 @@ CONTROL: dict[str, str] = {
         "`forall v in group: …` go over them",
     ),
     "pass": "remove it: a block may be empty",
+    **dict.fromkeys(("end", "endif", "fi"), "remove it: a block ends with `}`"),
+    **dict.fromkeys(
+        ("spawn", "create", "instantiate", "summon"),
+        "write `asset NAME : TYPE { position = (… m, … m) }`, or `target …` for what agents do not command",
+    ),
+    **dict.fromkeys(("private", "secret", "invisible"), "write `hidden` before the property: `hidden position ~ …`"),
+    **dict.fromkeys(
+        ("timeout", "time_limit", "max_steps", "max_ticks", "horizon", "duration", "episode_length"),
+        "write `budget { ticks <= … }`",
+    ),
     **dict.fromkeys(
         ("while", "until", "wait", "do", "return", "print", "try", "class", "async", "await"),
         "the language is declarative: it has no such statement; a `stage` waits for its condition",
@@ -137,6 +147,15 @@ FUNCTIONS: dict[str, str] = {
     "len": "write `count(true for v in …)`", "size": "write `count(true for v in …)`",
     **dict.fromkeys(("Vector", "vec", "vec2", "vec3", "point", "Point", "Location", "pos"), "write `(… m, … m)`"),
     "range": "write `1..4`",
+    **dict.fromkeys(
+        ("rectangle", "Rectangle", "rect", "bbox", "RectangularRegion", "BoxRegion"),
+        "write `box((… m, … m), (… m, … m))`, two corners",
+    ),
+    **dict.fromkeys(("disk", "disc", "CircularRegion", "Circle"), "write `circle((… m, … m), … m)`, centre and radius"),
+    **dict.fromkeys(
+        ("random", "rand", "randint", "uniform_random", "Uniform"),
+        "draw with `~`: `position ~ sites(REGION)`, `heading ~ uniform(0 deg, 90 deg)`",
+    ),
     "Range": "write `param … ~ uniform(40 m, 100 m)`, a draw, or `in 40 m..100 m`, a bound",
     **dict.fromkeys(("battery", "energy", "charge", "soc"), "write `uav.battery`, a share: `uav.battery >= 20 %`"),
     "fuel": "write `plane.fuel`, a share: `plane.fuel >= 20 %`",
@@ -162,8 +181,17 @@ FIELDS: dict[str, str] = {
 """Field of an entity elsewhere → the field."""
 AXES: dict[str, str] = {"altitude": "elevation", "alt": "elevation", "height": "elevation", "up": "elevation"}
 """Field of a position elsewhere → the field."""
-KEYS: dict[str, str] = {"color": "colour", "name": "label", "yaw": "heading", "location": "position", "pos": "position"}
+KEYS: dict[str, str] = {
+    "color": "colour", "name": "label", "yaw": "heading", "location": "position", "pos": "position",
+    "max_steps": "ticks", "max_ticks": "ticks", "steps": "ticks",
+}  # fmt: skip
 """Property elsewhere → the property."""
+
+
+PREFIXES: dict[str, str] = dict.fromkeys(
+    ("hidden", "secret", "private", "visible"), "write `hidden` before the property: `hidden position ~ …`"
+)
+"""Property elsewhere that is a word before a property here → the way to write it."""
 
 
 def unit_for(unit: str) -> str | None:

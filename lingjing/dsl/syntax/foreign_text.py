@@ -163,6 +163,10 @@ class ForeignText:
             line = _COMMENT_REST.match(self.text, end)
             self.report("LJ0001", start, end, message, "`#` begins a comment", replace="#", safe=True)
             return line.end() if line is not None else end
+        if sign == "?":
+            hint = "there is no `a ? b : c`: write `a and b or not a and c`, or a line with `when`"
+            self.report("LJ0001", start, end, message, hint)
+            return 0
         if plain not in INNER and plain not in SYMBOLS and plain != ",":
             self.report("LJ0001", start, end, message, "remove it", replace="", safe=True)
             return 0
