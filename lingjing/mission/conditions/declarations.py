@@ -7,6 +7,7 @@ their group.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from functools import cached_property
 
 import msgspec
 
@@ -86,7 +87,7 @@ class MessageFacts(msgspec.Struct, frozen=True):
     senders: tuple[str, ...]
 
 
-class Declarations(msgspec.Struct, frozen=True):
+class Declarations(msgspec.Struct, frozen=True, dict=True):
     """All declarations of a mission that its conditions refer to."""
 
     groups: Mapping[str, Group]
@@ -121,11 +122,16 @@ class Declarations(msgspec.Struct, frozen=True):
 
     def actors(self, interaction: model.Exchange) -> tuple[str, ...]:
         """The asset groups that may perform an interaction: `by` names their engine or a role that commands them."""
-        return tuple(
-            group.name
-            for group in self.groups.values()
-            if group.role == "asset" and (group.engine == interaction.by or interaction.by in group.commanded_by)
-        )
+        return self._assets_by_word.get(interaction.by, ())
+
+    @cached_property
+    def _assets_by_word(self) -> Mapping[str, tuple[str, ...]]:
+        """Engine or role → its asset groups. Each target asks for the actors of its interactions."""
+        named: dict[str, dict[str, None]] = {}
+        for group in self.groups.values():
+            for word in (group.engine, *group.commanded_by) if group.role == "asset" else ():
+                named.setdefault(word, {})[group.name] = None
+        return {word: tuple(groups) for word, groups in named.items()}
 
     def senders(self, kind: str) -> tuple[str, ...]:
         """The roles that may send messages of a kind."""
