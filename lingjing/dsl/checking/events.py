@@ -43,10 +43,11 @@ class EventChecker(DeclarationChecker):
     ) -> None:
         """Report events with a condition over themselves, directly or through rules and other events."""
         reads = {event.name: _counted(event, rules) & self.scope.events.keys() for event in events}
+        ways = {name: sorted(value) for name, value in reads.items() if value}
         by_name = {node.name.text: node.name for node in nodes}
         reported: set[str] = set()
-        for name in reads:
-            way = way_back(name, {key: sorted(value) for key, value in reads.items()})
+        for name in ways:
+            way = way_back(name, ways)
             if way and name in by_name and not reported.intersection(way):
                 reported.update(way)
                 message = f"the condition of the event `{name}` depends on the event itself: {' → '.join(way)}"
