@@ -16,6 +16,7 @@ Modules, from the computation of single quantities to the presentation of an epi
 - `agent_notes`: the notes in the agents' thoughts
 - `detection`: comparison of reports with the ground truth of their frames
 - `small_boxes`: boxes of few pixels, tolerances and chance levels
+- `box_conventions`: boxes that would match under another convention
 - `completion`: completion of targets
 - `relations`: occurrences of the five coordination relations, added to a trace while it is written
 - `repetition`: repeated assignments of targets and repeated entries into their regions

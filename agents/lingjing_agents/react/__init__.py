@@ -10,7 +10,8 @@ In control-flow order:
 - `ablation`, `route_guidance`   remove or add parts of the observation (the paper's ablations, interventions A0 to A3)
 - `prompt`         the prompt builder: `facts` (the brief in words), `road_costs`, `state` (a boundary as JSON)
 - `pictures`       JPEG files of pictures: whole, in tiles, or cut out
-- `history`        the memory: earlier turns within a bound, and the lines that the model keeps
+- `request_budget` the tokens of a request, counted by `token_bound`, and the room that is left for earlier turns
+- `history`        the memory: earlier turns as differences (`state_difference`), and the lines that the model keeps
 - `answer`, `step` the parser: the step in an answer, checked with the schema of `lingjing.plugins.decisions`
 - `search_budget`  the bound on repeated searches of a cell
 - `policy`         the loop: request, crops, repairs, bill; it ends with a reason (`remedy`) before the kernel's limit

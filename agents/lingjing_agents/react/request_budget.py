@@ -2,7 +2,7 @@
 
 The texts, the pictures and the longest answer share the budget. What is left is the room for earlier turns. It depends
 on the mission and on the options alone: texts are counted by `token_bound`, pictures by the most costly rule of
-`models.toml`. So two models of a suite are shown the same turns.
+`models.toml`. So two models of a suite are shown the same turns (ADR 0056).
 """
 
 from __future__ import annotations
