@@ -13,7 +13,8 @@ Modules in control-flow order:
   `counting`: counted budgets. `message_size`: the smallest message of a kind. `start_places`: errors in start
   positions.
 - `refutation`: all checks of one tree of needs, with those of messages and assignments.
-- `steps`, `truths`: macro-steps at which a condition may hold or certainly holds. `readings`: conditions in this form.
+- `steps`, `truths`: macro-steps at which a condition may hold or certainly holds. `condition_values`, `over_time`,
+  `comparisons`, `readings`: values, functions over time, comparisons and whole conditions in this form.
   `milestones`: the earliest moments of the facts that they wait for. `deadlines`: success after the episode's end.
 - `start`: missions that are won or lost at the start. `wide`, `order`: hints, not proofs: satellite pictures much
   wider than the scene, stages that wait for each other.

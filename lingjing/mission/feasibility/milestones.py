@@ -24,9 +24,10 @@ from lingjing.mission.conditions.episode import EVENT, EpisodeKnowledge
 from lingjing.mission.conditions.motion import moving_verbs, roaming_verbs
 from lingjing.mission.conditions.outline import Body, Outline, able_agents
 from lingjing.mission.conditions.spread import PossiblePlaces, extent, farthest, gap, point
+from lingjing.mission.feasibility.condition_values import AXIS_NAMES, Gauge, Message, Occurrences, truth_of
 from lingjing.mission.feasibility.message_size import least_bytes
 from lingjing.mission.feasibility.proof import spelled
-from lingjing.mission.feasibility.readings import AXIS_NAMES, Gauge, Message, Occurrences, Readings, truth_of
+from lingjing.mission.feasibility.readings import Readings
 from lingjing.mission.feasibility.seeing import as_drawn, sight_m
 from lingjing.mission.feasibility.steps import NEVER, StepClock, Steps, first, step_clock
 from lingjing.mission.feasibility.truths import (
