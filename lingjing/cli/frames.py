@@ -126,7 +126,7 @@ def _export(args: argparse.Namespace) -> int:
         class_set(sources.frames, cls, args.validation, args.most, balanced=not args.every)
         for cls in args.classes or seen
     ]
-    write_set(args.output, sets, sources.jpeg)
+    write_set(args.output, sets, sources.jpeg, mask=sources.mask)
     for chosen in sets:
         hard = sum(bool(frame.hard) for frame in chosen.frames)
         shown = sum(frame.present for frame in chosen.frames)

@@ -116,6 +116,8 @@ def anchor(instance: Instance, city: City, *, imported: bool = False) -> Instanc
 # -- private
 
 _Item = TypeVar("_Item")
+FAST_ROADS = ("motorway", "trunk")
+"""Beginnings of OpenStreetMap's classes of roads without stops."""
 MAP = "map"
 """The kind of scene with roads that the edge of the map may cut off from each other."""
 _ROAD = "road"
@@ -265,7 +267,9 @@ class _Anchoring:
 
         def lanes(tile: Tile) -> Iterator[tuple[float, str, tuple[Vector, ...], float]]:
             for road in tile.roads:
-                for lane in road.lanes if not road.tunnel and self._leads_on(road) else ():
+                if road.tunnel or not self._leads_on(road) or (entity.role == "target" and self._is_fast(road)):
+                    continue
+                for lane in road.lanes:
                     if lane.kind == "car" and line_length(lane.shape) > 2.0:
                         at = _kept_inside(lane.shape, project(lane.shape, x, y).at_m)
                         (px, py, _), heading = point_at(lane.shape, at)
@@ -276,6 +280,10 @@ class _Anchoring:
     def _leads_on(self, road: Road) -> bool:
         """False for a road of a map from which not every place can be reached and left again."""
         return self._connected is None or road.id in self._connected
+
+    def _is_fast(self, road: Road) -> bool:
+        """True for an expressway of a map: no vehicle halts there, and the way back may be kilometres long."""
+        return self._connected is not None and road.kind.startswith(FAST_ROADS)
 
     @cached_property
     def _connected(self) -> frozenset[str] | None:

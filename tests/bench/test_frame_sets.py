@@ -6,6 +6,8 @@ from collections import Counter
 from pathlib import Path
 
 import msgspec
+import numpy as np
+import PIL.Image
 import pytest
 
 from lingjing import Trace
@@ -15,7 +17,7 @@ from lingjing.bench.frame_sets.folder import read_class, read_picture, set_class
 from lingjing.bench.frame_sets.labelled import labelled_frames, seen_targets
 from lingjing.bench.frame_sets.sources import found_traces
 from lingjing.errors import ExitCode, UsageError
-from lingjing.testing import run_command, sea_rescue
+from lingjing.testing import play, run_command, sea_rescue
 from tests.bench.frame_kit import BOAT, VICTIM, made_frame, picture, pictures_of
 
 PERSON = "person_in_water"
@@ -253,3 +255,38 @@ def test_places_without_a_trace_are_named(tmp_path: Path) -> None:
     for place in (tmp_path, tmp_path / "absent"):
         with pytest.raises(UsageError, match=place.name):
             found_traces([place])
+
+
+def test_instance_masks_lie_beside_the_pictures_without_hidden_targets(tmp_path: Path) -> None:
+    text = """
+ljs 2
+use std.air { quadrotor }
+use std.ground { car }
+use std.fire { fire_source }
+
+mission seen "Seen" {
+  goal "Look down."
+  scene residential { extent = 300 m }
+  clock { tick = 10 s, sync = 500 ms }
+  budget { ticks <= 2 }
+  region yard = box((-40 m, -40 m), (40 m, 40 m))
+  region far = box((100 m, 100 m), (140 m, 140 m))
+  target one : fire_source { hidden position ~ sites(yard) }
+  asset parked : car { position = (0 m, 2 m) }
+  asset uav : quadrotor {
+    position = (0 m, 20 m, 60 m)
+    camera nadir { size = 160 by 120, hfov = 84 deg, channels = [rgb, instance], capture = each_tick }
+  }
+  agent pilot as pilot controls uav { observes uav.*, events }
+  success when uav in far
+}
+"""
+    trace = play(text, tmp_path / "run", policy="idle", seed=2000).trace
+    args = ["frames", "export", str(trace.path), "-o", str(tmp_path / "set"), "--every", "--classes", "fire_source"]
+    assert run_command(args) == 0
+    masks = sorted((tmp_path / "set").glob("fire_source/masks_*/*.png"))
+    assert masks and len(masks) == len(list((tmp_path / "set").glob("fire_source/*/*.jpg")))
+    for mask in masks:
+        numbers = np.asarray(PIL.Image.open(mask))
+        stored = trace.picture("-".join(mask.stem.split("-")[-3:])).instance
+        assert numbers.shape == (120, 160) and stored is not None and np.array_equal(numbers, stored)

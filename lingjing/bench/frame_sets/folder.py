@@ -5,6 +5,7 @@
     SET/CLASS/coco_train.json             COCO, file names relative to SET/CLASS; coco_validation.json beside it
     SET/CLASS/train/metadata.jsonl        for Hugging Face's `imagefolder`, beside the pictures; validation/ likewise
     SET/CLASS/train/NAME.jpg              the stored bytes of the trace
+    SET/CLASS/masks_train/NAME.png        the instance mask, if the camera stores one; masks_validation/ likewise
 
 The folder is complete or absent, and is a function of its frames.
 """
@@ -36,15 +37,21 @@ PixelBounds = tuple[float, float, float, float]
 """COCO's box: left, top, width and height in pixels."""
 
 
-def write_set(target: Path, sets: Sequence[ClassSet], jpeg: Callable[[str], bytes], about: str = "") -> None:
-    """Write class sets; `jpeg` returns a frame's picture by its name.
+def write_set(
+    target: Path,
+    sets: Sequence[ClassSet],
+    jpeg: Callable[[str], bytes],
+    about: str = "",
+    mask: Callable[[str], bytes | None] = lambda name: None,
+) -> None:
+    """Write class sets; `jpeg` returns a frame's picture by its name, `mask` its instance mask as PNG, None without.
 
     Raises `UsageError` if the folder cannot be written or is not empty, if a picture does not match its frame, or if a
     class or a frame has an unsafe file name: both come from traces.
     """
     with new_folder(target) as folder:
         for class_set in sets:
-            _write_class(folder / _plain(class_set.cls), class_set, jpeg)
+            _write_class(folder / _plain(class_set.cls), class_set, jpeg, mask)
         (folder / CARD).write_text(_frame_card(sets, about), encoding="utf-8")
 
 
@@ -73,7 +80,9 @@ def new_folder(target: Path) -> Iterator[Path]:
         ) from error
 
 
-def _write_class(folder: Path, class_set: ClassSet, jpeg: Callable[[str], bytes]) -> None:
+def _write_class(
+    folder: Path, class_set: ClassSet, jpeg: Callable[[str], bytes], mask: Callable[[str], bytes | None]
+) -> None:
     folder.mkdir()
     encoder = msgspec.json.Encoder()
     (folder / FRAMES).write_bytes(b"".join(encoder.encode(frame) + b"\n" for frame in class_set.frames))
@@ -85,6 +94,10 @@ def _write_class(folder: Path, class_set: ClassSet, jpeg: Callable[[str], bytes]
             if hashlib.sha256(picture).hexdigest() != each.frame.sha256:
                 raise UsageError(f"the picture of {each.frame.name} does not match the hash in its trace")
             (folder / split / _plain(each.frame.name)).write_bytes(picture)
+            numbers = mask(each.frame.name)
+            if numbers is not None:
+                (folder / f"masks_{split}").mkdir(exist_ok=True)
+                (folder / f"masks_{split}" / _plain(each.frame.name)).with_suffix(".png").write_bytes(numbers)
         (folder / f"coco_{split}.json").write_text(
             json.dumps(coco(class_set.cls, mine), indent=1) + "\n", encoding="utf-8"
         )

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import msgspec
+import PIL.Image
 
 from lingjing.bench.frame_sets.labelled import LabelledFrame, labelled_frames
 from lingjing.errors import UsageError
@@ -34,6 +36,18 @@ class FrameSources:
     def jpeg(self, name: str) -> bytes:
         """Return the stored picture of a frame."""
         return self._traces[name].jpeg(self._ids[name])
+
+    def mask(self, name: str) -> bytes | None:
+        """Return the instance mask of a frame as a PNG of 16 bits; None if its camera stores none.
+
+        It holds what the camera recorded: hidden targets are drawn into no mask.
+        """
+        numbers = self._traces[name].picture(self._ids[name]).instance
+        if numbers is None:
+            return None
+        file = io.BytesIO()
+        PIL.Image.fromarray(numbers).save(file, "PNG")
+        return file.getvalue()
 
 
 def found_traces(places: Iterable[Path]) -> list[Path]:

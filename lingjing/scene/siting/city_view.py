@@ -10,6 +10,7 @@ from typing import Any
 
 from lingjing.mission.geometry2d import Vector2
 from lingjing.mission.instance import Vector
+from lingjing.scene.anchor import FAST_ROADS
 from lingjing.scene.camera_geometry import bearing_deg, turn_deg
 from lingjing.scene.city import Building, City
 from lingjing.scene.footing import BODIES_M, HEAD_M, STEP_M
@@ -71,7 +72,8 @@ class CityView:
         if self.roads is None:
             return ()
         connected = self.roads.connected
-        shown = {road.id for tile in self.tiles for road in tile.roads if not road.tunnel and not road.bridge}
+        roads = (road for tile in self.tiles for road in tile.roads if not road.kind.startswith(FAST_ROADS))
+        shown = {road.id for road in roads if not road.tunnel and not road.bridge}
         return tuple(s for s in self.roads.segments.values() if s.id in connected and s.id in shown)
 
     @cached_property

@@ -144,8 +144,9 @@ def _at_pipe(layout: Layout, part: tuple[Vector, ...], dog: Vector2, uav: Vector
     places |= {g.name: (uav,) for g in layout.assets("multirotor")}
     headings = {g.name: (facing_deg,) for g in layout.assets("quadruped")}
     return Placement(
-        shift=placed.shift, regions=plain, lines=placed.lines, places={**placed.places, **places}, headings_deg=headings
-    )
+        shift=placed.shift, regions=plain, lines=placed.lines, places={**placed.places, **places},
+        headings_deg=headings, along=placed.along,
+    )  # fmt: skip
 
 
 # -- both
@@ -180,7 +181,7 @@ def _along(layout: Layout, part: tuple[Vector, ...], zone: tuple[float, float]) 
             (x, y, z), heading = point_at(part, max(1.0, project(line, *starts[0]).at_m / whole * length))
             places[group.name] = ((x, y, z + 0.2),)
             headings[group.name] = (heading,)
-    return Placement(shift=shift, lines=lines, places=places, headings_deg=headings)
+    return Placement(shift=shift, lines=lines, places=places, headings_deg=headings, along=min(1.0, length / whole))
 
 
 def _shifted(line: list[Vector], whole_m: float, part: tuple[Vector, ...], length_m: float, place: Vector2) -> Vector2:

@@ -30,6 +30,8 @@ class Placement:
     """Region → outline."""
     lines: Mapping[tuple[Vector2 | None, ...], tuple[Vector2, ...]] = field(default_factory=dict)
     """Line of the mission → line in the city, wherever the mission writes it."""
+    along: float = 1.0
+    """Length of a found line relative to the mission's; distances of draws along it shrink alike."""
     places: Mapping[str, tuple[Vector2 | Vector, ...]] = field(default_factory=dict)
     """Group → the places of its members, or the places that they are drawn from. With three numbers, the last is the
     elevation."""
@@ -103,6 +105,9 @@ class _Moving:
     def expr(self, value: Any, moved: Callable[[ex.Point], ex.Point]) -> Any:
         if isinstance(value, ex.Point):
             return moved(value)
+        if isinstance(value, ex.Draw) and value.distribution == "sites_along" and self._placement.along < 1.0:
+            named = tuple((name, _shorter(distance, self._placement.along)) for name, distance in value.named)
+            return msgspec.structs.replace(value, arguments=self.expr(value.arguments, moved), named=named)
         if isinstance(value, ex.Sequence) and (line := self._line(value)) is not None:
             return line
         if isinstance(value, tuple):
@@ -121,6 +126,10 @@ class _Moving:
     def _moved(self, written: ex.Point) -> ex.Point:
         place = point(written)
         return written if place is None else _like(written, self._placement.shift(place))
+
+
+def _shorter(distance: ex.Expr, share: float) -> ex.Expr:
+    return number(distance.value * share) if isinstance(distance, ex.Number) else distance
 
 
 def _headings(value: ex.Expr, headings_deg: tuple[float, ...]) -> ex.Expr:
