@@ -285,7 +285,6 @@ class Renderer:
         for model, _, count in drawn:
             if count:
                 model.lit.render(instances=count)
-        self._effects.bodies(scenery.billboards)
         self._draw_air(target, pose, scenery, light)
         target.frame.scissor = None  # type: ignore[assignment] # the whole picture
         if self._town is not None:
@@ -308,7 +307,10 @@ class Renderer:
             target.frame.scissor = place  # type: ignore[assignment] # None: the whole picture
 
     def _draw_air(self, target: Target, pose: CameraPose, scenery: Scenery, light: Light) -> None:
-        """Draw smoke, mist, glow and rain. They write neither ids nor depth."""
+        """Draw flames, smoke, spray, glow and rain, which write neither ids nor depth.
+
+        Then the bodies of flames and spray write ids and depth, without colour.
+        """
         target.write(colour=True, alpha=False, rest=False)
         self._effects.clouds(scenery.billboards, pose.position)
         if light.rain > 0.0:
@@ -316,6 +318,8 @@ class Renderer:
             self.context.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
             self._rain_vao.render()
         self.context.enable_only(moderngl.DEPTH_TEST)
+        target.write(colour=False, alpha=False, rest=True)
+        self._effects.bodies(scenery.billboards)
         target.write(colour=True, alpha=True, rest=True)
 
     def _with_prop_effects(self, scenery: Scenery, view: TownView | None, pose: CameraPose, light: Light) -> Scenery:

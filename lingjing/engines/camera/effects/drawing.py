@@ -1,7 +1,7 @@
 """`EffectPass`: draws rows of billboards and decals with the camera's uniforms.
 
 The owner of the GL context sets the uniforms of `programs` as it does for its own, and binds the noise texture. It
-chooses what drawing may write: colour, ids and depth for `bodies`; colour alone (no alpha) for `clouds` and `decals`.
+chooses what drawing may write: ids and depth for `bodies`; colour alone (no alpha) for `clouds` and `decals`.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ import numpy as np
 from lingjing.engines.camera.effects.particles import POOL, Rows
 from lingjing.engines.camera.programs import source
 
-_BILLBOARD = ("3f 3f 1f 4f 4f 1u/i", "in_place", "in_axis", "in_size", "in_paint", "in_style", "in_id")
-_CLOUD = ("3f 3f 1f 4f 4f 4x/i", *_BILLBOARD[1:-1])
+_BODY = ("3f 3f 1f 16x 4f 1u/i", "in_place", "in_axis", "in_size", "in_style", "in_id")
+_CLOUD = ("3f 3f 1f 4f 4f 4x/i", "in_place", "in_axis", "in_size", "in_paint", "in_style")
 _DECAL = ("3f 3f 4f 2f/i", "in_place", "in_lie", "in_paint", "in_style")
 LIFT = 0.09
 """Amount that a light adds to the developed colour at its middle (chosen)."""
@@ -39,15 +39,18 @@ class EffectPass:
         return self._body, self._cloud, self._decal
 
     def bodies(self, rows: Rows) -> None:
-        """Draw flames and spray, opaque; `rows["id"]` holds the values for the id buffer."""
+        """Draw ids and depth of flames and spray; `rows["id"]` holds the values for the id buffer."""
         self._context.disable(moderngl.BLEND)
-        self._draw(self._body, rows[rows["id"] > 0], _BILLBOARD)
+        self._draw(self._body, rows[rows["id"] > 0], _BODY)
 
     def clouds(self, rows: Rows, eye: tuple[float, float, float]) -> None:
-        """Draw smoke, mist and glow, farthest first."""
+        """Draw flames, spray, smoke, mist and glow, farthest first."""
         soft = rows[rows["id"] == 0]
         away = np.linalg.norm(soft["place"] - np.asarray(eye, np.float32), axis=1)
-        self._blended(self._cloud, soft[np.argsort(-away, kind="stable")], _CLOUD)
+        self._context.enable(moderngl.BLEND)
+        self._context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
+        self._draw(self._cloud, soft[np.argsort(-away, kind="stable")], _CLOUD)
+        self._context.disable(moderngl.BLEND)
 
     def decals(self, rows: Rows) -> None:
         """Draw wet and scorched ground, in order, then the light on it, which brightens the picture."""

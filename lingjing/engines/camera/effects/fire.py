@@ -30,8 +30,14 @@ from lingjing.mission.instance import Weather
 # Linear colours of flames, glow, smoke (young to old), and light on the ground (chosen).
 FLAME_HEART = (0.80, 0.50, 0.10)
 GLOW = (0.75, 0.24, 0.03)
-SOOT = ((0.030, 0.026, 0.022), (0.075, 0.070, 0.065), (0.16, 0.155, 0.15))
+SOOT = ((0.024, 0.021, 0.018), (0.085, 0.080, 0.075), (0.21, 0.205, 0.20))
 FIRELIGHT = (0.86, 0.46, 0.12)
+FLAME_OPACITY = 0.55
+"""Opacity of a single flame, 0..1 (chosen)."""
+SOFT_WIDE, SOFT_LONG = 1.9, 1.35
+"""Ratios of width and length of a soft flame to those of its solid body (chosen)."""
+LEAN = 0.12
+"""Lean of an old flame, in its lengths for each m/s of the smoke's velocity (chosen)."""
 POOL_REACH, LIT_REACH = 3.2, 2.2
 """Radius of a fire's light after dark on the ground and on its smoke, in bed radii plus flame heights (chosen)."""
 STEAM = (0.60, 0.61, 0.62)
@@ -78,7 +84,7 @@ def fire(
     if size < 0.05:
         return Effects(_wisps(seed, place, blaze, time_s, weather), scorch)
     smoke = _smoke(seed, place, blaze, size, time_s, weather)
-    rows = [_flames(seed, place, blaze, size, time_s), _glow(seed, place, blaze, size, time_s), smoke]
+    rows = [_flames(seed, place, blaze, size, time_s, weather), _glow(seed, place, blaze, size, time_s), smoke]
     dark = darkness(weather)
     if dark <= 0.0:
         return Effects(np.concatenate(rows), scorch)
@@ -88,7 +94,8 @@ def fire(
     return Effects(np.concatenate(rows), np.concatenate([scorch, light]))
 
 
-def _flames(seed: int, place: Floats, blaze: FireScale, size: float, time_s: float) -> Rows:
+def _flames(seed: int, place: Floats, blaze: FireScale, size: float, time_s: float, weather: Weather) -> Rows:
+    """Return the solid bodies of flames, which have ids, and the soft flames around them, which lean with the wind."""
     count = max(6, round(blaze.flames * size))
     age, number = stream(seed, time_s, count, 0.85)
     bearing, out = 6.2832 * hashed(number * np.uint64(3)), np.sqrt(hashed(number * np.uint64(3) + np.uint64(1)))
@@ -110,9 +117,10 @@ def _flames(seed: int, place: Floats, blaze: FireScale, size: float, time_s: flo
     warm = np.clip(1.08 - 0.40 * age - 0.22 * out - 0.30 * hashed(number * np.uint64(11)), 0.25, 1.0)
     colour = np.array(FLAME_HEART) * np.stack([np.minimum(warm + 0.30, 1.0), warm, warm**1.5], axis=1)
     bodies = billboards(points, width, colour, 1.0, axis=axis, glow=1.0, shape=FLAME, seed=number % 89, body=True)
-    veil = bodies[::2].copy()
-    veil["id"], veil["alpha"], veil["soft"], veil["size"] = 0, 0.45, 0.9, 1.5 * veil["size"]
-    return np.concatenate([bodies, veil])
+    soft = bodies.copy()
+    soft["id"], soft["alpha"], soft["size"] = 0, FLAME_OPACITY, SOFT_WIDE * bodies["size"]
+    soft["axis"] = SOFT_LONG * bodies["axis"] + np.outer(age * long, LEAN * _drift(seed, weather)).astype(np.float32)
+    return np.concatenate([bodies, soft])
 
 
 def _glow(seed: int, place: Floats, blaze: FireScale, size: float, time_s: float) -> Rows:

@@ -6,6 +6,7 @@ import numpy as np
 
 from lingjing.engines.camera.effects.particles import (
     DROP,
+    PUFF,
     WET,
     Effects,
     Rows,
@@ -24,9 +25,13 @@ GRAVITY = 9.81
 """Gravity, m/s^2."""
 
 # Linear colours (chosen).
-SPRAY = (0.66, 0.72, 0.76)
+SPRAY = (0.86, 0.92, 0.96)
 MIST = (0.62, 0.65, 0.68)
 PUDDLE = (0.022, 0.026, 0.030)
+JET_WIDE, JET_LONG, JET_OPACITY = 3.2, 3.4, 0.40
+"""Ratios of width and length of a soft streak of a jet to those of its drop, and its opacity (chosen)."""
+SPLASH_WIDE, SPLASH_OPACITY = 4.5, 0.40
+"""Ratio of the width of a soft splash to that of its drop, and its opacity (chosen)."""
 
 
 def leak(
@@ -67,7 +72,8 @@ def _jet(
     axis = 0.035 * now
     wide = (0.022 + 0.030 * age) * (0.7 + 0.6 * flow)
     shade = np.array(SPRAY) * (0.85 + 0.15 * hashed(number * np.uint64(7) + np.uint64(6)))[:, None]
-    return billboards(points, wide, shade, 1.0, axis=axis, shape=DROP, seed=number % 89, body=True)
+    bodies = billboards(points, wide, shade, 1.0, axis=axis, shape=DROP, seed=number % 89, body=True)
+    return np.concatenate([bodies, _softened(bodies, JET_WIDE, JET_LONG, JET_OPACITY)])
 
 
 def _splash(seed: int, landing: Floats, ground_m: float, flow: float, time_s: float) -> Rows:
@@ -79,7 +85,16 @@ def _splash(seed: int, landing: Floats, ground_m: float, flow: float, time_s: fl
     points = np.stack(
         [landing[0] + out * np.cos(bearing), landing[1] + out * np.sin(bearing), ground_m + 0.06 + hop], axis=1
     )
-    return billboards(points, 0.055 - 0.02 * age, SPRAY, 1.0, shape=DROP, seed=number % 89, body=True)
+    bodies = billboards(points, 0.055 - 0.02 * age, SPRAY, 1.0, shape=DROP, seed=number % 89, body=True)
+    return np.concatenate([bodies, _softened(bodies, SPLASH_WIDE, 1.0, SPLASH_OPACITY)])
+
+
+def _softened(bodies: Rows, wide: float, long: float, opacity: float) -> Rows:
+    """Return the soft sprites that show drops; the solid drops themselves have ids and no colour."""
+    soft = bodies.copy()
+    soft["id"], soft["alpha"], soft["soft"], soft["shape"] = 0, opacity, 1.0, PUFF
+    soft["size"], soft["axis"] = wide * bodies["size"], long * bodies["axis"]
+    return soft
 
 
 def _mist(
@@ -129,10 +144,10 @@ def steam(seed: int, place: Floats, height_m: float, time_s: float, weather: Wea
 
 def fountain(seed: int, place: Floats, time_s: float) -> Effects:
     """Return eight arcs of water into a basin."""
-    count = 64
+    count = 160
     age, number = stream(seed, time_s, count, 1.0)
     bearing = 6.2832 * (number % np.uint64(8)).astype(np.float64) / 8.0 + 0.1 * chance(seed, 1, count)
     out = 1.7 * age
     points = place + np.stack([out * np.cos(bearing), out * np.sin(bearing), 1.0 + 3.6 * age - 4.2 * age**2], axis=1)
     lean = np.stack([1.7 * np.cos(bearing), 1.7 * np.sin(bearing), 3.6 - 8.4 * age], axis=1)
-    return Effects(billboards(points, 0.09, SPRAY, 0.75, axis=0.08 * lean, soft=0.5, shape=DROP, seed=number % 89))
+    return Effects(billboards(points, 0.13 + 0.12 * age, SPRAY, 0.5, axis=0.10 * lean, soft=1.0, seed=number % 89))

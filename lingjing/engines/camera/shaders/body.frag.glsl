@@ -1,14 +1,10 @@
-// Billboards as bodies: opaque, with id and depth.
+// The solid part of flames and spray: id and depth. Its colour comes from soft sprites (`cloud.frag`).
 #include "common.glsl"
 #include "outputs.glsl"
 #include "billboard.glsl"
 void main() {
-  vec4 n = grain();
-  float inside = within(n);
-  if (inside < 0.12) discard;
-  vec3 to_eye = u_eye - v_world;
-  float range = length(to_eye);
-  o_colour = developed(fogged(painted(inside, n), range, max(to_eye.z / range, 0.0)));
+  if (within(grain()) < 0.12) discard;
+  o_colour = vec4(0.0);
   o_id = v_id;
-  o_depth = -dot(to_eye, u_axis);
+  o_depth = dot(v_world - u_eye, u_axis);
 }
