@@ -46,10 +46,10 @@ MOST = {
     "robot_dog": 2000,
     "person": 3000,
     "person_in_water": 3000,
-    "street_tree": 150,
-    "poplar": 150,
-    "birch": 150,
-    "conifer": 150,
+    "street_tree": 700,
+    "poplar": 400,
+    "birch": 400,
+    "conifer": 260,
 }
 MOST |= dict.fromkeys(PARKED, 4000) | dict.fromkeys(("queue_of_people", "reference_building"), 15_000)
 UNBODIED = {"building_fire", "bridge_fracture", "congestion"}

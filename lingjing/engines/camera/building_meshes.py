@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from lingjing.engines.camera.facade_meshes import DWELLINGS, balconies, entrance
 from lingjing.engines.camera.mesh_rows import (
     KEPT_MESHES,
     Floats,
@@ -29,7 +30,6 @@ from lingjing.engines.camera.mesh_rows import (
     walls,
 )
 from lingjing.mission.appearance import LinearRgb
-from lingjing.scene.camera_geometry import heading_vector
 from lingjing.scene.city import Building
 
 
@@ -54,6 +54,9 @@ FACADES: dict[str, _Facade] = {
 }
 """Facades by name; dimensions are chosen."""
 
+DWELLING_BAY_M = 2.45
+"""Width of a bay of houses and blocks of flats with single windows, metres: windows of 1.1 m (chosen)."""
+
 PARAPET_M = 0.7
 """Height of the wall around a flat roof, metres (chosen)."""
 
@@ -77,7 +80,8 @@ def building(source: Building, number: int) -> tuple[MeshPart, MeshPart, MeshPar
     if source.roof == "flat":
         details += _plant(source, eaves, number)
     if source.entrance is not None:
-        details.append(_entrance(source, number))
+        details.append(entrance(source, number))
+    details += balconies(source, eaves, style[1], number)
     return joined(around), _roof(source, eaves, number), joined(details)
 
 
@@ -86,7 +90,8 @@ def _style(sourcee: Building, eaves: float) -> Style:
     look = FACADES.get(sourcee.facade, FACADES["punched"])
     storey = (eaves - sourcee.base_m) / max(sourcee.levels, 1)
     storey = storey if 2.2 <= storey <= 9.0 else 3.3
-    return look.bay_m, storey, look.across, look.up
+    bay_m = DWELLING_BAY_M if sourcee.use in DWELLINGS and look.across < 0.9 else look.bay_m
+    return bay_m, storey, look.across, look.up
 
 
 def _roomy(source: Building) -> bool:
@@ -212,24 +217,6 @@ def _inner_point(ring: Floats) -> Floats:
     shape = shapely.Polygon(ring)
     point = shape.centroid if shape.contains(shape.centroid) else shape.representative_point()
     return np.array([point.x, point.y])
-
-
-def _entrance(source: Building, number: int) -> MeshPart:
-    """Return a door with a canopy on the wall."""
-    assert source.entrance is not None
-    x, y, bearing = source.entrance
-    out, right = np.array(heading_vector(bearing)), np.array(heading_vector(bearing + 90.0))
-    at = np.array([x, y])
-    wide = 1.1 if source.use in ("house", "residential") else 2.0
-    glass: LinearRgb = (0.03, 0.045, 0.055)
-    door = [at - right * wide, at + right * wide, at + right * wide + out * 0.12, at - right * wide + out * 0.12]
-    roof = [at - right * (wide + 0.5), at + right * (wide + 0.5), at + right * (wide + 0.5) + out * 1.6,
-            at - right * (wide + 0.5) + out * 1.6]  # fmt: skip
-    base = source.base_m
-    return joined((
-        prism(oriented(door), base, base + 2.5, glass, number, gloss=0.6),
-        prism(oriented(roof), base + 2.8, base + 3.0, _mixed(source.colour, (0.2, 0.2, 0.2), 0.5), number),
-    ))  # fmt: skip
 
 
 def _mixed(a: LinearRgb, b: LinearRgb, share: float) -> LinearRgb:

@@ -35,9 +35,14 @@ GROUND_REACH_M = 20_000.0
 """Distance to which ground or water reaches at least, metres."""
 
 SHADE_REACH_M = 480.0
-"""Distance to which the shadow map reaches, metres (chosen)."""
+"""Greatest distance to which the shadow map reaches, metres (chosen)."""
+NEAR_SHADE_M, SHADE_RISE = 130.0, 8.0
+"""Distance to which it reaches for an eye on the ground (m), and the metres that each metre of height adds (chosen).
 
-SHADE_SIZES_M = (192.0, 256.0, 384.0, 512.0, 768.0, 1024.0, 1536.0, 2048.0)
+A smaller map has finer texels. From the ground, shadows farther away are a few pixels high.
+"""
+
+SHADE_SIZES_M = (96.0, 128.0, 192.0, 256.0, 384.0, 512.0, 768.0, 1024.0, 1536.0, 2048.0)
 """Possible sides of the shadow map's window, metres (chosen)."""
 
 
@@ -145,7 +150,8 @@ def _shown(pose: CameraPose) -> npt.NDArray[np.float64]:
     """Return points on the ground and 40 m above it around everything in sight, up to `SHADE_REACH_M`."""
     right, down, axis = (np.asarray(a) for a in camera_axes(pose))
     focal, eye = focal_px(pose), np.asarray(pose.position)
-    reach = max(SHADE_REACH_M, 1.6 * eye[2]) if pose.tilt_deg > 30.0 else SHADE_REACH_M
+    low = min(NEAR_SHADE_M + SHADE_RISE * max(float(eye[2]), 0.0), SHADE_REACH_M)
+    reach = max(SHADE_REACH_M, 1.6 * eye[2]) if pose.tilt_deg > 30.0 else low
     points = []
     for u in (-1.0, 0.0, 1.0):
         for v in (-1.0, 0.0, 1.0):

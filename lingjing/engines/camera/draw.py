@@ -26,11 +26,12 @@ from lingjing.engines.camera.context import mipmapped, open_context, renderer_na
 from lingjing.engines.camera.culling import blunt_from, near_plane, sky_bounds
 from lingjing.engines.camera.effects import TownChanges, prop_effects
 from lingjing.engines.camera.effects.drawing import EffectPass
-from lingjing.engines.camera.effects.particles import BILLBOARD, DECAL, Rows
+from lingjing.engines.camera.effects.night import darkness
+from lingjing.engines.camera.effects.particles import BILLBOARD, DECAL, Rows, wind_of
 from lingjing.engines.camera.far_country import HIGH_M
 from lingjing.engines.camera.ground import Ground, LandSurface
 from lingjing.engines.camera.instances import Batch, afloat, by_detail, in_sight, visible
-from lingjing.engines.camera.lamps import lamp_rows
+from lingjing.engines.camera.lamps import lamp_pools, lamp_rows
 from lingjing.engines.camera.light import Light, light_of
 from lingjing.engines.camera.meshes import indexed
 from lingjing.engines.camera.noise import GRAIN, cloud_texture, grain_texture, noise_texture
@@ -60,6 +61,8 @@ RELIEF_M = 500.0
 """Upper bound of the height of land, metres."""
 SEA_FLOOR, GROUND_FLOOR = (0.013, 0.065, 0.08), (0.09, 0.10, 0.05)
 """Linear colours of sea and country at the horizon of an eye high above."""
+FLAKES_FROM = 0.3
+"""Cover of snow from which rain falls as snow (chosen)."""
 GROUND_CLASSES = tuple(CLASSES[name] for name in ("sand", "grass", "rock", "concrete"))
 """Class ids with a program of their own for the ground."""
 
@@ -100,11 +103,12 @@ class Renderer:
         self._shadow = self._program("shadow.vert", "shadow.frag")
         self._mark = self._program("mark.vert", "mark.frag")
         self._rain = self._program("sky.vert", "rain.frag")
+        self._snow = self._program("sky.vert", "rain.frag", "FLAKES")
         self._tree_shade = self._program("caster_instanced.vert", "caster.frag")
         self._effects = EffectPass(self.context)
         self._programs = (
             *self._objects, *self._dull, *(p for pair in self._grounds.values() for p in pair),
-            self._sky, self._below, self._shadow, self._mark, self._rain, self._tree_shade,
+            self._sky, self._below, self._shadow, self._mark, self._rain, self._snow, self._tree_shade,
         )  # fmt: skip
         corners = np.array([-1, -1, 1, -1, 1, 1, -1, -1, 1, 1, -1, 1], "f4")
         self._corners = self.context.buffer(corners.tobytes())
@@ -119,6 +123,7 @@ class Renderer:
         self._below_vao = self.context.vertex_array(self._below, [(self._corners, "2f", "in_corner")])
         self._sky_vao = self.context.vertex_array(self._sky, [(self._corners, "2f", "in_corner")])
         self._rain_vao = self.context.vertex_array(self._rain, [(self._corners, "2f", "in_corner")])
+        self._snow_vao = self.context.vertex_array(self._snow, [(self._corners, "2f", "in_corner")])
         self._town: Cityscape | None = None
         self._casting: dict[str, tuple[Model, moderngl.VertexArray]] = {}
         self._standing = MergedProps()
@@ -191,7 +196,7 @@ class Renderer:
             if self._town is not None:
                 self._town.warm(places)
             light = light_of(weather, places[0][2] - self._level)
-            kind = light.rain > 0.0, light.lamps, depth
+            kind = light.wet, light.lamps, depth
             if kind in self._warmed:
                 return
             self._warmed.add(kind)
@@ -265,7 +270,7 @@ class Renderer:
         target.clear(uniforms.haze(light))
         self.context.enable_only(moderngl.DEPTH_TEST)
         self.context.depth_func = "<="
-        weather = light.rain > 0.0, light.lamps
+        weather = light.wet, light.lamps
         if self._town is not None and view is not None:
             self._town.structures(view, pose.position, *weather)
             self._draw_props(pose, view)
@@ -316,7 +321,7 @@ class Renderer:
         if light.rain > 0.0:
             self.context.enable_only(moderngl.BLEND)
             self.context.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
-            self._rain_vao.render()
+            (self._snow_vao if light.snow >= FLAKES_FROM else self._rain_vao).render()
         self.context.enable_only(moderngl.DEPTH_TEST)
         target.write(colour=False, alpha=False, rest=True)
         self._effects.bodies(scenery.billboards)
@@ -330,12 +335,13 @@ class Renderer:
         props = [prop for tile in tiles for prop in tile.lively]
         effects_of_props = [prop_effects(prop, scenery.time_s, scenery.weather) for prop in props]
         lamps = [lamp_rows(tile.lamps, pose.position, light.dark) for tile in tiles] if light.lamps else []
+        pools = [lamp_pools(tile.lamps, pose.position, darkness(scenery.weather)) for tile in tiles]
         return replace(
             scenery,
             billboards=np.concatenate(
                 [scenery.billboards, *(_prop_billboards(effects.billboards) for effects in effects_of_props), *lamps]
             ),
-            decals=np.concatenate([scenery.decals, *(effects.decals for effects in effects_of_props)]),
+            decals=np.concatenate([scenery.decals, *(effects.decals for effects in effects_of_props), *pools]),
         )
 
     def _shade(self, view: TownView) -> None:
@@ -386,7 +392,7 @@ class Renderer:
         self._water.release()
         for texture in (self._noise, *self._grains.values(), self._clouds):
             texture.release()
-        for array in (self._below_vao, self._sky_vao, self._rain_vao):
+        for array in (self._below_vao, self._sky_vao, self._rain_vao, self._snow_vao):
             array.release()
         self._corners.release()
         for program in self._programs:
@@ -409,8 +415,8 @@ class Renderer:
         )
         return plain, shaded
 
-    def _program(self, vertex: str, fragment: str) -> moderngl.Program:
-        return build(self.context, source(vertex), source(fragment))
+    def _program(self, vertex: str, fragment: str, *defined: str) -> moderngl.Program:
+        return build(self.context, source(vertex), source(fragment, *defined))
 
     def _land(self, land: LandSurface, level: float, shaded: bool = False) -> Model:
         program = self._grounds.get(land.cls, self._grounds[CLASSES["concrete"]])[shaded]
@@ -433,6 +439,9 @@ class Renderer:
             "u_level": self._level,
             "u_layer": 0.0,
             "u_rain": light.rain,
+            "u_snow": light.snow,
+            "u_blow": wind_of(scenery.weather.wind_mps, scenery.weather.wind_from_deg)[:2],
+            "u_ridge": float(self._town is not None),
             **self._floor(),
             "u_silt": float(not self._has_sea),
         }
@@ -443,7 +452,7 @@ class Renderer:
             for texture in self._grains.values():
                 texture.filter = _grain_filter(pose)
             values |= {**self._town.values(view), "u_shadow": SHADE_UNIT, "u_map": MAP_UNIT}
-            programs = (*programs, *self._town.programs(light.rain > 0.0, light.lamps, view.reaching, view.high))
+            programs = (*programs, *self._town.programs(light.wet, light.lamps, view.reaching, view.high))
         values |= uniforms.view(pose, near_m)
         for program in programs:
             own = {**values, **uniforms.space(light, pose.position[2])} if program is self._sky else values

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lingjing.engines.camera.effects.night import DRIVEN
-from lingjing.engines.camera.effects.particles import DROP, Rows, ahead, billboards
+from lingjing.engines.camera.effects.particles import DECAL, DROP, POOL, Rows, ahead, billboards
 from lingjing.engines.camera.light import LAMPS_DEG
 from lingjing.mission.instance import Weather
 from lingjing.scene.city import Prop
@@ -26,6 +26,15 @@ MURKY_M = 1000.0
 
 REACH_M = 450.0
 """Distance up to which street lamps are drawn, metres (chosen)."""
+POOL_REACH_M = 260.0
+"""Distance up to which lamps light the ground, metres (chosen)."""
+POOL_SHARE, MOST_HEIGHT_M = 1.7, 9.0
+"""Radius of a lamp's light on the ground in heights of the lamp, and the greatest height that counts, metres (chosen).
+Lamps of towns stand on ground of elevation 0."""
+POOL_STRENGTH = 0.5
+"""Strength of that light at night, 0..1 (chosen)."""
+POOL_COLOUR = (0.95, 0.74, 0.46)
+"""Linear colour of that light (chosen)."""
 
 
 def vehicles_lit(weather: Weather) -> bool:
@@ -50,6 +59,17 @@ def lamp_rows(heads: npt.NDArray[np.float64], eye: tuple[float, float, float], d
     strength = 0.35 + 0.65 * dark
     halos = billboards(near, 1.1, WARM, 0.34 * strength, soft=1.0, glow=1.0, shape=DROP)
     return np.concatenate([halos, billboards(near, 0.30, (0.80, 0.74, 0.60), 0.95, soft=0.4, glow=1.0, shape=DROP)])
+
+
+def lamp_pools(heads: npt.NDArray[np.float64], eye: tuple[float, float, float], dark: float) -> Rows:
+    """Return the light of lamps on the ground near the eye; `dark` is 0 by day and 1 at night."""
+    near = heads[np.linalg.norm(heads - np.asarray(eye), axis=1) < POOL_REACH_M] if dark > 0.0 else heads[:0]
+    rows = np.zeros(len(near), DECAL)
+    height = np.minimum(near[:, 2], MOST_HEIGHT_M)
+    rows["place"] = near - np.outer(near[:, 2], [0.0, 0.0, 1.0])
+    rows["half"] = (POOL_SHARE * height)[:, None]
+    rows["colour"], rows["alpha"], rows["kind"] = POOL_COLOUR, POOL_STRENGTH * dark, POOL
+    return rows
 
 
 def vehicle_rows(bodies: Sequence[tuple[BodyState, str]]) -> Rows:

@@ -59,6 +59,13 @@ class Light:
     """Share of the sky's light that rain leaves."""
     clear: float
     """Share of the sky's sight that fog leaves."""
+    snow: float
+    """Cover of snow on the ground, 0..1."""
+
+    @property
+    def wet(self) -> bool:
+        """True if rain or snow lies on the surfaces."""
+        return self.rain > 0.0 or self.snow > 0.0
 
 
 def light_of(weather: Weather, height_m: float) -> Light:
@@ -68,19 +75,22 @@ def light_of(weather: Weather, height_m: float) -> Light:
     low = 1.0 - _smooth(-3.0, DAY_DEG, weather.sun_elevation_deg)
     sun = sun_direction(weather)
     strength = (1.0 - 0.8 * cloud) * min(1.0, 0.25 + 1.1 * sun[2]) * (1.0 - dark) ** 2
-    dusk = 0.55 * low * (1.0 - 0.75 * cloud) * (1.0 - _smooth(0.0, -14.0, weather.sun_elevation_deg))
+    dusk = 0.80 * low * (1.0 - 0.75 * cloud) * (1.0 - _smooth(0.0, -14.0, weather.sun_elevation_deg))
     sky_share = (1.0 - dark) ** 1.5
     night_sky = 0.085 * dark
     clear, grey = (0.407, 0.517, 0.614), (0.459, 0.489, 0.519)
     day_haze = [c * (1.0 - cloud) + g * cloud for c, g in zip(clear, grey, strict=True)]
-    glow = (0.75 * dusk, 0.36 * dusk, 0.14 * dusk)
+    glow = (0.90 * dusk, 0.37 * dusk, 0.09 * dusk)
     night_haze = (0.020, 0.024, 0.034)
     gloom = 1.0 - 0.38 * _rain_of(weather)
-    haze = [d * (1.0 - dark) * gloom + n * dark + 0.7 * g for d, n, g in zip(day_haze, night_haze, glow, strict=True)]
+    haze = [
+        d * (1.0 - dark) * gloom * (1.0 - 0.35 * low) + n * dark + 0.30 * g
+        for d, n, g in zip(day_haze, night_haze, glow, strict=True)
+    ]
     thin = min(1.0, AIR_M / max(height_m, 1.0)) * (1.0 - (1.0 - FROM_ORBIT) * _smooth(5e3, 5e4, height_m))
     return Light(
         sun=sun,
-        sunlight=(1.30 * strength, 1.22 * strength * (1.0 - 0.30 * low), 1.08 * strength * (1.0 - 0.62 * low)),
+        sunlight=(1.30 * strength, 1.22 * strength * (1.0 - 0.38 * low), 1.08 * strength * (1.0 - 0.74 * low)),
         skylight=((0.34 + 0.14 * cloud) * sky_share * gloom + night_sky,
                   (0.40 + 0.12 * cloud) * sky_share * gloom + night_sky,
                   (0.48 + 0.08 * cloud) * sky_share * gloom + 1.25 * night_sky),
@@ -92,6 +102,7 @@ def light_of(weather: Weather, height_m: float) -> Light:
         lamps=weather.sun_elevation_deg < LAMPS_DEG,
         rain=_rain_of(weather),
         gloom=gloom,
+        snow=min(max(weather.ice, 0.0), 1.0) if weather.effects else 0.0,
         clear=1.0 - exp(-((max(weather.visibility_m, 1.0) / (FOG_BANK_M * thin)) ** 2)),
     )  # fmt: skip
 

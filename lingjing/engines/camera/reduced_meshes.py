@@ -13,7 +13,7 @@ from lingjing.engines.camera.meshes import Mesh, SameMesh, cylinder, ellipsoid, 
 SLIGHT = ("lamp", "bench")
 """Prefixes of the mesh names of thin props."""
 
-PLANTS = ("tree", "pine", "palm", "bush", "hedge")
+PLANTS = ("tree", "pine", "palm", "bush", "hedge", "street_tree", "poplar", "birch", "conifer")
 """Prefixes of the mesh names of plants."""
 FULL_PX = 38.0
 """Radius in the picture from which a plant has all its leaves, pixels (chosen)."""
@@ -91,7 +91,7 @@ def _made(name: str, fineness: _Fineness, key: SameMesh) -> Mesh:
     paint = colours[crown].mean(axis=0)
     colour = float(paint[0]), float(paint[1]), float(paint[2])
     centre, radii = (low + high) / 2.0, (high - low) / 2.0
-    if name.startswith("pine"):
+    if name.startswith(("pine", "conifer")):
         shape = cylinder((0.0, 0.0, float(low[2])), (0.0, 0.0, float(top)), (float(radii[0]), 0.05), colour,
                          sides=6 if fineness.trunk else 4)  # fmt: skip
     else:

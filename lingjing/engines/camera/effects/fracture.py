@@ -17,6 +17,7 @@ from lingjing.mission.appearance import LinearRgb
 BROKEN: LinearRgb = (0.46, 0.43, 0.39)
 ASPHALT: LinearRgb = (0.055, 0.055, 0.058)
 ROD: LinearRgb = (0.16, 0.06, 0.03)
+SOIL: LinearRgb = (0.02, 0.02, 0.02)
 TEETH = 9
 """Number of jagged pieces at each end (chosen)."""
 
@@ -35,9 +36,9 @@ def fracture(
     along = ahead(heading_deg)[1]
     cracks = []
     for s in (-1.0, 1.0):
-        middle = place + along * s * (0.5 * gap_m + 1.3)
+        middle = place + along * s * (0.5 * gap_m + 0.5)
         spot = (float(middle[0]), float(middle[1]), float(middle[2]) + 0.03)
-        cracks.append(decal(spot, (0.60 * width_m, 2.6), heading_deg, (0.02, 0.02, 0.02), 0.7, BLOT, seed % 50 + s))
+        cracks.append(decal(spot, (0.55 * width_m, 1.2), heading_deg, SOIL, 0.7, BLOT, seed % 50 + s))
     return Effects(decals=np.concatenate(cracks), solids=(EffectSolid(key, rubble(*shape), rows, float(place[2])),))
 
 

@@ -1,8 +1,12 @@
-"""Rocks and plants. The trees of the bay are rich; streets and parks have simple ones of less than 150 triangles."""
+"""Rocks and plants. Crowns are lumpy bodies with leaf cards on them: small triangles that stand out at all angles.
+
+The fragment shader of plants (`object.frag`, `DULL`) tears the rims of crowns and mottles them. Small plants in a
+picture have simpler meshes (`reduced_meshes`).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from itertools import pairwise
 from math import cos, pi, sin
@@ -10,9 +14,10 @@ from math import cos, pi, sin
 import numpy as np
 
 from lingjing.engines.camera.meshes import Mesh, box, cylinder, ellipsoid, flat, merge
-from lingjing.engines.camera.models.palette import WOOD, YELLOW
+from lingjing.engines.camera.models.palette import YELLOW
 from lingjing.engines.camera.models.shapes import blob, limb
 from lingjing.mission.appearance import LinearRgb
+from lingjing.mission.instance import Vector
 
 
 def _rock(variant: int) -> Mesh:
@@ -24,25 +29,93 @@ def _rock(variant: int) -> Mesh:
     return flat(corners, (0.20 * shade, 0.185 * shade, 0.165 * shade), 0.1)
 
 
+def _leafy(crowns: Sequence[tuple[Vector, Vector]], leaf: LinearRgb, seed: int, cards: int, size_m: float) -> Mesh:
+    """Return crowns (centre, radii; m) with leaf cards of `size_m` spread evenly over them; lower leaves are darker."""
+    area = np.array([r[0] * r[2] for _, r in crowns])
+    counts = np.maximum(np.rint(cards * area / area.sum()), 3).astype(int)
+    low = min(c[2] - r[2] for c, r in crowns)
+    span = max(c[2] + r[2] for c, r in crowns) - low
+    inner: LinearRgb = (0.62 * leaf[0], 0.62 * leaf[1], 0.62 * leaf[2])
+    bodies = [blob(centre, (0.93 * r[0], 0.93 * r[1], 0.93 * r[2]), inner, seed + 7 * k, rows=5, sides=7)
+              for k, (centre, r) in enumerate(crowns)]  # fmt: skip
+    leaves = [_cards(centre, r, int(n), seed + 31 * k, size_m, leaf)
+              for k, ((centre, r), n) in enumerate(zip(crowns, counts, strict=True))]  # fmt: skip
+    mesh = merge(*bodies, *leaves)
+    mesh[:, 6:9] *= 0.78 + 0.57 * np.clip((mesh[:, 2:3] - low) / span, 0.0, 1.0)
+    return mesh
+
+
+def _cards(centre: Vector, radii: Vector, count: int, seed: int, size_m: float, leaf: LinearRgb) -> Mesh:
+    """Return leaf cards over an ellipsoid. Their normals are those of the ellipsoid, so that a crown is lit as a
+    whole."""
+    number = np.arange(count) + 0.5
+    high, turn = 1.0 - 2.0 * number / count, GOLDEN * number + seed
+    flat_out = np.sqrt(1.0 - high * high)
+    out = np.stack([flat_out * np.cos(turn), flat_out * np.sin(turn), high], axis=1)
+    chance = np.random.default_rng(1000 + seed)
+    roll, push, tone = chance.random((3, count))
+    middle = np.array(centre) + out * np.array(radii) * (0.90 + 0.17 * push)[:, None]
+    aside = np.cross(out, chance.normal(size=(count, 3)))
+    aside /= np.linalg.norm(aside, axis=1)[:, None]
+    along = np.cross(out, aside) * 0.75 + out * (0.9 * roll - 0.25)[:, None]
+    size = size_m * (0.75 + 0.5 * tone)[:, None]
+    corners = np.stack([middle + size * (aside - 0.55 * along), middle + size * along,
+                        middle - size * (aside + 0.55 * along)], axis=1)  # fmt: skip
+    mesh = flat(corners, leaf)
+    mesh[:, 3:6] = np.repeat(out, 3, axis=0)
+    mesh[:, 6:9] *= np.repeat(0.72 + 0.56 * chance.random((count, 1)), 3, axis=0)
+    return mesh
+
+
+GOLDEN = 2.399963
+"""The golden angle, radians: points at its multiples spread evenly over a sphere."""
+
+
 def _tree(variant: int) -> Mesh:
     green: LinearRgb = ((0.06, 0.13, 0.03), (0.09, 0.16, 0.04), (0.05, 0.11, 0.04))[variant]
     crowns = [
         (0.0, 0.0, 5.2, 2.3), (1.2, 0.5, 4.4, 1.6), (-1.0, 0.9, 4.6, 1.7), (-0.2, -1.3, 4.2, 1.6), (0.3, 0.2, 6.5, 1.5),
     ]  # fmt: skip
-    leaves = [
-        ellipsoid((x, y, z), (r, r, 0.8 * r), tuple(c * (0.85 + 0.08 * k) for c in green), rows=5, sides=8)  # type: ignore[arg-type]
-        for k, (x, y, z, r) in enumerate(crowns)
-    ]
-    return merge(cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 4.5), (0.28, 0.16), WOOD, sides=6), *leaves)
+    leaves = _leafy([((x, y, z), (r, r, 0.8 * r)) for x, y, z, r in crowns], green, variant, 420, 0.42)
+    return merge(cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 4.5), (0.28, 0.16), BARK, sides=6), leaves)
 
 
 def _pine(variant: int) -> Mesh:
-    green: LinearRgb = ((0.025, 0.075, 0.03), (0.035, 0.09, 0.03))[variant]
-    tiers = [
-        cylinder((0.0, 0.0, 1.2 + 1.7 * k), (0.0, 0.0, 4.4 + 1.7 * k), (2.0 - 0.45 * k, 0.05), green, sides=8)
-        for k in range(4)
-    ]
-    return merge(cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 2.0), (0.22, 0.18), WOOD, sides=6), *tiers)
+    green: LinearRgb = ((0.040, 0.100, 0.042), (0.052, 0.110, 0.045))[variant]
+    return merge(limb((0.0, 0.0, 0.0), (0.0, 0.0, 2.0), (0.22, 0.18), BARK), _boughs(1.1, 9.5, 2.0, green, variant))
+
+
+def _boughs(low: float, top: float, reach: float, green: LinearRgb, seed: int) -> Mesh:
+    """Return the boughs of a conifer between two heights: rings of drooping triangles around a dark core; metres."""
+    chance = np.random.default_rng(500 + seed)
+    core = (0.6 * green[0], 0.6 * green[1], 0.6 * green[2])
+    parts = [limb((0.0, 0.0, low), (0.0, 0.0, top), (0.62 * reach, 0.02), core)]
+    for ring in range(RINGS):
+        share = ring / (RINGS - 1)
+        long, up = reach * (1.0 - 0.93 * share), low + (top - low) * 0.93 * share
+        boughs = 14 - ring
+        turn = 2.0 * pi * (np.arange(boughs) + 0.37 * ring + 0.3 * chance.random(boughs)) / boughs
+        reached = long * (0.80 + 0.35 * chance.random(boughs))
+        out = np.stack([np.cos(turn), np.sin(turn), 0.0 * turn], axis=1)
+        side = np.stack([-np.sin(turn), np.cos(turn), 0.0 * turn], axis=1)
+        wide = 0.22 + 0.36 * long
+        root = np.array([0.0, 0.0, up + 0.42 * long + 0.25])
+        tip = out * reached[:, None] + np.array([0.0, 0.0, up - 0.12 * long])
+        knee = out * (0.60 * reached)[:, None] + np.array([0.0, 0.0, up + 0.10 * long])
+        left, right = knee + 0.5 * wide * side, knee - 0.5 * wide * side
+        roots = np.broadcast_to(root, tip.shape)
+        mesh = flat(np.concatenate([np.stack([roots, left, right], 1), np.stack([left, tip, right], 1)]), green)
+        lit = out * 0.8 + np.array([0.0, 0.0, 0.6])
+        mesh[:, 3:6] = np.repeat(np.concatenate([lit, lit]), 3, axis=0)
+        mesh[:, 6:9] *= np.repeat(np.tile(0.75 + 0.5 * chance.random((boughs, 1)), (2, 1)), 3, axis=0)
+        parts.append(mesh)
+    return merge(*parts)
+
+
+RINGS = 12
+"""Rings of boughs of a conifer (chosen)."""
+BARK: LinearRgb = (0.125, 0.098, 0.075)
+"""Linear colour of trunks (chosen)."""
 
 
 def _helipad() -> Mesh:
@@ -66,17 +139,28 @@ def _street_tree(variant: int) -> Mesh:
     """Return a lime or a plane of 7 m."""
     leaf = LEAVES[variant]
     return merge(
-        limb((0.0, 0.0, 0.0), (0.0, 0.0, 3.2), (0.17, 0.11), WOOD, 5),
-        blob((0.15, 0.0, 4.7), (2.05, 1.95, 1.75), leaf, variant, rows=5, sides=7),
-        blob((-0.5, 0.35, 6.0), (1.35, 1.45, 1.15), leaf, variant + 7, rows=4, sides=6),
-    )
+        limb((0.0, 0.0, 0.0), (0.0, 0.0, 3.4), (0.17, 0.11), BARK, 5),
+        *(limb((0.0, 0.0, 2.4), end, (0.07, 0.03), BARK, 4)
+          for end in ((1.1, 0.3, 4.1), (-0.9, 0.8, 4.3), (-0.2, -1.0, 4.0))),
+        _leafy(
+            [((0.45, 0.1, 4.6), (1.65, 1.55, 1.25)), ((-0.75, 0.45, 4.9), (1.35, 1.40, 1.15)),
+             ((-0.15, -0.75, 4.7), (1.40, 1.20, 1.10)), ((0.0, 0.15, 5.95), (1.35, 1.35, 1.10))],
+            leaf, variant, 260, 0.36,
+        ),
+    )  # fmt: skip
 
 
 def _poplar(variant: int) -> Mesh:
     """Return a slim upright tree of 10 m."""
     return merge(
-        limb((0.0, 0.0, 0.0), (0.0, 0.0, 2.2), (0.16, 0.12), WOOD, 5),
-        blob((0.0, 0.0, 5.8), (1.15, 1.1, 4.3), LEAVES[(variant + 2) % len(LEAVES)], variant, rows=6, sides=7),
+        limb((0.0, 0.0, 0.0), (0.0, 0.0, 2.2), (0.16, 0.12), BARK, 5),
+        _leafy(
+            [((0.0, 0.0, 4.0), (1.1, 1.05, 2.5)), ((0.05, 0.0, 7.2), (0.85, 0.8, 2.9))],
+            LEAVES[(variant + 2) % len(LEAVES)],
+            variant,
+            210,
+            0.30,
+        ),
     )
 
 
@@ -85,20 +169,20 @@ def _birch(variant: int) -> Mesh:
     leaf: LinearRgb = ((0.150, 0.185, 0.045), (0.120, 0.170, 0.050))[variant]
     return merge(
         limb((0.0, 0.0, 0.0), (0.1, 0.0, 4.5), (0.12, 0.07), (0.55, 0.54, 0.50), 5),
-        blob((0.1, 0.1, 5.3), (1.35, 1.3, 2.3), leaf, variant + 3, rows=4, sides=6),
-        blob((-0.2, -0.2, 3.8), (1.15, 1.2, 1.1), leaf, variant + 5, rows=4, sides=6),
+        _leafy(
+            [((0.1, 0.1, 5.5), (1.30, 1.25, 2.2)), ((-0.25, -0.2, 3.9), (1.15, 1.2, 1.15))],
+            leaf,
+            variant + 3,
+            200,
+            0.27,
+        ),
     )
 
 
 def _conifer(variant: int) -> Mesh:
     """Return a spruce of three tiers, 9 m."""
-    green: LinearRgb = ((0.025, 0.075, 0.030), (0.040, 0.090, 0.040))[variant]
-    tiers = [
-        limb((0.0, 0.0, 0.9 + 2.2 * k), (0.0, 0.0, 4.6 + 2.2 * k), (2.0 - 0.5 * k, 0.03), green, 8) for k in range(3)
-    ]
-    for k, tier in enumerate(tiers):
-        tier[:, 6:9] *= (0.70 + 0.30 * np.clip((tier[:, 2:3] - 0.9 - 2.2 * k) / 3.7, 0.0, 1.0)).astype(np.float32)
-    return merge(limb((0.0, 0.0, 0.0), (0.0, 0.0, 1.4), (0.2, 0.18), WOOD, 5), *tiers)
+    green: LinearRgb = ((0.045, 0.105, 0.045), (0.060, 0.120, 0.055))[variant]
+    return merge(limb((0.0, 0.0, 0.0), (0.0, 0.0, 1.4), (0.2, 0.18), BARK, 5), _boughs(0.8, 9.0, 2.0, green, variant))
 
 
 def _palm(variant: int) -> Mesh:
@@ -120,14 +204,23 @@ def _palm(variant: int) -> Mesh:
 def _bush(variant: int) -> Mesh:
     leaf = LEAVES[variant]
     return merge(
-        blob((0.0, 0.0, 0.45), (0.75, 0.7, 0.6), leaf, variant, rows=4, sides=7),
-        blob((0.55, 0.25, 0.30), (0.5, 0.5, 0.42), leaf, variant + 4, rows=3, sides=6),
+        _leafy(
+            [((0.0, 0.0, 0.45), (0.75, 0.7, 0.6)), ((0.55, 0.25, 0.30), (0.5, 0.5, 0.42))], leaf, variant, 110, 0.16
+        ),
     )
 
 
 def _hedge() -> Mesh:
     """Return three metres of clipped hedge along x."""
-    return box((0.0, 0.0, 0.5), (3.0, 0.6, 1.0), (0.055, 0.105, 0.030))
+    chance = np.random.default_rng(77)
+    count = 150
+    x, y, z = 3.0 * (chance.random(count) - 0.5), 0.62 * (chance.random(count) - 0.5), 1.02 * chance.random(count)
+    face = np.arange(count) % 3
+    y, z = np.where(face < 2, np.sign(y) * 0.31, y), np.where(face == 2, 1.01, z)
+    leaves = np.stack([x, y, z], axis=1)[:, None, :] + 0.09 * chance.normal(size=(count, 3, 3))
+    cards = flat(leaves, (0.075, 0.130, 0.036))
+    cards[:, 6:9] *= np.repeat(0.7 + 0.6 * chance.random((len(cards) // 3, 1)), 3, axis=0)
+    return merge(box((0.0, 0.0, 0.5), (2.98, 0.58, 0.98), (0.042, 0.080, 0.024)), cards)
 
 
 def _flowerbed(variant: int) -> Mesh:

@@ -4,6 +4,9 @@
 // holds any, BLUNT variants know the mean alone. EVEN variants leave out the grain.
 #include "common.glsl"
 #include "outputs.glsl"
+#ifdef WET
+uniform float u_rain, u_snow;
+#endif
 uniform sampler2D u_grain;    // tone of paving, bare patches, tone of asphalt, wear of paint; `GRAIN_M` across
 uniform sampler2D u_paved, u_street, u_tone;  // the first two of them, the last two, the tone of asphalt: fewer bytes
 const float GRAIN_M = 64.0, MEAN_GRAIN = 0.537;

@@ -33,7 +33,7 @@ void main() {
   v_at = in_at;
   v_id = in_id;
 #ifdef SUNLIT
-  v_shade = (u_shade * vec4(in_position + n * u_shade_step, 1.0)).xyz;
+  v_shade = (u_shade * vec4(in_position + (n + 0.8 * u_sun) * u_shade_step, 1.0)).xyz;
 #endif
 #ifdef WALL
   v_at = in_at / in_style.xy;

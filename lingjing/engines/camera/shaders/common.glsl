@@ -25,7 +25,7 @@ uniform mat4 u_shade;         // world → shadow map (0..1, depth along the sun
 uniform sampler2DShadow u_shadow;
 uniform float u_shade_step;   // metres that a surface is lifted before it is looked up: else it shades itself
 float sunlit(vec3 w, vec3 n) {
-  vec3 s = (u_shade * vec4(w + n * u_shade_step, 1.0)).xyz;
+  vec3 s = (u_shade * vec4(w + (n + 0.8 * u_sun) * u_shade_step, 1.0)).xyz;
   vec2 edge = abs(s.xy - 0.5);
   return max(texture(u_shadow, s), step(0.498, max(edge.x, edge.y)));
 }

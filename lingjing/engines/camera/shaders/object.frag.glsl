@@ -1,5 +1,8 @@
 #include "common.glsl"
 #include "outputs.glsl"
+#ifdef DULL
+uniform sampler2D u_noise;
+#endif
 in vec3 v_world, v_normal;
 in vec4 v_colour;
 flat in uint v_id;
@@ -12,7 +15,10 @@ void main() {
   vec3 sun = u_sunlight * sunlit(v_world, n);
   vec3 light = sun * max(dot(n, u_sun), 0.0) + u_skylight * (0.62 + 0.38 * n.z);
 #ifdef DULL
-  vec3 c = v_colour.rgb * light;
+  vec4 leaf = texture(u_noise, v_world.xy * 0.29 + v_world.z * vec2(0.19, 0.23));
+  float green = clamp(8.0 * (v_colour.g / max(v_colour.r, 0.001) - 1.1), 0.0, 1.0);
+  if (dot(n, v) < 0.55 * green * (leaf.b - 0.30)) discard;
+  vec3 c = v_colour.rgb * light * mix(0.85 + 0.3 * leaf.b, 0.45 + 1.1 * leaf.b, green);
 #else
   vec3 h = normalize(v + u_sun);
   float shine = pow(max(dot(n, h), 0.0), 40.0) * v_colour.a;

@@ -27,7 +27,6 @@ void main() {
   c = mix(c, vec3(0.62, 0.62, 0.60), clamp(white, 0.0, 1.0) * worn);
   c = mix(c, vec3(0.62, 0.42, 0.06), yellow * worn);
 #ifdef NIGHT
-  float pool = abs(fract(past / 28.0) - 0.5) * 2.0;
-  vec3 glow = c * vec3(1.0, 0.72, 0.40) * (0.22 + 1.1 * pool * pool * pool);
+  vec3 glow = c * vec3(0.20, 0.15, 0.09);
 #endif
 #include "city_ground_end.glsl"

@@ -5,6 +5,6 @@
 void main() {
 #include "city_pave.glsl"
 #ifdef NIGHT
-  vec3 glow = c * vec3(0.34, 0.25, 0.15);
+  vec3 glow = c * vec3(0.17, 0.13, 0.08);
 #endif
 #include "city_ground_end.glsl"

@@ -5,7 +5,7 @@ void main() {
   vec2 whole = 2.0 * v_panes.xy;
   float glass = whole.x * whole.y, far = 1.0, frame = 0.0, h = 0.5;
 #else
-  vec2 number = floor(v_at), f = abs(v_at - number - 0.5);
+  vec2 number = floor(v_at), at = v_at - number - 0.5, f = abs(at);
   vec2 w = fwidth(v_at) + 1e-5, sharpness = 1.0 / w;
   vec2 half_glass = number.y < 0.5 ? v_panes.zw : v_panes.xy;
   float some = float(v_panes.x > 0.005);
@@ -16,6 +16,12 @@ void main() {
   float far = clamp((max(w.x, w.y) - 0.35) * 1.33, 0.0, 1.0);
   float frame = clamp(rim.x * rim.y * some - glass, 0.0, 1.0) * (1.0 - far);
   float h = mix(hash(number, v_layer), 0.5, far);
+  float below = -at.y - half_glass.y;                // in storeys: a sill below a window, a lintel's shadow in its top
+  float sill = clamp((0.045 - abs(below - 0.03)) * sharpness.y + 0.5, 0.0, 1.0) * (1.0 - far)
+             * clamp((half_glass.x + 0.05 - f.x) * sharpness.x + 0.5, 0.0, 1.0) * some * (1.0 - glass);
+  float shade = clamp((at.y - half_glass.y + 0.06) * sharpness.y + 0.5, 0.0, 1.0) * (1.0 - far);
+  float bars = clamp((0.012 - abs(f.x - (v_panes.x < 0.3 ? 0.0 : 0.25))) * sharpness.x + 0.5, 0.0, 1.0) * glass
+             * clamp(1.5 - 40.0 * w.x, 0.0, 1.0);
 #endif
   float up = v_at.y * v_style.y;
 #include "city_ray.glsl"
@@ -26,6 +32,10 @@ void main() {
 #endif
   vec3 wall = v_colour.rgb * (0.80 + 0.36 * grain) * (0.72 + 0.28 * clamp(up * 0.4, 0.0, 1.0));
   wall = mix(wall, wall * 0.72 + 0.03, frame);
+#ifdef BLUNT
+#else
+  wall = mix(wall, wall * 0.75 + 0.16, sill);
+#endif
 #ifdef WET
   wall *= 0.78;
 #endif
@@ -42,6 +52,10 @@ void main() {
   float glint = max(dot(r, u_sun), 0.0);
   glint *= glint; glint *= glint; glint *= glint; glint *= glint; glint *= glint; glint *= glint;
   vec3 pane_light = body * light * 1.1 + mirrored * fresnel + u_sunlight * (lit * glint * 0.5);
+#ifdef BLUNT
+#else
+  pane_light = mix(pane_light * (1.0 - 0.5 * shade), vec3(0.50) * light, bars);
+#endif
   vec3 c = mix(wall * light, pane_light, glass);
 #ifdef NIGHT
 #ifdef BLUNT
