@@ -25,7 +25,7 @@ GRAVITY = 9.81
 """Gravity, m/s^2."""
 
 # Linear colours (chosen).
-SPRAY = (0.86, 0.92, 0.96)
+SPRAY = (0.74, 0.78, 0.80)
 MIST = (0.62, 0.65, 0.68)
 PUDDLE = (0.022, 0.026, 0.030)
 JET_WIDE, JET_LONG, JET_OPACITY = 3.2, 3.4, 0.40

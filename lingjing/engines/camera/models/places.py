@@ -71,8 +71,9 @@ def parcel_station(served: bool) -> Mesh:
             handles.append(box((front - 0.02, y + 0.15, low + high / 2), (0.02, 0.03, 0.09), BLACK))
             low += high
     screen = [
-        box((front, 0.0, 0.36), (0.03, 0.41, 0.42), GREY), box((front - 0.02, 0.0, 1.42), (0.03, 0.30, 0.22), BLACK, 0.6),
-    ]  # fmt: skip
+        box((front, 0.0, 0.36), (0.03, 0.41, 0.42), GREY),
+        box((front - 0.02, 0.0, 1.42), (0.03, 0.30, 0.22), BLACK, 0.6),
+    ]
     sign = [
         box((KERB_M + 0.05, 0.0, 2.06), (1.15, 2.6, 0.10), YELLOW, 0.2),
         box((KERB_M - 0.05, 0.0, 2.36), (0.12, 1.7, 0.5), YELLOW, 0.2),
