@@ -11,6 +11,7 @@ import pytest
 from lingjing.engines.camera.effects import effects_of, site_of
 from lingjing.engines.camera.effects.night import darkness, road_light
 from lingjing.engines.camera.effects.particles import BEAM, POOL
+from lingjing.engines.camera.lamps import lamp_pools
 from lingjing.engines.camera.models import entity_parts
 from lingjing.engines.camera.moving_things import stage
 from lingjing.mission.geometry2d import contains, edge_distance
@@ -50,6 +51,15 @@ def test_lights_show_after_dark_and_change_nothing_before(kind: str) -> None:
     assert len(night.billboards) > len(day.billboards)
     assert (night.billboards["id"] > 0).sum() == (day.billboards["id"] > 0).sum(), "light belongs to no body"
     assert not (day.decals["kind"] >= POOL).any()
+
+
+def test_lamps_light_the_ground_below_them_after_dark() -> None:
+    heads = np.array([[0.0, 0.0, 8.0], [40.0, 0.0, 3.4], [900.0, 0.0, 8.0]])
+    assert not len(lamp_pools(heads, (0.0, 0.0, 1.6), darkness(DAY)))
+    pools = lamp_pools(heads, (0.0, 0.0, 1.6), darkness(NIGHT))
+    assert len(pools) == 2, "a lamp at 900 m lights nothing that shows"
+    assert (pools["kind"] == POOL).all() and (pools["place"][:, 2] == 0.0).all()
+    assert pools["half"][0, 0] > pools["half"][1, 0], "a higher lamp lights more ground"
 
 
 def test_headlights_light_the_road_ahead_and_only_of_what_is_driven() -> None:

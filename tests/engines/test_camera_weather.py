@@ -9,7 +9,7 @@ from lingjing.engines.camera.light import light_of
 from lingjing.mission.instance import EventSpec, Weather
 from lingjing.plugins.engine import BodyState, Frame
 from lingjing.scene.city import Building
-from tests.engines.camera_town import WHY_NOT, CameraEngine, box, instance, look, ready, town
+from tests.engines.camera_town import CLASSES, WHY_NOT, CameraEngine, box, instance, look, ready, town
 
 pytestmark = pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
 STREET = (-290.0, 0.0, 1.6), "front", 90.0
@@ -41,6 +41,19 @@ def test_weather_changes_colours_and_nothing_else(engine: CameraEngine) -> None:
         assert clear.depth is not None and other.depth is not None
         near = same & (clear.depth < 150.0)
         assert np.array_equal(clear.depth[near], other.depth[near])
+
+
+def test_snow_covers_the_ground_with_effects_alone(engine: CameraEngine) -> None:
+    frozen = Weather(visibility_m=20_000.0, cloud=0.1, ice=0.9)
+    clear, bare = street(engine, CLEAR), street(engine, frozen)
+    assert np.array_equal(clear.rgb, bare.rgb), "`ice` does nothing without `effects`"
+    white = street(engine, Weather(visibility_m=20_000.0, cloud=0.1, ice=0.9, effects=True))
+    flakes = street(engine, Weather(visibility_m=20_000.0, cloud=0.1, ice=0.9, rain=0.5, effects=True))
+    assert clear.depth is not None and white.depth is not None and clear.semantic is not None
+    near = (clear.depth < 60.0) & (clear.semantic == CLASSES["road"])
+    assert np.array_equal(clear.depth[near], white.depth[near]) and np.array_equal(clear.semantic, white.semantic)
+    assert white.rgb[near].mean() > clear.rgb[near].mean() + 40.0
+    assert np.mean(white.rgb != flakes.rgb) > 0.05 and np.array_equal(white.semantic, flakes.semantic)
 
 
 def test_fog_takes_contrast_with_distance(engine: CameraEngine) -> None:

@@ -46,7 +46,7 @@ WARM_M = 400.0
 ALOFT_M, TOUCHING_M = 5.0, 0.8
 """Height of a camera above which the near plane ignores moving things closer than the second value, metres (chosen)."""
 
-SHADE_PX, SHADE_RIM_PX = 2048, 2
+SHADE_PX, SHADE_RIM_PX = 3072, 2
 """Side of the shadow map, and width of its unshaded rim; texels (chosen)."""
 
 CROSSINGS_REACH_M = 60.0

@@ -1,8 +1,8 @@
 """`Renderer`: one picture from a pose, a sea and the instances.
 
 Order of drawing: static things (buildings and props of a city), ground, solids, water and sky, so that each pixel is
-shaded about once. Then shadows, blots and marks are blended into the colour alone. Objects, flames and spray follow,
-then smoke and rain.
+shaded about once. Then shadows, blots and marks are blended into the colour alone. Objects follow, then soft sprites
+(flames, spray, smoke) and rain. The solid bodies of flames and spray write ids and depth last.
 
 Moving things have planar shadows: a mesh projected along the sun's rays onto its plane. It is drawn twice, so that
 overlaps darken once: first its alpha is marked, then the colour is multiplied by the mark and the mark removed. A city

@@ -3,17 +3,17 @@
 `effects_of` returns the effects of an entity in addition to its model (`camera.models`), and `prop_effects` those of a
 prop (`steam`, `fountain`). Both return an `Effects`:
 
-- `billboards`: rows of `BILLBOARD`, quads that face the camera, stretched along `axis`. Rows with `id` 0 are blended
-  (smoke, mist, glow), farthest first, with a depth test. They write neither ids nor depth. Rows with `id` 1 are the
-  body of a target (flames, spray). They are drawn before, without blending, and write depth and the entity's id. The
-  ground-truth box of a fire or a leak is thus that of its flames or spray.
+- `billboards`: rows of `BILLBOARD`, quads that face the camera, stretched along `axis`. Rows with `id` 0 are soft
+  sprites (flames, spray, smoke, mist, glow). They are blended, farthest first, with a depth test, and write neither ids
+  nor depth. Rows with `id` 1 are the solid body of a target inside its flames or spray. They write depth and the
+  entity's id, and no colour. The ground-truth box of a fire or a leak is thus that of its flames or spray.
 - `decals`: rows of `DECAL`, flat blots on the ground (wet, scorched), blended over the picture without id and depth.
   After dark they are also pools of light (`night`), which brighten the picture.
 - `solids`: meshes with the entity's id and a model-to-world matrix (debris, broken edges), drawn as any object.
 
 `drawing.EffectPass` draws billboards and decals with the camera's uniforms (`u_clip`, `u_eye`, … of `common.glsl`) and
-its noise texture. `decals` follow the ground and precede objects, `bodies` come with the objects, and `clouds` come
-last, after the projected shadows. Effects cast no shadows.
+its noise texture. `decals` follow the ground and precede objects. `clouds` come after the objects, and `bodies` last.
+Effects cast no shadows.
 
 `town_changes` holds the effects of targets on the static city. `changes_of`, called once an episode, returns the
 changed tiles: a fractured bridge has a gap, and a reference building has its declared colour. It also returns the

@@ -54,7 +54,7 @@ def _paints(name: str, colours: Sequence[LinearRgb]) -> tuple[Palette, ...]:
 def _trucks() -> tuple[Palette, ...]:
     cabs: tuple[LinearRgb, ...] = ((0.72, 0.72, 0.70), (0.55, 0.05, 0.04), (0.06, 0.16, 0.36), (0.70, 0.70, 0.68),
                                    (0.72, 0.50, 0.06))  # fmt: skip
-    boxes: tuple[LinearRgb, ...] = ((0.72, 0.72, 0.70), (0.70, 0.70, 0.68), (0.60, 0.62, 0.64), (0.66, 0.60, 0.48),
+    boxes: tuple[LinearRgb, ...] = ((0.72, 0.72, 0.70), (0.70, 0.70, 0.68), (0.71, 0.71, 0.69), (0.66, 0.60, 0.48),
                                     (0.70, 0.70, 0.69))  # fmt: skip
     return tuple((("paint", cab), ("cargo", box)) for cab, box in zip(cabs, boxes, strict=True))
 
