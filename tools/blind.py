@@ -221,7 +221,7 @@ def _on_bridges(city: City, chance: random.Random) -> Iterator[Place]:
 
 
 def _crowd(middle: Entity, chance: random.Random) -> list[Entity]:
-    """Return people who stand and walk at random around a place."""
+    """Return persons at random places around a place."""
     x, y, z = middle.position
     people = []
     for k in range(chance.randrange(5, 9)):
