@@ -18,7 +18,8 @@ Modules, in the order of data flow:
 - `ground`: the ground of open country; `town_ground`: ground, waters and quays of a town; `far_country`: country and
   sea around it.
 - `tile_mesh`: the meshes of a tile, from `building_meshes` (with the doors, signs and balconies of `facade_meshes`),
-  `road_meshes` and `structure_meshes` in the format of `mesh_rows`; `mesh_cache`, `array_cache`: these meshes, textures and grids on disk.
+  `road_meshes` and `structure_meshes` in the format of `mesh_rows`; `mesh_cache`, `array_cache`: these meshes,
+  textures and grids on disk.
 - `skyline`: blocks and map of a city; `view`, `culling`: tiles and levels of detail of one picture, and the window of
   its shadow map.
 - `cityscape`: the tiles on the GPU; `wall_order`: the order of walls; `prop_groups`, `reduced_meshes`: props, with

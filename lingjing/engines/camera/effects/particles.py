@@ -35,8 +35,8 @@ BILLBOARD = np.dtype(
 
 `place`: centre (world, m). `axis`: half of its length as a world vector (0: round). `size`: half width (m). `colour`,
 `alpha`: colour and opacity 0..1. `soft`: 0 crisp, 1 fading from the centre. `glow`: 1 its own light, 0 that of sun and
-sky. `shape`: `PUFF`, `FLAME` or `DROP`. `seed`: of its ragged edge. `id`: 1 for the solid body of its entity, which has no
-colour.
+sky. `shape`: `PUFF`, `FLAME` or `DROP`. `seed`: of its ragged edge. `id`: 1 for the solid body of its
+entity, which has no colour.
 """
 
 DECAL = np.dtype(
