@@ -1,4 +1,4 @@
-"""Players that a mission of tier 1 must defeat: `Deaf`, `Loner` and `Blind`.
+"""Players that a mission of tier 1 must defeat (ADR 0055): `Deaf`, `Loner` and `Blind`.
 
 They answer three questions about a mission. Does it need messages (`Deaf`, `Loner`)? Does it need pictures (`Blind`)?
 `lingjing run cd --tier 1 --policy agents/lingjing_agents/adversaries.py:Loner` plays one. All have the heuristic's

@@ -24,6 +24,7 @@ The modules, in the order in which an episode uses them:
 - `obstacles`   ground that legged robots can walk; `shapes`, `sizes`: bodies to collide with and their sizes
 - `roofs`       upper bounds of a city's height at many places at once
 - `sight`       free straight lines through a city
+- `ground_coverage`   the ground that pictures have shown, by cell
 - `regions`     regions that only the city can resolve, such as those along a road
 - `camera_geometry`   pixels, rays and points; headings; camera mounts of a body
 - `city_checks`       the checks that every city passes

@@ -83,7 +83,7 @@ def test_its_error_message_is_what_one_gets(tmp_path: Path) -> None:
     (shown,) = blocks("console")
     command, _, output = shown.partition("\n")
     assert command == "$ lingjing validate ssr.ljs"
-    wrong = SSR.replace("drift = 0.1 m/s", "drift = 0.1 m").replace("~ sites(search", "~ sites(serch")
+    wrong = SSR.replace("drift = 0.1 m/s", "drift = 0.1 m").replace("~ sites(search", "~ sites(serch", 1)
     (tmp_path / "ssr.ljs").write_text(wrong, encoding="utf-8")
     done = run_python([sys.executable, "-m", "lingjing.cli.main", "validate", "ssr.ljs"], cwd=tmp_path)  # fmt: skip
     assert done.returncode == 1
