@@ -292,6 +292,8 @@ def _limit(mission: model.Mission, limit: model.Limit, scope: Scope, stage: str)
         most = whole(limit.most, scope)
         if most < 0:
             raise MissionError(f"a limit of {most}", hint="a limit counts from 0")
+        if most < 1 and any(item.kind == "claims" for item in limit.counts):
+            raise MissionError("a limit of 0 claims", hint="permit at least one claim, or leave the limit out")
         counts: list[CountedSpec] = []
         for item in limit.counts:
             if item.kind == "claims":

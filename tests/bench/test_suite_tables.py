@@ -375,3 +375,31 @@ def test_a_table_says_whose_answers_were_replaced() -> None:
     rows += [made_row(entrant="f"), made_row(entrant="g", standing="aborted", metrics={"substitutions": 9})]
     (table,) = make_tables(rows, ["success"])
     assert table.notes[1] == "answers of policies replaced by doing nothing: e 3"
+
+
+def at_tier_1(entrant: str, *, success: bool, blank_pictures: bool = False, **metrics: int) -> SuiteRow:
+    options = msgspec.structs.replace(made_row().options, tier=1, blank_pictures=blank_pictures)
+    return made_row(entrant=entrant, success=success, options=options, metrics=metrics)
+
+
+def test_above_tier_0_precision_and_the_chance_level_stand_beside_the_rates() -> None:
+    rows = [
+        at_tier_1("sees", success=True, reports=4, detections=3, false_positives=1),
+        at_tier_1("guesses", success=False, blank_pictures=True),
+    ]
+    (table,) = make_tables(rows, ["success"])
+    assert [(line.group, line.label[0]) for line in table.lines[-3:]] == [
+        ("Precision of reports (%)", "sees"),
+        ("Precision of reports (%)", "guesses"),
+        ("Chance level (TSR, %)", "best with black pictures"),
+    ]
+    assert table.lines[-1].cells[0].value == 0.0
+    (alone,) = make_tables(rows[:1], ["success"])
+    assert "the chance level was not measured: no entrant with `blank_pictures` was played" in alone.notes
+    assert alone.lines[-1].cells[0].text == "–"
+
+
+def test_tier_0_has_rates_alone_and_says_how_it_compares_with_the_paper() -> None:
+    (table,) = make_tables([made_row()], ["success"])
+    assert len(table.lines) == 1
+    assert "tier 0 is comparable with the paper by protocol and never by number" in table.notes

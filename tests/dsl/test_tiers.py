@@ -251,3 +251,19 @@ def test_each_switch_of_the_nine_missions_can_be_set_alone(name: str) -> None:
     for name in switches:
         alone = instantiate(compiled, seed=1, settings={name: 1.0})
         assert alone != base and alone.settings[name] == 1.0
+
+
+def test_a_limit_of_no_claim_by_a_param_is_an_error() -> None:
+    made = mission(more="param claims = 1 in 0..5\n  limit positives <= claims counts claims")
+    with pytest.raises(lingjing.LingjingError, match="a limit of 0 claims"):
+        instantiate(made, settings={"claims": 0.0})
+
+
+def test_a_graph_of_a_tier_shows_its_rules(capsys: pytest.CaptureFixture[str]) -> None:
+    shown = []
+    for tier in ("0", "1"):
+        assert run_command(["graph", "idf", "--tier", tier, "--format", "json"]) == ExitCode.OK
+        shown.append(capsys.readouterr().out)
+    assert "lamp" not in shown[0] and "lamp" in shown[1]
+    assert run_command(["graph", "queue", "--tier", "1"]) == ExitCode.USAGE
+    assert "declares no tier 1" in capsys.readouterr().err

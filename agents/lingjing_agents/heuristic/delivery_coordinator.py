@@ -49,7 +49,7 @@ class DeliveryCoordinator:
             payload = self._payload(seen)
             made = tours(seen.depot, seen.places, seen.demands_kg, payload)
             self._waiting = shared_out(made, tuple(self._vans))
-        messages: tuple[Outgoing, ...] = ()
+        messages = self._places(seen) if observation.tick == 0 else ()
         for name in self._vans:
             self._given[name] = [each for each in self._given[name] if _open(each[0], seen)]
             while len(self._given[name]) < AHEAD and (tour := self._next(name)) is not None:
@@ -57,6 +57,17 @@ class DeliveryCoordinator:
                 messages += (self._say(name, tour),)
         messages += self._remind(observation.tick, seen)
         return Decision(messages=messages + self._rescue(observation.tick))
+
+    def _places(self, seen: DeliveryView) -> tuple[Outgoing, ...]:
+        """Return the place of each stop, for drivers that do not observe it: where the mission has a message for it."""
+        message = sends(self._brief, "assignment")
+        if message is None:
+            return ()
+        level = self._brief.water_level_m
+        return tuple(
+            compose(message, {"assignee": next(iter(self._vans)), "task": stop, "position": (*place, level)})
+            for stop, place in seen.places.items()
+        )
 
     def _remind(self, tick: int, seen: DeliveryView) -> tuple[Outgoing, ...]:
         reminders: tuple[Outgoing, ...] = ()

@@ -14,11 +14,10 @@ from lingjing_agents.capability import compose, drive, rated, sends, team
 from lingjing_agents.ground_plane import GroundPoint, position_in
 from lingjing_agents.heuristic.delivery_view import LOADED, DeliveryView, look
 from lingjing_agents.heuristic.events import view_of
+from lingjing_agents.heuristic.order_book import DELIVER, OrderBook, told_orders
 from lingjing_agents.heuristic.sightings import name_in
 from lingjing_agents.paths.delivery_tours import DeliveryTour, shared_out, tours
 
-DELIVER = "deliver"
-"""The task name of an announcement."""
 NEAR_M = 25.0
 """Distance in metres at which a driver stops before a stop: deliveries happen within 30 m."""
 DEPOT_M = 48.0
@@ -47,15 +46,21 @@ class DeliveryDriver:
         self._claims: dict[str, int] = {}
         self._loading = False
         self._before: tuple[dict[str, float], float] | None = None
+        self._book = OrderBook()
+        self._has_told = False
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
         """Process messages, report deliveries, then drive on."""
-        seen, own = look(observation), view_of(observation, self._body.id)
-        if own is None or own.position is None or seen.depot is None:
+        observed, own = look(observation), view_of(observation, self._body.id)
+        if own is None or own.position is None or observed.depot is None:
             return Decision()
+        orders = () if self._has_told else told_orders(self._brief, observed)
+        self._has_told = True
+        self._book.learn(inbox)
+        seen = self._book.completed(observed, own)
         self._listen(inbox, seen, observation.tick)
         self._plan(observation.tick, seen)
-        messages = self._tell(seen, own)
+        messages = orders + self._tell(seen, own)
         if self._tour is None or not self._left(self._tour, seen):
             messages += self._next_tour(observation.tick, seen)
         command = self._unblock(own) if own.busy else self._move(seen, own)
@@ -66,6 +71,8 @@ class DeliveryDriver:
     def _plan(self, tick: int, seen: DeliveryView) -> None:
         late = self._brief.hub is not None and tick >= HUB_PATIENCE_TICKS and not any(self._shares.values())
         if self._planned or (self._brief.hub is not None and not late) or not seen.demands_kg:
+            return
+        if set(seen.places) != set(seen.demands_kg):  # places or demands are still to be told
             return
         assert seen.depot is not None
         plan = tours(seen.depot, seen.places, seen.demands_kg, self._payload)
@@ -80,6 +87,7 @@ class DeliveryDriver:
                 known = tuple(str(stop) for stop in stops if str(stop) in seen.places)
                 self._planned = True
                 each = self._payload / max(1, len(known))
+                self._book.expect(known, each, seen)
                 self._shares[self._brief.agent].append(DeliveryTour(known, (each,) * len(known), 0.0))
             elif envelope.category == "assignment" and name_in(envelope.body, "task") == DELIVER:
                 place = position_in(envelope.body)
@@ -107,6 +115,8 @@ class DeliveryDriver:
             if any(seen.demands_kg.get(stop, 0.0) > 0.0 for stop in tour.stops):
                 self._tour = tour
                 return self._say_claim(tour, seen)
+        if self._brief.hub is None and not self._planned:
+            return ()
         return self._take_over(tick, seen) if self._brief.hub is None or tick > self._brief.ticks * 0.6 else ()
 
     def _take_over(self, tick: int, seen: DeliveryView) -> tuple[Outgoing, ...]:
@@ -128,7 +138,7 @@ class DeliveryDriver:
         free = {
             stop: left
             for stop, left in seen.demands_kg.items()
-            if left > 0.0 and tick - self._claims.get(stop, -CLAIM_TICKS) >= CLAIM_TICKS
+            if stop in seen.places and left > 0.0 and tick - self._claims.get(stop, -CLAIM_TICKS) >= CLAIM_TICKS
         }
         assert seen.depot is not None
         rest = tours(seen.depot, seen.places, free, self._payload)

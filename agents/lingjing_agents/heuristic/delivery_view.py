@@ -16,9 +16,9 @@ class DeliveryView:
     """The delivery situation at one boundary."""
 
     places: dict[str, GroundPoint]
-    """Positions of the stops (east, north; m)."""
+    """Positions of the stops (east, north; m); of some stops only the demand may be known."""
     demands_kg: dict[str, float]
-    """Open demands of the stops."""
+    """Open demands of the stops; of some stops only the place may be known."""
     depot: GroundPoint | None
     """Position of the depot; None if it is not visible."""
     vans: dict[str, EntityView]
@@ -26,23 +26,29 @@ class DeliveryView:
 
 
 def look(observation: Observation) -> DeliveryView:
-    """Classify the visible entities: with a demand a stop, with a load a van, the first other static one the depot."""
+    """Classify the visible entities: with a demand a stop, with a load a van, other static ones the depot, which is one
+    of its type, and stops whose demand is not visible.
+    """
     places: dict[str, GroundPoint] = {}
     demands: dict[str, float] = {}
     vans: dict[str, EntityView] = {}
-    depot: GroundPoint | None = None
+    static: list[EntityView] = []
     for view in observation.entities:
-        if view.position is None:
-            continue
         stocks = view.resources or {}
         if WANTED in stocks:
-            places[view.id] = view.position[:2]
             demands[view.id] = stocks[WANTED]
+        if view.position is None:
+            continue
+        if WANTED in stocks:
+            places[view.id] = view.position[:2]
         elif LOADED in stocks:
             vans[view.id] = view
-        elif view.heading_deg is None and view.velocity is None and depot is None and not _moves(view, observation):
-            depot = view.position[:2]
-    return DeliveryView(places, demands, depot, vans)
+        elif view.heading_deg is None and view.velocity is None and not _moves(view, observation):
+            static.append(view)
+    types = [view.type for view in static]
+    depot = next((view for view in static if types.count(view.type) == 1), static[0] if static else None)
+    stops = {view.id: view.position[:2] for view in static if view.position and depot and view.type != depot.type}
+    return DeliveryView({**places, **stops}, demands, depot.position[:2] if depot and depot.position else None, vans)
 
 
 def _moves(view: EntityView, observation: Observation) -> bool:
