@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from lingjing.plugins.policy import Brief, EntityView, Inbox, Outgoing
+from lingjing.plugins.policy import Brief, Datum, EntityView, Inbox, Outgoing
 from lingjing_agents.capability import compose, sends
 from lingjing_agents.ground_plane import GroundPoint, position_in
 from lingjing_agents.heuristic.delivery_view import LOADED, DeliveryView
@@ -85,6 +85,6 @@ def told_orders(brief: Brief, seen: DeliveryView) -> tuple[Outgoing, ...]:
             messages.append(compose(place_message, {"assignee": brief.agent, "task": stop, "position": place}))
     for stop in sorted(set(seen.demands_kg) - set(seen.places)):
         if demand_message is not None:
-            body = {"stop": stop, "delivered": 0.0, "left": seen.demands_kg[stop]}
+            body: dict[str, Datum] = {"stop": stop, "delivered": 0.0, "left": seen.demands_kg[stop]}
             messages.append(compose(demand_message, body))
     return tuple(messages)
