@@ -26,8 +26,9 @@ class DeliveryView:
 
 
 def look(observation: Observation) -> DeliveryView:
-    """Classify the visible entities: with a demand a stop, with a load a van, other static ones the depot, which is one
-    of its type, and stops whose demand is not visible.
+    """Classify the visible entities: with a demand a stop, with a load a van.
+
+    Of the other static ones the only one of its type is the depot, the others are stops without a visible demand.
     """
     places: dict[str, GroundPoint] = {}
     demands: dict[str, float] = {}
