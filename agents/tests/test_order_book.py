@@ -31,16 +31,19 @@ def test_places_without_demands_are_stops_and_not_the_depot() -> None:
     points = [EntityView(id=name, type="point", position=(*place, 0.0)) for name, place in PLACES.items()]
     seen = look(observe("driver[1]", 0, van((0.0, 0.0), 200.0), *points, DEPOT))
     assert (seen.places, seen.demands_kg, seen.depot) == (PLACES, {}, (0.0, 0.0))
-    told = told_orders(brief(messages=(CLAIM, LEFT)), seen)
-    assert [(message.kind, message.body["task"]) for message in told] == [(CLAIM.kind, "p[1]"), (CLAIM.kind, "p[2]")]
+    messages = told_orders(brief(messages=(CLAIM, LEFT)), seen)
+    assert [(message.kind, message.body["task"]) for message in messages] == [
+        (CLAIM.kind, "p[1]"),
+        (CLAIM.kind, "p[2]"),
+    ]
 
 
 def test_demands_without_places_are_told_by_name() -> None:
     points = [EntityView(id=name, type="point", resources={"demand": 100.0}) for name in PLACES]
     seen = look(observe("driver[2]", 0, van((0.0, 0.0), 200.0), *points, DEPOT))
     assert (seen.places, seen.demands_kg) == ({}, dict.fromkeys(PLACES, 100.0))
-    told = told_orders(brief(messages=(CLAIM, LEFT)), seen)
-    assert [message.body for message in told] == [{"stop": n, "delivered": 0.0, "left": 100.0} for n in PLACES]
+    messages = told_orders(brief(messages=(CLAIM, LEFT)), seen)
+    assert [message.body for message in messages] == [{"stop": n, "delivered": 0.0, "left": 100.0} for n in PLACES]
 
 
 def book() -> OrderBook:

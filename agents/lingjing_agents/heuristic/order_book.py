@@ -43,7 +43,7 @@ class OrderBook:
                 self._left[stop] = float(left)
 
     def expect(self, stops: tuple[str, ...], each_kg: float, seen: DeliveryView) -> None:
-        """Assume an open demand at stops of a tour whose demands nobody has told."""
+        """Assume an open demand at stops of a tour without a known demand."""
         for stop in stops:
             if stop not in seen.demands_kg or self._left.get(stop, math.inf) <= 0.0:
                 self._left[stop] = each_kg
@@ -59,13 +59,13 @@ class OrderBook:
         """Subtract what the own van has just delivered from the nearest stop with an unobserved demand."""
         load, before = (own.resources or {}).get(LOADED, 0.0), self._load
         self._load = load
-        told = [
+        unobserved = [
             name for name in self._left if name not in seen.demands_kg and name in places and self._left[name] > 0.0
         ]
-        if own.position is None or before is None or not told:
+        if own.position is None or before is None or not unobserved:
             return
         here = own.position[:2]
-        near = min(told, key=lambda name: math.dist(places[name], here))
+        near = min(unobserved, key=lambda name: math.dist(places[name], here))
         if math.dist(places[near], here) > REACH_M:
             return
         self._beside[near] = 0 if load < before else self._beside.get(near, 0) + 1
