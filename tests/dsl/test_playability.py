@@ -32,7 +32,7 @@ CASES = [
     ("distance_xy(boat, v)", "distance_xy(uav[11], v)", "LJ0206", 34, 79, "`uav` has 10 members, there is no 11"),
     ("distance_xy(boat, v)", "distance_xy(boat, victim[3/2])", "LJ0201", 34, 88, "members are counted 1, 2, 3"),
     ("  asset boat", "  event e at 9 tick { vanish victim[4] }\n  asset boat", "LJ0206", 26, 37, "there is no 4"),
-    ("position = (12.4 m, -51.8 m)", "position = victim[1].position", "LJ0507", 26, 27, "before the mission runs"),
+    ("position = (12.4 m, -51.8 m)", "position = uav[1].position", "LJ0507", 26, 27, "before the mission runs"),
     ("lifeboat {", "lifeboat when mode == star {", "LJ0507", 27, 9, "in broadcast mode, there is no entity 'boat'"),
     ("(1 m, 2 m), (3 m, 4 m)], spread 8 m", "(1 m, 2 m)]", "LJ0507", 22, 5, "member 2 has no place"),
     ("  param alt", "  sweep all over uavs in [1, 5]\n  param alt", "LJ0507", 23, 5, "with uavs = 5, m"),
