@@ -24,8 +24,15 @@ FILES = (
     *sorted((Path(__file__).parent / "made_up").glob("1[45]-*.json")),
 )
 SEEDS = (0, 1, 2)
-LATER = {"ice": 0.0, "effects": False}
-"""Fields of the weather that are newer than the hashes, with their defaults: they are hashed where they differ."""
+LATER = {"ice": 0.0, "effects": False, "seen": False}
+"""Fields of the weather and of cells that are newer than the hashes, with their defaults: they are hashed where they
+differ."""
+
+
+def earlier(record: msgspec.Struct) -> dict[str, object]:
+    """Return the fields of a record without later ones that have their defaults."""
+    missing = object()
+    return {name: value for name, value in msgspec.structs.asdict(record).items() if LATER.get(name, missing) != value}
 
 
 def frozen(file: Path, seed: int) -> str:
@@ -49,9 +56,9 @@ def frozen(file: Path, seed: int) -> str:
         instance.scene,
         instance.clock,
         instance.budget,
-        {name: value for name, value in msgspec.structs.asdict(instance.weather).items() if LATER.get(name) != value},
+        earlier(instance.weather),
         instance.regions,
-        instance.cells,
+        tuple(map(earlier, instance.cells)),
         bodies,
     )
     return hashlib.sha256(msgspec.json.encode(parts)).hexdigest()[:16]

@@ -256,9 +256,10 @@ def test_the_bridge_is_no_longer_than_one_flight():
 
 OTHERS_PICTURES = {
     ("ld", "coordinator"): {"uav.nadir", "uav.front", "van.front", "dog.front"},
-    ("cr", "coordinator"): {"van.front"},
-    ("ufr", "dispatcher"): {"truck.front"},
-    ("cd", "planner"): {f"van[{number}].front" for number in range(1, 6)},
+    ("cr", "coordinator"): {"uav.nadir", "uav.front", "van.front"},
+    ("ufr", "dispatcher"): {"truck.front"}
+    | {f"uav[{number}].{camera}" for number in range(1, 6) for camera in ("nadir", "front")},
+    ("ssr", "commander"): {f"uav[{number}].{camera}" for number in range(1, 4) for camera in ("nadir", "front")},
 }
 """The cameras of bodies that an agent does not control, but with pictures that it receives."""
 

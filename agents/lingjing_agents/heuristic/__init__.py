@@ -6,7 +6,7 @@
   `search_coordinator`; `rescuer` goes to reported targets; `sightings` are the believed targets
 - inspection of bridges: `bridge_inspector`
 - routes: inspected by `route_inspector`, replanned by `route_coordinator`, driven by `route_driver`
-- deliveries: `delivery_driver`, ordered by `delivery_coordinator`, on the basis of `delivery_view`
+- deliveries: `delivery_driver`, ordered by `delivery_coordinator`, on the basis of `delivery_view` and `order_book`
 - errands: `errand_rules` (a picture, a flight to a given place)
 - counting of people in line: `line_counter`
 - walking bodies: `dogs` for the agents that command one, `guidance` for those that guide one
