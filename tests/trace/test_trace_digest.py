@@ -139,6 +139,7 @@ def test_wall_clocks_hashes_and_free_text_alone_are_left_out() -> None:
         "DecisionRecord.detail",
         "DecisionRecord.policy_wall_s",
         "EngineStatus.wait_wall_s",
+        "CellView.seen",
         "EntityView.assignment",
         "FrameInfo.instance_ids",
         "FrameInfo.others",
