@@ -49,7 +49,7 @@ def rules(brief: Brief) -> str:
 
 def goal_text(brief: Brief) -> str:
     """Return the goal with everything that ends the mission as a failure."""
-    late = f"It is lost too if it is not won within {brief.ticks} ticks"
+    late = f"The mission is lost if it is not won within {brief.ticks} ticks"
     return " ".join((brief.goal, *(f"{sentence[0].upper()}{sentence[1:]}." for sentence in (*brief.failures, late))))
 
 

@@ -60,8 +60,7 @@ class RequestBudget:
 
 def picture_sizes(brief: Brief, most: int, longest_side: int) -> tuple[Size, ...]:
     """Return the sizes of the largest pictures that one boundary can bring to an agent, `most` at most."""
-    cameras = [camera for view in brief.views for camera in (view.camera,)]
-    sizes = [_shrunk((camera.width, camera.height), longest_side) for camera in cameras]
+    sizes = [_shrunk((view.camera.width, view.camera.height), longest_side) for view in brief.views]
     return tuple(sorted(sizes, key=lambda size: (size[0] * size[1], size), reverse=True)[:most])
 
 

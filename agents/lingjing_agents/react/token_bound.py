@@ -9,6 +9,7 @@ compares the bound with real tokenizers over recorded requests.
 from __future__ import annotations
 
 import re
+from functools import lru_cache
 
 _RUNS = re.compile(r"\d|[^\W\d_]+|[^\w\s]+|_+|\s+")
 """A digit, or a run of letters, of punctuation, of underscores or of white space."""
@@ -23,8 +24,12 @@ MESSAGE_TOKENS = 16
 """Tokens of a message beside its text: the chat template's, and what short texts pass the bound by. Chosen."""
 
 
+@lru_cache(maxsize=512)
 def token_bound(text: str) -> int:
-    """Return at least as many tokens as the text has for each tokenizer that was tried, without its message's frame."""
+    """Return at least as many tokens as the text has for each tokenizer that was tried, without its message's frame.
+
+    Counts are kept, because every request repeats the system text and the turns of the one before.
+    """
     return sum(_run_tokens(run.group()) for run in _RUNS.finditer(text))
 
 
