@@ -74,6 +74,7 @@ def lingjing_engines() -> Iterable[EnginePlugin]:
     return (
         EnginePlugin(
             name="multirotor",
+            options="lingjing.engines.motion_options:MotionOptions",
             factory=_engine("multirotor.drone", "MultirotorEngine"),
             native_dt_s=0.02,
             summary="Multirotors: JSBSim at 100 Hz under a 50 Hz position controller, with wind and battery.",
@@ -92,12 +93,14 @@ def lingjing_engines() -> Iterable[EnginePlugin]:
         ),
         EnginePlugin(
             name="vessel",
+            options="lingjing.engines.motion_options:MotionOptions",
             factory=_engine("vessel.engine", "VesselEngine"),
             native_dt_s=0.1,
             summary="Surface vessels: 3-DOF surge, sway and yaw at 10 Hz in waves, current and wind.",
         ),
         EnginePlugin(
             name="road",
+            options="lingjing.engines.motion_options:MotionOptions",
             factory=_engine("road.engine", "RoadEngine", "road", "libsumo"),
             native_dt_s=0.1,
             wanted=street_life,
@@ -111,6 +114,7 @@ def lingjing_engines() -> Iterable[EnginePlugin]:
         ),
         EnginePlugin(
             name="city",
+            options="lingjing.engines.motion_options:MotionOptions",
             factory=_engine("city.engine", "CityEngine"),
             native_dt_s=0.1,
             wanted=lambda instance: instance.comms.range_m is not None or any(event.radio for event in instance.events),

@@ -42,8 +42,8 @@ PERIOD_S = 0.02
 STEPS = round(PERIOD_S / STEP_S)
 """Integration steps of JSBSim in a control period."""
 
-_WATCHED_STEPS = 25
-"""Number of control periods between two searches for pairs of aircraft that can meet (chosen)."""
+_WATCHED_S = 0.5
+"""Time between two searches for pairs of aircraft that can meet, seconds (chosen)."""
 
 
 class FlightPhase(Enum):
@@ -88,6 +88,8 @@ class Aircraft(ABC):
     """Name of the energy store, `battery` or `fuel`: the reason of refusals when it is empty."""
     kind: ClassVar[EngineKind]
     """The kind of its engine, with its lowest point and the bounds of its commands."""
+    period_s: ClassVar[float] = PERIOD_S
+    """Control period, seconds: the time of one `step`."""
 
     def __init__(
         self, entity: Entity, terrain: Terrain, weather: Weather, origin: tuple[float, float], seed: int
@@ -109,7 +111,7 @@ class Aircraft(ABC):
         self._terrain = terrain
         assert self.kind.floor is not None  # every kind of aircraft declares a floor
         self._floor = FlightFloor(terrain, entity, self.kind.floor)
-        self._gust = Gust(weather, seed, f"{entity.engine}/{entity.id}/gust", PERIOD_S)
+        self._gust = Gust(weather, seed, f"{entity.engine}/{entity.id}/gust", self.period_s)
         self._legs: tuple[Vector, ...] = ()
         self._length = 0.0
         self._arrives = False
@@ -210,7 +212,7 @@ class Aircraft(ABC):
 
     def _move(self, velocity: Vector, attitude: Vector) -> None:
         """Take over velocity and attitude at the end of a period, and integrate the position."""
-        (x, y, z), (east, north, up), half = self.position, self.velocity, 0.5 * PERIOD_S
+        (x, y, z), (east, north, up), half = self.position, self.velocity, 0.5 * self.period_s
         self.position = (
             x + half * (east + velocity[0]),
             y + half * (north + velocity[1]),
@@ -243,8 +245,8 @@ class Aircraft(ABC):
     def _fall(self) -> None:
         x, y, z = self.position
         floor = self._terrain.support(x, y, z)
-        sink = min(-self.velocity[2] + GRAVITY * PERIOD_S, self.terminal_mps)
-        self.position, self.velocity = (x, y, max(floor, z - sink * PERIOD_S)), (0.0, 0.0, -sink)
+        sink = min(-self.velocity[2] + GRAVITY * self.period_s, self.terminal_mps)
+        self.position, self.velocity = (x, y, max(floor, z - sink * self.period_s)), (0.0, 0.0, -sink)
         if self.position[2] <= floor:
             self._rest()
 
@@ -254,22 +256,28 @@ class Aircraft(ABC):
 
 
 class AircraftEngine(FleetEngine):
-    """The engine of all aircraft of one kind, at 50 Hz (JSBSim runs at 100 Hz).
+    """The engine of all aircraft of one kind, at 50 Hz (JSBSim runs at 100 Hz) or with coarse motion.
 
     Two aircraft that touch both crash if at least one of them is in flight.
     """
 
-    step_s = PERIOD_S
     aircraft: ClassVar[type[Aircraft]]
 
     def build(self, spec: EngineSpec, city: City, seed: int) -> None:
         """Load one airframe for each aircraft at its declared place."""
+        kind = self.aircraft_for(spec)
+        self.step_s = kind.period_s
+        self._watched_steps = round(_WATCHED_S / kind.period_s)
         terrain = Terrain(city)
         self._schedule = spec.schedule
         self._neighbours = Neighbours(spec.instance)
         weather = self._schedule.weather(0.0)
-        self._fleet = {entity.id: self.aircraft(entity, terrain, weather, city.origin, seed) for entity in spec.owned()}
+        self._fleet = {entity.id: kind(entity, terrain, weather, city.origin, seed) for entity in spec.owned()}
         self._pairs: list[tuple[Aircraft, Aircraft]] = []
+
+    def aircraft_for(self, spec: EngineSpec) -> type[Aircraft]:
+        """Return the class of the aircraft of an episode."""
+        return self.aircraft
 
     def start(self, command: Command) -> None:
         """Begin a command. Raises `Refusal` with `dead`, `battery` or `fuel`, or with a reason of the aircraft."""
@@ -297,7 +305,7 @@ class AircraftEngine(FleetEngine):
             notice = aircraft.step(weather, now)
             if notice is not None:
                 self._report(aircraft, notice)
-        if self.clock.done % _WATCHED_STEPS == 1:
+        if self.clock.done % self._watched_steps == 1:
             self._pairs = self._meeting()
         if self._pairs:
             self._collide()
@@ -313,7 +321,7 @@ class AircraftEngine(FleetEngine):
     def _meeting(self) -> list[tuple[Aircraft, Aircraft]]:
         """Return the pairs of solid aircraft that may touch before the next search."""
         solid = [aircraft for aircraft in self._fleet.values() if aircraft.solid]
-        ahead_s = _WATCHED_STEPS * PERIOD_S
+        ahead_s = self._watched_steps * self.step_s
         reaches = (
             math.hypot(aircraft.radius_m, aircraft.half_height_m) + ahead_s * aircraft.fastest_mps for aircraft in solid
         )

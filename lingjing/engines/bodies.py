@@ -7,12 +7,16 @@ Entities declare their dimensions (`lingjing.plugins.bodies`). Background traffi
 from __future__ import annotations
 
 from math import hypot
+from typing import TYPE_CHECKING
 
 from lingjing.mission.instance import Entity, Vector
 from lingjing.mission.vocabulary import CLEARED, DORMANT
 from lingjing.plugins.bodies import solid_size
 from lingjing.scene.sizes import SIZES, Size
 from lingjing.trace.records import BodyState
+
+if TYPE_CHECKING:
+    from lingjing.plugins.engine import EngineSpec
 
 
 def is_absent(state: BodyState, entity: Entity | None) -> bool:
@@ -50,3 +54,13 @@ def is_inside_shape(shape: str, ahead: float, abeam: float, up: float) -> bool:
 def is_afloat(entity: Entity) -> bool:
     """Return whether an entity floats where there is water: a vessel, a drifting body, or a body declared on water."""
     return entity.engine == "vessel" or "drift_mps" in entity.properties or entity.properties.get("on") == "water"
+
+
+def is_coarse(spec: EngineSpec) -> bool:
+    """Return whether the option `motion` of an engine is `coarse`. Raises `UsageError` for a faulty option."""
+    if not spec.instance.engine_options.get(spec.engine):
+        return False  # the usual case does not load pydantic
+    from lingjing.engines.motion_options import MotionOptions
+    from lingjing.plugins.options import engine_options
+
+    return engine_options(MotionOptions, spec).motion == "coarse"

@@ -20,7 +20,7 @@ from lingjing.envs.environments import LARGEST_SEED, codecs, info_of, mission_of
 from lingjing.envs.flat import Entry, FlatCodec, Vector
 from lingjing.envs.map_picture import map_picture
 from lingjing.envs.shaping import DistancePotential, shaped
-from lingjing.envs.stepping import SteppedEpisodes
+from lingjing.envs.stepping import Motion, SteppedEpisodes
 from lingjing.errors import UsageError
 from lingjing.kernel.step import Published
 from lingjing.kernel.world import WorldKind
@@ -65,18 +65,27 @@ class FlatParallelEnv(ParallelEnv, EzPickle):  # type: ignore[misc] # the packag
         shaping: float = 1.0,
         discount: float = 0.99,
         drawn: bool = False,
+        motion: Motion = "coarse",
         render_mode: str | None = None,
         others: str = "random",
     ) -> None:
         EzPickle.__init__(
             self, mission, mode=mode, settings=settings, tier=tier, world=world, policy_seed=policy_seed,
-            max_cycles=max_cycles, shaping=shaping, discount=discount, drawn=drawn,
+            max_cycles=max_cycles, shaping=shaping, discount=discount, drawn=drawn, motion=motion,
             render_mode=render_mode, others=others,
         )  # fmt: skip
         _check(max_cycles, shaping, discount, render_mode)
         compiled = mission_of(mission)
         self._game = SteppedEpisodes(
-            compiled, mode, settings or {}, others, world, valid_seed(policy_seed), outlines=not drawn, tier=tier
+            compiled,
+            mode,
+            settings or {},
+            others,
+            world,
+            valid_seed(policy_seed),
+            outlines=not drawn,
+            tier=tier,
+            motion=motion,
         )
         instance = self._instance = self._game.instance(0)
         self._reach_m = reach_of(instance)

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import Literal
 
+import msgspec
+
 from lingjing.envs.outlines import OutlineWorld
 from lingjing.errors import UsageError
 from lingjing.kernel.barrier import PolicyBarrier
@@ -17,14 +19,29 @@ from lingjing.kernel.episode import policy_barrier
 from lingjing.kernel.step import Kernel, Published
 from lingjing.kernel.world import open_world
 from lingjing.kernel.world.contract import World
-from lingjing.mission.instance import Instance
+from lingjing.mission.instance import Clock, Instance
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Mission
 from lingjing.play.policy_files import load_policy
 from lingjing.play.siting import sited_mission
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import build_policy
+from lingjing.suggest import nearest_or
 from lingjing.trace.records import Decision, DecisionRecord
+
+Motion = Literal["full", "coarse"]
+"""The value of the option `motion` of the engines that have it."""
+
+MOTIONS: tuple[Motion, ...] = ("full", "coarse")
+
+COARSE_ENGINES = frozenset({"multirotor", "vessel", "road", "city"})
+"""The engines with the option `motion`."""
+
+WANTED_ENGINES = frozenset({"road", "city"})
+"""Those that may take part although they own no entity."""
+
+COARSE_SYNC_S = 1.0
+"""Macro-step with coarse motion, seconds (chosen): two steps of the slowest engine."""
 
 
 class SteppedEpisodes:
@@ -41,9 +58,12 @@ class SteppedEpisodes:
         *,
         tier: int = 0,
         outlines: bool = False,
+        motion: Motion = "full",
     ) -> None:
         if world not in ("process", "inline"):
             raise UsageError(f"world={world!r}", hint='engines run in "process" or "inline"')
+        if motion not in MOTIONS:
+            raise UsageError(f"motion={motion!r}", hint=nearest_or(str(motion), MOTIONS, 'it is "full" or "coarse"'))
         self._host = PluginHost()
         self._mission = sited_mission(mission, "", self._host)
         self._mode, self._settings, self._tier = mode, dict(settings), tier
@@ -52,6 +72,7 @@ class SteppedEpisodes:
         self._kind = world
         self._policy_seed = policy_seed
         self._outlines = outlines
+        self._motion = motion
         self._world: World | None = None
         self._kernel: Kernel | None = None
         self._barrier: PolicyBarrier | None = None
@@ -59,7 +80,12 @@ class SteppedEpisodes:
 
     def instance(self, seed: int) -> Instance:
         """Return the instance of a seed. Raises `UsageError` for a mode or setting that the mission does not have."""
-        return instantiate(self._mission, seed=seed, mode=self._mode, settings=self._settings, tier=self._tier)
+        instance = instantiate(self._mission, seed=seed, mode=self._mode, settings=self._settings, tier=self._tier)
+        if self._motion == "full":
+            return instance
+        engines = {entity.engine for entity in instance.entities} | WANTED_ENGINES
+        options = {name: {"motion": self._motion} for name in sorted(engines & COARSE_ENGINES)}
+        return msgspec.structs.replace(instance, engine_options=options, clock=_coarse(instance.clock))
 
     def begin(self, seed: int, outside: Collection[str]) -> Published:
         """Begin the episode of `seed` and return boundary 0. The caller plays the agents in `outside`."""
@@ -116,3 +142,10 @@ class SteppedEpisodes:
         if self._barrier is not None:
             self._barrier.close()
         self._kernel = self._barrier = self.published = None
+
+
+def _coarse(clock: Clock) -> Clock:
+    """Return the clock with macro-steps of `COARSE_SYNC_S`, if a tick is a whole number of them."""
+    if clock.sync_s >= COARSE_SYNC_S or clock.tick_s % COARSE_SYNC_S:
+        return clock
+    return msgspec.structs.replace(clock, sync_s=COARSE_SYNC_S)

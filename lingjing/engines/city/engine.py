@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from lingjing.engines.bodies import extrapolate
+from lingjing.engines.bodies import extrapolate, is_coarse
 from lingjing.engines.city.goods import Goods, check_exchange
 from lingjing.engines.city.radio import Coverage
 from lingjing.engines.city.target import CityTarget, Level, target_of
-from lingjing.engines.city.target_body import STEP_S, BodyMaker
+from lingjing.engines.city.target_body import COARSE_STEP_S, STEP_S, BodyMaker
 from lingjing.mission.instance import InteractionSpec, Vector
 from lingjing.mission.natures import PEOPLE
 from lingjing.mission.vocabulary import DORMANT, UNLOCK
@@ -40,7 +40,8 @@ class CityEngine:
         instance = spec.instance
         self._name = spec.engine
         self._tick_s = instance.clock.tick_s
-        self._clock = StepClock(STEP_S)
+        step_s = COARSE_STEP_S if is_coarse(spec) else STEP_S
+        self._clock = StepClock(step_s)
         self._requests = Requests(spec.engine)
         self._events: list[TaskEvent] = []
         self._names = frozenset(entity.id for entity in instance.entities)
@@ -49,7 +50,7 @@ class CityEngine:
         self._weather = self._schedule.weather(0.0)
         self._book = Goods(instance)
         terrain = Terrain(city)
-        maker = BodyMaker(instance, city, terrain, seed)
+        maker = BodyMaker(instance, city, terrain, seed, step_s)
         self._targets = {
             entity.id: target_of(entity, maker.body(entity, self._weather), seed) for entity in spec.owned()
         }

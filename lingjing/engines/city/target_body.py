@@ -20,6 +20,9 @@ from lingjing.scene.terrain import Terrain
 STEP_S = 0.1
 """Time step of the drift, seconds."""
 
+COARSE_STEP_S = 0.5
+"""Time step with coarse motion, seconds (chosen)."""
+
 _LEEWAY = 0.03
 """Leeway of a person in the water as a share of the wind's speed, a usual value of search planning."""
 _WANDER = 0.25
@@ -31,7 +34,8 @@ _WANDER_TIME_S = 30.0
 class BodyMaker:
     """Makes the bodies of an instance's targets in one city."""
 
-    def __init__(self, instance: Instance, city: City, terrain: Terrain, seed: int) -> None:
+    def __init__(self, instance: Instance, city: City, terrain: Terrain, seed: int, step_s: float = STEP_S) -> None:
+        self._step_s = step_s
         self._regions = {region.name: region.polygon for region in instance.regions}
         self._city = city
         self._terrain = terrain
@@ -48,18 +52,18 @@ class BodyMaker:
             return self._roaming(entity, entity.behaviour, level, weather)
         if level is None:
             return TargetBody(entity.position)
-        return _DriftingBody(entity, self._terrain, level, weather, self._seed)
+        return _DriftingBody(entity, self._terrain, level, weather, self._seed, self._step_s)
 
     def _roaming(self, entity: Entity, behaviour: BehaviourSpec, level_m: float | None, weather: Weather) -> TargetBody:
         stream = Stream(self._seed, f"city/{entity.id}/{behaviour.kind}")
         region = self._regions.get(behaviour.region, ())
         if level_m is not None:
             roaming = Roaming(behaviour, self._is_open_water, region, stream)
-            return _SwimmingBody(entity, self._terrain, level_m, weather, self._seed, roaming)
+            return _SwimmingBody(entity, self._terrain, level_m, weather, self._seed, self._step_s, roaming)
         self._ground = self._ground or GroundPlaces(self._city, self._terrain)
         on_road = entity.properties.get("on") == "road"
         is_free = self._ground.is_free_road if on_road else self._ground.is_free
-        return _WalkingBody(entity.position, self._ground, Roaming(behaviour, is_free, region, stream))
+        return _WalkingBody(entity.position, self._ground, Roaming(behaviour, is_free, region, stream), self._step_s)
 
     def _is_open_water(self, x: float, y: float) -> bool:
         level_m = self._terrain.water_level(x, y) if self._terrain.holds(x, y) else None
@@ -84,7 +88,7 @@ class TargetBody:
         """End a motion of its own; what the water does to it goes on."""
 
     def step(self) -> None:
-        """Move by `STEP_S`."""
+        """Move by one time step."""
 
     def pose(self, time_s: float, remainder_s: float) -> tuple[Vector, Vector]:
         """Return position and velocity at `time_s`, which is `remainder_s` after the last step."""
@@ -94,8 +98,9 @@ class TargetBody:
 class _WalkingBody(TargetBody):
     """A target that moves on the ground by itself."""
 
-    def __init__(self, position: Vector, ground: GroundPlaces, roaming: Roaming) -> None:
+    def __init__(self, position: Vector, ground: GroundPlaces, roaming: Roaming, step_s: float) -> None:
         super().__init__(position)
+        self._step_s = step_s
         self._ground = ground
         self._roaming = roaming
         self._above_m = position[2] - ground.height(position[0], position[1])
@@ -109,8 +114,8 @@ class _WalkingBody(TargetBody):
         self._roaming.halt()
 
     def step(self) -> None:
-        """Move by `STEP_S`."""
-        x, y = self._roaming.step(self._position[0], self._position[1], STEP_S)
+        """Move by one time step."""
+        x, y = self._roaming.step(self._position[0], self._position[1], self._step_s)
         if self._roaming.velocity != (0.0, 0.0):
             self._position = (x, y, self._ground.height(x, y) + self._above_m)
             self.heading_deg = _heading_deg(self._roaming.velocity)
@@ -123,12 +128,15 @@ class _WalkingBody(TargetBody):
 class _DriftingBody(TargetBody):
     """A drifting target. Its mean speed is the declared drift; its course is that of the current plus leeway."""
 
-    def __init__(self, entity: Entity, terrain: Terrain, level_m: float, weather: Weather, seed: int) -> None:
+    def __init__(
+        self, entity: Entity, terrain: Terrain, level_m: float, weather: Weather, seed: int, step_s: float
+    ) -> None:
         super().__init__(entity.position)
+        self._step_s = step_s
         self._speed = entity.number_or("drift_mps", 0.0)
         self._terrain = terrain
         self._level = level_m
-        self._keep = math.exp(-STEP_S / _WANDER_TIME_S)
+        self._keep = math.exp(-step_s / _WANDER_TIME_S)
         self._kick = _WANDER * self._speed * math.sqrt(1.0 - self._keep**2)
         self._stream = Stream(seed, f"city/{entity.id}/drift")
         self._wander = (0.0, 0.0)
@@ -141,7 +149,7 @@ class _DriftingBody(TargetBody):
         self._mean = _course(weather, self._speed)
 
     def step(self) -> None:
-        """Drift by `STEP_S`. At the shore the target moves along the free axis only, or not at all."""
+        """Drift by one time step. At the shore the target moves along the free axis only, or not at all."""
         if self._mean == (0.0, 0.0):
             self._velocity = (0.0, 0.0)
             return
@@ -149,7 +157,7 @@ class _DriftingBody(TargetBody):
         self._wander = (east, north)
         velocity = (self._mean[0] + east, self._mean[1] + north)
         for candidate in (velocity, (velocity[0], 0.0), (0.0, velocity[1])):
-            x, y = self._position[0] + STEP_S * candidate[0], self._position[1] + STEP_S * candidate[1]
+            x, y = self._position[0] + self._step_s * candidate[0], self._position[1] + self._step_s * candidate[1]
             if self._terrain.water_level(x, y) is not None:
                 self._position, self._velocity = (x, y, self._level), candidate
                 return
@@ -169,9 +177,16 @@ class _SwimmingBody(_DriftingBody):
     """A target that moves on the water by itself, against the current too."""
 
     def __init__(
-        self, entity: Entity, terrain: Terrain, level_m: float, weather: Weather, seed: int, roaming: Roaming
+        self,
+        entity: Entity,
+        terrain: Terrain,
+        level_m: float,
+        weather: Weather,
+        seed: int,
+        step_s: float,
+        roaming: Roaming,
     ) -> None:
-        super().__init__(entity, terrain, level_m, weather, seed)
+        super().__init__(entity, terrain, level_m, weather, seed, step_s)
         self._roaming = roaming
 
     def look(self, places: Mapping[str, Vector]) -> None:
@@ -184,8 +199,8 @@ class _SwimmingBody(_DriftingBody):
         self._velocity = (0.0, 0.0)
 
     def step(self) -> None:
-        """Move by `STEP_S`."""
-        x, y = self._roaming.step(self._position[0], self._position[1], STEP_S)
+        """Move by one time step."""
+        x, y = self._roaming.step(self._position[0], self._position[1], self._step_s)
         self._position, self._velocity = (x, y, self._level), self._roaming.velocity
         if self._velocity != (0.0, 0.0):
             self.heading_deg = _heading_deg(self._velocity)

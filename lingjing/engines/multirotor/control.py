@@ -97,11 +97,12 @@ def tilt(east: float, north: float, up: float, heading: float) -> tuple[float, f
 class PositionController:
     """Controller state of one vehicle: the limited velocity demand, and the integral that holds against the wind.
 
-    `mass_kg` is the mass in flight, the load included.
+    `mass_kg` is the mass in flight, the load included. `period_s` is the time between two calls of `fly`, seconds.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, period_s: float = PERIOD_S) -> None:
         self.mass_kg = MASS_KG
+        self._period_s = period_s
         self._demand: Vector = (0.0, 0.0, 0.0)
         self._trim: Vector = (0.0, 0.0, 0.0)
 
@@ -114,9 +115,9 @@ class PositionController:
         demand = self._demand = self._limited(wanted)
         error = (demand[0] - velocity[0], demand[1] - velocity[1], demand[2] - velocity[2])
         trim, drag = self._trim, DRAG / self.mass_kg * math.hypot(demand[0], demand[1])
-        east = _VELOCITY_GAIN * error[0] + trim[0] + (demand[0] - before[0]) / PERIOD_S + drag * demand[0]
-        north = _VELOCITY_GAIN * error[1] + trim[1] + (demand[1] - before[1]) / PERIOD_S + drag * demand[1]
-        up = _VELOCITY_GAIN * error[2] + trim[2] + (demand[2] - before[2]) / PERIOD_S
+        east = _VELOCITY_GAIN * error[0] + trim[0] + (demand[0] - before[0]) / self._period_s + drag * demand[0]
+        north = _VELOCITY_GAIN * error[1] + trim[1] + (demand[1] - before[1]) / self._period_s + drag * demand[1]
+        up = _VELOCITY_GAIN * error[2] + trim[2] + (demand[2] - before[2]) / self._period_s
         up = min(max(up, -_MAX_LIFT_MPS2), _MAX_LIFT_MPS2)
         level, most = math.hypot(east, north), (GRAVITY + up) * math.tan(_MAX_TILT)
         if level > most:  # at the tilt limit the integral stops growing (anti-windup)
@@ -131,13 +132,13 @@ class PositionController:
 
     def _limited(self, wanted: Vector) -> Vector:
         east, north = wanted[0] - self._demand[0], wanted[1] - self._demand[1]
-        change, most = math.hypot(east, north), _ACCELERATE_MPS2 * PERIOD_S
+        change, most = math.hypot(east, north), _ACCELERATE_MPS2 * self._period_s
         scale = min(1.0, most / change) if change > 0.0 else 0.0
         up = min(max(wanted[2] - self._demand[2], -most), most)
         return self._demand[0] + east * scale, self._demand[1] + north * scale, self._demand[2] + up
 
     def _learn(self, error: Vector) -> None:
         east, north, up = self._trim
-        share = _INTEGRAL_GAIN * PERIOD_S
+        share = _INTEGRAL_GAIN * self._period_s
         up += share * error[2]
         self._trim = (east + share * error[0], north + share * error[1], min(max(up, -3.0), 3.0))

@@ -10,11 +10,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Literal
+from typing import ClassVar, Literal
 
-from lingjing.engines.aircraft import DONE, PERIOD_S, STEPS, Aircraft, AircraftEngine, FlightNotice, FlightPhase
+from lingjing.engines.aircraft import DONE, Aircraft, AircraftEngine, FlightNotice, FlightPhase
 from lingjing.engines.battery import Battery
+from lingjing.engines.bodies import is_coarse
+from lingjing.engines.flight_dynamics import STEP_S
 from lingjing.engines.multirotor.airframe import LIFT_N, MASS_KG, QuadrotorAirframe
+from lingjing.engines.multirotor.coarse_airframe import COARSE_PERIOD_S, PointMassAirframe
 from lingjing.engines.multirotor.control import BRAKE_MPS2, CLIMB_MPS, SINK_MPS, PositionController, wanted_velocity
 from lingjing.engines.multirotor.power import RotorPower, hover_power
 from lingjing.engines.multirotor.verbs import KIND, LAND, STEER, Situation, plan
@@ -22,6 +25,7 @@ from lingjing.engines.sea import GRAVITY
 from lingjing.mission.footprint import stands
 from lingjing.mission.instance import Entity, Vector, Weather
 from lingjing.mission.vocabulary import BATTERY_EMPTY
+from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.requests import STOP, Refusal, number, optional_number
 from lingjing.plugins.stock import Accounts, Stock
 from lingjing.scene.blocks import Block
@@ -34,8 +38,8 @@ CRUISE_MPS = 12.0
 ENDURANCE_S = 1500.0
 """Time of hovering of an entity without the property `endurance_s`, seconds (chosen)."""
 
-_SPINUP_PERIODS = 25
-"""Control periods until the rotors carry the vehicle: 0.5 s (chosen)."""
+_SPINUP_S = 0.5
+"""Time until the rotors carry the vehicle, seconds (chosen)."""
 
 _PASSED_M = 1.5
 """Distance at which an intermediate point counts as passed, metres (chosen)."""
@@ -67,6 +71,8 @@ class Drone(Aircraft):
     launch_m, launch_drop_m = 1.5, 0.3
     terminal_mps, spurt_mps = 20.0, 5.0
     energy, kind = "battery", KIND
+    airframe: ClassVar[type[QuadrotorAirframe | PointMassAirframe]] = QuadrotorAirframe
+    """The class of its airframe."""
 
     def __init__(
         self, entity: Entity, terrain: Terrain, weather: Weather, origin: tuple[float, float], seed: int
@@ -78,8 +84,10 @@ class Drone(Aircraft):
         self._full_cruise = self.cruise_mps = entity.number_or("cruise_mps", CRUISE_MPS)
         self._band_low_m = entity.number_or("band_low_m", -math.inf)
         self._origin = origin
-        self._airframe = QuadrotorAirframe(origin, entity.position[2], entity.heading_deg)
-        self._controller = PositionController()
+        self._steps = round(self.period_s / STEP_S)
+        self._spinup_periods = round(_SPINUP_S / self.period_s)
+        self._airframe = self.airframe(origin, entity.position[2], entity.heading_deg)
+        self._controller = PositionController(self.period_s)
         self._face = self._attitude[2]
         self._goal = entity.position
         self._spun = 0
@@ -88,7 +96,7 @@ class Drone(Aircraft):
         self._load_kg = 0.0
         self.load({})
         if not stands(entity, terrain.support(*entity.position)):
-            for _ in range(_SPINUP_PERIODS):
+            for _ in range(self._spinup_periods):
                 self._spin_up()
 
     @property
@@ -224,17 +232,17 @@ class Drone(Aircraft):
         self._rest()
         self.position = self._launch = self._goal = (self.position[0], self.position[1], z)
         self.phase, self._spun, self._landing = FlightPhase.GROUNDED, 0, False
-        self._airframe = QuadrotorAirframe(self._origin, z, math.degrees(self._attitude[2]))
+        self._airframe = self.airframe(self._origin, z, math.degrees(self._attitude[2]))
         self._airframe.set_load(self._load_kg)
-        self._controller = PositionController()
+        self._controller = PositionController(self.period_s)
         self._controller.mass_kg = MASS_KG + self._load_kg
         self._face = self._attitude[2]
 
     def _spin_up(self) -> None:
         self._airframe.command(0.0, 0.0, 0.0, self._controller.mass_kg * GRAVITY)
-        self._airframe.step(STEPS)
+        self._airframe.step(self._steps)
         self._spun += 1
-        if self._spun >= _SPINUP_PERIODS:
+        if self._spun >= self._spinup_periods:
             self._airframe.release()
             self.phase = FlightPhase.FLYING
 
@@ -244,10 +252,10 @@ class Drone(Aircraft):
         demand = fly(self.velocity, self._attitude, wanted, self._face)
         airframe.set_wind(*self._gust.next(weather))
         airframe.command(*demand)
-        airframe.step(STEPS)
+        airframe.step(self._steps)
         sample = airframe.sample()
         self._move(sample.velocity, sample.attitude)
-        self._battery.drain(self._power.watts(sample), PERIOD_S)
+        self._battery.drain(self._power.watts(sample), self.period_s)
 
     def _exhausted(self) -> FlightNotice | None:
         if self.phase is not FlightPhase.FLYING or not self._battery.empty:
@@ -270,8 +278,19 @@ class Drone(Aircraft):
         return None
 
 
+class CoarseDrone(Drone):
+    """A multirotor with coarse motion: the same controller at 4 Hz on an airframe without attitude dynamics."""
+
+    period_s = COARSE_PERIOD_S
+    airframe = PointMassAirframe
+
+
 class MultirotorEngine(AircraftEngine):
     """The engine of all multirotors of an episode."""
 
     aircraft = Drone
     at_once = (STEER, LAND)
+
+    def aircraft_for(self, spec: EngineSpec) -> type[Aircraft]:
+        """Return the class of the drones of an episode."""
+        return CoarseDrone if is_coarse(spec) else Drone

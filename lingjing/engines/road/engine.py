@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import replace
 
+from lingjing.engines.bodies import is_coarse
 from lingjing.engines.road.congestion import Congestion, jam_of
 from lingjing.engines.road.contact import Contacts
 from lingjing.engines.road.driving_conditions import driving_conditions
@@ -13,7 +14,7 @@ from lingjing.engines.road.graph import LanePoint, elevations, read_graph
 from lingjing.engines.road.kerb import Kerb
 from lingjing.engines.road.options import amount
 from lingjing.engines.road.routing import edges_in
-from lingjing.engines.road.simulation import STEP_S, Simulation
+from lingjing.engines.road.simulation import COARSE_STEP_S, STEP_S, Simulation
 from lingjing.engines.road.street_life import Pedestrians, Signals
 from lingjing.engines.road.traffic import Occupied, Traffic
 from lingjing.engines.road.vehicle import Vehicle
@@ -31,14 +32,14 @@ from lingjing.scene.terrain import Terrain
 from lingjing.scene.tiles import Tiles
 from lingjing.trace.records import BodyState, Command
 
-WARM_UP_STEPS = 100
-"""Steps before time 0 in which background traffic starts to drive while the mission's vehicles stand (chosen)."""
+WARM_UP_S = 10.0
+"""Time before time 0 in which background traffic starts while the mission's vehicles stand, seconds (chosen)."""
 
 FARTHEST_ROAD_M = 2000.0
 """Largest distance of a vehicle's declared place from a road, metres (chosen)."""
 
-_ROOM_STEPS = 10
-"""Steps between two checks for vehicles that block others (chosen)."""
+_ROOM_S = 1.0
+"""Time between two checks for vehicles that block others, seconds (chosen)."""
 
 _ROOM_ROUNDS = 3
 """Successive checks after which a blocking vehicle must make room (chosen)."""
@@ -47,7 +48,6 @@ _ROOM_ROUNDS = 3
 class RoadEngine(FleetEngine):
     """The engine of all road vehicles of an episode."""
 
-    step_s = STEP_S
     at_once = PLANNING
 
     def __init__(self) -> None:
@@ -66,9 +66,11 @@ class RoadEngine(FleetEngine):
                 hint="choose a scene with streets, such as `residential`, `commercial` or `map`",
             )
         instance = spec.instance
+        self._coarse = is_coarse(spec)
+        self.step_s = COARSE_STEP_S if self._coarse else STEP_S
         walking = amount(instance, "pedestrians")
         network = with_sidewalks(city.network).path if walking else city.network
-        sim = self._sim = Simulation(network, integer(seed, "road/simulation", bits=31))
+        sim = self._sim = Simulation(network, integer(seed, "road/simulation", bits=31), self.step_s)
         graph = read_graph(sim)
         self._schedule = spec.schedule
         kerb = Kerb(sim, graph, Tiles(city))
@@ -106,7 +108,7 @@ class RoadEngine(FleetEngine):
         if count:  # bodies that stand on a road must be there before the traffic starts
             present = (entity for entity in foreign if self._schedule.present(entity.id, 0.0))
             self._foreign.look([self._standing(entity) for entity in present], 0.0)
-        for _ in range(WARM_UP_STEPS if count or walking else 3):
+        for _ in range(round(WARM_UP_S / self.step_s) if count or walking else 3):
             self._foreign.step(0.0)
             sim.step()
             self._step_background()
@@ -139,9 +141,9 @@ class RoadEngine(FleetEngine):
         """Advance the simulation by one step."""
         assert self._sim is not None
         now = self.clock.now_s
-        self._update_jams(now - STEP_S)
+        self._update_jams(now - self.step_s)
         self._foreign.step(now)
-        if self.clock.done % _ROOM_STEPS == 0:
+        if self.clock.done % round(_ROOM_S / self.step_s) == 0:
             self._make_room()
         for vehicle in self._vehicles.values():
             vehicle.prepare()
@@ -158,7 +160,12 @@ class RoadEngine(FleetEngine):
         return [vehicle.state(ahead) for vehicle in self._vehicles.values()]
 
     def ambient(self) -> Iterable[BodyState]:
-        """Return the states of background traffic, then those of the queues, of pedestrians and of signals."""
+        """Return the states of background traffic, then those of the queues, of pedestrians and of signals.
+
+        With coarse motion they drive but are not shown: no camera draws them, and reading them takes most of the time.
+        """
+        if self._coarse:
+            return ()
         ahead, after = self.clock.remainder_s, self.clock.time_s - self._shown_s
         self._shown_s = self.clock.time_s
         assert self._sim is not None

@@ -26,6 +26,9 @@ from lingjing.errors import InfrastructureError  # noqa: E402
 STEP_S = 0.1
 """Step of the simulation, seconds: short enough for cars to react to dogs and people."""
 
+COARSE_STEP_S = 0.5
+"""Step with coarse motion, seconds: half of the headway that drivers keep."""
+
 FOREVER_S = 1e7
 """Duration of a stop that only a command ends, seconds."""
 
@@ -41,8 +44,8 @@ _running: list[Simulation] = []
 class Simulation:
     """A running simulation of one network. `vehicle`, `person`, `lane`, `edge`, … are libsumo's domains."""
 
-    def __init__(self, network: str, seed: int) -> None:
-        """Start the simulation.
+    def __init__(self, network: str, seed: int, step_s: float = STEP_S) -> None:
+        """Start the simulation, which advances by `step_s` seconds at a time.
 
         Raises `InfrastructureError` if one is running in this process or if SUMO cannot read the network.
         """
@@ -58,11 +61,13 @@ class Simulation:
             )
         try:
             with _environment(_OWN):
-                libsumo.start(_arguments(network, seed))
+                libsumo.start(_arguments(network, seed, step_s))
         except (SumoError, libsumo.FatalTraCIError) as fault:
             raise InfrastructureError(f"SUMO cannot load the road network {network}: {fault}") from fault
         _running.append(self)
         self._entries = 0
+        self.step_s = step_s
+        """Step, seconds."""
         self.level = False
         """True if all roads have the same elevation; slopes are not read then."""
         self.vehicle: Any = libsumo.vehicle
@@ -112,10 +117,10 @@ def _environment(values: Mapping[str, str | None]) -> Iterator[None]:
 _set(_BEFORE)
 
 
-def _arguments(network: str, seed: int) -> list[str]:
+def _arguments(network: str, seed: int, step_s: float) -> list[str]:
     options = {
         "--net-file": network,
-        "--step-length": str(STEP_S),
+        "--step-length": str(step_s),
         "--seed": str(seed % _MOST_SEED),
         "--no-step-log": "true",
         "--no-warnings": "true",

@@ -24,8 +24,8 @@ Transporttechnik der Fussgaenger, 1993)."""
 _TRIES = 30
 """Draws of a start or destination before a pedestrian is left out (chosen)."""
 
-_ROUND = 10
-"""Steps in which every pedestrian is checked once (chosen)."""
+_ROUND_S = 1.0
+"""Time in which every pedestrian is checked once, seconds (chosen)."""
 
 _ASIDE_M = 0.8
 """Distance of a signal from the edge of the rightmost lane, metres (chosen)."""
@@ -56,6 +56,7 @@ class Pedestrians:
         self._stream = Stream(seed, "road/pedestrians")
         self._walkers: list[_Walker] = []
         self._turn = 0
+        self._round = round(_ROUND_S / sim.step_s)
         self._sidewalks = _sidewalks(sim)
         for number, speed in enumerate(_SPEEDS_MPS):
             sim.vehicletype.copy("DEFAULT_PEDTYPE", f"walker/{number}")
@@ -67,14 +68,14 @@ class Pedestrians:
             self._add(f"walker/{number + 1}", number % len(_SPEEDS_MPS))
 
     def step(self) -> None:
-        """Give new destinations to those near the end of their way, a tenth of them in each step."""
-        for walker in self._walkers[self._turn :: _ROUND]:
+        """Give new destinations to those near the end of their way, a share of them in each step."""
+        for walker in self._walkers[self._turn :: self._round]:
             try:
                 if self._sim.person.getRemainingStages(walker.id) <= 1:
                     self._send_on(walker)
             except SumoError:  # SUMO has not inserted it yet
                 continue
-        self._turn = (self._turn + 1) % _ROUND
+        self._turn = (self._turn + 1) % self._round
 
     def states(self, ahead_s: float) -> Iterator[BodyState]:
         """Return the states of all pedestrians, `ahead_s` after the last step."""

@@ -41,8 +41,8 @@ BLOCKED_S = 100_000.0
 _GAP_M = 3.0
 """Gap between vehicles that are placed before time 0, metres (chosen)."""
 
-_ROUND = 10
-"""Steps in which every vehicle is checked once (chosen)."""
+_ROUND_S = 1.0
+"""Time in which every vehicle is checked once, seconds (chosen)."""
 
 _NEARLY_THERE = 3
 """Edges before the end of a route at which a vehicle gets a new destination (chosen)."""
@@ -94,6 +94,7 @@ class Traffic:
         self._movers: list[_BackgroundVehicle] = []
         self._blocked: frozenset[str] = frozenset()
         self._turn = 0
+        self._round = round(_ROUND_S / sim.step_s)
         self._conditions = DRY_DAY
         self._sideways = LateralOffsets()
         for edge in graph.edges.values():
@@ -114,15 +115,15 @@ class Traffic:
             self._populate(f"cyclist/{number + 1}", CYCLIST, occupied)
 
     def step(self) -> None:
-        """Give new destinations to a tenth of the vehicles, and insert again those that SUMO has removed."""
+        """Give new destinations to a share of the vehicles, and insert again those that SUMO has removed."""
         arrived = set(self._sim.simulation.getArrivedIDList()) if self._movers else set()
         for mover in self._movers:
             if mover.id in arrived:
                 self._enter(mover)
-        for mover in self._movers[self._turn :: _ROUND]:
+        for mover in self._movers[self._turn :: self._round]:
             if mover.id not in arrived:
                 self._check(mover)
-        self._turn = (self._turn + 1) % _ROUND
+        self._turn = (self._turn + 1) % self._round
 
     def drive_in(self, conditions: DrivingConditions) -> None:
         """Take over the driving conditions: for the kinds of vehicles, and for the vehicles on the road."""

@@ -24,7 +24,7 @@ from lingjing.engines.road.kerb import REACH_M, Kerb, LaneVehicle, ParkingPlace
 from lingjing.engines.road.kinds import EMERGENCY_MPS2, SPEED_MPS, TAU_S, declare, top_speed, vehicle_kind
 from lingjing.engines.road.lateral_motion import LateralOffsets, shifted
 from lingjing.engines.road.routing import Avoided, DrivingWay, onward
-from lingjing.engines.road.simulation import FOREVER_S, STEP_S, Simulation, SumoError
+from lingjing.engines.road.simulation import FOREVER_S, Simulation, SumoError
 from lingjing.mission.instance import Entity
 from lingjing.plugins.stock import Stock
 from lingjing.scene.outlines import compass
@@ -500,7 +500,7 @@ class Vehicle:
         if self._room is not None and self._sim.vehicle.isStoppedParking(self.id):
             rest = (self._room.lane.width_m + self.size.width_m) / 2.0 - _SUMO_ASIDE_M
         body = body_state(self._sim, self.id, self.size.length_m, 0.0)
-        self._offset_m = self._sideways.follow(body, STEP_S, rest)
+        self._offset_m = self._sideways.follow(body, self._sim.step_s, rest)
 
     def _covered(self, task: _VehicleTask) -> TaskEnd:
         if self._room is not None:
@@ -511,8 +511,8 @@ class Vehicle:
         if left <= slack and speed < _STILL_MPS and there:
             self._brake(0.0)
             return "done"
-        if left <= speed * speed / (2.0 * self._braking_mps2) + speed * STEP_S + 0.5:
-            reachable = math.sqrt(2.0 * self._braking_mps2 * max(left - speed * STEP_S, 0.0))
+        if left <= speed * speed / (2.0 * self._braking_mps2) + speed * self._sim.step_s + 0.5:
+            reachable = math.sqrt(2.0 * self._braking_mps2 * max(left - speed * self._sim.step_s, 0.0))
             self._brake(reachable if left > slack and there else (0.0 if there else 2.0))
         return ""
 
@@ -520,7 +520,7 @@ class Vehicle:
         speed = self.speed_mps
         if speed < _STILL_MPS:
             return "done"
-        self._brake(max(0.0, speed - self._braking_mps2 * STEP_S))
+        self._brake(max(0.0, speed - self._braking_mps2 * self._sim.step_s))
         return ""
 
     def _brake(self, speed_mps: float) -> None:

@@ -50,11 +50,14 @@ BoatStatus = Literal["idle", "moving", "aground"]
 
 
 class Boat:
-    """A vessel under way or at its station; `step` moves it by `hull.STEP_S`."""
+    """A vessel under way or at its station; `step` moves it by `step_s`."""
 
-    def __init__(self, entity: Entity, terrain: Terrain, weather: Weather, seed: int) -> None:
+    def __init__(
+        self, entity: Entity, terrain: Terrain, weather: Weather, seed: int, step_s: float = hull.STEP_S
+    ) -> None:
         x, y, _ = entity.position
         self.id = entity.id
+        self._step_s = step_s
         self.goal: Vector2 | None = None
         self.stopping = False
         self._terrain = terrain
@@ -64,8 +67,8 @@ class Boat:
         self._around = hull.HullForcing.of(weather)
         self._waves = sea.waves(weather)
         self._light_speed = entity.number_or("speed_mps", SPEED_MPS)
-        self._gust = Gust(weather, seed, f"{entity.engine}/{entity.id}/gust", hull.STEP_S)
-        self._pilot = Steering(self._light_speed, self._around)
+        self._gust = Gust(weather, seed, f"{entity.engine}/{entity.id}/gust", step_s)
+        self._pilot = Steering(self._light_speed, self._around, step_s)
         self.update_load()
         self._state: hull.HullState = (x, y, math.radians(entity.heading_deg), 0.0, 0.0, 0.0)
         self._start: Vector2 = (x, y)
@@ -155,7 +158,7 @@ class Boat:
             thrust, moment = self._pilot.stop(self._state)
         else:
             thrust, moment = self._pilot.keep(self._state, self._station)
-        moved = hull.advance(self._state, thrust, moment, self._around)
+        moved = hull.advance(self._state, thrust, moment, self._around, self._step_s)
         if self._floats(moved[0], moved[1]):
             self._state = moved
         else:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
+from lingjing.engines.bodies import is_coarse
 from lingjing.engines.vessel.boat import Boat
-from lingjing.engines.vessel.hull import STEP_S
+from lingjing.engines.vessel.hull import COARSE_STEP_S, STEP_S
 from lingjing.mission.vocabulary import ARRIVED, COLLIDED
 from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.fleet import FleetEngine
@@ -20,17 +21,19 @@ SHORE = "shore"
 
 
 class VesselEngine(FleetEngine):
-    """The engine of all vessels, at 10 Hz. Vessels do not detect each other. Only gusts draw random numbers."""
+    """The engine of all vessels, at 10 Hz (2 Hz with coarse motion).
 
-    step_s = STEP_S
+    Vessels do not detect each other. Only gusts draw random numbers.
+    """
 
     def build(self, spec: EngineSpec, city: City, seed: int) -> None:
         """Place the vessels on the water."""
+        self.step_s = COARSE_STEP_S if is_coarse(spec) else STEP_S
         terrain = Terrain(city)
         self._schedule = spec.schedule
         self._shores = bool(spec.instance.scene.options.get("collisions"))
         weather = self._schedule.weather(0.0)
-        self._boats = {entity.id: Boat(entity, terrain, weather, seed) for entity in spec.owned()}
+        self._boats = {entity.id: Boat(entity, terrain, weather, seed, self.step_s) for entity in spec.owned()}
 
     def start(self, command: Command) -> None:
         """Begin a voyage. Raises `Refusal` with `aground`, `unknown_verb`, `bad_argument` or `unreachable`."""

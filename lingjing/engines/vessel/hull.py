@@ -18,6 +18,9 @@ from lingjing.mission.instance import Weather
 STEP_S = 0.1
 """Integration step, seconds."""
 
+COARSE_STEP_S = 0.5
+"""Integration step with coarse motion, seconds (chosen: the fastest mode of the steered hull decays in 0.5 s)."""
+
 LENGTH_M = 6.0
 """Length of the hull, metres (chosen)."""
 
@@ -88,14 +91,14 @@ def ground_velocity(state: HullState, around: HullForcing) -> tuple[float, float
     )
 
 
-def advance(state: HullState, thrust: float, moment: float, around: HullForcing) -> HullState:
-    """Return the state `STEP_S` later under constant thrust (N) and steering moment (N m)."""
+def advance(state: HullState, thrust: float, moment: float, around: HullForcing, step_s: float = STEP_S) -> HullState:
+    """Return the state `step_s` later under constant thrust (N) and steering moment (N m)."""
     first = _rates(state, thrust, moment, around)
-    second = _rates(_moved(state, first, STEP_S / 2.0), thrust, moment, around)
-    third = _rates(_moved(state, second, STEP_S / 2.0), thrust, moment, around)
-    fourth = _rates(_moved(state, third, STEP_S), thrust, moment, around)
+    second = _rates(_moved(state, first, step_s / 2.0), thrust, moment, around)
+    third = _rates(_moved(state, second, step_s / 2.0), thrust, moment, around)
+    fourth = _rates(_moved(state, third, step_s), thrust, moment, around)
     mean = tuple((a + 2.0 * b + 2.0 * c + d) / 6.0 for a, b, c, d in zip(first, second, third, fourth, strict=True))
-    return _moved(state, mean, STEP_S)
+    return _moved(state, mean, step_s)
 
 
 def _moved(state: HullState, rates: tuple[float, ...], seconds: float) -> HullState:

@@ -56,10 +56,14 @@ _STATION_GAIN = 0.3
 
 
 class Steering:
-    """The control of one hull of top speed `speed_mps` (through the water), with the drift that it has measured."""
+    """The control of one hull of top speed `speed_mps` (through the water), with the drift that it has measured.
 
-    def __init__(self, speed_mps: float, around: HullForcing) -> None:
+    `step_s` is the time between two calls, seconds.
+    """
+
+    def __init__(self, speed_mps: float, around: HullForcing, step_s: float = STEP_S) -> None:
         self.around = around
+        self._drift_share = step_s / _DRIFT_TIME_S
         self._drift: Vector2 = around.current
         self.drive(speed_mps)
 
@@ -106,7 +110,7 @@ class Steering:
 
     def _measure(self, state: HullState) -> None:
         east, north = ground_velocity(state, self.around)
-        share = STEP_S / _DRIFT_TIME_S
+        share = self._drift_share
         self._drift = (
             self._drift[0] + share * (east - state[3] * math.sin(state[2]) - self._drift[0]),
             self._drift[1] + share * (north - state[3] * math.cos(state[2]) - self._drift[1]),
