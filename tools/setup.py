@@ -99,6 +99,17 @@ MODEL_ENVIRONMENT = VirtualEnvironment(
     inputs=(MODEL, Path(__file__)),
     steps=(("--no-deps", "-r", str(MODEL)),),
 )
+LEARNERS = ROOT / "requirements-learners.txt"
+LEARNERS_ENVIRONMENT = VirtualEnvironment(
+    folder=ROOT / ".venv-learners",
+    inputs=(LEARNERS, ROOT / "pyproject.toml", ROOT / "agents" / "pyproject.toml", Path(__file__)),
+    steps=(
+        ("torch==2.13.0",),  # first and alone: a range would take a build for graphics cards
+        ("hatchling", "editables"),
+        ("--no-build-isolation", "-e", f"{ROOT}[envs,road]", "-e", str(ROOT / "agents")),
+        ("-r", str(LEARNERS)),
+    ),
+)
 BENCH_ENVIRONMENT = VirtualEnvironment(
     folder=ROOT / ".venv-bench",
     inputs=(BENCH, BENCH_CONSTRAINTS, Path(__file__)),
@@ -126,6 +137,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--bench", action="store_true", help="those of foreign packages (.venv-bench, .venv-inspect)")
     parser.add_argument("--model", action="store_true", help="the environment of a small open model (.venv-model)")
+    parser.add_argument("--learners", action="store_true", help="that of foreign learners (.venv-learners)")
     parser.add_argument("--into", type=Path, help="the project's own environment in this folder instead of .venv")
     args = parser.parse_args()
     try:
@@ -135,6 +147,8 @@ def main() -> int:
                 ensure(INSPECT_ENVIRONMENT)
             elif args.model:
                 ensure(MODEL_ENVIRONMENT)
+            elif args.learners:
+                ensure(LEARNERS_ENVIRONMENT)
             else:
                 ensure_libraries()
                 ensure(replace(MAIN_ENVIRONMENT, folder=args.into.absolute()) if args.into else MAIN_ENVIRONMENT)

@@ -21,6 +21,7 @@ Shared modules:
 - `aircraft`: phases, falls and collisions of aircraft, and the engine of a fleet of them.
 - `flight_dynamics`: the interface to JSBSim; `gust`: wind at one aircraft; `battery`: stored energy.
 - `bodies`, `neighbours`: sizes of mirrored bodies and contact with them; `close_pairs`: bodies near each other.
+- `motion_options`: the option `motion`, full or coarse (ADR 0061).
 - `sea`: waves, wind and current as functions of weather, place and time.
 
 Invariants: an engine reads other engines' bodies only through mirrors. Random numbers come from the seed that the

@@ -14,8 +14,9 @@ entry points of packages. It imports the module that stands before the colon of 
 Modules:
 
 - `environments`: the two environment classes and their registration.
-- `flat_environments`: the flat preset, for learners of vectors ← `flat` (its spaces), `shaping` (its reward),
-  `outlines` (its cameras, which draw nothing), `map_picture` (its pictures for `render`).
+- `flat_environments`: the flat preset, for learners of vectors ← `flat` (its spaces), `choices` (whole decisions as
+  a list), `shaping` (its reward), `outlines` (its cameras, which draw nothing), `map_picture` (for `render`).
+- `vectors`: several worlds, forked from one flat environment.
 - `stepping`: an episode with decisions from the caller.
 - `codec`: one agent's observations and actions as arrays.
 - `vocabulary`: the numbers that stand for names in these arrays.
@@ -29,10 +30,11 @@ pin()  # before numpy is imported: the number of threads is read at import
 
 from lingjing.envs.environments import LingjingEnv, LingjingParallelEnv, parallel_env, register_missions  # noqa: E402
 from lingjing.envs.flat_environments import FlatEnv, FlatParallelEnv, flat_parallel_env  # noqa: E402
+from lingjing.envs.vectors import flat_vector_env  # noqa: E402
 
 __all__ = [
-    "FlatEnv", "FlatParallelEnv", "LingjingEnv", "LingjingParallelEnv", "flat_parallel_env", "parallel_env",
-    "register_missions",
+    "FlatEnv", "FlatParallelEnv", "LingjingEnv", "LingjingParallelEnv", "flat_parallel_env", "flat_vector_env",
+    "parallel_env", "register_missions",
 ]  # fmt: skip
 
 register_missions()

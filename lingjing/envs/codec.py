@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite
 from typing import Any
 
 import msgspec
@@ -18,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
+from lingjing.envs.choices import Choices, argument_range
 from lingjing.envs.vocabulary import STATUSES, Vocabulary
 from lingjing.errors import UsageError
 from lingjing.mission.instance import (
@@ -33,7 +33,6 @@ from lingjing.mission.instance import (
 )
 from lingjing.mission.kinds import admitted, engine_kind
 from lingjing.mission.model import Field
-from lingjing.mission.spec_schema import ELEVATION, altitude_band, argument_bounds
 from lingjing.plugins.policy import Inbox, Observation
 from lingjing.trace.records import Action, Box, Decision, EntityView, Envelope, Outgoing
 from lingjing.trace.request_ids import is_request_of
@@ -46,9 +45,6 @@ INBOX = 8
 _BODY = 11
 """Numbers of an entity before its stocks: observed, position (3), velocity (3), sine and cosine of the heading, busy,
 battery."""
-
-_ELEVATIONS_M = (0.0, 120.0)
-"""Range of `z` in actions for a body that declares no altitude band, metres (chosen)."""
 
 _FIELD_WIDTH = {"position": 3, "box": 4, "number": 1, "flag": 1, "name": 1, "names": 1, "frame": 1, "text": 0}
 """Count of numbers for each type of message field. A text has none; a frame has a flag that is 1 if a frame is given.
@@ -146,6 +142,11 @@ class Codec:
     def commands(self) -> tuple[tuple[str, str], ...]:
         """The entity and the verb of each command, in the order of their numbers from 1."""
         return tuple((entity.id, verb.name) for entity, verb in self._commands)
+
+    def choices(self) -> Choices:
+        """Return the agent's decisions as a list."""
+        visible = [entity.id for entity in self._bodies]
+        return Choices(self._instance, self._agent, self._commands, self._sendable, self.camera_names, visible)
 
     @property
     def camera_names(self) -> tuple[str, ...]:
@@ -292,12 +293,7 @@ class Codec:
         if spec.unit == "name":
             cameras = entity.cameras
             return cameras[min(int((value + 1.0) / 2.0 * len(cameras)), len(cameras) - 1)].name if cameras else None
-        low, high = argument_bounds(spec, entity.properties)
-        band = altitude_band(entity.properties)
-        if band is not None and engine_kind(entity.engine).is_above_start(verb.name, spec.name):
-            high = max(low, min(high, band[1] - entity.position[2]))
-        widest = _ELEVATIONS_M if spec.name == ELEVATION else (-self._reach_m, self._reach_m)
-        low, high = (bound if isfinite(bound) else widest[k] for k, bound in enumerate((low, high)))
+        low, high = argument_range(verb, spec, entity, self._reach_m)
         return float(low + (high - low) * (value + 1.0) / 2.0)
 
     def _messages(self, action: Mapping[str, Any], observation: Observation) -> tuple[Outgoing, ...]:

@@ -40,6 +40,15 @@ class LingjingParallelEnv(ParallelEnv, EzPickle):  # type: ignore[misc] # the pa
     An engine that fails raises `InfrastructureError`; `reset` then begins a new episode. `reset(seed=…)` selects the
     instance. Without a seed it draws the next seed of the stream that the last seed started. A copy (pickled or deep)
     is a new environment with the same arguments.
+
+    >>> env = lingjing.envs.LingjingParallelEnv("ssr", mode="star", picture_width=0, world="inline")
+    >>> observations, infos = env.reset(seed=7)
+    >>> sorted(observations)
+    ['commander', 'scout[1]', 'scout[2]', 'scout[3]', 'skipper']
+    >>> observations, rewards, ended, late, infos = env.step({})
+    >>> infos["skipper"]["tick"], rewards["skipper"]
+    (1, 0.0)
+    >>> env.close()
     """
 
     metadata: ClassVar[dict[str, Any]] = {"name": "lingjing_v0", "render_modes": []}
@@ -147,6 +156,12 @@ class LingjingEnv(gymnasium.Env[dict[str, Any], dict[str, Any]], EzPickle):
 
     `others` names the policy that plays the other agents. Its random streams start from `policy_seed`. The other
     arguments are those of `LingjingParallelEnv`.
+
+    >>> env = lingjing.envs.LingjingEnv("ssr", mode="broadcast", agent="skipper", others="random", picture_width=0)
+    >>> observation, info = env.reset(seed=7)
+    >>> observation in env.observation_space, info["score"]
+    (True, 0.0)
+    >>> env.close()
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # declared so by the base class
@@ -215,12 +230,26 @@ class LingjingEnv(gymnasium.Env[dict[str, Any], dict[str, Any]], EzPickle):
 
 
 def parallel_env(mission: Mission | str, **options: Any) -> LingjingParallelEnv:
-    """Return a `LingjingParallelEnv`; PettingZoo's usual name for the constructor, with the same options."""
+    """Return a `LingjingParallelEnv`; PettingZoo's usual name for the constructor, with the same options.
+
+    >>> env = lingjing.envs.parallel_env("bi", picture_width=64)
+    >>> env.possible_agents
+    ['inspector']
+    >>> env.close()
+    """
     return LingjingParallelEnv(mission, **options)
 
 
 def register_missions() -> None:
-    """Register every shipped mission and mode with Gymnasium, as `lingjing/ssr-broadcast-v0` and so on."""
+    """Register every shipped mission and mode with Gymnasium, as `lingjing/ssr-broadcast-v0` and so on.
+
+    The import of `lingjing.envs` calls it; a second call changes nothing.
+
+    >>> lingjing.envs.register_missions()
+    >>> import gymnasium
+    >>> "lingjing/bi-single-v0" in gymnasium.registry, "lingjing/ssr-star-flat-v0" in gymnasium.registry
+    (True, True)
+    """
     for file in sorted(data_path("scenarios").glob("*.ljs")):
         for mode in ("single", "star", "broadcast"):
             name = f"lingjing/{file.stem}-{mode}-v0"
@@ -228,6 +257,7 @@ def register_missions() -> None:
                 gymnasium.register(
                     id=f"lingjing/{file.stem}-{mode}-flat-v0",
                     entry_point="lingjing.envs.flat_environments:FlatEnv",
+                    vector_entry_point="lingjing.envs.vectors:flat_vector_env",
                     kwargs={"mission": file.stem, "mode": mode},
                 )
                 gymnasium.register(

@@ -1,4 +1,4 @@
-"""The flat form of one agent's spaces: one vector of numbers in [-1, 1], and one array of choices.
+"""The flat form of one agent's spaces: one vector of numbers in [-1, 1], and one action of a chosen form.
 
 The entries of the vector have names (`FlatCodec.entries`) and a fixed order. A bounded quantity is scaled linearly, an
 unbounded one by x / (|x| + c) with the scale c of its entry. An absent value is 0.
@@ -7,16 +7,18 @@ unbounded one by x / (|x| + c) with the scale c of its entry. An absent value is
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
+from lingjing.envs.choices import Sight
 from lingjing.envs.codec import Codec
 from lingjing.envs.vocabulary import STATUSES
 from lingjing.errors import UsageError
-from lingjing.trace.records import Box, FrameInfo
+from lingjing.suggest import nearest_or
+from lingjing.trace.records import Box, Decision, FrameInfo
 
 Vector = npt.NDArray[np.float32]
 
@@ -36,6 +38,13 @@ STOCK_SCALE = 100.0
 """Scale of stocks and of the battery, in their own units (chosen)."""
 
 
+Actions = Literal["multidiscrete", "discrete", "box"]
+"""The form of an action: one number for each part of a decision, the number of a whole decision, or an array in
+[-1, 1] with one value for each part."""
+
+FORMS: tuple[Actions, ...] = ("multidiscrete", "discrete", "box")
+
+
 class Entry(NamedTuple):
     """One entry of a flat observation."""
 
@@ -46,9 +55,17 @@ class Entry(NamedTuple):
 
 
 class FlatCodec:
-    """The flat spaces of one agent, on top of its `Codec`. `reach_m` is the scale of positions, metres."""
+    """The flat spaces of one agent, on top of its `Codec`. `reach_m` is the scale of positions, metres.
 
-    def __init__(self, codec: Codec, reach_m: float, ticks: int, tick_s: float) -> None:
+    Raises `UsageError` for an unknown form of actions.
+    """
+
+    def __init__(
+        self, codec: Codec, reach_m: float, ticks: int, tick_s: float, actions: Actions = "multidiscrete"
+    ) -> None:
+        if actions not in FORMS:
+            hint = nearest_or(str(actions), FORMS, f"there are: {', '.join(FORMS)}")
+            raise UsageError(f"actions={actions!r}", hint=hint)
         self._codec = codec
         self._ticks, self._tick_s = ticks, tick_s
         space = codec.observation_space
@@ -58,9 +75,11 @@ class FlatCodec:
         self._scales = np.array([entry.scale for entry in self.entries], np.float64)
         self.observation_space = spaces.Box(-1.0, 1.0, (len(self.entries),), np.float32)
         self._parts = tuple(self._choices(codec.action_space))
-        self.action_space = spaces.MultiDiscrete([number for _, number in self._parts])
-        self.choices = tuple(name for name, _ in self._parts)
-        """The names of the numbers of an action, in order."""
+        self._form = actions
+        self._list = codec.choices()
+        self.action_space: spaces.Space[Any] = self._space()
+        self.choices = self._list.names if actions == "discrete" else tuple(name for name, _ in self._parts)
+        """The names of the numbers of an action, in order; for `discrete` the names of all decisions."""
 
     def observe(self, observation: Mapping[str, Any], frames: Sequence[FrameInfo]) -> Vector:
         """Return an observation of the `Codec`, and the boxes of its pictures, as a member of `observation_space`."""
@@ -82,42 +101,73 @@ class FlatCodec:
         squashed = np.where(self._scales > 0.0, numbers / (np.abs(numbers) + np.maximum(self._scales, 1e-9)), numbers)
         return np.clip(squashed, -1.0, 1.0).astype(np.float32)
 
-    def action(self, flat: Any, frames: Sequence[FrameInfo]) -> dict[str, Any]:
-        """Return the action of the `Codec` for a member of `action_space`.
+    def decide(self, flat: Any, sight: Sight) -> Decision:
+        """Return the decision of a member of `action_space`.
 
         A box field receives the largest box of the agent's latest pictures. Raises `UsageError` for no member.
         """
         chosen = np.asarray(flat)
-        if not self.action_space.contains(chosen.astype(np.int64) if chosen.dtype.kind in "iu" else chosen):
+        if not self.action_space.contains(self._typed(chosen)):
             raise UsageError(f"{flat!r} is no action of {self.action_space}", hint="sample `action_space`")
+        if self._form == "discrete":
+            return self._list.decide(int(chosen), sight)
+        if self._form == "box":
+            values = dict(zip(self.choices, np.clip(chosen, -1.0, 1.0).tolist(), strict=True))
+            return self._decision(values, {n: _interval(values[n], of) for n, of in self._parts}, sight)
         numbers = dict(zip(self.choices, (int(part) for part in chosen), strict=True))
-        action: dict[str, Any] = {"command": numbers["command"], "arguments": self._levels("arguments", numbers)}
-        if "message" in numbers:
-            fields = self._levels("fields", numbers)
-            largest = _largest(frames, self.cameras)
-            if largest is not None:
-                self._codec.write_box(numbers["message"], fields, largest)
-            action |= {"message": numbers["message"], "to": numbers["to"], "fields": fields}
-        return action
+        return self._decision({n: 2.0 * level / (LEVELS - 1) - 1.0 for n, level in numbers.items()}, numbers, sight)
 
-    def mask(self, observation: Mapping[str, Any]) -> npt.NDArray[np.bool_]:
+    def mask(self, sight: Sight) -> npt.NDArray[np.bool_]:
         """Return the admissible values of each number of an action, one after another, as MaskablePPO expects them.
 
-        The commands of an entity that carries out another command are masked, except `stop`.
+        The commands of an entity that carries out another command are masked, except `stop`. Raises `UsageError` for
+        the form `box`, which has no masks.
         """
+        if self._form == "discrete":
+            return self._list.mask(sight)
+        if self._form == "box":
+            hint = 'actions="discrete" and actions="multidiscrete" have masks'
+            raise UsageError("an action that is a Box has no mask", hint=hint)
         parts = []
         for name, number in self._parts:
             allowed = np.ones(number, np.bool_)
             if name == "command":
                 for index, (entity, verb) in enumerate(self._codec.commands, 1):
-                    body = observation.get("entities", {}).get(entity)
-                    allowed[index] = verb == "stop" or body is None or body[9] == 0.0
+                    view = sight.view(entity)
+                    allowed[index] = verb == "stop" or view is None or not view.busy
             parts.append(allowed)
         return np.concatenate(parts)
 
-    def _levels(self, key: str, numbers: Mapping[str, int]) -> Vector:
-        levels = [number for name, number in numbers.items() if name.startswith(f"{key}/")]
-        return np.array([2.0 * level / (LEVELS - 1) - 1.0 for level in levels], np.float32)
+    @property
+    def has_masks(self) -> bool:
+        """True if the form of actions has masks."""
+        return self._form != "box"
+
+    def _space(self) -> spaces.Space[Any]:
+        if self._form == "discrete":
+            return spaces.Discrete(len(self._list.names))
+        if self._form == "box":
+            return spaces.Box(-1.0, 1.0, (len(self._parts),), np.float32)
+        return spaces.MultiDiscrete([number for _, number in self._parts])
+
+    def _typed(self, chosen: npt.NDArray[Any]) -> Any:
+        """Return an action in the type that its space holds; anything else unchanged."""
+        if self._form == "box":
+            return chosen.astype(np.float32) if chosen.dtype.kind in "iuf" else chosen
+        if chosen.dtype.kind not in "iu":
+            return chosen
+        return chosen.astype(np.int64) if self._form == "multidiscrete" or chosen.shape else np.int64(chosen)
+
+    def _decision(self, values: Mapping[str, float], numbers: Mapping[str, int], sight: Sight) -> Decision:
+        """Return the decision with these values in [-1, 1] of arguments and fields, and these numbers of choices."""
+        action: dict[str, Any] = {"command": numbers["command"], "arguments": _array("arguments", values)}
+        if "message" in numbers:
+            fields = _array("fields", values)
+            largest = _largest(sight.frames, self.cameras)
+            if largest is not None:
+                self._codec.write_box(numbers["message"], fields, largest)
+            action |= {"message": numbers["message"], "to": numbers["to"], "fields": fields}
+        return self._codec.decide(action, sight.observation)
 
     def _choices(self, space: spaces.Dict) -> list[tuple[str, int]]:
         parts: list[tuple[str, int]] = []
@@ -159,6 +209,15 @@ _BODY_ENTRIES = (
     Entry("heading_sine", 0.0), Entry("heading_cosine", 0.0), Entry("busy", 0.0), Entry("battery", STOCK_SCALE),
 )  # fmt: skip
 _SEEN = ("present", "type", "left", "top", "right", "bottom")
+
+
+def _array(key: str, values: Mapping[str, float]) -> Vector:
+    return np.array([value for name, value in values.items() if name.startswith(f"{key}/")], np.float32)
+
+
+def _interval(value: float, count: int) -> int:
+    """Return the number of the interval of [-1, 1], in `count` equal parts, that holds a value."""
+    return min(int((value + 1.0) / 2.0 * count), count - 1)
 
 
 def _size(space: spaces.Space[Any]) -> int:

@@ -1,7 +1,7 @@
 """The flat preset: environments that learners of fixed vectors accept, such as those of Stable-Baselines3.
 
-An observation is one `Box` in [-1, 1] with named entries, an action one `MultiDiscrete`. Cameras give ids and boxes
-alone (`outlines`), and observations hold the largest boxes, as from a perfect detector.
+An observation is one `Box` in [-1, 1] with named entries, an action one `MultiDiscrete`, `Discrete` or `Box`. Cameras
+give ids and boxes alone (`outlines`), and observations hold the largest boxes, as from a perfect detector.
 """
 
 from __future__ import annotations
@@ -16,9 +16,10 @@ from gymnasium import spaces
 from gymnasium.utils import EzPickle
 from pettingzoo import ParallelEnv
 
+from lingjing.envs.choices import Sight
 from lingjing.envs.environments import LARGEST_SEED, codecs, info_of, mission_of, reach_of, valid_seed
-from lingjing.envs.flat import Entry, FlatCodec, Vector
-from lingjing.envs.map_picture import map_picture
+from lingjing.envs.flat import Actions, Entry, FlatCodec, Vector
+from lingjing.envs.map_picture import MapWindow, map_picture
 from lingjing.envs.shaping import DistancePotential, shaped
 from lingjing.envs.stepping import Motion, SteppedEpisodes
 from lingjing.errors import UsageError
@@ -26,7 +27,7 @@ from lingjing.kernel.step import Published
 from lingjing.kernel.world import WorldKind
 from lingjing.mission.model import Mission
 from lingjing.suggest import nearest_or
-from lingjing.trace.records import BodyState
+from lingjing.trace.records import BodyState, Decision
 
 _STATE = ("present", "x", "y", "z", "vx", "vy", "vz", "heading_sine", "heading_cosine")
 """The numbers of each entity in `state`."""
@@ -37,7 +38,11 @@ class FlatParallelEnv(ParallelEnv, EzPickle):  # type: ignore[misc] # the packag
 
     `max_cycles` ends an episode after that many ticks (`truncated`), if its budget is not used up before. `shaping` is
     the weight of the potential-based reward, with `discount` as its γ; 0 leaves it out. With `drawn`, the camera draws
-    every picture and boxes are those of visible pixels. `render_mode="rgb_array"` makes `render` return a map.
+    every picture and boxes are those of visible pixels. `motion="full"` is the motion that is scored. `actions` is the
+    form of an action: `multidiscrete`, `discrete` (a list of whole decisions, `lingjing.envs.choices`) or `box`.
+    `render_mode="rgb_array"` makes `render` return a map, `"human"` shows it in a window.
+
+    Infos hold numbers alone, which wrappers turn into arrays; `reason` and `digest` hold the texts.
 
     >>> env = lingjing.envs.flat_parallel_env("ssr", mode="broadcast", max_cycles=2, world="inline")
     >>> observations, infos = env.reset(seed=1)
@@ -49,7 +54,7 @@ class FlatParallelEnv(ParallelEnv, EzPickle):  # type: ignore[misc] # the packag
     """
 
     metadata: ClassVar[dict[str, Any]] = {
-        "name": "lingjing_flat_v0", "render_modes": ["rgb_array"], "render_fps": 2, "is_parallelizable": True
+        "name": "lingjing_flat_v0", "render_modes": ["rgb_array", "human"], "render_fps": 2, "is_parallelizable": True
     }  # fmt: skip
 
     def __init__(
@@ -66,12 +71,13 @@ class FlatParallelEnv(ParallelEnv, EzPickle):  # type: ignore[misc] # the packag
         discount: float = 0.99,
         drawn: bool = False,
         motion: Motion = "coarse",
+        actions: Actions = "multidiscrete",
         render_mode: str | None = None,
         others: str = "random",
     ) -> None:
         EzPickle.__init__(
             self, mission, mode=mode, settings=settings, tier=tier, world=world, policy_seed=policy_seed,
-            max_cycles=max_cycles, shaping=shaping, discount=discount, drawn=drawn, motion=motion,
+            max_cycles=max_cycles, shaping=shaping, discount=discount, drawn=drawn, motion=motion, actions=actions,
             render_mode=render_mode, others=others,
         )  # fmt: skip
         _check(max_cycles, shaping, discount, render_mode)
@@ -91,7 +97,7 @@ class FlatParallelEnv(ParallelEnv, EzPickle):  # type: ignore[misc] # the packag
         self._reach_m = reach_of(instance)
         self._codecs = codecs(instance, 0)
         self._flat = {
-            name: FlatCodec(codec, self._reach_m, instance.budget.ticks, instance.clock.tick_s)
+            name: FlatCodec(codec, self._reach_m, instance.budget.ticks, instance.clock.tick_s, actions)
             for name, codec in self._codecs.items()
         }
         self.possible_agents = list(self._codecs)
@@ -103,13 +109,14 @@ class FlatParallelEnv(ParallelEnv, EzPickle):  # type: ignore[misc] # the packag
         self._potential = DistancePotential(instance, self._reach_m)
         self._before = self._score = 0.0
         self._random = np.random.default_rng(0)
-        self._observed: dict[str, dict[str, Any]] = {}
+        self._sights: dict[str, Sight] = {}
+        self._window: MapWindow | None = None
 
     def observation_space(self, agent: str) -> spaces.Box:
         """Return the space of one agent's observations; every call returns the same object."""
         return self._flat[agent].observation_space
 
-    def action_space(self, agent: str) -> spaces.MultiDiscrete:
+    def action_space(self, agent: str) -> spaces.Space[Any]:
         """Return the space of one agent's actions; every call returns the same object."""
         return self._flat[agent].action_space
 
@@ -118,7 +125,7 @@ class FlatParallelEnv(ParallelEnv, EzPickle):  # type: ignore[misc] # the packag
         return self._flat[agent].entries
 
     def choices(self, agent: str) -> tuple[str, ...]:
-        """Return the names of the numbers of an agent's actions, in order."""
+        """Return the names of the numbers of an agent's actions, in order; for `discrete` those of the decisions."""
         return self._flat[agent].choices
 
     def reset(
@@ -148,10 +155,10 @@ class FlatParallelEnv(ParallelEnv, EzPickle):  # type: ignore[misc] # the packag
         for name in actions:
             if name not in self._flat:
                 raise UsageError(f"no agent is called `{name}`", hint=nearest_or(name, self._flat, _listed(self._flat)))
-        decisions = {}
-        for name in self._played():
-            flat = self._flat[name].action(actions[name], before.record.frames) if name in actions else {"command": 0}
-            decisions[name] = self._codecs[name].decide(flat, before.observations[name])
+        decisions = {
+            name: self._flat[name].decide(actions[name], self._sights[name]) if name in actions else Decision()
+            for name in self._played()
+        }
         published = self._game.step(decisions)
         ended = published.evaluation.done
         late = not ended and published.record.tick >= self._most
@@ -168,8 +175,23 @@ class FlatParallelEnv(ParallelEnv, EzPickle):  # type: ignore[misc] # the packag
         )
 
     def action_mask(self, agent: str) -> npt.NDArray[np.bool_]:
-        """Return the admissible values of each number of the agent's next action, one after another."""
-        return self._flat[agent].mask(self._observed[agent])
+        """Return the admissible values of each number of the agent's next action, one after another.
+
+        Raises `UsageError` before the first `reset`, and for `actions="box"`, which has no masks.
+        """
+        if agent not in self._sights:
+            raise UsageError("there is no mask before the first episode", hint="call `reset` first")
+        return self._flat[agent].mask(self._sights[agent])
+
+    @property
+    def reason(self) -> str:
+        """The reason of the episode's end, such as `success`; empty while it runs and after a truncation."""
+        return "" if self._game.published is None else self._game.published.evaluation.reason
+
+    @property
+    def digest(self) -> str:
+        """The digest of the trace so far; empty before the first episode."""
+        return "" if self._game.published is None else self._game.published.record.digest
 
     def state(self) -> Vector:
         """Return the state of all entities and the time, for a central critic: it holds what no agent observes."""
@@ -183,15 +205,26 @@ class FlatParallelEnv(ParallelEnv, EzPickle):  # type: ignore[misc] # the packag
         return np.clip(np.array(numbers, np.float32), -1.0, 1.0)
 
     def render(self) -> npt.NDArray[np.uint8] | None:
-        """Return a map of the present state, height × width × 3; None without a render mode or an episode."""
+        """Return a map of the present state, height × width × 3; None without a render mode or an episode.
+
+        With `human` the map is shown in a window, and None is returned.
+        """
         published = self._game.published
-        if self.render_mode != "rgb_array" or published is None:
+        if self.render_mode is None or published is None:
             return None
-        return map_picture(self._instance, _states(published), self._reach_m)
+        picture = map_picture(self._instance, _states(published), self._reach_m)
+        if self.render_mode == "rgb_array":
+            return picture
+        self._window = self._window or MapWindow()
+        self._window.show(picture)
+        return None
 
     def close(self) -> None:
-        """End the engines' processes."""
+        """End the engines' processes and the window."""
         self._game.close()
+        if self._window is not None:
+            self._window.close()
+            self._window = None
 
     def _played(self) -> list[str]:
         """Return the agents with decisions from the caller."""
@@ -206,16 +239,23 @@ class FlatParallelEnv(ParallelEnv, EzPickle):  # type: ignore[misc] # the packag
         return gained
 
     def _observe(self, published: Published) -> dict[str, Vector]:
-        self._observed = {
-            name: codec.observe(published.observations[name], published.inboxes[name])
-            for name, codec in self._codecs.items()
-            if name in self._played()
-        }
         frames = published.record.frames
-        return {name: self._flat[name].observe(observed, frames) for name, observed in self._observed.items()}
+        self._sights = {
+            name: Sight(published.observations[name], published.inboxes[name], frames) for name in self._played()
+        }
+        if self.render_mode == "human":
+            self.render()
+        return {
+            name: self._flat[name].observe(self._codecs[name].observe(sight.observation, sight.inbox), frames)
+            for name, sight in self._sights.items()
+        }
 
     def _infos(self, published: Published) -> dict[str, dict[str, Any]]:
-        return {name: info_of(published) | {"action_mask": self.action_mask(name)} for name in self._observed}
+        numbers = {name: value for name, value in info_of(published).items() if not isinstance(value, str)}
+        return {
+            name: numbers | ({"action_mask": self.action_mask(name)} if self._flat[name].has_masks else {})
+            for name in self._sights
+        }
 
 
 class _OneAgent(FlatParallelEnv):
@@ -247,7 +287,10 @@ class FlatEnv(gymnasium.Env[Any, Any], EzPickle):
     >>> env.close()
     """
 
-    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 2}  # declared so by the base class
+    metadata: dict[str, Any] = {
+        "render_modes": ["rgb_array", "human"],
+        "render_fps": 2,
+    }  # as in the base class
 
     def __init__(
         self, mission: Mission | str, *, agent: str | None = None, others: str = "heuristic", **options: Any
@@ -278,6 +321,16 @@ class FlatEnv(gymnasium.Env[Any, Any], EzPickle):
         """Return the admissible values of each number of the next action, as MaskablePPO calls it."""
         return self._all.action_mask(self.agent)
 
+    @property
+    def reason(self) -> str:
+        """The reason of the episode's end, such as `success`; empty while it runs and after a truncation."""
+        return self._all.reason
+
+    @property
+    def digest(self) -> str:
+        """The digest of the trace so far."""
+        return self._all.digest
+
     def state(self) -> Vector:
         """Return the state of all entities and the time; it holds what the agent does not observe."""
         return self._all.state()
@@ -292,7 +345,13 @@ class FlatEnv(gymnasium.Env[Any, Any], EzPickle):
 
 
 def flat_parallel_env(mission: Mission | str, **options: Any) -> FlatParallelEnv:
-    """Return a `FlatParallelEnv`; PettingZoo's usual name for the constructor, with the same options."""
+    """Return a `FlatParallelEnv`; PettingZoo's usual name for the constructor, with the same options.
+
+    >>> env = lingjing.envs.flat_parallel_env("bi", actions="discrete", world="inline")
+    >>> env.choices("inspector")[:3]
+    ('none', 'uav.takeoff/0.25', 'uav.takeoff/0.5')
+    >>> env.close()
+    """
     return FlatParallelEnv(mission, **options)
 
 
@@ -322,8 +381,10 @@ def _check(max_cycles: int | None, shaping: float, discount: float, render_mode:
         raise UsageError(f"shaping={shaping}", hint="a weight of 0 or more; 0 leaves the shaping out")
     if not 0.0 <= discount <= 1.0:
         raise UsageError(f"discount={discount}", hint="a discount lies between 0 and 1")
-    if render_mode not in (None, "rgb_array"):
-        raise UsageError(f"render_mode={render_mode!r}", hint='the modes are None and "rgb_array"')
+    if render_mode not in (None, "rgb_array", "human"):
+        raise UsageError(f"render_mode={render_mode!r}", hint='the modes are None, "rgb_array" and "human"')
+    if render_mode == "human":
+        MapWindow.check()
 
 
 __all__ = ["FlatEnv", "FlatParallelEnv", "flat_parallel_env"]

@@ -11,7 +11,7 @@ import lingjing.envs
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["FlatEnv", "FlatParallelEnv"])
+@pytest.mark.parametrize("name", lingjing.envs.__all__)
 def test_the_example_runs(name: str) -> None:
     (example_set,) = doctest.DocTestFinder(recurse=False).find(
         getattr(lingjing.envs, name), name, module=False, globs={"lingjing": lingjing}

@@ -18,8 +18,9 @@ PAGE = (Path(__file__).parents[2] / "docs" / "envs.md").read_text(encoding="utf-
 @pytest.mark.slow
 def test_the_examples_run(tmp_path: Path) -> None:
     examples = re.findall(r"^```python\n(.*?)^```", PAGE, flags=re.MULTILINE | re.DOTALL)
-    assert len(examples) == 3
-    done = run_python([sys.executable, "-c", "\n".join(examples)], cwd=tmp_path)  # fmt: skip
+    assert len(examples) == 4
+    shown = [example for example in examples if "stable_baselines3" not in example]  # `make learners` runs that one
+    done = run_python([sys.executable, "-c", "\n".join(shown)], cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     first, second, flat = done.stdout.splitlines()
     assert flat.startswith("5 True (480, 480, 3) ")

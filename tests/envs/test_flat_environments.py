@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import sys
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,7 +14,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
-from lingjing.envs import FlatEnv, FlatParallelEnv, flat_parallel_env
+from lingjing.envs import FlatEnv, FlatParallelEnv, flat_parallel_env, flat_vector_env, parallel_env
 from lingjing.errors import UsageError
 
 pytestmark = pytest.mark.slow
@@ -175,8 +176,8 @@ def test_outlines_are_near_the_drawn_boxes() -> None:
 
 
 WRONG = [
-    {"max_cycles": 0}, {"shaping": -1.0}, {"shaping": float("nan")}, {"discount": 1.5}, {"render_mode": "human"},
-    {"world": "moon"}, {"mode": "loud"},
+    {"max_cycles": 0}, {"shaping": -1.0}, {"shaping": float("nan")}, {"discount": 1.5}, {"render_mode": "movie"},
+    {"world": "moon"}, {"mode": "loud"}, {"motion": "slow"}, {"actions": "discret"},
 ]  # fmt: skip
 
 
@@ -197,13 +198,122 @@ def test_wrong_names_and_actions_are_usage_errors(env: FlatParallelEnv) -> None:
             env.step({"skipper": wrong})
 
 
-def test_supersuits_wrappers_accept_it(short: str) -> None:
-    supersuit = pytest.importorskip("supersuit", reason="SuperSuit is not installed")
-    made = flat_parallel_env(short, mode="broadcast", world="inline", max_cycles=3)
-    wrapped = supersuit.black_death_v3(supersuit.pad_observations_v0(made))
+NAMES = {"none", "uav.takeoff/0.5", "uav.setDestination/north", "uav.takePhoto/front", "uav.stop", "say/finding"}
+
+
+def choose(env: FlatEnv, name: str) -> int:
+    return env.choices.index(name)
+
+
+def test_a_list_of_decisions_wins_the_bridge() -> None:
+    """Take off, fly east, go to what the camera shows and report it: four of the listed decisions win the mission."""
+    env = FlatEnv("bi", world="inline", actions="discrete", shaping=0.0)
     try:
-        observations, _ = wrapped.reset(seed=1)
-        assert len({observation.shape for observation in observations.values()}) == 1
-        wrapped.step({name: wrapped.action_space(name).sample() for name in wrapped.agents})
+        _, info = env.reset(seed=1)
+        assert set(env.choices) >= NAMES
+        assert isinstance(env.action_space, gymnasium.spaces.Discrete)
+        assert env.action_space.n == len(env.choices) == len(info["action_mask"])
+        report = choose(env, "say/finding")
+        assert not info["action_mask"][report]  # no box yet
+        total, ended, late = 0.0, False, False
+        plan = ["uav.takeoff/0.5"]
+        while not (ended or late):
+            mask = env.action_masks()
+            if not plan:
+                plan = ["say/finding", "uav.setDestination/seen"] if mask[report] else ["uav.setDestination/east"]
+            number = choose(env, plan.pop())
+            _, reward, ended, late, info = env.step(number if mask[number] else 0)
+            total += reward
+        assert (env.reason, info["success"]) == ("success", True)
+        assert total == pytest.approx(info["score"])
+        assert len(env.digest) == 64
     finally:
-        wrapped.close()
+        env.close()
+
+
+def test_infos_are_numbers_alone(env: FlatParallelEnv) -> None:
+    _, infos = env.reset(seed=1)
+    assert {np.asarray(value).dtype.kind for info in infos.values() for value in info.values()} <= set("biuf")
+
+
+def test_a_choice_that_is_impossible_does_nothing() -> None:
+    env = FlatEnv("bi", world="inline", actions="discrete")
+    try:
+        _, info = env.reset(seed=3)
+        names = [entry.name for entry in env.entries]
+        number = choose(env, "uav.setDestination/seen")
+        assert not info["action_mask"][number]
+        observation, *_ = env.step(number)
+        assert observation[names.index("entities/uav/busy")] == 0.0
+        assert observation[names.index("receipt/none")] == 1.0
+        observation, _, _, _, info = env.step(choose(env, "uav.takeoff/1"))
+        assert observation[names.index("entities/uav/busy")] == 1.0
+        possible = {name for name, allowed in zip(env.choices, info["action_mask"], strict=True) if allowed}
+        assert possible == {"none", "uav.stop"}
+    finally:
+        env.close()
+
+
+def test_a_box_is_cut_into_intervals_and_has_no_masks() -> None:
+    env = FlatEnv("bi", world="inline", actions="box")
+    try:
+        _, info = env.reset(seed=3)
+        assert "action_mask" not in info
+        with pytest.raises(UsageError, match="has no mask"):
+            env.action_masks()
+        names = [entry.name for entry in env.entries]
+        action = np.full(env.action_space.shape or (), -1.0, np.float32)
+        assert env.step(action)[0][names.index("receipt/none")] == 1.0  # the first interval commands nothing
+        action[:2] = -0.8, 1.0  # takeoff to the top of the band
+        observation, *_ = env.step(action)
+        assert observation[names.index("entities/uav/busy")] == 1.0
+        with pytest.raises(UsageError, match="is no action"):
+            env.step(np.full(3, 0.0, np.float32))
+    finally:
+        env.close()
+
+
+def test_full_motion_is_that_of_lingjing_run(short: str) -> None:
+    """Drawn and with full motion, the flat environment plays the episode that the other environments play."""
+    digests = []
+    for options in ({"drawn": True, "motion": "full"}, {"drawn": True, "motion": "coarse"}):
+        env = flat_parallel_env(short, mode="broadcast", world="inline", max_cycles=1, **options)
+        env.reset(seed=4)
+        env.step({})
+        digests.append(env.digest)
+        env.close()
+    other = parallel_env(short, mode="broadcast", world="inline", picture_width=0)
+    other.reset(seed=4)
+    infos = other.step({})[-1]
+    other.close()
+    assert infos["skipper"]["digest"] == digests[0] != digests[1]
+
+
+def test_forked_worlds_are_those_of_their_seeds(short: str) -> None:
+    options = {"mode": "broadcast", "agent": "skipper", "others": "random", "max_cycles": 3}
+    worlds = gymnasium.make_vec(
+        "lingjing.envs:lingjing/ssr-broadcast-flat-v0", num_envs=3, vectorization_mode="vector_entry_point",
+        mission=short, **options,
+    )  # fmt: skip
+    alone = FlatEnv(short, world="inline", **options)
+    try:
+        observations, _ = worlds.reset(seed=5)
+        actions = np.zeros((3, len(alone.choices)), np.int64)
+        after, rewards, *_ = worlds.step(actions)
+        for number in range(3):
+            first, _ = alone.reset(seed=5 + number)
+            second, reward, *_ = alone.step(actions[number])
+            assert np.array_equal(first, observations[number])
+            assert np.array_equal(second, after[number])
+            assert reward == pytest.approx(rewards[number])
+    finally:
+        worlds.close()
+        alone.close()
+    with pytest.raises(UsageError, match="at least one world"):
+        flat_vector_env(short, 0)
+
+
+def test_a_missing_window_package_is_a_usage_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pygame", None)
+    with pytest.raises(UsageError, match="needs the package pygame"):
+        flat_parallel_env("ssr", mode="broadcast", render_mode="human")

@@ -9,5 +9,6 @@ Modules:
 - `verbs`: the points to fly to for each command.
 - `control`: the position controller, from position to attitude and thrust, 50 Hz.
 - `airframe`: JSBSim at 100 Hz; `aircraft/` holds its model.
+- `coarse_airframe`: the point mass of coarse motion.
 - `power`: electric power of the flight.
 """
