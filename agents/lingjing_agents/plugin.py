@@ -69,6 +69,7 @@ def lingjing_policies() -> Iterable[PolicyPlugin]:
             options="lingjing_agents.react.options:ReactOptions",
             calls=True,
             probe=_Deferred("llm.probing", "probe_model"),
+            estimate=_Deferred("react.call_profile", "estimate_calls"),
             summary="perceives, reasons and acts over a chat model",
             imports=_MODEL,
         ),

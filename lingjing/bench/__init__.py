@@ -11,10 +11,11 @@ Modules in the order of a run:
 - `suite`        reads a suite file and checks its form
 - `columns`      missions in their modes, and at the values of their sweeps
 - `planning`     looks up names and makes the cells
-- `money`        estimates the cost of model calls
+- `money`        estimates model calls, their price and their duration
 - `executors`, `on_ray`  play episodes in local processes or on a Ray cluster
 - `countdown`    estimates the remaining time and cost
 - `running`      plays the episodes that the folder lacks
+- `services`     waits for services that are down
 - `folder`       stores rows while the suite is played
 - `rows`, `parquet`  rows, and their file format
 - `merging`      joins the results of several machines

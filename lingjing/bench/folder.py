@@ -127,6 +127,11 @@ class ResultsFolder:
         if len(self._parts) >= MOST_PARTS:
             self.compact()
 
+    def replace(self, row: SuiteRow) -> None:
+        """Store a row in place of the one with its key."""
+        self.rows = [kept for kept in self.rows if kept.key != row.key]
+        self.add(row)
+
     def compact(self) -> Path:
         """Join all parts into one file and return its path."""
         whole = self.folder / RESULTS

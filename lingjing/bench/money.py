@@ -1,15 +1,15 @@
-"""Estimates of a suite's model costs before it starts.
+"""Estimates of a suite's model calls, their price and their duration before it starts.
 
-An episode makes at most one decision per agent and tick of its budget. The usual prompt of `react` has `TEXT_TOKENS`
-tokens besides its pictures (measured: 2,700 to 5,300 in the shipped missions). If rows of the same cell exist, the
-estimate is their mean cost. The upper bound counts every decision with all of its repairs, a prompt that fills the
-context and the longest answer.
+A policy that calls models estimates the calls of an episode by itself (`PolicyPlugin.estimate`); the sums over a suite
+are made here. If rows of the same cell exist, their means replace the estimate. Three numbers are told: the usual
+one, of episodes that end as early as the measured ones; that of episodes that use all of their ticks; and the upper
+bound.
 """
 
 from __future__ import annotations
 
-import math
 import os
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -17,41 +17,41 @@ from lingjing.bench.planning import Player, SuiteCell
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.running import SuiteEpisode, cost_of
 from lingjing.errors import UsageError
+from lingjing.mission.instance import Instance
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Mission
+from lingjing.plugins.calls import CallEstimate, CallSum, EpisodeShape
+from lingjing.plugins.host import PluginHost
+from lingjing.plugins.loading import read_given_options
 
-TEXT_TOKENS = 4_000
-"""Tokens of text in a usual prompt; the middle of the measured range above."""
-
-ANSWER_TOKENS = 400
-"""Tokens of a usual answer. Chosen."""
-
-PICTURES = 2
-"""Pictures in a usual prompt. Chosen."""
-
-CONTEXT_TOKENS = 16_384
-"""The context length of open models in the paper, tokens; no prompt counts as longer."""
-
-LONGEST_ANSWER = 2_048
-"""The default limit of an answer, tokens."""
-
-REPAIRS = 1
-"""The default number of repairs of an invalid answer."""
+ANSWER_S = 5.0
+"""Seconds in which a model answers, where nothing else is given. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
 class CostEstimate:
-    """The estimated cost of one entrant's episodes."""
+    """The estimated calls of one entrant's episodes."""
 
     entrant: str
     episodes: int
     """Number of episodes."""
-    calls: int
-    """The greatest possible number of model calls."""
-    about_usd: float
-    """Expected cost, US dollars; nan if the prices are unknown."""
-    most_usd: float
-    """Upper bound of the cost, US dollars; nan if the prices are unknown."""
+    usual: CallSum
+    """The calls if episodes end as early as the measured ones."""
+    full: CallSum
+    """The calls if episodes use all of their ticks."""
+    most: CallSum
+    """Upper bound."""
+    ticks: float
+    """Ticks of all usual episodes: so many answers follow each other."""
+    work_s: float
+    """CPU seconds of the usual episodes."""
+    unmeasured: tuple[str, ...] = ()
+    """Missions that were reckoned with the means of others."""
+
+    def wall_s(self, jobs: int, answer_s: float) -> float:
+        """Return the seconds of the usual episodes, `jobs` at a time."""
+        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        return max((self.ticks * answer_s + self.work_s) / jobs, self.work_s / cores)
 
 
 def prices_of(player: Player) -> tuple[float, float] | None:
@@ -95,87 +95,148 @@ def check_ready(players: Sequence[Player], max_cost: float | None) -> None:
 
 
 def estimates(
-    episodes: Sequence[SuiteEpisode], missions: Mapping[str, Mission], rows: Sequence[SuiteRow]
+    episodes: Sequence[SuiteEpisode], missions: Mapping[str, Mission], rows: Sequence[SuiteRow], host: PluginHost
 ) -> list[CostEstimate]:
-    """Return the estimate of each entrant with paid calls.
+    """Return the estimate of each entrant that calls models.
 
-    `missions` are the missions by name; `rows` are earlier results, which replace the estimate of their cells.
+    `missions` are the missions by name; `rows` are earlier results, which replace the estimate of their cells; `host`
+    knows the policies.
     """
-    measured: dict[tuple[str, str, str, str], list[float]] = {}
+    measured: dict[tuple[str, str, str, str], list[SuiteRow]] = {}
     for row in rows:
-        if row.standing == "counted":
-            measured.setdefault(row.cell, []).append(cost_of(row))
+        if row.standing == "counted" and row.report.metrics is not None:
+            measured.setdefault(row.cell, []).append(row)
+    numbers = Counter(id(episode.cell) for episode in episodes)
     cells = {id(episode.cell): episode.cell for episode in episodes}
-    decisions = {at: _decisions(cell, missions) for at, cell in cells.items()}
     result = []
-    for name in dict.fromkeys(episode.cell.player.name for episode in episodes):
-        own = [episode.cell for episode in episodes if episode.cell.player.name == name]
-        if is_paid(own[0].player):
-            calls = [decisions[id(cell)] for cell in own]
-            about = sum(_about(cell, number, measured) for cell, number in zip(own, calls, strict=True))
-            longest = [number * _calls_of_decision(cell) for cell, number in zip(own, calls, strict=True)]
-            most = sum(number * _most(cell) for cell, number in zip(own, longest, strict=True))
-            result.append(CostEstimate(name, len(own), sum(longest), about, most))
+    for name in dict.fromkeys(cell.player.name for cell in cells.values()):
+        own = [(cell, numbers[at]) for at, cell in cells.items() if cell.player.name == name]
+        if own[0][0].player.declared.calls:
+            result.append(_of_entrant(name, own, missions, measured, host))
     return result
 
 
-def cost_lines(listed: Sequence[CostEstimate]) -> Iterator[str]:
+def cost_lines(listed: Sequence[CostEstimate], jobs: int = 1, answer_s: float = ANSWER_S) -> Iterator[str]:
     """Yield one line per entrant, the total, and the assumptions; nothing if there are no estimates."""
     for estimate in listed:
-        known = not math.isnan(estimate.most_usd)
-        cost = (
-            f": about ${estimate.about_usd:,.2f}, at most ${estimate.most_usd:,.2f}"
-            if known
-            else "; its price is unknown"
-        )
-        yield f"{estimate.entrant}: {estimate.episodes} episodes, at most {estimate.calls:,} calls{cost}"
-    if listed:
-        priced = [estimate for estimate in listed if not math.isnan(estimate.most_usd)]
-        about, most = sum(estimate.about_usd for estimate in priced), sum(estimate.most_usd for estimate in priced)
-        rest = " without entrants of unknown price" if len(priced) < len(listed) else ""
-        yield f"together about ${about:,.2f}, at most ${most:,.2f}{rest}"
+        hours = f"{estimate.wall_s(jobs, answer_s) / 3600.0:,.1f} h"
         yield (
-            f"assumed: a decision of every agent at every tick, {TEXT_TOKENS:,} tokens of text and {PICTURES} pictures "
-            f"per prompt, {ANSWER_TOKENS} tokens per answer; at most: repairs, full contexts, longest answers"
+            f"{estimate.entrant}: {estimate.episodes} episodes, about {_in_words(estimate.usual)}, {hours}; "
+            f"if all ticks are used {_in_words(estimate.full)}; at most {_in_words(estimate.most)}"
+        )
+    if len(listed) > 1:
+        sums = [add_calls(*(getattr(estimate, name) for estimate in listed)) for name in ("usual", "full", "most")]
+        yield "together about {}; if all ticks are used {}; at most {}".format(*map(_in_words, sums))
+    if listed:
+        others = sorted({mission for estimate in listed for mission in estimate.unmeasured})
+        rest = f"; not measured, reckoned with the means of the others: {', '.join(others)}" if others else ""
+        yield (
+            f"reckoned from one measured episode of each column, with {answer_s:g} s an answer and {jobs} at a time "
+            f"(--answer-s, -j); at most: repairs, full requests, longest answers{rest}"
         )
 
 
-def _decisions(cell: SuiteCell, missions: Mapping[str, Mission]) -> int:
-    """Return the greatest number of decisions of an episode."""
+def add_calls(*sums: CallSum) -> CallSum:
+    """Return the sum. Its price leaves out the parts of unknown price, and is unknown if all are."""
+    known = [part.cost_usd for part in sums if part.cost_usd is not None]
+    return CallSum(
+        calls=sum(part.calls for part in sums),
+        prompt_tokens=sum(part.prompt_tokens for part in sums),
+        cached_tokens=sum(part.cached_tokens for part in sums),
+        completion_tokens=sum(part.completion_tokens for part in sums),
+        cost_usd=sum(known) if known or not sums else None,
+    )
+
+
+def _of_entrant(
+    name: str,
+    cells: Sequence[tuple[SuiteCell, int]],
+    missions: Mapping[str, Mission],
+    measured: Mapping[tuple[str, str, str, str], Sequence[SuiteRow]],
+    host: PluginHost,
+) -> CostEstimate:
+    parts = [(_of_cell(cell, missions, measured.get(cell.key, ()), host), number) for cell, number in cells]
+    sums = {
+        kind: add_calls(*(_times(getattr(estimate, kind), number) for estimate, number in parts))
+        for kind in ("usual", "full", "most")
+    }
+    return CostEstimate(
+        name,
+        sum(number for _, number in cells),
+        **sums,
+        ticks=sum(estimate.ticks * number for estimate, number in parts),
+        work_s=sum(estimate.work_s * number for estimate, number in parts),
+        unmeasured=tuple(
+            dict.fromkeys(
+                cell.column.mission
+                for (cell, _), (estimate, _) in zip(cells, parts, strict=True)
+                if not estimate.measured
+            )
+        ),
+    )
+
+
+def _of_cell(
+    cell: SuiteCell, missions: Mapping[str, Mission], rows: Sequence[SuiteRow], host: PluginHost
+) -> CallEstimate:
+    """Return the estimate of one episode of the cell."""
     column = cell.column
     instance = instantiate(
         missions[column.mission], seed=0, mode=column.mode, settings=column.settings, tier=column.tier
     )
-    return len(instance.agents) * instance.budget.ticks
+    plugin = host.policy(cell.player.policy)
+    if plugin.estimate is None:
+        return _without_estimate(instance, cell.player)
+    shape = EpisodeShape(
+        mission=column.mission, mode=column.mode, ticks=instance.budget.ticks, roles=_asked_roles(instance, cell.player)
+    )
+    estimate: CallEstimate = plugin.estimate(read_given_options(plugin, cell.args), shape)
+    return _as_rows(estimate, rows) if rows else estimate
 
 
-def _calls_of_decision(cell: SuiteCell) -> int:
-    """Return the greatest number of calls per decision: the first, its repairs, and closer looks at its pictures."""
-    return 1 + _whole(cell, "repairs", REPAIRS) + _whole(cell, "crops", 0)
+def _asked_roles(instance: Instance, player: Player) -> dict[str, int]:
+    """Return the number of agents by role, without those that another policy plays."""
+    others = {*player.policies_for}
+    names = ((agent.role, {agent.id, agent.role, agent.id.partition("[")[0]}) for agent in instance.agents)
+    return dict(Counter(role for role, own in names if not own & others))
 
 
-def _about(cell: SuiteCell, decisions: int, measured: Mapping[tuple[str, str, str, str], Sequence[float]]) -> float:
-    before = measured.get(cell.key)
-    if before:
-        return sum(before) / len(before)
-    model = cell.player.model
-    pictures = PICTURES * (model.image_tokens if model else 0)
-    return decisions * _usd(cell, min(TEXT_TOKENS + pictures, CONTEXT_TOKENS), ANSWER_TOKENS)
+def _without_estimate(instance: Instance, player: Player) -> CallEstimate:
+    """Return the estimate of a policy that declares none: one call of each agent at each tick, at an unknown price."""
+    calls = CallSum(calls=sum(_asked_roles(instance, player).values()) * instance.budget.ticks, cost_usd=None)
+    return CallEstimate(usual=calls, full=calls, most=calls, ticks=instance.budget.ticks, measured=False)
 
 
-def _most(cell: SuiteCell) -> float:
-    return _usd(cell, CONTEXT_TOKENS, _whole(cell, "max_tokens", LONGEST_ANSWER))
+def _as_rows(estimate: CallEstimate, rows: Sequence[SuiteRow]) -> CallEstimate:
+    """Return the estimate with the means of played episodes as the usual ones."""
+    metrics = [row.report.metrics for row in rows if row.report.metrics is not None]
+    usual = CallSum(
+        calls=sum(metric.calls for metric in metrics) / len(rows),
+        prompt_tokens=sum(metric.tokens for metric in metrics) / len(rows),  # with those of answers
+        cost_usd=sum(map(cost_of, rows)) / len(rows),
+    )
+    return CallEstimate(
+        usual=usual, full=estimate.full, most=estimate.most, ticks=0.0,
+        work_s=sum(row.wall_s for row in rows) / len(rows), measured=True,
+    )  # fmt: skip
 
 
-def _whole(cell: SuiteCell, name: str, usual: int) -> int:
-    """Return an option that is a whole number; the suite may write it as a text."""
-    value = cell.args.get(name, usual)
-    return int(value) if isinstance(value, int | float | str) else usual
+def _times(part: CallSum, number: int) -> CallSum:
+    return CallSum(
+        calls=part.calls * number,
+        prompt_tokens=part.prompt_tokens * number,
+        cached_tokens=part.cached_tokens * number,
+        completion_tokens=part.completion_tokens * number,
+        cost_usd=None if part.cost_usd is None else part.cost_usd * number,
+    )
 
 
-def _usd(cell: SuiteCell, prompt: int, answer: int) -> float:
-    prices = prices_of(cell.player)
-    return math.nan if prices is None else (prompt * prices[0] + answer * prices[1]) / 1e6
+def _in_words(part: CallSum) -> str:
+    """Return calls and price: `1,200 calls, $3.40`."""
+    price = "at an unknown price" if part.cost_usd is None else f"${part.cost_usd:,.2f}"
+    return f"{part.calls:,.0f} calls, {price}"
 
 
-__all__ = ["CostEstimate", "check_ready", "cost_lines", "estimates", "is_paid", "prices_of"]
+__all__ = [
+    "ANSWER_S", "CostEstimate", "add_calls", "check_ready", "cost_lines", "estimates", "is_paid", "prices_of"
+]  # fmt: skip

@@ -114,15 +114,19 @@ class SuitePlan:
         return tuple({cell.player.name: cell.player for cell in self.cells}.values())
 
 
-def read_plan(path: Path, host: PluginHost, policies: Sequence[str] = (), *, tier: int | None = None) -> SuitePlan:
-    """Read and check a suite file. `policies` replace its entrants and need no model, `tier` replaces its tier. Policy
-    files are loaded in separate processes.
+def read_plan(
+    path: Path, host: PluginHost, policies: Sequence[str] = (), *, models: Sequence[str] = (), tier: int | None = None
+) -> SuitePlan:
+    """Read and check a suite file. `policies` replace its entrants and need no model, `models` replace them and play
+    under the suite's options, `tier` replaces its tier. Policy files are loaded in separate processes.
 
     Raises `UsageError` with the path of every error.
     """
     document = read_document(path)
     if policies:
         document = _played_by(document, policies)
+    elif models:
+        document = {**document, "entrants": [{"model": model} for model in models]}
     if tier is not None:
         document = {**document, "tier": tier}
     faults = list(form_faults(document))

@@ -1,7 +1,8 @@
 """Playing of the episodes that a suite's folder lacks: seed by seed, aborted ones again. Results are stored at once.
 
 An episode aborted by the infrastructure is played again with its seed, and never counts for or against an entrant.
-After the third abort it is stored as lost, so that tables report it. An error of the policy itself is no abort: if it
+After the third abort it is stored as lost, so that tables report it; `retry_lost` makes it due again. While the service
+of an entrant is down, no episode of the entrant begins (`services`). An error of the policy itself is no abort: if it
 prevents an episode from starting, that is a failure (`POLICY_FAILED`). An entrant with lost episodes is not ranked
 (`unresolved`).
 """
@@ -25,6 +26,7 @@ from lingjing.bench.executors import Executor
 from lingjing.bench.folder import ResultsFolder, fingerprint, policy_seed
 from lingjing.bench.planning import SuiteCell, SuitePlan, options_of_cell
 from lingjing.bench.rows import RowStanding, SuiteRow, comparable
+from lingjing.bench.services import EntrantServices, probe_entrant
 from lingjing.errors import UsageError
 from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeTask
@@ -90,8 +92,12 @@ class SuiteRun:
     """The suite's folder with the record to replay."""
     tell: Callable[[SuiteRow, Countdown], None] = field(default=lambda row, countdown: None)
     """Receives each row, and the estimate of the rest."""
+    services: EntrantServices = field(default_factory=lambda: EntrantServices(probe_entrant))
+    """The services of the entrants that are down."""
     is_out_of_money: bool = False
     """True after the limit was reached."""
+    _held: list[SuiteEpisode] = field(default_factory=list)
+    """Episodes of the round that were not begun, because their service is down."""
 
     def due(self, seeds: Iterable[int], cells: Sequence[SuiteCell], shard: Shard = WHOLE) -> list[SuiteEpisode]:
         """Return the episodes still to be played, seed by seed, so that the cells of an unfinished suite are
@@ -158,6 +164,17 @@ class SuiteRun:
         waiting = list(episodes)
         while waiting and not self.is_out_of_money:
             waiting = self._round(waiting, countdown)
+            if self._held:
+                waiting += self._held
+                self._held = []
+                self.services.wait(len(waiting))
+
+    def retry_lost(self) -> int:
+        """Make the lost episodes due again, and return their number."""
+        lost = [row for row in self.results.rows if row.standing == "lost"]
+        for row in lost:
+            self.results.replace(msgspec.structs.replace(row, standing="aborted"))
+        return len(lost)
 
     def _round(self, episodes: Sequence[SuiteEpisode], countdown: Countdown) -> list[SuiteEpisode]:
         """Play each episode once and return those to play again."""
@@ -173,6 +190,8 @@ class SuiteRun:
             if report.reason == ABORTED and report.detail.startswith(OUT_OF_LIMITS):
                 self.is_out_of_money = True
                 continue
+            if self.calls != "replay":
+                self.services.note(episode.cell, report)
             row = self._row(episode, task.options, report, wall_s)
             if not self._keeps(episode.cell):  # before the row is stored: a kill in between would leave the run forever
                 remove_run(task.folder)
@@ -192,6 +211,9 @@ class SuiteRun:
             self.is_out_of_money |= self.max_cost is not None and self.spent() >= self.max_cost
             if self.is_out_of_money:
                 return
+            if self.services.is_down(episode.cell):
+                self._held.append(episode)
+                continue
             remove_run(folder)
             started[folder] = time.monotonic()
             options = self._counted(self._options(episode.cell, episode.seed), episode)
@@ -243,7 +265,7 @@ class SuiteRun:
         cell = episode.cell
         standing: RowStanding = "counted"
         if report.reason == ABORTED:
-            standing = "aborted" if episode.tries < TRIES else "lost"
+            standing = "lost" if episode.tries % TRIES == 0 else "aborted"  # lost ones may be tried three times more
         kept = report.trace.removeprefix(f"{self.results.folder}/") if self._keeps(cell) else ""
         return SuiteRow(
             suite=self.plan.suite.name,

@@ -22,6 +22,13 @@ LEVEL = 0.95
 DRAWS = 2000
 """Bootstrap samples. With more, the ends of an interval over 100 episodes move by less than 0.1 percentage points."""
 
+DISCORDANT = 0.5
+"""The share of pairs that exactly one of two entrants wins, for `smallest_difference`. Chosen: that of two independent
+entrants which win half of their episodes; no independent ones differ more often."""
+
+POWER = 0.8
+"""The probability with which the smallest difference is found. The usual convention."""
+
 InstanceT = TypeVar("InstanceT", bound=Hashable)
 """The key of an instance."""
 
@@ -102,6 +109,23 @@ def mcnemar(first: Mapping[InstanceT, bool], second: Mapping[InstanceT, bool]) -
     return PairedTest(len(shared), only_first, only_second, p)
 
 
+def smallest_difference(pairs: int) -> float:
+    """Return the smallest difference of two success rates, 0 to 1, that McNemar's exact test finds at 5 % with the
+    probability `POWER` on this number of pairs, of which the share `DISCORDANT` differs; nan if there is none.
+    """
+    from scipy.stats import binom
+
+    differing = np.arange(pairs + 1)
+    weights = binom.pmf(differing, pairs, DISCORDANT)
+    # the fewest wins of one of the two that make a two-sided p value of at most 5 %
+    critical = differing - binom.ppf((1.0 - LEVEL) / 2.0, differing, 0.5) + 1.0
+    for points in range(1, round(100 * DISCORDANT) + 1):
+        share = 0.5 + points / 100.0 / (2.0 * DISCORDANT)
+        if float((weights * binom.sf(critical - 1.0, differing, share)).sum()) >= POWER:
+            return points / 100.0
+    return math.nan
+
+
 def holm(values: Sequence[float]) -> list[float]:
     """Return p values with Holm's correction for their number, in the same order."""
     corrected, highest = [0.0] * len(values), 0.0
@@ -122,5 +146,5 @@ def _generator() -> np.random.Generator:
 
 __all__ = [
     "LEVEL", "PairedTest", "bootstrap", "bounds_of", "drawn_samples", "holm", "macro_average", "macro_bounds",
-    "mcnemar",
+    "mcnemar", "smallest_difference",
 ]  # fmt: skip

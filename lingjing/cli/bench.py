@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -87,6 +89,7 @@ def _add_play(play: ArgumentParser) -> None:
     play.add_argument("--seeds", metavar="A-B", help="seeds in place of the suite's, both ends included")
     play.add_argument("--limit", metavar="N", type=int, help="only the first N seeds")
     play.add_argument("--policy", metavar="NAME", nargs="+", help="these policies in place of the suite's entrants")
+    play.add_argument("--models", metavar="NAME", nargs="+", help="these models in place of the suite's entrants")
     play.add_argument("--method", metavar="NAME", nargs="+", help="these attribution methods (for the suite `planted`)")
     play.add_argument("--shard", metavar="K/N", help="the K-th of N parts, for batch systems; `merge` joins them")
     play.add_argument("--executor", choices=("local", "ray"), help="play on this machine, or on a Ray cluster")
@@ -101,11 +104,21 @@ def _add_play(play: ArgumentParser) -> None:
         help="record model calls (default), replay a record, or do neither",
     )
     play.add_argument("--calls-from", metavar="DIR", type=Path, help="the suite's folder with the record to replay")
+    play.add_argument(
+        "--wait", metavar="MIN", type=float, help="wait so many minutes for a service that is down (default 60; 0: not)"
+    )
+    play.add_argument("--retry-lost", action="store_true", help="play lost episodes again, three times at most")
     play.add_argument("--keep", action="store_true", help="keep every trace (those of model policies are always kept)")
     play.add_argument(
         "--other-code", action="store_true", help="continue a folder whose rows another version of the code played"
     )
-    play.add_argument("--check", action="store_true", help="check the suite, print what it would play, and stop")
+    play.add_argument(
+        "--answer-s",
+        metavar="S",
+        type=float,
+        help="seconds of an answer, for the hours of --check (default 5)",
+    )
+    play.add_argument("--check", action="store_true", help="check the suite, print its size, price and hours, and stop")
 
 
 def handler(args: argparse.Namespace) -> int:
@@ -129,7 +142,7 @@ def handler(args: argparse.Namespace) -> int:
         raise UsageError(f"--method: the suite `{args.suite}` measures no attribution methods")
     shard = _parse_shard(args.shard) if args.shard else None
     tier = parse_tier(args.tier) if args.tier is not None else None
-    plan = read_plan(path, PluginHost(), args.policy or (), tier=tier)
+    plan = read_plan(path, PluginHost(), args.policy or (), models=args.models or (), tier=tier)
     cells = chosen_cells(plan, args.missions or (), args.modes or (), args.entrants or (), prefix="--")
     seeds = parse_seeds(args.seeds) if args.seeds else plan.suite.seeds
     seeds = seeds[: args.limit] if args.limit else seeds
@@ -137,13 +150,14 @@ def handler(args: argparse.Namespace) -> int:
     if args.check:
         episodes = _episodes(cells, seeds, shard)
         say(f"{plan.path}: {_size(cells, len(seeds), shard)}{len(episodes)} episodes")
-        _print_cost(plan, episodes)
+        say(_difference(episodes))
+        _print_cost(plan, episodes, args)
         return ExitCode.OK
     players = tuple({cell.player.name: cell.player for cell in cells}.values())
     if args.calls != "replay":
         check_ready(players, args.max_cost)
     if args.calls != "replay" and any(map(is_paid, players)) and args.max_cost is None:
-        _print_cost(plan, _episodes(cells, seeds, shard))
+        _print_cost(plan, _episodes(cells, seeds, shard), args)
         raise UsageError("the model calls of this suite cost money", hint="set a limit with --max-cost USD")
     code = code_sha256(plan.files)
     part = f"-{shard.number}of{shard.count}" if shard else ""
@@ -155,6 +169,11 @@ def handler(args: argparse.Namespace) -> int:
         run = SuiteRun(plan, results, code, executor, keep=args.keep, max_cost=args.max_cost,
                        calls=args.calls, calls_from=args.calls_from)  # fmt: skip
         run.check_resumable(other_code=args.other_code)
+        run.services.tell = say
+        if args.wait is not None:
+            run.services.longest_wait_s = 60.0 * args.wait
+        if args.retry_lost:
+            say(f"{run.retry_lost()} lost episodes are played again")
         results.write("suite.toml", plan.path.read_text(encoding="utf-8"))
         with ending_at_second_interrupt():
             return _run(run, cells, seeds, shard)
@@ -307,6 +326,12 @@ def _check_numbers(args: argparse.Namespace) -> None:
     check_counts(("-j", args.jobs), ("--limit", args.limit))
     if args.max_cost is not None and not 0.0 < args.max_cost < 1e9:
         raise UsageError(f"--max-cost {args.max_cost:g}: must be an amount of US dollars above 0")
+    if args.policy and args.models:
+        raise UsageError("--policy and --models name other entrants both", hint="leave one of them out")
+    if args.wait is not None and not 0.0 <= args.wait < 1e5:
+        raise UsageError(f"--wait {args.wait:g}: must be a number of minutes, 0 or more")
+    if args.answer_s is not None and not 0.0 < args.answer_s < 1e5:
+        raise UsageError(f"--answer-s {args.answer_s:g}: must be a number of seconds above 0")
     if (args.calls == "replay") != (args.calls_from is not None):
         raise UsageError(
             "--calls replay and --calls-from DIR need each other", hint="name the suite's folder to replay"
@@ -336,6 +361,23 @@ def _size(cells: Sequence[SuiteCell], seeds: int, shard: Shard | None) -> str:
     )
 
 
+def _difference(episodes: Sequence[SuiteEpisode]) -> str:
+    """Return the smallest differences that the episodes can show, as text."""
+    from collections import Counter
+
+    from lingjing.bench.statistics import smallest_difference
+
+    entrant = max(Counter(episode.cell.player.name for episode in episodes).values(), default=0)
+    column = max(Counter(episode.cell.key for episode in episodes).values(), default=0)
+    places = ((entrant, f"over the {entrant} episodes of an entrant"), (column, f"over {column} of one column"))
+    points = [(smallest_difference(pairs), where) for pairs, where in places]
+    shown = [f"{'none' if math.isnan(least) else f'{100 * least:.0f} points'} {where}" for least, where in points]
+    return (
+        f"smallest difference of two entrants' TSR that is found in four of five cases: {', '.join(shown)} "
+        "(McNemar's exact test at 5 %, half of the pairs differ)"
+    )
+
+
 def _say_tiers(cells: Sequence[SuiteCell]) -> None:
     """Print the tier of each mission: those without tiers are played at tier 0."""
     from lingjing.bench.rows import NEVER_BY_NUMBER, tiers_in_words
@@ -345,11 +387,19 @@ def _say_tiers(cells: Sequence[SuiteCell]) -> None:
     say(f"{tiers_in_words(missions)}{paper}")
 
 
-def _print_cost(plan: SuitePlan, episodes: Sequence[SuiteEpisode]) -> None:
-    """Print the expected cost of the episodes: one line per entrant with paid model calls."""
-    from lingjing.bench.money import cost_lines, estimates
+def _print_cost(plan: SuitePlan, episodes: Sequence[SuiteEpisode], args: argparse.Namespace) -> None:
+    """Print the expected calls, price and hours of the episodes: one line per entrant that calls models. Rows of the
+    results folder replace what was measured elsewhere.
+    """
+    from lingjing.bench.folder import read_results
+    from lingjing.bench.money import ANSWER_S, cost_lines, estimates
+    from lingjing.plugins.host import PluginHost
 
-    for line in cost_lines(estimates(episodes, plan.missions, ())):
+    rows: list[SuiteRow] = []
+    with suppress(UsageError):  # a folder without results, or with those of another suite
+        rows = read_results(args.output) if args.output is not None else []
+    answer_s = ANSWER_S if args.answer_s is None else args.answer_s
+    for line in cost_lines(estimates(episodes, plan.missions, rows, PluginHost()), args.jobs, answer_s):
         say(line)
 
 

@@ -145,7 +145,7 @@ def _check_money(options: PlayOptions, mission: Mission, episodes: int) -> None:
         return
     column = Column(Path(options.mission), mission.name, options.mode or mission.modes.default, options.settings)
     cell = SuiteCell(player, column, args=options.policy_args)
-    for line in cost_lines(estimates([SuiteEpisode(cell, 0)] * episodes, {mission.name: mission}, ())):
+    for line in cost_lines(estimates([SuiteEpisode(cell, 0)] * episodes, {mission.name: mission}, (), host)):
         say(line)
     if options.max_cost is None:
         raise UsageError(

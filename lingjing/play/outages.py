@@ -39,7 +39,7 @@ class ServiceOutages:
         if fault is not None or plugin is None or plugin.probe is None:
             return fault
         probe = plugin.probe
-        failure = self._calls.probed(agent, lambda: _probe_failure(agent, plugin, probe, arguments))
+        failure = self._calls.probed(agent, lambda: probe_failure(agent, plugin, probe, arguments))
         if not failure:
             return None
         return InfrastructureError(
@@ -49,7 +49,7 @@ class ServiceOutages:
         )
 
 
-def _probe_failure(agent: str, plugin: PolicyPlugin, probe: ServiceProbe, arguments: Mapping[str, GivenOption]) -> str:
+def probe_failure(agent: str, plugin: PolicyPlugin, probe: ServiceProbe, arguments: Mapping[str, GivenOption]) -> str:
     """Return the reason for which the service does not answer; "" if it answers, or if the probe itself fails."""
     thread = AgentThread(f"probe-{agent}")
     try:
@@ -64,4 +64,4 @@ def _probe_failure(agent: str, plugin: PolicyPlugin, probe: ServiceProbe, argume
     return failure if isinstance(failure, str) else ""
 
 
-__all__ = ["PROBE_S", "SERVICE_GONE", "ServiceOutages"]
+__all__ = ["PROBE_S", "SERVICE_GONE", "ServiceOutages", "probe_failure"]

@@ -8,7 +8,10 @@ can cross a border between processes.
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import msgspec
 
 from lingjing.errors import InfrastructureError
 from lingjing.trace.calls import CallFault, CallRequest, CallResult
@@ -70,7 +73,51 @@ class UnrecordedCalls:
         """Do nothing."""
 
 
+class EpisodeShape(msgspec.Struct, frozen=True, kw_only=True):
+    """The size of an episode, on which the number of its model calls depends."""
+
+    mission: str
+    mode: str
+    ticks: int
+    """Ticks that the mission allows."""
+    roles: dict[str, int]
+    """Number of agents by role."""
+
+
+class CallSum(msgspec.Struct, frozen=True, kw_only=True):
+    """Calls and their tokens, of one episode."""
+
+    calls: float = 0.0
+    prompt_tokens: float = 0.0
+    cached_tokens: float = 0.0
+    """Tokens of the requests that the service bills as cached."""
+    completion_tokens: float = 0.0
+    cost_usd: float | None = 0.0
+    """US dollars. None if the price is unknown."""
+
+
+class CallEstimate(msgspec.Struct, frozen=True, kw_only=True):
+    """The estimated model calls of one episode."""
+
+    usual: CallSum = CallSum()
+    """The calls of an episode that ends as early as the measured one."""
+    full: CallSum = CallSum()
+    """The calls of an episode that uses all of its ticks."""
+    most: CallSum = CallSum()
+    """Upper bound: each agent is asked at each tick, with all repairs, full requests and the longest answers."""
+    ticks: float = 0.0
+    """Ticks of the usual episode. The calls of one tick are made at once."""
+    work_s: float = 0.0
+    """CPU seconds of the usual episode without those of the model."""
+    measured: bool = True
+    """False for a mission that was not measured, reckoned with the means of others."""
+
+
+CallEstimator = Callable[[Any, EpisodeShape], CallEstimate]
+"""Takes the options of a policy and the size of an episode, and returns the estimate of its model calls."""
+
+
 __all__ = [
-    "AbandonedCallError", "CallFault", "CallRequest", "CallResult", "MissingCallError", "ModelCalls",
-    "SpendingLimitError", "UnrecordedCalls",
+    "AbandonedCallError", "CallEstimate", "CallEstimator", "CallFault", "CallRequest", "CallResult", "CallSum",
+    "EpisodeShape", "MissingCallError", "ModelCalls", "SpendingLimitError", "UnrecordedCalls",
 ]  # fmt: skip

@@ -31,6 +31,7 @@ from lingjing.mission.instance import (
 )
 from lingjing.mission.model import Field
 from lingjing.mission.vocabulary import CLEARED, DORMANT, PHOTO, STOP, VerbMotion
+from lingjing.plugins.calls import CallEstimator
 from lingjing.scene.city import City
 from lingjing.trace.records import (
     DEAD,
@@ -305,6 +306,8 @@ class PolicyPlugin:
     imports: tuple[str, ...] = ()
     """Modules that every agent of the policy needs. For trusted plug-ins they are imported once, in the process from
     which agents are forked: they must start no thread and open no graphics."""
+    estimate: CallEstimator | None = None
+    """Returns the estimated model calls of an episode, for prices before a suite starts. None: unknown."""
 
 
 __all__ = [

@@ -7,15 +7,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from lingjing import EpisodeReport, PlayOptions
-from lingjing.bench.folder import read_results
-from lingjing.bench.planning import read_plan
+from lingjing.bench.folder import open_results, read_results
+from lingjing.bench.money import estimates
+from lingjing.bench.planning import SuiteCell, SuitePlan, read_plan
 from lingjing.bench.rows import SuiteRow
+from lingjing.bench.running import SuiteEpisode, SuiteRun
 from lingjing.play.parallel import EpisodeTask
 from tests.play.report_kit import blank_metrics, made_report
 
 __all__ = [
-    "SMALL", "TRIP", "AnsweringExecutor", "EpisodeTask", "SuiteRow", "answered", "made_row", "read_plan",
-    "read_results",
+    "SMALL", "TRIP", "AnsweringExecutor", "EpisodeTask", "SuiteCell", "SuiteEpisode", "SuitePlan", "SuiteRow",
+    "SuiteRun", "answered", "estimates", "made_row", "open_results", "read_plan", "read_results",
 ]  # fmt: skip
 
 SMALL = """

@@ -79,6 +79,8 @@ def test_a_policy_that_ends_its_process_loses_its_turns(tmp_path: Path, capsys: 
         (("reference", "--missions", "bi", "--modes", "star"), "nothing to play"),
         (("reference", "--policy", "orakle"), "no policy is called `orakle`"),
         (("reference", "-o", "/proc/suite"), "cannot write to `/proc/suite`"),
+        (("main-lite", "--models", "gtp-5.5"), "there is no model `gtp-5.5`"),
+        (("main-lite", "--models", "gpt-5.5", "--policy", "random"), "--policy and --models name other entrants both"),
         (("table", "nothing.parquet"), "cannot read `nothing.parquet`"),
         (("table", "."), "`.` holds no results of a suite"),
     ],
@@ -96,7 +98,7 @@ def test_nonsense_is_a_usage_error(
 def test_the_word_play_may_be_left_out_and_help_names_the_actions(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["bench", "reference", "--check"]) == run_command(["bench", "play", "reference", "--check"]) == 0
     lines = capsys.readouterr().err.splitlines()
-    assert lines[:2] == lines[2:] and lines[0].startswith("tier 0: queue; tier 1: bi, cd, ")
+    assert lines[:3] == lines[3:] and lines[0].startswith("tier 0: queue; tier 1: bi, cd, ")
     with pytest.raises(SystemExit):
         run_command(["bench", "--help"])
     assert {"play", "table", "list"} <= set(re.findall(r"^    (\w+)", capsys.readouterr().out, re.M))
@@ -112,7 +114,7 @@ def test_a_check_of_a_part_tells_the_episodes_of_that_part(capsys: pytest.Captur
         )
         errors = capsys.readouterr().err
         assert f"14 columns, 2 seeds: part {part[0]} of 3, " in errors
-        counts.append(int(errors.split()[-2]))
+        counts.append(int(re.search(r"(\d+) episodes$", errors, re.M)[1]))
     assert sum(counts) == 28 and max(counts) < 28
 
 
@@ -123,3 +125,12 @@ def test_a_suite_with_lost_episodes_says_why(capsys: pytest.CaptureFixture[str])
     errors = capsys.readouterr().err
     assert errors == "error: 2 episodes are lost; the first, ssr-star seed 7: the camera died\nhint: see `dmesg`\n"
     assert _report_lost([]) == 0
+
+
+def test_a_model_takes_the_place_of_the_entrants_under_the_suites_options(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["bench", "main-lite", "--models", "qwen3-vl-8b", "--check"]) == 0
+    errors = capsys.readouterr().err
+    assert "1 entrant in 5 columns, 30 seeds: 150 episodes" in errors
+    assert "17 points over the 150 episodes of an entrant, 37 points over 30 of one column" in errors
+    line = re.search(r"^Qwen3-VL-8B: 150 episodes, about ([\d,]+) calls, \$0.00, [\d.]+ h; if all ticks", errors, re.M)
+    assert line is not None and int(line[1].replace(",", "")) <= 17_000

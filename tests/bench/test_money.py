@@ -3,18 +3,31 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import pytest
 
 from lingjing import EpisodeReport
-from lingjing.bench.folder import open_results
-from lingjing.bench.money import estimates, is_paid, prices_of
-from lingjing.bench.planning import SuitePlan
-from lingjing.bench.running import SuiteEpisode, SuiteRun
+from lingjing.bench.money import CostEstimate, is_paid, prices_of
 from lingjing.errors import ExitCode, UsageError
 from lingjing.testing import PluginHost, run_command
-from tests.bench.suite_kit import SMALL, AnsweringExecutor, EpisodeTask, answered, made_row, read_plan, read_results
+from tests.bench.suite_kit import (
+    SMALL,
+    TRIP,
+    AnsweringExecutor,
+    EpisodeTask,
+    SuiteEpisode,
+    SuitePlan,
+    SuiteRow,
+    SuiteRun,
+    answered,
+    estimates,
+    made_row,
+    open_results,
+    read_plan,
+    read_results,
+)  # fmt: skip
 from tests.play.report_kit import ABORTED, blank_metrics
 
 PAID = SMALL.replace('policy = "oracle"', 'model = "gpt-5.5"').replace('["bi", "cd"]', '["bi"]')
@@ -34,30 +47,64 @@ def plan_of(file: Path) -> SuitePlan:
     return read_plan(file, PluginHost())
 
 
-def test_the_estimate_counts_every_decision(suite: Path) -> None:
-    plan = plan_of(suite)
-    episodes = [SuiteEpisode(cell, seed) for seed in range(10) for cell in plan.cells]
-    (estimate,) = estimates(episodes, plan.missions, ())
-    assert (estimate.entrant, estimate.episodes, estimate.calls) == (
-        "GPT-5.5",
-        10,
-        10 * 60 * 2,
-    )  # one agent, 60 ticks, one repair
-    model = plan.players[0].model
-    assert model is not None and prices_of(plan.players[0]) == (model.price_in, model.price_out)
-    assert estimate.most_usd == pytest.approx(1200 * (16_384 * model.price_in + 2_048 * model.price_out) / 1e6)
-    prompt = 4_000 + 2 * model.image_tokens
-    assert estimate.about_usd == pytest.approx(600 * (prompt * model.price_in + 400 * model.price_out) / 1e6)
+def estimated(file: Path, seeds: Iterable[int] = (0,), rows: Sequence[SuiteRow] = ()) -> list[CostEstimate]:
+    plan = plan_of(file)
+    episodes = [SuiteEpisode(cell, seed) for seed in seeds for cell in plan.cells]
+    return estimates(episodes, plan.missions, rows, PluginHost())
+
+
+def test_the_bound_counts_every_decision_with_the_repairs_of_the_options(suite: Path) -> None:
+    (estimate,) = estimated(suite, range(10))
+    assert (estimate.entrant, estimate.episodes) == ("GPT-5.5", 10)
+    assert estimate.most.calls == 10 * 60 * 2  # one agent, 60 ticks, one repair: react's default
+    model = plan_of(suite).players[0].model
+    assert model is not None and prices_of(plan_of(suite).players[0]) == (model.price_in, model.price_out)
+    tokens = estimate.most.prompt_tokens * model.price_in + estimate.most.completion_tokens * model.price_out
+    assert estimate.most.cost_usd == pytest.approx(tokens / 1e6)
+    suite.write_text(PAID.replace('model = "gpt-5.5"', 'model = "gpt-5.5"\nargs = { encoding = "paper" }'))
+    (estimate,) = estimated(suite, range(10))
+    assert estimate.most.calls == estimate.full.calls == 10 * 60, "the suites' encoding asks once"
+    assert estimate.most.prompt_tokens == 600 * (16_384 - 2_048) and estimate.most.completion_tokens == 600 * 2_048
+    assert estimate.usual.calls <= estimate.full.calls
+    assert estimate.full.prompt_tokens < estimate.most.prompt_tokens
+
+
+def test_an_entrant_without_a_model_in_it_calls_nothing(suite: Path) -> None:
+    suite.write_text(PAID.replace('model = "gpt-5.5"', 'model = "gpt-5.5"\nargs = { decider = "sweep" }'))
+    (estimate,) = estimated(suite)
+    assert (estimate.usual.calls, estimate.most.calls, estimate.most.cost_usd) == (0, 0, 0)
 
 
 def test_what_episodes_of_the_cell_have_cost_is_the_better_estimate(suite: Path) -> None:
-    plan = plan_of(suite)
     rows = [
-        made_row(entrant="GPT-5.5", mission="bi", mode="single", seed=seed, metrics={"cost_usd": cost})
+        made_row(entrant="GPT-5.5", mission="bi", mode="single", seed=seed, metrics={"cost_usd": cost, "calls": 7})
         for seed, cost in enumerate((0.5, 1.5))
     ]
-    (estimate,) = estimates([SuiteEpisode(plan.cells[0], seed) for seed in (2, 3)], plan.missions, rows)
-    assert estimate.about_usd == 2.0
+    (estimate,) = estimated(suite, (2, 3), rows)
+    assert (estimate.usual.cost_usd, estimate.usual.calls) == (2.0, 14)
+
+
+def test_an_unmeasured_mission_is_reckoned_with_the_means_and_named(
+    suite: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (suite.parent / "short.ljs").write_text(TRIP)
+    suite.write_text(PAID.replace('["bi"]', '["short.ljs"]'))
+    (estimate,) = estimated(suite)
+    assert estimate.unmeasured == ("trip",) and estimate.full.calls == 3
+    assert run_command(["bench", str(suite), "--check", "-j", "2", "--answer-s", "9"]) == ExitCode.OK
+    errors = capsys.readouterr().err
+    assert "with 9 s an answer and 2 at a time" in errors and "with the means of the others: trip" in errors
+    assert run_command(["bench", str(suite), "--check", "--answer-s", "0"]) == ExitCode.USAGE
+    assert "--answer-s 0: must be a number of seconds above 0" in capsys.readouterr().err
+
+
+def test_earlier_rows_of_the_folder_replace_the_estimate(suite: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = suite.parent / "out"
+    with open_results(out) as results:
+        metrics = {"cost_usd": 4.0, "calls": 11}
+        results.add(made_row(entrant="GPT-5.5", mission="bi", mode="single", metrics=metrics))
+    assert run_command(["bench", str(suite), "--check", "-o", str(out)]) == ExitCode.OK
+    assert "GPT-5.5: 2 episodes, about 22 calls, $8.00" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -91,7 +138,8 @@ def test_it_does_not_start_without_a_limit_a_key_or_a_price(
     monkeypatch.setenv("OPENAI_API_KEY", "a-key-that-nobody-may-see-1234")
     assert run_command(command) == ExitCode.USAGE
     errors = capsys.readouterr().err
-    assert re.search(r"^GPT-5.5: 2 episodes, at most 240 calls: about \$[\d.]+, at most \$[\d.]+$", errors, re.M)
+    assert re.search(r"^GPT-5.5: 2 episodes, about \d+ calls, \$[\d.]+, [\d.]+ h; ", errors, re.M)
+    assert "; at most 240 calls, $" in errors
     assert "set a limit with --max-cost USD" in errors and "a-key-that" not in errors
     for wrong in ("0", "-3", "nan", "inf"):
         assert run_command([*command, "--max-cost", wrong]) == ExitCode.USAGE

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lingjing.analysis.shares import wilson
-from lingjing.bench.statistics import bootstrap, holm, macro_average, macro_bounds, mcnemar
+from lingjing.bench.statistics import bootstrap, holm, macro_average, macro_bounds, mcnemar, smallest_difference
 
 
 def test_wilsons_interval_is_the_published_one() -> None:
@@ -108,3 +108,17 @@ def test_the_macro_average_weighs_missions_alike_and_its_interval_draws_the_seed
     assert macro_bounds({("ssr", "star"): won, ("ssr", "broadcast"): won}) == pytest.approx(
         bootstrap(list(won.values())), abs=0.02
     )
+
+
+def test_the_smallest_difference_is_detected_in_four_of_five_draws() -> None:
+    drawn = np.random.default_rng(5)
+    for pairs in (30, 150):
+        points = smallest_difference(pairs)
+        detected = 0
+        for _ in range(400):
+            outcome = drawn.choice(3, size=pairs, p=[(0.5 + points) / 2, (0.5 - points) / 2, 0.5])
+            first = {seed: bool(outcome[seed] == 0) for seed in range(pairs)}
+            second = {seed: bool(outcome[seed] == 1) for seed in range(pairs)}
+            detected += mcnemar(first, second).p <= 0.05
+        assert 0.74 < detected / 400 < 0.92, (pairs, points)
+    assert math.isnan(smallest_difference(5)), "five pairs show nothing"

@@ -118,6 +118,8 @@ class ServiceEntry(_Checked):
     concurrency: int | None = Field(None, ge=1, le=10_000)
     requests_per_minute: float | None = Field(None, gt=0.0, le=1e6)
     tokens_per_minute: float | None = Field(None, gt=0.0, le=1e12)
+    cache_from: int | None = Field(None, ge=1, le=10**6)
+    cache_step: int = Field(1, ge=1, le=10**6)
 
     @field_validator("base_url")
     @classmethod
