@@ -4,17 +4,19 @@ import importlib
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import ndimage
 
-from lingjing.engines.camera.boxes import entity_boxes, other_boxes
+from lingjing.engines.camera.boxes import LEAST_PIXELS, THINGS, all_boxes, entity_boxes, other_boxes
 from lingjing.engines.camera.classes import FIRST_ENTITY
 from lingjing.engines.camera.ground import build_ground, height_under
 from lingjing.engines.camera.instances import DrawnPart, by_detail, entity_batches, in_sight, matrix, mesh_radius
+from lingjing.engines.camera.mesh_chunks import CHUNK, chunks_of
 from lingjing.engines.camera.meshes import indexed
 from lingjing.engines.camera.models import (
     CLOTHES,
@@ -345,3 +347,73 @@ def test_things_without_an_entity_have_boxes_by_patch() -> None:
         ("", "car", (0.2, 10 / 60, 0.3, 14 / 60), 40),
         ("", "car", (0.4, 10 / 60, 0.5, 14 / 60), 40),
     ]
+
+
+AHEAD = CameraPose(
+    position=(0.0, 0.0, 2.0), heading_deg=0.0, tilt_deg=0.0, roll_deg=0.0, hfov_deg=60.0, width=64, height=48
+)
+
+
+def cloud(count: int, seed: int) -> SimpleNamespace:
+    """Return small triangles in groups along a line through the eye."""
+    chance = np.random.default_rng(seed)
+    middles = np.stack([np.zeros(count), np.linspace(-200.0, 200.0, count), np.zeros(count)], axis=1)
+    corners = middles[:, None, :] + chance.normal(size=(count, 3, 3))
+    vertices = {"position": corners.reshape(-1, 3).astype(np.float32)}
+    return SimpleNamespace(vertices=vertices, index=np.arange(3 * count, dtype=np.uint32))
+
+
+def test_chunks_hold_all_triangles_in_sight_in_order():
+    part = cloud(20 * CHUNK + 7, 3)
+    chunks = chunks_of(part)
+    runs = chunks.in_sight(AHEAD)
+    shown = np.concatenate([np.arange(first, first + count) for first, count in runs])
+    assert (np.diff(shown) > 0).all() and len(shown) % 3 == 0 and shown[-1] == len(part.index) - 1
+    assert len(shown) < 0.6 * len(part.index)
+    ahead = np.flatnonzero(part.vertices["position"][:, 1] > 0.0)
+    assert np.isin(ahead, shown).all()
+
+
+def test_chunks_stop_at_the_coarse_part():
+    chunks = chunks_of(cloud(5 * CHUNK, 4))
+    turned = CameraPose(**{**{f: getattr(AHEAD, f) for f in AHEAD.__struct_fields__}, "heading_deg": 180.0})
+    assert chunks.in_sight(AHEAD, 0) == []
+    assert sum(count for _, count in chunks.in_sight(turned, 3 * CHUNK + 3)) == 3 * CHUNK + 3
+
+
+def test_boxes_from_strips_equal_those_from_labelled_pixels():
+    chance = np.random.default_rng(5)
+    entities = tuple(
+        Entity(id=f"e{k}", group="e", index=k, role="asset", type="car", engine="x", position=(0.0, 0.0, 0.0))
+        for k in range(1, 5)
+    )
+    pool = np.array([1, 4, *list(THINGS)[:3], FIRST_ENTITY, FIRST_ENTITY + 3], np.uint16)
+    for share in (2, 4, len(pool)):
+        for shape in ((1, 1), (1, 30), (30, 1), (23, 37)):
+            ids = pool[chance.integers(0, share + 1 if share < len(pool) else share, shape)]
+            entities_seen, others = all_boxes(ids, entities)
+            assert (entity_boxes(ids, entities), other_boxes(ids)) == (entities_seen, others)
+            assert [box.pixels for box in entities_seen] == [
+                int((ids == FIRST_ENTITY + k).sum()) for k in range(4) if (ids == FIRST_ENTITY + k).any()
+            ]
+            assert [(box.cls, box.pixels, box.box) for box in others] == list(labelled(ids))
+
+
+def labelled(ids):
+    height, width = ids.shape
+    for number in sorted(THINGS):
+        patches, count = ndimage.label(ids == number, structure=np.ones((3, 3)))
+        for patch, (down, across) in zip(range(1, count + 1), ndimage.find_objects(patches), strict=True):
+            if (pixels := int((patches == patch).sum())) >= LEAST_PIXELS:
+                box = across.start / width, down.start / height, across.stop / width, down.stop / height
+                yield THINGS[number], pixels, box
+
+
+def test_trees_have_levels_with_fewer_leaf_cards_over_the_same_crown():
+    for model in ("tree", "street_tree", "birch", "poplar", "bush"):
+        levels = prop_part(model, 0).levels
+        assert [len(mesh) for mesh in levels] == sorted({len(mesh) for mesh in levels}, reverse=True)
+        assert len(levels) == 3
+        for mesh in levels[1:]:
+            assert np.abs(mesh[:, :3].max(axis=0) - levels[0][:, :3].max(axis=0)).max() < 0.4
+    assert len(prop_part("pine", 0).levels) == 1

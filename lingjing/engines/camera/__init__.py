@@ -22,8 +22,8 @@ Modules, in the order of data flow:
   textures and grids on disk.
 - `skyline`: blocks and map of a city; `view`, `culling`: tiles and levels of detail of one picture, and the window of
   its shadow map.
-- `cityscape`: the tiles on the GPU; `wall_order`: the order of walls; `prop_groups`, `reduced_meshes`: props, with
-  simpler meshes for small ones.
+- `cityscape`: the tiles on the GPU; `wall_order`: the order of walls; `mesh_chunks`: culling inside a tile;
+  `prop_groups`, `reduced_meshes`: props, with simpler meshes for small ones.
 - `noise`, `ocean`: textures and waves; `light`, `uniforms`: weather to uniform values; `water_pass`: sea and lakes;
   `draw`: one picture.
 - `boxes`, `classes`: boxes and class ids from the id buffer; `contrast`: the visibility of targets; `redaction`:

@@ -8,7 +8,7 @@ dropped tile is built again, identically, when it is needed.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
@@ -26,6 +26,7 @@ from lingjing.engines.camera.instances import Batch, prop_batches
 from lingjing.engines.camera.lamps import lamp_heads
 from lingjing.engines.camera.light import Light
 from lingjing.engines.camera.mesh_cache import MeshCache
+from lingjing.engines.camera.mesh_chunks import Chunks, chunks_of
 from lingjing.engines.camera.mesh_rows import LAYOUT, MeshPart, VertexIndex, empty
 from lingjing.engines.camera.road_meshes import middles_of
 from lingjing.engines.camera.skyline import Skyline, build_skyline, with_tiles
@@ -130,6 +131,8 @@ class _LoadedTile:
     """Parts on the GPU, by material."""
     walls: Walls | None
     """Walls and their planes, for their order; None without walls."""
+    chunks: Chunks | None
+    """Chunks of the part "plain", for their culling; None without it."""
     props: tuple[Batch, ...]
     """Batches of props."""
     lively: tuple[Prop, ...]
@@ -213,7 +216,7 @@ class Cityscape:
                 self._drop(self._residents.pop((key, number)))
             elif (tile := tiles.load(key)).props != old.load(key).props:
                 self._residents[key, number] = _LoadedTile(
-                    resident.mesh, resident.sheets, resident.walls, *_props_of(tile)
+                    resident.mesh, resident.sheets, resident.walls, resident.chunks, *_props_of(tile)
                 )
 
     # -- choosing
@@ -282,7 +285,8 @@ class Cityscape:
                   if len(part.index)}  # fmt: skip
         bare = TileMesh({}, mesh.coarse, mesh.boxes, mesh.low, mesh.high)
         walls = walls_of(mesh.parts["wall"]) if "wall" in sheets else None
-        return _LoadedTile(bare, sheets, walls, *_props_of(pieces))
+        chunks = chunks_of(mesh.parts["plain"]) if "plain" in sheets else None
+        return _LoadedTile(bare, sheets, walls, chunks, *_props_of(pieces))
 
     def _meshed(self, key: TileKey, pieces: Pieces, entity_buildings: Mapping[str, int]) -> TileMesh:
         near = self._around(key)
@@ -373,16 +377,19 @@ class Cityscape:
             self._program("wall", averted),
         )
 
-    def structures(self, view: TownView, eye: tuple[float, float, float], wet: bool, night: bool) -> None:
+    def structures(self, view: TownView, pose: CameraPose, wet: bool, night: bool) -> None:
         """Draw walls and everything else that stands on the ground."""
+        eye = pose.position
         for key in view.full:
             mode = Mode(wet, night, key in view.shaded, even=key in view.blunt)
             resident = self.resident(key)
             if resident.walls is not None:
                 order = resident.walls.ordered(eye, view.window.sun)
                 self._draw_walls(resident.sheets["wall"], *order, mode)
-            count = -1 if key in view.detailed else resident.mesh.coarse
-            self._draw(resident.sheets, "plain", mode, one_sided=False, count=count)
+            if resident.chunks is not None:
+                most = None if key in view.detailed else resident.mesh.coarse
+                self._context.disable(moderngl.CULL_FACE)
+                _draw_runs(resident.sheets["plain"].lit[mode], resident.chunks.in_sight(pose, most))
         for blunt, ranges in ((False, view.far), (True, view.farther)):
             if ranges:
                 self._draw_blocks(ranges, eye, Mode(wet, night, False, even=view.reaching, blunt=blunt))
@@ -393,7 +400,7 @@ class Cityscape:
         for name in ("road", "paving", "soil"):
             for key in view.full:
                 mode = Mode(wet, night, key in view.shaded)
-                self._draw(self.resident(key).sheets, name, mode, one_sided=True)
+                self._draw(self.resident(key).sheets, name, mode)
         mode = Mode(wet, night, True)
         if self._quays.count:
             self._quays.lit[mode].render(moderngl.TRIANGLES)
@@ -410,15 +417,10 @@ class Cityscape:
             self._far_lands.lit[aloft].render(moderngl.TRIANGLES)
         self._context.disable(moderngl.CULL_FACE)
 
-    def _draw(
-        self, sheets: Mapping[str, _UploadedPart], name: str, mode: Mode, one_sided: bool, count: int = -1
-    ) -> None:
-        if name in sheets and count:
-            if one_sided:
-                self._one_sided()
-            else:
-                self._context.disable(moderngl.CULL_FACE)
-            sheets[name].lit[mode].render(moderngl.TRIANGLES, vertices=count)
+    def _draw(self, sheets: Mapping[str, _UploadedPart], name: str, mode: Mode) -> None:
+        if name in sheets:
+            self._one_sided()
+            sheets[name].lit[mode].render(moderngl.TRIANGLES)
 
     def _draw_walls(self, sheet: _UploadedPart, index: VertexIndex, lit: int, seen: int, mode: Mode) -> None:
         self._one_sided()
@@ -513,6 +515,6 @@ def _layout(program: moderngl.Program) -> tuple[str, ...]:
     return (" ".join(sizes), *(name for _, name in LAYOUT if name in program))
 
 
-def _draw_runs(array: moderngl.VertexArray, runs: tuple[tuple[int, int], ...]) -> None:
+def _draw_runs(array: moderngl.VertexArray, runs: Iterable[tuple[int, int]]) -> None:
     for first, count in runs:
         array.render(moderngl.TRIANGLES, vertices=count, first=first)

@@ -95,9 +95,9 @@ class Renderer:
     def __init__(self) -> None:
         self.context = open_context()
         self.name = renderer_name(self.context)
-        self._objects = self._pair("object.frag")
-        self._dull = self._pair("object.frag", "DULL")
-        self._grounds = {cls: self._pair("ground.frag", f"SURFACE {cls}") for cls in GROUND_CLASSES}
+        self._objects = self._pair("object.vert", "object.frag")
+        self._dull = self._pair("object.vert", "object.frag", "DULL")
+        self._grounds = {cls: self._pair("ground.vert", "ground.frag", f"SURFACE {cls}") for cls in GROUND_CLASSES}
         self._sky = self._program("sky.vert", "sky.frag")
         self._below = self._program("below.vert", "below.frag")
         self._shadow = self._program("shadow.vert", "shadow.frag")
@@ -272,8 +272,8 @@ class Renderer:
         self.context.depth_func = "<="
         weather = light.wet, light.lamps
         if self._town is not None and view is not None:
-            self._town.structures(view, pose.position, *weather)
             self._draw_props(pose, view)
+            self._town.structures(view, pose, *weather)
         for land, model in self._surfaces:
             _draw_land(land, model, pose)
         for model in self._solids:
@@ -406,11 +406,11 @@ class Renderer:
             self._targets[key] = Target(self.context, size, depth)
         return self._targets[key]
 
-    def _pair(self, fragment: str, *defined: str) -> tuple[moderngl.Program, moderngl.Program]:
+    def _pair(self, vertex: str, fragment: str, *defined: str) -> tuple[moderngl.Program, moderngl.Program]:
         """Return the programs of objects without and with shadows from the shadow map."""
         program = self.context.program  # flat varyings cost many small triangles more than uniforms do
         plain, shaded = (
-            program(vertex_shader=source("object.vert", *more), fragment_shader=source(fragment, *more))
+            program(vertex_shader=source(vertex, *more), fragment_shader=source(fragment, *more))
             for more in (defined, ("SHADED", *defined))
         )
         return plain, shaded

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from lingjing.engines.camera.boxes import entity_boxes, other_boxes
+from lingjing.engines.camera.boxes import all_boxes
 from lingjing.engines.camera.classes import CLASSES, instance_numbers, instance_picture, semantic_picture
 from lingjing.engines.camera.contrast import bounding_rect, pixels_of, projected_rect, split_by_contrast
 from lingjing.engines.camera.draw import Renderer, Scenery
@@ -132,16 +132,14 @@ class PictureRedaction:
             public_m = renderer.near_plane(shot.pose, shot.staged(self.hidden, WITHOUT_HIDDEN))
         near_m = self._near(renderer, shot.pose, whole, public_m)
         drawn = _veiled(renderer.render(shot.pose, whole, shot.measures, near_m), shot)
-        boxes = entity_boxes(drawn.ids, self._entities)
+        boxes, others = all_boxes(drawn.ids, self._entities)
         public = None if public_m is None else self._public(renderer, shot, drawn, boxes, public_m)
         seen, faint = self._visible_and_faint(renderer, shot, drawn, boxes, public)
         depth = drawn.depth if shot.depth else None
         ids = drawn.ids if public is None else _replaced(drawn.ids, public)
         semantic = semantic_picture(ids, self._entities) if shot.semantic else None
         instance = instance_picture(ids, self._entities) if shot.instance else None
-        return ShownPicture(
-            drawn.rgb, depth, semantic, seen, faint, other_boxes(drawn.ids), instance, self._shown_numbers(instance)
-        )
+        return ShownPicture(drawn.rgb, depth, semantic, seen, faint, others, instance, self._shown_numbers(instance))
 
     def _shown_numbers(self, instance: npt.NDArray[np.uint16] | None) -> dict[str, int]:
         """Return the numbers that occur in a picture, by entity."""

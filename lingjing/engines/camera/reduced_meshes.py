@@ -15,8 +15,8 @@ SLIGHT = ("lamp", "bench")
 
 PLANTS = ("tree", "pine", "palm", "bush", "hedge", "street_tree", "poplar", "birch", "conifer")
 """Prefixes of the mesh names of plants."""
-FULL_PX = 38.0
-"""Radius in the picture from which a plant has all its leaves, pixels (chosen)."""
+FULL_PX = 50.0
+"""Radius in the picture from which a plant has leaves, pixels (chosen)."""
 
 
 TINY_PX, TINY_FAR_PX = 12.0, 17.0

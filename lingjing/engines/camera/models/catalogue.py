@@ -190,7 +190,8 @@ def prop_part(model: str, variant: int) -> ModelPart:
         return people.on_foot(variant, people.STANDING[variant % len(people.STANDING)])
     if model in VARIED:
         build, count = VARIED[model]
-        return ModelPart(f"{model}-{variant % count}", build(variant % count))
+        levels = nature.coarser(model, variant % count) if model in nature.VARIED else ()
+        return ModelPart(f"{model}-{variant % count}", build(variant % count), coarser=levels)
     if model in SINGLE:
         return ModelPart(model, SINGLE[model]())
     return ModelPart("unknown", unknown())

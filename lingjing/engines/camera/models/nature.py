@@ -67,6 +67,24 @@ def _cards(centre: Vector, radii: Vector, count: int, seed: int, size_m: float, 
     return mesh
 
 
+def thinned(mesh: Mesh) -> Mesh | None:
+    """Return a plant with half of its leaf cards, which cover the same area; None for one without cards."""
+    corners = mesh.reshape(-1, 3, mesh.shape[1])
+    face = np.cross(corners[:, 1, :3] - corners[:, 0, :3], corners[:, 2, :3] - corners[:, 0, :3])
+    across = np.abs(np.einsum("ij,ij->i", face, corners[:, 0, 3:6])) < CARD_COSINE * np.linalg.norm(face, axis=1)
+    cards = np.flatnonzero(across & (corners[:, :, 3:6] == corners[:, :1, 3:6]).all(axis=(1, 2)))
+    if len(cards) < LEAST_CARDS:
+        return None
+    fewer = corners.copy()
+    middle = fewer[cards, :, :3].mean(axis=1, keepdims=True)
+    fewer[cards, :, :3] = middle + (fewer[cards, :, :3] - middle) * np.float32(2.0**0.5)
+    return np.ascontiguousarray(np.delete(fewer, cards[1::2], axis=0).reshape(-1, mesh.shape[1]))
+
+
+CARD_COSINE, LEAST_CARDS = 0.999, 40
+"""Cosine between face and normal from which a triangle is no leaf card, and least number of cards that are thinned
+(chosen)."""
+
 GOLDEN = 2.399963
 """The golden angle, radians: points at its multiples spread evenly over a sphere."""
 
@@ -231,6 +249,23 @@ def _flowerbed(variant: int) -> Mesh:
     ]  # fmt: skip
     return merge(cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 0.28), (0.95, 0.85), (0.10, 0.13, 0.05), sides=9), *heads)
 
+
+@cache
+def coarser(name: str, variant: int) -> tuple[Mesh, ...]:
+    """Return the coarser levels of detail of a model of `VARIED`: with half and with a quarter of the leaf cards."""
+    if name in BOUGHED:
+        return ()
+    levels: list[Mesh] = []
+    mesh: Mesh | None = VARIED[name][0](variant)
+    while mesh is not None and len(levels) < COARSER_LEVELS and (mesh := thinned(mesh)) is not None:
+        levels.append(mesh)
+    return tuple(levels)
+
+
+COARSER_LEVELS = 2
+"""Most coarser levels of a plant (chosen)."""
+BOUGHED = ("pine", "conifer")
+"""Plants with boughs instead of leaf cards."""
 
 VARIED: dict[str, tuple[Callable[[int], Mesh], int]] = {
     "rock": (cache(_rock), 5),
