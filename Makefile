@@ -9,7 +9,7 @@ PYTEST := $(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder -q
 # Tests start hundreds of processes: without stored bytecode each one compiles all it imports, half a second of CPU.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: help setup demo test thorough episodes wheels check lock sbom licences pythons bench study ray learners model detector browser readers eyes pictures missions selfcheck faults clean
+.PHONY: help setup demo test thorough episodes wheels check lock sbom licences pythons bench study ray learners model detector browser readers eyes frameworks pictures missions selfcheck faults clean
 
 help:
 	@echo 'make demo    play the sea rescue, seed 5, broadcast, with the heuristic agents'
@@ -31,6 +31,7 @@ help:
 	@echo 'make browser  install a browser (Debian'"'"'s Chromium, playwright) and try the pages in it'
 	@echo 'make readers  install what Foxglove and Rerun read traces with, and try it (needs Node.js)'
 	@echo 'make eyes    install a detector trained on photographs and show it vehicles and people (needs Node.js; EYES=--quick)'
+	@echo 'make frameworks  install LangGraph and Inspect beside, and try the examples of own agents with them: minutes'
 	@echo 'make pictures  draw the contact sheet in docs/images'
 	@echo 'make selfcheck  store the digest of the self-check anew, after a change of what engines compute'
 	@echo 'make missions  play every mission and write its page in docs/missions (RESULTS=a suite's folder)'
@@ -108,6 +109,10 @@ eyes: setup
 	@npm install --prefix benchmarks/eyes_net --no-audit --no-fund --no-package-lock --ignore-scripts --legacy-peer-deps --loglevel=error
 	@test -d build/eyes/metadrive || $(PYTHON3) -m pip install -qq --disable-pip-version-check --no-deps --target build/eyes metadrive-simulator==0.3.0.1
 	@$(BIN)/python benchmarks/eyes.py $(EYES)
+
+frameworks: setup
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check --target build/frameworks inspect_ai==0.3.285 langgraph langchain-openai
+	@PYTHONPATH=build/frameworks $(BIN)/python -m pytest -q -p no:xdist agents/tests/test_own_agents.py
 
 pictures: setup
 	@$(BIN)/python tools/contact_sheet.py

@@ -11,6 +11,7 @@ from lingjing.plugins.backbone import BackbonePlugin
 from lingjing.plugins.chat_model import ModelPlugin
 from lingjing.plugins.frame_detector import DetectorPlugin
 from lingjing.plugins.hookspecs import hookimpl
+from lingjing.plugins.model_access import AskerPlugin
 from lingjing.plugins.policy import PolicyPlugin
 from lingjing.plugins.prompts import PromptPlugin
 from lingjing.plugins.scaffold import ScaffoldPlugin
@@ -119,6 +120,19 @@ def lingjing_backbones() -> Iterable[BackbonePlugin]:
             name="litellm",
             factory=_Deferred("llm.asking", "litellm_backbone"),
             summary="every service that litellm speaks to",
+        ),
+    )
+
+
+@hookimpl
+def lingjing_askers() -> Iterable[AskerPlugin]:
+    """Return the access to the models of `llm`, for policies of others."""
+    return (
+        AskerPlugin(
+            name="llm",
+            factory=_Deferred("llm.own_calls", "open_asker"),
+            serve=_Deferred("llm.model_server", "LoopbackModel"),
+            summary="the models of models.toml and every OpenAI-compatible service",
         ),
     )
 

@@ -13,6 +13,8 @@ kind has a Protocol, its values, and checks of conformance. `docs/plugins.md` li
 - `engine`, `policy`, `evaluator`   the Protocols and their values; `chat_model` declares a model, `backbone` is the
   Protocol of a model, `calls` the record of a policy's model calls
 - `scaffold`      the replaceable parts of an agent over a chat model; `scaffold_parts` names them in errors
+- `asking`        model calls of a policy of one's own, and a server of models for frameworks ← `policy_calls` (the
+  bill), `model_access` (the Protocol behind both)
 - `writers`       writers of missions: chat models that continue a conversation about a text
 - `decisions`     the JSON Schema of an agent's decisions, for policies that another program answers for
 - `fleet`         the five methods over moving bodies ← `requests` (admission, receipts), `step_clock` (fixed steps)
@@ -27,8 +29,8 @@ Nothing here imports the kernel or a built-in engine, or names a shipped type or
 """
 
 __all__ = [
-    "backbone", "bodies", "building", "calls", "chat_model", "conformance", "contract", "decisions", "engine",
+    "asking", "backbone", "bodies", "building", "calls", "chat_model", "conformance", "contract", "decisions", "engine",
     "evaluator", "fleet", "foreign_errors", "frame_detector", "geometry", "hook_faults", "hookspecs", "host",
-    "loading", "lookup", "making", "options", "policy", "prompts", "requests", "roads", "scaffold", "scaffold_parts",
-    "step_clock", "stock", "tasks", "terrain",
+    "loading", "lookup", "making", "model_access", "options", "policy", "policy_calls", "prompts", "requests", "roads",
+    "scaffold", "scaffold_parts", "step_clock", "stock", "tasks", "terrain",
 ]  # fmt: skip

@@ -58,6 +58,9 @@ class ChatRequest:
     """The effort of a reasoning model in the service's words; not sent if empty."""
     extra: bytes = b"{}"
     """Further members of the request, a JSON object as text."""
+    whole: bytes = b""
+    """A whole request in the OpenAI chat protocol, sent as it is in the place of all other fields; empty without one.
+    Backbones of other protocols reject it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +81,10 @@ class ModelCompletion:
     """The reasoning that the service returns beside the answer."""
     cached_tokens: int = 0
     """The part of `prompt_tokens` that the service had cached."""
+    served: str = ""
+    """The model that the service names in its answer; "" if it names none."""
+    body: str = ""
+    """The service's whole answer to a `ChatRequest.whole`, as JSON text."""
 
 
 class ModelError(Exception):

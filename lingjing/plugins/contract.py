@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 
-API_VERSION = "1.20"
+API_VERSION = "1.21"
 """MAJOR.MINOR. A new major version may remove or change a name; a new minor version adds names alone."""
 
 CONTRACT_MODULES = (
@@ -16,6 +16,7 @@ CONTRACT_MODULES = (
     "lingjing.mission.instance",
     "lingjing.mission.kinds",
     "lingjing.mission.kinds_format",
+    "lingjing.plugins.asking",
     "lingjing.plugins.backbone",
     "lingjing.plugins.bodies",
     "lingjing.plugins.building",
@@ -31,6 +32,7 @@ CONTRACT_MODULES = (
     "lingjing.plugins.geometry",
     "lingjing.plugins.hookspecs",
     "lingjing.plugins.lookup",
+    "lingjing.plugins.model_access",
     "lingjing.plugins.options",
     "lingjing.plugins.policy",
     "lingjing.plugins.prompts",

@@ -29,7 +29,16 @@ from lingjing.mission.spec_schema import (
     object_schema,
 )
 from lingjing.mission.vocabulary import PHOTO
-from lingjing.plugins.policy import ArgumentSpec, Brief, Decision, MessageSpec, Resource, UnreadBox, VerbSpec
+from lingjing.plugins.policy import (
+    ArgumentSpec,
+    Brief,
+    Decision,
+    MessageSpec,
+    NoDecisionError,
+    Resource,
+    UnreadBox,
+    VerbSpec,
+)
 
 MESSAGES_PER_CALL = 32
 """The most messages of one decision: the kernel rejects further ones."""
@@ -78,6 +87,20 @@ class DecisionFormat:
             f"{fault.where or 'answer'}: {fault.message}" + f" ({fault.hint})" * bool(fault.hint) for fault in faults
         )
         return tuple(lines) or tuple(self._disordered(answer))
+
+    def read(self, text: str) -> Decision:
+        """Return the decision in a model's answer: the object between the first `{` and the last `}`.
+
+        Raises `NoDecisionError` that lists the faults: the kernel substitutes a no-op and records them.
+        """
+        begin, end = text.find("{"), text.rfind("}") + 1
+        try:
+            answer = self.completed(msgspec.json.decode(text[begin:end] if begin >= 0 else text))
+        except (msgspec.DecodeError, RecursionError) as error:
+            raise NoDecisionError(f"the answer is no JSON: {error}") from error
+        if faults := self.faults(answer):
+            raise NoDecisionError("; ".join(faults))
+        return self.decision(answer)
 
     def decision(self, answer: Any) -> Decision:
         """Return a completed answer without faults as a decision, without fields of the policy's own."""

@@ -21,6 +21,7 @@ from lingjing.plugins.evaluator import EvaluatorPlugin
 from lingjing.plugins.foreign_errors import kind_of_value, one_line, wanted_traceback
 from lingjing.plugins.frame_detector import DetectorPlugin
 from lingjing.plugins.hookspecs import ScenePlugin
+from lingjing.plugins.model_access import AskerPlugin
 from lingjing.plugins.policy import PolicyPlugin
 from lingjing.plugins.prompts import PromptPlugin
 from lingjing.plugins.scaffold import ScaffoldPlugin
@@ -34,6 +35,7 @@ _ARGUMENTS: dict[str, tuple[str, ...]] = {
     "lingjing_evaluators": ("instance",),
     "lingjing_detectors": ("options",),
     "lingjing_backbones": ("access",),
+    "lingjing_askers": ("arguments", "calls"),
     "lingjing_scaffolds": ("context",),
     "lingjing_writers": ("options", "calls"),
 }
@@ -52,6 +54,7 @@ DECLARATIONS: dict[str, tuple[type, str]] = {
     "lingjing_prompts": (PromptPlugin, ""),
     "lingjing_detectors": (DetectorPlugin, "factory"),
     "lingjing_backbones": (BackbonePlugin, "factory"),
+    "lingjing_askers": (AskerPlugin, "factory"),
     "lingjing_scaffolds": (ScaffoldPlugin, "build"),
     "lingjing_writers": (WriterPlugin, "factory"),
 }

@@ -18,6 +18,7 @@ from lingjing.plugins.chat_model import ModelPlugin
 from lingjing.plugins.engine import EnginePlugin
 from lingjing.plugins.evaluator import Evaluator, EvaluatorPlugin
 from lingjing.plugins.frame_detector import DetectorPlugin
+from lingjing.plugins.model_access import AskerPlugin
 from lingjing.plugins.policy import Policy, PolicyPlugin
 from lingjing.plugins.prompts import PromptPlugin
 from lingjing.plugins.scaffold import ScaffoldPlugin
@@ -90,6 +91,11 @@ def lingjing_backbones() -> Iterable[BackbonePlugin]:  # type: ignore[empty-body
 
 
 @hookspec
+def lingjing_askers() -> Iterable[AskerPlugin]:  # type: ignore[empty-body]
+    """Return the accesses to models of this plug-in. Called once, when a policy of its own calls a model."""
+
+
+@hookspec
 def lingjing_scaffolds() -> Iterable[ScaffoldPlugin]:  # type: ignore[empty-body]
     """Return the agent scaffolds of this plug-in. Called once, when a scaffold is looked up or listed."""
 
@@ -120,8 +126,8 @@ def lingjing_make_evaluator(  # type: ignore[empty-body]
 
 
 __all__ = [
-    "ScenePlugin", "hookimpl", "hookspec", "lingjing_api_version", "lingjing_backbones", "lingjing_detectors",
-    "lingjing_engines", "lingjing_evaluators", "lingjing_make_evaluator", "lingjing_make_policy", "lingjing_models",
-    "lingjing_policies", "lingjing_prompts", "lingjing_scaffolds", "lingjing_scenes",
+    "ScenePlugin", "hookimpl", "hookspec", "lingjing_api_version", "lingjing_askers", "lingjing_backbones",
+    "lingjing_detectors", "lingjing_engines", "lingjing_evaluators", "lingjing_make_evaluator", "lingjing_make_policy",
+    "lingjing_models", "lingjing_policies", "lingjing_prompts", "lingjing_scaffolds", "lingjing_scenes",
     "lingjing_writers",
 ]  # fmt: skip

@@ -44,6 +44,7 @@ from lingjing.plugins.hook_faults import (
     reason_of,
 )
 from lingjing.plugins.hookspecs import ScenePlugin
+from lingjing.plugins.model_access import AskerPlugin
 from lingjing.plugins.policy import Policy, PolicyPlugin
 from lingjing.plugins.prompts import PromptPlugin
 from lingjing.plugins.scaffold import ScaffoldPlugin
@@ -132,6 +133,11 @@ class PluginHost:
     def backbones(self) -> dict[str, BackbonePlugin]:
         """The chat-model backbones, by name."""
         return self._collect("lingjing_backbones")
+
+    @cached_property
+    def askers(self) -> dict[str, AskerPlugin]:
+        """The accesses to models for policies of others, by name."""
+        return self._collect("lingjing_askers")
 
     @cached_property
     def scaffolds(self) -> dict[str, ScaffoldPlugin]:

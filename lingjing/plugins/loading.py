@@ -13,6 +13,7 @@ from lingjing.plugins.calls import ModelCalls, UnrecordedCalls
 from lingjing.plugins.foreign_errors import one_line
 from lingjing.plugins.making import lingjing_make_policy
 from lingjing.plugins.policy import Policy, PolicyPlugin
+from lingjing.plugins.policy_calls import BilledPolicy, PolicyCalls
 
 if TYPE_CHECKING:
     from lingjing.plugins.options import PluginOptions
@@ -84,10 +85,12 @@ def build_policy(
         raise PluginError(
             f"{_owner(plugin)} asks chat models and declares no model of its options", hint="declare both"
         )
+    own_calls = PolicyCalls(calls)
     try:
         if options is None:
             return plugin.factory(**arguments)
-        return (host.make_policy if host is not None else lingjing_make_policy)(plugin, options, calls)
+        policy = (host.make_policy if host is not None else lingjing_make_policy)(plugin, options, own_calls)
+        return BilledPolicy(policy, own_calls) if plugin.calls else policy
     except LingjingError:
         raise
     except (Exception, SystemExit) as error:

@@ -56,6 +56,10 @@ class CallResult(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     attempts: int = 1
     wall_s: float = 0.0
     """Wall-clock duration, for information only."""
+    served: str = ""
+    """The model that the service named in its answer; "" if it named none."""
+    body: str = ""
+    """The service's whole answer, as JSON text, where a policy asked with a whole request of its own."""
     failure: str = ""
     """The error in words; "" if there is an answer."""
     fault: CallFault = ""

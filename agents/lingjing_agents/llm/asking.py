@@ -8,7 +8,11 @@ replay therefore needs no clock.
 from __future__ import annotations
 
 import os
+import threading
 import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
 
 import msgspec
 
@@ -42,6 +46,24 @@ _OVERHEAD_TOKENS = 64
 """Tokens that a service's template may add to one message. Chosen, on the safe side."""
 
 
+_LIMITS = ("max_tokens", "max_completion_tokens")
+"""The names of the bound on an answer in the protocol."""
+
+
+@dataclass(frozen=True, slots=True)
+class RawRequest:
+    """A whole request in the OpenAI chat protocol, as a client of a policy has sent it."""
+
+    members: Mapping[str, Any]
+    """All of the request but its messages."""
+    messages: tuple[Any, ...]
+    """The messages as they were sent."""
+    recorded: tuple[bytes, ...]
+    """The messages as JSON for a record, pictures as SHA-256."""
+    pictures: tuple[bytes, ...]
+    """The JPEG files of the messages."""
+
+
 class AskedModel:
     """A model with one agent's record of calls and the cost since the last bill.
 
@@ -54,6 +76,7 @@ class AskedModel:
         self._calls = calls
         self._unbilled = Usage()
         self._asked_at = (-1, 0)
+        self._lock = threading.Lock()
 
     async def ask(
         self, tick: int, messages: tuple[ChatMessage, ...], deadline: CallDeadline, *, schema: bytes | None = None
@@ -63,7 +86,10 @@ class AskedModel:
         Raises `ModelError` without an answer within the deadline, and the errors of `ModelCalls.begin`.
         """
         request = self._request(messages, schema)
-        kept = self._kept(tick, request)
+        return await self._result(request, self._kept(tick, request), deadline)
+
+    async def _result(self, request: ChatRequest, kept: CallRequest, deadline: CallDeadline) -> CallResult:
+        """Return the recorded result, or that of the service. Raises as `ask`."""
         try:
             result = self._calls.begin(kept)
         except AbandonedCallError as error:
@@ -76,6 +102,18 @@ class AskedModel:
         if result.failure:
             raise ModelError(result.failure, status=result.status, fault=_cause(result))
         return result
+
+    async def forward(self, tick: int, raw: RawRequest, deadline: CallDeadline) -> CallResult:
+        """Return the service's answer to a whole request, with `CallResult.body`. Raises as `ask`."""
+        profile = self.profile
+        most = max((raw.members[name] for name in _LIMITS if isinstance(raw.members.get(name), int)), default=None)
+        limit = min(most or profile.max_tokens, profile.max_tokens)
+        members = {name: value for name, value in raw.members.items() if name not in _LIMITS}
+        members |= {"model": profile.served, profile.traits.limit: limit}
+        whole = msgspec.json.encode({**members, "messages": raw.messages})
+        request = ChatRequest(model=profile.served, messages=(), max_tokens=limit, whole=whole)
+        kept = self._recorded(tick, msgspec.json.encode(members, order="sorted"), raw.recorded, raw.pictures, limit)
+        return await self._result(request, kept, deadline)
 
     def bill(self) -> Usage:
         """Return the usage of the calls since the last bill."""
@@ -114,6 +152,8 @@ class AskedModel:
             prompt_tokens=answer.prompt_tokens,
             completion_tokens=answer.completion_tokens,
             cached_tokens=answer.cached_tokens,
+            served=answer.served,
+            body=answer.body,
             cost_usd=answer.cost_usd if cost is None else cost,
         )
 
@@ -136,6 +176,12 @@ class AskedModel:
         messages = tuple(map(recorded_message, request.messages))
         pictures = tuple(image for message in request.messages for image in message.images)
         head = msgspec.json.encode(parameters(request), order="sorted")
+        return self._recorded(tick, head, messages, pictures, request.max_tokens)
+
+    def _recorded(
+        self, tick: int, head: bytes, messages: tuple[bytes, ...], pictures: tuple[bytes, ...], most_answer: int
+    ) -> CallRequest:
+        """Return a request as it is recorded, with the bounds of its tokens and its price."""
         # No tokenizer makes more than one token of a byte.
         prompt = len(head) + sum(len(message) + _OVERHEAD_TOKENS for message in messages)
         prompt += sum(self.profile.pictures.count(jpeg_size(picture)) for picture in pictures)
@@ -145,15 +191,16 @@ class AskedModel:
             head=head,
             messages=messages,
             pictures=pictures,
-            most_usd=self.profile.traits.cost_usd(prompt, request.max_tokens),
-            most_tokens=prompt + request.max_tokens,
+            most_usd=self.profile.traits.cost_usd(prompt, most_answer),
+            most_tokens=prompt + most_answer,
         )
 
     def _number(self, tick: int) -> int:
         """Return the number of earlier calls at this boundary."""
-        before, number = self._asked_at
-        self._asked_at = (tick, number + 1 if tick == before else 0)
-        return self._asked_at[1]
+        with self._lock:
+            before, number = self._asked_at
+            self._asked_at = (tick, number + 1 if tick == before else 0)
+            return self._asked_at[1]
 
     def _bill(self, result: CallResult) -> None:
         spent = self._unbilled

@@ -66,6 +66,7 @@ class _Tokens(msgspec.Struct):
 
 class _Answer(msgspec.Struct):
     choices: list[_Choice]
+    model: str | None = None
     usage: msgspec.Raw = msgspec.Raw(b"null")
 
 
@@ -172,7 +173,8 @@ class DirectClient:
         failed = _failed(answer.body) if answer.status == httpx.codes.OK else answer.status
         if failed:
             raise self._refused(replace(answer, status=failed), request)
-        return _completion(answer.body)
+        completion = _completion(answer.body)
+        return replace(completion, body=answer.body.decode("utf-8", "replace")) if request.whole else completion
 
     def _url(self) -> str:
         return self.base_url.rstrip("/") + "/chat/completions"
@@ -222,6 +224,8 @@ def filtered(refusal: str) -> bool:
 
 
 def _payload(request: ChatRequest) -> bytes:
+    if request.whole:
+        return request.whole
     return msgspec.json.encode({**parameters(request), "messages": wire_messages(request.messages)})
 
 
@@ -245,6 +249,7 @@ def _completion(content: bytes) -> ModelCompletion:
         completion_tokens=tokens.completion_tokens or 0,
         reasoning=message.reasoning_content or message.reasoning or "",
         cached_tokens=min(kept.cached_tokens or 0, tokens.prompt_tokens or 0),
+        served=(answer.model or "")[:200],
     )
 
 

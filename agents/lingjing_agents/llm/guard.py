@@ -59,6 +59,8 @@ class GuardedClient:
                 text=redact(answer.text),
                 reasoning=redact(answer.reasoning),
                 finish_reason=redact(answer.finish_reason),
+                served=redact(answer.served),
+                body=redact(answer.body),
             )
         raise failure  # outside of the `except`, so that it has no context with the request
 

@@ -146,7 +146,8 @@ class LimitedClient:
 
 def _estimated(request: ChatRequest) -> float:
     """Return the estimated tokens of a request. Pictures and the answer are added when the answer has been counted."""
-    return sum(len(message.text.encode()) for message in request.messages) / _BYTES_PER_TOKEN
+    texts = sum(len(message.text.encode()) for message in request.messages)
+    return (texts or len(request.whole)) / _BYTES_PER_TOKEN
 
 
 def _own_folder() -> Path:
