@@ -20,6 +20,7 @@ SCRIPTS = (
     "memory.py",
     "starting.py",
     "policies.py",
+    "remote_engines.py",
 )
 
 

@@ -113,6 +113,13 @@ def lingjing_engines() -> Iterable[EnginePlugin]:
             summary="Robot dogs: Unitree Go2 on its legs in MuJoCo at 200 Hz under a 50 Hz walking policy.",
         ),
         EnginePlugin(
+            name="remote",
+            factory=_engine("remote.unconnected", "connect_first"),
+            place="remote",
+            native_dt_s=0.01,
+            summary="Bodies of a foreign engine that dials in: `lingjing serve --lj-engine` (docs/remote-engines.md).",
+        ),
+        EnginePlugin(
             name="city",
             options="lingjing.engines.motion_options:MotionOptions",
             factory=_engine("city.engine", "CityEngine"),

@@ -12,6 +12,7 @@ from types import TracebackType
 from typing import Self
 
 from lingjing.analysis.played_city import rebuilt_city
+from lingjing.engines.remote.recorded import recorded_plugins
 from lingjing.errors import UsageError
 from lingjing.kernel.evaluators import build_evaluators
 from lingjing.kernel.step import Kernel, Published, Recorder
@@ -148,7 +149,7 @@ class RecordedRun:
     ) -> None:
         if not trace.boundaries:
             raise UsageError(f"{trace.path} holds no boundary", hint="its episode was cut before boundary 0")
-        host = host or PluginHost()
+        host = with_recorded_engines(trace, host or PluginHost())
         instance = trace.header.instance
         self.city = rebuilt_city(trace, host)
         scorers = [host.evaluator(name) for name in trace.header.evaluators]
@@ -201,6 +202,12 @@ class RecordedRun:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.close()
+
+
+def with_recorded_engines(trace: Trace, host: PluginHost) -> PluginHost:
+    """Return a host in which the trace answers for the engines that foreign sessions played."""
+    bindings = trace.header.remote_engines
+    return host.with_engines(recorded_plugins(bindings, trace.engine_frames, host.engine)) if bindings else host
 
 
 def _absent(request: CaptureRequest, record: BoundaryRecord) -> Absent:

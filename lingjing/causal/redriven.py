@@ -169,7 +169,8 @@ class RedrivenEpisode:
         return build_policy(plugin, binding.arguments, host=self.host)
 
     def _refuse_remote(self) -> None:
-        remote = select_engines(self.trace.header.instance, self.host).remote
+        foreign = [binding.engine for binding in self.trace.header.remote_engines]
+        remote = foreign or select_engines(self.trace.header.instance, self.host).remote
         if remote:
             raise UsageError(
                 f"{self.trace.path} cannot be branched: {', '.join(remote)} run remotely and cannot be copied"

@@ -17,7 +17,8 @@ the signals and the end of the process. `files` reads missions and writes files.
 - `verify`, `replay`, `why`, `metrics`             a trace: integrity, determinism, reason of the outcome, metrics
 - `fork`, `blame`, `value` ← `branches`            branches of a trace: interventions, blame, value of messages
 - `view`, `film`                                   a trace in the browser, and as a film
-- `serve`                                          an episode for clients of AirSim's API
+- `serve`, `serve_engines`                         an episode for clients of AirSim's API, or with foreign engines
+- `engine`                                         our engines for a foreign backend
 - `report`                                         the paper's figures from many episodes
 - `shrink`                                         the smallest mission that fails as a trace did
 - `calls`                                          the recorded model calls of an episode

@@ -1,4 +1,7 @@
-"""`lingjing serve --airsim MISSION|--scene CITY`: serve an episode to clients of AirSim's API."""
+"""`lingjing serve --airsim MISSION|--scene CITY`: serve an episode to clients of AirSim's API.
+
+`lingjing serve --lj-engine MISSION` is in `lingjing.cli.serve_engines`.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ import importlib.util
 import tempfile
 from pathlib import Path
 
+from lingjing.cli import serve_engines
 from lingjing.cli.arguments import parse_pairs, parse_seed, parse_settings, parse_whole
 from lingjing.cli.installed import warn_of_broken_plugins
 from lingjing.cli.process import say
@@ -25,6 +29,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("mission", metavar="MISSION", nargs="?", help="a mission's file, or a shipped name")
     parser.add_argument("--airsim", action="store_true", help="speak AirSim's MessagePack-RPC")
+    parser.add_argument("--lj-engine", action="store_true", help="be the backend of the paper's engines")
     parser.add_argument(
         "--scene", metavar="CITY", help="without a mission: fly in a kind of scene, a map's file or folder"
     )
@@ -43,16 +48,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--pace",
         choices=("wall", "fast", "wait"),
-        default="wall",
-        help="how time passes while no call waits for it: as the wall clock (default), as fast as possible, not at all",
+        help="how time passes while no call waits for it: as the wall clock (default), as fast as possible (default of "
+        "--lj-engine), not at all",
     )
     parser.add_argument("--once", action="store_true", help="end when the last client has left")
     parser.add_argument(
         "--host", metavar="ADDRESS", default="127.0.0.1", help="the address to listen at (default 127.0.0.1)"
     )
-    parser.add_argument(
-        "--port", metavar="N", default=_PORT, help=f"the port to listen at (default {_PORT}; 0: a free one)"
-    )
+    parser.add_argument("--port", metavar="N", help=f"the port to listen at (default {_PORT}, or 9909; 0: a free one)")
     parser.add_argument(
         "--token-file", metavar="FILE", help="a file with the token that clients must give, for addresses of a network"
     )
@@ -61,10 +64,18 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("-o", "--output", metavar="DIR", help="a new or empty folder (default: a new one in runs/)")
     parser.add_argument("--world", choices=("process", "inline"), default="process", help=argparse.SUPPRESS)
+    serve_engines.add_options(parser)
 
 
 def handler(args: argparse.Namespace) -> int:
     """Serve episodes until the mission ends, the last client leaves, or an interrupt."""
+    if args.airsim and args.lj_engine:
+        raise UsageError("--airsim and --lj-engine are two servers", hint="start one, and the other beside it")
+    warn_of_broken_plugins()
+    return serve_engines.serve(args, _token(args)) if args.lj_engine else _serve_airsim(args)
+
+
+def _serve_airsim(args: argparse.Namespace) -> int:
     from lingjing.dsl.loading.load import load_mission
     from lingjing.play.options import PlayOptions
 
@@ -75,13 +86,13 @@ def handler(args: argparse.Namespace) -> int:
     from lingjing.serve.airsim.server import CallServer
 
     if not args.airsim:
-        raise UsageError("no protocol is named", hint="lingjing serve --airsim MISSION, or --airsim --scene CITY")
+        raise UsageError("no protocol is named", hint="lingjing serve --airsim MISSION, or --lj-engine MISSION")
     if (args.mission is None) == (args.scene is None):
         raise UsageError(
             "serve needs a MISSION or --scene CITY, and not both", hint="lingjing serve --airsim --scene bay"
         )
-    warn_of_broken_plugins()
-    tick_s, port = checked_tick(parse_whole("--tick", args.tick, 10_000)), parse_whole("--port", args.port, 65_535)
+    tick_s = checked_tick(parse_whole("--tick", args.tick, 10_000))
+    port = parse_whole("--port", args.port or _PORT, 65_535)
     mission = load_mission(args.mission) if args.mission is not None else _free_flight(args)
     options = PlayOptions(
         mission=args.mission or "free_flight",
@@ -93,7 +104,7 @@ def handler(args: argparse.Namespace) -> int:
         calls="live",
     )
     folder = Path(args.output) if args.output else None
-    serving = Serving(mission, options, tick_s, args.pace, once=args.once, folder=folder)
+    serving = Serving(mission, options, tick_s, args.pace or "wall", once=args.once, folder=folder)
     serving.instance()  # a wrong mode, setting or mission is refused before the server listens
     token = _token(args)
     server = CallServer(args.host, port, token)
@@ -141,5 +152,5 @@ def _token(args: argparse.Namespace) -> str:
         return token
     if args.host not in _LOOPBACK and not args.open_to_network:
         hint = "give --token-file FILE, or --open-to-network if every program of the network may fly"
-        raise UsageError(f"{args.host} can be reached from a network, and AirSim's API has no password", hint=hint)
+        raise UsageError(f"{args.host} can be reached from a network, and the protocol has no password", hint=hint)
     return ""

@@ -15,6 +15,7 @@ boundaries. At each boundary an engine receives the states of all other engines'
 - `satellite`: passes computed with SGP4.
 - `city`: targets, interactions, goods, queues of people and radio links.
 - `camera`: the renderer of the city with all bodies.
+- `remote`: bodies of engines in other programs, over the paper's wire protocol.
 
 Shared modules:
 

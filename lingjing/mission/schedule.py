@@ -126,6 +126,11 @@ class Schedule:
         self._layers: list[tuple[Layer, int | None]] = []
         self.update(occurrences)
 
+    @property
+    def occurrences(self) -> tuple[Occurrence, ...]:
+        """All occurrences so far, without those of fixed events."""
+        return self._occurrences
+
     def update(self, occurrences: Sequence[Occurrence]) -> None:
         """Take over all occurrences so far. Those of fixed events are known already."""
         self._occurrences = tuple(item for item in occurrences if not self._events[item.event][1].is_fixed)

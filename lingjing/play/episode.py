@@ -48,7 +48,7 @@ from lingjing.scene.city import City, content_sha256
 from lingjing.scene.displacement import displacements, in_words, moved_bodies
 from lingjing.scene.surroundings import surroundings
 from lingjing.trace.reader import Trace, read_trace
-from lingjing.trace.records import AgentBinding, Header
+from lingjing.trace.records import AgentBinding, BoundaryRecord, EngineFrame, Header, Outcome, RemoteBinding
 from lingjing.trace.writer import PictureParts, TraceWriter, trace_removed_error, trace_tampered_error
 
 NOT_PROMISED = "this digest is not promised on other processors"
@@ -74,8 +74,32 @@ class OutsideControl:
 
     change: Callable[[Instance], Instance]
     """Changes the instance before it is placed in its city."""
-    source: Callable[[Kernel, Barrier, City], DecisionSource]
+    source: Callable[[Kernel, Barrier, City], DecisionSource] = lambda kernel, barrier, city: barrier
     """Makes the source of decisions around the barrier of the policies."""
+    remote_engines: tuple[RemoteBinding, ...] = ()
+    """The engines that foreign sessions play."""
+    frames: Callable[[int], Sequence[EngineFrame]] = lambda tick: ()
+    """Returns the sessions' frames since its last call, as those before this boundary."""
+
+
+class _FramesFirst:
+    """A recorder of the end that writes the sessions' last frames before the outcome."""
+
+    def __init__(self, writer: TraceWriter, outside: OutsideControl) -> None:
+        self._writer, self._outside = writer, outside
+
+    def finish(self, outcome: Outcome) -> object:
+        """Write the frames and the outcome, and give the file its final name."""
+        self._write(outcome)
+        return self._writer.finish(outcome)
+
+    def abandon(self, outcome: Outcome | None) -> object:
+        """Write the frames and the outcome, if any, and keep the file recognisable as partial."""
+        self._write(outcome)
+        return self._writer.abandon(outcome)
+
+    def _write(self, outcome: Outcome | None) -> None:
+        self._writer.engine_frames(self._outside.frames(outcome.ticks if outcome is not None else 0))
 
 
 class EpisodeInterrupted(KeyboardInterrupt):
@@ -168,14 +192,18 @@ class Session:
         calls = EpisodeCalls(options, instance)
         relations = RelationTracker(instance)
         recorder: list[TraceWriter] = []
+
+        def record_boundary(record: BoundaryRecord, frames: Sequence[StoredFrame]) -> None:
+            if outside is not None:
+                recorder[0].engine_frames(outside.frames(record.tick))
+            recorder[0].boundary(msgspec.structs.replace(record, relations=relations.take(record)), _stored(frames))
+
         kernel = Kernel(
             instance,
             city,
             self._world(options.world),
             privileged=frozenset(agent for agent, policy in prepared.assigned.items() if policy.privileged),
-            record=lambda record, frames: recorder[0].boundary(
-                msgspec.structs.replace(record, relations=relations.take(record)), _stored(frames)
-            ),
+            record=record_boundary,
             evaluators=build_evaluators(prepared.evaluators, instance, self.host, prepared.evaluator_options),
             blank_pictures=options.blank_pictures,
             policy_seed=options.policy_seed,
@@ -185,7 +213,10 @@ class Session:
             reset_policies(kernel, barrier)
             chosen = Path(out) if out is not None else claim_run_folder(instance.mission, instance.mode, options.seed)
             folder = chosen.absolute()  # a policy in this process may go to another working folder
-            writer = _writer(folder, _header(instance, city, prepared, options), city, prepared.key)
+            header = _header(instance, city, prepared, options)
+            if outside is not None:
+                header = msgspec.structs.replace(header, remote_engines=outside.remote_engines)
+            writer = _writer(folder, header, city, prepared.key)
         except BaseException:
             barrier.close()
             raise
@@ -193,7 +224,8 @@ class Session:
         calls.keep_in(folder)
         try:
             source = barrier if outside is None else outside.source(kernel, barrier, city)
-            outcome = play(kernel, source, writer, progress)
+            ending = writer if outside is None else _FramesFirst(writer, outside)
+            outcome = play(kernel, source, ending, progress)
         except KeyboardInterrupt:
             self.close()
             ended = writer.path if writer.path.exists() else writer.part  # it may be complete

@@ -7,8 +7,9 @@ not use it go on. A fault of a plug-in that the caller passes raises at once.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import redirect_stdout
+from copy import copy
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
@@ -148,6 +149,12 @@ class PluginHost:
     def writers(self) -> dict[str, WriterPlugin]:
         """The writers of missions, by name."""
         return self._collect("lingjing_writers")
+
+    def with_engines(self, engines: Mapping[str, EnginePlugin]) -> PluginHost:
+        """Return a host with these engines in place of those of the same names, and all other offers of this one."""
+        other = copy(self)
+        other.engines = {**self.engines, **engines}
+        return other
 
     def engine(self, name: str) -> EnginePlugin:
         """Return the engine of that name. Raises `UsageError` that lists the known ones."""

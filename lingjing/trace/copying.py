@@ -20,6 +20,7 @@ def copy_trace(
     """
     with TraceWriter(path, header, surroundings=surroundings) as writer:
         for record in trace.boundaries:
+            writer.engine_frames([frame for frame in trace.engine_frames if frame.tick == record.tick])
             writer.boundary(record, [picture_parts(trace, frame.id) for frame in record.frames])
         if trace.complete and trace.outcome is not None:
             return read_trace(writer.finish(trace.outcome))

@@ -30,6 +30,7 @@ from lingjing.trace.records import (
     FORMAT,
     BoundaryRecord,
     DigestVersion,
+    EngineFrame,
     FrameInfo,
     Header,
     Outcome,
@@ -48,7 +49,17 @@ from lingjing.trace.tables import (
     data_frame,
     table_rows,
 )
-from lingjing.trace.topics import BOUNDARY, CAMERAS, CHANNELS, FRAME, HEADER, OUTCOME, RECORDS, camera_topic
+from lingjing.trace.topics import (
+    BOUNDARY,
+    CAMERAS,
+    CHANNELS,
+    ENGINE_FRAME,
+    FRAME,
+    HEADER,
+    OUTCOME,
+    RECORDS,
+    camera_topic,
+)
 
 TOPICS_READ = (CAMERAS, RECORDS)
 """Prefixes of the topics that are read. The messages on other topics are derived from these."""
@@ -117,6 +128,8 @@ class Trace:
     """True if the episode ended by itself and its file is whole."""
     places: Mapping[str, Mapping[str, ChannelLocation]] = field(repr=False, default_factory=dict)
     """The places of stored pictures, by picture id, then by topic."""
+    engine_frames: tuple[EngineFrame, ...] = field(repr=False, default=())
+    """The frames of foreign engines' sessions, in order; () without such engines."""
 
     def __repr__(self) -> str:
         """One line."""
@@ -285,6 +298,7 @@ class TraceBuilder:
         self.boundaries: list[BoundaryRecord] = []
         self.pictures: list[tuple[FrameInfo, int]] = []
         self.places: dict[tuple[str, int], ChannelLocation] = {}
+        self.engine_frames: list[EngineFrame] = []
 
     def lies_at(self, path: Path) -> None:
         """Set the present path of the file, and adjust the limit of its records to its size."""
@@ -306,6 +320,7 @@ class TraceBuilder:
             outcome=self.outcome,
             complete=not cut_short and ends_properly(self.path),
             places={info.id: self._located(info, time_ns) for info, time_ns in self.pictures},
+            engine_frames=tuple(self.engine_frames),
         )
 
     def take(self, stored: StoredMessage) -> None:
@@ -317,6 +332,8 @@ class TraceBuilder:
             self.boundaries.append(self._decoded(stored, BoundaryRecord))
         elif stored.topic == FRAME:
             self.pictures.append((self._decoded(stored, FrameInfo), stored.time_ns))
+        elif stored.topic == ENGINE_FRAME:
+            self.engine_frames.append(self._decoded(stored, EngineFrame))
         elif stored.topic == HEADER:
             self.header = self._header(stored)
         elif stored.topic == OUTCOME:

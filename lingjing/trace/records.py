@@ -629,6 +629,51 @@ class MovedBody(TraceRecord, frozen=True, kw_only=True):
     """The surface that the scene searched for, or the one below an aircraft; "" where the place only had to be free."""
 
 
+class RemoteBinding(TraceRecord, frozen=True, kw_only=True):
+    """An engine that a foreign session played over LJ-ENGINE, the wire protocol of the paper's engines."""
+
+    engine: str
+    session: str
+    """The key of the session: `LJ-ENGINE_airsim`."""
+    profile: str
+    """The form of the commands, as `lingjing serve --profile` names it; `auto` if the first acknowledgement decides."""
+    task_id: str
+    """The id of the episode on the wire."""
+    observes: Literal["tick", "sync"] = "tick"
+    """The times at which states are requested: at decision boundaries, or at every macro-step."""
+    asks: bool = True
+    """False if a session of the profile `script` is not asked for observations."""
+
+
+class EngineFrame(TraceRecord, frozen=True, kw_only=True):
+    """A frame of a foreign engine's session, sent or received, for a replay without that engine.
+
+    An *exchange* is one call of an engine that sends frames and waits for their replies.
+    """
+
+    number: int
+    """Counts the frames of an episode from 0."""
+    tick: int
+    """The boundary that was recorded next; the last one again for frames after it."""
+    engine: str
+    """The engine that sent or read the frame; "" if none did."""
+    session: str
+    """The key of the session: `LJ-ENGINE_airsim`."""
+    exchange: int = -1
+    """The exchange of the engine, counted from 0; -1 outside of one."""
+    use: Literal["request", "reply", "event", "late", "unknown", "broken", "notice", "upload"]
+    """`request`, `notice`: sent by the backend, the second without a reply. `reply`, `event`: received and read.
+    `late`: a reply after its deadline, or telemetry that newer telemetry replaced. `unknown`: a reply to no request.
+    `broken`: no frame of the protocol. `upload`: a picture that came over HTTP."""
+    slot: int = -1
+    """The place of a request or a reply in its exchange; -1 for others."""
+    text: str
+    """The frame; for an upload its form fields and the SHA-256 of the file. Cut to 1,000 letters if no engine has read
+    it."""
+    wall_s: float = 0.0
+    """Wall-clock seconds since the server began."""
+
+
 class Header(TraceRecord, frozen=True, kw_only=True):
     """The first record of a trace: the mission instance, the policies and the versions of the software."""
 
@@ -654,6 +699,8 @@ class Header(TraceRecord, frozen=True, kw_only=True):
     """The origin of a branch; None if the trace is not a branch."""
     moved: tuple[MovedBody, ...] = ()
     """Entities that the scene placed elsewhere than the mission declares."""
+    remote_engines: tuple[RemoteBinding, ...] = ()
+    """The engines that foreign sessions played."""
 
 
 class Outcome(TraceRecord, frozen=True, kw_only=True):

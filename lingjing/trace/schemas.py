@@ -17,13 +17,24 @@ import msgspec
 from lingjing.data import data_path
 from lingjing.mission.strict_schema import strict_schema
 from lingjing.trace.container import ContainerSchema
-from lingjing.trace.records import BoundaryRecord, Command, FrameInfo, Header, Outcome, Receipt, Score, Thought
+from lingjing.trace.records import (
+    BoundaryRecord,
+    Command,
+    EngineFrame,
+    FrameInfo,
+    Header,
+    Outcome,
+    Receipt,
+    Score,
+    Thought,
+)
 
 RECORDS: dict[str, type[msgspec.Struct]] = {
     "header": Header,
     "boundary": BoundaryRecord,
     "frame": FrameInfo,
     "outcome": Outcome,
+    "engine_frame": EngineFrame,
     "thought": Thought,
     "command": Command,
     "receipt": Receipt,

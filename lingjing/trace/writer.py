@@ -17,7 +17,7 @@ from lingjing.trace import foxglove, images
 from lingjing.trace.container import ContainerWriter
 from lingjing.trace.encoding import to_json
 from lingjing.trace.images import Depth, Instances, Semantic
-from lingjing.trace.records import BoundaryRecord, FrameInfo, Header, Outcome, TraceRecord
+from lingjing.trace.records import BoundaryRecord, EngineFrame, FrameInfo, Header, Outcome, TraceRecord
 from lingjing.trace.schemas import container_schema
 from lingjing.trace.surroundings import NO_SURROUNDINGS, Surroundings
 from lingjing.trace.topics import RECORDS
@@ -81,6 +81,15 @@ class TraceWriter:
     def boundary(self, record: BoundaryRecord, pictures: Sequence[PictureParts] = ()) -> None:
         """Write the boundary's pictures and derived messages, then the record itself, and flush."""
         self._guarded(lambda: self._boundary(record, pictures))
+
+    def engine_frames(self, frames: Sequence[EngineFrame]) -> None:
+        """Write frames of foreign engines, before the boundary that they led to."""
+
+        def write() -> None:
+            for frame in frames:
+                self._own("engine_frame", frame, self._container.last_ns, frame.number)
+
+        self._guarded(write)
 
     def finish(self, outcome: Outcome) -> Path:
         """Write the outcome, close the file, rename it to its final name, and return that name.

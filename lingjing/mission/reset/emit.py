@@ -9,7 +9,7 @@ gives the same instance for that seed.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import msgspec
 
@@ -57,6 +57,20 @@ def emit(
         _without_template(mission, scenario)
     document: Json = {"commandType": "resetScenario", "taskId": f"{mission.name}-{seed}", "scenario": scenario}
     return msgspec.json.format(msgspec.json.encode(document), indent=2).decode() + "\n"
+
+
+def scenario_of(
+    mission: model.Mission, instance: Instance, settings: Mapping[str, float], list_of: Callable[[Entity], str]
+) -> dict[str, Json]:
+    """The `resetScenario` object of a placed instance, in Unreal's centimetres whatever its document had.
+
+    `list_of` gives the list of each asset. The object `lingjing` is left out unless only it can hold some places.
+    """
+    scenario = _scenario(mission, instance, dict(settings), list_of)
+    added = scenario["lingjing"]
+    if not (isinstance(added, dict) and "targets" in added):
+        del scenario["lingjing"]
+    return scenario
 
 
 def _without_template(mission: model.Mission, scenario: dict[str, Json]) -> None:
@@ -126,7 +140,17 @@ def _is_crowded(instance: Instance) -> bool:
     return all(max(abs(east), abs(north)) < CROWDED_M for east, north, _ in assets)
 
 
-def _scenario(mission: model.Mission, instance: Instance, settings: dict[str, float]) -> dict[str, Json]:
+def _list_of(entity: Entity) -> str:
+    """The list of the bodies of an entity's engine; "" without one."""
+    return next((entity_list.name for entity_list in LISTS if entity_list.engine == entity.engine), "")
+
+
+def _scenario(
+    mission: model.Mission,
+    instance: Instance,
+    settings: dict[str, float],
+    list_of: Callable[[Entity], str] = _list_of,
+) -> dict[str, Json]:
     added: dict[str, Json] = {"mission": mission.name, "mode": instance.mode, "seed": instance.seed}
     drawn = {param.name: instance.settings[param.name] for param in mission.parameters if param.is_drawn}
     if settings or drawn:
@@ -138,7 +162,7 @@ def _scenario(mission: model.Mission, instance: Instance, settings: dict[str, fl
         added["targets"] = others
     lists: dict[str, Json] = {
         entity_list.name: [
-            _equipment(e) for e in instance.entities if e.role == "asset" and e.engine == entity_list.engine
+            _equipment(e) for e in instance.entities if e.role == "asset" and list_of(e) == entity_list.name
         ]
         for entity_list in LISTS
     }
