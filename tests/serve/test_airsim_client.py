@@ -287,3 +287,52 @@ def test_the_examples_fly(serve: Serve, name: str, tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     trace = served.finish()
     assert trace.outcome is not None and trace.outcome.success
+
+
+def tilt_deg(client: Any) -> tuple[float, float, float]:
+    """Roll, pitch (nose up) and yaw of the drone in degrees."""
+    turn = client.simGetVehiclePose().orientation
+    w, x, y, z = turn.w_val, turn.x_val, turn.y_val, turn.z_val
+    roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return math.degrees(roll), math.degrees(math.asin(2.0 * (w * y - z * x))), math.degrees(yaw)
+
+
+def test_angles_rates_throttles_and_sticks_tilt_the_drone_itself(serve: Serve) -> None:
+    served = serve("--scene", "bay")
+    client = connected(served)
+    client.moveToZAsync(-20, 3).join()
+    client.moveByRollPitchYawZAsync(0.0, 0.2, 0.0, -20, 2).join()
+    roll, pitch, _ = tilt_deg(client)
+    assert (roll, pitch) == (pytest.approx(0.0, abs=2.0), pytest.approx(-math.degrees(0.2), abs=2.0))
+    assert place(client)[0] > 1.5 and place(client)[2] == pytest.approx(-20.0, abs=1.0)
+    client.hoverAsync().join()
+    before = tilt_deg(client)[2]
+    client.moveByRollPitchYawrateThrottleAsync(0.1, 0.0, -0.4, 0.55, 2).join()
+    roll, _, yaw = tilt_deg(client)
+    assert roll == pytest.approx(math.degrees(0.1), abs=2.0), "to the right"
+    assert (yaw - before) % 360.0 == pytest.approx(math.degrees(0.8), abs=12.0), "the client's yaw rate is to the left"
+    assert client.getMultirotorState().kinematics_estimated.linear_velocity.z_val < -0.5, "more thrust than weight"
+    client.hoverAsync().join()
+    start = tilt_deg(client)[0]
+    client.moveByAngleRatesZAsync(0.1, 0.0, 0.0, -22, 1.5).join()
+    assert tilt_deg(client)[0] - start == pytest.approx(math.degrees(0.15), abs=3.0), "rates add up"
+    client.hoverAsync().join()
+    with pytest.raises(rpc_error, match="no remote control"):
+        client.moveByManualAsync(5, 5, -5, 1).get()
+    with pytest.raises(rpc_error, match="share from 0 to 1"):
+        client.moveByRollPitchYawThrottleAsync(0.0, 0.0, 0.0, 7.0, 1).get()
+    client.moveByRC(airsim.RCData(pitch=-0.3, throttle=0.5, is_initialized=True, is_valid=True))
+    client.simContinueForTime(1.5)
+    client.simPause(False)
+    assert tilt_deg(client)[1] == pytest.approx(-0.3 * 180.0 / 5.5, abs=3.0)
+    client.moveByManualAsync(5, 5, -5, 3).join()
+    assert math.hypot(*(client.getMultirotorState().kinematics_estimated.linear_velocity.to_numpy_array()[:2])) > 0.8
+    client.moveByRC(airsim.RCData(is_valid=False))
+    client.goHomeAsync().join()
+    assert math.dist(place(client), (0.0, 0.0, 0.0)) < 1.0
+    client.landAsync().join()
+    assert client.getMultirotorState().landed_state == airsim.LandedState.Landed
+    assert client.simGetDistortionParams("front") == [0.0] * 5
+    leave(client)
+    assert run_command(["replay", str(served.finish().path), "--world", "inline"]) == 0

@@ -12,7 +12,7 @@ import math
 from typing import NamedTuple
 
 from lingjing.engines.aircraft import PERIOD_S
-from lingjing.engines.multirotor.airframe import MASS_KG
+from lingjing.engines.multirotor.airframe import LIFT_N, MASS_KG
 from lingjing.engines.sea import GRAVITY
 from lingjing.mission.instance import Vector
 
@@ -48,6 +48,27 @@ _POSITION_GAIN = 1.0
 _VELOCITY_GAIN = 2.0
 _INTEGRAL_GAIN = 1.0
 _YAW_GAIN = 1.5
+
+
+_MAX_HELD_TILT = math.radians(60.0)
+"""Limit of a tilt that a set-point demands, rad (chosen: beyond it no thrust of this airframe carries it)."""
+
+
+class AttitudeSetPoint(NamedTuple):
+    """A tilt that is held until the next set-point."""
+
+    roll: float
+    """Rad, positive to the right."""
+    pitch: float
+    """Rad, positive with the nose up."""
+    heading: float | None
+    """Heading to turn to, rad; None with a yaw rate."""
+    yaw_rate: float
+    """Rad/s; without meaning beside a heading."""
+    throttle: float | None
+    """Share of the largest thrust, 0 to 1; None with a height."""
+    height_m: float
+    """Elevation to keep, metres; without meaning beside a throttle."""
 
 
 class _AttitudeDemand(NamedTuple):
@@ -129,6 +150,25 @@ class PositionController:
         thrust = self.mass_kg * (GRAVITY + up) / max(math.cos(attitude[0]) * math.cos(attitude[1]), 0.5)
         turn = (face - attitude[2] + math.pi) % (2.0 * math.pi) - math.pi
         return _AttitudeDemand(roll, pitch, min(max(_YAW_GAIN * turn, -_MAX_YAW_RATE), _MAX_YAW_RATE), thrust)
+
+    def hold(self, point: AttitudeSetPoint, height_m: float, velocity: Vector, attitude: Vector) -> _AttitudeDemand:
+        """Return the demands of one period for a tilt. `height_m` is the present elevation, metres.
+
+        A later velocity demand starts from the velocity that the tilt has led to.
+        """
+        self._demand = velocity
+        roll = min(max(point.roll, -_MAX_HELD_TILT), _MAX_HELD_TILT)
+        pitch = min(max(point.pitch, -_MAX_HELD_TILT), _MAX_HELD_TILT)
+        if point.throttle is not None:
+            thrust = point.throttle * LIFT_N
+        else:
+            climb = min(max(_POSITION_GAIN * (point.height_m - height_m), -SINK_MPS), CLIMB_MPS)
+            up = min(max(_VELOCITY_GAIN * (climb - velocity[2]), -_MAX_LIFT_MPS2), _MAX_LIFT_MPS2)
+            thrust = self.mass_kg * (GRAVITY + up) / max(math.cos(attitude[0]) * math.cos(attitude[1]), 0.5)
+        rate = point.yaw_rate
+        if point.heading is not None:
+            rate = _YAW_GAIN * ((point.heading - attitude[2] + math.pi) % (2.0 * math.pi) - math.pi)
+        return _AttitudeDemand(roll, pitch, min(max(rate, -_MAX_YAW_RATE), _MAX_YAW_RATE), min(thrust, LIFT_N))
 
     def _limited(self, wanted: Vector) -> Vector:
         east, north = wanted[0] - self._demand[0], wanted[1] - self._demand[1]

@@ -18,9 +18,16 @@ from lingjing.engines.bodies import is_coarse
 from lingjing.engines.flight_dynamics import STEP_S
 from lingjing.engines.multirotor.airframe import LIFT_N, MASS_KG, QuadrotorAirframe
 from lingjing.engines.multirotor.coarse_airframe import COARSE_PERIOD_S, PointMassAirframe
-from lingjing.engines.multirotor.control import BRAKE_MPS2, CLIMB_MPS, SINK_MPS, PositionController, wanted_velocity
+from lingjing.engines.multirotor.control import (
+    BRAKE_MPS2,
+    CLIMB_MPS,
+    SINK_MPS,
+    AttitudeSetPoint,
+    PositionController,
+    wanted_velocity,
+)
 from lingjing.engines.multirotor.power import RotorPower, hover_power
-from lingjing.engines.multirotor.verbs import KIND, LAND, STEER, Situation, plan
+from lingjing.engines.multirotor.verbs import ATTITUDE, KIND, LAND, STEER, Situation, plan
 from lingjing.engines.sea import GRAVITY
 from lingjing.mission.footprint import stands
 from lingjing.mission.instance import Entity, Vector, Weather
@@ -92,6 +99,7 @@ class Drone(Aircraft):
         self._goal = entity.position
         self._spun = 0
         self._steered: Vector | None = None
+        self._tilted: AttitudeSetPoint | None = None
         self._landing = False
         self._load_kg = 0.0
         self.load({})
@@ -116,7 +124,7 @@ class Drone(Aircraft):
             return DEAD
         if self.phase is FlightPhase.GROUNDED:
             return GROUNDED
-        if self._legs or self._steered is not None or self._landing:
+        if self._legs or self._steered is not None or self._tilted is not None or self._landing:
             return "moving"
         return "drifting" if math.dist(self.position, self._goal) > _DRIFTED_M else "hovering"
 
@@ -127,10 +135,10 @@ class Drone(Aircraft):
 
     def start(self, command: Command) -> None:
         """Begin a task. Raises `Refusal` with `overloaded`, `busy` or with a reason of `plan`."""
-        if command.verb in (STEER, LAND):
+        if command.verb in (STEER, LAND, ATTITUDE):
             self._follow(command)
             return
-        self._steered, self._landing = None, False
+        self._steered, self._tilted, self._landing = None, None, False
         if command.verb == STOP:
             self._brake()
             return
@@ -154,16 +162,35 @@ class Drone(Aircraft):
         if self._legs:
             raise Refusal("busy", f"`{self.id}` is still busy; `stop` ends it")
         grounded = self.phase in (FlightPhase.GROUNDED, FlightPhase.SPINUP)
+        if command.verb == ATTITUDE:
+            self._tilt(_attitude_of(command), grounded=grounded)
+            return
+        tilted, self._tilted = self._tilted is not None, None
+        if tilted:
+            self._face = self._attitude[2]
         if command.verb == LAND:
             if not grounded:
                 x, y, _ = self._ahead(math.hypot(*self.velocity) / (2.0 * BRAKE_MPS2))
                 self._goal = (x, y, self._terrain.support(x, y, self.position[2]) - 2.0)
                 self._steered, self._landing = None, True
             return
+        if tilted and self._steered is None:
+            self._steered = self.velocity  # so that a set-point of no velocity brakes
         self._steer((number(command, "east"), number(command, "north"), number(command, "up")), grounded=grounded)
         heading = optional_number(command, "heading")
         if heading is not None:
             self._face = math.radians(heading)
+
+    def _tilt(self, point: AttitudeSetPoint, *, grounded: bool) -> None:
+        if grounded and self.phase is FlightPhase.GROUNDED:
+            weight = (MASS_KG + self._load_kg) * GRAVITY
+            lifts = point.height_m > self.position[2] if point.throttle is None else point.throttle * LIFT_N > weight
+            if not lifts:
+                raise Refusal(GROUNDED, f"`{self.id}` is on the ground: neither its throttle nor its height lifts it")
+            self._check_load()
+            self.phase = FlightPhase.SPINUP
+        self._steered, self._landing, self._tilted = None, False, point
+        self._goal = self.position
 
     def _steer(self, velocity: Vector, *, grounded: bool) -> None:
         east, north, up = velocity
@@ -248,8 +275,11 @@ class Drone(Aircraft):
 
     def _fly(self, weather: Weather) -> None:
         airframe, fly = self._airframe, self._controller.fly
-        wanted = self._steered or wanted_velocity(self.position, self._goal, self.cruise_mps)
-        demand = fly(self.velocity, self._attitude, wanted, self._face)
+        if self._tilted is not None:
+            demand = self._controller.hold(self._tilted, self.position[2], self.velocity, self._attitude)
+        else:
+            wanted = self._steered or wanted_velocity(self.position, self._goal, self.cruise_mps)
+            demand = fly(self.velocity, self._attitude, wanted, self._face)
         airframe.set_wind(*self._gust.next(weather))
         airframe.command(*demand)
         airframe.step(self._steps)
@@ -261,7 +291,7 @@ class Drone(Aircraft):
         if self.phase is not FlightPhase.FLYING or not self._battery.empty:
             return None
         x, y, _ = self._ahead(math.hypot(*self.velocity) / (2.0 * BRAKE_MPS2))
-        self.phase, self._steered, self._landing = FlightPhase.DESCENDING, None, False
+        self.phase, self._steered, self._tilted, self._landing = FlightPhase.DESCENDING, None, None, False
         self._goal = (x, y, self._terrain.support(x, y, self.position[2]) - 2.0)
         return FlightNotice(BATTERY_EMPTY)
 
@@ -278,6 +308,21 @@ class Drone(Aircraft):
         return None
 
 
+def _attitude_of(command: Command) -> AttitudeSetPoint:
+    """Return the set-point of a command. Raises `Refusal` with `bad_argument`."""
+    heading, throttle = optional_number(command, "heading"), optional_number(command, "throttle")
+    if throttle is not None and not 0.0 <= throttle <= 1.0:
+        raise Refusal("bad_argument", f"`throttle` is a share from 0 to 1, not {throttle:g}")
+    return AttitudeSetPoint(
+        roll=math.radians(number(command, "roll")),
+        pitch=math.radians(number(command, "pitch")),
+        heading=None if heading is None else math.radians(heading),
+        yaw_rate=math.radians(optional_number(command, "yaw_rate") or 0.0),
+        throttle=throttle,
+        height_m=number(command, "height") if throttle is None else 0.0,
+    )
+
+
 class CoarseDrone(Drone):
     """A multirotor with coarse motion: the same controller at 4 Hz on an airframe without attitude dynamics."""
 
@@ -289,7 +334,7 @@ class MultirotorEngine(AircraftEngine):
     """The engine of all multirotors of an episode."""
 
     aircraft = Drone
-    at_once = (STEER, LAND)
+    at_once = (STEER, LAND, ATTITUDE)
 
     def aircraft_for(self, spec: EngineSpec) -> type[Aircraft]:
         """Return the class of the drones of an episode."""

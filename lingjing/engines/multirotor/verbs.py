@@ -22,13 +22,16 @@ TAKEOFF_M = 10.0
 """Height above the take-off point, metres: the default of `takeoff`, and the first climb towards a destination
 (chosen)."""
 
-STEER, LAND = "steer", "land"
+STEER, LAND, ATTITUDE = "steer", "land", "attitude"
 """The verbs of set-points. No mission declares them: a face that flies a vehicle from outside (`lingjing.serve`) adds
 them to the vehicles of its episode. They complete when they are admitted.
 
 - `steer(east, north, up, heading)`: fly at this velocity over ground, m/s, until the next command. Without a velocity
   the vehicle brakes and holds its place. `heading` in degrees is optional. A grounded vehicle takes off if `up` > 0.
 - `land()`: descend at the present place to the surface below.
+- `attitude(roll, pitch, heading | yaw_rate, throttle | height)`: hold a tilt (degrees; right and nose up are positive)
+  until the next command, with a heading (degrees) or a yaw rate (degrees a second), and with a share of the largest
+  thrust (0 to 1) or at an elevation (metres). A grounded vehicle takes off if the thrust or the elevation lifts it.
 """
 
 _FACING_M = 3.0

@@ -10,9 +10,8 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
-from lingjing.engines.multirotor.airframe import MASS_KG
-from lingjing.engines.multirotor.control import DRAG
-from lingjing.engines.multirotor.verbs import LAND, STEER
+from lingjing.engines.multirotor.airframe import LIFT_N, MASS_KG
+from lingjing.engines.multirotor.verbs import ATTITUDE, LAND, STEER
 from lingjing.engines.sea import GRAVITY
 from lingjing.mission.instance import Vector
 from lingjing.serve.airsim.arguments import YawMode
@@ -34,12 +33,24 @@ _CLIMB_MPS, _SINK_MPS = 4.0, 3.0
 """Vertical limits of the engine, m/s (`lingjing.engines.multirotor.control`)."""
 _LIFT_OFF_MPS = 1.0
 """Climb of a vehicle that is sent off from the ground without `takeoff`, m/s (chosen)."""
-_MOST_TILT = math.radians(40.0)
-"""Limit of a demanded tilt, rad (the engine's)."""
+_MOST_TILT_DEG = 60.0
+"""Limit of a demanded tilt, degrees (the engine's)."""
+_STICK_TILT_DEG = 180.0 / 5.5
+"""Tilt of a full stick, degrees (AirSim's simple_flight, level mode: pi / 5.5)."""
 _COURSE_MPS = 0.2
 """Speed below which a course has no direction, m/s (chosen)."""
 _YAW_RATE_DEG_S = 60.0
 """Largest rate at which a demanded heading turns, degrees a second (chosen: the engine turns by at most 68)."""
+
+
+class Sticks(NamedTuple):
+    """The sticks of a remote control, -1 to 1, and the throttle, 0 to 1."""
+
+    roll: float = 0.0
+    pitch: float = 0.0
+    """Positive with the nose up: pulled."""
+    yaw: float = 0.0
+    throttle: float = 0.0
 
 
 class Order(NamedTuple):
@@ -53,6 +64,8 @@ class Order(NamedTuple):
     """True to descend to the surface below."""
     done: bool | None = None
     """The result of the task if it has ended; None if it goes on."""
+    attitude: dict[str, float] | None = None
+    """The arguments of a tilt in place of a velocity; None for a velocity."""
 
 
 HOLD = Order()
@@ -158,35 +171,90 @@ class FlyVelocity:
         return Order((east, north, up), self._heading.at(body, (east, north, up), time_s))
 
 
-class FlyTilt:
-    """Fly at an elevation with a tilt: the velocity that a point with this tilt and the drag of the airframe has."""
+class FlyAttitude:
+    """Hold a tilt, or turn it at a rate, with a throttle or at an elevation, until a time."""
 
-    def __init__(self, roll: float, pitch: float, heading: Heading, height_m: float, until_s: float) -> None:
-        """`roll` and `pitch` in rad; positive to the right and nose up."""
-        most = _MOST_TILT
-        self._forward = -GRAVITY * math.tan(min(max(pitch, -most), most))
-        self._right = GRAVITY * math.tan(min(max(roll, -most), most))
-        self._heading, self._height_m, self._until_s = heading, height_m, until_s
-        self._velocity: tuple[float, float] | None = None
+    def __init__(
+        self,
+        roll_deg: float,
+        pitch_deg: float,
+        until_s: float,
+        *,
+        rates: bool = False,
+        heading_deg: float | None = None,
+        yaw_rate_deg_s: float = 0.0,
+        throttle: float | None = None,
+        height_m: float = 0.0,
+    ) -> None:
+        """Roll is positive to the right, pitch with the nose up; with `rates` both are degrees a second.
+
+        `heading_deg`: None for a yaw rate. `throttle`: 0 to 1; None for the elevation `height_m`, metres.
+        """
+        self._tilt, self._rates, self._until_s = (roll_deg, pitch_deg), rates, until_s
+        turn = {"yaw_rate": yaw_rate_deg_s} if heading_deg is None else {"heading": heading_deg % 360.0}
+        self._rest = {**turn, **({"height": height_m} if throttle is None else {"throttle": throttle})}
+        self._throttle, self._height_m = throttle, height_m
+        self._reached: tuple[float, float] | None = None
         self._before_s = 0.0
 
     def order(self, body: BodyState, time_s: float) -> Order:
-        """Accelerate by the tilt."""
+        """Hold the tilt. A rate moves the demanded tilt from the one at the start."""
         if time_s >= self._until_s:
             return Order(done=True)
-        if self._velocity is None:
-            self._velocity, self._before_s = (body.velocity[0], body.velocity[1]), time_s
-        passed, self._before_s = time_s - self._before_s, time_s
-        east, north = self._velocity
+        if body.status == GROUNDED and self._throttle is None and self._height_m <= body.position[2]:
+            return HOLD
+        roll, pitch = self._tilt
+        if self._rates:
+            if self._reached is None:
+                self._reached, self._before_s = (body.roll_deg, body.pitch_deg), time_s
+            passed, self._before_s = time_s - self._before_s, time_s
+            self._reached = _bounded(self._reached[0] + roll * passed), _bounded(self._reached[1] + pitch * passed)
+            roll, pitch = self._reached
+        return Order(attitude={"roll": roll, "pitch": pitch, **self._rest})
+
+
+class FlyManual:
+    """Fly by the sticks of a remote control within limits of speed, until a time."""
+
+    def __init__(
+        self, sticks: Callable[[], Sticks], most: tuple[float, float], low_m: float, heading: Heading, until_s: float
+    ) -> None:
+        """`most`: speeds of full sticks forward and to the right, m/s. `low_m`: the lowest elevation, metres."""
+        self._sticks, self._most, self._low_m = sticks, most, low_m
+        self._heading, self._until_s = heading, until_s
+
+    def order(self, body: BodyState, time_s: float) -> Order:
+        """Fly as the sticks say."""
+        if time_s >= self._until_s:
+            return Order(done=True)
+        sticks = self._sticks()
+        ahead, right = -sticks.pitch * self._most[0], sticks.roll * self._most[1]
         sine, cosine = math.sin(math.radians(body.heading_deg)), math.cos(math.radians(body.heading_deg))
-        drag = DRAG / MASS_KG * math.hypot(east, north)
-        self._velocity = (
-            east + passed * (self._forward * sine + self._right * cosine - drag * east),
-            north + passed * (self._forward * cosine - self._right * sine - drag * north),
-        )
-        up = min(max(_GAIN * (self._height_m - body.position[2]), -_SINK_MPS), _CLIMB_MPS)
-        velocity = (*self._velocity, up) if body.status != GROUNDED else (0.0, 0.0, max(up, 0.0))
+        up = _limited((0.0, 0.0, (2.0 * sticks.throttle - 1.0) * _CLIMB_MPS))[2]
+        if body.position[2] <= self._low_m:
+            up = max(up, 0.0)
+        velocity = (ahead * sine + right * cosine, ahead * cosine - right * sine, up)
+        if body.status == GROUNDED and up <= 0.0:
+            return HOLD
         return Order(velocity, self._heading.at(body, velocity, time_s))
+
+
+class FlySticks:
+    """Fly by the sticks of a remote control as a flight controller's level mode does, until they are let go."""
+
+    def __init__(self, sticks: Callable[[], Sticks | None]) -> None:
+        """`sticks` returns None when they are let go."""
+        self._sticks = sticks
+
+    def order(self, body: BodyState, time_s: float) -> Order:
+        """Hold the tilt of the sticks."""
+        sticks = self._sticks()
+        if sticks is None:
+            return Order(done=True)
+        if body.status == GROUNDED and sticks.throttle * LIFT_N <= MASS_KG * GRAVITY:
+            return HOLD
+        tilt = {"roll": sticks.roll * _STICK_TILT_DEG, "pitch": sticks.pitch * _STICK_TILT_DEG}
+        return Order(attitude={**tilt, "yaw_rate": sticks.yaw * _YAW_RATE_DEG_S, "throttle": sticks.throttle})
 
 
 class Turn:
@@ -255,7 +323,7 @@ class Pilot:
         if self._task is None:
             return
         order = Order(done=False) if body.status == DEAD else self._task.order(body, time_s)
-        self._wanted = Order(order.velocity, order.heading_deg, order.lands) if order.done is None else HOLD
+        self._wanted = order if order.done is None else HOLD
         if order.done is not None:
             self._wanted = Order(heading_deg=order.heading_deg)
             self._finish(result=order.done)
@@ -267,6 +335,8 @@ class Pilot:
         self._sent = self._wanted
         if self._wanted.lands:
             return Action(verb=LAND, resource=self.resource)
+        if self._wanted.attitude is not None:
+            return Action(verb=ATTITUDE, resource=self.resource, arguments=dict(self._wanted.attitude))
         east, north, up = self._wanted.velocity
         arguments: dict[str, float] = {"east": east, "north": north, "up": up}
         if self._wanted.heading_deg is not None:
@@ -281,6 +351,10 @@ class Pilot:
         end, self._task, self._end = self._end, None, None
         if end is not None:
             end(result)
+
+
+def _bounded(tilt_deg: float) -> float:
+    return min(max(tilt_deg, -_MOST_TILT_DEG), _MOST_TILT_DEG)
 
 
 def _projected(place: Vector, start: Vector, end: Vector) -> float:

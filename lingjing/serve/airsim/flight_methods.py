@@ -3,12 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from lingjing.mission.instance import Vector
 from lingjing.serve.airsim.arguments import Arguments, CallError, YawMode
 from lingjing.serve.airsim.context import LATER, Context, Later, Method
-from lingjing.serve.airsim.flight import FlightTask, FlyPath, FlyTilt, FlyVelocity, Heading, Hover, Land, Turn
+from lingjing.serve.airsim.flight import (
+    FlightTask,
+    FlyAttitude,
+    FlyManual,
+    FlyPath,
+    FlySticks,
+    FlyVelocity,
+    Heading,
+    Hover,
+    Land,
+    Sticks,
+    Turn,
+)
 from lingjing.serve.airsim.frames import ned
 from lingjing.serve.airsim.server import Call
 from lingjing.serve.airsim.vehicles import Vehicle
@@ -44,7 +56,7 @@ def _land(context: Context, call: Call, arguments: Arguments) -> Later:
 def _home(context: Context, call: Call, arguments: Arguments) -> Later:
     until = context.time_s + arguments.seconds("timeout_sec")
     vehicle = _vehicle(context, arguments)
-    goal = (vehicle.start[0], vehicle.start[1], vehicle.body.position[2])
+    goal = vehicle.start  # as AirSim's: to the origin of the vehicle, its height included
     return _begin(context, call, vehicle, FlyPath([goal], _HOME_MPS, _kept(), until))
 
 
@@ -123,18 +135,58 @@ def _yaw_rate(context: Context, call: Call, arguments: Arguments) -> Later:
     return _begin(context, call, vehicle, task)
 
 
-def _tilt(*, rate: bool) -> Method:
-    """Return the method of a tilt at an elevation, with a heading or a yaw rate."""
+def _attitude(*, rates: bool, yaw_rate: bool, throttle: bool) -> Method:
+    """Return the method of a tilt (or of its rates), with a heading or a yaw rate, a throttle or an elevation."""
 
     def fly(context: Context, call: Call, arguments: Arguments) -> Later:
-        roll, pitch = arguments.number("roll"), arguments.number("pitch")
-        yaw = math.degrees(arguments.number("yaw_rate" if rate else "yaw"))
-        z, until = arguments.number("z"), context.time_s + arguments.seconds("duration")
+        roll = math.degrees(arguments.number("roll_rate" if rates else "roll"))
+        pitch = math.degrees(arguments.number("pitch_rate" if rates else "pitch"))
+        yaw = math.degrees(arguments.number("yaw_rate" if yaw_rate else "yaw"))
+        last = arguments.number("throttle" if throttle else "z")
+        if throttle and not 0.0 <= last <= 1.0:
+            raise CallError(f"`throttle` is a share from 0 to 1, not {last:g}")
+        until = context.time_s + arguments.seconds("duration")
         vehicle = _vehicle(context, arguments)
-        heading = Heading(YawMode(is_rate=rate, value=yaw), forward=False)
-        return _begin(context, call, vehicle, FlyTilt(roll, pitch, heading, vehicle.start[2] - z, until))
+        task = FlyAttitude(
+            roll, pitch, until, rates=rates,
+            heading_deg=None if yaw_rate else yaw, yaw_rate_deg_s=yaw if yaw_rate else 0.0,
+            throttle=last if throttle else None, height_m=0.0 if throttle else vehicle.start[2] - last,
+        )  # fmt: skip
+        return _begin(context, call, vehicle, task)
 
     return fly
+
+
+def _remote_control(context: Context, call: Call, arguments: Arguments) -> None:
+    """Take over the sticks. Valid ones fly the vehicle; others let it hold its place."""
+    data = arguments.record("rcdata")
+    vehicle = _vehicle(context, arguments)
+    sticks = Sticks(*(_stick(data, name, low) for name, low in _STICKS))
+    vehicle.sticks = sticks if data.get("is_valid") else None
+    if vehicle.sticks is not None and not vehicle.pilot.busy:
+        vehicle.pilot.begin(FlySticks(lambda: vehicle.sticks), lambda _: None, vehicle.body, context.time_s)
+
+
+_STICKS = (("roll", -1.0), ("pitch", -1.0), ("yaw", -1.0), ("throttle", 0.0))
+"""The sticks with their lowest values; the highest is 1."""
+
+
+def _stick(data: Mapping[str, object], name: str, low: float) -> float:
+    value = data.get(name, 0.0)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise CallError(f"`{name}` of the remote control is a number, not {value!r}")
+    return min(max(float(value), low), 1.0)
+
+
+def _manual(context: Context, call: Call, arguments: Arguments) -> Later:
+    most = arguments.number("vx_max"), arguments.number("vy_max")
+    low, until = arguments.number("z_min"), context.time_s + arguments.seconds("duration")
+    heading = _heading(arguments)
+    vehicle = _vehicle(context, arguments)
+    if vehicle.sticks is None:
+        raise CallError("no remote control is connected: send valid sticks with `moveByRC` first")
+    task = FlyManual(lambda: vehicle.sticks or Sticks(throttle=0.5), most, vehicle.start[2] - low, heading, until)
+    return _begin(context, call, vehicle, task)
 
 
 def _cancel(context: Context, call: Call, arguments: Arguments) -> None:
@@ -216,8 +268,14 @@ FLIGHT: dict[str, Method] = {
     "moveByVelocityZ": _velocity(body_frame=False, holds_z=True),
     "moveByVelocityBodyFrame": _velocity(body_frame=True, holds_z=False),
     "moveByVelocityZBodyFrame": _velocity(body_frame=True, holds_z=True),
-    "moveByRollPitchYawZ": _tilt(rate=False),
-    "moveByRollPitchYawrateZ": _tilt(rate=True),
+    "moveByRollPitchYawZ": _attitude(rates=False, yaw_rate=False, throttle=False),
+    "moveByRollPitchYawrateZ": _attitude(rates=False, yaw_rate=True, throttle=False),
+    "moveByRollPitchYawThrottle": _attitude(rates=False, yaw_rate=False, throttle=True),
+    "moveByRollPitchYawrateThrottle": _attitude(rates=False, yaw_rate=True, throttle=True),
+    "moveByAngleRatesZ": _attitude(rates=True, yaw_rate=True, throttle=False),
+    "moveByAngleRatesThrottle": _attitude(rates=True, yaw_rate=True, throttle=True),
+    "moveByRC": _remote_control,
+    "moveByManual": _manual,
     "rotateToYaw": _yaw,
     "rotateByYawRate": _yaw_rate,
     "cancelLastTask": _cancel,

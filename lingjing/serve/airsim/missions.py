@@ -7,7 +7,7 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from lingjing.engines.multirotor.verbs import LAND, STEER
+from lingjing.engines.multirotor.verbs import ATTITUDE, LAND, STEER
 from lingjing.errors import UsageError
 from lingjing.mission.instance import ArgumentSpec, Budget, Clock, Entity, Instance, VerbSpec
 from lingjing.mission.kinds import builtin_scenes
@@ -39,6 +39,18 @@ _STEER = VerbSpec(
     ),
 )
 _LAND = VerbSpec(name=LAND, doc="descends to the surface below")
+_ATTITUDE = VerbSpec(
+    name=ATTITUDE,
+    doc="holds a tilt",
+    arguments=(
+        ArgumentSpec(name="roll", unit="deg"),
+        ArgumentSpec(name="pitch", unit="deg"),
+        ArgumentSpec(name="heading", unit="deg", optional=True),
+        ArgumentSpec(name="yaw_rate", unit="deg/s", optional=True),
+        ArgumentSpec(name="throttle", optional=True),
+        ArgumentSpec(name="height", unit="m", optional=True),
+    ),
+)
 
 
 def free_flight(scene: str, drones: int, width: int, height: int, minutes: int) -> str:
@@ -99,7 +111,7 @@ def checked_tick(milliseconds: int) -> float:
 def _steerable(entity: Entity) -> Entity:
     if entity.engine != "multirotor" or entity.role != "asset":
         return entity
-    return replace(entity, verbs=(*entity.verbs, _STEER, _LAND))
+    return replace(entity, verbs=(*entity.verbs, _STEER, _LAND, _ATTITUDE))
 
 
 def _scene(scene: str) -> str:

@@ -80,7 +80,27 @@ def _field_of_view(context: Context, call: Call, arguments: Arguments) -> str:
     return f"{camera_of(vehicle.entity, name).hfov_deg:f}"
 
 
+def _distortion(context: Context, call: Call, arguments: Arguments) -> list[float]:
+    """Return the parameters of a pinhole: K1, K2, K3, P1, P2."""
+    name = arguments.text("camera_name")
+    vehicle = context.fleet.find(arguments.text("vehicle_name", ""))
+    arguments.end()
+    camera_of(vehicle.entity, name)
+    return [0.0] * 5
+
+
+def _set_distortion(context: Context, call: Call, arguments: Arguments) -> None:
+    name, parameter, value = arguments.text("camera_name"), arguments.text("param_name"), arguments.number("value")
+    vehicle = context.fleet.find(arguments.text("vehicle_name", ""))
+    arguments.end()
+    camera_of(vehicle.entity, name)
+    if value != 0.0:
+        raise CallError(f"`{parameter[:20]}` is 0 here: cameras are pinholes without distortion")
+
+
 PICTURES: dict[str, Method] = {
+    "simGetDistortionParams": _distortion,
+    "simSetDistortionParam": _set_distortion,
     "simGetImages": _images,
     "simGetImage": _image,
     "simGetCameraInfo": _camera,

@@ -12,7 +12,7 @@ from lingjing.mission.instance import AgentSpec, Entity, Vector
 from lingjing.scene.sight import SightLines
 from lingjing.scene.terrain import Terrain
 from lingjing.serve.airsim.arguments import CallError
-from lingjing.serve.airsim.flight import Pilot
+from lingjing.serve.airsim.flight import Pilot, Sticks
 from lingjing.serve.airsim.frames import (
     attitude,
     less,
@@ -59,6 +59,8 @@ class Vehicle:
         self.start = body.position
         """Place at boundary 0, (east, north, up): the origin of its own frame."""
         self.controlled = self.armed = False
+        self.sticks: Sticks | None = None
+        """The sticks of a remote control; None without one."""
         self.body = body
         self.collision: dict[str, Any] = _no_collision()
         self._rates: Vector = (0.0, 0.0, 0.0)
