@@ -9,7 +9,7 @@ PYTEST := $(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder -q
 # Tests start hundreds of processes: without stored bytecode each one compiles all it imports, half a second of CPU.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: help setup demo test thorough episodes wheels check lock sbom licences pythons bench study ray learners model detector browser readers eyes frameworks pictures missions selfcheck faults clean
+.PHONY: help setup demo test thorough episodes wheels check lock sbom licences pythons bench study ray learners notebooks model detector browser readers eyes frameworks pictures missions selfcheck faults clean
 
 help:
 	@echo 'make demo    play the sea rescue, seed 5, broadcast, with the heuristic agents'
@@ -25,6 +25,7 @@ help:
 	@echo 'make study   a suite: seeds 0-19, every mission in every mode, all reference agents: hours (STUDY="main --limit 1")'
 	@echo 'make ray     install Ray, play suites on a cluster of two local nodes (three minutes)'
 	@echo 'make learners  install Stable-Baselines3, RLlib, TorchRL and SuperSuit and train them for a few steps: minutes'
+	@echo 'make notebooks  install what runs notebooks, and run those of examples/notebooks: minutes'
 	@echo 'make model   install a small open model and play with it, offline: minutes'
 	@echo 'make faults  plant 2,000 faults in episodes and suites, one at a time: an hour (FAULTS=200 SEED=7)'
 	@echo 'make detector  play development seeds and train the detector of `learned` on their frames: an hour'
@@ -84,6 +85,10 @@ detector: setup
 learners: setup
 	@$(PYTHON3) tools/setup.py --learners
 	@.venv-learners/bin/python -m pytest -q -m learners tests/envs/test_learners.py
+
+notebooks: setup
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt nbclient nbformat ipykernel pandas
+	@$(BIN)/python -m pytest -q -p no:xdist tests/play/test_notebooks.py
 
 faults: setup
 	@FAULTS=$(or $(FAULTS),2000) SEED=$(or $(SEED),1) $(BIN)/python -m pytest -q -s -p no:xdist -m faults --timeout 36000 tests/faults

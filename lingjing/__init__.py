@@ -48,13 +48,14 @@ if TYPE_CHECKING:
     from lingjing.trace.reader import Trace
     from lingjing.trace.reader import read_trace as read
     from lingjing.trace.verification import verify_file as verify
+    from lingjing.viewer.inline import InlineEpisode, show
 
     __version__: str
 
 __all__ = [
-    "Diagnostic", "EpisodeReport", "InfrastructureError", "LingjingError", "Metrics", "Mission", "MissionError",
-    "PlayOptions", "PluginError", "Session", "SuiteResults", "Trace", "UsageError", "__version__", "arun", "bench",
-    "compile", "metrics", "pin", "read", "replay", "run", "verify",
+    "Diagnostic", "EpisodeReport", "InfrastructureError", "InlineEpisode", "LingjingError", "Metrics",
+    "Mission", "MissionError", "PlayOptions", "PluginError", "Session", "SuiteResults", "Trace", "UsageError",
+    "__version__", "arun", "bench", "compile", "metrics", "pin", "read", "replay", "run", "show", "verify",
 ]  # fmt: skip
 
 _RENAMED = {"read_trace": "read"}
@@ -67,6 +68,7 @@ _EXPORTS = {
     "Diagnostic": ("lingjing.mission.diagnostics", "Diagnostic"),
     "EpisodeReport": ("lingjing.play.report", "EpisodeReport"),
     "InfrastructureError": ("lingjing.errors", "InfrastructureError"),
+    "InlineEpisode": ("lingjing.viewer.inline", "InlineEpisode"),
     "LingjingError": ("lingjing.errors", "LingjingError"),
     "Metrics": ("lingjing.analysis.metrics", "Metrics"),
     "Mission": ("lingjing.mission.model", "Mission"),
@@ -84,6 +86,7 @@ _EXPORTS = {
     "read": ("lingjing.trace.reader", "read_trace"),
     "replay": ("lingjing.causal.replay", "replay"),
     "run": ("lingjing.play.episode", "run"),
+    "show": ("lingjing.viewer.inline", "show"),
     "verify": ("lingjing.trace.verification", "verify_file"),
 }
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from lingjing.trace.tables import FrameLibrary
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class SuiteResults:
     """The results of a suite: what `lingjing.bench` returns.
 
@@ -60,6 +60,10 @@ class SuiteResults:
             hint = nearest_or(unknown[0], TABLES, f"there are: {', '.join(TABLES)}")
             raise UsageError(f"no kind of table is called `{unknown[0]}`", hint=hint)
         return "\n".join(map(EXPORTS[format], make_tables(list(self.rows), kinds or self.kinds, self.title)))
+
+    def __repr__(self) -> str:
+        """One line."""
+        return f"<SuiteResults {self.title!r}: {len(self.rows)} rows, {self.folder}>"
 
     def _repr_html_(self) -> str:
         """Return the suite's tables, for notebooks."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
     from lingjing.mission.instance import Instance
     from lingjing.scene.city import City
     from lingjing.scene.osm.summary import Summary
-    from lingjing.scene.plan import PlanMarker, PlanRegion
 
 _PICTURES = (".png", ".svg", ".pdf")
 _MAPS = (".osm", ".pbf", ".gz", ".bz2", ".xml")
@@ -118,11 +116,8 @@ def _draw(args: argparse.Namespace) -> int:
     shows its regions and where its bodies begin for the seed: assets as triangles, targets as circles, hidden ones
     dashed. The rendered view shows them as the cameras do, from above.
     """
-    from matplotlib import rc_context
-
-    from lingjing.analysis.fonts import families, note_of_boxes
+    from lingjing.play.placed_plan import lettered, title_of, words_of, write_plan
     from lingjing.play.rendered_view import draw_view
-    from lingjing.scene.plan import draw_plan
 
     target = Path(args.output)
     if target.suffix.lower() not in _PICTURES:
@@ -130,19 +125,15 @@ def _draw(args: argparse.Namespace) -> int:
     if not target.parent.is_dir():
         raise UsageError(f"cannot write `{target}`: its folder does not exist", hint="choose another place with -o")
     city, instance = _placed(args)
-    title = "" if instance is None else f"{instance.title}, seed {instance.seed}, {instance.mode}"
-    names = () if instance is None else (*(e.id for e in instance.entities), *(r.name for r in instance.regions))
-    words = " ".join((city.id, city.attribution, title, *names))
-    with rc_context({"font.family": families(words)}), warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph .* missing from font")  # noted below
-        if args.view == "plan":
-            draw_plan(city, target, markers=_markers(instance), regions=_regions(instance), title=title)
-        elif instance is None:
-            raise UsageError("the rendered view shows the bodies of a mission", hint="name a mission, or draw the plan")
-        else:
-            draw_view(instance, city, target, title=title)
+    if args.view == "plan":
+        notes = write_plan(city, instance, target)
+    elif instance is None:
+        raise UsageError("the rendered view shows the bodies of a mission", hint="name a mission, or draw the plan")
+    else:
+        with lettered(words_of(city, instance)) as notes:
+            draw_view(instance, city, target, title=title_of(instance))
     print(target)
-    for note in note_of_boxes(words):
+    for note in notes:
         print(f"note: {note}", file=sys.stderr)
     return ExitCode.OK
 
@@ -154,32 +145,14 @@ def _placed(args: argparse.Namespace) -> tuple[City, Instance | None]:
         return _city(args), None
     from lingjing.cli.arguments import parse_seed, parse_tier
     from lingjing.dsl.loading.load import load_mission
-    from lingjing.kernel.cities import CityBuilder
-    from lingjing.mission.instantiate import instantiate
-    from lingjing.play.siting import sited_mission
-    from lingjing.plugins.host import PluginHost
+    from lingjing.play.placed_plan import place_mission
 
-    host = PluginHost()
+    seed, tier = parse_seed(args.seed), parse_tier(args.tier)
     with _phases(f"building the scene of {args.city}"):
-        mission = sited_mission(load_mission(args.city), args.scene or "", host)
-    instance = instantiate(mission, seed=parse_seed(args.seed), mode=args.mode, tier=parse_tier(args.tier))
-    with _phases(f"building the scene of {args.city}"):
-        placed, city = CityBuilder(host).place(instance, imported=bool(mission.origin.places))
+        placed, city = place_mission(
+            load_mission(args.city), seed=seed, mode=args.mode, tier=tier, scene=args.scene or ""
+        )
     return city, placed
-
-
-def _markers(instance: Instance | None) -> list[PlanMarker]:
-    from lingjing.scene.plan import PlanMarker
-
-    entities = () if instance is None else instance.entities
-    return [PlanMarker(e.id, *e.position[:2], e.role, "position" in e.hidden) for e in entities]
-
-
-def _regions(instance: Instance | None) -> list[PlanRegion]:
-    from lingjing.scene.plan import PlanRegion
-
-    regions = () if instance is None else instance.regions
-    return [PlanRegion(region.name, region.polygon, region.hidden) for region in regions if region.polygon]
 
 
 def _city(args: argparse.Namespace) -> City:

@@ -713,6 +713,10 @@ class Origin(Record, frozen=True, kw_only=True):
     """Entity id → the JSON path at which the document places it."""
 
 
+_PLAN = "lingjing.play.placed_plan:plan_png"
+"""The function that draws a mission for notebooks."""
+
+
 class Mission(Record, frozen=True, kw_only=True):
     """The checked content of a mission's text; `docs/language.md` defines each part.
 
@@ -768,9 +772,10 @@ class Mission(Record, frozen=True, kw_only=True):
         return f"<Mission {self.name} {self.title[:60]!r}: {held}, {'/'.join(self.modes.allowed)}>"
 
     def _repr_html_(self) -> str:
-        """Return the goal, the groups and the agents as a table, for notebooks."""
-        from lingjing.notebook_tables import html_table
+        """Return the goal, the groups and the agents as a table, and the plan of seed 0, for notebooks."""
+        from lingjing.notebook_tables import drawn_by, html_table
 
+        plan, problem = drawn_by(_PLAN, self)
         values = {
             "goal": self.goal,
             "modes": ", ".join(self.modes.allowed),
@@ -778,4 +783,10 @@ class Mission(Record, frozen=True, kw_only=True):
             "groups": ", ".join(f"{group.name}: {group.type}" for group in self.groups),
             "agents": ", ".join(f"{agent.name}: {agent.role}" for agent in self.agents),
         }
-        return html_table(f"{self.name}: {self.title}", values)
+        return html_table(f"{self.name}: {self.title}", values | ({"plan": problem} if problem else {}), plan)
+
+    def _repr_png_(self) -> bytes | None:
+        """Return the plan of the instance of seed 0, for notebooks; None if a body has no place."""
+        from lingjing.notebook_tables import drawn_by
+
+        return drawn_by(_PLAN, self)[0]

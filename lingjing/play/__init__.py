@@ -5,7 +5,7 @@ Concepts: *options* (`PlayOptions`) decide an episode. An *assigned policy* play
 
 - `options`         the options of an episode, from Python values or JSON
 - `deep_check`      the places of a mission's instances in its built city, without an episode
-- `rendered_view`   a picture of a placed instance from above, without an episode
+- `placed_plan`     a plan of a placed instance, without an episode; `rendered_view` its rendered picture
 - `siting`          the mission with its places found in a city from a map, cached
 - `preparation`     draws the instance and checks every option
   ← `policies` (the policy of each agent), `policy_files` (policies in files), `python_files` (loads a file of a user),

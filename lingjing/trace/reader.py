@@ -69,6 +69,9 @@ RECORD_BYTES = 2**24
 """Limit of the JSON of all records in a file: `RECORD_BYTES` plus `RECORD_RATIO` times the size of the file. Chosen, to
 bound the memory that an untrusted file can use."""
 
+SHOWN_PICTURES = 3
+"""Number of camera pictures that a notebook shows of a trace (chosen)."""
+
 RecordT = TypeVar("RecordT", bound=msgspec.Struct)
 
 
@@ -138,9 +141,11 @@ class Trace:
         return f"<Trace {instance.mission}-{instance.mode} seed {instance.seed}: {reason}, {held}, {self.path}>"
 
     def _repr_html_(self) -> str:
-        """Return the content of the trace as a table, with the overview picture beside it, for notebooks."""
-        from lingjing.notebook_tables import html_table
+        """Return the content of the trace as a table, the overview picture and three camera pictures, for notebooks."""
+        from lingjing.notebook_tables import html_table, thumbnail
 
+        overview, problem = self._overview
+        chosen = _spread(list(self.frames), SHOWN_PICTURES)
         instance, outcome = self.header.instance, self.outcome
         values = {
             "policies": ", ".join(f"{binding.agent}: {binding.policy}" for binding in self.header.bindings),
@@ -151,13 +156,21 @@ class Trace:
             "pictures": len(self.frames),
             "file": self.path,
         }
-        return html_table(f"{instance.mission}-{instance.mode}, seed {instance.seed}", values, self._repr_png_())
+        title = f"{instance.mission}-{instance.mode}, seed {instance.seed}"
+        small = [thumbnail(self.jpeg(name)) for name in chosen]
+        return html_table(title, values | ({"overview": problem} if problem else {}), overview, small)
 
     def _repr_png_(self) -> bytes | None:
-        """Return the overview picture beside the file; None if there is none."""
-        from lingjing.notebook_tables import bytes_of
+        """Return the overview picture, that of the folder or a new one; None if it cannot be drawn."""
+        return self._overview[0]
 
-        return bytes_of(self.path.with_name("overview.png"))
+    @cached_property
+    def _overview(self) -> tuple[bytes | None, str]:
+        """The overview picture, or the reason why there is none."""
+        from lingjing.notebook_tables import bytes_of, drawn_by
+
+        stored = bytes_of(self.path.with_name("overview.png"))
+        return (stored, "") if stored is not None else drawn_by("lingjing.analysis.overview:overview_png", self)
 
     @cached_property
     def frames(self) -> dict[str, FrameInfo]:
@@ -267,6 +280,13 @@ def read_trace(path: str | Path) -> Trace:
         for stored in scan(path, passed_over=CAMERAS, only=TOPICS_READ):
             records.take(stored)
     return records.trace()
+
+
+def _spread(names: list[str], count: int) -> list[str]:
+    """Return up to `count` names at even distances, the first and the last one among them."""
+    if len(names) <= count:
+        return names
+    return [names[round(number * (len(names) - 1) / (count - 1))] for number in range(count)]
 
 
 def _in_folder(path: Path) -> Path:

@@ -18,6 +18,7 @@ Modules in the order in which data passes through them:
 - `page_content`: head, steps, details and ending of a trace
 - `page`: the HTML page with its script and style
 - `single`: the page with an episode as one file
+- `inline`: that page in the frame of a notebook
 - `moments`: the moments of an episode that a film points out
 - `frames`: the frames of a film; `film`: the film as a file
 - `episode_view`: records without the truth

@@ -14,6 +14,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+import msgspec
 import pytest
 
 import lingjing
@@ -84,21 +85,46 @@ def test_the_page_names_every_export() -> None:
 
 
 @pytest.mark.usefixtures("folder")
-def test_notebooks_show_a_line_and_a_table() -> None:
+def test_notebooks_show_a_line_a_table_and_pictures() -> None:
     mission, results = lingjing.compile("first.ljs"), lingjing.bench("first.toml", out="runs/bench/first")
     report, trace = lingjing.run(mission, policy="random", out="runs/<b>shown"), lingjing.read("runs/first")
     assert "<Mission first" in repr(mission)
     assert repr(report).startswith("<EpisodeReport first-broadcast seed 0, random: budget, SCR ")
     assert repr(trace).startswith("<Trace first-broadcast seed 0: budget, 9 boundaries, ")
-    assert all("\n" not in repr(shown) for shown in (mission, report, trace))
+    assert all("\n" not in repr(shown) for shown in (mission, report, trace, lingjing.show(trace)))
     tables = [shown._repr_html_() for shown in (mission, report, trace)]
     assert all(table.startswith("<table><caption>first") for table in tables)
-    assert "<td>budget</td>" in tables[1]
-    assert "data:image/png;base64," in tables[1]
-    assert "<img" not in tables[2]  # played without an overview
-    assert (report._repr_png_() or b"").startswith(b"\x89PNG")
+    assert all("data:image/png;base64," in table for table in tables)
+    assert all((shown._repr_png_() or b"").startswith(b"\x89PNG") for shown in (mission, report, trace))
+    assert "budget</td>" in tables[1]
+    assert tables[2].count("data:image/jpeg;base64,") == len(trace.frames) == 2
     assert "<b>" not in lingjing.read(report.trace)._repr_html_()
     assert "<table" in results._repr_html_()
+    assert repr(results) == f"<SuiteResults 'First': {len(results.rows)} rows, runs/bench/first>"
+
+
+@pytest.mark.usefixtures("folder")
+def test_what_cannot_be_drawn_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(_: object) -> bytes:
+        raise lingjing.UsageError("no space left on the device")
+
+    monkeypatch.setattr("lingjing.analysis.overview.overview_png", full)
+    monkeypatch.setattr("lingjing.play.placed_plan.plan_png", full)
+    for shown in (lingjing.read("runs/first"), lingjing.compile("first.ljs")):
+        assert shown._repr_png_() is None
+        assert "no space left on the device" in shown._repr_html_()
+
+
+@pytest.mark.usefixtures("folder")
+def test_an_episode_plays_inline_without_reaching_its_page() -> None:
+    html = lingjing.show("runs/first", height_px=300)._repr_html_()
+    assert html.startswith('<iframe sandbox="allow-scripts" style="width:100%;height:300px;')
+    assert 'srcdoc="&lt;!doctype' in html
+    assert html.count("<") == 2  # the page is one escaped attribute
+    with pytest.raises(lingjing.UsageError, match="height_px=0"):
+        lingjing.show("runs/first", height_px=0)
+    with pytest.raises(lingjing.UsageError, match="no trace"):
+        lingjing.show(msgspec.structs.replace(lingjing.run("first.ljs", overview=False), trace=""))
 
 
 def test_a_former_name_warns() -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import msgspec
 import pytest
 
+import lingjing
 from lingjing import Trace
 from lingjing.trace.records import Decision, DecisionRecord
 from lingjing.viewer.server import ViewServer
@@ -238,3 +239,16 @@ def test_pictures_are_requested_when_shown_and_a_lost_one_has_a_note(chromium: A
     assert len(requested) == 2
     context.close()
     server.close()
+
+
+def test_an_episode_plays_in_the_frame_of_a_notebook(chromium: Any, trace: Trace, tmp_path: Path) -> None:
+    path = tmp_path / "notebook.html"
+    shown = lingjing.show(trace, truth=True)._repr_html_()
+    path.write_text(f"<!doctype html><meta charset=utf-8><p>before{shown}<p>after", encoding="utf-8")
+    with opened(chromium, path.as_uri()) as page:
+        frame = page.frame_locator("iframe")
+        frame.locator(READY).wait_for()
+        before = frame.locator("#clock").inner_text()
+        frame.locator("#seek").fill("1")
+        assert frame.locator("#clock").inner_text() != before
+        assert page.locator("p").all_inner_texts()[0].startswith("before")

@@ -12,6 +12,7 @@ The first call loads matplotlib; importing this package does not.
 
 from __future__ import annotations
 
+import tempfile
 from pathlib import Path
 
 from lingjing.scene.city import City
@@ -32,4 +33,12 @@ def draw_overview(trace: Trace, path: Path, city: City | None = None) -> tuple[s
     return draw_sheet(trace, path, city or city_of(trace))
 
 
-__all__ = ["draw_overview"]
+def overview_png(trace: Trace) -> bytes:
+    """Return the overview of a trace as a PNG. Raises `UsageError` if no temporary file can be written."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "overview.png"
+        draw_overview(trace, path)
+        return path.read_bytes()
+
+
+__all__ = ["draw_overview", "overview_png"]
