@@ -157,9 +157,12 @@ class Answers:
         scenario = data.get("scenario")
         if not isinstance(scenario, dict):
             raise LingjingError("a reset has no `scenario`")
+        task = str(data.get("taskId") or scenario.get("taskId") or "")
+        if task and task == self._task and not self.ended and not request_id_of(data):
+            return {"status": "reset", "taskId": task}  # a backend sends it again if the first one took it too long
         self.close()
         self._scenario, self._step, self.ended = scenario, 0, False
-        self._task = str(data.get("taskId") or scenario.get("taskId") or "")
+        self._task = task
         self._own_backend = isinstance(data.get(EXTENSION), dict)
         result: dict[str, object] = {"status": "reset", "taskId": self._task}
         if self._own_backend:  # the world of a foreign backend is built when it is needed

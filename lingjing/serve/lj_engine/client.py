@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -45,8 +45,9 @@ def serve_backend(
     middle of an episode.
     """
     with ExitStack() as stack:
-        connection = _connected(url, token, stack)
         host = PluginHost()
+        _prepare(host, names)
+        connection = _connected(url, token, stack)
 
         def send(message: object) -> None:
             connection.send(msgspec.json.encode(message, enc_hook=_plain).decode())
@@ -54,6 +55,15 @@ def serve_backend(
         answers = Answers(settings, host, HostedEngines(host, names), send, say)
         stack.callback(answers.close)
         _answer_all(connection, answers, once=once)
+
+
+def _prepare(host: PluginHost, names: tuple[str, ...]) -> None:
+    """Import the engines before the session begins: a backend waits 5 s for the acknowledgement of a scenario."""
+    from lingjing.dsl.loading import load  # noqa: F401 - imported for its modules
+
+    for name in names:
+        with suppress(InfrastructureError):  # a package is missing; a scenario with its bodies says so
+            host.engine(name).factory().close()
 
 
 def _answer_all(connection: Any, answers: Answers, *, once: bool) -> None:

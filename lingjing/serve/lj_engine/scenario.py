@@ -23,6 +23,7 @@ def scenario_maker(mission: Mission, settings: Mapping[str, float], task_id: str
         scenario: dict[str, object] = dict(scenario_of(mission, instance, settings, list_of))
         scenario |= _kept(mission)
         task_type = scenario.get("taskType") or scenario.get("task_type") or mission.name
+        scenario.setdefault("extras", {})
         return {**scenario, "taskId": task_id, "scenarioId": f"{mission.name}-{instance.seed}", "taskType": task_type}
 
     return make

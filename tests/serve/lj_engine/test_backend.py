@@ -51,7 +51,7 @@ def test_a_client_of_each_profile_flies_a_mission_and_the_trace_replays_without_
 
 
 def test_two_of_our_processes_play_a_mission_with_the_digest_of_the_local_run(serve: Serve, tmp_path: Path) -> None:
-    served = serve("--observe", "tick", verbs=NORTH, uavs=2)
+    served = serve("--world", "process", verbs=NORTH, uavs=2)
     engine = subprocess.Popen(
         [sys.executable, "-m", "lingjing.cli.main", "engine", "--connect", served.url(), "--once"],
         stderr=subprocess.PIPE, text=True, cwd=tmp_path,
@@ -88,7 +88,7 @@ def test_a_script_engine_reports_the_ends_of_commands_as_events(serve: Serve) ->
 
 
 def test_a_script_engine_that_is_asked_for_nothing_keeps_its_last_pose(serve: Serve) -> None:
-    served = serve("--profile", "script", "--observe", "hold", ticks=2)
+    served = serve("--profile", "script", "--observe", "hold", ticks=4)
     client = ScriptEngine(served.url())
     client.start()
     trace = served.finish()
@@ -255,3 +255,45 @@ def test_late_answers_are_dropped_and_recorded(serve: Serve) -> None:
 
 def connection(backend: Backend, address: str = "airsim") -> ReferenceClient:
     return ReferenceClient(backend.url(address))
+
+
+REMOTE = """\
+ljs 2
+use std.air { quadrotor }
+use std.weather { clear }
+
+asset foreign : quadrotor { engine = remote }
+
+mission hop "Hop" {
+  goal "Fly north."
+  scene bay
+  clock { tick = 2 s, sync = 500 ms }
+  budget { ticks <= 12, policy <= 90 s, engine <= 30 s, capture <= 30 s }
+  weather clear
+  mode broadcast
+  asset uav[k in 1..1] : foreign {
+    position = (306.6 m, -620.2 m, 1.875 m), heading = 0 deg, cruise = 15 m/s, band = 0 m..200 m
+    actions { takeoff, setDestination, stop }
+  }
+  agent pilot[i in 1..1] as pilot controls uav[i] { observes uav[i].*, events }
+  success when forall u in uav: distance_xy(u, (306.6 m, -500 m)) <= 20 m
+}
+"""
+
+
+def test_a_type_of_the_engine_remote_belongs_to_a_session(
+    serve: Serve, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "hop.ljs").write_text(REMOTE)
+    assert (
+        run_command(
+            ["run", str(tmp_path / "hop.ljs"), "--policy", "idle", "--world", "inline", "-o", str(tmp_path / "alone")]
+        )
+        == 3
+    )
+    assert "lingjing serve --lj-engine MISSION" in capsys.readouterr().err
+    served = serve("--policy", "pilot.py:Pilot", mission="hop.ljs", verbs=NORTH)
+    ReferenceClient(served.url()).start()
+    trace = served.finish()
+    assert trace.outcome is not None and trace.outcome.success
+    assert lingjing.replay(trace, world="inline").difference is None

@@ -264,3 +264,15 @@ def test_a_backend_that_goes_away_in_an_episode_is_named(tmp_path: Path) -> None
     backend.close()
     _, text = process.communicate(timeout=WAIT_S)
     assert process.returncode == 3 and "the backend has closed the connection" in text and "Traceback" not in text
+
+
+def test_a_scenario_that_is_sent_again_without_an_id_does_not_begin_anew(dial: Dial) -> None:
+    backend = dial("--profile", "open_vocab")
+    backend.ask("resetScenario", scenario=scenario())
+    backend.ask("executeAction", action={"task_id": "T-1", "offset": [0.0, -1000.0]})
+    before = backend.ask("getObservation", query=query("step"))["data"]
+    backend.send("resetScenario", scenario=scenario())
+    after = backend.ask("getObservation", query=query("step"))["data"]
+    assert after["step"] == before["step"] == 1 and after["pose"] == before["pose"]
+    backend.ask("resetScenario", scenario=scenario())
+    assert backend.ask("getObservation", query=query("reset"))["data"]["step"] == 0, "with an id it does"
