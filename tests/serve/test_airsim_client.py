@@ -159,8 +159,8 @@ def test_images_of_a_survey(serve: Serve) -> None:
     assert info.fov == 90.0
     with pytest.raises(rpc_error, match="no camera `back_center`: front, nadir"):
         client.simGetImage("back_center", types.Scene)
-    with pytest.raises(rpc_error, match="image type 7 is not served"):
-        client.simGetImages([airsim.ImageRequest("0", types.Infrared)])
+    with pytest.raises(rpc_error, match="image type 8 is not served"):
+        client.simGetImages([airsim.ImageRequest("0", types.OpticalFlow)])
     leave(client)
     trace = served.finish()
     assert sum(len(record.frames) for record in trace.boundaries) == 3
@@ -336,3 +336,37 @@ def test_angles_rates_throttles_and_sticks_tilt_the_drone_itself(serve: Serve) -
     assert client.simGetDistortionParams("front") == [0.0] * 5
     leave(client)
     assert run_command(["replay", str(served.finish().path), "--world", "inline"]) == 0
+
+
+def test_detections_and_segmentation_ids_of_the_other_drone(serve: Serve) -> None:
+    served = serve("--scene", "bay", "--drones", "2")
+    client = connected(served, "drone1", "drone2")
+    assert sorted(client.simListInstanceSegmentationObjects()) == ["drone1", "drone2"]
+    assert len(client.simListInstanceSegmentationPoses()) == 2
+    client.moveToZAsync(-6, 3, vehicle_name="drone1").join()
+    scene = airsim.ImageType.Scene
+    assert client.simGetDetections("bottom_center", scene, "drone1") == [], "nothing is detected without a filter"
+    client.simAddDetectionFilterMeshName("bottom_center", scene, "drone*", "drone1")
+    client.simSetDetectionFilterRadius("bottom_center", scene, 2_000, "drone1")
+    (detection,) = client.simGetDetections("bottom_center", scene, "drone1")
+    assert detection.name == "drone2"
+    low, high = detection.box2D.min, detection.box2D.max
+    assert 0 <= low.x_val < high.x_val <= 256 and 0 <= low.y_val < high.y_val <= 144
+    assert detection.relative_pose.position.x_val == pytest.approx(5.9, abs=0.8), "metres below, along the optical axis"
+    assert detection.box3D.min.x_val < detection.relative_pose.position.x_val < detection.box3D.max.x_val
+    segmentation = airsim.ImageRequest("bottom_center", airsim.ImageType.Infrared, False, False)
+    own = client.simGetSegmentationObjectID("drone2")
+    assert client.simSetSegmentationObjectID("drone2", 200) and client.simGetSegmentationObjectID("drone2") == 200
+    assert not client.simSetSegmentationObjectID("Unicorn", 200) and client.simGetSegmentationObjectID("Unicorn") == -1
+    assert client.simSetSegmentationObjectID("dro.*1", 201, True)
+    (image,) = client.simGetImages([segmentation], "drone1")
+    ids = np.frombuffer(image.image_data_uint8, np.uint8).reshape(image.height, image.width, 3)
+    shown = ids[int(low.y_val) : int(high.y_val), int(low.x_val) : int(high.x_val), 0]
+    assert own != 200 and (shown == 200).any()
+    client.simSetDetectionFilterRadius("bottom_center", scene, 100, "drone1")
+    assert client.simGetDetections("bottom_center", scene, "drone1") == []
+    client.simClearDetectionMeshNames("bottom_center", scene, "drone1")
+    with pytest.raises(rpc_error, match="0 to 255"):
+        client.simSetSegmentationObjectID("drone2", 900)
+    leave(client)
+    served.finish()

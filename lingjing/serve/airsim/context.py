@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fnmatch
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -12,6 +13,20 @@ from lingjing.serve.airsim.pictures import ImageWish
 from lingjing.serve.airsim.server import Call, Client
 from lingjing.serve.airsim.vehicles import Fleet, Surroundings, Vehicle
 from lingjing.trace.records import BodyState
+
+
+@dataclass
+class DetectionFilter:
+    """The objects that one camera detects."""
+
+    names: list[str] = field(default_factory=list)
+    """Names with `*` and `?`, in lower case; none detects nothing, as in AirSim."""
+    radius_m: float = 200.0
+    """The largest distance, metres (AirSim's default: 20,000 cm)."""
+
+    def admits(self, name: str, distance_m: float) -> bool:
+        """Return whether an object is detected."""
+        return distance_m <= self.radius_m and any(fnmatch.fnmatchcase(name.lower(), each) for each in self.names)
 
 
 @dataclass(eq=False)
@@ -51,6 +66,10 @@ class Context:
     """Mission time at which `simContinueForTime` pauses."""
     run_call: Call | None = None
     """The call of `simContinueForTime` that waits."""
+    segmentation: dict[str, int] = field(default_factory=dict)
+    """The ids that clients have given to objects, by entity; others have that of their class."""
+    filters: dict[tuple[str, str, int], DetectionFilter] = field(default_factory=dict)
+    """The filters of detections, by vehicle, camera and image type."""
     waits: list[PictureWait] = field(default_factory=list)
     """The calls that wait for pictures."""
     flying: dict[str, Call] = field(default_factory=dict)

@@ -5,12 +5,13 @@ from __future__ import annotations
 from lingjing.serve.airsim.arguments import Arguments, CallError
 from lingjing.serve.airsim.context import Context, Later, Method
 from lingjing.serve.airsim.flight_methods import FLIGHT
+from lingjing.serve.airsim.object_methods import OBJECTS
 from lingjing.serve.airsim.picture_methods import PICTURES
 from lingjing.serve.airsim.server import Call
 from lingjing.serve.airsim.state_methods import STATE
 from lingjing.serve.airsim.world_methods import WORLD
 
-METHODS: dict[str, Method] = {**WORLD, **FLIGHT, **STATE, **PICTURES}
+METHODS: dict[str, Method] = {**WORLD, **FLIGHT, **STATE, **PICTURES, **OBJECTS}
 """The served methods by their names on the wire."""
 
 

@@ -60,7 +60,9 @@ def free_flight(scene: str, drones: int, width: int, height: int, minutes: int) 
     `UsageError` for a city that does not exist.
     """
     place = f"at(i, [{', '.join(_start(scene, number) for number in range(drones))}])"
-    picture = f"size = {width} by {height}, hfov = 90 deg, channels = [rgb, depth, semantic], capture = on_request"
+    picture = (
+        f"size = {width} by {height}, hfov = 90 deg, channels = [rgb, depth, semantic, instance], capture = on_request"
+    )
     return f"""ljs 2
 use std.air {{ quadrotor }}
 use std.messages {{ note }}

@@ -35,7 +35,8 @@ def _images(context: Context, call: Call, arguments: Arguments) -> Later | list[
         return []
 
     def answer(pictures: dict[str, Picture]) -> object:
-        return [image_response(wish, pictures[wish.camera.name], vehicle) for wish in wishes]
+        numbers = context.segmentation
+        return [image_response(wish, pictures[wish.camera.name], vehicle, numbers) for wish in wishes]
 
     return _wait(context, PictureWait(call, vehicle, wishes, answer))
 
@@ -48,7 +49,7 @@ def _image(context: Context, call: Call, arguments: Arguments) -> Later:
     wish = image_wish(vehicle, camera, image_type, as_float=False, compressed=True)
 
     def answer(pictures: dict[str, Picture]) -> object:
-        return image_response(wish, pictures[wish.camera.name], vehicle)["image_data_uint8"]
+        return image_response(wish, pictures[wish.camera.name], vehicle, context.segmentation)["image_data_uint8"]
 
     return _wait(context, PictureWait(call, vehicle, (wish,), answer))
 

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import io
 import math
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
+from lingjing.engines.camera.classes import entity_class
 from lingjing.mission.instance import CameraSpec, Entity
 from lingjing.plugins.policy import Picture
 from lingjing.scene.camera_geometry import camera_axes, focal_px
@@ -22,7 +24,7 @@ from lingjing.serve.airsim.frames import camera_turn, quaternionr, vector3
 from lingjing.serve.airsim.vehicles import Vehicle, stamp
 from lingjing.trace.records import CameraPose
 
-SCENE, DEPTH_PLANAR, DEPTH_PERSPECTIVE, DEPTH_VIS, SEGMENTATION, NORMALS = 0, 1, 2, 3, 5, 6
+SCENE, DEPTH_PLANAR, DEPTH_PERSPECTIVE, DEPTH_VIS, SEGMENTATION, NORMALS, INFRARED = 0, 1, 2, 3, 5, 6, 7
 """The served values of AirSim's `ImageType`."""
 
 _CHANNELS = {
@@ -32,6 +34,7 @@ _CHANNELS = {
     DEPTH_VIS: "depth",
     SEGMENTATION: "semantic",
     NORMALS: "depth",
+    INFRARED: "semantic",
 }
 """Image type → the channel that it needs."""
 
@@ -83,7 +86,7 @@ def image_wish(
     channel = _CHANNELS[image_type]
     if channel not in camera.channels:
         raise CallError(f"camera `{camera.name}` of `{vehicle.name}` has no channel `{channel}` in this mission")
-    if as_float and image_type in (SCENE, SEGMENTATION, NORMALS):
+    if as_float and image_type in (SCENE, SEGMENTATION, NORMALS, INFRARED):
         raise CallError(f"image type {image_type} has no floats: only depth has")
     if not vehicle.agent.receives_pictures(vehicle.entity.id, camera.name):
         raise CallError(f"agent `{vehicle.agent.id}` does not observe camera `{camera.name}` in this mission")
@@ -92,14 +95,21 @@ def image_wish(
     return ImageWish(camera, image_type, as_float, compressed, camera_name)
 
 
-def image_response(wish: ImageWish, picture: Picture, vehicle: Vehicle) -> dict[str, Any]:
-    """Return an `ImageResponse`."""
+def class_number(entity: Entity) -> int:
+    """Return the id of an object's class in segmentations."""
+    return entity_class(entity)
+
+
+def image_response(
+    wish: ImageWish, picture: Picture, vehicle: Vehicle, numbers: Mapping[str, int] | None = None
+) -> dict[str, Any]:
+    """Return an `ImageResponse`. `numbers`: ids in segmentations that replace those of classes, by entity."""
     floats: list[float] = []
     data = b""
     if wish.as_float:
         floats = _depth(wish.type, picture).astype(np.float64).ravel().tolist()
     else:
-        pixels = _pixels(wish.type, picture)
+        pixels = _pixels(wish.type, picture, numbers or {})
         data = png(pixels) if wish.compressed else np.ascontiguousarray(pixels[..., ::-1]).tobytes()
     return {
         "image_data_uint8": data,
@@ -125,18 +135,31 @@ def png(pixels: npt.NDArray[np.uint8]) -> bytes:
     return file.getvalue()
 
 
-def _pixels(image_type: int, picture: Picture) -> npt.NDArray[np.uint8]:
+def _pixels(image_type: int, picture: Picture, numbers: Mapping[str, int]) -> npt.NDArray[np.uint8]:
     if image_type == SCENE:
         return picture.rgb
     if image_type == SEGMENTATION:
-        assert picture.semantic is not None  # the camera has the channel
-        return _PALETTE[picture.semantic]
+        return _PALETTE[_ids(picture, numbers)]
+    if image_type == INFRARED:
+        return np.repeat(_ids(picture, numbers)[..., None], 3, axis=2)
     if image_type == NORMALS:
         return _normals(picture)
     depth = _depth(DEPTH_PLANAR if image_type == DEPTH_VIS else image_type, picture)
     scale = 255.0 / _VISIBLE_M if image_type == DEPTH_VIS else 1.0
     grey = np.clip(depth * scale, 0.0, 255.0).astype(np.uint8)
     return np.repeat(grey[..., None], 3, axis=2)
+
+
+def _ids(picture: Picture, numbers: Mapping[str, int]) -> npt.NDArray[np.uint8]:
+    """Return the id of each pixel: that of its class, or the one that a client has given to the object."""
+    assert picture.semantic is not None  # the camera has the channel
+    if picture.instance is None or not numbers:
+        return picture.semantic
+    ids = picture.semantic.copy()
+    for name, number in numbers.items():
+        if name in picture.instance_ids:
+            ids[picture.instance == picture.instance_ids[name]] = number
+    return ids
 
 
 def _depth(image_type: int, picture: Picture) -> npt.NDArray[np.float32]:
