@@ -10,10 +10,12 @@ from pathlib import Path
 
 import msgspec
 
-from lingjing.cli.files import print_columns, write_whole
+from lingjing.cli.arguments import parse_whole
+from lingjing.cli.files import check_output, print_columns, say_written, write_output, write_whole
 from lingjing.errors import ExitCode, UsageError
 from lingjing.trace.call_store import CALLS_NAME, CallReader, calls_of
 from lingjing.trace.calls import CallResult, RecordedCall
+from lingjing.trace.reader import read_trace
 
 _COLUMNS = ("tick", "agent", "call", "pictures", "attempts", "tokens in", "out", "USD", "seconds", "result")
 _SHOWN = 60
@@ -27,6 +29,15 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--full", action="store_true", help="print requests and answers in full")
     parser.add_argument(
         "--pictures", metavar="DIR", help="write the pictures of the requests into a folder, named by hash"
+    )
+    parser.add_argument("--html", metavar="FILE", help="write a page that can be searched; it needs no network")
+    parser.add_argument(
+        "--inspect",
+        metavar="FILE",
+        help="write a log for `inspect view` (.eval or .json; pip install inspect_ai)",
+    )
+    parser.add_argument(
+        "--pictures-mb", metavar="MB", default="12", help="the greatest size of all pictures of a page (default 12)"
     )
     parser.add_argument(
         "--output-format", choices=("text", "json"), default="text", help="output format (default: text)"
@@ -42,6 +53,10 @@ def handler(args: argparse.Namespace) -> int:
             f"`{place}` has no record of model calls beside it" if place.exists() else f"there is no `{place}`",
             hint=f"an episode whose policies call chat models writes `{CALLS_NAME}` beside its trace",
         )
+    if args.html and args.inspect:
+        raise UsageError("--html and --inspect write one file each", hint="leave one of them out")
+    if args.html or args.inspect:
+        return _write_file(record, place, args)
     with closing(CallReader(record)) as reader:
         calls = reader.calls(args.agent, args.tick)
         if args.pictures:
@@ -53,6 +68,32 @@ def handler(args: argparse.Namespace) -> int:
         else:
             print_columns([_COLUMNS, *map(_row, calls)])
     return ExitCode.OK
+
+
+def _write_file(record: Path, place: Path, args: argparse.Namespace) -> int:
+    """Write the page or the log. The trace beside the record, if there is one, adds what came of the answers."""
+    output = args.html or args.inspect
+    budget_mb = parse_whole("--pictures-mb", args.pictures_mb, 2000)
+    check_output(output, [str(record)])
+    file = next((file for file in (place, *_traces(record)) if file.is_file() and file != record), None)
+    trace = None if file is None else read_trace(file)
+    with closing(CallReader(record)) as reader:
+        if args.html:
+            from lingjing.viewer.calls_page import calls_page
+
+            text = calls_page(reader, trace, agent=args.agent, tick=args.tick, budget_bytes=budget_mb * 1_000_000)
+            write_output(text, output)
+        else:
+            from lingjing.viewer.inspect_log import write_inspect_log
+
+            write_inspect_log(reader, trace, Path(output), agent=args.agent)
+    if output != "-":
+        say_written(output)
+    return ExitCode.OK
+
+
+def _traces(record: Path) -> tuple[Path, Path]:
+    return record.with_name("trace.mcap"), record.with_name("trace.mcap.part")
 
 
 def _print_json(calls: Iterable[RecordedCall]) -> None:

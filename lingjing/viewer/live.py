@@ -109,6 +109,10 @@ class LiveSource:
             trace: Trace = self._follower.trace
         return trace.jpeg(name)
 
+    def calls(self) -> bytes:
+        """Raise `UsageError`: the record of an episode is shown when it has ended."""
+        raise UsageError("the model calls of a running episode are shown when it has ended")
+
     def follow(self, begin: int) -> Iterator[tuple[str, bytes]]:
         """Yield the steps from `begin` on when they exist, then the ending."""
         while not self._closed.is_set():

@@ -11,21 +11,35 @@ import hashlib
 import html
 from functools import lru_cache
 from importlib.resources import files
+from typing import NamedTuple
 
-SCRIPTS = ("city.js", "episode.js", "marks.js", "player.js")
+
+class PageAssets(NamedTuple):
+    """The files of one kind of page."""
+
+    document: str
+    style: str
+    scripts: tuple[str, ...]
 
 
-def page(title: str, data: str, *, meta_policy: bool) -> str:
+PLAYER = PageAssets("player.html", "player.css", ("city.js", "episode.js", "marks.js", "player.js"))
+"""The player of an episode."""
+
+CALLS = PageAssets("calls.html", "calls.css", ("calls.js",))
+"""The model calls of an episode."""
+
+
+def page(title: str, data: str, *, meta_policy: bool, assets: PageAssets = PLAYER) -> str:
     """Return the page as HTML. `data` contains its data elements, which the caller has escaped.
 
     With `meta_policy`, the page contains the content security policy for a file. A server sends `policy()` as a header.
     """
-    script, style = _assets()
+    script, style = _assets(assets)
     meta = ""
     if meta_policy:
-        meta = f'<meta http-equiv="Content-Security-Policy" content="{policy(served=False)}">'
+        meta = f'<meta http-equiv="Content-Security-Policy" content="{policy(served=False, assets=assets)}">'
     parts = {"meta": meta, "title": html.escape(title), "style": style, "data": data, "script": script}
-    text = _asset("player.html")
+    text = _asset(assets.document)
     for name, value in parts.items():
         before, _, after = text.partition(f"{{{{{name}}}}}")
         text = before + value + after
@@ -39,9 +53,9 @@ def element(name: str, text: str) -> str:
     return f'<script type="text/plain" id="d-{html.escape(name)}">{text}</script>'
 
 
-def policy(*, served: bool) -> str:
+def policy(*, served: bool, assets: PageAssets = PLAYER) -> str:
     """Return the content security policy of a page from a server (`served`) or from a file."""
-    script, style = (f"'sha256-{_sha256(text)}'" for text in _assets())
+    script, style = (f"'sha256-{_sha256(text)}'" for text in _assets(assets))
     rules = {
         "default-src": "'none'",
         "script-src": script,
@@ -56,11 +70,11 @@ def policy(*, served: bool) -> str:
     return "; ".join(f"{name} {value}" for name, value in rules.items())
 
 
-@lru_cache(maxsize=1)
-def _assets() -> tuple[str, str]:
+@lru_cache(maxsize=2)
+def _assets(assets: PageAssets) -> tuple[str, str]:
     """Return the script and the style."""
-    script = "\n".join(_asset(name) for name in SCRIPTS)
-    return f'"use strict";\n{{\n{script}\n}}\n', _asset("player.css")
+    script = "\n".join(_asset(name) for name in assets.scripts)
+    return f'"use strict";\n{{\n{script}\n}}\n', _asset(assets.style)
 
 
 def _asset(name: str) -> str:

@@ -20,7 +20,7 @@ from typing import Protocol
 from lingjing.errors import LingjingError, UsageError
 from lingjing.processes.signals import blocked_signals
 from lingjing.viewer.admission import HOST, ConnectionGate, RefusedRequest, RequestHead, path_and_query, refusal
-from lingjing.viewer.page import element, page, policy
+from lingjing.viewer.page import CALLS, PLAYER, PageAssets, element, page, policy
 
 MOST_CONNECTIONS = 32
 """Most admitted connections at a time. Chosen: a browser keeps about six."""
@@ -28,7 +28,7 @@ MOST_CONNECTIONS = 32
 PATIENCE_S = 60.0
 """Time without progress, seconds, after which a connection is closed. Chosen."""
 
-JSON = "application/json"
+JSON, HTML = "application/json", "text/html; charset=utf-8"
 _SQUEEZED = 1400
 """Shortest response, bytes, that is compressed. Chosen: a shorter one fits into one network packet anyway."""
 
@@ -57,6 +57,10 @@ class PageSource(Protocol):
 
     def picture(self, name: str) -> bytes:
         """Return a stored picture as JPEG."""
+        ...
+
+    def calls(self) -> bytes:
+        """Return the page of model calls, HTML."""
         ...
 
     def follow(self, begin: int) -> Iterator[tuple[str, bytes]]:
@@ -201,7 +205,7 @@ class _PageRequest(LocalRequest):
 
     def _answer(self, path: str, query: dict[str, str]) -> None:
         makers: dict[str, Callable[[], tuple[str, bytes]]] = {
-            "/": lambda: ("text/html; charset=utf-8", self._page()),
+            "/": lambda: (HTML, self._page()),
             "/page-start": lambda: (JSON, self.served.page_start()),
             "/ground": lambda: (JSON, self.served.ground()),
             "/details": lambda: (JSON, self.served.details(_number(query.get("chunk")))),
@@ -210,6 +214,8 @@ class _PageRequest(LocalRequest):
         try:
             if path == "/follow":
                 self._follow(_number(query.get("from")))
+            elif path == "/calls":
+                self._send(HTTPStatus.OK, HTML, self.served.calls(), CALLS)
             elif path in makers:
                 self._send(HTTPStatus.OK, *makers[path]())
             else:
@@ -226,13 +232,13 @@ class _PageRequest(LocalRequest):
     def _page(self) -> bytes:
         return page("Lingjing", element("source", self.served.source.decode()), meta_policy=False).encode()
 
-    def _send(self, status: HTTPStatus, kind: str, body: bytes) -> None:
+    def _send(self, status: HTTPStatus, kind: str, body: bytes, assets: PageAssets = PLAYER) -> None:
         squeezed = (
             kind != "image/jpeg" and len(body) > _SQUEEZED and "deflate" in self.headers.get("Accept-Encoding", "")
         )
         if squeezed:
             body = zlib.compress(body, 1)
-        self._head(status, kind)
+        self._head(status, kind, assets)
         if squeezed:
             self.send_header("Content-Encoding", "deflate")
         self.send_header("Content-Length", str(len(body)))
@@ -243,11 +249,11 @@ class _PageRequest(LocalRequest):
         with contextlib.suppress(OSError):
             self._send(status, "text/plain; charset=utf-8", message.encode(errors="replace"))
 
-    def _head(self, status: HTTPStatus, kind: str) -> None:
+    def _head(self, status: HTTPStatus, kind: str, assets: PageAssets = PLAYER) -> None:
         self.send_response(status)
         for name, value in (
             ("Content-Type", kind),
-            ("Content-Security-Policy", policy(served=True)),
+            ("Content-Security-Policy", policy(served=True, assets=assets)),
             ("X-Content-Type-Options", "nosniff"),
             ("Referrer-Policy", "no-referrer"),
             ("Cross-Origin-Resource-Policy", "same-origin"),

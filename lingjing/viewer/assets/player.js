@@ -332,6 +332,7 @@ function clock(s) { const m = Math.floor(s / 60); return m >= 60 ? `${Math.floor
 async function main() {
   document.documentElement.dataset.theme = remembered("lingjing-theme") || (matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark");
   const spec = JSON.parse(byId("d-source").textContent), source = spec.kind === "file" ? new FileSource(spec) : new ServerSource(spec);
+  if (spec.calls) { byId("calls").hidden = false; byId("calls").addEventListener("click", () => window.open(source.url("calls"), "_blank")); }
   source.chunk = spec.chunk;
   try {
     let told = await source.pageStart();
