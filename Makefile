@@ -35,7 +35,7 @@ help:
 	@echo 'make frameworks  install LangGraph and Inspect beside, and try the examples of own agents with them: minutes'
 	@echo 'make pictures  draw the contact sheet in docs/images'
 	@echo 'make selfcheck  store the digest of the self-check anew, after a change of what engines compute'
-	@echo 'make missions  play every mission and write its page in docs/missions (RESULTS=a suite's folder)'
+	@echo 'make missions  play every mission and write its page in docs/missions (RESULTS=the folder of a suite)'
 
 setup:
 	@$(PYTHON3) tools/setup.py

@@ -34,7 +34,7 @@ Modules, from the computation of single quantities to the presentation of an epi
 - `metrics`: `metrics(trace) -> Metrics`, the paper's tables of metrics
 - `shares`: the confidence interval of a share
 - `history`: the data of a trace by entity and by tick, for drawing
-- `played_city`: the city of an episode, built again
+- `played_city`: the city of an episode, built again; `trace_exports`: a trace as files of other programs
 - `page_pictures`: the map with tracks and the best frame of each camera, for pages
 - `fonts`: fonts that cover the letters of a text
 - `overview`: `draw_overview(trace, path)`, one picture of an episode

@@ -10,11 +10,11 @@ the signals and the end of the process. `files` reads missions and writes files.
 - `validate`, `compile`, `fmt`, `explain`, `lsp`   mission text: its errors, graph, layout; the meaning of an error code
 - `test`, `generate`                               the expectations of missions, and composed missions that meet theirs
 - `graph` ← `conditions`, `docs` ← `missionpage`   a mission as a picture, its conditions, and as a page
-- `scene`                                          a city built from a map
+- `scene`                                          a city built from a map, described, drawn, exported
 - `run` ← `arguments` (parsing of option values), `progress` (the live line), `watch` (the episode in the terminal),
   `scorecard` (the numbers of one episode), `results` (printed results of one or many episodes)
 - `bench` ← `attribution` (planted faults)         a suite of many episodes, its rows and its tables
-- `verify`, `replay`, `why`, `metrics`             a trace: integrity, determinism, reason of the outcome, metrics
+- `verify`, `replay`, `why`, `metrics`, `trace`    a trace: integrity, determinism, reason, metrics, files for others
 - `fork`, `blame`, `value` ← `branches`            branches of a trace: interventions, blame, value of messages
 - `view`, `film`                                   a trace in the browser, and as a film
 - `serve`, `serve_engines`                         an episode for clients of AirSim's API, or with foreign engines

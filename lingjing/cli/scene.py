@@ -1,4 +1,4 @@
-"""`lingjing scene`: build a city from a map, describe a city, or draw it from above."""
+"""`lingjing scene`: build a city from a map, describe a city, draw it from above, or export it."""
 
 from __future__ import annotations
 
@@ -77,6 +77,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     draw.set_defaults(handler=_draw)
 
+    export = actions.add_parser(
+        "export", help="write a city as glTF, GeoJSON, SUMO's network or MuJoCo's model", description=_export.__doc__
+    )
+    export.add_argument("--format", metavar="FORMAT", required=True, help="glb, geojson, sumo or mjcf")
+    _add_city(export)
+    export.add_argument("-o", "--output", metavar="OUT", required=True, help="the file to write")
+    export.set_defaults(handler=_export)
+
 
 def _add_city(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
@@ -135,6 +143,18 @@ def _draw(args: argparse.Namespace) -> int:
     print(target)
     for note in notes:
         print(f"note: {note}", file=sys.stderr)
+    return ExitCode.OK
+
+
+def _export(args: argparse.Namespace) -> int:
+    """Write a city for other programs: `glb` (glTF 2.0) for viewers and engines, `geojson` (degrees of WGS84) for maps,
+    `sumo` (the road network), `mjcf` (solid shapes) for MuJoCo.
+    """
+    from lingjing.scene.exports import write_city
+
+    target = Path(args.output)
+    size = write_city(_city(args), args.format, target)
+    print(f"{target} ({size / 1e6:.1f} MB)")
     return ExitCode.OK
 
 

@@ -29,6 +29,7 @@ The modules, in the order in which an episode uses them:
 - `camera_geometry`   pixels, rays and points; headings; camera mounts of a body
 - `city_checks`       the checks that every city passes
 - `plan`        the city from above: flat shapes in painting order, and their painter
+- `exports`     a city as glTF, GeoJSON, SUMO's network or MuJoCo's model
 - `translation` pieces translated to the centre of a scene
 - `surroundings` the city around a mission, for viewers: shapes, and meshes in space
 
