@@ -12,6 +12,7 @@ Modules in the order of a run:
 - `columns`      missions in their modes, and at the values of their sweeps
 - `planning`     looks up names and makes the cells
 - `money`        estimates model calls, their price and their duration
+- `model_check`  makes one real request in each column, before a suite
 - `executors`, `on_ray`  play episodes in local processes or on a Ray cluster
 - `countdown`    estimates the remaining time and cost
 - `running`      plays the episodes that the folder lacks

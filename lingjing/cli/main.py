@@ -69,6 +69,7 @@ VERBS = (
     _CommandVerb("lsp", "run the language server: errors, completion and renaming in an editor"),
     _CommandVerb("scene", "build a city from a map; describe, draw or export a city", computes=True),
     _CommandVerb("plugins", "list engines, policies, scenes, evaluators and models, or the options of one of them"),
+    _CommandVerb("models", "list chat models; check one with a few real requests", computes=True),
     _CommandVerb("prompts", "list, show and improve the prompts of policies", computes=True),
     _CommandVerb("frames", "make labelled sets of frames; test detectors with them", computes=True),
     _CommandVerb("new", "write a policy, a mission or an engine to start from"),

@@ -28,6 +28,7 @@ from lingjing.plugins.policy import (
     Policy,
     UnreadBox,
     Usage,
+    UsageError,
 )
 from lingjing.plugins.scaffold import (
     AgentParts,
@@ -45,7 +46,7 @@ from lingjing_agents.llm.options import ModelProfile
 from lingjing_agents.llm.retry import CallDeadline
 from lingjing_agents.react.ablation import shown_brief, shown_observation
 from lingjing_agents.react.answer import StepParser, after_reasoning
-from lingjing_agents.react.facts import compact
+from lingjing_agents.react.facts import compact, interface
 from lingjing_agents.react.history import TurnMemory
 from lingjing_agents.react.options import ReactOptions
 from lingjing_agents.react.pictures import image, images
@@ -56,6 +57,7 @@ from lingjing_agents.react.request_budget import RequestBudget, picture_sizes
 from lingjing_agents.react.route_guidance import RouteGuidance
 from lingjing_agents.react.search_budget import SearchBudget
 from lingjing_agents.react.step import StepFormat
+from lingjing_agents.react.token_bound import message_bound
 from lingjing_agents.sweep import SweepPolicy
 
 PATIENCE = 3
@@ -67,6 +69,9 @@ Chosen."""
 
 LONGEST_SIDE = 4096
 """The longer side of a sent picture at most, pixels, where neither option nor model has a bound. Chosen."""
+
+LEAST_SHARE = 0.7
+"""Tokens of a text for each token of its bound, at least. Measured: 0.73 (`react.call_profile`)."""
 
 CROP_SIDE = 768
 """The longer side of a crop at least, pixels; a smaller crop is enlarged. Chosen."""
@@ -112,6 +117,26 @@ class ReactPolicy:
         schema = self._parts.parser.schema
         self._schema = msgspec.json.encode(schema) if self._structured and schema is not None else None
         self._search = SearchBudget(self._brief, self._options.research)
+        self._check_context()
+
+    def _check_context(self) -> None:
+        """Raise `UsageError` if the model's context is shorter than the system text that begins every request."""
+        context = self._model.profile.traits.context
+        parts = self._parts
+        text = "\n".join(
+            (
+                self._prompt.filled(self._brief, parts.parser.instructions),
+                interface(self._brief),
+                parts.memory.instructions,
+            )
+        )
+        least = round(LEAST_SHARE * message_bound(text))
+        if context is not None and context < least:
+            raise UsageError(
+                f"`{self._options.model}` has a context of {context:,} tokens, and the first request of "
+                f"`{self._brief.agent}` has at least {least:,}, without its state, pictures and answer",
+                hint="serve it with a longer context and set `context` in the list of models, or choose another",
+            )
 
     async def act(self, observation: Observation, inbox: Inbox) -> Decision:
         """Return the step of the model's answer, after its crops and repairs.
