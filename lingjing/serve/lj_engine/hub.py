@@ -190,7 +190,7 @@ class Hub:
         frame = msgspec.json.encode({"type": "DATA", "data": content})
         for other in self.sessions.values():
             if other is not session and other.user_type == receiver:
-                other.send(frame)
+                other.relay(frame)
 
     def _refuse(self, session: Session, use: Use, text: str, reason: str) -> None:
         self._drop(use, session, text, self.now())

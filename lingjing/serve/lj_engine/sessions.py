@@ -14,6 +14,8 @@ from lingjing.engines.remote.messages import Document
 USER_TYPES = ("LJ-ENGINE", "LJ-UE", "LJ-CREW")
 """The user types of the protocol."""
 _PATH = re.compile(r"/ws/([A-Za-z-]{1,20})/([A-Za-z0-9_.-]{1,64})/?")
+_MOST_RELAYED = 2**20
+"""Most unread bytes of a session beside which relays of other sessions are still added. Chosen."""
 _MOST_UNSENT = 64 * 2**20
 """Most bytes that wait for a session that does not read; beyond them it is closed. Chosen."""
 POLICY_VIOLATION = 1008
@@ -74,6 +76,11 @@ class Session:
                 self._unsent.append(frame.decode())
                 self._unsent_bytes += len(frame)
             self._news.notify()
+
+    def relay(self, frame: bytes) -> None:
+        """Queue a frame of another session, unless this one has much to read already: a flood must not end it."""
+        if self._unsent_bytes <= _MOST_RELAYED:
+            self.send(frame)
 
     def finish(self) -> None:
         """Close the connection after the frames that wait."""

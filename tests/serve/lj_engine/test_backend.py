@@ -158,6 +158,8 @@ def test_a_session_that_takes_pictures_gives_the_pixels_and_may_give_the_boxes(s
     (upload,) = [frame for frame in trace.engine_frames if frame.use == "upload"]
     assert json.loads(upload.text)["fields"]["viewType"] == "topdown"
     assert photographer.statuses == [200]
+    replayed = lingjing.replay(trace, world="inline")
+    assert replayed.difference is None and replayed.confirmed == len(trace.boundaries)
 
 
 class Photographer(ReferenceClient):

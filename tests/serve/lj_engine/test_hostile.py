@@ -302,3 +302,14 @@ def test_nobody_comes(serve: Serve) -> None:
     _, text = served.process.communicate(timeout=WAIT_S)
     assert served.process.returncode == 3
     assert "no session has come within 1 s: LJ-ENGINE_airsim is awaited, none is connected" in text
+
+
+def test_a_flood_of_relays_does_not_end_the_session_that_plays(midway: Any) -> None:
+    served, client = midway
+    stranger = ReferenceClient(served.url("stranger")).socket
+    relay = json.dumps({"commandType": "sendToEngine", "data": {"text": "x" * 100_000}})
+    for _ in range(1000):  # 100 MB for a client that stands still
+        stranger.send(relay)
+    stranger.ping().wait(60)  # the server has read them all
+    assert not client.ended
+    stranger.close()
