@@ -839,7 +839,7 @@ def test_a_policy_over_a_model_need_not_repeat_itself(brief):
 
 def test_the_host_finds_the_built_in_plug_ins_through_the_door_of_all():
     host = PluginHost(entry_points=False, extra=(builtin,))
-    named = {"multirotor", "plane", "quadruped", "road", "vessel", "satellite", "city", "camera"}
+    named = {"multirotor", "plane", "quadruped", "road", "vessel", "satellite", "remote", "city", "camera"}
     assert set(host.engines) == named
     assert [name for name, plugin in host.engines.items() if plugin.sensor] == ["camera"]
     assert host.engine("camera").place == "camera"

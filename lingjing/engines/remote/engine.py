@@ -61,7 +61,7 @@ class RemoteEngine:
     def reset(self, spec: EngineSpec, city: City, seed: int) -> Boundary:
         """Send the scenario, choose the driver by the acknowledgement, and return boundary 0."""
         self._tick_s = spec.instance.clock.tick_s
-        profile, ack = self._acknowledged(self._scenario(spec.instance))
+        profile, ack, events = self._acknowledged(self._scenario(spec.instance))
         if _offers_extension(ack, spec.engine):
             exact = ExactDriver(self._link, spec, self._settings.reply_s)
             self._driver = exact
@@ -76,7 +76,7 @@ class RemoteEngine:
                 self._link, spec.engine, bodies, names, reply_s=self._settings.reply_s, asks=self._settings.asks
             )
             self._driver = script
-            return script.reset()
+            return script.reset(events)
         offsets = OffsetsDriver(
             self._link, spec.engine, profile, bodies, names, reply_s=self._settings.reply_s, act_s=self._settings.act_s
         )
@@ -109,25 +109,27 @@ class RemoteEngine:
             raise UsageError("no episode is running", hint="call reset first")
         return self._driver
 
-    def _acknowledged(self, scenario: Document) -> tuple[Profile | None, Document]:
-        """Send the scenario until a profile acknowledges it. Returns the profile, None for `script`, and the
-        acknowledgement. Raises `InfrastructureError` if none does."""
+    def _acknowledged(self, scenario: Document) -> tuple[Profile | None, Document, tuple[Document, ...]]:
+        """Send the scenario until a profile acknowledges it. Returns the profile, None for `script`, the
+        acknowledgement, and the events that came with it. Raises `InfrastructureError` if none does."""
         settings = self._settings
         fields: Document = {"scenario": scenario, EXTENSION: {"version": EXTENSION_VERSION}}
         if settings.profile == "script":
             request = Request(PROFILES["open_vocab"].reset, fields)
-            (reply,) = self._link.exchange([request], settings.reply_s).replies
+            exchange = self._link.exchange([request], settings.reply_s)
+            (reply,) = exchange.replies
             if reply is None:  # as the paper's system does: again without ids, and on without an acknowledgement
-                self._link.exchange([Request(request.command, fields, wants_reply=False)], 0.0)
-            self._check(reply or {})
-            return None, reply or {}
+                again = self._link.exchange([Request(request.command, fields, wants_reply=False)], 0.0)
+                return None, {}, (*exchange.events, *again.events)
+            self._check(reply)
+            return None, reply, exchange.events
         names = tuple(PROFILES) if settings.profile == "auto" else (settings.profile,)
         for name in names:
             profile = PROFILES[name]
             (reply,) = self._link.exchange([Request(profile.reset, fields)], settings.reply_s).replies
             if reply is not None:
                 self._check(reply)
-                return profile, reply
+                return profile, reply, ()
         sent = ", ".join(f"`{PROFILES[name].reset}`" for name in names)
         raise InfrastructureError(
             f"the session has not acknowledged {sent} within {settings.reply_s:g} s",

@@ -136,7 +136,7 @@ class Names:
 
     entities: tuple[Entity, ...]
     wire: dict[str, str] = field(default_factory=dict)
-    """The name on the wire, by entity; its id until the session says otherwise."""
+    """The name on the wire, by entity; until the session says otherwise, its code in the document: its label or id."""
 
     def learn(self, names: Sequence[str]) -> str:
         """Take over the names that a session acknowledges. Returns the fault; "" without one.
@@ -157,7 +157,7 @@ class Names:
 
     def of(self, entity: str) -> str:
         """Return the name of an entity on the wire."""
-        return self.wire.get(entity, entity)
+        return self.wire.get(entity) or next(each.label or each.id for each in self.entities if each.id == entity)
 
     def entity(self, name: str) -> str:
         """Return the entity with this name on the wire; "" if there is none. A nameless pose is that of a single

@@ -58,8 +58,10 @@ class ScriptDriver:
         self._time_s = 0.0
         self._entities = {entity.id: entity for entity in bodies.entities}
 
-    def reset(self) -> Boundary:
-        """Return boundary 0: the poses that the session has sent so far, else those of the document."""
+    def reset(self, events: Sequence[Document]) -> Boundary:
+        """Return boundary 0: the poses that the session has sent so far, else those of the document. `events` came
+        with the acknowledgement of the scenario."""
+        self._read(Exchange((), tuple(events)), 0.0)
         self._take(0.0)
         return self._boundary(0.0)
 

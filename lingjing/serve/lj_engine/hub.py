@@ -37,6 +37,8 @@ MOST_DROPPED = 2000
 """Most dropped frames of an episode that are recorded (chosen)."""
 _CUT = 1000
 """Letters of a dropped frame that are recorded."""
+_LONGEST_KIND = 40
+"""Letters of the kind of an event that are kept."""
 _EXPIRED = 4096
 """Expired requests that are remembered, so that a late answer is known as one."""
 _RELAYS = {"sendToUE": "LJ-UE", "sendToEngine": "LJ-ENGINE", "sendCommandToUE": "LJ-UE"}
@@ -220,6 +222,8 @@ class LiveLink:
         self._replies: dict[int, _Arrived] = {}
         self._events: deque[_Arrived] = deque()
         self._paced_from: float | None = None
+        self._kinds: set[str] = set()
+        """The kinds of events that have arrived."""
 
     @property
     def task_id(self) -> str:
@@ -259,8 +263,7 @@ class LiveLink:
         """Wait until an event of this kind has arrived. `isReady` may have no `commandType`."""
 
         def has_come() -> bool:
-            messages = [arrived.message for arrived in self._events]
-            return any(command_type(m) == event or (event == READY and READY in m) for m in messages)
+            return event in self._kinds
 
         with self._hub.news:
             self._hub.news.wait_for(lambda: has_come() or bool(self.session.lost), deadline_s)
@@ -288,6 +291,8 @@ class LiveLink:
     def add_event(self, arrived: _Arrived) -> list[_Arrived]:
         """Queue an event. Returns the events that it drops: older telemetry, or the oldest beyond the limit."""
         dropped: list[_Arrived] = []
+        if len(self._kinds) < MOST_EVENTS:
+            self._kinds.add(READY if READY in arrived.message else command_type(arrived.message)[:_LONGEST_KIND])
         if command_type(arrived.message) == TELEMETRY:
             dropped = [event for event in self._events if command_type(event.message) == TELEMETRY]
             for event in dropped:

@@ -84,6 +84,7 @@ def test_a_script_engine_reports_the_ends_of_commands_as_events(serve: Serve) ->
     assert sent[2]["command"]["y"] == pytest.approx(50000.0), "north is minus Y, in centimetres"
     done = [receipt for record in trace.boundaries for receipt in record.receipts if receipt.status == "completed"]
     assert len(done) == 3
+
     assert lingjing.replay(trace, world="inline").difference is None
 
 
@@ -298,4 +299,33 @@ def test_a_type_of_the_engine_remote_belongs_to_a_session(
     ReferenceClient(served.url()).start()
     trace = served.finish()
     assert trace.outcome is not None and trace.outcome.success
+    assert lingjing.replay(trace, world="inline").difference is None
+
+
+def test_a_document_of_the_papers_is_played_under_its_own_names(serve: Serve, tmp_path: Path) -> None:
+    drone = {"equipmentCode": "UAV-7", "name": "scout", "data": {"X": 30660.0, "Y": 62020.0, "Z": 190.0}, "raw": 0.0}
+    goal = {"targetId": "G-1", "uav_id": "UAV-7", "X": 30660.0, "Y": 58000.0, "Z": 1500.0}
+    document = {
+        "lingjing": {"mission": "goals", "unit": "cm"}, "taskType": "open_vocab", "extras": {"note": "kept"},
+        "equipmentList": {"droneEntityList": [drone]},
+        "taskMatrix": [{"task_id": "T", "goal": "fly", "initial_state": {"goalPosition": [goal]}}],
+    }  # fmt: skip
+    (tmp_path / "goal.json").write_text(json.dumps({"commandType": "resetScenario", "scenario": document}))
+    served = serve("--profile", "script", "--pace", "fast", "--policy", "heuristic", mission="goal.json")
+
+    class Simulator(ScriptEngine):
+        def reset(self, scenario: dict[str, Any]) -> None:
+            self.scenario = scenario
+            self.task = scenario["taskId"]
+            (row,) = scenario["equipmentList"]["droneEntityList"]
+            self.poses = {row["equipmentCode"]: [row["data"][axis] for axis in "XYZ"]}
+
+    client = Simulator(served.url())
+    client.start()
+    trace = served.finish()
+    assert list(client.poses) == ["UAV-7"] and client.scenario["extras"] == {"note": "kept"}
+    assert client.scenario["taskType"] == "open_vocab"
+    actions = [frame["data"] for frame in client.received if "dronesAction" in frame.get("data", {})]
+    assert {row["dronesId"] for action in actions for row in action["dronesAction"]} <= {"UAV-7"}
+    assert trace.outcome is not None and trace.outcome.reason in ("success", "budget")
     assert lingjing.replay(trace, world="inline").difference is None
