@@ -30,7 +30,7 @@ help:
 	@echo 'make faults  plant 2,000 faults in episodes and suites, one at a time: an hour (FAULTS=200 SEED=7)'
 	@echo 'make detector  play development seeds and train the detector of `learned` on their frames: an hour'
 	@echo 'make browser  install a browser (Debian'"'"'s Chromium, playwright) and try the pages in it'
-	@echo 'make readers  install what Foxglove and Rerun read traces with, and try it (needs Node.js)'
+	@echo 'make readers  install what others read traces, results and cities with, and try it (needs Node.js)'
 	@echo 'make eyes    install a detector trained on photographs and show it vehicles and people (needs Node.js; EYES=--quick)'
 	@echo 'make frameworks  install LangGraph and Inspect beside, and try the examples of own agents with them: minutes'
 	@echo 'make pictures  draw the contact sheet in docs/images'
@@ -107,8 +107,8 @@ browser: setup
 
 readers: setup
 	@npm install --prefix tests/readers --no-audit --no-fund --no-package-lock --ignore-scripts --loglevel=error
-	@$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt rerun-sdk websockets pandas polars
-	@$(BIN)/python -m pytest -q -p no:xdist tests/trace/test_trace_in_node.py tests/viewer/test_rerun_recording.py tests/viewer/test_foxglove_server.py tests/trace/test_trace_tables.py tests/play/test_public_examples.py
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt rerun-sdk websockets pandas polars mlcroissant pyogrio pyproj
+	@$(BIN)/python -m pytest -q -p no:xdist tests/trace/test_trace_in_node.py tests/viewer/test_rerun_recording.py tests/viewer/test_foxglove_server.py tests/trace/test_trace_tables.py tests/play/test_public_examples.py tests/bench/test_croissant.py tests/cli/test_cli_exports.py
 
 eyes: setup
 	@npm install --prefix benchmarks/eyes_net --no-audit --no-fund --no-package-lock --ignore-scripts --legacy-peer-deps --loglevel=error

@@ -33,6 +33,11 @@ _FIELDS = (
 """Columns of the Parquet file, and their meaning."""
 
 
+def column_meanings() -> dict[str, str]:
+    """Return the meaning of each column of the Parquet file that is no metric, by name."""
+    return {name: text for names, text in _FIELDS for name in names.split(", ")}
+
+
 def dataset_card(rows: Sequence[SuiteRow], about: str = "") -> str:
     """Return the card in Markdown, with the YAML header that dataset hubs read."""
     return "\n".join([*_head(rows), *_made_of(rows, about), *_columns(), *_results(rows), *_limits(rows)]) + "\n"
@@ -116,4 +121,4 @@ def seed_ranges(seeds: Iterable[int]) -> str:
     return ", ".join(str(low) if low == high else f"{low}-{high}" for low, high in runs)
 
 
-__all__ = ["PAPER", "dataset_card", "seed_ranges"]
+__all__ = ["PAPER", "column_meanings", "dataset_card", "seed_ranges"]

@@ -90,6 +90,11 @@ def rows_frame(rows: Iterable[SuiteRow], library: FrameLibrary) -> Any:
     return frames.from_arrow(table) if library == "polars" else table.to_pandas(use_threads=False)
 
 
+def stored_columns() -> dict[str, str]:
+    """Return the columns of the file with the names of their Arrow types. Raises `UsageError` without pyarrow."""
+    return {field.name: str(field.type) for field in _schema(_arrow())}
+
+
 def _decoded(table: pa.Table, file: Path) -> Iterator[SuiteRow]:
     names = [name for name in SuiteRow.__struct_fields__ if name in table.schema.names]
     for at, plain in enumerate(table.select(names).to_pylist()):
@@ -152,4 +157,4 @@ def _arrow() -> Any:
     return pa
 
 
-__all__ = ["encode_rows", "read_rows"]
+__all__ = ["encode_rows", "read_rows", "stored_columns"]

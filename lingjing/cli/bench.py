@@ -61,6 +61,12 @@ def add_options(parser: ArgumentParser) -> None:
     card = actions.add_parser("card", help="write a dataset card of results", description=_card.__doc__)
     _add_results(card)
     card.add_argument("-o", "--output", metavar="OUT.md", help="a file (default: standard output)")
+    card.add_argument(
+        "--format",
+        choices=("markdown", "croissant"),
+        default="markdown",
+        help="a page, or MLCommons' Croissant for one results.parquet (default: markdown)",
+    )
     card.set_defaults(handler=_card)
     add_plant(actions.add_parser("plant", help="make episodes with known faults", description=plant_faults.__doc__))
     listed = actions.add_parser("list", help="list the suites that ship", description=_list.__doc__)
@@ -279,13 +285,22 @@ def _leaderboard(args: argparse.Namespace) -> int:
 
 
 def _card(args: argparse.Namespace) -> int:
-    """Describe results in Markdown, for a README beside them: the suite, the entrants and the meaning of each
-    column.
+    """Describe results for a file beside them: in Markdown the suite, the entrants and the meaning of each column, as
+    Croissant the columns and the checksum of one results.parquet.
     """
     from lingjing.bench.dataset_card import dataset_card
     from lingjing.bench.merging import merge_results
     from lingjing.bench.suite import read_document
 
+    if args.format == "croissant":
+        from lingjing.bench.croissant import parquet_file, results_croissant
+        from lingjing.bench.parquet import read_rows
+
+        if len(args.results) != 1:
+            raise UsageError("a Croissant card describes one results.parquet", hint="merge first: lingjing bench merge")
+        file = parquet_file(args.results[0])
+        write_output(results_croissant(file, read_rows(file)), args.output)
+        return ExitCode.OK
     suites = [place / "suite.toml" for place in args.results if (place / "suite.toml").is_file()]
     about = str(read_document(suites[0]).get("about", "")) if suites else ""
     write_output(dataset_card(merge_results(args.results, other_code=args.other_code), about), args.output)

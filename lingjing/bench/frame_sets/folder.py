@@ -1,6 +1,7 @@
 """The folder of a frame set: pictures, COCO annotations, a Hugging Face image folder and a card.
 
     SET/README.md                         the card, with a configuration for each class
+    SET/croissant.json                    the files, fields and checksums for MLCommons' readers
     SET/CLASS/frames.jsonl                the labels of each frame: one `SetFrame` per line
     SET/CLASS/coco_train.json             COCO, file names relative to SET/CLASS; coco_validation.json beside it
     SET/CLASS/train/metadata.jsonl        for Hugging Face's `imagefolder`, beside the pictures; validation/ likewise
@@ -23,6 +24,7 @@ from typing import Any
 
 import msgspec
 
+from lingjing.bench.croissant import CROISSANT, frames_croissant
 from lingjing.bench.dataset_card import PAPER, seed_ranges
 from lingjing.bench.exports import escape_markdown
 from lingjing.bench.frame_sets.balance import SPLITS, ClassSet, SetFrame, Split
@@ -53,6 +55,8 @@ def write_set(
         for class_set in sets:
             _write_class(folder / _plain(class_set.cls), class_set, jpeg, mask)
         (folder / CARD).write_text(_frame_card(sets, about), encoding="utf-8")
+        card = frames_croissant(folder, [class_set.cls for class_set in sets], SPLITS)
+        (folder / CROISSANT).write_text(card, encoding="utf-8")
 
 
 def check_new(target: Path) -> None:
