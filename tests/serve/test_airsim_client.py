@@ -199,7 +199,7 @@ def test_a_wrong_or_unserved_call_is_answered_with_a_message(serve: Serve) -> No
     served = serve("--scene", "bay")
     client = connected(served)
     for call, message in (
-        (client.getLidarData, "`getLidarData` is not served"),
+        (client.getEchoData, "`getEchoData` is not served"),
         (lambda: client.simSetWind(airsim.Vector3r(9, 0, 0)), "`simSetWind` is not served"),
         (lambda: client.moveToPositionAsync(float("nan"), 0, 0, 5).get(), "`x` of `moveToPosition` is a finite number"),
         (lambda: client.moveToPositionAsync("a", 0, 0, 5).get(), "`x` of `moveToPosition` is a number, not 'a'"),
@@ -368,5 +368,20 @@ def test_detections_and_segmentation_ids_of_the_other_drone(serve: Serve) -> Non
     client.simClearDetectionMeshNames("bottom_center", scene, "drone1")
     with pytest.raises(rpc_error, match="0 to 255"):
         client.simSetSegmentationObjectID("drone2", 900)
+    leave(client)
+    served.finish()
+
+
+def test_a_lidar_sees_the_ground_below_the_drone(serve: Serve) -> None:
+    served = serve("--scene", "bay")
+    client = connected(served)
+    client.moveToZAsync(-6, 3).join()
+    data = client.getLidarData()
+    points = np.array(data.point_cloud).reshape(-1, 3)
+    assert 20 < len(points) <= 8 * 45
+    assert (np.linalg.norm(points, axis=1) < 40.0).all()
+    below = points[points[:, 2] > 1.0][:, 2]
+    height = -place(client)[2]
+    assert np.median(below) == pytest.approx(height, abs=1.0), "most rays that look down meet the pier"
     leave(client)
     served.finish()

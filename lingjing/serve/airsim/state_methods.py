@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from lingjing.mission.instance import Vector
@@ -9,7 +10,7 @@ from lingjing.serve.airsim.arguments import Arguments, CallError
 from lingjing.serve.airsim.context import Context, Method
 from lingjing.serve.airsim.frames import attitude, ned, pose, quaternion, to_body, vector3
 from lingjing.serve.airsim.server import Call
-from lingjing.serve.airsim.vehicles import GRAVITY_MPS2, Vehicle, air, distance_data, geo_point, stamp
+from lingjing.serve.airsim.vehicles import GRAVITY_MPS2, RAY_RANGE_M, Vehicle, air, distance_data, geo_point, stamp
 from lingjing.trace.records import GROUNDED
 
 _QNH_HPA = 1013.25
@@ -21,6 +22,27 @@ _FIX_3D = 3
 _DOWN_TURN = (0.7071067811865476, 0.0, -0.7071067811865476, 0.0)
 _FORWARD_TURN = (1.0, 0.0, 0.0, 0.0)
 """Turns of the distance sensor in the body's frame: downwards and forwards."""
+
+
+_LIDAR_CHANNELS, _LIDAR_POINTS = 8, 45
+"""Rows of a lidar and points of each row (chosen: a picture of the lidar takes a second at most)."""
+_LIDAR_UP_DEG, _LIDAR_DOWN_DEG = 10.0, -25.0
+"""Elevations of the first and the last row, degrees (AirSim's default for drones is -15 to -25; this looks ahead)."""
+
+
+def _rays() -> tuple[Vector, ...]:
+    """Return the directions of a lidar: forward, right, down."""
+    rays: list[Vector] = []
+    for row in range(_LIDAR_CHANNELS):
+        share = row / (_LIDAR_CHANNELS - 1)
+        up = math.radians(_LIDAR_UP_DEG + share * (_LIDAR_DOWN_DEG - _LIDAR_UP_DEG))
+        for column in range(_LIDAR_POINTS):
+            turn = 2.0 * math.pi * column / _LIDAR_POINTS
+            rays.append((math.cos(up) * math.cos(turn), math.cos(up) * math.sin(turn), -math.sin(up)))
+    return tuple(rays)
+
+
+_LIDAR_RAYS = _rays()
 
 
 def _multirotor(context: Context, call: Call, arguments: Arguments) -> dict[str, Any]:
@@ -115,6 +137,25 @@ def _distance(context: Context, call: Call, arguments: Arguments) -> dict[str, A
     return distance_data(length, context.time_s, _DOWN_TURN if down else _FORWARD_TURN)
 
 
+def _lidar(context: Context, call: Call, arguments: Arguments) -> dict[str, Any]:
+    """Return the points of the city around a vehicle, in its own frame: forward, right, down."""
+    vehicle = _sensed(context, arguments)
+    angles = attitude(vehicle.body)
+    axes = [to_body(angles, axis) for axis in _AXES]  # the body's parts of north, east and down
+    points: list[float] = []
+    for direction in _LIDAR_RAYS:
+        north, east, down = (sum(a * b for a, b in zip(axis, direction, strict=True)) for axis in axes)
+        reach = context.surroundings.distance(vehicle.body.position, ned((north, east, down)))
+        if reach < RAY_RANGE_M:
+            points += [reach * part for part in direction]
+    return {
+        "point_cloud": points,
+        "time_stamp": stamp(context.time_s),
+        "pose": vehicle.pose(),
+        "groundtruth": "",
+    }
+
+
 def _down(vehicle: Vehicle) -> Vector:
     """Return the body's down axis, (east, north, up)."""
     angles = attitude(vehicle.body)
@@ -175,5 +216,6 @@ STATE: dict[str, Method] = {
     "getGpsData": _gps,
     "getDistanceSensorData": _distance,
     "getHomeGeoPoint": _home,
+    "getLidarData": _lidar,
 }
 """The methods by name."""

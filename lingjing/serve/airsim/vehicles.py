@@ -39,7 +39,7 @@ _DIPOLE_NT = (-29_404.8, -1_450.9, 4_652.5)
 """The dipole of the earth's magnetic field: g10, g11, h11 of IGRF-13, epoch 2020, nT."""
 _NT_GAUSS = 1e-5
 
-_NEAR_M, _FAR_M = 0.2, 40.0
+_NEAR_M, RAY_RANGE_M = 0.2, 40.0
 """Range of the distance sensor, metres (AirSim's defaults)."""
 _RAY_STEPS = 14
 """Halvings of the range of a ray: 40 m to 2 mm."""
@@ -181,7 +181,7 @@ class Surroundings:
 
     def distance(self, place: Vector, direction: Vector) -> float:
         """Return the length of a ray until it meets the city or its water, metres, within the sensor's range."""
-        low, high = 0.0, _FAR_M
+        low, high = 0.0, RAY_RANGE_M
         if self._is_clear(place, direction, high):
             return high
         for _ in range(_RAY_STEPS):
@@ -201,7 +201,7 @@ def distance_data(distance: float, time_s: float, turn: tuple[float, float, floa
         "time_stamp": stamp(time_s),
         "distance": distance,
         "min_distance": _NEAR_M,
-        "max_distance": _FAR_M,
+        "max_distance": RAY_RANGE_M,
         "relative_pose": pose((0.0, 0.0, 0.0), turn),
     }
 
