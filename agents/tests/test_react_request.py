@@ -17,7 +17,6 @@ import msgspec
 import numpy as np
 import pytest
 from lingjing_agents.react.facts import interface
-from lingjing_agents.react.policy import ReactPolicy
 
 import lingjing
 from agents.tests.agent_kit import react
@@ -150,7 +149,6 @@ async def _asked(column: str, agent: AgentSpec) -> list[Told]:
     projector = Projector(instance, 0, city)
     with serve([Reply(_first_answer(brief)), Reply(NOOP)]) as server:
         policy = react(model="test-model", base_url=server.url, images="16")
-        assert isinstance(policy, ReactPolicy)
         await policy.reset(brief)
         for tick in (0, 3):
             seen = projector.observe(agent, registry_of(instance, tick))

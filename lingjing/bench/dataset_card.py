@@ -20,6 +20,7 @@ _FIELDS = (
     ("entrant, mission, mode, condition, seed", "identify the episode; a seed is the same instance for all entrants"),
     ("tries, standing", "number of the try; `counted`, `aborted` (played again) or `lost` (the third abort)"),
     ("policy, model, privileged", "the policy and its model; true if it observes the ground truth"),
+    ("served", "the models that the service named in its answers"),
     (
         "policy_seed, salt_sha256",
         "seed of the policies' own random streams; fingerprint of the salt that it depends on",

@@ -47,6 +47,8 @@ class SuiteRow(msgspec.Struct, frozen=True, kw_only=True):
     """The policy's name."""
     model: str = ""
     """The model's name; empty for other policies."""
+    served: str = ""
+    """The models that the service named in its answers, with commas; empty if it named none."""
     privileged: bool = False
     """True if one of the entrant's policies observes the ground truth."""
     policy_seed: int = 0

@@ -15,6 +15,7 @@ import shutil
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -32,7 +33,7 @@ from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeTask
 from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport
 from lingjing.play.spending import SpendingLimits
-from lingjing.trace.call_store import CALLS_NAME
+from lingjing.trace.call_store import CALLS_NAME, CallReader
 
 TRIES = 3
 """The number of tries of an episode before it is lost. Chosen."""
@@ -195,6 +196,7 @@ class SuiteRun:
             row = self._row(episode, task.options, report, wall_s)
             if not self._keeps(episode.cell):  # before the row is stored: a kill in between would leave the run forever
                 remove_run(task.folder)
+            self._tell_change(row)
             self.results.add(row)
             if row.standing == "aborted":
                 again.append(SuiteEpisode(episode.cell, episode.seed, episode.tries + 1))
@@ -203,6 +205,15 @@ class SuiteRun:
                 countdown.done(row.cell, row.wall_s, cost_of(row))
             self.tell(row, countdown)
         return again
+
+    def _tell_change(self, row: SuiteRow) -> None:
+        """Tell that a service names another model than before for the same entrant."""
+        before = dict.fromkeys(old.served for old in self.results.rows if old.entrant == row.entrant and old.served)
+        if row.served and before and row.served not in before:
+            self.services.tell(
+                f"warning: the service of {row.entrant} names `{row.served}` now, and before `{[*before][-1]}`: "
+                "the rows of both are kept, and tables say so"
+            )
 
     def _tasks(self, of: dict[Path, SuiteEpisode], started: dict[Path, float]) -> Iterator[EpisodeTask]:
         """Yield the tasks until the money is spent; the remains of an unfinished try are removed first."""
@@ -282,6 +293,7 @@ class SuiteRun:
             standing=standing,
             policy=cell.player.declared.name,
             model=cell.player.model.name if cell.player.model else "",
+            served=_served(self._folder(episode) / CALLS_NAME),
             privileged=cell.player.privileged or report.privileged,
             policy_seed=options.policy_seed,
             salt_sha256=fingerprint(self.results.salt()),
@@ -291,6 +303,15 @@ class SuiteRun:
             options=msgspec.structs.replace(options, mission=cell.column.mission, ledger="", calls_from=""),
             report=msgspec.structs.replace(report, trace=kept),
         )
+
+
+def _served(record: Path) -> str:
+    """Return the models that the answers of a record name, with commas; "" without a record that can be read."""
+    if not record.is_file():
+        return ""
+    with suppress(UsageError), closing(CallReader(record)) as reader:
+        return ", ".join(reader.served())
+    return ""
 
 
 def _played_on(episode: SuiteEpisode) -> tuple[object, ...]:

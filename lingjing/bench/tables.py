@@ -80,6 +80,7 @@ def standing_notes(rows: Sequence[SuiteRow]) -> tuple[str, ...]:
         notes.append(f"{len(failed)} did not begin, because a policy failed, and count as failures: {_named(failed)}")
     if replaced := _replaced_answers(counted):
         notes.append(f"answers of policies replaced by doing nothing: {replaced}")
+    notes.extend(_changed_models(counted))
     notes.extend(_tier_notes(counted))
     codes = {row.code for row in rows}
     if len(codes) > 1:
@@ -93,6 +94,18 @@ def standing_notes(rows: Sequence[SuiteRow]) -> tuple[str, ...]:
             "ranked, and the worst and the best case follow its rates"
         )
     return tuple(notes)
+
+
+def _changed_models(rows: Iterable[SuiteRow]) -> Iterator[str]:
+    """Yield a note for each entrant with a service that named several models."""
+    served: dict[str, Counter[str]] = {}
+    for row in rows:
+        if row.served:
+            served.setdefault(row.entrant, Counter())[row.served] += 1
+    for entrant, names in served.items():
+        if len(names) > 1:
+            listed = ", ".join(f"{name} in {number}" for name, number in names.items())
+            yield f"the service of {entrant} changed its model: it named {listed} episodes"
 
 
 def _tier_notes(rows: Iterable[SuiteRow]) -> Iterator[str]:

@@ -13,6 +13,9 @@ from lingjing.cli.process import say
 from lingjing.errors import ExitCode, UsageError
 from lingjing.suggest import did_you_mean
 
+UNKNOWN_TOKENS = 4096
+"""The tokens of a full picture of a model without a rule for pictures (`lingjing_agents.llm.models`)."""
+
 
 def add_options(parser: ArgumentParser) -> None:
     """Declare the actions."""
@@ -70,6 +73,11 @@ def _check(args: argparse.Namespace) -> int:
     listed = models[args.model].image_tokens if args.model in models else None
     counted = "the service does not count" if picture.tokens is None else f"{picture.tokens:,} tokens"
     print(f"a picture of 1920 x 1080: {counted}{'' if listed is None else f' (the list says {listed:,})'}")
+    if listed in (None, UNKNOWN_TOKENS):
+        say(
+            f"the family of `{args.model}` is unknown: estimates count {UNKNOWN_TOKENS:,} tokens a picture; set "
+            "`pictures` or `image_tokens` in a list of models of your own"
+        )
     print(f"boxes: {picture.convention}")
     checks = []
     for column in chosen:

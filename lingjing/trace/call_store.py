@@ -157,6 +157,15 @@ class CallReader:
         where = "WHERE (?1 IS NULL OR agent = ?1) AND (?2 IS NULL OR tick = ?2) ORDER BY tick, agent, number"
         yield from self._select(where, (agent, tick))
 
+    def served(self) -> tuple[str, ...]:
+        """Return the models that services named in their answers, each once, in order of the calls."""
+        with self._lock, self._reading():
+            rows = self._file.execute(
+                "SELECT result FROM call WHERE result IS NOT NULL ORDER BY tick, number"
+            ).fetchall()
+            results = [msgspec.json.decode(result, type=CallResult) for (result,) in rows]
+        return tuple(dict.fromkeys(result.served for result in results if result.served))
+
     def content(self, name: bytes) -> bytes:
         """Return the content with the SHA-256 `name`. Raises `UsageError` if it is missing or has another hash."""
         with self._lock, self._reading():

@@ -16,7 +16,13 @@ from lingjing.plugins.backbone import Structured
 from lingjing.plugins.options import Fault, Field, PluginOptions, options_error
 from lingjing.plugins.policy import UsageError
 from lingjing_agents.llm.address import Address, address
-from lingjing_agents.llm.models import ModelTraits, ServiceEntry, read_models, shipped_picture_rules
+from lingjing_agents.llm.models import (
+    UNKNOWN_PICTURES,
+    ModelTraits,
+    ServiceEntry,
+    read_models,
+    shipped_picture_rules,
+)
 from lingjing_agents.llm.picture_tokens import PictureRule
 
 _FOR_INSTANCE = "for instance http://localhost:8000/v1"
@@ -131,7 +137,7 @@ class ModelOptions(PluginOptions):
             client=self.client if elsewhere or "client" in self.model_fields_set else listed.client,
             traits=traits,
             pictures=table.picture_rule(traits),
-            counted=tuple(dict.fromkeys((*shipped_picture_rules(), table.picture_rule(traits)))),
+            counted=_counted(table.picture_rule(traits)),
             temperature=self.temperature if self._is_given("temperature") or traits.takes_temperature else None,
             insist=self._is_given("temperature"),
             max_tokens=self.max_tokens,
@@ -205,6 +211,14 @@ class ModelProfile:
     """Bound on the tokens of an answer."""
     tries: int
     """Number of attempts per call."""
+
+
+def _counted(own: PictureRule) -> tuple[PictureRule, ...]:
+    """Return the rules that requests are budgeted with. A model of an unknown family changes nothing: it is sent the
+    same turns as all others.
+    """
+    shipped = shipped_picture_rules()
+    return shipped if own == UNKNOWN_PICTURES else tuple(dict.fromkeys((*shipped, own)))
 
 
 def _unlisted(client: str) -> ServiceEntry:

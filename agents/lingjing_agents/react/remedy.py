@@ -8,6 +8,10 @@ _SPEAKING = ("model", "context", "token", "api key", "api_key", "quota", "credit
 """Words of a rejection that states its cause: no advice is added to it."""
 
 
+_TOO_LARGE = ("too large", "too big", "exceed", "larger than", "maximum size", "at most")
+"""Words of services about pictures beyond their limits."""
+
+
 def explained(error: ModelError, images: tuple[bytes, ...], schema: bytes | None) -> str:
     """Return the error with its remedy."""
     way = remedy(error, images, schema)
@@ -20,9 +24,11 @@ def remedy(error: ModelError, images: tuple[bytes, ...], schema: bytes | None) -
         return "another key: api_key_env=VARIABLE names it"
     if error.status == 404:
         return "another base_url or model"
-    if error.status not in (400, 422):
+    if error.status not in (400, 413, 422):
         return ""
     text = str(error).lower().partition(": ")[2]  # the words before are not the service's
+    if any(word in text for word in ("image", "picture", "payload")) and any(word in text for word in _TOO_LARGE):
+        return "a smaller image_side or lower images, for all models that are compared"
     ways = [
         (bool(images), ("image", "vision", "multimodal"), "vision=no if the model takes no pictures"),
         (schema is not None, ("response_format", "schema", "grammar"), "schema=no if the service takes no JSON Schema"),
