@@ -25,7 +25,7 @@ _MODEL = ("lingjing_agents.react.policy", "jsonschema", "cv2", "numpy.ma")
 
 @hookimpl
 def lingjing_policies() -> Iterable[PolicyPlugin]:
-    """Return the eight reference policies and two policies with planted faults."""
+    """Return the ten reference policies and two policies with planted faults."""
     return (
         PolicyPlugin(
             name="idle",
@@ -73,6 +73,25 @@ def lingjing_policies() -> Iterable[PolicyPlugin]:
             estimate=_Deferred("react.call_profile", "estimate_calls"),
             summary="perceives, reasons and acts over a chat model",
             imports=_MODEL,
+        ),
+        PolicyPlugin(
+            name="reader",
+            factory=_Deferred("reader.policy", "ReaderPolicy"),
+            options="lingjing_agents.reader.policy:ReaderOptions",
+            calls=True,
+            estimate=_Deferred("react.call_profile", "estimate_calls"),
+            summary="plays from the requests of `react` alone, with the shipped colour rules",
+            imports=(*_MODEL, "lingjing_agents.reader.player"),
+        ),
+        PolicyPlugin(
+            name="sighted-reader",
+            factory=_Deferred("reader.policy", "SightedReaderPolicy"),
+            options="lingjing_agents.reader.policy:SightedOptions",
+            calls=True,
+            estimate=_Deferred("react.call_profile", "estimate_calls"),
+            privileged=True,
+            summary="plays from the requests of `react` and the true boxes of their pictures",
+            imports=(*_MODEL, "lingjing_agents.reader.player"),
         ),
         PolicyPlugin(
             name="scripted",

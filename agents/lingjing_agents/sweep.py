@@ -50,7 +50,7 @@ from lingjing_agents.flight_levels import FlightLevels
 from lingjing_agents.ground_plane import GroundPoint, position_in
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.role_rules import RoleRules
-from lingjing_agents.heuristic.target_types import Detector, target_type_of
+from lingjing_agents.heuristic.target_types import ColourRule, target_type_of
 
 REACHED_M = 12.0
 """Distance in metres at which a cell's middle counts as reached. Chosen."""
@@ -119,7 +119,7 @@ class _Mower:
         assert camera is not None
         self._brief, self._body, self._camera = brief, body, camera
         self._report, kind = may_send(brief, "report"), target_type_of(brief)
-        self._find: Detector | None = None if kind is None else kind[0].find
+        self._find: ColourRule | None = None if kind is None else kind[0].find
         self._class = "" if kind is None else kind[1]
         path, index = lawn_mower(brief.cells), mates.index(brief.agent)
         first, last = (len(path) * place // len(mates) for place in (index, index + 1))

@@ -27,7 +27,7 @@ from lingjing_agents.perception.people_at_sea import FoundBox
 
 from agents.tests.agent_kit import EYE, NADIR, brief, observe, picture, view
 from lingjing.plugins.geometry import camera_pose
-from lingjing.plugins.policy import Inbox
+from lingjing.plugins.policy import Inbox, Picture
 from lingjing.testing import PluginHost, build_policy
 
 WEIGHTS = resources.files("lingjing_agents.perception.learned") / "weights"
@@ -135,7 +135,7 @@ def test_fires_in_boxes_are_where_the_rules_would_put_them() -> None:
 def test_a_searcher_reports_what_a_trained_detector_finds_and_not_what_the_rules_would() -> None:
     levels_m = []
 
-    def find(rgb: np.ndarray, pose: object, level_m: float) -> tuple[FoundBox, ...]:
+    def find(seen: Picture, level_m: float) -> tuple[FoundBox, ...]:
         levels_m.append(level_m)
         return (FoundBox((0.49, 0.48, 0.51, 0.52), 0.9),)
 
@@ -153,7 +153,7 @@ def test_a_searcher_reports_what_a_trained_detector_finds_and_not_what_the_rules
 
 def test_the_policy_looks_with_every_detector_that_ships() -> None:
     policy = build_policy(PluginHost().policy("learned"), {})
-    assert set(policy._trained) == set(learned_detectors()) != set()  # type: ignore[attr-defined]
+    assert set(policy._detectors) == set(learned_detectors()) != set()  # type: ignore[attr-defined]
     assert not PluginHost().policy("learned").privileged
 
 

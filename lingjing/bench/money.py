@@ -20,6 +20,7 @@ from lingjing.errors import UsageError
 from lingjing.mission.instance import Instance
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Mission
+from lingjing.play.policy_files import PRICE_OPTIONS
 from lingjing.plugins.calls import CallEstimate, CallSum, EpisodeShape
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import read_given_options
@@ -56,10 +57,10 @@ class CostEstimate:
 
 def prices_of(player: Player) -> tuple[float, float] | None:
     """Return US dollars per million tokens of prompt and answer, or None if a price is unknown. The entrant's options
-    have priority.
+    have priority, then the listed model, then the defaults of the policy's options.
     """
-    own = [player.args.get(name) for name in ("price_in", "price_out")]
-    listed = (player.model.price_in, player.model.price_out) if player.model else (None, None)
+    own = [player.args.get(name) for name in PRICE_OPTIONS]
+    listed = (player.model.price_in, player.model.price_out) if player.model else player.declared.prices
     price_in, price_out = (
         float(price) if isinstance(price, int | float | str) else usual
         for price, usual in zip(own, listed, strict=True)

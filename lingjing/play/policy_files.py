@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from pathlib import Path
 from types import ModuleType
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -15,10 +16,17 @@ from lingjing.plugins.loading import options_model, policy_of
 from lingjing.plugins.policy import PolicyPlugin
 from lingjing.suggest import nearest
 
+if TYPE_CHECKING:
+    from lingjing.plugins.options import PluginOptions
+
 _METHODS = ("reset", "act")
 """The methods of a policy (`lingjing.plugins.policy.Policy`)."""
 _START = "`lingjing new agent NAME` writes a policy to start from"
 """The hint for a file that holds no policy."""
+
+
+PRICE_OPTIONS = ("price_in", "price_out")
+"""Options of policies that state the price of a model, US dollars per million tokens of prompt and answer."""
 
 
 class PolicyDeclaration(msgspec.Struct, frozen=True, kw_only=True):
@@ -36,6 +44,8 @@ class PolicyDeclaration(msgspec.Struct, frozen=True, kw_only=True):
     """The spellings of its options, aliases included."""
     takes_any_name: bool
     """True if it accepts options of any name."""
+    prices: tuple[float | None, ...] = (None, None)
+    """The defaults of its options `price_in` and `price_out`, US dollars per million tokens; None without one."""
 
     def takes(self, option: str) -> bool:
         """Return True if the policy has an option of this name."""
@@ -54,7 +64,14 @@ def declaration_of(plugin: PolicyPlugin) -> PolicyDeclaration:
         summary=plugin.summary,
         options=spellings(model),
         takes_any_name=takes_any_name(model),
+        prices=tuple(_default_price(model, name) for name in PRICE_OPTIONS),
     )
+
+
+def _default_price(model: type[PluginOptions], name: str) -> float | None:
+    """Return the default of an option if it is a number."""
+    field = model.model_fields.get(name)
+    return float(field.default) if field is not None and isinstance(field.default, int | float) else None
 
 
 def is_file(spec: str) -> bool:

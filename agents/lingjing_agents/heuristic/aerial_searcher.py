@@ -47,7 +47,7 @@ from lingjing_agents.heuristic.events import EventLog, view_of
 from lingjing_agents.heuristic.picture_lattice import PictureWaypoint
 from lingjing_agents.heuristic.search_plan import ALIGNED_DEG, SearchPlan, off_course_deg
 from lingjing_agents.heuristic.sightings import Sighting, confidence_in, name_in
-from lingjing_agents.heuristic.target_types import PEOPLE, TrainedDetectors, target_type_of
+from lingjing_agents.heuristic.target_types import PEOPLE, Detectors, target_type_of
 from lingjing_agents.perception.people_at_sea import FoundBox
 
 CONFIRMED = 0.3
@@ -95,7 +95,7 @@ class AerialSearcher:
         self,
         brief: Brief,
         body: Resource,
-        trained: TrainedDetectors = MappingProxyType({}),
+        detectors: Detectors = MappingProxyType({}),
         *,
         sure: float = 0.5,
         doubtful: float = 0.05,
@@ -111,7 +111,7 @@ class AerialSearcher:
             PEOPLE,
             brief.classes[0] if brief.classes else "person",
         )
-        self._find = trained.get(self._class, self._target_type.find)
+        self._find = self._target_type.detector(self._class, detectors)
         self._sightings = self._target_type.sightings(brief)
         self._log = EventLog(self._target_type.done)
         height = brief.settings.get("altitude", 100.0) * self._target_type.aloft
@@ -206,7 +206,7 @@ class AerialSearcher:
             self._sweep.drop(goal.waypoint)
         again = goal is not None and goal.doubt is not None
         messages: tuple[Outgoing, ...] = ()
-        for find in self._find(picture.rgb, picture.pose, self._brief.water_level_m):
+        for find in self._find(picture, self._brief.water_level_m):
             messages += self._judge(picture, find, again=again)
         return messages
 

@@ -33,7 +33,7 @@ from lingjing_agents.flight_levels import FlightLevels
 from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.picture_lattice import footprint
-from lingjing_agents.heuristic.target_types import GAPS, TrainedDetectors, target_type_of
+from lingjing_agents.heuristic.target_types import GAPS, Detectors, target_type_of
 
 STEP = 0.8
 """Distance between pictures as a share of a picture's extent along the line. Chosen."""
@@ -41,6 +41,8 @@ REACHED_M = 12.0
 """Distance in metres at which a waypoint counts as reached. Chosen."""
 DECK_M = 12.0
 """Assumed height of the deck above the water in metres. Chosen."""
+TAKES_TICKS = 2
+"""Ticks from a picture until the report of it has taken effect: one to send it, one for the engine."""
 SURE = 0.5
 """Least confidence of a report. Chosen."""
 
@@ -52,18 +54,20 @@ class BridgeInspector:
     reads: ClassVar[tuple[str, ...]] = ()
     sends: ClassVar[tuple[str, ...]] = ("report",)
 
-    def __init__(self, brief: Brief, body: Resource, trained: TrainedDetectors = MappingProxyType({})) -> None:
+    def __init__(self, brief: Brief, body: Resource, detectors: Detectors = MappingProxyType({})) -> None:
         camera = nadir_camera(body)
         assert camera is not None
         self._brief, self._body, self._camera = brief, body, camera
         self._target_type, self._class = target_type_of(brief) or (GAPS, brief.classes[0] if brief.classes else "gap")
-        self._find = trained.get(self._class, self._target_type.find)
+        self._find = self._target_type.detector(self._class, detectors)
         self._report = may_send(brief, "report")
         mates = team(brief)
         floor, ceiling = rated(body, "band_low_m", 0.0), rated(body, "band_high_m", math.inf)
         z = brief.water_level_m + min(max(brief.settings.get("altitude", 60.0), floor), ceiling)
         self._z = FlightLevels(mates.index(brief.agent), len(mates), floor, ceiling, anchor_m=z).level(z)
         self._line: list[GroundPoint] = []
+        self._visits: list[tuple[int, GroundPoint]] = []
+        self._reported: list[GroundPoint] = []
         self._leg = 0
         self._looked = True
 
@@ -77,22 +81,33 @@ class BridgeInspector:
         own = view_of(observation, self._body.id)
         if own is None or own.position is None or own.busy or own.status == DEAD:
             return Decision(messages=messages)
-        return Decision(command=self._move(own.position), messages=messages)
+        return Decision(command=self._move(own.position, observation.tick), messages=messages)
 
     def _look(self, picture: Picture) -> tuple[Outgoing, ...]:
         if self._report is None:
             return ()
-        finds = self._find(picture.rgb, picture.pose, self._brief.water_level_m)
+        finds = self._find(picture, self._brief.water_level_m)
         reports = []
         for find in finds:
             place = box_to_plane(picture.pose, find.box, self._brief.water_level_m + DECK_M)
             if find.confidence < SURE or place is None:
                 continue
+            if all(math.dist(place[:2], known) > self._target_type.merge_m for known in self._reported):
+                self._reported.append(place[:2])
+                self._visits.append((picture.tick + TAKES_TICKS, place[:2]))
             where = centimetres(place)
             reports.append(sighting(self._report, picture.frame, self._class, find.box, where, find.confidence))
         return tuple(reports)
 
-    def _move(self, here: Vector) -> Action | None:
+    def _move(self, here: Vector, tick: int) -> Action | None:
+        """Fly over the reported places first: a report may have to precede the inspection. Then follow the line."""
+        if self._visits:
+            until, place = self._visits[0]
+            if math.dist(here[:2], place) > REACHED_M:
+                return fly(self._body, *place, self._z)
+            if tick < until:
+                return None
+            self._visits = self._visits[1:]
         if not self._line:
             self._line = self._plan(here[:2])
         if not self._line:
@@ -103,7 +118,7 @@ class BridgeInspector:
                 return photo(self._body, self._camera)
             self._line.pop(0)
             if not self._line:
-                return self._move(here)
+                return self._move(here, tick)
             there = (*self._line[0], self._z)
         self._looked = False
         return fly(self._body, *there)

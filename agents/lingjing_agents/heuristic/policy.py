@@ -23,7 +23,7 @@ from lingjing_agents.heuristic.route_coordinator import RouteCoordinator
 from lingjing_agents.heuristic.route_driver import RouteDriver
 from lingjing_agents.heuristic.route_inspector import RouteInspector
 from lingjing_agents.heuristic.search_coordinator import SearchCoordinator
-from lingjing_agents.heuristic.target_types import GAPS, TrainedDetectors, lack_of_detectors, target_type_of
+from lingjing_agents.heuristic.target_types import GAPS, Detectors, lack_of_detectors, on_pixels, target_type_of
 from lingjing_agents.perception.learned.detector import learned_detectors
 
 ROLE_RULES: tuple[type[RoleRules], ...] = (
@@ -48,17 +48,17 @@ ROLE_RULES: tuple[type[RoleRules], ...] = (
 class HeuristicPolicy:
     """The rule baseline. It needs no arguments and draws no random numbers.
 
-    Classes in `trained` are detected by their trained detectors, the others by the colour rules.
+    Classes in `detectors` are detected by these detectors, the others by the colour rules.
     """
 
-    def __init__(self, trained: TrainedDetectors = MappingProxyType({})) -> None:
-        self._trained, self._note = trained, ""
+    def __init__(self, detectors: Detectors = MappingProxyType({})) -> None:
+        self._detectors, self._note = detectors, ""
         self._rules: RoleRules | None = None
 
     async def reset(self, brief: Brief) -> None:
         """Select the rules."""
-        self._rules = rules_for(brief, self._trained)
-        self._note = lack_of_detectors(brief, self._trained)
+        self._rules = rules_for(brief, self._detectors)
+        self._note = lack_of_detectors(brief, self._detectors)
 
     async def act(self, observation: Observation, inbox: Inbox) -> Decision:
         """Return the decision of the rules, or a no-op without rules. The first one has a note on missing detectors."""
@@ -70,40 +70,40 @@ class HeuristicPolicy:
 
 def learned_policy() -> HeuristicPolicy:
     """Build `learned`: the same rules with the shipped trained detectors in place of colour rules."""
-    return HeuristicPolicy(learned_detectors())
+    return HeuristicPolicy({name: on_pixels(find) for name, find in learned_detectors().items()})
 
 
-def rules_for(brief: Brief, trained: TrainedDetectors = MappingProxyType({})) -> RoleRules | None:
+def rules_for(brief: Brief, detectors: Detectors = MappingProxyType({})) -> RoleRules | None:
     """Return the rules that fit an agent's abilities (flying, sailing, driving, walking, communication only), or
     None.
     """
     if wants_pictures(brief) and (body := camera_body(brief)) is not None:
         return PictureTaker(body)
     if (camera := flying_camera(brief)) is not None:
-        return _flying(brief, camera, trained)
+        return _flying(brief, camera, detectors)
     if (boat := vessel(brief)) is not None:
         return Rescuer(brief, boat)
     if (car := vehicle(brief)) is not None:
         return _driving(brief, car)
     if (dog := walking_body(brief)) is not None:
-        return DogRules(brief, dog, trained)
-    return None if any(resource.embodied for resource in brief.resources) else _speaking(brief)
+        return DogRules(brief, dog, detectors)
+    return None if any(resource.embodied for resource in brief.resources) else _speaking(brief, detectors)
 
 
-def _flying(brief: Brief, camera: Resource, trained: TrainedDetectors) -> RoleRules:
+def _flying(brief: Brief, camera: Resource, detectors: Detectors) -> RoleRules:
     """Return the rules of an aircraft: search of cells, inspection of routes, counting, guidance, bridges, else a
     flight.
     """
     if brief.cells:
-        return AerialSearcher(brief, camera, trained)
+        return AerialSearcher(brief, camera, detectors)
     if exchanged(brief, "trafficJam"):
-        return RouteInspector(brief, camera)
+        return RouteInspector(brief, camera, detectors)
     if sends(brief, "count") is not None:
         return LineCounter(brief, camera)
     if sends(brief, "guidance") is not None:
-        return LeakGuidance(brief, camera)
+        return LeakGuidance(brief, camera, detectors)
     if target_type_of(brief, (GAPS,)) is not None:
-        return BridgeInspector(brief, camera, trained)
+        return BridgeInspector(brief, camera, detectors)
     return GoalFlyer(brief, camera)
 
 
@@ -114,10 +114,10 @@ def _driving(brief: Brief, car: Resource) -> RoleRules:
     return RouteDriver(brief, car) if exchanged(brief, "trafficJam") else Rescuer(brief, car)
 
 
-def _speaking(brief: Brief) -> RoleRules:
+def _speaking(brief: Brief, detectors: Detectors) -> RoleRules:
     """Return the rules of an agent without a body: planning of tours, coordination of routes, or coordination of a
     search.
     """
     if sends(brief, "tour") is not None:
         return DeliveryCoordinator(brief)
-    return RouteCoordinator(brief) if exchanged(brief, "trafficJam") else SearchCoordinator(brief)
+    return RouteCoordinator(brief, detectors) if exchanged(brief, "trafficJam") else SearchCoordinator(brief)

@@ -10,6 +10,7 @@ walker continues from there, the inspector also photographs that stretch, and th
 from __future__ import annotations
 
 import math
+from types import MappingProxyType
 from typing import ClassVar
 
 from lingjing.plugins.policy import Brief, Datum, Decision, Envelope, Inbox, Observation, Outgoing, Peer
@@ -18,6 +19,7 @@ from lingjing_agents.ground_plane import GroundPoint, position_in
 from lingjing_agents.heuristic.guidance.to_building import BuildingGuidance
 from lingjing_agents.heuristic.route_inspector import LOOK
 from lingjing_agents.heuristic.sightings import name_in
+from lingjing_agents.heuristic.target_types import Detectors
 
 GroundPosition = tuple[float, ...]
 """East and north, possibly with an elevation, in metres."""
@@ -43,8 +45,8 @@ class RouteCoordinator:
     reads: ClassVar[tuple[str, ...]] = ("status",)
     sends: ClassVar[tuple[str, ...]] = ("assignment", "trafficJam", "guidance", "endpoints", "waypoint")
 
-    def __init__(self, brief: Brief) -> None:
-        self._brief = brief
+    def __init__(self, brief: Brief, detectors: Detectors = MappingProxyType({})) -> None:
+        self._brief, self._detectors = brief, detectors
         self._order, self._jammed = sends(brief, "assignment"), sends(brief, "trafficJam")
         self._ends, self._place = sends(brief, "endpoints"), sends(brief, "waypoint")
         self._inspector, self._driver = _inspector_and_driver(brief)
@@ -66,7 +68,7 @@ class RouteCoordinator:
     def _have_led(self, observation: Observation) -> tuple[Outgoing, ...]:
         """Return guidance for the walker, once the route is verified."""
         if observation.tick == 0:
-            self._guidance = BuildingGuidance.of(self._brief, observation)
+            self._guidance = BuildingGuidance.of(self._brief, observation, self._detectors)
         if self._guidance is None:
             return ()
         self._guidance.see(observation)

@@ -7,8 +7,11 @@ the waypoints is examined, so that parked cars in yards do not count.
 from __future__ import annotations
 
 import math
+from itertools import pairwise
+from types import MappingProxyType
 from typing import ClassVar
 
+from lingjing.plugins.geometry import box_to_plane
 from lingjing.plugins.policy import (
     DEAD,
     Action,
@@ -35,11 +38,11 @@ from lingjing_agents.capability import (
     team,
 )
 from lingjing_agents.flight_levels import FlightLevels
-from lingjing_agents.ground_plane import GroundPoint, between, position_in
+from lingjing_agents.ground_plane import GroundPoint, between, distance_to_segment_m, position_in
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.sightings import name_in
-from lingjing_agents.heuristic.target_types import QUEUES
-from lingjing_agents.perception.road_queues import find_queues
+from lingjing_agents.heuristic.target_types import QUEUES, Detectors
+from lingjing_agents.perception.road_queues import VehicleQueue, corners, find_queues
 
 LOOK = "look"
 """The task name of a coordinator's order to photograph a place after all waypoints."""
@@ -55,6 +58,8 @@ SURE = 0.5
 """Least confidence of a jam. Chosen."""
 ATTEMPTS = 3
 """Number of flights to one waypoint. Chosen."""
+LANE_M = 10.0
+"""Distance of a detected queue from the route in metres, at most: others stand on other roads. Chosen."""
 WAIT_TICKS = 5
 """Ticks to wait for a new route after a reported jam, before the present one is continued. Chosen."""
 
@@ -66,11 +71,12 @@ class RouteInspector:
     reads: ClassVar[tuple[str, ...]] = ("assignment",)
     sends: ClassVar[tuple[str, ...]] = ("status", "report")
 
-    def __init__(self, brief: Brief, body: Resource) -> None:
+    def __init__(self, brief: Brief, body: Resource, detectors: Detectors = MappingProxyType({})) -> None:
         camera = nadir_camera(body)
         assert camera is not None
         self._brief, self._body, self._camera = brief, body, camera
         self._class = next((name for name in brief.classes if any(word in name for word in QUEUES)), QUEUES[0])
+        self._detector = detectors.get(self._class)
         self._status, self._report = sends(brief, "status"), sends(brief, "report")
         mates, ceiling = team(brief), rated(body, "band_high_m", 100.0)
         z = brief.water_level_m + ceiling
@@ -125,9 +131,7 @@ class RouteInspector:
         place = self._route[self._next]
         if math.dist(picture.pose.position[:2], place) > SLACK_M + REACHED_M:
             return ()
-        lane = ([self._start] if self._start is not None else []) + self._route
-        finds = find_queues(picture.rgb, picture.pose, self._brief.water_level_m, tuple(lane))
-        jams = [find for find in finds if find.confidence >= SURE]
+        jams = [queue for queue in self._queues(picture) if queue.confidence >= SURE]
         number, self._next, self._tries = self._next + 1, self._next + 1, 0
         if not jams:
             return self._say(CLEAR, number, place)
@@ -137,6 +141,20 @@ class RouteInspector:
             where = (*jams[0].place, self._brief.water_level_m)
             messages += (sighting(self._report, picture.frame, self._class, jams[0].box, where, jams[0].confidence),)
         return messages
+
+    def _queues(self, picture: Picture) -> tuple[VehicleQueue, ...]:
+        """Return the queues along the route in a picture: those of the detector, or of the colour rule."""
+        lane = tuple(([self._start] if self._start is not None else []) + self._route)
+        level_m = self._brief.water_level_m
+        if self._detector is None:
+            return find_queues(picture.rgb, picture.pose, level_m, lane)
+        placed = [(box, box_to_plane(picture.pose, box.box, level_m)) for box in self._detector(picture, level_m)]
+        legs = tuple(pairwise(corners(lane)))
+        return tuple(
+            VehicleQueue(box.box, box.confidence, at[:2], 0)
+            for box, at in placed
+            if at is not None and any(distance_to_segment_m(at[:2], *leg) <= LANE_M for leg in legs)
+        )
 
     def _say(self, state: str, number: int, place: GroundPoint) -> tuple[Outgoing, ...]:
         if self._status is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from lingjing.plugins.policy import Brief, CameraPose
+from lingjing.plugins.policy import Brief, CameraPose, Picture
 from lingjing_agents.capability import sends
 from lingjing_agents.heuristic.sightings import Sightings
 from lingjing_agents.perception.bridge_gaps import find_gaps
@@ -13,13 +13,16 @@ from lingjing_agents.perception.fires_from_above import find_fires_from_above
 from lingjing_agents.perception.images import ByteImage
 from lingjing_agents.perception.people_at_sea import FoundBox, find_people
 
-Detector = Callable[[ByteImage, CameraPose, float], tuple[FoundBox, ...]]
-"""A function of a picture (height, width, 3), its pose and the elevation of the ground or water that returns
-detections, highest confidence first.
+ColourRule = Callable[[ByteImage, CameraPose, float], tuple[FoundBox, ...]]
+"""A function of the pixels of a picture (height, width, 3), its pose and the elevation of the ground or water that
+returns detections, highest confidence first.
 """
 
+Detector = Callable[[Picture, float], tuple[FoundBox, ...]]
+"""A function of a picture and the elevation of the ground or water that returns detections, highest confidence
+first."""
 
-TrainedDetectors = Mapping[str, Detector]
+Detectors = Mapping[str, Detector]
 """Detectors that replace the colour rules, by class."""
 
 
@@ -29,7 +32,7 @@ class TargetType:
 
     words: tuple[str, ...]
     """Words of which the class's name contains one."""
-    find: Detector
+    find: ColourRule
     """The detector."""
     done: str = ""
     """Beginning of the name of the event that reports a target as served."""
@@ -60,9 +63,18 @@ class TargetType:
     drifts: bool = False
     """True if targets drift with the water."""
 
+    def detector(self, name: str, detectors: Detectors) -> Detector:
+        """Return the detector of the class `name`: the given one, or the colour rule of this type."""
+        return detectors.get(name, on_pixels(self.find))
+
     def sightings(self, brief: Brief) -> Sightings:
         """Return an empty store of sightings of this type."""
         return Sightings(brief.weather, merge_m=self.merge_m, drifts=self.drifts)
+
+
+def on_pixels(rule: ColourRule) -> Detector:
+    """Return the detector that applies a rule to the pixels of a picture."""
+    return lambda picture, level_m: rule(picture.rgb, picture.pose, level_m)
 
 
 PEOPLE = TargetType(("person", "victim"), find_people, drifts=True, done="rescue", task="rescue", counts=("victims",))
@@ -93,10 +105,10 @@ VEHICLES = frozenset(("truck", "van", "car", "bus", "boat", "engine"))
 """Words that mark a class as a vehicle."""
 
 
-def lack_of_detectors(brief: Brief, trained: TrainedDetectors) -> str:
+def lack_of_detectors(brief: Brief, detectors: Detectors) -> str:
     """Return a note for an agent that may send reports while no detector knows any of their classes; "" for others."""
     words = (*(word for kind in TARGET_TYPES for word in kind.words), *QUEUES, *_OTHERS)
-    known = any(any(word in name for word in words) or name in trained for name in brief.classes)
+    known = any(any(word in name for word in words) or name in detectors for name in brief.classes)
     if known or not any(sends(brief, record) for record in ("report", "count")):
         return ""
     return f"no detector of this policy knows one of the classes {', '.join(brief.classes) or '(none)'}: no reports"
@@ -104,6 +116,19 @@ def lack_of_detectors(brief: Brief, trained: TrainedDetectors) -> str:
 
 _OTHERS = ("queue", "leak")
 """Words of the classes that other rules detect: lines of people and leaks."""
+
+
+BUILDINGS = ("reference", "door")
+"""Words of which the class of the building in a reference picture contains one."""
+
+
+def building_class(brief: Brief) -> str | None:
+    """Return the class of the building that a walker looks for: the one that a rule names in a report, else the first
+    with a word of `BUILDINGS`; None without one. Rivals that look alike have classes of their own.
+    """
+    named = [name for name in brief.classes if any(f"class` is `{name}`" in rule for rule in brief.rules)]
+    alike = [name for name in brief.classes if any(word in name for word in BUILDINGS)]
+    return next((name for name in alike if name in named), next(iter(alike), None))
 
 
 def target_type_of(brief: Brief, among: tuple[TargetType, ...] = TARGET_TYPES) -> tuple[TargetType, str] | None:

@@ -126,7 +126,8 @@ def _properties(resource: Resource) -> str:
 
 def _camera(camera: CameraSpec) -> str:
     each = ", a picture comes at every tick by itself" if camera.capture == "each_tick" else ""
-    size = f"{camera.width}x{camera.height} px, {camera.hfov_deg:g} degrees wide"
+    depth = ", with depth" if "depth" in camera.channels else ""
+    size = f"{camera.width}x{camera.height} px, {camera.hfov_deg:g} degrees wide{depth}"
     return f"looks {_VIEWS[camera.view]}, {size}{each}"
 
 

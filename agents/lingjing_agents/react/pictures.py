@@ -20,6 +20,7 @@ JPEG_QUALITY = 85
 WHOLE: ImageBox = (0.0, 0.0, 1.0, 1.0)
 _COLUMNS, _ROWS = 7, 5
 _COARSE_COLUMNS, _COARSE_ROWS = 3, 3
+_DEPTH_COLUMNS, _DEPTH_ROWS = 16, 9
 _FLAT_M = 1.0
 _HORIZON_M = 5000.0
 """The farthest point of the plane that counts as a place, metres. Chosen: a small error of the pose moves farther
@@ -68,7 +69,25 @@ def in_words(picture: Picture, brief: Brief) -> dict[str, object]:
         "heading_deg": round(pose.heading_deg, 1),
         "camera_position": tenths(pose.position),
         **_ground(picture, brief),
+        **_depths(picture),
     }
+
+
+def _depths(picture: Picture) -> dict[str, object]:
+    """Return the depth of a picture at the middles of equal parts, whole metres, unless it is that of a plane.
+
+    A model receives no depth image. The paper gives its agents depth as an input (lingjing.tex, tab:agents).
+    """
+    if picture.depth is None:
+        return {}
+    height, width = picture.depth.shape
+    rows = [int((j + 0.5) / _DEPTH_ROWS * height) for j in range(_DEPTH_ROWS)]
+    columns = [int((i + 0.5) / _DEPTH_COLUMNS * width) for i in range(_DEPTH_COLUMNS)]
+    grid = picture.depth[np.ix_(rows, columns)]
+    known = grid[np.isfinite(grid)]
+    if not known.size or (known.max() - known.min() <= _FLAT_M and known.size == grid.size):
+        return {}
+    return {"depth_m": [[round(float(depth)) if np.isfinite(depth) else None for depth in row] for row in grid]}
 
 
 def _ground(picture: Picture, brief: Brief) -> dict[str, object]:

@@ -9,32 +9,38 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
 
-from lingjing.plugins.geometry import bearing_deg, turn_deg
+from lingjing.plugins.geometry import bearing_deg, pixel_ray, pixel_to_plane, turn_deg
 from lingjing.plugins.policy import (
     Action,
     Brief,
+    CameraPose,
     CameraSpec,
     Decision,
     EntityView,
     Inbox,
     Observation,
+    Outgoing,
     Picture,
     Resource,
+    Vector,
 )
-from lingjing_agents.capability import photo
+from lingjing_agents.capability import centimetres, photo, sends, sighting
 from lingjing_agents.ground_plane import GroundPoint, GroundRectangle, inside, position_in
 from lingjing_agents.heuristic.dogs.movement import DogMovement
 from lingjing_agents.heuristic.dogs.seen_ground import SeenGround
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.sightings import name_in
+from lingjing_agents.heuristic.target_types import Detector, Detectors, building_class
 from lingjing_agents.paths.obstacle_grid import ObstacleGrid
 from lingjing_agents.perception.facades import FacadeColumn, WallColour, find_facades, look_of, skyline
 from lingjing_agents.perception.images import FloatArray
 from lingjing_agents.perception.obstacles_ahead import near_walls
+from lingjing_agents.perception.people_at_sea import FoundBox
 
 GRID_M = 8.0
 """Distance between positions of the map in metres."""
@@ -76,6 +82,15 @@ UNLED_SHARE, LED_AGAIN_TICKS = 0.8, 6
 ended. Chosen.
 """
 
+EYE_M = 0.37
+"""Height of a dog's camera above the ground in metres."""
+
+MOST_REPORTS = 3
+"""Reports of an episode, at most. Chosen: claims are limited from tier 1 on, and each report costs one."""
+
+FARTHEST_M = 150.0
+"""Distance of a building in metres whose foot is above the horizon. Chosen."""
+
 FAR_M = 220.0
 """Distance in metres at which the weight of a position is halved. Chosen."""
 
@@ -85,13 +100,22 @@ class BuildingFinder:
 
     roles: ClassVar[tuple[str, ...]] = ("navigator", "courier", "walker")
     reads: ClassVar[tuple[str, ...]] = ("assignment", "guidance")
-    sends: ClassVar[tuple[str, ...]] = ()
+    sends: ClassVar[tuple[str, ...]] = ("report",)
 
     def __init__(
-        self, brief: Brief, body: Resource, camera: CameraSpec, reference: Picture | None, here: GroundPoint
+        self,
+        brief: Brief,
+        body: Resource,
+        camera: CameraSpec,
+        reference: Picture | None,
+        here: GroundPoint,
+        detectors: Detectors = MappingProxyType({}),
     ) -> None:
         self._brief, self._body, self._camera = brief, body, camera
         self._wanted: WallColour | None = look_of(reference.rgb) if reference is not None else None
+        self._class = building_class(brief) or ""
+        self._detector = detectors.get(self._class)
+        self._report, self._reports = sends(brief, "report"), 0
         self._ordered: GroundPoint | None = None
         self._led: tuple[tuple[str, GroundPoint], ...] = ()
         self._guided = any(message.type == "guidance" and message.is_for(brief.role) for message in brief.messages)
@@ -115,21 +139,22 @@ class BuildingFinder:
         here = own.position[:2]
         self._movement.feel(own, inbox)
         self._listen(inbox)
+        messages: tuple[Outgoing, ...] = ()
         for picture in observation.pictures:
             if picture.entity == self._body.id and picture.camera == self._camera.name:
-                self._see(picture)
+                messages += self._see(picture)
         self._belief.strike(here, ARRIVAL_M)
         if any(receipt.reason in NOT_YET for receipt in inbox.receipts):
             self._waits = PATIENCE_TICKS
         interacted = any(len(event.entities) > 1 for event in observation.events)
         self._waits = 0 if interacted else self._waits - 1
         if own.busy or self._waits > 0:
-            return Decision()
+            return Decision(messages=messages)
         if self._led:
             self._led_tick = observation.tick
         elif self._guided and observation.tick - self._led_tick < self._patience_for(observation):
-            return Decision()
-        return Decision(command=self._next(own, here), thought=f"towards {self._goal}")
+            return Decision(messages=messages)
+        return Decision(command=self._next(own, here), messages=messages, thought=f"towards {self._goal}")
 
     def _patience_for(self, observation: Observation) -> float:
         """Return the ticks for which a guided dog waits for guidance."""
@@ -151,7 +176,8 @@ class BuildingFinder:
         if way:
             self._led = tuple(way)
 
-    def _see(self, picture: Picture) -> None:
+    def _see(self, picture: Picture) -> tuple[Outgoing, ...]:
+        """Add a picture to the maps. Return a report for each building that a detector finds in it."""
         pose = picture.pose
         here = pose.position[:2]
         self._snapped = here, pose.heading_deg
@@ -159,9 +185,27 @@ class BuildingFinder:
             self._movement.map.close(place)
         self._seen_ground.see(here, pose.heading_deg, pose.hfov_deg / 2.0)
         self._skylines = [*self._skylines[-7:], (here, skyline(picture.rgb, pose))]
+        if self._detector is not None:
+            return self._detect(picture, self._detector)
         if self._wanted is not None:
             facades = find_facades(picture.rgb, pose, self._wanted)
             self._belief.add(here, pose.heading_deg, pose.hfov_deg / 2.0, facades)
+        return ()
+
+    def _detect(self, picture: Picture, find: Detector) -> tuple[Outgoing, ...]:
+        """Add the detectors' buildings to the map, and return the reports of them."""
+        pose, ground_m = picture.pose, picture.pose.position[2] - EYE_M
+        here, facades, reports = pose.position[:2], [], []
+        for box in find(picture, ground_m):
+            place = _foot(pose, box, ground_m)
+            away = math.dist(here, place[:2])
+            facades.append(FacadeColumn(bearing_deg(here, place[:2]), away, box.confidence))
+            if self._report is not None and self._reports < MOST_REPORTS:
+                self._reports += 1
+                where = centimetres(place)
+                reports.append(sighting(self._report, picture.frame, self._class, box.box, where, box.confidence))
+        self._belief.add(here, pose.heading_deg, pose.hfov_deg / 2.0, tuple(facades))
+        return tuple(reports)
 
     def _next(self, own: EntityView, here: GroundPoint) -> Action | None:
         assert own.heading_deg is not None
@@ -256,6 +300,22 @@ class BuildingFinder:
             return False
         place, heading = self._snapped
         return math.dist(place, here) < 6.0 and abs(turn_deg(heading, heading_deg)) < 40.0
+
+
+def _foot(pose: CameraPose, box: FoundBox, ground_m: float) -> Vector:
+    """Return the place on the ray through a box's centre above the ground point of its lower edge, at most `FARTHEST_M`
+    away."""
+    x0, _, x1, y1 = box.box
+    u, v = (x0 + x1) / 2.0 * pose.width, y1 * pose.height
+    foot = pixel_to_plane(pose, u, v, ground_m)
+    away = min(FARTHEST_M, math.dist(foot[:2], pose.position[:2]) if foot is not None else FARTHEST_M)
+    ray = pixel_ray(pose, u, (box.box[1] + y1) / 2.0 * pose.height)
+    steps = away / max(math.hypot(ray[0], ray[1]), 1e-6)
+    return (
+        pose.position[0] + steps * ray[0],
+        pose.position[1] + steps * ray[1],
+        pose.position[2] + steps * ray[2],
+    )
 
 
 class Belief:

@@ -18,7 +18,7 @@ from lingjing_agents.heuristic.dogs.fire_searcher import FireSearcher
 from lingjing_agents.heuristic.dogs.step_executor import StepExecutor
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.role_rules import RoleRules
-from lingjing_agents.heuristic.target_types import TrainedDetectors
+from lingjing_agents.heuristic.target_types import Detectors
 
 STEPS = ("forward", "left", "right")
 """The verbs of walkers. Their declarations do not state the direction of a turn, so it is known by name."""
@@ -47,8 +47,8 @@ class DogRules:
     reads: ClassVar[tuple[str, ...]] = (*FireSearcher.reads, *BuildingFinder.reads)
     sends: ClassVar[tuple[str, ...]] = FireSearcher.sends
 
-    def __init__(self, brief: Brief, body: Resource, trained: TrainedDetectors = MappingProxyType({})) -> None:
-        self._brief, self._body, self._trained = brief, body, trained
+    def __init__(self, brief: Brief, body: Resource, detectors: Detectors = MappingProxyType({})) -> None:
+        self._brief, self._body, self._detectors = brief, body, detectors
         self._rules: RoleRules | None = None
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
@@ -65,6 +65,6 @@ class DogRules:
         own = view_of(observation, self._body.id)
         burning = any("fire" in name for name in self._brief.classes) and may_send(self._brief, "report") is not None
         if reference is None and burning:
-            return FireSearcher(self._brief, self._body, camera, self._trained)
+            return FireSearcher(self._brief, self._body, camera, self._detectors)
         here = own.position[:2] if own is not None and own.position is not None else (0.0, 0.0)
-        return BuildingFinder(self._brief, self._body, camera, reference, here)
+        return BuildingFinder(self._brief, self._body, camera, reference, here, self._detectors)

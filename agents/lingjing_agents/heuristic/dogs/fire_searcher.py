@@ -7,6 +7,7 @@ known fire belongs to the nearest free dog. All dogs compute the same assignment
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 from types import MappingProxyType
 from typing import ClassVar
@@ -32,7 +33,7 @@ from lingjing_agents.heuristic.dogs.movement import DogMovement
 from lingjing_agents.heuristic.dogs.seen_ground import SeenGround
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.sightings import name_in
-from lingjing_agents.heuristic.target_types import TrainedDetectors
+from lingjing_agents.heuristic.target_types import Detectors
 from lingjing_agents.paths.obstacle_grid import ObstacleGrid
 from lingjing_agents.perception.fires_ahead import FireAhead, find_fires_ahead, fires_in_boxes
 from lingjing_agents.perception.obstacles_ahead import near_walls
@@ -51,8 +52,9 @@ BESIDE_M = 0.6
 PUT_OUT_M = 3.2
 """Distance in metres to a known fire within which a dog has put it out, when an event reports one. Chosen."""
 
-DEEP_M = 20.0
-"""Depth of buildings in metres. Chosen."""
+DEEP_M = 14.0
+"""Depth of buildings in metres: what lies farther behind a wall counts as hidden. Chosen: the middle of a deeper one is
+seen from neither side."""
 
 CHASE_TICKS = 50
 """Ticks of pursuit without a sight after which a fire counts as false until it is seen again. Chosen."""
@@ -97,15 +99,16 @@ class FireSearcher:
     sends: ClassVar[tuple[str, ...]] = ("report", "status")
 
     def __init__(
-        self, brief: Brief, body: Resource, camera: CameraSpec, trained: TrainedDetectors = MappingProxyType({})
+        self, brief: Brief, body: Resource, camera: CameraSpec, detectors: Detectors = MappingProxyType({})
     ) -> None:
         self._brief, self._body, self._camera = brief, body, camera
         self._class = (*brief.classes, "fire")[0]
-        self._trained = trained.get(self._class)
+        self._detector = detectors.get(self._class)
         self._report, self._status = may_send(brief, "report"), may_send(brief, "target_status")
         polygons = tuple(region.polygon for region in brief.regions if region.polygon)
         corners = tuple(corner for polygon in polygons for corner in polygon)
         self._movement = DogMovement(body, ObstacleGrid(GroundRectangle.around(corners, MARGIN_M)))
+        self._sight = ObstacleGrid(self._movement.map.bounds)  # what hides ground: also walls too far off to be sure
         self._seen_ground, self._fires = SeenGround(polygons, visible=self._is_visible), KnownFires()
         self._half_deg = camera.hfov_deg / 2.0
         self._goal: GroundPoint | None = None
@@ -173,6 +176,8 @@ class FireSearcher:
         here = pose.position[:2]
         self._snapped = here, pose.heading_deg
         self._looked = True
+        walls = near_walls(picture.rgb, pose)
+        _close(self._sight, walls)
         self._seen_ground.see(here, pose.heading_deg, self._half_deg)
         for flames in self._fires_in(picture):
             place = self._inside(here, flames.place)
@@ -183,22 +188,14 @@ class FireSearcher:
             if fire.state == "open":
                 self._say(picture, flames, fire)
         # The fire's own logs are no obstacle on the way to it.
-        walls = [
-            place
-            for place in near_walls(picture.rgb, pose)
-            if math.dist(place, here) <= SURE_M and self._fires.near(place, FIRE_M) is None
-        ]
-        for place in walls:
-            self._movement.map.close(place)
-        for a, b in pairwise(walls):
-            if math.dist(a, b) <= ONE_WALL_M:
-                self._movement.map.wall(a, b)
+        near = [place for place in walls if math.dist(place, here) <= SURE_M]
+        _close(self._movement.map, [place for place in near if self._fires.near(place, FIRE_M) is None])
 
     def _fires_in(self, picture: Picture) -> tuple[FireAhead, ...]:
         ground_m = picture.pose.position[2] - EYE_M
-        if self._trained is None:
+        if self._detector is None:
             return find_fires_ahead(picture.rgb, picture.pose, ground_m)
-        return fires_in_boxes(self._trained(picture.rgb, picture.pose, ground_m), picture.pose, ground_m)
+        return fires_in_boxes(self._detector(picture, ground_m), picture.pose, ground_m)
 
     def _is_visible(self, here: GroundPoint, place: GroundPoint) -> bool:
         """Return whether no known wall hides a place. Places just behind a wall are inside a building and count as
@@ -207,7 +204,7 @@ class FireSearcher:
         away = math.dist(here, place)
         if away <= DEEP_M:
             return True
-        return self._movement.map.clear(here, between(here, place, (away - DEEP_M) / away))
+        return self._sight.clear(here, between(here, place, (away - DEEP_M) / away))
 
     def _inside(self, here: GroundPoint, place: GroundPoint) -> GroundPoint | None:
         """Return a seen place, moved towards the dog until it is in the region; None if it is outside."""
@@ -331,6 +328,7 @@ class FireSearcher:
             if self._goal is None:
                 self._seen_ground.next_pass()
                 self._movement.map.forget()
+                self._sight.forget()
                 self._goal = self._seen_ground.next_place(here, others)
             if self._goal is None:
                 return None
@@ -368,6 +366,15 @@ class FireSearcher:
             self._goal, self._looked = None, False
             return None
         return photo(self._body, self._camera) if turn == 0.0 else self._movement.turn(turn)
+
+
+def _close(known: ObstacleGrid, places: Sequence[GroundPoint]) -> None:
+    """Close the cells of obstacles, and those between two neighbouring ones of one wall."""
+    for place in places:
+        known.close(place)
+    for a, b in pairwise(places):
+        if math.dist(a, b) <= ONE_WALL_M:
+            known.wall(a, b)
 
 
 def _way_m(name: str, here: GroundPoint, fire: KnownFire) -> float:

@@ -10,15 +10,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
-from lingjing.plugins.geometry import bearing_deg, offset_xy, turn_deg
+from lingjing.plugins.geometry import bearing_deg, box_to_plane, offset_xy, turn_deg
 from lingjing.plugins.policy import Brief, Datum, EntityView, MessageSpec, Observation, Outgoing, Peer, Picture
 from lingjing_agents.capability import compose, sends
 from lingjing_agents.ground_plane import GroundPoint, GroundRectangle, inside
 from lingjing_agents.heuristic.dogs.building_finder import FACE, WALK
 from lingjing_agents.heuristic.events import view_of
+from lingjing_agents.heuristic.target_types import Detector, Detectors, building_class
 from lingjing_agents.paths.fewest_commands import fewest_commands, ground_of
 from lingjing_agents.perception.building_walls import (
     BuildingWall,
@@ -65,6 +67,9 @@ AT_M, STOOD_TICKS, RULED_OUT_M = 5.0, 4, 22.0
 SAME_M = 12.0
 """Distance in metres between centres within which two walls are the same one, seen better. Chosen."""
 
+ABOVE_DEG = 45.0
+"""Tilt in degrees from which on a picture is taken from above. Chosen."""
+
 OTHER, FACING_DEG, FACING_M = 0.5, 30.0, 45.0
 """Similarity below which a front is another one, for a walker's picture within these bearing (degrees) and distance (m)
 limits. Chosen.
@@ -92,11 +97,19 @@ class BuildingGuidance:
     """The guidance of one episode: views of the region, excluded walls, present target."""
 
     def __init__(
-        self, follower: Peer, message: MessageSpec, reference: ColourSpread, region: tuple[GroundPoint, ...]
+        self,
+        follower: Peer,
+        message: MessageSpec,
+        reference: ColourSpread,
+        region: tuple[GroundPoint, ...],
+        detector: Detector | None = None,
     ) -> None:
         self._follower, self._message, self._reference, self._region = follower, message, reference, region
         self._bounds = GroundRectangle.around(region, MARGIN_M)
         self._path_bounds = GroundRectangle.around(region, INSET_M)
+        self._detector = detector
+        self._detected: GroundPoint | None = None
+        self._sent_to: GroundPoint | None = None
         self._unseen: list[GroundPoint] | None = None
         self._views: tuple[ColouredPoints, ...] = ()
         self._walls: tuple[BuildingWall, ...] | None = None
@@ -104,7 +117,9 @@ class BuildingGuidance:
         self._target: _ApproachedWall | None = None
 
     @staticmethod
-    def of(brief: Brief, observation: Observation) -> BuildingGuidance | None:
+    def of(
+        brief: Brief, observation: Observation, detectors: Detectors = MappingProxyType({})
+    ) -> BuildingGuidance | None:
         """Return the guidance of an agent that may guide a walker, observes its position and received a reference; else
         None.
         """
@@ -119,7 +134,8 @@ class BuildingGuidance:
             around = [region.polygon for region in brief.regions if inside(region.polygon, view.position[:2])]
             if around:
                 smallest = min(around, key=lambda polygon: GroundRectangle.around(polygon).area_m2)
-                return BuildingGuidance(peer, message, reference_signature(reference.rgb), smallest)
+                detector = detectors.get(building_class(brief) or "")
+                return BuildingGuidance(peer, message, reference_signature(reference.rgb), smallest, detector)
         return None
 
     def viewpoints(self, start: GroundPoint, most: int) -> tuple[GroundPoint, ...]:
@@ -134,13 +150,15 @@ class BuildingGuidance:
         follower = self._view(observation)
         ground = follower.position[2] - EYE_M if follower is not None and follower.position is not None else 0.0
         for picture in observation.pictures:
+            if self._detector is not None and picture.camera != REFERENCE:
+                self._detect(picture, self._detector, ground)
             view = ColouredPoints.of(picture, ground, self._bounds) if picture.camera != REFERENCE else None
             if view is not None and len(view.points):
                 self._views, self._walls = (*self._views, view), None
                 over = picture.pose.position[:2]
                 if self._unseen is not None:
                     self._unseen = [place for place in self._unseen if math.dist(place, over) > SEEN_M]
-            elif picture.entity == self._follower.resources[0]:
+            elif picture.entity == self._follower.resources[0] and self._detector is None:
                 self._confirm(picture)
 
     def lead(self, observation: Observation, *, waited: bool) -> tuple[Outgoing, ...]:
@@ -149,7 +167,11 @@ class BuildingGuidance:
         Until all pictures have arrived, or have been `waited` for, only a very similar wall is approached.
         """
         follower = self._view(observation)
-        if follower is None or follower.position is None or not self._views:
+        if follower is None or follower.position is None:
+            return ()
+        if self._detector is not None:
+            return self._lead_to_detection(follower) if waited or not self._unseen else ()
+        if not self._views:
             return ()
         self._notice(follower.position[:2])
         if self._target is not None and self._target.stood > STOOD_TICKS and not self._target.nearer:
@@ -165,14 +187,39 @@ class BuildingGuidance:
             return ()
         return self._send_to(follower, best, nearer=False)
 
+    def _detect(self, picture: Picture, find: Detector, ground_m: float) -> None:
+        """Store the place of the building in a picture from above. The walker itself looks for it ahead."""
+        if picture.pose.tilt_deg < ABOVE_DEG:
+            return
+        places = (box_to_plane(picture.pose, box.box, ground_m) for box in find(picture, ground_m))
+        self._detected = next((place[:2] for place in places if place is not None), self._detected)
+
+    def _lead_to_detection(self, follower: EntityView) -> tuple[Outgoing, ...]:
+        """Return the way to the detected building, whenever it changes: straight without pictures with depth, because
+        the walker finds its way around what it meets."""
+        goal = self._detected
+        if goal is None or (self._sent_to is not None and math.dist(goal, self._sent_to) < SAME_M):
+            return ()
+        self._sent_to = goal
+        steps = [(WALK, place) for place in (*self._path(follower, goal, NEAR_M), goal)]
+        return self._tell([*steps[:-1], (FACE, goal), steps[-1]])
+
+    def _path(self, follower: EntityView, goal: GroundPoint, within_m: float) -> tuple[GroundPoint, ...]:
+        """Return the path to within `within_m` of a place around what the pictures with depth show; empty if none is
+        known."""
+        assert follower.position is not None
+        if not self._views:
+            return ()
+        here = follower.position[:2]
+        ground = ground_of(np.concatenate([view.points for view in self._views]), self._bounds, here)
+        return fewest_commands(ground, self._path_bounds, here, follower.heading_deg or 0.0, goal, within_m, LONGEST_M)
+
     def _send_to(self, follower: EntityView, wall: BuildingWall, *, nearer: bool) -> tuple[Outgoing, ...]:
         """Return the path to a wall's door, or to its centre without a visible door."""
         assert follower.position is not None
-        goal, here = wall.door or wall.middle, follower.position[:2]
-        points = np.concatenate([view.points for view in self._views])
-        ground = ground_of(points, self._bounds, here)
-        within, heading = (NEARER_M if nearer else NEAR_M), follower.heading_deg or 0.0
-        way = fewest_commands(ground, self._path_bounds, here, heading, goal, within, LONGEST_M)
+        goal = wall.door or wall.middle
+        within = NEARER_M if nearer else NEAR_M
+        way = self._path(follower, goal, within)
         way = way or (offset_xy(goal, wall.bearing_deg, within),)
         self._target = _ApproachedWall(wall, way[-1], nearer=nearer)
         unsure = self._likeness(wall) < SURE and len(way) > 1

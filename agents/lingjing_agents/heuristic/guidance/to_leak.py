@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import ClassVar
 
-from lingjing.plugins.geometry import bearing_deg, ground_footprint, turn_deg
+from lingjing.plugins.geometry import bearing_deg, box_to_plane, ground_footprint, turn_deg
 from lingjing.plugins.policy import (
     PHOTO,
     Action,
@@ -33,10 +34,11 @@ from lingjing_agents.flight_levels import FlightLevels
 from lingjing_agents.ground_plane import GroundPoint, GroundRectangle, inside, lattice, position_in
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.sightings import name_in
+from lingjing_agents.heuristic.target_types import Detectors
 from lingjing_agents.paths.kept_path import KeptPath
 from lingjing_agents.paths.obstacle_grid import ObstacleGrid
 from lingjing_agents.perception.depth_points import close_what_stands, heights
-from lingjing_agents.perception.pipe_leaks import PipeLeak, find_leaks
+from lingjing_agents.perception.pipe_leaks import PIPE_M, PipeLeak, find_leaks
 
 STEP_M = 7.5
 """Longest walk of one message in metres. Chosen."""
@@ -90,10 +92,11 @@ class LeakGuidance:
     reads: ClassVar[tuple[str, ...]] = ("report", "status")
     sends: ClassVar[tuple[str, ...]] = ("report", "guidance")
 
-    def __init__(self, brief: Brief, body: Resource) -> None:
+    def __init__(self, brief: Brief, body: Resource, detectors: Detectors = MappingProxyType({})) -> None:
         camera = nadir_camera(body)
         assert camera is not None
         self._brief, self._body, self._camera = brief, body, camera
+        self._detector = detectors.get(self._class())
         self._report, self._guide = may_send(brief, "report"), sends(brief, "guidance")
         mates = sorted((brief.agent, *(peer.id for peer in brief.peers if peer.role == brief.role)))
         self._rank, self._mates = mates.index(brief.agent), len(mates)
@@ -146,7 +149,7 @@ class LeakGuidance:
         footprint = ground_footprint(picture.pose, self._ground)
         if footprint is not None:
             self._left = [place for place in self._left if not inside(footprint, place)]
-        finds = [leak for leak in find_leaks(picture.rgb, picture.pose, self._ground) if self._plausible(leak)]
+        finds = [leak for leak in self._leaks(picture) if self._plausible(leak)]
         if not finds:
             if self._leak is not None and not self._leak.trusted and self._leak.reported_tick < 0:
                 self._leak = None  # the nearer picture shows no leak
@@ -163,6 +166,14 @@ class LeakGuidance:
         if self._leak.trusted or observation.tick - self._leak.reported_tick < ANSWER_TICKS:
             return ()
         return self._say(picture, leak, observation.tick)
+
+    def _leaks(self, picture: Picture) -> tuple[PipeLeak, ...]:
+        """Return the leaks in a picture: those of the detector, or of the colour rule."""
+        if self._detector is None:
+            return find_leaks(picture.rgb, picture.pose, self._ground)
+        level_m = self._ground + PIPE_M
+        placed = [(box, box_to_plane(picture.pose, box.box, level_m)) for box in self._detector(picture, level_m)]
+        return tuple(PipeLeak(box.box, at, box.confidence) for box, at in placed if at is not None)
 
     def _plausible(self, leak: PipeLeak) -> bool:
         whole = leak.box[0] > 0.003 and leak.box[1] > 0.003 and leak.box[2] < 0.997 and leak.box[3] < 0.997

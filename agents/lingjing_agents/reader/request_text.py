@@ -1,22 +1,18 @@
-"""A "model" that plays from the text of its requests alone.
+"""The brief, the observation and the inbox in the texts and pictures of a request of `react`.
 
-It parses a request into a brief, an observation and an inbox, runs the rules of `heuristic` on them, and answers in
-JSON. An episode that it wins shows that the requests contain enough information.
+They are read from what a model receives, and from nothing else. What a request does not say keeps a default.
 """
 
 from __future__ import annotations
 
-import base64
 import json
 import re
-from typing import Any
+from collections.abc import Iterator, Mapping
+from typing import Any, Literal
 
-import cv2
+import msgspec
 import numpy as np
-from lingjing_agents.heuristic.policy import HeuristicPolicy
 
-from agents.tests.agent_kit import verb
-from agents.tests.chat_server import Reply
 from lingjing.plugins.policy import (
     REFERENCE,
     ArgumentSpec,
@@ -25,7 +21,7 @@ from lingjing.plugins.policy import (
     CameraSpec,
     Cell,
     CellView,
-    Decision,
+    Datum,
     EntityView,
     Envelope,
     EventView,
@@ -38,9 +34,11 @@ from lingjing.plugins.policy import (
     Receipt,
     Region,
     Resource,
+    VerbMotion,
     VerbSpec,
     Weather,
 )
+from lingjing_agents.perception.images import opencv
 
 _RECORDS = (
     ({"frame", "class", "box"}, "report", "report"),
@@ -53,62 +51,50 @@ _RECORDS = (
 )
 """The record and the category of a message, by its fields."""
 
-_TYPES = (
+_MOTIONS: tuple[tuple[str, VerbMotion], ...] = (
+    ("to the place", "straight"),
+    ("^turns", "turn"),
+    ("^rises", "up"),
+    ("^sinks", "down"),
+    ("^moves", "step"),
+)
+"""The motion of a verb, by a pattern of its meaning; the first one that fits counts."""
+
+_Category = Literal["report", "assignment", "target_status", "other"]
+
+_VIEWS: Mapping[str, Literal["nadir", "front", "oblique"]] = {
+    "straight down": "nadir",
+    "ahead": "front",
+    "ahead and down": "oblique",
+}
+"""The view of a camera, by the words for its direction."""
+
+FieldType = Literal["name", "text", "number", "flag", "position", "box", "frame", "names"]
+
+_TYPES: tuple[tuple[str, FieldType], ...] = (
     ("[east, north]", "position"), ("[x_min", "box"), ("id of a picture", "frame"), ("true or false", "flag"),
     ("a number", "number"), ("a list", "names"), ("a text", "text"),
 )  # fmt: skip
 
 
-class ReadingModel:
-    """A "model" with one heuristic policy for each agent that sends requests."""
-
-    def __init__(self) -> None:
-        self._minds: dict[str, tuple[HeuristicPolicy, Brief]] = {}
-        self._references: dict[str, tuple[Picture, ...]] = {}
-
-    def __call__(self, request: dict[str, Any]) -> Reply:
-        turns = request["messages"]
-        system = turns[0]["content"]
-        state, images = _last_state(turns)
-        agent = re.search(r"You are `([^`]+)`", system)[1]  # type: ignore[index]
-        if agent not in self._minds:
-            mind, brief = HeuristicPolicy(), brief_from(system)
-            _run(mind.reset(brief))
-            self._minds[agent] = mind, brief
-        mind, brief = self._minds[agent]
-        decision = _run(mind.act(observation_from(state, images, brief), inbox_from(state, brief)))
-        return Reply(_answer(decision))
+def agent_in(system: str) -> str:
+    """Return the agent that a system text addresses."""
+    return _matched(r"You are `([^`]+)`", system)[1]
 
 
-def _run(coroutine: Any) -> Any:
-    """Return the result of a coroutine that never waits."""
-    try:
-        coroutine.send(None)
-    except StopIteration as ended:
-        return ended.value
-    raise AssertionError("the heuristic waits for something")
+def _matched(pattern: str, text: str) -> re.Match[str]:
+    """Return the first match. Raises `ValueError` for a text that is no request of `react`."""
+    match = re.search(pattern, text)
+    if match is None:
+        raise ValueError(f"no request of `react`: nothing like {pattern!r} in {text[:200]!r}")
+    return match
 
 
-def _last_state(turns: list[dict[str, Any]]) -> tuple[dict[str, Any], list[bytes]]:
-    content = turns[-1]["content"]
-    if isinstance(content, str):
-        assert content.startswith("{"), content  # a complaint about an answer
-        return json.loads(content), []
-    urls = [part["image_url"]["url"] for part in content[1:]]
-    return json.loads(content[0]["text"]), [base64.b64decode(url.split(",", 1)[1]) for url in urls]
+CORE, TREE_CORE = 0.6, 0.3
+"""Share of the side of a part of a depth table within which its depth holds, and that of a single near part. Chosen."""
 
-
-def _answer(decision: Decision) -> dict[str, Any]:
-    command = decision.command
-    return {
-        "thought": decision.thought,
-        "command": None
-        if command is None
-        else {"resource": command.resource, "verb": command.verb, "arguments": dict(command.arguments)},
-        "messages": [
-            {"kind": message.kind, "body": dict(message.body), "to": list(message.to)} for message in decision.messages
-        ],
-    }
+NEARER_M = 1.0
+"""Difference of depth in metres from which on a part is nearer than another one. Depths are whole metres."""
 
 
 # -- the brief
@@ -116,8 +102,7 @@ def _answer(decision: Decision) -> dict[str, Any]:
 
 def brief_from(system: str) -> Brief:
     """Return the brief in a system text."""
-    head = re.search(r"You are `([^`]+)`, (\w+) in a mission of (\d+) ticks of ([\d.]+) s", system)
-    assert head is not None
+    head = _matched(r"You are `([^`]+)`, (\w+) in a mission of (\d+) ticks of ([\d.]+) s", system)
     known = json.loads(_section(system, "KNOWN FROM THE START").splitlines()[0])
     speech = _section(system, "YOU MAY SEND")
     hub = re.search(r"Every message goes to `([^`]+)`", speech)
@@ -149,7 +134,15 @@ def brief_from(system: str) -> Brief:
         weather=Weather(**known["weather"]),
         water_level_m=known["water_level_m"],
         settings=known.get("settings", {}),
+        rules=tuple(_rules(system)),
     )
+
+
+def _rules(system: str) -> Iterator[str]:
+    """Yield the rules of the mission, without the list's marks. P0 has none."""
+    if "\nRULES OF THIS MISSION" in system:
+        lines = system.split("\nRULES OF THIS MISSION", 1)[1].split("\n\n", 1)[0].splitlines()
+        yield from (line.removeprefix("- ").removesuffix(".") for line in lines[1:])
 
 
 def _section(system: str, head: str) -> str:
@@ -169,10 +162,10 @@ def _resources(section: str) -> list[Resource]:
     resources = []
     for block in re.split(r"^- `", section, flags=re.MULTILINE)[1:]:
         head, *lines = block.splitlines()
-        name, kind, more = re.match(r"([^`]+)`: (\w+), (.*)", head).groups()  # type: ignore[union-attr]
-        properties = {key: float(value) for key, value in re.findall(r"(\w+) (-?[\d.e+]+)[,)]", more)}
+        name, kind, more = _matched(r"^([^`]+)`: (\w+), (.*)", head).groups()
+        properties: dict[str, Datum] = {key: float(value) for key, value in re.findall(r"(\w+) (-?[\d.e+]+)[,)]", more)}
         cameras = tuple(_camera(line) for line in lines if line.startswith("  camera"))
-        verbs = tuple(_verb(line) for line in lines if not line.startswith("  camera"))
+        verbs = tuple(_verbs([line for line in lines if not line.startswith("  camera")]))
         resources.append(
             Resource(
                 id=name, type=kind, embodied=more.startswith("yours"), verbs=verbs, cameras=cameras,
@@ -183,32 +176,43 @@ def _resources(section: str) -> list[Resource]:
 
 
 def _camera(line: str) -> CameraSpec:
-    name, looks, width, height, wide = re.match(  # type: ignore[union-attr]
-        r"  camera `(\w+)`: looks (.+), (\d+)x(\d+) px, ([\d.]+) degrees wide", line
+    name, looks, width, height, wide = _matched(
+        r"^  camera `(\w+)`: looks (.+), (\d+)x(\d+) px, ([\d.]+) degrees wide", line
     ).groups()
-    view = {"straight down": "nadir", "ahead": "front", "ahead and down": "oblique"}[looks]
-    capture = "each_tick" if "at every tick" in line else "on_request"
+    capture: Literal["each_tick", "on_request"] = "each_tick" if "at every tick" in line else "on_request"
     return CameraSpec(
-        name=name, view=view, width=int(width), height=int(height), hfov_deg=float(wide), channels=("rgb",),
-        capture=capture,
+        name=name, view=_VIEWS[looks], width=int(width), height=int(height), hfov_deg=float(wide),
+        channels=("rgb", "depth") if "with depth" in line else ("rgb",), capture=capture,
     )  # fmt: skip
 
 
-def _verb(line: str) -> VerbSpec:
-    name, inside = re.match(r"  (\w+)\((.*?)\):", line).groups()  # type: ignore[union-attr]
-    arguments = []
-    for match in re.findall(r"(\w+):((?: -?[\d.]+ to -?[\d.]+)?(?: [a-z/|_]+)?)((?:, [^:,]+ left out)?)", inside):
-        bounds = re.search(r"(-?[\d.]+) to (-?[\d.]+)", match[1])
-        default = re.search(r"(-?[\d.]+) if left out", match[2])
-        unit = "name" if "|" in match[1] or match[0] == "camera" else "deg" if "degrees" in match[1] else "m"
-        arguments.append(
-            ArgumentSpec(
-                name=match[0], unit=unit, minimum=float(bounds[1]) if bounds else None,
-                maximum=float(bounds[2]) if bounds else None, default=float(default[1]) if default else None,
-                optional="may be left out" in match[2],
-            )
-        )  # fmt: skip
-    return verb(name, *arguments)
+def _verbs(lines: list[str]) -> Iterator[VerbSpec]:
+    """Yield the verbs of a resource. A body that turns at junctions goes to a place along roads."""
+    on_roads = any("junction" in line for line in lines)
+    for line in lines:
+        name, inside, meaning = _matched(r"  (\w+)\((.*?)\): (.*)", line).groups()
+        motion: VerbMotion = next((motion for words, motion in _MOTIONS if re.search(words, meaning)), "")
+        if motion == "straight" and on_roads:
+            motion = "route"
+        yield VerbSpec(name=name, arguments=tuple(_arguments(inside)), doc=meaning, motion=motion)
+
+
+def _arguments(inside: str) -> Iterator[ArgumentSpec]:
+    """Yield the arguments between the brackets of a verb."""
+    for name, bounds, omitted in re.findall(
+        r"(\w+):((?: -?[\d.]+ to -?[\d.]+)?(?: [a-z/|_]+)?)((?:, [^:,]+ left out)?)", inside
+    ):
+        span = re.search(r"(-?[\d.]+) to (-?[\d.]+)", bounds)
+        default = re.search(r"(-?[\d.]+) if left out", omitted)
+        unit = "name" if "|" in bounds or name == "camera" else "deg" if "degrees" in bounds else "m"
+        yield ArgumentSpec(
+            name=name,
+            unit=unit,
+            minimum=float(span[1]) if span else None,
+            maximum=float(span[2]) if span else None,
+            default=float(default[1]) if default else None,
+            optional="left out" in omitted,
+        )
 
 
 def _messages(section: str, role: str, known: dict[str, Any]) -> list[MessageSpec]:
@@ -222,7 +226,14 @@ def _messages(section: str, role: str, known: dict[str, Any]) -> list[MessageSpe
         record = next((name for needs, name, _ in _RECORDS if needs <= {field.name for field in fields}), "note")
         to = tuple(dict.fromkeys(roles[name] for name in match[4].split(", "))) if match[4] else ("all",)
         messages.append(
-            MessageSpec(kind=match[1], type=record, category=match[2], fields=fields, senders=(role,), recipients=to)
+            MessageSpec(
+                kind=match[1],
+                type=record,
+                category=msgspec.convert(match[2], _Category),
+                fields=fields,
+                senders=(role,),
+                recipients=to,
+            )
         )
     return messages
 
@@ -231,9 +242,7 @@ def _all_messages(system: str, role: str, known: dict[str, Any]) -> list[Message
     """Return the kinds that the agent may send, then those of others; a shared kind appears once."""
     by_kind = {message.kind: message for message in _messages(_section(system, "YOU MAY SEND"), role, known)}
     for line in _section(system, "OTHERS MAY SEND").splitlines() if "OTHERS MAY SEND\n" in system else ():
-        kind, category, senders, to, names = re.match(  # type: ignore[union-attr]
-            r"- (\w+) \((\w+)\) from (.+) to (.+): (.*)", line
-        ).groups()
+        kind, category, senders, to, names = _matched(r"^- (\w+) \((\w+)\) from (.+) to (.+): (.*)", line).groups()
         fields = tuple(
             Field(name=name.rstrip("?"), type="name", optional=name.endswith("?")) for name in names.split(", ")
         )
@@ -241,15 +250,15 @@ def _all_messages(system: str, role: str, known: dict[str, Any]) -> list[Message
         own = by_kind.get(kind)
         others = tuple(senders.split(", "))
         by_kind[kind] = MessageSpec(
-            kind=kind, type=record, category=category, fields=own.fields if own else fields,
+            kind=kind, type=record, category=msgspec.convert(category, _Category), fields=own.fields if own else fields,
             senders=(*(own.senders if own else ()), *others), recipients=tuple(to.split(", ")),
         )  # fmt: skip
     return list(by_kind.values())
 
 
 def _field(text: str) -> Field:
-    name, optional, holds = re.match(r"(\w+)( \(may be left out\))?: (.*)", text).groups()  # type: ignore[union-attr]
-    kind = next((kind for words, kind in _TYPES if words in holds), "name")
+    name, optional, holds = _matched(r"^(\w+)( \(may be left out\))?: (.*)", text).groups()
+    kind: FieldType = next((kind for words, kind in _TYPES if words in holds), "name")
     low, high = (re.search(rf"at {word} (-?[\d.]+)", holds) for word in ("least", "most"))
     return Field(
         name=name, type=kind, optional=bool(optional), minimum=float(low[1]) if low else None,
@@ -301,9 +310,12 @@ def _entity(described: dict[str, Any]) -> EntityView:
 
 
 def _picture(described: dict[str, Any], data: bytes) -> Picture:
-    rgb = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)[:, :, ::-1]
+    cv2 = opencv()
+    bgr = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     width, height = described["size_px"]
-    assert rgb.shape[:2] == (height, width)
+    if bgr is None or bgr.shape[:2] != (height, width):
+        raise ValueError(f"the image of {described['frame']} is not of its size_px")
+    rgb = np.ascontiguousarray(bgr[:, :, ::-1]).astype(np.uint8, copy=False)
     if described.get("reference"):
         pose = CameraPose(
             position=(0.0, 0.0, 0.0), heading_deg=0.0, tilt_deg=0.0, hfov_deg=75.0, width=width, height=height
@@ -317,8 +329,35 @@ def _picture(described: dict[str, Any], data: bytes) -> Picture:
     )  # fmt: skip
     return Picture(
         frame=described["frame"], entity=entity, camera=camera, tick=described["tick"], time_s=0.0, pose=pose,
-        rgb=np.ascontiguousarray(rgb),
+        rgb=rgb, depth=_depth(described, width, height),
     )  # fmt: skip
+
+
+def _depth(described: dict[str, Any], width: int, height: int) -> np.ndarray | None:
+    """Return the depth image (height, width; m) of the parts in a description; None without them.
+
+    A part states the depth of its middle. Its rim has the greatest depth of the picture, that of open ground: else the
+    gaps between houses, often narrower than a part, would close. A single near part is a tree, and has a wider rim.
+    """
+    if "depth_m" not in described:
+        return None
+    parts = np.array(
+        [[np.inf if depth is None else depth for depth in row] for row in described["depth_m"]], np.float32
+    )
+    places = [(np.arange(size) + 0.5) * parts.shape[axis] / size for axis, size in ((0, height), (1, width))]
+    rows, columns = (place.astype(np.int64) for place in places)
+    whole: np.ndarray = parts[np.ix_(rows, columns)]
+    rim = np.maximum(*(np.abs(place % 1.0 - 0.5) for place in np.meshgrid(*places, indexing="ij")))
+    core = np.where(_single(parts), TREE_CORE, CORE)[np.ix_(rows, columns)]
+    return np.where(rim < core / 2.0, whole, whole.max())
+
+
+def _single(parts: np.ndarray) -> np.ndarray:
+    """Return True for the parts of a depth table that are nearer than all four neighbours."""
+    around = np.pad(parts, 1, constant_values=np.inf)
+    beside = (around[:-2, 1:-1], around[2:, 1:-1], around[1:-1, :-2], around[1:-1, 2:])
+    nearest: np.ndarray = np.minimum.reduce(beside)
+    return nearest > parts + NEARER_M
 
 
 def inbox_from(state: dict[str, Any], brief: Brief) -> Inbox:
