@@ -131,7 +131,11 @@ def test_unprivileged_policies_never_look_at_the_truth(name: str, agent: str, mo
 
 
 def test_the_oracle_is_declared_privileged_and_says_so_when_it_is_kept_in_the_dark():
-    assert [plugin.name for plugin in PLUGINS.values() if plugin.privileged] == ["oracle", "sighted-reader", "faulty-oracle"]
+    assert [plugin.name for plugin in PLUGINS.values() if plugin.privileged] == [
+        "oracle",
+        "sighted-reader",
+        "faulty-oracle",
+    ]
     with pytest.raises(UsageError, match="privileged"):
         play(PLUGINS["oracle"], "skipper", "broadcast", [(observe("skipper", 0), Inbox())])
 

@@ -72,6 +72,14 @@ class _Rules:
 
     def _interactions(self) -> Iterator[str]:
         groups = {entity.group: entity for entity in self._instance.entities}
+        names = sorted({spec.name for entity in groups.values() for spec in entity.interactions})
+        if names:
+            plural = len(names) > 1
+            yield (
+                f"{', '.join(f'`{name}`' for name in names)} {'are no commands' if plural else 'is no command'}: an "
+                f"engine does {'them' if plural else 'it'} by itself as soon as the conditions hold, also to what a "
+                "body only passes"
+            )
         for group, entity in groups.items():
             for spec in entity.interactions:
                 actors = ", ".join(f"`{actor.id}`" for actor in self._instance.actors(spec)) or "nobody here"
@@ -79,7 +87,7 @@ class _Rules:
                 yield (
                     f"`{spec.name}` is done to a {group} by {actors} {reach}{_course(spec)}"
                     + "".join(
-                        f", once {self._condition(unlock.condition, {})}"
+                        f", provided that {self._condition(unlock.condition, {})}"
                         for unlock in self._instance.unlocks
                         if unlock.interaction == spec.name and group in {bound.domain for bound in unlock.parameters}
                     )
@@ -121,12 +129,23 @@ class _Rules:
                 domains = {stage.variable: stage.domain} if stage.variable and stage.domain else {}
                 each = f" of each {stage.domain} `{stage.variable}`" if domains else ""
                 when = self._condition(stage.condition, domains)
-                yield f"the stage *{stage.name}*{each} must be done within {stage.ticks.value:g} ticks: when {when}"
+                first = self._stages_before(stage)
+                since = f"of the end of {first}" if first else "of the start"
+                yield (
+                    f"the stage *{stage.name}*{each} must be done within {stage.ticks.value:g} ticks {since}, or the "
+                    f"mission ends; it is done when {when}"
+                )
             if stage.deadline is not None:
                 domains = {stage.variable: stage.domain} if stage.variable and stage.domain else {}
                 times = ", ".join(self._deadlines(stage))
                 when = self._condition(stage.condition, domains)
-                yield f"the stage *{stage.name}* must be done by {times}, or the mission ends: when {when}"
+                yield f"the stage *{stage.name}* must be done by {times}, or the mission ends; it is done when {when}"
+
+    def _stages_before(self, stage: Stage) -> str:
+        """Return the names of the stages that must be done before a stage begins."""
+        relations = self._instance.relations
+        sources = [item.source for item in relations if item.kind == "dependency" and item.target == stage.name]
+        return " and ".join(f"*{source}*" for source in sources)
 
     def _assignments(self) -> Iterator[str]:
         """Yield the meaning of `assigned` if a condition reads it, for rules that say no more than the word."""

@@ -10,7 +10,10 @@ import msgspec
 
 from lingjing.mission import expression as ex
 from lingjing.mission.fold import Composite, Literal, Meaning, meaning
-from lingjing.mission.functions import Operation, operation
+from lingjing.mission.functions import OPERATIONS, Operation, operation
+
+_NOT = OPERATIONS["not"].words.partition("{")[0]
+"""The words before an inverted condition."""
 
 _AGGREGATES = {"count": "the number of {1} for which {0}", "sum": "the sum of {0} over {1}"}
 _SIGNS = {"<": "<", "<=": "≤", ">": ">", ">=": "≥"}
@@ -84,6 +87,9 @@ class ConditionWords:
             if isinstance(node, ex.Binary) and node.operator in _SIGNS:
                 bounds.extend(_bound(node.operator, *parts))
             words = shape.format(*[part.words for part in parts]) if shape else f"`{text}`"
+            if isinstance(node, ex.Binary) and node.operator == "or" and _is_inverse(node.left):
+                # "not A or B" has two readings in prose, "if A, then B" has one.
+                words = f"if {parts[0].words.removeprefix(_NOT)}, then {parts[1].words}"
             return _ConditionText(words, text, operation_entry.measure if operation_entry else None)
 
         return phrase
@@ -105,6 +111,10 @@ class ConditionWords:
     def _written(self, node: ex.Expr) -> Meaning:
         text = self._text(node)
         return lambda names, bounds: _ConditionText(f"`{text}`", text)
+
+
+def _is_inverse(node: ex.Expr) -> bool:
+    return isinstance(node, ex.Unary) and node.operator == "not"
 
 
 def _shape(node: Composite, count: int) -> str:

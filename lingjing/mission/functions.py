@@ -474,7 +474,11 @@ OPERATIONS: Mapping[str, Operation] = {
         _plain("round", round, intervals.monotone(round)),
         Operation("iou", operations.iou, intervals.share, words="the overlap of {0} with {1}", measure="IoU "),
         _fact("ray_distance", words="the distance of {2} from the ray of the camera through {1} in {0}", stable=True),
-        _fact("edge_error", words="the distance in pixels of the edges of {1} from those of {2}", stable=True),
+        _fact(
+            "edge_error",
+            words="the greatest distance of an edge of {1} from the same edge of {2}, in pixels of the whole picture,",
+            stable=True,
+        ),
         _fact("truth", words="the true box of {0} in {1}", secret=True, stable=True),
         _fact("emitted", words="an engine has performed {0}[ on {1}]", of_time=True, about=("event",), at_start=False),
         _fact("assigned", words="{0} is assigned to {1}", at_start=False),

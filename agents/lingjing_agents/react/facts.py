@@ -35,8 +35,8 @@ def interface(brief: Brief) -> str:
     """Return the facts of a brief, in sections."""
     sections = (
         ("YOU MAY COMMAND", _commands(brief) or ["nothing: you only send messages; answer with command null."]),
-        ("YOU MAY SEND", [*_messages(brief), *_speech(brief)]),
-        ("OTHERS MAY SEND", list(_others(brief))),
+        ("YOU MAY SEND", [*_messages(brief), *_extents(brief), *_speech(brief)]),
+        ("YOU MAY RECEIVE", list(_others(brief))),
         ("KNOWN FROM THE START", [compact(known(brief))]),
     )
     return "\n\n".join(f"{head}\n" + "\n".join(lines) for head, lines in sections if lines)
@@ -173,6 +173,18 @@ _MOTIONS: Mapping[VerbMotion, str] = {
 """The meanings of verbs without words of their type or engine, by motion."""
 
 
+_EXTENTS: Mapping[str, str] = {
+    "bridge_fracture": "the missing stretch, from edge to edge of the deck",
+    "building_fire": "the flames, without smoke and scorched roof",
+    "delivery_door": "the entrance: door, frame and what stands beside it",
+    "fire_source": "the flames, without smoke",
+    "person_in_water": "the body with its limbs, without foam",
+    "pipeline_leak": "the spray from the pipe to its far end, without wet ground",
+    "reference_building": "the whole building",
+}
+"""What the true boxes of the shipped missions' classes enclose, as their pictures show it."""
+
+
 # -- messages
 
 
@@ -185,21 +197,36 @@ def _messages(brief: Brief) -> Iterator[str]:
         yield f"- {message.kind} ({message.category}): {{{fields}}}{_to(brief, message)}"
 
 
+def _extents(brief: Brief) -> Iterator[str]:
+    """Yield the extent of the boxes that reports may contain."""
+    if any(field.type == "box" for message in sendable(brief) for field in message.fields):
+        known = [f"{name}: {_EXTENTS[name]}" for name in brief.classes if name in _EXTENTS]
+        if known:
+            yield f"A true box encloses what is visible of the thing, cut at the picture's edge. {'; '.join(known)}."
+
+
 def _others(brief: Brief) -> Iterator[str]:
-    """Yield the kinds of message that other roles may send, with their recipients."""
+    """Yield the kinds of message that this agent may receive, with the agents that may send them to it."""
     for message in brief.messages:
-        senders = [role for role in message.senders if role != brief.role]
+        senders = _senders(brief, message)
         if senders:
             fields = ", ".join(f"{field.name}{'?' * field.optional}" for field in message.fields)
-            way = f"from {', '.join(senders)} to {', '.join(message.recipients)}"
-            yield f"- {message.kind} ({message.category}) {way}: {fields}"
+            yield f"- {message.kind} ({message.category}) from {', '.join(senders)}: {fields}"
+
+
+def _senders(brief: Brief, message: MessageSpec) -> list[str]:
+    """Return the agents from which a kind of message can come to this agent: under a hub, the hub alone speaks to the
+    others."""
+    reaching = [peer for peer in brief.peers if brief.hub in (None, brief.agent, peer.id)]
+    is_received = brief.hub == brief.agent or message.is_for(brief.role)
+    return [peer.id for peer in reaching if is_received and message.is_sent_by(peer.role)]
 
 
 def _to(brief: Brief, message: MessageSpec) -> str:
     if brief.hub != brief.agent:
         return ""
     names = recipients(brief, message)
-    return f"; `to`: some of {', '.join(names)}" if names else "; nobody hears it but the adjudicator"
+    return f"; `to`: some of {', '.join(names)}" if names else "; only the adjudicator receives it"
 
 
 def _speech(brief: Brief) -> Iterator[str]:
@@ -208,13 +235,16 @@ def _speech(brief: Brief) -> Iterator[str]:
         return
     late = f"{brief.delay_ticks} tick{'s' * (brief.delay_ticks != 1)} later"
     if not brief.peers:
-        yield "Nobody else is there; reports reach the adjudicator."
+        yield "No other agent is there: leave `to` empty; reports reach the adjudicator."
     elif brief.hub is None:
         yield f"Every message reaches all other agents {late}; leave `to` empty."
     elif brief.hub == brief.agent:
-        yield f"You are the hub: others hear only you, {late}. Name the recipients of each message in `to`."
+        yield (
+            f"You are the hub: the messages of all others reach you alone, and others receive only yours, {late}. "
+            "Nothing is passed on by itself. Name the recipients of each message in `to`."
+        )
     else:
-        yield f"Every message goes to `{brief.hub}` ({late}), which decides what others hear; leave `to` empty."
+        yield f"Every message goes to `{brief.hub}` alone ({late}); it decides what to tell others. Leave `to` empty."
     far = f", and reaches only bodies within {brief.range_m:g} m" if brief.range_m is not None else ""
     lost = f", and is lost with probability {brief.loss:g}" if brief.loss else ""
     yield f"A message holds at most {brief.payload_bytes} bytes{far}{lost}."

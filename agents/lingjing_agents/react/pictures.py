@@ -10,8 +10,8 @@ import math
 
 import numpy as np
 
-from lingjing.plugins.geometry import pixel_to_plane, pixel_to_world
-from lingjing.plugins.policy import REFERENCE, Brief, Picture
+from lingjing.plugins.geometry import focal_px, pixel_to_plane, pixel_to_world
+from lingjing.plugins.policy import REFERENCE, Brief, CameraPose, Picture
 from lingjing.plugins.scaffold import ImageFile
 from lingjing_agents.perception.images import ImageBox, opencv
 from lingjing_agents.react.facts import tenths
@@ -21,6 +21,10 @@ WHOLE: ImageBox = (0.0, 0.0, 1.0, 1.0)
 _COLUMNS, _ROWS = 7, 5
 _COARSE_COLUMNS, _COARSE_ROWS = 3, 3
 _DEPTH_COLUMNS, _DEPTH_ROWS = 16, 9
+_AHEAD_DEG = 45.0
+"""The tilt up to which a camera looks ahead. Chosen."""
+_BELOW_HORIZON = (0.02, 0.05, 0.1, 0.2, 0.4)
+"""Distances of the rows from the horizon, as shares of a picture's height. Chosen."""
 _FLAT_M = 1.0
 _HORIZON_M = 5000.0
 """The farthest point of the plane that counts as a place, metres. Chosen: a small error of the pose moves farther
@@ -92,19 +96,21 @@ def _depths(picture: Picture) -> dict[str, object]:
 
 def _ground(picture: Picture, brief: Brief) -> dict[str, object]:
     """Return the places at a grid of points of the picture: by depth, else on the plane of the water level."""
-    places = _grid(picture, brief, _COLUMNS, _ROWS)
+    columns, rows = _even(_COLUMNS), _even(_ROWS)
+    places = _grid(picture, brief, columns, rows)
     heights = [place[2] for row in places for place in row if place is not None]
     if heights and max(heights) - min(heights) <= _FLAT_M:  # a plane: fewer points say the same
-        places = _grid(picture, brief, _COARSE_COLUMNS, _COARSE_ROWS)
+        columns = _even(_COARSE_COLUMNS)
+        rows = _even(_COARSE_ROWS) if picture.pose.tilt_deg > _AHEAD_DEG else _below_horizon(picture.pose)
+        places = _grid(picture, brief, columns, rows)
     known = (
         "measured" if picture.depth is not None else f"not measured: those of level ground at {brief.water_level_m:g} m"
     )
-    columns, rows = len(places[0]), len(places)
     return {
         **_extent(places),
         "ground": {
-            "x": [round(i / (columns - 1), 3) for i in range(columns)],
-            "y": [round(j / (rows - 1), 3) for j in range(rows)],
+            "x": columns,
+            "y": rows,
             "east_north_elevation_m": places,
             "heights": known,
         },
@@ -120,8 +126,20 @@ def _extent(places: list[list[list[float] | None]]) -> dict[str, object]:
     return {"covers_m": [round(math.dist(first[:2], other[:2])) for other in (across, down)]}
 
 
-def _grid(picture: Picture, brief: Brief, columns: int, rows: int) -> list[list[list[float] | None]]:
-    return [[_place(picture, brief, i / (columns - 1), j / (rows - 1)) for i in range(columns)] for j in range(rows)]
+def _even(count: int) -> list[float]:
+    """Return shares of a side from 0 to 1, evenly spaced."""
+    return [round(index / (count - 1), 3) for index in range(count)]
+
+
+def _below_horizon(pose: CameraPose) -> list[float]:
+    """Return rows of a picture that looks ahead, as shares of its height. Ground far off lies close below the horizon,
+    where evenly spaced rows show nothing."""
+    horizon = 0.5 - focal_px(pose) * math.tan(math.radians(pose.tilt_deg)) / pose.height
+    return [*(round(horizon + step, 3) for step in _BELOW_HORIZON if 0.0 <= horizon + step < 1.0), 1.0]
+
+
+def _grid(picture: Picture, brief: Brief, columns: list[float], rows: list[float]) -> list[list[list[float] | None]]:
+    return [[_place(picture, brief, x, y) for x in columns] for y in rows]
 
 
 def _place(picture: Picture, brief: Brief, x: float, y: float) -> list[float] | None:

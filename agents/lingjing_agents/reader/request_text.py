@@ -241,17 +241,19 @@ def _messages(section: str, role: str, known: dict[str, Any]) -> list[MessageSpe
 def _all_messages(system: str, role: str, known: dict[str, Any]) -> list[MessageSpec]:
     """Return the kinds that the agent may send, then those of others; a shared kind appears once."""
     by_kind = {message.kind: message for message in _messages(_section(system, "YOU MAY SEND"), role, known)}
-    for line in _section(system, "OTHERS MAY SEND").splitlines() if "OTHERS MAY SEND\n" in system else ():
-        kind, category, senders, to, names = _matched(r"^- (\w+) \((\w+)\) from (.+) to (.+): (.*)", line).groups()
+    roles = {item["id"]: item["role"] for item in known.get("agents", ())}
+    for line in _section(system, "YOU MAY RECEIVE").splitlines() if "YOU MAY RECEIVE\n" in system else ():
+        kind, category, senders, names = _matched(r"^- (\w+) \((\w+)\) from ([^:]+): (.*)", line).groups()
         fields = tuple(
             Field(name=name.rstrip("?"), type="name", optional=name.endswith("?")) for name in names.split(", ")
         )
         record = next((name for needs, name, _ in _RECORDS if needs <= {field.name for field in fields}), "note")
         own = by_kind.get(kind)
-        others = tuple(senders.split(", "))
+        others = tuple(dict.fromkeys(roles[name] for name in senders.split(", ")))
+        reached = tuple(dict.fromkeys((*(own.recipients if own else ()), role)))
         by_kind[kind] = MessageSpec(
             kind=kind, type=record, category=msgspec.convert(category, _Category), fields=own.fields if own else fields,
-            senders=(*(own.senders if own else ()), *others), recipients=tuple(to.split(", ")),
+            senders=(*(own.senders if own else ()), *others), recipients=reached,
         )  # fmt: skip
     return list(by_kind.values())
 
