@@ -151,7 +151,7 @@ def _place(picture: Picture, brief: Brief, x: float, y: float) -> list[float] | 
         depth = float(picture.depth[min(int(y * height), height - 1), min(int(x * width), width - 1)])
         return None if not np.isfinite(depth) else tenths(pixel_to_world(pose, u, v, depth))
     place = pixel_to_plane(pose, u, v, brief.water_level_m)
-    if place is None or max(abs(place[0] - pose.position[0]), abs(place[1] - pose.position[1])) > _HORIZON_M:
+    if place is None or math.dist(place[:2], pose.position[:2]) > _HORIZON_M:
         return None
     return tenths(place)
 
