@@ -26,8 +26,7 @@ from lingjing_agents.react.call_profile import PROFILES, ColumnProfile, RoleProf
 from lingjing_agents.react.token_bound import message_bound, token_bound
 
 import lingjing
-from agents.tests.chat_server import Reply, serve
-from agents.tests.text_reader import ReadingModel
+from agents.tests.chat_server import Reply, reading_model, serve
 from lingjing.bench.columns import Column, columns, shipped
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.tiers import USUAL, tiers_of
@@ -55,7 +54,7 @@ class WordyModel:
     """The model that answers from the text of its requests, with a thought and a plan."""
 
     def __init__(self) -> None:
-        self._model = ReadingModel()
+        self._model = reading_model()
 
     def __call__(self, request: dict[str, Any]) -> Reply:
         """Return the answer to a request."""

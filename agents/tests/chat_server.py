@@ -14,6 +14,8 @@ from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
+from lingjing_agents.reader.player import RequestPlayer
+
 NOOP = {"thought": "nothing to do", "command": None, "messages": []}
 
 
@@ -49,6 +51,12 @@ class ChatServer:
         if callable(self.script):
             return self.script(request)
         return self.script[min(number, len(self.script) - 1)]
+
+
+def reading_model() -> Callable[[dict[str, Any]], Reply]:
+    """Return a script that answers from the texts and pictures of its requests (`RequestPlayer`)."""
+    player = RequestPlayer()
+    return lambda request: Reply(json.loads(player.answer(request)))
 
 
 def completion(reply: Reply) -> dict[str, Any]:

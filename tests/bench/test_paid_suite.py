@@ -14,8 +14,7 @@ import pytest
 from lingjing_agents.llm.models import read_models
 from lingjing_agents.llm.picture_tokens import jpeg_size
 
-from agents.tests.chat_server import NOOP, Reply, completion, serve
-from agents.tests.text_reader import ReadingModel
+from agents.tests.chat_server import NOOP, Reply, completion, reading_model, serve
 from lingjing.errors import ExitCode
 from lingjing.testing import PluginHost, run_command
 from tests.bench.suite_kit import TRIP, SuiteEpisode, estimates, read_plan, read_results
@@ -169,7 +168,7 @@ def test_the_estimate_is_within_one_and_a_half_times_of_what_a_service_bills(
     suite, out = tmp_path / "counted.toml", tmp_path / "out"
     text = COUNTED if wins else COUNTED.replace('"cd", ', "").replace('"cd-broadcast", ', "")
     suite.write_text(text.replace("OTHER-MODE", other).replace("OTHER", other.partition("-")[0]))
-    service = CountingService(ReadingModel() if wins else talkative(ReadingModel()))
+    service = CountingService(reading_model() if wins else talkative(reading_model()))
     with serve(service) as server:
         (tmp_path / "models.toml").write_text(LISTED.replace("URL", server.url))
         monkeypatch.setenv("LINGJING_MODELS", str(tmp_path / "models.toml"))
