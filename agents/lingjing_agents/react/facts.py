@@ -182,7 +182,7 @@ _EXTENTS: Mapping[str, str] = {
     "pipeline_leak": "the spray from the pipe to its far end, without wet ground",
     "reference_building": "the whole building",
 }
-"""What the true boxes of the shipped missions' classes enclose, as their pictures show it."""
+"""The extent of the true boxes of the shipped missions' classes, as their pictures show it."""
 
 
 # -- messages

@@ -89,7 +89,7 @@ MOST_REPORTS = 3
 """Reports of an episode, at most. Chosen: claims are limited from tier 1 on, and each report costs one."""
 
 FARTHEST_M = 150.0
-"""Distance of a building in metres whose foot is above the horizon. Chosen."""
+"""Distance in metres of a building with its foot above the horizon. Chosen."""
 
 FAR_M = 220.0
 """Distance in metres at which the weight of a position is halved. Chosen."""
