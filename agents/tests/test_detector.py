@@ -92,6 +92,17 @@ def test_a_second_look_from_lower_down_is_better(camera):
     assert precision >= 0.9
 
 
+@pytest.mark.slow
+def test_people_in_dark_clothes_are_found_from_lower_down(camera):
+    hits = 0
+    for rgb, pose, truth, _ in shoot(camera, 2006, 60.0):
+        for name in ("victim[3]", "victim[6]"):
+            if name in truth:
+                boxes = [find.box for find in find_people(rgb, pose, LEVEL) if find.confidence >= 0.3]
+                hits += any(overlap(box, truth[name]) >= 0.4 for box in boxes)
+    assert hits == 2
+
+
 POSE = camera_pose((0.0, 0.0, 96.5), 0.0, NADIR)
 
 
