@@ -24,7 +24,8 @@ Modules in the order of a run:
 - `unresolved`   entrants with lost episodes, and the bounds of their rates
 - `tables` ← `table_cells`, `paired_tests`, `failure_tables`   the tables of the paper
 - `exports`      Markdown, LaTeX, CSV and HTML
-- `leaderboard`, `dataset_card`   a page that ranks entrants, and a description of the rows; `croissant`: for machines
+- `leaderboard`, `dataset_card`   a page that ranks entrants, and a description of the rows; `croissant`: for machines;
+  `tensorboard_log`: rows as curves
 - `planting` → `planted` → `attribution`   episodes with planted faults, and a test of attribution methods on them
 - `playing`  plays a suite in one call of Python
 - `prompt_search`  revises a policy's prompt on development episodes

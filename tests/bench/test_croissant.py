@@ -1,9 +1,11 @@
-"""Croissant cards of results and of frame sets: MLCommons' own package validates them and loads their records."""
+"""Results for others: Croissant cards, which MLCommons' package validates and loads, and TensorBoard's event files."""
 
 from __future__ import annotations
 
 import hashlib
+import importlib
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -88,3 +90,28 @@ def test_what_has_no_card(
     monkeypatch.chdir(results.parent)
     assert run_command(["bench", "card", *places, "--format", "croissant"]) == 2
     assert message in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_tensorboard_reads_the_scalars_of_each_seed(
+    results: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    pytest.importorskip("tensorboard", reason="tensorboard is not installed: run `make readers`")
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    monkeypatch.chdir(results.parent)
+    log_class = importlib.import_module("lingjing.bench.tensorboard_log").TensorboardLog
+    with log_class(tmp_path / "board") as log:
+        played = lingjing.bench("first.toml", out="fresh", progress=log)
+    events = EventAccumulator(str(tmp_path / "board" / "idle" / "first-broadcast"))
+    events.Reload()
+    for name in ("scr", "success"):
+        points = {event.step: event.tensor_proto.float_val[0] for event in events.Tensors(name)}
+        assert points == {row.seed: float(row.report.metrics[name]) for row in played.rows if row.report.metrics}
+
+
+def test_without_tensorboard_there_is_one_message(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setitem(sys.modules, "tensorboard.summary", None)
+    log_class = importlib.import_module("lingjing.bench.tensorboard_log").TensorboardLog
+    with pytest.raises(lingjing.UsageError, match="needs the package tensorboard"):
+        log_class(tmp_path)
