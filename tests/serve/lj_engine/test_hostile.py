@@ -186,7 +186,7 @@ def handshake(port: int, headers: dict[str, str]) -> str:
     text = "GET /ws/LJ-ENGINE/page HTTP/1.1\r\n" + "".join(f"{name}: {value}\r\n" for name, value in lines.items())
     with socket.create_connection(("127.0.0.1", port), timeout=30) as wire:
         wire.sendall(f"{text}\r\n".encode())
-        return wire.recv(4096).decode().splitlines()[0]
+        return wire.recv(4096).split(b"\r\n")[0].decode()
 
 
 def test_own_origin_is_admitted(midway: Any) -> None:
