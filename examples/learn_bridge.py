@@ -70,6 +70,7 @@ def scores(model: MaskablePPO | None, motion: Any) -> list[float]:
     """Return the scores of a model on the unseen seeds; None stands for uniform admissible decisions."""
     env = FlatEnv(MISSION, actions="discrete", world="inline", motion=motion, shaping=0.0)
     draw = np.random.default_rng(0)
+    torch.manual_seed(0)
     result = []
     for seed in UNSEEN:
         observation, info = env.reset(seed=seed)
@@ -79,7 +80,7 @@ def scores(model: MaskablePPO | None, motion: Any) -> list[float]:
             if model is None:
                 action = draw.choice(np.flatnonzero(mask))
             else:
-                action, _ = model.predict(observation, action_masks=mask, deterministic=True)
+                action, _ = model.predict(observation, action_masks=mask)  # sampled, as in training
             observation, _, ended, late, info = env.step(int(action))
         result.append(float(info["score"]))
     env.close()
