@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -22,9 +22,10 @@ from lingjing.play.options import PlayOptions, compiled
 from lingjing.play.policy_processes.barrier import AgentPolicy, ProcessBarrier
 from lingjing.play.policy_processes.messages import LoadPolicy
 from lingjing.play.policy_processes.preloading import PRELOAD, SERVES
+from lingjing.play.policy_processes.servers import OpenServer, PolicyServer, WalledServer, walls_of
 from lingjing.plugins.loading import UNRECORDED
 from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, Picture
-from lingjing.processes.fork_client import ForkServer, ForkServerClient
+from lingjing.processes.fork_client import ForkServer
 from lingjing.trace.images import encode_jpeg
 from lingjing.trace.records import CameraPose
 
@@ -46,15 +47,19 @@ class Idle:
 def main() -> None:
     """Print the table: CPU milliseconds per turn, and for one more process."""
     brief = _brief()
-    with _server() as server:
-        print("picture | player, process of its own | both | in a thread")
+    with _server(walls=False) as server, _server(walls=True) as walled:
+        print("picture | player, process of its own | both | player, behind walls | both | in a thread")
         for name, picture in (("none", None), ("colour", _picture(False)), ("colour, depth, classes", _picture(True))):
-            apart = ProcessBarrier({"a": _idle()}, 600.0, server)
-            apart.load()
-            ours, theirs = _turns(apart, brief, picture)
+            cells = [name]
+            for kind in (server, walled):
+                apart = ProcessBarrier({"a": _idle()}, 600.0, kind)
+                apart.load()
+                ours, theirs = _turns(apart, brief, picture)
+                cells += [f"{ours:.2f}", f"{ours + theirs:.2f}"]
             here, _ = _turns(PolicyBarrier({"a": Idle()}, 600.0), brief, picture)
-            print(f"{name} | {ours:.2f} | {ours + theirs:.2f} | {here:.2f}")
-        print(f"one more process: {_starting(server, brief):.1f} ms of CPU, player and process")
+            print(*cells, f"{here:.2f}", sep=" | ")
+        for kind, words in ((server, "process"), (walled, "process behind walls")):
+            print(f"one more {words}: {_starting(kind, brief):.1f} ms of CPU, player and process")
 
 
 def _turns(barrier: Barrier, brief: Brief, picture: Picture | None) -> tuple[float, float]:
@@ -71,7 +76,7 @@ def _turns(barrier: Barrier, brief: Brief, picture: Picture | None) -> tuple[flo
     return spent[0] / TURNS * 1e3, spent[1] / TURNS * 1e3
 
 
-def _starting(server: ForkServerClient, brief: Brief, count: int = 10) -> float:
+def _starting(server: PolicyServer, brief: Brief, count: int = 10) -> float:
     spent = time.process_time()
     load = LoadPolicy(spec="heuristic", source="agents", arguments={}, seed=1)
     crew = ProcessBarrier({f"a{number}": AgentPolicy(load, UNRECORDED) for number in range(count)}, 600.0, server)
@@ -92,12 +97,11 @@ def _idle() -> AgentPolicy:
 
 
 @contextmanager
-def _server() -> Iterator[ForkServerClient]:
-    with ForkServer(SERVES) as started:
+def _server(*, walls: bool) -> Iterator[PolicyServer]:
+    with ForkServer(SERVES, walls=walls) as started, closing(started.client()) as client:
         started.call(PRELOAD, json.dumps(["heuristic"]))
-        client = started.client()
-        yield client
-        client.close()
+        options = PlayOptions(mission="ssr", policy=f"{__file__}:Idle", isolate="yes")
+        yield WalledServer(client, walls_of(options)) if walls else OpenServer(client)
 
 
 def _brief() -> Brief:

@@ -71,6 +71,7 @@ def lingjing_policies() -> Iterable[PolicyPlugin]:
             calls=True,
             probe=_Deferred("llm.probing", "probe_model"),
             estimate=_Deferred("react.call_profile", "estimate_calls"),
+            broker=_Deferred("react.brokering", "open_broker"),
             summary="perceives, reasons and acts over a chat model",
             imports=_MODEL,
         ),

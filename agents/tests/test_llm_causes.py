@@ -127,6 +127,7 @@ async def test_a_policy_that_is_given_up_records_the_cause():
 
     class Calls:
         replaying = capped = False
+        broker = None
 
         def begin(self, request: object) -> None: ...
 

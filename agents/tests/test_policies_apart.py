@@ -15,6 +15,7 @@ from agents.tests.chat_server import serve
 from agents.tests.test_recorded_calls import ARGUMENTS, TEXT, decisions, looking, play
 from lingjing import EpisodeReport, Session
 from lingjing.play.policy_processes.preloading import PRELOAD, SERVES
+from lingjing.play.policy_processes.servers import OpenServer
 from lingjing.processes.fork_client import ForkServer, ForkServerClient
 from lingjing.testing import recorded_calls, shortened
 
@@ -31,7 +32,7 @@ def server() -> Iterator[ForkServerClient]:
 @pytest.fixture(scope="module")
 def apart(server: ForkServerClient) -> Iterator[Session]:
     """A session with policies in processes of their own. All episodes share its workers."""
-    with Session(policy_server=server) as session:
+    with Session(policy_server=OpenServer(server)) as session:
         yield session
 
 

@@ -29,6 +29,7 @@ class Answering:
 
     replaying = True
     capped = False
+    broker = None
 
     def __init__(self, answer: str = ANSWER) -> None:
         self.requests: list[CallRequest] = []

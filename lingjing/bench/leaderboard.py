@@ -3,25 +3,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
+from lingjing.bench.evidence import AuditMark, audited_in_words, row_sha256
 from lingjing.bench.exports import html_page, to_html
 from lingjing.bench.played import Played, columns_of
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.running import cost_of
-from lingjing.bench.table_cells import PRIVILEGED, UNRESOLVED, ResultCell, ResultLine, ResultTable, plain
+from lingjing.bench.table_cells import PRIVILEGED, UNAUDITED, UNRESOLVED, ResultCell, ResultLine, ResultTable, plain
 from lingjing.bench.tables import average_cell, average_of, column_head, make_tables, rate_cell, standing_notes
 from lingjing.bench.unresolved import open_rows, unresolved_entrants
+from lingjing.play.options import PlayOptions
 
 UNRANKED = "not ranked: some columns were not played"
 OPEN = "not ranked: episodes were lost, or played again after an abort that the entrant may have caused"
 SHOWN = "not ranked: observes the ground truth"
 
 
-def leaderboard(rows: Sequence[SuiteRow]) -> str:
-    """Return the page. Entrants with every column are ranked; the others and privileged ones follow."""
-    suite = rows[0].suite if rows else "results"
-    tables = [_ranking(rows), _played_by(rows), *make_tables(rows, ("paired",))]
+def leaderboard(rows: Sequence[SuiteRow], marks: Mapping[str, AuditMark] | None = None) -> str:
+    """Return the page. Entrants with every column are ranked; the others and privileged ones follow.
+
+    `marks` are those of audits (`evidence.audit_marks`): entrants with other rows are marked.
+    """
+    suite, marks = rows[0].suite if rows else "results", marks or {}
+    tables = [_ranking(rows, marks), _played_by(rows, marks), *make_tables(rows, ("paired",))]
     return html_page(f"Leaderboard: {suite}", "".join(map(to_html, tables)))
 
 
@@ -40,7 +45,7 @@ def ranking(rows: Sequence[SuiteRow]) -> list[tuple[str, float]]:
     )
 
 
-def _ranking(rows: Sequence[SuiteRow]) -> ResultTable:
+def _ranking(rows: Sequence[SuiteRow], audits: Mapping[str, AuditMark]) -> ResultTable:
     plain = [row for row in rows if not row.condition]
     counted, left_open = [row for row in plain if row.standing == "counted"], open_rows(plain)
     columns, unresolved = columns_of(counted), unresolved_entrants(plain)
@@ -54,31 +59,70 @@ def _ranking(rows: Sequence[SuiteRow]) -> ResultTable:
             listed += 1
             place, last = place if average == last else listed, average  # equal averages share a place
         cells = [rate_cell(Played.of(row for row in own if (row.mission, row.mode) == column)) for column in columns]
-        marks = (name, *[UNRESOLVED] * (name in unresolved), *[PRIVILEGED] * privileged)
+        is_unaudited = bool(audits) and any(row_sha256(row) not in audits for row in own if row.standing == "counted")
+        marks = (name, *[UNRESOLVED] * (name in unresolved), *[PRIVILEGED] * privileged, *[UNAUDITED] * is_unaudited)
         label = (str(place) if not group else "", " ".join(marks))
         lines.append(ResultLine(group, label, (average_cell(own, columns, with_range=True), *cells)))
     heads = ("Avg", *(column_head(mission, mode, columns) for mission, mode in columns))
     lines.sort(key=lambda line: ("", UNRANKED, OPEN, SHOWN).index(line.group))
     note = "Avg: modes of a mission first, then missions; its 95 % interval is a bootstrap over seeds"
-    return ResultTable(
-        "ranking", "Task success rate (TSR, %)", ("", "Entrant"), heads, tuple(lines), (note, *standing_notes(rows))
+    evidence = audited_in_words(rows, audits)
+    evidence += (
+        f"; {UNAUDITED} has rows that no audit has confirmed" if audits else ": every number is what its row claims"
     )
+    notes = (note, evidence, *standing_notes(rows))
+    return ResultTable("ranking", "Task success rate (TSR, %)", ("", "Entrant"), heads, tuple(lines), notes)
 
 
-def _played_by(rows: Sequence[SuiteRow]) -> ResultTable:
+def _played_by(rows: Sequence[SuiteRow], audits: Mapping[str, AuditMark]) -> ResultTable:
     lines = []
     for name in dict.fromkeys(row.entrant for row in rows):
         own = [row for row in rows if row.entrant == name]
         standings = [sum(row.standing == standing for row in own) for standing in ("counted", "aborted", "lost")]
-        values = [_all(own, field) for field in ("policy", "model", "version", "salt_sha256", "code")]
+        fields = ("policy", "model", "version", "salt_sha256", "split_sha256", "benchmark", "code")
+        values = [_options(own), _endpoints(own), *(_all(own, field) for field in fields)]
+        checked = sum(row_sha256(row) in audits for row in own if row.standing == "counted")
         cells = (
-            *(ResultCell(str(number), number) for number in standings),
+            *(ResultCell(str(number), number) for number in (*standings, checked)),
             plain(sum(map(cost_of, own)), ".2f"),
             *(ResultCell(text) for text in values),
         )
         lines.append(ResultLine("", (name,), cells))
-    heads = ("counted", "aborted", "lost", "USD", "policy", "model", "version", "salt", "code")
+    heads = (
+        "counted", "aborted", "lost", "audited", "USD", "options", "endpoint", "policy", "model", "version", "salt",
+        "split", "benchmark", "code",
+    )  # fmt: skip
     return ResultTable("entrants", "Entrants", ("Entrant",), heads, tuple(lines))
+
+
+_SHOWN_APART = frozenset(
+    {"mission", "seed", "salt", "policy_seed", "mode", "tier", "settings", "policy", "policies_for", "overview",
+     "calls", "calls_from", "max_cost", "max_tokens", "ledger", "sign"}
+)  # fmt: skip
+"""The options that the page shows elsewhere, or that decide nothing."""
+
+_ENDPOINT = ("base_url", "base_url_env", "client", "models")
+"""The options of a policy that name the service of its model."""
+
+
+def _options(rows: Sequence[SuiteRow]) -> str:
+    """Return the options of an entrant that differ from the defaults, other than those of its model's service."""
+    default, words = PlayOptions(mission=""), dict[str, None]()
+    for row in rows:
+        arguments = {name: value for name, value in row.options.policy_args.items() if name not in _ENDPOINT}
+        words |= dict.fromkeys(f"{name}={value}" for name, value in sorted(arguments.items()))
+        for name in sorted(set(PlayOptions.__struct_fields__) - _SHOWN_APART - {"policy_args"}):
+            if (value := getattr(row.options, name)) != getattr(default, name):
+                words[f"{name}: {value}"] = None
+        words |= dict.fromkeys(f"{role} plays {policy}" for role, policy in sorted(row.options.policies_for.items()))
+    return ", ".join(words) or "–"
+
+
+def _endpoints(rows: Sequence[SuiteRow]) -> str:
+    """Return the services of an entrant's model; a dash without options that name one."""
+    options = (row.options.policy_args for row in rows)
+    words = dict.fromkeys(str(arguments[name]) for arguments in options for name in _ENDPOINT if arguments.get(name))
+    return ", ".join(words) or "–"
 
 
 def _all(rows: Sequence[SuiteRow], field: str) -> str:

@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterable, Iterator, Sequence
 from pathlib import Path
 
+from lingjing.bench.evidence import check_rows
 from lingjing.bench.folder import read_results
 from lingjing.bench.rows import RowKey, SuiteRow, check_tiers, comparable
 from lingjing.errors import UsageError
 
 _KEPT_APART = "merge the results of each version separately, or merge them anyway with --other-code"
+
+_WORDS = {"split_sha256": "sealed split", "benchmark": "version of the benchmark"}
+"""The names of fields in messages."""
 
 _NOT_REPEATED = "the machine or the policy of one of them is not deterministic: remove one of them"
 _DRAWN_APART = (
@@ -26,8 +30,11 @@ def merge_results(places: Sequence[Path], *, other_code: bool = False) -> list[S
 def merge_rows(placed: Sequence[tuple[Path, SuiteRow]], *, other_code: bool = False) -> list[SuiteRow]:
     """Merge rows that are already read, each with its place. Raises `UsageError` as `merge_results` does."""
     _check_alike("suite", placed, "merge results of one suite")
+    check_rows(row for _, row in placed)
+    _check_alike("benchmark", placed, "missions, prompts, looks or adjudication differ: make a table of each version")
     if not other_code:
         _check_alike("code", placed, _KEPT_APART)
+    _check_alike("split_sha256", placed, "results of a sealed split and of public seeds, or of two splits, stay apart")
     _check_options(placed)
     check_tiers(row for _, row in placed)
     episodes: dict[tuple[Hashable, ...], list[tuple[Path, SuiteRow]]] = {}
@@ -71,7 +78,7 @@ def _check_alike(name: str, placed: Iterable[tuple[Path, SuiteRow]], hint: str) 
         values.setdefault(getattr(row, name), place)
     if len(values) > 1:
         listed = ", ".join(f"`{value[:12]}` in `{place}`" for value, place in values.items())
-        raise UsageError(f"the results have more than one {name}: {listed}", hint=hint)
+        raise UsageError(f"the results have more than one {_WORDS.get(name, name)}: {listed}", hint=hint)
 
 
 def _check_options(placed: Iterable[tuple[Path, SuiteRow]]) -> None:

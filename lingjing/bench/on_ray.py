@@ -21,6 +21,7 @@ from lingjing.bench.rows import code_sha256
 from lingjing.data import data_path
 from lingjing.errors import AbortCause, InfrastructureError, LingjingError, UsageError, error_of, hint_of
 from lingjing.installation import AGENTS, CORE, install_line, name_of
+from lingjing.installed_plugins.discovery import TRUSTED, trusting
 from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeTask, play_apart, without_result
 from lingjing.play.report import EpisodeReport
@@ -43,6 +44,8 @@ class RayTask(msgspec.Struct, frozen=True):
     """The lock file of the suite's folder."""
     code: str
     """The SHA-256 that the worker's code must have."""
+    trusted: str | None = None
+    """The foreign plug-ins that may run beside the scores (`discovery.TRUSTED`); None for all."""
 
 
 class _RayAnswer(msgspec.Struct, frozen=True):
@@ -99,7 +102,9 @@ class RayExecutor:
         path = Path(task.options.mission)
         shipped = path.parent == data_path("scenarios")
         options = msgspec.structs.replace(task.options, mission=path.stem if shipped else str(path.resolve()))
-        return msgspec.json.encode(RayTask(options, str(task.folder.resolve()), str(self._lock), self._code))
+        return msgspec.json.encode(
+            RayTask(options, str(task.folder.resolve()), str(self._lock), self._code, os.environ.get(TRUSTED))
+        )
 
     def _answer(self, reference: object, task: EpisodeTask) -> EpisodeReport:
         try:
@@ -131,8 +136,10 @@ def _played(task: RayTask) -> _RayAnswer:
             message=f"the node {node} has other code ({_code_here()[:12]}, this machine {task.code[:12]})",
             hint=f"install the same version of {name_of(CORE)} and {name_of(AGENTS)} on every node",
         )
+    names = None if task.trusted is None else task.trusted.split(",")
     try:
-        ((_, report),) = play_apart([EpisodeTask(task.options, Path(task.folder), reports_failure=True)], 1)
+        with trusting(names):
+            ((_, report),) = play_apart([EpisodeTask(task.options, Path(task.folder), reports_failure=True)], 1)
     except LingjingError as error:
         cause = error.cause if isinstance(error, InfrastructureError) else ""
         return _RayAnswer(code=error.exit_code, message=str(error), hint=hint_of(error), cause=cause)

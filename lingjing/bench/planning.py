@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from lingjing.bench.columns import Column, columns
 from lingjing.bench.suite import (
@@ -26,6 +26,7 @@ from lingjing.dsl.feasibility.providers import missing_files
 from lingjing.dsl.loading.load import load_mission
 from lingjing.dsl.loading.shipped import find_mission, shipped_missions
 from lingjing.errors import Fault, LingjingError, MissionError, UsageError, hint_of
+from lingjing.installed_plugins.discovery import installed_plugins
 from lingjing.mission.instance import GivenOption
 from lingjing.mission.instantiate import instantiate, parameters
 from lingjing.mission.model import Mission
@@ -71,6 +72,8 @@ class Player:
     """True if the policies receive black pictures."""
     privileged: bool = False
     """True if one of its policies observes the ground truth."""
+    foreign: bool = False
+    """True if one of its policies is not this project's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,10 +118,17 @@ class SuitePlan:
 
 
 def read_plan(
-    path: Path, host: PluginHost, policies: Sequence[str] = (), *, models: Sequence[str] = (), tier: int | None = None
+    path: Path,
+    host: PluginHost,
+    policies: Sequence[str] = (),
+    *,
+    models: Sequence[str] = (),
+    tier: int | None = None,
+    isolate: Isolation = "no",
 ) -> SuitePlan:
     """Read and check a suite file. `policies` replace its entrants and need no model, `models` replace them and play
-    under the suite's options, `tier` replaces its tier. Policy files are loaded in separate processes.
+    under the suite's options, `tier` replaces its tier. Policy files are loaded in separate processes, behind walls
+    unless `isolate` is `no`; so are installed policies that `host` does not offer.
 
     Raises `UsageError` with the path of every error.
     """
@@ -130,7 +140,7 @@ def read_plan(
     if tier is not None:
         document = {**document, "tier": tier}
     faults = list(form_faults(document))
-    with PolicyDeclarations(host) as declarations:
+    with PolicyDeclarations(host, isolate=isolate != "no") as declarations:
         reader = _Reader(document, path.parent, host, declarations)
         cells = reader.cells()
     faults += reader.faults
@@ -141,7 +151,21 @@ def read_plan(
     return SuitePlan(Suite.model_validate(document), path, cells, reader.missions, tuple(reader.files.values()))
 
 
-def options_of_cell(cell: SuiteCell, seed: int, policy_seed: int, evaluators: tuple[str, ...]) -> PlayOptions:
+Isolation = Literal["no", "foreign", "yes", "strict"]
+"""The walls of a suite: around no policy, around those that are not this project's, around all, or around all and none
+may be missing."""
+
+
+def walls_of_player(player: Player, isolate: Isolation) -> Literal["no", "yes", "strict"]:
+    """Return the walls around the policies of an entrant."""
+    if isolate == "foreign":
+        return "yes" if player.foreign else "no"
+    return isolate
+
+
+def options_of_cell(
+    cell: SuiteCell, seed: int, policy_seed: int, evaluators: tuple[str, ...], isolate: Isolation = "no"
+) -> PlayOptions:
     """Return the options that play the cell's episode of a seed."""
     return PlayOptions(
         mission=str(cell.column.path),
@@ -156,6 +180,7 @@ def options_of_cell(cell: SuiteCell, seed: int, policy_seed: int, evaluators: tu
         evaluators=evaluators,
         blank_pictures=cell.player.blank_pictures,
         overview=False,
+        isolate=walls_of_player(cell.player, isolate),
     )
 
 
@@ -445,8 +470,14 @@ class _Reader:
             policies_for={role: _absolute(self._folder, named) for role, named in entrant.policies_for.items()},
             blank_pictures=entrant.blank_pictures,
             privileged=any(declaration.privileged for declaration in known),
+            foreign=any(map(self._is_foreign, (spec, *(entrant.policies_for.values())))),
         )
         return entrant, player
+
+    def _is_foreign(self, spec: str) -> bool:
+        """True if a policy is not this project's."""
+        own = {point.name for point in installed_plugins().own}
+        return is_file(spec) or self._host.sources.get(("lingjing_policies", spec), "") not in own
 
     def _policy(self, where: str, spec: str) -> PolicyDeclaration | None:
         try:
@@ -519,4 +550,4 @@ def _parts(document: Mapping[str, Any], name: str, kind: Any) -> Iterator[tuple[
             yield at, part
 
 
-__all__ = ["Player", "SuiteCell", "SuitePlan", "options_of_cell", "read_plan"]
+__all__ = ["Isolation", "Player", "SuiteCell", "SuitePlan", "options_of_cell", "read_plan"]

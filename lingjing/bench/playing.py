@@ -13,13 +13,14 @@ from lingjing.bench.executors import LocalExecutor
 from lingjing.bench.exports import EXPORTS, SUFFIXES, html_page
 from lingjing.bench.folder import ResultsFolder, open_results, with_attention
 from lingjing.bench.money import check_ready, is_paid
-from lingjing.bench.planning import SuiteCell, SuitePlan, read_plan
+from lingjing.bench.planning import Isolation, SuiteCell, SuitePlan, read_plan
 from lingjing.bench.rows import SuiteRow, code_sha256
 from lingjing.bench.running import SuiteRun
 from lingjing.bench.suite import find_suite
 from lingjing.bench.table_cells import ResultTable
 from lingjing.bench.tables import TABLES, make_tables
 from lingjing.errors import UsageError
+from lingjing.installed_plugins.discovery import trusting
 from lingjing.play.folders import RUNS
 from lingjing.plugins.host import PluginHost
 from lingjing.suggest import did_you_mean, nearest_or
@@ -89,6 +90,9 @@ def bench(
     max_cost: float | None = None,
     keep: bool = False,
     other_code: bool = False,
+    isolate: Isolation = "foreign",
+    trust: Sequence[str] = (),
+    salt: str | PathLike[str] = "",
     progress: Callable[[SuiteRow], None] | None = None,
 ) -> SuiteResults:
     """Play the missing episodes of a suite, `jobs` at a time, and return all its results.
@@ -96,7 +100,10 @@ def bench(
     `suite` is a TOML file or the name of a shipped suite. `out` is the results folder; an existing one is continued.
     `missions`, `modes` and `entrants` select parts of the suite; `policies` replace its entrants, `seeds` its seeds.
     `keep` keeps every trace, `max_cost` limits the cost of model calls (US dollars), `other_code` accepts rows of
-    another version of the code. `progress` receives each new row.
+    another version of the code. `isolate` puts walls around policies: around none (`no`), around those that are not
+    this project's (`foreign`), around all (`yes`), or around all and none may be missing (`strict`). Foreign plug-ins
+    then run in this process only if `trust` names them. `salt` is the secret
+    file of a sealed split (`docs/trust.md`). `progress` receives each new row.
 
     >>> results = lingjing.bench("first.toml", out="runs/bench/first", policies=["random"], seeds=[0])
     >>> results.rows[0].standing
@@ -109,7 +116,31 @@ def bench(
         raise UsageError(f"`{path}` measures attribution methods", hint="play it with `lingjing bench`")
     if jobs < 1:
         raise UsageError(f"jobs={jobs}: must be 1 or more")
-    plan = read_plan(path, PluginHost(), policies)
+    with trusting(None if isolate == "no" else trust):
+        return _benched(
+            path, out, jobs, missions, modes, entrants, policies, seeds, max_cost, progress,
+            keep=keep, other_code=other_code, isolate=isolate, salt=fspath(salt),
+        )  # fmt: skip
+
+
+def _benched(
+    path: Path,
+    out: str | PathLike[str] | None,
+    jobs: int,
+    missions: Collection[str],
+    modes: Collection[str],
+    entrants: Collection[str],
+    policies: Sequence[str],
+    seeds: Sequence[int],
+    max_cost: float | None,
+    progress: Callable[[SuiteRow], None] | None,
+    *,
+    keep: bool,
+    other_code: bool,
+    isolate: Isolation,
+    salt: str,
+) -> SuiteResults:
+    plan = read_plan(path, PluginHost(), policies, isolate=isolate)
     cells = chosen_cells(plan, missions, modes, entrants)
     players = tuple({cell.player.name: cell.player for cell in cells}.values())
     check_ready(players, max_cost)
@@ -117,7 +148,10 @@ def bench(
         raise UsageError("the model calls of this suite cost money", hint="set a limit with `max_cost`, US dollars")
     code = code_sha256(plan.files)
     with open_results(default_folder(plan, code) if out is None else Path(out)) as results:
-        run = SuiteRun(plan, results, code, LocalExecutor(jobs), keep=keep, max_cost=max_cost)
+        run = SuiteRun(
+            plan, results, code, LocalExecutor(jobs), keep=keep, max_cost=max_cost, isolate=isolate, salt=salt
+        )
+        run.check_split(cells)
         run.check_resumable(other_code=other_code)
         results.write("suite.toml", path.read_text(encoding="utf-8"))
         if progress is not None:

@@ -55,8 +55,16 @@ class SuiteRow(msgspec.Struct, frozen=True, kw_only=True):
     """The seed of the policies' own random streams."""
     salt_sha256: str = ""
     """The fingerprint of the salt: rows with equal fingerprints drew their policy seeds alike."""
+    split_sha256: str = ""
+    """The SHA-256 of the salt that drew the instances of a sealed split; "" for instances of public seeds."""
+    seal: str = ""
+    """The last seal of the trace, a hash over every byte of it; "" for an episode without a whole trace."""
+    benchmark: str = ""
+    """The version of the benchmark (`version.benchmark_version`); rows of two versions never stand in one table."""
     code: str = ""
     """SHA-256 over all code and missions that decide an episode."""
+    harness: str = ""
+    """SHA-256 over all code that decides an episode, without the missions."""
     version: str = lingjing.__version__
     """The version of lingjing."""
     wall_s: float = 0.0
@@ -131,6 +139,7 @@ def comparable(options: PlayOptions) -> PlayOptions:
         options,
         mission="",
         seed=0,
+        salt="",
         policy_seed=0,
         sign=None,
         calls="record",

@@ -17,18 +17,22 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
 import msgspec
 
 from lingjing.bench.countdown import Countdown
+from lingjing.bench.evidence import check_rows, seal_of
 from lingjing.bench.executors import Executor
 from lingjing.bench.folder import ResultsFolder, fingerprint, policy_seed
-from lingjing.bench.planning import SuiteCell, SuitePlan, options_of_cell
-from lingjing.bench.rows import RowStanding, SuiteRow, comparable
+from lingjing.bench.planning import Isolation, SuiteCell, SuitePlan, options_of_cell
+from lingjing.bench.rows import RowStanding, SuiteRow, code_sha256, comparable
 from lingjing.bench.services import EntrantServices, probe_entrant
+from lingjing.bench.version import benchmark_version
 from lingjing.errors import UsageError
+from lingjing.mission.salts import read_salt
 from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeTask
 from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport
@@ -74,7 +78,7 @@ class SuiteEpisode:
     """The number of the try, from 1."""
 
 
-@dataclass(slots=True)
+@dataclass
 class SuiteRun:
     """The run of a suite into a folder."""
 
@@ -91,6 +95,10 @@ class SuiteRun:
     """The handling of model calls (see `PlayOptions`)."""
     calls_from: Path | None = None
     """The suite's folder with the record to replay."""
+    isolate: Isolation = "no"
+    """The walls around the policies."""
+    salt: str = ""
+    """The file of a sealed split's salt; "" for instances of public seeds."""
     tell: Callable[[SuiteRow, Countdown], None] = field(default=lambda row, countdown: None)
     """Receives each row, and the estimate of the rest."""
     services: EntrantServices = field(default_factory=lambda: EntrantServices(probe_entrant))
@@ -123,6 +131,12 @@ class SuiteRun:
                 f"`{folder}` holds results of the suite `{others[0]}`, this is `{suite}`",
                 hint="choose another folder with -o",
             )
+        if any(row.benchmark != self.benchmark for row in rows):
+            raise UsageError(
+                f"the rows in `{folder}` are of another version of the benchmark: missions, prompts, looks or "
+                "adjudication have changed since",
+                hint="choose another folder with -o",
+            )
         other_versions = {row.code[:12] for row in rows if row.code != self.code}
         if other_versions and not other_code:
             counted = sum(row.code != self.code for row in rows)
@@ -140,6 +154,34 @@ class SuiteRun:
                 f"first is {first.entrant}, {first.column}{first.condition and f', {first.condition}'}, seed "
                 f"{first.seed}: {_difference(first.options, now[first.cell])}",
                 hint="choose another folder with -o, or restore the suite file",
+            )
+
+    @cached_property
+    def split_sha256(self) -> str:
+        """The hash of the salt; "" without one. Raises `UsageError` for a file that is no secret salt."""
+        return read_salt(self.salt).sha256 if self.salt else ""
+
+    @cached_property
+    def benchmark(self) -> str:
+        """The version of the benchmark with the missions of the suite."""
+        return benchmark_version(self.plan.files)
+
+    @cached_property
+    def harness(self) -> str:
+        """The hash of the code without the missions."""
+        return code_sha256(())
+
+    def check_split(self, cells: Sequence[SuiteCell]) -> None:
+        """Raise `UsageError` if the salt is not usable, or if a foreign policy could read it."""
+        if self.salt and self.split_sha256 and self.isolate == "no" and any(cell.player.foreign for cell in cells):
+            raise UsageError("a policy without walls can read the salt", hint="remove --no-isolate")
+        others = sorted({row.split_sha256 for row in self.results.rows} - {self.split_sha256})
+        if others:
+            salts = " and ".join(f"the salt {other[:16]}…" if other else "public seeds" for other in others)
+            raise UsageError(
+                f"the rows in `{self.results.folder}` were drawn with {salts}, and these episodes with "
+                f"{f'the salt {self.split_sha256[:16]}…' if self.split_sha256 else 'public seeds'}",
+                hint="choose another folder with -o, or name the same salt with --salt",
             )
 
     def check_recorded(self, episodes: Sequence[SuiteEpisode]) -> None:
@@ -194,6 +236,7 @@ class SuiteRun:
             if self.calls != "replay":
                 self.services.note(episode.cell, report)
             row = self._row(episode, task.options, report, wall_s)
+            check_rows([row])
             if not self._keeps(episode.cell):  # before the row is stored: a kill in between would leave the run forever
                 remove_run(task.folder)
             self._tell_change(row)
@@ -254,8 +297,9 @@ class SuiteRun:
         )
 
     def _options(self, cell: SuiteCell, seed: int) -> PlayOptions:
-        salt = self.results.salt()
-        return options_of_cell(cell, seed, policy_seed(salt, cell.key, seed), self.plan.suite.evaluators)
+        seeded = policy_seed(self.results.salt(), cell.key, seed)
+        options = options_of_cell(cell, seed, seeded, self.plan.suite.evaluators, self.isolate)
+        return msgspec.structs.replace(options, salt=self.salt)
 
     def _folder(self, episode: SuiteEpisode) -> Path:
         return self.results.folder / "runs" / self._name(episode)
@@ -297,10 +341,14 @@ class SuiteRun:
             privileged=cell.player.privileged or report.privileged,
             policy_seed=options.policy_seed,
             salt_sha256=fingerprint(self.results.salt()),
+            split_sha256=self.split_sha256,
+            seal=seal_of(Path(report.trace)) if report.trace else "",
+            benchmark=self.benchmark,
             code=self.code,
+            harness=self.harness,
             wall_s=wall_s,
             ended_unix_s=round(time.time(), 1),
-            options=msgspec.structs.replace(options, mission=cell.column.mission, ledger="", calls_from=""),
+            options=msgspec.structs.replace(options, mission=cell.column.mission, ledger="", calls_from="", salt=""),
             report=msgspec.structs.replace(report, trace=kept),
         )
 

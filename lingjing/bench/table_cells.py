@@ -19,6 +19,8 @@ UNDEFINED = "N/A"
 
 PRIVILEGED = "†"
 """Follows the name of an entrant that observes the ground truth."""
+UNAUDITED = "§"
+"""Follows the name of an entrant with rows that no audit has confirmed."""
 UNRESOLVED = "‡"
 """Follows the name of an entrant with lost episodes, or with tries that only its own service has aborted."""
 

@@ -229,6 +229,7 @@ class _AgentBranchCalls:
     """`lingjing.plugins.calls.ModelCalls` of one agent of a branched episode."""
 
     capped = False
+    broker = None
 
     def __init__(self, calls: _BranchCalls, agent: str) -> None:
         self._calls = calls

@@ -12,6 +12,7 @@ from lingjing.causal.recorded import RecordedRun
 from lingjing.errors import InfrastructureError
 from lingjing.kernel.episode import end_reason
 from lingjing.kernel.world import WorldKind
+from lingjing.mission.salts import SALT_KEY, SEED_KEY
 from lingjing.numerics import versions
 from lingjing.plugins.host import PluginHost
 from lingjing.trace.digest import current_digests
@@ -25,6 +26,10 @@ KERNEL = "kernel"
 
 CAMERA = "camera"
 """The engine's name in differences of pictures."""
+
+
+_NO_LIBRARIES = ("walls", SALT_KEY, SEED_KEY)
+"""The entries of a fingerprint that name no library: the walls of its policies, and the salt of a sealed split."""
 
 
 class Difference(msgspec.Struct, frozen=True, kw_only=True):
@@ -245,5 +250,5 @@ def _outcome_difference(trace: Trace, run: RecordedRun) -> Difference | None:
 def _different_versions(trace: Trace) -> Iterator[str]:
     here = versions()
     for name, version in trace.header.fingerprint.items():
-        if here.get(name) != version:
+        if here.get(name) != version and name not in _NO_LIBRARIES:
             yield f"{name} {version} (here {here.get(name, 'none')})"

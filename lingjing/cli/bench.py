@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from lingjing.bench.countdown import Countdown
     from lingjing.bench.executors import Executor
     from lingjing.bench.folder import ResultsFolder
-    from lingjing.bench.planning import SuiteCell, SuitePlan
+    from lingjing.bench.planning import Isolation, SuiteCell, SuitePlan
     from lingjing.bench.rows import SuiteRow
     from lingjing.bench.running import Shard, SuiteEpisode, SuiteRun
 
@@ -54,6 +54,15 @@ def add_options(parser: ArgumentParser) -> None:
     _add_results(merge)
     merge.add_argument("-o", "--output", metavar="OUT.parquet", type=Path, required=True, help="a new file")
     merge.set_defaults(handler=_merge)
+    audit = actions.add_parser("audit", help="check results against their traces", description=_audit.__doc__)
+    audit.add_argument("results", metavar="RESULTS", type=Path, help="a suite's folder with kept traces")
+    audit.add_argument("--share", metavar="P", type=float, default=0.05, help="the share to replay (default 0.05)")
+    audit.add_argument("--sample-seed", metavar="N", type=int, help="draw this sample (default: one at random)")
+    audit.add_argument("--salt", metavar="FILE", help="the salt of the sealed split, to check the instances")
+    audit.add_argument(
+        "--trust", metavar="PLUGIN", nargs="+", help="let the code of these plug-ins run in this command"
+    )
+    audit.set_defaults(handler=_audit)
     board = actions.add_parser("leaderboard", help="write a page that ranks entrants", description=_leaderboard.__doc__)
     _add_results(board)
     board.add_argument("-o", "--output", metavar="OUT.html", help="a file (default: standard output)")
@@ -114,6 +123,16 @@ def _add_play(play: ArgumentParser) -> None:
         "--wait", metavar="MIN", type=float, help="wait so many minutes for a service that is down (default 60; 0: not)"
     )
     play.add_argument("--retry-lost", action="store_true", help="play lost episodes again, three times at most")
+    play.add_argument(
+        "--isolate",
+        action=argparse.BooleanOptionalAction,
+        help="put walls around every policy, or around none (default: around those that are not this project's)",
+    )
+    play.add_argument("--strict", action="store_true", help="as --isolate, and refuse a kernel that lacks a wall")
+    play.add_argument(
+        "--trust", metavar="PLUGIN", nargs="+", help="let the code of these plug-ins run in this command too"
+    )
+    play.add_argument("--salt", metavar="FILE", help="a secret file that draws the instances of a sealed split")
     play.add_argument("--keep", action="store_true", help="keep every trace (those of model policies are always kept)")
     play.add_argument(
         "--other-code", action="store_true", help="continue a folder whose rows another version of the code played"
@@ -129,6 +148,23 @@ def _add_play(play: ArgumentParser) -> None:
 
 def handler(args: argparse.Namespace) -> int:
     """Play the missing episodes, store rows and tables in the folder, and print the suite's tables."""
+    from lingjing.installed_plugins.discovery import trusting
+
+    _check_numbers(args)
+    with trusting(None if _isolation(args) == "no" else args.trust or ()):
+        return _play(args)
+
+
+def _isolation(args: argparse.Namespace) -> Isolation:
+    """Return the walls of the command line. Raises `UsageError` for a contradiction."""
+    if args.strict:
+        if args.isolate is False:
+            raise UsageError("--strict and --no-isolate contradict each other", hint="remove one of them")
+        return "strict"
+    return "foreign" if args.isolate is None else "yes" if args.isolate else "no"
+
+
+def _play(args: argparse.Namespace) -> int:
     from lingjing.bench.attribution import is_attribution_suite
     from lingjing.bench.folder import open_results
     from lingjing.bench.money import check_ready, is_paid
@@ -139,7 +175,6 @@ def handler(args: argparse.Namespace) -> int:
     from lingjing.bench.suite import find_suite
     from lingjing.plugins.host import PluginHost
 
-    _check_numbers(args)
     warn_of_broken_plugins()
     path = find_suite(args.suite)
     if is_attribution_suite(path):
@@ -148,7 +183,9 @@ def handler(args: argparse.Namespace) -> int:
         raise UsageError(f"--method: the suite `{args.suite}` measures no attribution methods")
     shard = _parse_shard(args.shard) if args.shard else None
     tier = parse_tier(args.tier) if args.tier is not None else None
-    plan = read_plan(path, PluginHost(), args.policy or (), models=args.models or (), tier=tier)
+    plan = read_plan(
+        path, PluginHost(), args.policy or (), models=args.models or (), tier=tier, isolate=_isolation(args)
+    )
     cells = chosen_cells(plan, args.missions or (), args.modes or (), args.entrants or (), prefix="--")
     seeds = parse_seeds(args.seeds) if args.seeds else plan.suite.seeds
     seeds = seeds[: args.limit] if args.limit else seeds
@@ -173,7 +210,9 @@ def handler(args: argparse.Namespace) -> int:
             results.adopt_salt(args.calls_from)
         executor = _executor(args, plan, results)
         run = SuiteRun(plan, results, code, executor, keep=args.keep, max_cost=args.max_cost,
-                       calls=args.calls, calls_from=args.calls_from)  # fmt: skip
+                       calls=args.calls, calls_from=args.calls_from, isolate=_isolation(args),
+                       salt=args.salt or "")  # fmt: skip
+        run.check_split(cells)
         run.check_resumable(other_code=args.other_code)
         run.services.tell = say
         if args.wait is not None:
@@ -260,6 +299,9 @@ def _merge(args: argparse.Namespace) -> int:
     """Join shards, or results of several machines, into one Parquet file. Results that do not fit together are
     rejected.
     """
+    import msgspec
+
+    from lingjing.bench.evidence import AuditRecord, audit_file, audit_marks, audited_in_words, row_sha256
     from lingjing.bench.folder import write_whole
     from lingjing.bench.merging import merge_results
     from lingjing.bench.parquet import encode_rows
@@ -267,21 +309,61 @@ def _merge(args: argparse.Namespace) -> int:
     if args.output.exists():
         raise UsageError(f"`{args.output}` already exists", hint="results are never overwritten: name a new file")
     rows = merge_results(args.results, other_code=args.other_code)
+    marks = audit_marks(args.results)
+    kept = {name: marks[name] for row in rows if (name := row_sha256(row)) in marks}
     try:
         write_whole(args.output, encode_rows(rows))
+        if kept:
+            write_whole(audit_file(args.output), msgspec.json.encode(AuditRecord(rows=kept)))
     except OSError as error:
         raise UsageError(f"cannot write `{args.output}`: {error.strerror}", hint="choose another with -o") from error
-    say(f"{len(rows)} rows of {len(args.results)} results in {args.output}")
+    say(f"{len(rows)} rows of {len(args.results)} results in {args.output}; {audited_in_words(rows, marks)}")
     return ExitCode.OK
 
 
 def _leaderboard(args: argparse.Namespace) -> int:
     """Write an HTML page that ranks the entrants of one suite's results. The page loads nothing from the network."""
+    from lingjing.bench.evidence import audit_marks
     from lingjing.bench.leaderboard import leaderboard
     from lingjing.bench.merging import merge_results
 
-    write_output(leaderboard(merge_results(args.results, other_code=args.other_code)), args.output)
+    rows = merge_results(args.results, other_code=args.other_code)
+    write_output(leaderboard(rows, audit_marks(args.results)), args.output)
     return ExitCode.OK
+
+
+def _audit(args: argparse.Namespace) -> int:
+    """Verify and score again every kept trace, compare it with its row, replay a drawn sample, and store the result
+    beside the rows. Exit code 1 if a row is not what it claims.
+    """
+    import msgspec
+
+    from lingjing.bench.auditing import LEAST_SHARE, Auditor
+    from lingjing.bench.evidence import audit_file, audited_in_words, named
+    from lingjing.bench.folder import read_results, write_whole
+    from lingjing.bench.rows import code_sha256
+    from lingjing.installed_plugins.discovery import trusting
+    from lingjing.mission.salts import read_salt
+
+    if not LEAST_SHARE <= args.share <= 1.0:
+        raise UsageError(f"--share {args.share:g}: must be between {LEAST_SHARE:g} and 1")
+    rows = read_results(args.results)
+    folder = args.results if args.results.is_dir() else args.results.parent
+    salt = read_salt(args.salt, published=True) if args.salt else None
+    code = code_sha256(())
+    with trusting(args.trust or ()):
+        audit = Auditor(folder, code, args.share, args.sample_seed, salt, say).audit(rows)
+    file = audit_file(args.results)
+    try:
+        write_whole(file, msgspec.json.encode(audit.record(code)))
+    except OSError as error:
+        raise UsageError(f"cannot write `{file}`: {error.strerror}") from error
+    print(f"{audited_in_words(rows, audit.marks)}; {len(audit.findings)} wrong")
+    for reason, number in audit.unchecked.most_common():
+        print(f"not checked: {number} {'row' if number == 1 else 'rows'}: {reason}")
+    for finding in audit.findings:
+        print(f"wrong: {named(finding.row)}: {finding.reason}")
+    return ExitCode.MISSION if audit.findings else ExitCode.OK
 
 
 def _card(args: argparse.Namespace) -> int:

@@ -206,6 +206,23 @@ def _check_processes() -> Finding:
     return _probe("processes", _MEMFD_PROBE, "a sandbox forbids fork or memfd_create: allow them, or --world inline")
 
 
+def check_walls() -> Finding:
+    """Build walls around a process, and report the promises that this kernel does not keep (`docs/trust.md`)."""
+    from lingjing.processes.walls.offer import offered_walls
+
+    if sys.platform != "linux":
+        return Finding(name="walls", ok=True, found="none", advice="`--isolate` needs Linux or WSL2")
+    try:
+        report = offered_walls()
+    except (InfrastructureError, OSError) as error:
+        return Finding(name="walls", ok=True, found=str(error), advice="`--isolate` does not work here")
+    refused = "; ".join(f"{guard}: {reason}" for guard, reason in report.refused.items())
+    advice = ""
+    if report.broken:
+        advice = f"`--isolate` does not promise here: {', '.join(report.broken)}{f' ({refused})' if refused else ''}"
+    return Finding(name="walls", ok=True, found=report.in_words(), advice=advice)
+
+
 def check_queues() -> Finding:
     """Check that the kernel counts waits for a processor, which deadlines exclude."""
     from lingjing.processes.deadlines import is_counted
@@ -287,6 +304,7 @@ CHECKS: tuple[Callable[[], Finding], ...] = (
     _check_road,
     _check_dogs,
     _check_processes,
+    check_walls,
     check_queues,
     _check_disk,
     check_cache,

@@ -41,7 +41,7 @@ from lingjing.errors import (
 from lingjing.mission.model import Mission
 from lingjing.play.folders import RUNS, claim_folder, claim_run_folder, release_if_empty
 from lingjing.play.options import PlayOptions, checked_options, read_options
-from lingjing.play.parallel import EpisodeTask, play_apart, play_here, policy_server
+from lingjing.play.parallel import EpisodeTask, episode_servers, play_apart, play_here
 from lingjing.play.report import INTERRUPTED, POLICY_FAILED, EpisodeReport, summarise
 from lingjing.processes.linux import set_parent_death_signal
 from lingjing.refusals import refusal_of
@@ -55,6 +55,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--seed", metavar="N", help="the episode's seed (default 0)")
     which.add_argument("--seeds", metavar="A-B", help="several seeds, both ends included")
+    parser.add_argument("--salt", metavar="FILE", help="a secret file that draws, with the seed, a sealed instance")
     parser.add_argument(
         "--scene", metavar="MAP", help="play in a real city: a map (.osm, .osm.pbf) or a folder of `scene build`"
     )
@@ -109,6 +110,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--max-tokens", metavar="N", help="the greatest number of tokens of all model calls of all episodes"
     )
+    parser.add_argument(
+        "--isolate", action="store_true", help="put walls around each policy: no files, network or processes of others"
+    )
+    parser.add_argument("--strict", action="store_true", help="as --isolate, and refuse a kernel that lacks a wall")
+    parser.add_argument(
+        "--policy-file", metavar="PATH", action="append", help="a file or folder that isolated policies may read"
+    )
     parser.add_argument("-j", "--jobs", metavar="N", default="1", help="play N seeds at a time")
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     parser.add_argument(
@@ -124,6 +132,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json-error", action="store_true", help=argparse.SUPPRESS)  # set by play_apart
     parser.add_argument("--end-with", metavar="PID", type=int, help=argparse.SUPPRESS)  # set by play_apart
     parser.add_argument("--fork-server", metavar="FD", type=int, help=argparse.SUPPRESS)  # set by a fork server
+    parser.add_argument("--walled-server", metavar="FD", type=int, help=argparse.SUPPRESS)  # set by play_apart
 
 
 def handler(args: argparse.Namespace) -> int:
@@ -192,8 +201,8 @@ def _raise_errors(options: PlayOptions, mission: Mission | None, errors: ErrorCo
     from lingjing.play.preparation import prepare
     from lingjing.plugins.host import PluginHost
 
-    with suppress(InfrastructureError), policy_server(options) as server:
-        prepare(options, mission, PluginHost(), {}, errors, server)
+    with suppress(InfrastructureError), episode_servers(options) as servers:
+        prepare(options, mission, PluginHost(), {}, errors, servers.policies)
     errors.check()
     raise AssertionError("there is no error")
 
@@ -233,6 +242,9 @@ def _options(args: argparse.Namespace, errors: ErrorCollector) -> tuple[PlayOpti
         "sign": args.sign,
         "evaluators": args.evaluator,
         "blank_pictures": args.blank_pictures or None,
+        "isolate": "strict" if args.strict else "yes" if args.isolate else None,
+        "policy_files": args.policy_file,
+        "salt": args.salt,
         "overview": False if args.no_overview else None,
         "calls": args.calls,
         "calls_from": args.calls_from,
@@ -392,10 +404,9 @@ def _played(
         yield from (report for _, report in play_apart(tasks, args.jobs))
         return
     places = ((seed, claim(seed)) for seed in seeds)
-    with policy_server(options, args.fork_server) as server:
+    with episode_servers(options, args.fork_server, args.walled_server) as servers:
         if args.watch != "terminal":
-            fork_server = server if args.fork_server is not None else None
-            yield from play_here(options, places, LiveProgress, mission, fork_server, server)
+            yield from play_here(options, places, LiveProgress, mission, *servers)
             return
         from lingjing.cli.watch import EpisodeDisplays
         from lingjing.play.preparation import prepare
@@ -404,7 +415,7 @@ def _played(
         errors = ErrorCollector()
         displays = errors.attempt(lambda: EpisodeDisplays(mission, options, truth=args.watch_truth), None)
         # A display draws the instance before it is played.
-        prepare(options, mission, PluginHost(), {}, errors, server)
+        prepare(options, mission, PluginHost(), {}, errors, servers.policies)
         if displays is None:
             raise AssertionError("without displays there is an error")
-        yield from play_here(options, displays.follow(places), displays, mission, None, server)
+        yield from play_here(options, displays.follow(places), displays, mission, None, servers.policies)

@@ -37,6 +37,13 @@ factories."""
 KNOWN = "LINGJING_TRIED_PLUGINS"
 """The environment variable that passes the trials of this process on to its children."""
 
+TRUSTED = "LINGJING_TRUSTED_PLUGINS"
+"""The environment variable with the names of the foreign plug-ins that may run in a command which plays behind walls,
+separated by commas. Without it all may."""
+
+UNTRIED = "LINGJING_UNTRIED_PLUGINS"
+"""The environment variable of a process behind walls, which loads plug-ins without a trial: that needs a process."""
+
 TRIED_EARLIER = "an earlier command tried it, and `lingjing plugins` tries it again"
 """The addition to the fault of a plug-in that is left out without a trial."""
 
@@ -129,7 +136,11 @@ def installed_plugins() -> InstalledPlugins:
             faults.append(PluginFault(point.name, owner, f"{named[point.name]} has a plug-in of the same name"))
         else:
             named[point.name] = owner
-            others.append(point)
+            if is_trusted(point):
+                others.append(point)
+            else:
+                hint = f"--trust {point.name} lets its code run in this command, beside the scores"
+                faults.append(PluginFault(point.name, owner, "its code runs behind walls alone", hint))
     strangers = []
     for point, trial in zip(others, _trials(others), strict=True):
         owner = label(point.dist)
@@ -139,6 +150,26 @@ def installed_plugins() -> InstalledPlugins:
         else:
             strangers.append(LoadablePlugin(point, frozenset(trial.hooks)))
     return InstalledPlugins(own, tuple(strangers), tuple(faults))
+
+
+def is_trusted(point: EntryPoint) -> bool:
+    """Return True if the code of a plug-in may run in this process: `TRUSTED` is not set, or names it."""
+    names = os.environ.get(TRUSTED)
+    return names is None or point.name in names.split(",") or point.value in {entry.plugin for entry in OWN}
+
+
+@contextmanager
+def trusting(names: Sequence[str] | None) -> Iterator[None]:
+    """Let only these foreign plug-ins run in this process and in the processes that it starts; None for all."""
+    before = os.environ.get(TRUSTED)
+    try:
+        if names is not None:
+            os.environ[TRUSTED] = ",".join(names)
+        yield
+    finally:
+        os.environ.pop(TRUSTED, None)
+        if before is not None:
+            os.environ[TRUSTED] = before
 
 
 def is_core(point: EntryPoint) -> bool:
@@ -151,6 +182,8 @@ def is_core(point: EntryPoint) -> bool:
 
 def _trials(points: Sequence[EntryPoint]) -> list[Trial]:
     """Return a trial for each plug-in. Unknown ones are tried, all at the same time."""
+    if os.environ.get(UNTRIED):
+        return [Trial() for _ in points]
     keys = [_key(point) for point in points]
     known = _known()
     missing = {key: point for key, point in zip(keys, points, strict=True) if key not in known}

@@ -22,7 +22,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Awaitable, Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lingjing.errors import InfrastructureError, LingjingError, PluginError
 from lingjing.kernel.ambient_random import load_generators, with_detection
@@ -33,6 +33,9 @@ from lingjing.plugins.foreign_errors import place_of, print_wanted_traceback
 from lingjing.plugins.policy import Brief, Inbox, NoDecisionError, Observation, Policy
 from lingjing.processes.signals import deferring_signals
 from lingjing.trace.records import Decision, DecisionRecord, Usage
+
+if TYPE_CHECKING:
+    from lingjing.processes.walls.report import WallReport
 
 _ADDRESS = re.compile(r"0x[0-9a-fA-F]{4,}")
 _SHOWN = 300
@@ -167,6 +170,11 @@ class Barrier(ABC):
     def ambient_random(self) -> frozenset[str]:
         """Agents with a call that used an unseeded global random generator."""
         return frozenset()
+
+    @property
+    def wall_reports(self) -> tuple[WallReport, ...]:
+        """The walls around the policies, one report for each process; empty without walls."""
+        return ()
 
     def act(
         self, inputs: Mapping[str, tuple[Observation, Inbox]], exhausted: Mapping[str, str] | None = None

@@ -32,11 +32,13 @@ from lingjing.mission.draws import redrawn_in_words
 from lingjing.mission.feasibility import prove_instance
 from lingjing.mission.instance import Instance
 from lingjing.mission.model import Mission
+from lingjing.mission.salts import salt_fingerprint
 from lingjing.numerics import versions
 from lingjing.play.folders import claim_run_folder
 from lingjing.play.options import Changes, PlayOptions, compiled, options_of
 from lingjing.play.outages import ServiceOutages
 from lingjing.play.policies import AssignedPolicy
+from lingjing.play.policy_processes.servers import NO_WALLS, WALLS_FROM, PolicyServer
 from lingjing.play.preparation import Preparation, prepare
 from lingjing.play.recorded_calls import EpisodeCalls
 from lingjing.play.report import ABORTED, EpisodeReport, report_of
@@ -61,6 +63,9 @@ _AMBIENT = (
     "draw from a generator with the seed `brief.seed`, or play with `lingjing run`"
 )
 """The warning about policies that draw from a global random generator. `{}` is the list of agents."""
+
+BROKEN = "not promised behind these walls"
+"""The warning of a report if the walls around its policies were incomplete."""
 
 TRACE_NAME = "trace.mcap"
 """The file name of the trace in a run's folder."""
@@ -127,7 +132,7 @@ class Session:
         self,
         host: PluginHost | None = None,
         fork_server: ForkServerClient | None = None,
-        policy_server: ForkServerClient | None = None,
+        policy_server: PolicyServer | None = None,
     ) -> None:
         self.host = host or PluginHost()
         self._fork_server = fork_server  # shared by the episodes of a command (ADR 0019)
@@ -170,13 +175,16 @@ class Session:
             prepared = replace(prepared, instance=outside.change(prepared.instance))
         return self._play(prepared, options, out, progress, server, outside)
 
-    def _server_of(self, options: PlayOptions, loaded: Mapping[str, PolicyPlugin]) -> ForkServerClient | None:
+    def _server_of(self, options: PlayOptions, loaded: Mapping[str, PolicyPlugin]) -> PolicyServer | None:
         """Return the server that forks the processes of policies; None if policies run in this process.
 
         They run here with inline engines. A policy passed as an object runs here too, because it has no name in another
         process.
         """
-        return self._policy_server if options.world == "process" and not loaded else None
+        server = self._policy_server if options.world == "process" and not loaded else None
+        if options.isolate != "no" and (server is None or server.walls is None):
+            raise UsageError(NO_WALLS, hint=WALLS_FROM)
+        return server
 
     def _play(
         self,
@@ -184,7 +192,7 @@ class Session:
         options: PlayOptions,
         out: str | Path | None,
         progress: Callable[[Progress], None] | None,
-        server: ForkServerClient | None,
+        server: PolicyServer | None,
         outside: OutsideControl | None = None,
     ) -> EpisodeReport:
         instance, city = self._cities.place(prepared.instance, imported=bool(prepared.places))
@@ -213,7 +221,7 @@ class Session:
             reset_policies(kernel, barrier)
             chosen = Path(out) if out is not None else claim_run_folder(instance.mission, instance.mode, options.seed)
             folder = chosen.absolute()  # a policy in this process may go to another working folder
-            header = _header(instance, city, prepared, options)
+            header = _header(instance, city, prepared, options, barrier)
             if outside is not None:
                 header = msgspec.structs.replace(header, remote_engines=outside.remote_engines)
             writer = _writer(folder, header, city, prepared.key)
@@ -222,6 +230,7 @@ class Session:
             raise
         recorder.append(writer)
         calls.keep_in(folder)
+        broken = _broken_promises(barrier)
         try:
             source = barrier if outside is None else outside.source(kernel, barrier, city)
             ending = writer if outside is None else _FramesFirst(writer, outside)
@@ -235,7 +244,7 @@ class Session:
         path = writer.part if outcome.reason == ABORTED else writer.path
         report = _report(path, options, chosen, city=city if options.overview else None, notes_moves=bool(moves))
         return msgspec.structs.replace(
-            report, warnings=(*_proofs_of_defeat(instance), *moves, *calls.differences(), *report.warnings)
+            report, warnings=(*broken, *_proofs_of_defeat(instance), *moves, *calls.differences(), *report.warnings)
         )
 
     def close(self) -> None:
@@ -291,7 +300,7 @@ def _barrier(
     instance: Instance,
     city: City,
     calls: EpisodeCalls,
-    server: ForkServerClient | None,
+    server: PolicyServer | None,
     host: PluginHost,
 ) -> Barrier:
     """Return the built policies in the order of their agents: in processes that `server` forks, or in this process."""
@@ -325,14 +334,17 @@ def _stored(frames: Sequence[StoredFrame]) -> list[PictureParts]:
     return [(frame.info, frame.jpeg, frame.depth, frame.semantic, frame.instance) for frame in frames]
 
 
-def _header(instance: Instance, city: City, prepared: Preparation, options: PlayOptions) -> Header:
+def _header(instance: Instance, city: City, prepared: Preparation, options: PlayOptions, barrier: Barrier) -> Header:
     return Header(
         instance=instance,
         bindings=tuple(
             AgentBinding(agent=agent, policy=policy.name, privileged=policy.privileged, arguments=policy.arguments)
             for agent, policy in prepared.assigned.items()
         ),
-        fingerprint=dict(versions()) | _policy_fingerprints(prepared),
+        fingerprint=dict(versions())
+        | _policy_fingerprints(prepared)
+        | _walls_fingerprint(barrier)
+        | salt_fingerprint(options.salt, options.seed),
         city_sha256=content_sha256(city),
         attribution=city.attribution,
         started_wall=dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
@@ -341,6 +353,18 @@ def _header(instance: Instance, city: City, prepared: Preparation, options: Play
         evaluator_options=prepared.evaluator_options,
         moved=moved_bodies(prepared.instance, instance),
     )
+
+
+def _walls_fingerprint(barrier: Barrier) -> dict[str, str]:
+    """Return the weakest walls around the policies, in words; nothing without walls."""
+    reports = sorted(barrier.wall_reports, key=lambda report: len(report.guards))
+    return {"walls": reports[0].in_words()} if reports else {}
+
+
+def _broken_promises(barrier: Barrier) -> tuple[str, ...]:
+    """Return a warning for the promises that the walls around the policies break on this kernel."""
+    broken = dict.fromkeys(promise for report in barrier.wall_reports for promise in report.broken)
+    return (f"{BROKEN}: {'; '.join(broken)}; `lingjing doctor` says why",) if broken else ()
 
 
 def _policy_fingerprints(prepared: Preparation) -> dict[str, str]:

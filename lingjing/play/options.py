@@ -47,6 +47,8 @@ class PlayOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """A map or a built city in which the mission's places are found; "" to play in the mission's own scene."""
     seed: Seed = 0
     """The seed from which the instance is drawn."""
+    salt: str = ""
+    """The secret file that decides, with the seed, the instance of a sealed split; "" for the instance of the seed."""
     policy_seed: Seed = 0
     """The seed of the policies' own random streams. It does not affect the instance."""
     mode: str | None = None
@@ -61,6 +63,10 @@ class PlayOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """The place of the engines: processes of their own, or this process."""
     blank_pictures: bool = False
     """True if policies receive black pictures."""
+    isolate: Literal["no", "yes", "strict"] = "no"
+    """The walls around each policy's process: none, those that the kernel offers, or all or no episode."""
+    policy_files: tuple[str, ...] = ()
+    """Further files and folders that policies behind walls may read."""
     overview: bool = True
     """True to draw `overview.png`."""
     sign: str | None = None
@@ -87,6 +93,7 @@ class Changes(TypedDict, total=False):
     evaluator_args: Mapping[str, object]
     scene: str | PathLike[str]
     seed: int
+    salt: str | PathLike[str]
     policy_seed: int
     mode: str | None
     tier: int
@@ -94,6 +101,8 @@ class Changes(TypedDict, total=False):
     evaluators: Sequence[str]
     world: Literal["process", "inline"]
     blank_pictures: bool
+    isolate: Literal["no", "yes", "strict"]
+    policy_files: Sequence[str]
     overview: bool
     sign: str | PathLike[str] | None
     calls: Literal["record", "replay", "live"]

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, NamedTuple, Self
@@ -23,6 +24,7 @@ from lingjing.errors import (
     ForeignCodeError,
     InfrastructureError,
     LingjingError,
+    UsageError,
     error_of,
     hint_of,
 )
@@ -31,6 +33,14 @@ from lingjing.mission.model import Mission
 from lingjing.play.folders import release_if_empty
 from lingjing.play.options import PlayOptions, compiled
 from lingjing.play.policy_processes.preloading import PRELOAD, SERVES
+from lingjing.play.policy_processes.servers import (
+    NO_WALLS,
+    WALLS_FROM,
+    OpenServer,
+    PolicyServer,
+    WalledServer,
+    walls_of,
+)
 from lingjing.play.report import (
     ABORTED,
     INTERRUPTED,
@@ -43,6 +53,7 @@ from lingjing.play.report import (
 )
 from lingjing.processes.descendants import adopting, continue_stopped
 from lingjing.processes.fork_client import ForkedProcess, ForkServer, ForkServerClient
+from lingjing.processes.walls.offer import check_strict, offered_walls
 
 if TYPE_CHECKING:
     from lingjing.kernel.episode import Progress
@@ -62,7 +73,7 @@ def play_here(
     watch: Watch,
     mission: Mission | None = None,
     fork_server: ForkServerClient | None = None,
-    policy_server: ForkServerClient | None = None,
+    policy_server: PolicyServer | None = None,
 ) -> Iterator[EpisodeReport]:
     """Play (seed, folder) pairs in order with the same workers, and yield their reports.
 
@@ -109,22 +120,54 @@ def _unrecorded(
     return msgspec.structs.replace(report, mission=mission.name, mode=mode, hint=hint_of(error))
 
 
-@contextlib.contextmanager
-def policy_server(options: PlayOptions, descriptor: int | None = None) -> Iterator[ForkServerClient | None]:
-    """Yield the server from which the policies of these options are forked.
+class EpisodeServers(NamedTuple):
+    """The servers from which an episode starts its processes."""
 
-    `descriptor` leads to an existing server; None starts a new one. Yields None where policies run in the caller's
-    process: with inline engines, and on systems other than Linux.
+    workers: ForkServerClient | None
+    """Forks the processes of engines; None to start them anew."""
+    policies: PolicyServer | None
+    """Forks the processes of policies; None where policies run in the caller's process."""
+
+
+@contextlib.contextmanager
+def episode_servers(
+    options: PlayOptions, descriptor: int | None = None, walled_descriptor: int | None = None
+) -> Iterator[EpisodeServers]:
+    """Yield the servers for episodes with these options.
+
+    `descriptor` leads to an existing server, `walled_descriptor` to one with walls; None starts a new one. Policies run
+    in the caller's process with inline engines, and on systems other than Linux. Raises `UsageError` for walls there.
     """
     if options.world == "inline" or sys.platform != "linux":
-        yield None
-    elif descriptor is not None:
-        with contextlib.closing(ForkServerClient(descriptor)) as client:
-            yield client
-    else:
-        with adopting(), ForkServer(SERVES) as server, contextlib.closing(server.client()) as client:
-            server.call(PRELOAD, _policy_names(options))
-            yield client
+        if options.isolate != "no":
+            raise UsageError(NO_WALLS, hint=WALLS_FROM)
+        yield EpisodeServers(None, None)
+        return
+    with contextlib.ExitStack() as stack:
+        workers = None
+        if descriptor is not None:
+            workers = stack.enter_context(contextlib.closing(ForkServerClient(descriptor)))
+        if options.isolate != "no":
+            walls = walls_of(options)
+            client = _client(stack, options, walled_descriptor, walls=True)
+            if options.isolate == "strict" and walled_descriptor is None:
+                check_strict(offered_walls(client))
+            opened = cache(lambda: workers or _client(stack, options, None, walls=False))
+            yield EpisodeServers(workers, WalledServer(client, walls, workers, opened))
+        else:
+            yield EpisodeServers(workers, OpenServer(workers or _client(stack, options, None, walls=False)))
+
+
+def _client(
+    stack: contextlib.ExitStack, options: PlayOptions, descriptor: int | None, *, walls: bool
+) -> ForkServerClient:
+    """Return a connection to the server of this descriptor, or to a new one."""
+    if descriptor is not None:
+        return stack.enter_context(contextlib.closing(ForkServerClient(descriptor)))
+    stack.enter_context(adopting())
+    server = stack.enter_context(ForkServer(SERVES, walls=walls))
+    server.call(PRELOAD, _policy_names(options))
+    return stack.enter_context(contextlib.closing(server.client()))
 
 
 def _policy_names(options: PlayOptions) -> str:
@@ -198,8 +241,11 @@ class EpisodeProcesses:
 
     def __init__(self) -> None:
         self._server: ForkServer | None = None
+        self._walled: ForkServer | None = None
         self._shared: set[bytes] = set()
         self._preloaded: set[str] = set()
+        self._walled_preloaded: set[str] = set()
+        self._is_strict = False
 
     def play(self, tasks: Iterable[EpisodeTask], jobs: int) -> Generator[tuple[EpisodeTask, EpisodeReport]]:
         """Play in child processes, `jobs` at a time, and yield reports in order of completion; see `play_apart`."""
@@ -227,8 +273,9 @@ class EpisodeProcesses:
 
     def close(self) -> None:
         """End the process from which episodes are forked."""
-        if self._server is not None:
-            self._server.close()
+        for server in (self._server, self._walled):
+            if server is not None:
+                server.close()
 
     def __enter__(self) -> Self:
         return self
@@ -259,7 +306,25 @@ class EpisodeProcesses:
         if (names := _policy_names(task.options)) not in self._preloaded:
             self._preloaded.add(names)
             server.call(PRELOAD, names)
-        return server.run_module(_CLI, arguments, streams)
+        further = {}
+        if task.options.isolate != "no":
+            walled = self._walled_server(names)
+            further = {"--walled-server": walled.descriptor}
+            if task.options.isolate == "strict" and not self._is_strict:
+                with contextlib.closing(walled.client()) as client:
+                    check_strict(offered_walls(client))
+                self._is_strict = True
+        return server.run_module(_CLI, arguments, streams, further)
+
+    def _walled_server(self, names: str) -> ForkServer:
+        """Return the server of the policies behind walls, a new one if it has ended. `names`: the policies."""
+        if self._walled is None or self._walled.has_ended:
+            self._walled = ForkServer(SERVES, walls=True)
+            self._walled_preloaded.clear()
+        if names not in self._walled_preloaded:
+            self._walled_preloaded.add(names)
+            self._walled.call(PRELOAD, names)
+        return self._walled
 
 
 def _instance_options(options: PlayOptions) -> PlayOptions:
@@ -267,6 +332,7 @@ def _instance_options(options: PlayOptions) -> PlayOptions:
     return PlayOptions(
         mission=options.mission,
         seed=options.seed,
+        salt=options.salt,
         mode=options.mode,
         tier=options.tier,
         settings=options.settings,

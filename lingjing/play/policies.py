@@ -17,10 +17,10 @@ from lingjing.mission.model import Mission
 from lingjing.play.option_sharing import share_arguments
 from lingjing.play.options import PlayOptions
 from lingjing.play.policy_files import is_file, load_policy
+from lingjing.play.policy_processes.servers import PolicyServer
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import options_fingerprint
 from lingjing.plugins.policy import PolicyPlugin
-from lingjing.processes.fork_client import ForkServerClient
 from lingjing.suggest import nearest_or
 
 
@@ -44,6 +44,8 @@ class AssignedPolicy:
     """Its declaration; None for a file that only another process has loaded."""
     as_given: bool = False
     """True if an examination has found that its factory receives the options unchanged."""
+    calls: bool = False
+    """True if it calls chat models."""
     makers: tuple[str, ...] = ()
     """The plug-ins that make or wrap policies (`lingjing_make_policy`)."""
 
@@ -55,7 +57,7 @@ def assign_policies(
     host: PluginHost,
     loaded: Mapping[str, PolicyPlugin],
     errors: ErrorCollector,
-    server: ForkServerClient | None = None,
+    server: PolicyServer | None = None,
 ) -> dict[str, AssignedPolicy]:
     """Return the policy of every agent. Without an instance no policy is assigned.
 
@@ -70,7 +72,8 @@ def assign_policies(
     names_of = {agent.id: _policy_for(agent, options) for agent in agents}
     wanted = dict.fromkeys((options.policy, *chosen.values()) if instance is None else names_of.values())
     whole = not refused & {"policy", "policies_for"}
-    if server is not None and any(map(is_file, wanted)):
+    walled = server is not None and server.walls is not None
+    if server is not None and any(is_file(name) or (walled and name not in host.policies) for name in wanted):
         policies = _examined(wanted, options, host, server, errors, whole=whole)
     else:
         policies = _loaded(wanted, options, host, loaded, errors, whole=whole)
@@ -104,6 +107,7 @@ def _loaded(
             fingerprint=options_fingerprint(plugin, shares[name]),
             source=_source(name, host),
             plugin=plugin,
+            calls=plugin.calls,
         )
         for name, plugin in plugins.items()
         if name in shares
@@ -114,7 +118,7 @@ def _examined(
     wanted: Iterable[str],
     options: PlayOptions,
     host: PluginHost,
-    server: ForkServerClient,
+    server: PolicyServer,
     errors: ErrorCollector,
     *,
     whole: bool,
@@ -136,8 +140,9 @@ def _examined(
             arguments=examined.arguments,
             as_given=examined.as_given,
             fingerprint=examined.fingerprint,
-            source=_source(name, host),
-            plugin=None if is_file(name) else host.policy(name),
+            source=examined.source,
+            calls=examined.calls,
+            plugin=host.policies.get(name),
         )
         for name, examined in read.found.items()
     }

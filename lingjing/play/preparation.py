@@ -17,15 +17,16 @@ from lingjing.kernel.world.selection import select_engines
 from lingjing.mission.instance import GivenOption, Instance
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Mission
+from lingjing.mission.salts import instance_seed
 from lingjing.play.option_sharing import engine_options, evaluator_options
 from lingjing.play.options import PlayOptions
 from lingjing.play.policies import AssignedPolicy, assign_policies
+from lingjing.play.policy_processes.servers import PolicyServer
 from lingjing.play.recorded_calls import check_calls
 from lingjing.play.siting import sited_mission
 from lingjing.plugins.evaluator import EvaluatorPlugin
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.policy import PolicyPlugin
-from lingjing.processes.fork_client import ForkServerClient
 from lingjing.trace.seals import read_key
 
 
@@ -53,7 +54,7 @@ def prepare(
     host: PluginHost,
     loaded: Mapping[str, PolicyPlugin],
     errors: ErrorCollector | None = None,
-    server: ForkServerClient | None = None,
+    server: PolicyServer | None = None,
 ) -> Preparation:
     """Draw the instance, and find the policies and the evaluators.
 
@@ -93,8 +94,9 @@ def _engines(instance: Instance, host: PluginHost) -> tuple[str, ...]:
 
 def _drawn(options: PlayOptions, mission: Mission, errors: ErrorCollector) -> Instance | None:
     """Return the instance. If mode or settings are rejected, return one without them; None if there is none."""
+    seed = errors.attempt(lambda: instance_seed(options.salt, options.seed), options.seed)
     try:
-        return instantiate(mission, seed=options.seed, mode=options.mode, settings=options.settings, tier=options.tier)
+        return instantiate(mission, seed=seed, mode=options.mode, settings=options.settings, tier=options.tier)
     except MissionError as error:
         errors.add(error)
         return None
@@ -105,9 +107,7 @@ def _drawn(options: PlayOptions, mission: Mission, errors: ErrorCollector) -> In
     mode = None if "mode" in refused else options.mode
     tier = 0 if "tier" in refused else options.tier
     follow = ErrorCollector()  # its faults may follow from the gaps, so they are dropped
-    return follow.attempt(
-        lambda: instantiate(mission, seed=options.seed, mode=mode, settings=settings, tier=tier), None
-    )
+    return follow.attempt(lambda: instantiate(mission, seed=seed, mode=mode, settings=settings, tier=tier), None)
 
 
 def _evaluators(

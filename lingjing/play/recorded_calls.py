@@ -157,6 +157,8 @@ class EpisodeCalls:
 class AgentCalls:
     """`lingjing.plugins.calls.ModelCalls` for one agent of an episode."""
 
+    broker = None
+
     def __init__(self, calls: EpisodeCalls, agent: str) -> None:
         self._calls = calls
         self._agent = agent

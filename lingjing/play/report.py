@@ -15,6 +15,7 @@ from lingjing.analysis.families import FailureFamily, attribute
 from lingjing.analysis.incidents import Incident, incidents
 from lingjing.analysis.metrics import Metrics, metrics
 from lingjing.errors import AbortCause
+from lingjing.mission.salts import public_seed
 from lingjing.numerics import withdrawn
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import MovedBody, Outcome, TaskEvent
@@ -180,7 +181,7 @@ def report_of(trace: Trace, policy: str) -> EpisodeReport:
     instance, outcome, attributed = trace.header.instance, trace.outcome or _unknown(trace), attribute(trace)
     return EpisodeReport(
         mission=instance.mission,
-        seed=instance.seed,
+        seed=public_seed(trace.header.fingerprint, instance.seed),
         mode=instance.mode,
         policy=policy,
         policy_seed=trace.header.policy_seed,

@@ -24,6 +24,7 @@ from lingjing.kernel.world.placed_worlds import announce, world_start
 from lingjing.kernel.world.selection import select_engines
 from lingjing.mission.instance import Instance
 from lingjing.mission.instantiate import instantiate
+from lingjing.mission.salts import instance_seed
 from lingjing.numerics import versions
 from lingjing.play.option_sharing import engine_options
 from lingjing.play.options import PlayOptions, compiled
@@ -55,7 +56,13 @@ def share(text: str) -> None:
     options = start.options
     host = PluginHost(entry_points=False, extra=(import_module(CORE.plugin),))
     mission = sited_mission(compiled(options), options.scene, host)
-    instance = instantiate(mission, seed=options.seed, mode=options.mode, settings=options.settings, tier=options.tier)
+    instance = instantiate(
+        mission,
+        seed=instance_seed(options.salt, options.seed),
+        mode=options.mode,
+        settings=options.settings,
+        tier=options.tier,
+    )
     if instance.scene.kind not in host.scenes:
         return
     cities = CityBuilder(host)

@@ -130,6 +130,7 @@ class CountedCalls:
     """`ModelCalls` outside of an episode: the cost is counted against limits, and nothing is recorded."""
 
     replaying = False
+    broker = None
 
     def __init__(self, limits: SpendingLimits) -> None:
         self._limits = limits

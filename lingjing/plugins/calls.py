@@ -9,11 +9,13 @@ can cross a border between processes.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import msgspec
 
 from lingjing.errors import InfrastructureError
+from lingjing.plugins.backbone import ChatMessage
 from lingjing.trace.calls import CallFault, CallRequest, CallResult
 
 
@@ -34,8 +36,37 @@ class AbandonedCallError(Exception):
         self.result = result
 
 
+@dataclass(frozen=True, slots=True)
+class ModelQuestion:
+    """A question to the model that the options of a policy name."""
+
+    tick: int
+    """The boundary at which the policy asks."""
+    messages: tuple[ChatMessage, ...]
+    timeout_s: float
+    """The longest wait for the answer with all attempts, seconds."""
+    schema: bytes | None = None
+    """The JSON Schema that the answer must satisfy, as JSON text; None for free text."""
+
+
+class ModelBroker(Protocol):
+    """The harness's side of the model calls of a policy behind walls, which has no network and no key.
+
+    The broker builds the request from the user's options, and records, limits, retries and bills it.
+    """
+
+    async def ask(self, question: ModelQuestion) -> CallResult:
+        """Return the result of a question, an answer or a failure. Raises the errors of `ModelCalls.begin`."""
+        ...
+
+
 class ModelCalls(Protocol):
     """The record of one agent's calls."""
+
+    @property
+    def broker(self) -> ModelBroker | None:
+        """The broker that makes the calls of a policy behind walls; None if the policy makes them itself."""
+        ...
 
     @property
     def replaying(self) -> bool:
@@ -65,6 +96,7 @@ class UnrecordedCalls:
 
     replaying = False
     capped = False
+    broker = None
 
     def begin(self, request: CallRequest) -> None:
         """Return None: the service must be asked."""
@@ -119,5 +151,6 @@ CallEstimator = Callable[[Any, EpisodeShape], CallEstimate]
 
 __all__ = [
     "AbandonedCallError", "CallEstimate", "CallEstimator", "CallFault", "CallRequest", "CallResult", "CallSum",
-    "EpisodeShape", "MissingCallError", "ModelCalls", "SpendingLimitError", "UnrecordedCalls",
+    "EpisodeShape", "MissingCallError", "ModelBroker", "ModelCalls", "ModelQuestion", "SpendingLimitError",
+    "UnrecordedCalls",
 ]  # fmt: skip

@@ -278,6 +278,9 @@ class Policy(Protocol):
         ...
 
 
+BrokerFactory = Callable[[Mapping[str, Any], Any], Any]
+"""Called with the options by name and a `lingjing.plugins.calls.ModelCalls`; returns a `ModelBroker`."""
+
 ServiceProbe = Callable[[Any], Awaitable[str]]
 """Called with an object of the policy's model of options."""
 
@@ -303,6 +306,10 @@ class PolicyPlugin:
     """Takes the options and requests a sign of life from the policy's service. Returns "", or the reason for which
     there is none. The harness calls it after an `InfrastructureError` of the policy. None for a policy without a
     service: its errors are its own failures."""
+    broker: BrokerFactory | None = None
+    """Takes the options and the record of calls, and returns the broker of the policy behind walls. The harness calls
+    it in a process of its own. Policies without one, such as those in files, have that of `react`, which reads the
+    options that name a model and its service."""
     imports: tuple[str, ...] = ()
     """Modules that every agent of the policy needs. For trusted plug-ins they are imported once, in the process from
     which agents are forked: they must start no thread and open no graphics."""
@@ -312,9 +319,9 @@ class PolicyPlugin:
 
 __all__ = [
     "CLEARED", "DEAD", "DORMANT", "NOTE", "PHOTO", "REFERENCE", "STOP", "Absent", "Action", "ArgumentSpec", "BodyState",
-    "Brief", "CameraPose", "CameraSpec", "CameraView", "Cell", "CellView", "City", "Datum", "Decision", "Entity",
-    "EntityView", "Envelope", "EventView", "Field", "FrameInfo", "Inbox", "InfrastructureError", "InspectionSpec",
-    "Instance", "MessageSpec", "NoDecisionError", "Observation", "Outgoing", "Peer", "Picture", "Policy",
-    "PolicyPlugin", "Privileged", "Receipt", "Region", "Resource", "Route", "RouteEnds", "ServiceProbe",
+    "Brief", "BrokerFactory", "CameraPose", "CameraSpec", "CameraView", "Cell", "CellView", "City", "Datum", "Decision",
+    "Entity", "EntityView", "Envelope", "EventView", "Field", "FrameInfo", "Inbox", "InfrastructureError",
+    "InspectionSpec", "Instance", "MessageSpec", "NoDecisionError", "Observation", "Outgoing", "Peer", "Picture",
+    "Policy", "PolicyPlugin", "Privileged", "Receipt", "Region", "Resource", "Route", "RouteEnds", "ServiceProbe",
     "TaskEvent", "UnreadBox", "Usage", "UsageError", "Vector", "VerbMotion", "VerbSpec", "Weather", "is_request_of",
 ]  # fmt: skip

@@ -10,7 +10,7 @@ import threading
 
 import msgspec
 
-from lingjing.plugins.calls import AbandonedCallError, CallRequest, CallResult, ModelCalls
+from lingjing.plugins.calls import AbandonedCallError, CallRequest, CallResult, ModelBroker, ModelCalls, ModelQuestion
 from lingjing.plugins.policy import (
     Brief,
     Decision,
@@ -45,6 +45,11 @@ class PolicyCalls:
         """See `ModelCalls.capped`."""
         return self._calls.capped
 
+    @property
+    def broker(self) -> ModelBroker | None:
+        """See `ModelCalls.broker`."""
+        return None if self._calls.broker is None else _CountedBroker(self._calls.broker, self)
+
     def begin(self, request: CallRequest) -> CallResult | None:
         """See `ModelCalls.begin`."""
         try:
@@ -76,6 +81,10 @@ class PolicyCalls:
             usage, self._usage = self._usage, Usage()
         return usage
 
+    def add(self, result: CallResult) -> None:
+        """Add the usage of a call to the next bill."""
+        self._add(result)
+
     def _add(self, result: CallResult) -> None:
         with self._lock:
             spent = self._usage
@@ -85,6 +94,28 @@ class PolicyCalls:
                 completion_tokens=spent.completion_tokens + result.completion_tokens,
                 cost_usd=spent.cost_usd + (result.cost_usd or 0.0),
             )
+
+
+class _CountedBroker:
+    """A broker with answers that are billed to a policy object."""
+
+    def __init__(self, broker: ModelBroker, calls: PolicyCalls) -> None:
+        self._broker = broker
+        self._calls = calls
+
+    async def ask(self, question: ModelQuestion) -> CallResult:
+        """See `ModelBroker.ask`."""
+        try:
+            result = await self._broker.ask(question)
+        except AbandonedCallError as error:
+            self._calls.interruption = error
+            self._calls.add(error.result)
+            raise
+        except InfrastructureError as error:
+            self._calls.interruption = error
+            raise
+        self._calls.add(result)
+        return result
 
 
 class BilledPolicy:

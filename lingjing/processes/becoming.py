@@ -94,16 +94,18 @@ def become_function(request: StartFunction, ends: Sequence[int], output: int, pa
     end_after(work)
 
 
-def become_module(request: RunModule, streams: Sequence[int], server: int, parent: int) -> NoReturn:
+def become_module(request: RunModule, descriptors: Sequence[int], server: int, parent: int) -> NoReturn:
     """Run a module as `python -m` does, and end the process.
 
-    `server`: the socket through which the module sends requests to the fork server.
+    `descriptors`: the standard streams, then those of `request.further`. `server`: the socket through which the module
+    sends requests to the fork server.
     """
     code = 1
     try:
-        begin(parent, signal.SIGTERM, streams)
+        begin(parent, signal.SIGTERM, descriptors[:3])
         _set_surroundings(request.surroundings)
-        sys.argv = [request.module, *request.arguments, "--fork-server", str(server)]
+        named = zip(("--fork-server", *request.further), (server, *descriptors[3:]), strict=True)
+        sys.argv = [request.module, *request.arguments, *(str(word) for pair in named for word in pair)]
         sys.path.insert(0, os.fsdecode(request.surroundings.folder))  # as `python -m` has it
         if "numpy.random" in sys.modules:
             sys.modules["numpy.random"].seed()  # a fork would go on with the stream of its original

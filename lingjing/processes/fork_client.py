@@ -33,9 +33,13 @@ from lingjing.processes.fork_requests import (
     Template,
 )
 from lingjing.processes.kept_results import keep_result
+from lingjing.processes.walls.file_system import SCRATCH
 
 HASH_SEED = "0"
 """`PYTHONHASHSEED` of every started process: the iteration order of a set of strings is the same in each of them."""
+
+CLEAN_VARIABLES = ("LANG", "LC_ALL", "LC_CTYPE", "TZ", "PYTHONDONTWRITEBYTECODE", "LINGJING_POLICY_MEMORY_GB")
+"""The variables of the caller that a fork server for foreign code has."""
 
 _MODULE = "lingjing.processes.fork_server"
 """The module that a fork server runs."""
@@ -63,8 +67,8 @@ class ForkedProcess:
                 hint="see its messages on standard error, and `ulimit -u`",
                 cause="fork-server",
             ) from None
-        self.pid = int.from_bytes(started.payload, "little")
         (self.pidfd,) = started.descriptors
+        self.pid = _pid_here(self.pidfd) or int.from_bytes(started.payload, "little")
 
     def poll(self) -> int | None:
         """Return the return code; None while the process runs."""
@@ -160,7 +164,9 @@ class ForkServer:
     """A fork server and the connection to it; a context manager. All its processes end with the caller.
 
     `imports` are modules that it imports before it forks; `layers` are the further modules of each layer, by name.
-    `variables` are set in its environment before the imports. Raises `InfrastructureError` if it cannot be started.
+    `variables` are set in its environment before the imports. With `walls` it has none of the caller's variables but
+    `CLEAN_VARIABLES`, and its forks can build walls around themselves (`lingjing.processes.walls`). Raises
+    `InfrastructureError` if it cannot be started.
     """
 
     def __init__(
@@ -168,12 +174,15 @@ class ForkServer:
         imports: Sequence[str],
         layers: Mapping[str, Sequence[str]] | None = None,
         variables: Mapping[str, str] | None = None,
+        *,
+        walls: bool = False,
     ) -> None:
         ours, theirs = socket.socketpair()
         command = [sys.executable, "-P", "-m", _MODULE, "--fd", str(theirs.fileno()), "--parent", str(os.getpid())]
         try:
             further = [f"--layer={name}={','.join(modules)}" for name, modules in (layers or {}).items()]
-            environ = environment((), variables or {})
+            environ = clean_environment() if walls else environment((), variables or {})
+            further += ["--walls"] if walls else []
             self._process = start_to_last([*command, *further, *imports], environ, (theirs.fileno(),), None)
         except OSError as error:
             ours.close()
@@ -187,12 +196,31 @@ class ForkServer:
         """The process id of the server."""
         return self._process.pid
 
-    def run_module(self, module: str, arguments: Sequence[str], streams: tuple[int, int, int]) -> ForkedProcess:
+    @property
+    def descriptor(self) -> int:
+        """The descriptor of the connection. Several processes may send requests through it."""
+        return self._channel.fileno()
+
+    @property
+    def has_ended(self) -> bool:
+        """True if the server has ended."""
+        return self._process.poll() is not None
+
+    def run_module(
+        self,
+        module: str,
+        arguments: Sequence[str],
+        streams: tuple[int, int, int],
+        further: Mapping[str, int] | None = None,
+    ) -> ForkedProcess:
         """Run `python -m module arguments` with these descriptors as its standard streams.
 
-        It has the working folder and the environment of this process, and receives SIGTERM when the server ends.
+        `further` are descriptors that the process receives as well, by the option that names each. It has the working
+        folder and the environment of this process, and receives SIGTERM when the server ends.
         """
-        return _start(self._channel, RunModule(module, tuple(arguments), _own_surroundings()), streams)
+        names, descriptors = tuple(further or {}), tuple((further or {}).values())
+        request = RunModule(module, tuple(arguments), _own_surroundings(), names)
+        return _start(self._channel, request, (*streams, *descriptors))
 
     def client(self) -> ForkServerClient:
         """Return another connection to this server, for processes that this process works with. The caller closes
@@ -227,6 +255,15 @@ def environment(paths: Sequence[str], variables: Mapping[str, str]) -> dict[str,
     search = [*paths, *(path or os.getcwd() for path in sys.path)]  # noqa: PTH109 - an entry of PYTHONPATH
     fixed = {"PYTHONPATH": os.pathsep.join(dict.fromkeys(search)), "PYTHONUNBUFFERED": "1"}
     return worker_environment({**os.environ, **variables, **fixed, "PYTHONHASHSEED": HASH_SEED})
+
+
+def clean_environment() -> dict[str, str]:
+    """Return the environment of a process for foreign code: no key, no home and no folder of the caller."""
+    kept = {name: os.environ[name] for name in CLEAN_VARIABLES if name in os.environ}
+    search = [path for path in sys.path if os.path.isabs(path)]  # noqa: PTH117
+    fixed = {"PYTHONPATH": os.pathsep.join(search), "PYTHONUNBUFFERED": "1", "HOME": SCRATCH, "TMPDIR": SCRATCH}
+    fixed["LINGJING_UNTRIED_PLUGINS"] = "1"  # a trial of a plug-in would need a process
+    return worker_environment({**kept, **fixed, "PYTHONHASHSEED": HASH_SEED})
 
 
 def start_to_last(
@@ -272,6 +309,15 @@ def send_request(server: Channel, request: ForkRequest, descriptors: Sequence[in
     except ChannelClosedError as error:
         message = f"the process that starts others has ended: {error}"
         raise InfrastructureError(message, cause="fork-server") from error
+
+
+def _pid_here(pidfd: int) -> int:
+    """Return the process id behind a pidfd in the namespace of this process; 0 if it has none or `/proc` is missing."""
+    try:
+        lines = Path(f"/proc/self/fdinfo/{pidfd}").read_text().splitlines()
+    except OSError:
+        return 0
+    return max(0, next((int(line[4:]) for line in lines if line.startswith("Pid:")), 0))
 
 
 def _start(server: Channel, request: ForkRequest, descriptors: Sequence[int]) -> ForkedProcess:

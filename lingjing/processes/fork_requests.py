@@ -22,11 +22,13 @@ class Surroundings(msgspec.Struct, frozen=True):
 
 
 class RunModule(msgspec.Struct, frozen=True, tag=True):
-    """Run a module as `python -m` does. Descriptors: standard input, output and error, listener."""
+    """Run a module as `python -m` does. Descriptors: standard input, output and error, `further`, listener."""
 
     module: str
     arguments: tuple[str, ...]
     surroundings: Surroundings
+    further: tuple[str, ...] = ()
+    """The options of the module that name its further descriptors."""
 
 
 class CallFunction(msgspec.Struct, frozen=True, tag=True):

@@ -35,6 +35,7 @@ from lingjing.processes.kept_results import keep_result
 from lingjing.processes.layers import Layers
 from lingjing.processes.linux import adopt_orphans, end_with_parent, keep_freed_memory
 from lingjing.processes.templates import Templates
+from lingjing.processes.walls.namespaces import enter_namespaces
 
 
 @dataclass(slots=True)
@@ -70,7 +71,7 @@ class _Server:
             request, descriptors = receive_request(caller)
         except EOFError:
             return False
-        if isinstance(request, RunModule) and len(descriptors) == 4:
+        if isinstance(request, RunModule) and len(descriptors) == 4 + len(request.further):
             self.run_module(request, descriptors)
         elif isinstance(request, CallFunction):
             _call(request)
@@ -104,8 +105,8 @@ class _Server:
         with theirs:
             pid = self.forks.fork(_listener(descriptors))
             if pid == 0:
-                keep_only([*descriptors[:3], theirs.fileno()])
-                become_module(request, descriptors[:3], theirs.fileno(), self.pid)
+                keep_only([*descriptors[:-1], theirs.fileno()])
+                become_module(request, descriptors[:-1], theirs.fileno(), self.pid)
             if pid is not None:
                 self.forks.processes[pid].is_module = True
         self.forks.listen(Channel(ours), self.answer_module)
@@ -147,6 +148,7 @@ def main() -> NoReturn:
     options = _options()
     signal.signal(signal.SIGTERM, signal.SIG_DFL)  # during the imports there are no forks to end
     end_with_parent(options.parent, signal.SIGTERM)
+    namespaces = enter_namespaces() if options.walls else None
     adopt_orphans()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
@@ -159,6 +161,8 @@ def main() -> NoReturn:
     gc.freeze()
     further = {name: modules.split(",") for name, _, modules in (text.partition("=") for text in options.layer)}
     server = _Server(Channel(socket.socket(fileno=options.fd)), options.parent, further)
+    if namespaces is not None:  # its parent is outside of the namespace, as it is for its forks: they have the number 0
+        server.forks.namespaces, server.parent, server.pid = namespaces, 0, 0
     try:
         # Handled, so that processes which the forks have started in other sessions end as well.
         signal.signal(signal.SIGTERM, _end)
@@ -179,6 +183,7 @@ def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="lingjing.processes.fork_server")
     parser.add_argument("--fd", type=int, required=True)
     parser.add_argument("--parent", type=int, required=True)
+    parser.add_argument("--walls", action="store_true")
     parser.add_argument("--layer", action="append", default=[], metavar="NAME=MODULE,MODULE")
     parser.add_argument("imports", nargs="*")
     return parser.parse_args()

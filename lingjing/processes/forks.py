@@ -16,6 +16,7 @@ from lingjing.processes.deadlines import WallDeadline
 from lingjing.processes.descendants import end_children
 from lingjing.processes.fork_requests import ForkRequest
 from lingjing.processes.linux import fork
+from lingjing.processes.walls.namespaces import PidNamespaces
 
 _PATROL_S = 1.0
 """The longest wait of `Forks.serve`, seconds; then the caller checks its parent. Chosen: an orphan lives a second."""
@@ -70,6 +71,8 @@ class Forks:
 
     selector: selectors.BaseSelector = field(default_factory=selectors.DefaultSelector)
     processes: dict[int, ForkedChild] = field(default_factory=dict)
+    namespaces: PidNamespaces | None = None
+    """Makes a process-id namespace for each fork; None to fork in the namespace of this process."""
 
     def serve(self) -> bool:
         """Handle the requests that have arrived, or wait for one. Returns False if a callback returns False."""
@@ -90,7 +93,7 @@ class Forks:
         `SeveralThreadsError`.
         """
         try:
-            pid = fork()
+            pid = self._fork()
         except OSError:
             _close(listener)  # its other end reads that it is closed
             return None
@@ -109,6 +112,18 @@ class Forks:
             process.announce()
         return pid
 
+    def _fork(self) -> int:
+        if self.namespaces is None:
+            return fork()
+        self.namespaces.begin()
+        pid = -1
+        try:
+            pid = fork()
+        finally:
+            if pid:
+                self.namespaces.end()
+        return pid
+
     def watch(self, process: ForkedChild, owner: int) -> None:
         """End a fork with the process that has requested it. `owner`: a pidfd of that process."""
         process.owner = os.dup(owner)
@@ -122,7 +137,12 @@ class Forks:
             process.owner = -1
 
     def end_all(self) -> None:
-        """End every fork and its descendants: modules by SIGTERM, and they are waited for; the others are killed."""
+        """End every fork and its descendants: modules by SIGTERM, and they are waited for; the others are killed.
+
+        The kernel ends the forks of the first process of a namespace when that process ends.
+        """
+        if self.namespaces is not None:
+            return
         modules = {pid for pid, process in self.processes.items() if process.is_module}
         for pid in modules:
             os.kill(pid, signal.SIGTERM)
@@ -145,7 +165,8 @@ class Forks:
         if process.at_end is not None:
             process.at_end(status)
         del self.processes[process.pid]
-        end_children(set(self.processes))  # its descendants, which are children now
+        if self.namespaces is None:  # else the kernel has ended them
+            end_children(set(self.processes))  # its descendants, which are children now
 
     def _owner_ended(self, process: ForkedChild) -> None:
         """Handle the end of a fork's owner."""

@@ -54,6 +54,19 @@ def check_seals(path: Path, key: bytes | None = None) -> SealReport:
         raise UsageError(f"{path} is not a trace: it is empty") from error
 
 
+def last_chain(path: Path) -> str:
+    """Return the chain of the last seal, a hash over every byte of a whole trace; "" if the file has no last seal.
+
+    The bytes are not compared with it: `check_seals` does. Raises `UsageError` if the file cannot be read.
+    """
+    try:
+        with open_trace(path) as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            seals = (data[at:end] for at, end in whole_records(data) if is_seal(data[at : min(end, at + 64)]))
+            return next((seal_fields(record).get("chain", "") for record in seals if is_last(record)), "")
+    except ValueError as error:
+        raise UsageError(f"{path} is not a trace: it is empty") from error
+
+
 def _checked(data: mmap.mmap, key: bytes | None) -> SealReport:
     """Check one seal after the other, up to the first invalid one."""
     begin, running, states = 0, chain_hash(), list[SignatureState]()

@@ -12,6 +12,7 @@ from typing import Literal
 import msgspec
 
 from lingjing.errors import LingjingError
+from lingjing.mission.salts import Salt, public_seed, salt_fault
 from lingjing.trace.digest import verify
 from lingjing.trace.reader import Trace, UnknownFormatError, read_trace
 from lingjing.trace.seal_check import SealReport, SignatureState, check_seals
@@ -42,6 +43,18 @@ def verify_file(path: str | Path, key: bytes | None = None) -> Verification:
     seals = check_seals(path, key)
     state, text = _verdict(path, seals, key)
     return Verification(path=str(path), state=state, said=text, signature=seals.signature)
+
+
+def check_salt(result: Verification, salt: Salt) -> Verification:
+    """Return the result of a verification, `wrong` if the salt has not drawn the instance of the trace."""
+    if result.state in ("wrong", "unreadable"):
+        return result
+    header = read_trace(Path(result.path)).header
+    fault = salt_fault(salt, header.fingerprint, header.instance.seed)
+    if fault:
+        return msgspec.structs.replace(result, state="wrong", said=f"{fault}; {result.said}")
+    seed = public_seed(header.fingerprint, header.instance.seed)
+    return msgspec.structs.replace(result, said=f"{result.said}; drawn by this salt for seed {seed}")
 
 
 def _verdict(path: Path, seals: SealReport, key: bytes | None) -> tuple[State, str]:

@@ -142,7 +142,7 @@ def test_entrants_that_fail_lose_their_own_episodes(folder: Path, capsys: pytest
         suite += f'[[entrants]]\nname = "{name}"\npolicy = "{spec}"\n'
     (folder / "suite.toml").write_text(suite)
     known = set(children())
-    assert run_command(["bench", "suite.toml", "-o", "out"]) == ExitCode.OK
+    assert run_command(["bench", "suite.toml", "-o", "out", "--no-isolate"]) == ExitCode.OK
     assert set(children()) == known
     shown = capsys.readouterr()
     rows = {row.entrant: row for row in read_results(folder / "out")}
@@ -163,7 +163,7 @@ def test_entrants_that_fail_lose_their_own_episodes(folder: Path, capsys: pytest
     assert page.index("Drives") < min(page.index(name) for name in names if name != "Drives")
     capsys.readouterr()
     (folder / "read").unlink()
-    assert run_command(["bench", "suite.toml", "-o", "out"]) == ExitCode.OK
+    assert run_command(["bench", "suite.toml", "-o", "out", "--no-isolate"]) == ExitCode.OK
     assert f"trips: {len(names)} episodes done, 0 to play" in capsys.readouterr().err
 
 
@@ -261,7 +261,7 @@ def test_who_ends_its_own_episode_gains_no_second_try(folder: Path) -> None:
     for name in ("Strikes", *STRIKES):
         suite += f'[[entrants]]\nname = "{name}"\npolicy = "striking.py:{name}"\n'
     (folder / "suite.toml").write_text(suite)
-    assert run_command(["bench", "suite.toml", "-o", "out"]) == ExitCode.OK
+    assert run_command(["bench", "suite.toml", "-o", "out", "--no-isolate"]) == ExitCode.OK
     rows = read_results(folder / "out")
     tries = {name: [row for row in rows if row.entrant == name] for name in ("Strikes", *STRIKES)}
     assert [row.standing for row in tries["Strikes"]] == ["counted"]
@@ -279,7 +279,7 @@ def test_an_entrant_that_stops_the_processes_of_its_suite_does_not_end_it(folder
     for name in ("Stops", "Strikes"):
         suite += f'[[entrants]]\nname = "{name}"\npolicy = "striking.py:{name}"\n'
     (folder / "suite.toml").write_text(suite)
-    assert run_command(["bench", "suite.toml", "-o", "out"]) == ExitCode.OK
+    assert run_command(["bench", "suite.toml", "-o", "out", "--no-isolate"]) == ExitCode.OK
     assert (folder / "Stops-act").exists()
     rows = read_results(folder / "out")
     assert [(row.standing, row.tries, row.report.success) for row in rows] == [("counted", 1, True)] * 4
@@ -311,7 +311,7 @@ def test_an_entrant_is_marked_by_each_policy_that_sees_the_truth(folder: Path) -
         '[[entrants]]\npolicy = "later.py"\n'
         '[[entrants]]\nname = "fair"\npolicy = "entrants.py:Drives"\n'
     )
-    assert run_command(["bench", "suite.toml", "-o", "out"]) == ExitCode.OK
+    assert run_command(["bench", "suite.toml", "-o", "out", "--no-isolate"]) == ExitCode.OK
     marked = {row.entrant: row.privileged for row in read_results(folder / "out")}
     assert marked == {"helped": True, "later.py:Later": True, "fair": False}
 
@@ -327,7 +327,7 @@ def test_a_file_that_only_ever_fails_is_told_before_anything_is_played(
     (folder / "suite.toml").write_text(
         'suite = 1\nname = "t"\nmissions = ["trip.ljs"]\nseeds = 1\n[[entrants]]\npolicy = "second.py"\n'
     )
-    assert run_command(["bench", "suite.toml", "-o", "out"]) == ExitCode.USAGE
+    assert run_command(["bench", "suite.toml", "-o", "out", "--no-isolate"]) == ExitCode.USAGE
     assert f"entrants[0].policy: policy `{folder}/second.py` could not be loaded" in capsys.readouterr().err
     assert not (folder / "out").exists()
 

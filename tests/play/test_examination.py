@@ -14,6 +14,7 @@ from lingjing.play.parallel import EpisodeTask, play_apart
 from lingjing.play.policy_processes.examination import examine
 from lingjing.play.policy_processes.messages import PoliciesExamined
 from lingjing.play.policy_processes.preloading import SERVES
+from lingjing.play.policy_processes.servers import OpenServer
 from lingjing.processes import kept_results
 from lingjing.processes.fork_client import ForkServer, ForkServerClient
 from tests.play.test_policy_options import MISSION
@@ -68,7 +69,7 @@ def imports(folder: Path) -> int:
 
 
 def examined(policy: Path, server: ForkServerClient, **arguments: str) -> PoliciesExamined:
-    return examine([str(policy)], arguments, server, whole=True)
+    return examine([str(policy)], arguments, OpenServer(server), whole=True)
 
 
 def test_the_episodes_of_a_run_share_an_examination(policy: Path, tmp_path: Path) -> None:

@@ -30,6 +30,7 @@ from lingjing.play.policy_processes.examination import examine
 from lingjing.play.policy_processes.messages import LoadPolicy
 from lingjing.play.policy_processes.output import MOST_BYTES
 from lingjing.play.policy_processes.preloading import SERVES
+from lingjing.play.policy_processes.servers import OpenServer
 from lingjing.plugins.loading import UNRECORDED
 from lingjing.plugins.policy import Decision
 from lingjing.processes.fork_client import ForkServer, ForkServerClient
@@ -223,7 +224,7 @@ def loaded(server: ForkServerClient, names: Mapping[str, str]) -> ProcessBarrier
         agent: AgentPolicy(LoadPolicy(spec=f"{POLICIES}:{name}", source="", arguments={}, seed=1), UNRECORDED)
         for agent, name in names.items()
     }
-    return ProcessBarrier(policies, 60.0, server)
+    return ProcessBarrier(policies, 60.0, OpenServer(server))
 
 
 def test_a_constructor_that_never_ends_is_refused(server: ForkServerClient, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -240,10 +241,10 @@ def test_an_import_that_never_ends_is_refused(
     file = tmp_path / "endless.py"
     file.write_text("while True:\n    pass\n")
     with pytest.raises(UsageError, match=r"policy `.*endless.py` was not loaded within 2 s"):
-        examine([str(file)], {}, server, whole=True)
+        examine([str(file)], {}, OpenServer(server), whole=True)
     file.write_text("import os\nos._exit(4)\n")
     with pytest.raises(UsageError, match=r"could not be loaded: its process ended \(exit code 4\)"):
-        examine([str(file)], {}, server, whole=True)
+        examine([str(file)], {}, OpenServer(server), whole=True)
 
 
 def test_a_process_that_ends_in_reset_is_named(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ from lingjing.plugins.backbone import (
     ModelError,
     ServiceAccess,
 )
-from lingjing.plugins.calls import AbandonedCallError, CallRequest, CallResult, ModelCalls
+from lingjing.plugins.calls import AbandonedCallError, CallRequest, CallResult, ModelBroker, ModelCalls, ModelQuestion
 from lingjing.plugins.policy import Usage, UsageError
 from lingjing_agents.llm.chat import parameters, recorded_message
 from lingjing_agents.llm.direct import DirectClient
@@ -99,9 +99,7 @@ class AskedModel:
             result = await self._asked(request, kept, deadline)
         else:
             self._bill(result)
-        if result.failure:
-            raise ModelError(result.failure, status=result.status, fault=_cause(result))
-        return result
+        return _answer(result)
 
     async def forward(self, tick: int, raw: RawRequest, deadline: CallDeadline) -> CallResult:
         """Return the service's answer to a whole request, with `CallResult.body`. Raises as `ask`."""
@@ -212,6 +210,30 @@ class AskedModel:
         )
 
 
+class BrokeredModel(AskedModel):
+    """A model behind the harness's broker, which makes, records and limits the calls."""
+
+    def __init__(self, profile: ModelProfile, broker: ModelBroker, calls: ModelCalls) -> None:
+        super().__init__(profile, None, calls)
+        self._broker = broker
+
+    async def ask(
+        self, tick: int, messages: tuple[ChatMessage, ...], deadline: CallDeadline, *, schema: bytes | None = None
+    ) -> CallResult:
+        """See `AskedModel.ask`."""
+        try:
+            result = await self._broker.ask(ModelQuestion(tick, messages, deadline.left_s(), schema))
+        except AbandonedCallError as error:
+            self._bill(error.result)
+            raise
+        self._bill(result)
+        return _answer(result)
+
+    async def forward(self, tick: int, raw: RawRequest, deadline: CallDeadline) -> CallResult:
+        """Raises `UsageError`: the broker builds every request itself."""
+        raise UsageError("a whole request cannot pass the walls", hint="play this policy without --isolate")
+
+
 def open_model(options: ModelOptions, calls: ModelCalls) -> AskedModel:
     """Return the model that the options name, with the record of its calls.
 
@@ -223,6 +245,8 @@ def open_model(options: ModelOptions, calls: ModelCalls) -> AskedModel:
             f"money is capped, and the price of `{options.model}` is not known",
             hint="give price_in= and price_out= (US dollars per million tokens), or both in models.toml; 0 is a price",
         )
+    if calls.broker is not None:
+        return BrokeredModel(profile, calls.broker, calls)
     return AskedModel(profile, None if calls.replaying else open_client(options, profile), calls)
 
 
@@ -267,6 +291,21 @@ def _keys_of_environment() -> tuple[str, ...]:
         for name, value in sorted(os.environ.items())
         if name.endswith(_KEY_VARIABLES) and len(value) >= _LEAST_KEY_LETTERS
     )
+
+
+def _answer(result: CallResult) -> CallResult:
+    """Return a result with an answer. Raises `ModelError` for a failure."""
+    if result.failure:
+        raise FailedCallError(result)
+    return result
+
+
+class FailedCallError(ModelError):
+    """The error of a call without an answer. `result` is its record."""
+
+    def __init__(self, result: CallResult) -> None:
+        super().__init__(result.failure, status=result.status, fault=_cause(result))
+        self.result = result
 
 
 def _cause(result: CallResult) -> FailureCause:

@@ -18,20 +18,22 @@ import msgspec
 
 from lingjing.errors import InfrastructureError
 from lingjing.play.policy_processes.messages import (
+    BrokerStart,
     HandOverPictures,
     PolicyAnswerMessage,
     PolicyRequest,
+    WallsBuilt,
     encoded,
 )
 from lingjing.play.policy_processes.model_calls import ModelCallService
 from lingjing.play.policy_processes.output import PolicyOutput
+from lingjing.play.policy_processes.servers import PolicyServer
 from lingjing.plugins.calls import ModelCalls
 from lingjing.processes.channel import MAX_DESCRIPTORS, Channel, ChannelClosedError, NoMemoryError
 from lingjing.processes.deadlines import WallDeadline
-from lingjing.processes.fork_client import ForkedProcess, ForkServerClient
-
-_SERVE = "lingjing.play.policy_processes.host:serve"
-"""The function that the fork server calls in the process."""
+from lingjing.processes.fork_client import ForkedProcess
+from lingjing.processes.walls.offer import check_strict
+from lingjing.processes.walls.report import WallReport
 
 ANSWER_BYTES = 4_000_000
 """The largest accepted answer, bytes. Chosen: four times the largest decision that the kernel accepts."""
@@ -42,22 +44,34 @@ CALL_BYTES = 256_000_000
 _STATUS_S = 10.0
 """The longest wait for the fork server's report of an ended process, seconds of wall clock. Chosen."""
 
+_HINT = "`lingjing doctor` lists what this kernel offers; `ulimit -a` shows limits of this shell"
+"""The hint for walls that cannot be built."""
+
 _ANSWERS: msgspec.msgpack.Decoder[PolicyAnswerMessage] = msgspec.msgpack.Decoder(PolicyAnswerMessage)
 
 
 class PolicyProcess:
-    """The process of an agent's policy. `calls` is the record of its model calls."""
+    """The process of an agent's policy. `calls` is the record of its model calls.
 
-    def __init__(self, agent: str, server: ForkServerClient, calls: ModelCalls) -> None:
+    `broker` starts a process that makes the calls in its place; None if the policy makes them itself.
+
+    `wall_report` describes its walls; None without walls, or before they stand.
+    """
+
+    def __init__(self, agent: str, server: PolicyServer, calls: ModelCalls, broker: BrokerStart | None = None) -> None:
         self.agent = agent
         self._calls = ModelCallService(calls)
+        self._broker: ForkedProcess | None = None
         ours, theirs = socket.socketpair()
         our_calls, their_calls = socket.socketpair()
         reading, writing = os.pipe2(os.O_CLOEXEC)
         try:
+            if broker is not None:
+                self._broker, their_calls = _broker_between(server, broker, their_calls, writing)
             ends = theirs.fileno(), their_calls.fileno()
-            self._process: ForkedProcess = server.start_function(_SERVE, ends, writing)
+            self._process: ForkedProcess = server.start_policy(ends, writing)
         except BaseException:
+            self._end_broker()
             ours.close()
             our_calls.close()
             os.close(reading)
@@ -70,6 +84,8 @@ class PolicyProcess:
         self._call_channel = Channel(our_calls, CALL_BYTES)
         self._output = PolicyOutput(agent, reading)
         self.is_alive = True
+        self._walls = server.walls
+        self.wall_report: WallReport | None = None
 
     @property
     def pid(self) -> int:
@@ -81,6 +97,8 @@ class PolicyProcess:
         yield from (self._channel.fileno(), self._call_channel.fileno(), self._process.pidfd)
         if self._output.fileno() >= 0:
             yield self._output.fileno()
+        if self._broker is not None:
+            yield self._broker.pidfd
 
     def send(self, request: PolicyRequest, slots: Sequence[int] = ()) -> None:
         """Send a request. A process that has ended does not read it, which the next `receive` reports."""
@@ -95,9 +113,17 @@ class PolicyProcess:
         """Return the answer to the request; None if it has not arrived. Serves model calls and output too.
 
         Raises `EOFError` with the reason if the process has ended, or has sent an invalid answer. Then the process is
-        ended.
+        ended. Raises `InfrastructureError` if its walls cannot be built, or break a promise and are strict.
         """
         self._output.drain()
+        if self._broker is not None and self._broker.poll() is not None:
+            code = self._broker.returncode
+            self.end()
+            raise InfrastructureError(
+                f"the broker of the model calls of `{self.agent}` has ended: {how_it_ended(code or 0)}",
+                hint="see its messages on standard error",
+                cause="call-record",
+            )
         has_ended = self.has_ended()  # read first: the last packet may be an answer
         try:
             answer = self._received()
@@ -105,11 +131,11 @@ class PolicyProcess:
                 self._serve_calls()
         except (ChannelClosedError, msgspec.MsgspecError) as error:
             if self._ends_by_itself():
-                raise EOFError(self.end()) from error
+                raise self._error_of_end() from error
             self.end()
             raise EOFError("its process sent an invalid answer, or closed its channel") from error
         if answer is None and has_ended:
-            raise EOFError(self.end())
+            raise self._error_of_end()
         return answer
 
     def has_ended(self, patience_s: float = 0.0) -> bool:
@@ -126,6 +152,7 @@ class PolicyProcess:
         with suppress(ProcessLookupError):
             self._process.kill()
         code = self._status()
+        self._end_broker()
         self._output.drain()
         self._output.close()
         self._channel.close()
@@ -133,6 +160,21 @@ class PolicyProcess:
         self._process.close()
         self._calls.give_up()
         return how_it_ended(code)
+
+    def _error_of_end(self) -> Exception:
+        """End the process, and return the error: a process that ends before its walls stand has run no foreign code."""
+        ending = self.end()
+        if self._walls is None or self.wall_report is not None:
+            return EOFError(ending)
+        return InfrastructureError(f"the walls around `{self.agent}` cannot be built: {ending}", hint=_HINT)
+
+    def _end_broker(self) -> None:
+        """Kill the broker. Its open calls are recorded as abandoned."""
+        if self._broker is not None:
+            with suppress(ProcessLookupError):
+                self._broker.kill()
+            self._broker.close()
+            self._broker = None
 
     def _send(self, request: PolicyRequest, slots: Sequence[int]) -> None:
         with suppress(ChannelClosedError):
@@ -144,7 +186,15 @@ class PolicyProcess:
         except TimeoutError:
             return None
         packet.close()
-        return _ANSWERS.decode(packet.payload)
+        answer = _ANSWERS.decode(packet.payload)
+        if not isinstance(answer, WallsBuilt):
+            return answer
+        if self._walls is None or self.wall_report is not None:
+            raise ChannelClosedError("a report of walls out of turn")
+        self.wall_report = answer.report
+        if self._walls.strict:
+            check_strict(answer.report)
+        return self._received()
 
     def _serve_calls(self) -> None:
         try:
@@ -163,6 +213,19 @@ class PolicyProcess:
     def _ends_by_itself(self) -> bool:
         """Return True if the process ends by itself: its descriptors close shortly before it ends."""
         return self.has_ended(0.2)
+
+
+def _broker_between(
+    server: PolicyServer, start: BrokerStart, calls: socket.socket, output: int
+) -> tuple[ForkedProcess, socket.socket]:
+    """Start a broker that holds `calls`. Returns its process, and the end of its channel for the policy."""
+    theirs, ours = socket.socketpair()
+    with calls, ours:
+        try:
+            return server.start_broker((ours.fileno(), calls.fileno()), output, encoded(start)), theirs
+        except BaseException:
+            theirs.close()
+            raise
 
 
 def _send_in_memory(channel: Channel, payload: bytes, descriptors: Sequence[int] = ()) -> None:

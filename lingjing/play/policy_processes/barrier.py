@@ -17,6 +17,7 @@ from lingjing.errors import ForeignCodeError, InfrastructureError, LingjingError
 from lingjing.kernel.barrier import Barrier, OutageCheck, PolicyAnswer, failure, no_outage
 from lingjing.play.policy_processes.agent_process import PolicyProcess
 from lingjing.play.policy_processes.messages import (
+    BrokerStart,
     CallFailed,
     ClosePolicy,
     DecisionMade,
@@ -28,11 +29,12 @@ from lingjing.play.policy_processes.messages import (
 )
 from lingjing.play.policy_processes.observations import request_of
 from lingjing.play.policy_processes.pictures import PictureSlot, PictureSlots, part_of
+from lingjing.play.policy_processes.servers import PolicyServer
 from lingjing.play.policy_processes.turns import RequestList, Turn, wait_for, wait_until_ready
 from lingjing.plugins.calls import ModelCalls
 from lingjing.plugins.policy import Brief, Inbox, Observation, Picture
 from lingjing.processes.deadlines import OwnDeadline, WallDeadline
-from lingjing.processes.fork_client import ForkServerClient
+from lingjing.processes.walls.report import WallReport
 
 LOAD_VARIABLE = "LINGJING_POLICY_LOAD_S"
 """The environment variable that replaces `LOAD_S`."""
@@ -59,7 +61,7 @@ class ProcessBarrier(Barrier):
         self,
         policies: Mapping[str, AgentPolicy],
         limit_s: float,
-        server: ForkServerClient,
+        server: PolicyServer,
         outage_check: OutageCheck = no_outage,
     ) -> None:
         super().__init__(policies, limit_s, outage_check)
@@ -101,6 +103,12 @@ class ProcessBarrier(Barrier):
                 raise
             raise own_failure(error) from error
 
+    @property
+    def wall_reports(self) -> tuple[WallReport, ...]:
+        """The reports of the processes behind walls; empty without walls."""
+        reports = (process.wall_report for process in self._processes.values())
+        return tuple(report for report in reports if report is not None)
+
     def reset(self, briefs: Mapping[str, Brief]) -> dict[str, PolicyAnswer]:
         """Send every policy its brief. A failure is an answer with a reason."""
         self._briefs = briefs
@@ -130,6 +138,11 @@ class ProcessBarrier(Barrier):
 
     def _filled(self, seen: Mapping[str, Sequence[Picture]]) -> dict[str, list[tuple[Picture, PictureSlot]]]:
         """Return each agent's pictures with their slots. A picture that several agents see has one slot."""
+        if self._server.walls is not None:  # a memory that two agents share would be a channel between them
+            return {
+                name: [(picture, self._slots.fill(picture, (name,))) for picture in pictures]
+                for name, pictures in seen.items()
+            }
         viewers: dict[int, tuple[str, ...]] = {}
         for name, pictures in seen.items():
             for picture in pictures:
@@ -159,7 +172,9 @@ class ProcessBarrier(Barrier):
     def _turn(self, name: str, requests: RequestList) -> Turn:
         process = self._processes.get(name)
         if process is None or not process.is_alive:
-            process = self._processes[name] = PolicyProcess(name, self._server, self._policies[name].calls)
+            policy = self._policies[name]
+            process = PolicyProcess(name, self._server, policy.calls, _broker_of(policy.load))
+            self._processes[name] = process
         turn = Turn(process, list(requests), WallDeadline(self._limit_s))
         turn.send_next()
         return turn
@@ -189,6 +204,13 @@ class ProcessBarrier(Barrier):
         for process in self._processes.values():
             process.end()
         self._slots.close()
+
+
+def _broker_of(load: LoadPolicy) -> BrokerStart | None:
+    """Return the start of the broker of a policy's model calls; None if the policy makes them itself."""
+    if not load.brokered:
+        return None
+    return BrokerStart(spec=load.spec, arguments=load.arguments, replaying=load.replaying, capped=load.capped)
 
 
 def load_limit_s() -> float:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
 from lingjing.errors import ErrorCollector, LingjingError
+from lingjing.installed_plugins.entry_points import PLUGINS, find_entries
 from lingjing.option_listing import option_specs
 from lingjing.play.option_sharing import share_arguments
 from lingjing.play.policy_files import declaration_of, is_file, load_policy
@@ -35,7 +37,7 @@ class LoadedDeclarations:
     def examine(self, request: ExaminePolicies) -> PoliciesExamined:
         """Load policies by name or file, and share the options among them."""
         errors = ErrorCollector()
-        host = policy_host(()) if all(map(is_file, request.specs)) else PluginHost()
+        host = _host_of(request.specs, walled=request.walled)
         plugins: dict[str, PolicyPlugin] = {}
         for spec in request.specs:
             plugin = errors.attempt(partial(load_policy, spec, host), None)
@@ -51,6 +53,8 @@ class LoadedDeclarations:
                 arguments=shares[spec],
                 as_given=takes_as_given(plugin, shares[spec]),
                 fingerprint=options_fingerprint(plugin, shares[spec]),
+                source=host.sources.get(("lingjing_policies", spec), ""),
+                calls=plugin.calls,
             )
             for spec, plugin in plugins.items()
             if spec in shares
@@ -60,7 +64,8 @@ class LoadedDeclarations:
     def declare(self, request: DeclarePolicy) -> PolicyDeclared | RaisedError:
         """Load the policy of a file, and return its declaration or the error."""
         try:
-            plugin = self._plugins[request.spec] = load_policy(request.spec, PluginHost(entry_points=False))
+            host = _host_of((request.spec,), walled=request.walled)
+            plugin = self._plugins[request.spec] = load_policy(request.spec, host)
             listed = option_specs(options_model(plugin)) if request.listed else ()
             return PolicyDeclared(declaration=declaration_of(plugin), listed=listed)
         except LingjingError as error:
@@ -73,6 +78,14 @@ class LoadedDeclarations:
             return OptionsChecked(faults=option_faults(model, request.arguments))
         except LingjingError as error:
             return raised(error)
+
+
+def _host_of(specs: Sequence[str], *, walled: bool) -> PluginHost:
+    """Return a host with the plug-ins that may offer these policies. Behind walls plug-ins are loaded without a
+    trial."""
+    if all(map(is_file, specs)):
+        return policy_host(())
+    return policy_host(point.name for point in find_entries(PLUGINS).points) if walled else PluginHost()
 
 
 __all__ = ["LoadedDeclarations"]

@@ -21,6 +21,7 @@ from msgspec.structs import replace
 from lingjing.errors import Fault, ForeignCodeError, InfrastructureError, LingjingError
 from lingjing.mission.instance import GivenOption
 from lingjing.option_listing import OptionSpec, option_specs
+from lingjing.play.options import PlayOptions
 from lingjing.play.policy_files import PolicyDeclaration, declaration_of, is_file, load_policy
 from lingjing.play.policy_processes.agent_process import PolicyProcess
 from lingjing.play.policy_processes.barrier import check_loaded, load_limit_s
@@ -37,6 +38,7 @@ from lingjing.play.policy_processes.messages import (
     own_failure,
 )
 from lingjing.play.policy_processes.preloading import SERVES
+from lingjing.play.policy_processes.servers import OpenServer, PolicyServer, WalledServer, walls_of
 from lingjing.play.policy_processes.turns import Turn, wait_for
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import UNRECORDED, options_model
@@ -46,12 +48,13 @@ from lingjing.processes.deadlines import OwnDeadline
 from lingjing.processes.descendants import adopting
 from lingjing.processes.fork_client import ForkServer, ForkServerClient
 from lingjing.processes.kept_results import find_result
+from lingjing.processes.walls.entering import Walls
 
 _KEPT = msgspec.msgpack.Decoder(PoliciesExamined)
 
 
 def examine(
-    specs: Sequence[str], arguments: Mapping[str, GivenOption], server: ForkServerClient, *, whole: bool
+    specs: Sequence[str], arguments: Mapping[str, GivenOption], server: PolicyServer, *, whole: bool
 ) -> PoliciesExamined:
     """Load the policies in a process of its own, share the options among them, and end it.
 
@@ -59,7 +62,7 @@ def examine(
     policies that the options may belong to. Raises `ForeignCodeError` if the process ends or exceeds its time; other
     errors are in the result.
     """
-    key = _examination_key(specs, arguments, whole=whole)
+    key = _examination_key(specs, arguments, server.walls, whole=whole)
     known = find_result(key) if key else None
     if known is not None:
         return _with_values(_KEPT.decode(known), arguments)
@@ -71,23 +74,26 @@ def examine(
 
 
 def _examined(
-    specs: Sequence[str], arguments: Mapping[str, GivenOption], server: ForkServerClient, *, whole: bool
+    specs: Sequence[str], arguments: Mapping[str, GivenOption], server: PolicyServer, *, whole: bool
 ) -> PoliciesExamined:
     process = PolicyProcess("the mission", server, UNRECORDED)
     names = ", ".join(f"`{spec}`" for spec in specs)
     try:
-        request = ExaminePolicies(specs=tuple(specs), arguments=dict(arguments), whole=whole)
+        walled = server.walls is not None
+        request = ExaminePolicies(specs=tuple(specs), arguments=dict(arguments), whole=whole, walled=walled)
         answer = _answer(process, request, f"polic{'y' if len(specs) == 1 else 'ies'} {names}")
         return answer if isinstance(answer, PoliciesExamined) else _raise_invalid(names)
     finally:
         process.end()
 
 
-def _examination_key(specs: Sequence[str], arguments: Mapping[str, GivenOption], *, whole: bool) -> bytes:
+def _examination_key(
+    specs: Sequence[str], arguments: Mapping[str, GivenOption], walls: Walls | None, *, whole: bool
+) -> bytes:
     """Return the hash of a request and of the states of its files; b"" if a file cannot be found."""
     try:
         files = [_file_state(Path(spec.partition(":")[0])) for spec in specs if is_file(spec)]
-        request = msgspec.msgpack.encode(("examination", specs, arguments, whole, files))
+        request = msgspec.msgpack.encode(("examination", specs, arguments, walls, whole, files))
     except (OSError, ValueError, OverflowError):  # the examination reports the fault
         return b""
     return hashlib.sha256(request).digest()
@@ -120,13 +126,14 @@ class PolicyDeclarations:
     """The declarations of policies by name or file. A context manager, which ends the processes of the files.
 
     Installed policies are read in this process. So are files on systems where policies run in the player's process (all
-    but Linux).
+    but Linux). With `isolate`, policies that `host` does not offer are read in processes behind walls, as files are.
     """
 
-    def __init__(self, host: PluginHost) -> None:
+    def __init__(self, host: PluginHost, *, isolate: bool = False) -> None:
         self._host = host
+        self._isolate = isolate
         self._stack = ExitStack()
-        self._server: ForkServerClient | None = None
+        self._client: ForkServerClient | None = None
         self._files: dict[str, _FileProcess] = {}
 
     def of(self, spec: str) -> PolicyDeclaration:
@@ -161,20 +168,25 @@ class PolicyDeclarations:
         self.close()
 
     def _is_apart(self, spec: str) -> bool:
-        return is_file(spec) and sys.platform == "linux"
+        is_foreign = is_file(spec) or (self._isolate and spec not in self._host.policies)
+        return is_foreign and sys.platform == "linux"
 
     def _plugin(self, spec: str) -> PolicyPlugin:
         return load_policy(spec, self._host)
 
     def _file(self, spec: str) -> _FileProcess:
         if spec not in self._files:
-            if self._server is None:
-                self._stack.enter_context(adopting())
-                self._server = self._stack.enter_context(
-                    closing(self._stack.enter_context(ForkServer(SERVES)).client())
-                )
-            self._files[spec] = self._stack.enter_context(closing(_FileProcess(spec, self._server)))
+            self._files[spec] = self._stack.enter_context(closing(_FileProcess(spec, self._server_for(spec))))
         return self._files[spec]
+
+    def _server_for(self, spec: str) -> PolicyServer:
+        if self._client is None:
+            self._stack.enter_context(adopting())
+            server = self._stack.enter_context(ForkServer(SERVES, walls=self._isolate))
+            self._client = self._stack.enter_context(closing(server.client()))
+        if self._isolate:
+            return WalledServer(self._client, walls_of(PlayOptions(mission="", policy=spec)))
+        return OpenServer(self._client)
 
 
 class _FileProcess:
@@ -184,7 +196,7 @@ class _FileProcess:
     another.
     """
 
-    def __init__(self, spec: str, server: ForkServerClient) -> None:
+    def __init__(self, spec: str, server: PolicyServer) -> None:
         self._spec = spec
         self._server = server
         self._process: PolicyProcess | None = None
@@ -222,7 +234,10 @@ class _FileProcess:
     def _load(self, *, listed: bool) -> PolicyDeclared:
         self.close()
         self._process = PolicyProcess(self._spec, self._server, UNRECORDED)
-        answer = self._ask(DeclarePolicy(spec=self._spec, listed=listed), f"policy `{self._spec}`", "loaded")
+        walled = self._server.walls is not None
+        answer = self._ask(
+            DeclarePolicy(spec=self._spec, listed=listed, walled=walled), f"policy `{self._spec}`", "loaded"
+        )
         return answer if isinstance(answer, PolicyDeclared) else _raise_invalid(f"`{self._spec}`")
 
     def _ask(self, request: PolicyRequest, what: str, done: str) -> PolicyAnswerMessage | None:

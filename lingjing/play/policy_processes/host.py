@@ -33,6 +33,7 @@ from lingjing.kernel.candidates import normalise_decision
 from lingjing.kernel.world.held_cities import unpacked
 from lingjing.mission.instance import Instance
 from lingjing.play.policy_files import load_policy
+from lingjing.play.policy_processes.broker import BrokeredCalls
 from lingjing.play.policy_processes.declaring import LoadedDeclarations
 from lingjing.play.policy_processes.messages import (
     ActPolicy,
@@ -49,6 +50,7 @@ from lingjing.play.policy_processes.messages import (
     PolicyAnswerMessage,
     PolicyRequest,
     ResetPolicy,
+    WallsBuilt,
     encoded,
     raised,
 )
@@ -56,12 +58,13 @@ from lingjing.play.policy_processes.model_calls import RemoteModelCalls
 from lingjing.play.policy_processes.observations import observation_of
 from lingjing.play.policy_processes.pictures import MappedSlots
 from lingjing.play.policy_processes.preloading import policy_host
-from lingjing.plugins.calls import AbandonedCallError
+from lingjing.plugins.calls import AbandonedCallError, ModelCalls
 from lingjing.plugins.loading import build_policy
 from lingjing.plugins.policy import Picture, Policy
 from lingjing.processes.channel import Channel, ChannelClosedError, Packet
 from lingjing.processes.deadlines import WallDeadline
 from lingjing.processes.linux import adopt_orphans
+from lingjing.processes.walls.entering import Walls, enter
 from lingjing.scene.city import City
 from lingjing.trace.records import Decision, DecisionRecord
 
@@ -82,15 +85,34 @@ def serve(argument: bytes, ends: tuple[int, ...]) -> None:
 
     `argument` is empty. `ends` are the channel of requests and that of model calls.
     """
-    limit_memory(memory_limit())
     _yield_memory()
     _detach_from_terminal()
+    channel, calls = (Channel(socket.socket(fileno=end)) for end in ends)
+    _serve(channel, calls, ends[0])
+
+
+def serve_walled(argument: bytes, ends: tuple[int, ...]) -> None:
+    """Build the walls of the argument (`Walls`), report them, and answer requests as `serve` does.
+
+    A process with strict walls that break a promise ends after the report.
+    """
+    walls = msgspec.msgpack.decode(argument, type=Walls)
+    _yield_memory()
+    _detach_from_terminal()
+    report = enter(walls, has_namespaces=os.getpid() == 1)
+    channel, calls = (Channel(socket.socket(fileno=end)) for end in ends)
+    channel.send(encoded(WallsBuilt(report=report)))
+    if not (walls.strict and report.broken):
+        _serve(channel, calls, ends[0])
+
+
+def _serve(channel: Channel, calls: Channel, descriptor: int) -> None:
+    limit_memory(memory_limit())
     adopt_orphans()
     faulthandler.enable()
-    channel, calls = (Channel(socket.socket(fileno=end)) for end in ends)
     loop = asyncio.new_event_loop()
     asyncio.set_event_loop(loop)
-    host = _PolicyHost(channel, ends[0], calls)
+    host = _PolicyHost(channel, descriptor, calls)
     with contextlib.suppress(ChannelClosedError):
         loop.run_until_complete(host.run())
     _release_policy(loop, host)
@@ -176,14 +198,22 @@ class _PolicyHost:
         seed_generators(request.seed)
         if request.truth is not None:
             self._constants = request.truth.instance, unpacked(request.truth.city)
-        calls = RemoteModelCalls(self._calls, replaying=request.replaying, capped=request.capped)
         try:
+            calls = self._calls_of(request)
             host = policy_host(filter(None, (request.source, *request.makers)))
             plugin = load_policy(request.spec, host)
             self.policy = build_policy(plugin, request.arguments, calls, host, as_given=request.as_given)
         except LingjingError as error:
             return raised(error)
         return CallEnded()
+
+    def _calls_of(self, request: LoadPolicy) -> ModelCalls:
+        """Return the policy's model calls: by its own process, or by a broker."""
+        if not request.brokered:
+            return RemoteModelCalls(self._calls, replaying=request.replaying, capped=request.capped)
+        calls = BrokeredCalls(self._calls, replaying=request.replaying, capped=request.capped)
+        calls.client.wait_until_open()
+        return calls
 
     async def _act(self, request: ActPolicy, descriptors: tuple[int, ...]) -> PolicyAnswerMessage:
         answer = await self._decide(request, self._slots.pictures(request.pictures, descriptors))

@@ -32,6 +32,7 @@ def agent_policies(
             arguments=policy.arguments,
             seed=ambient_seed(options.policy_seed, agent),
             as_given=policy.as_given,
+            brokered=policy.calls and options.isolate != "no",
             replaying=record.replaying,
             capped=record.capped,
             truth=truth if policy.privileged else None,

@@ -25,8 +25,9 @@ from lingjing.mission.instance import GivenOption, Instance, Weather
 from lingjing.option_listing import OptionSpec
 from lingjing.play.policy_files import PolicyDeclaration
 from lingjing.play.policy_processes.pictures import PicturePart
-from lingjing.plugins.calls import MissingCallError, SpendingLimitError
+from lingjing.plugins.calls import MissingCallError, ModelQuestion, SpendingLimitError
 from lingjing.plugins.policy import Brief, Inbox
+from lingjing.processes.walls.report import WallReport
 from lingjing.trace.calls import CallRequest, CallResult
 from lingjing.trace.records import (
     Absent,
@@ -82,6 +83,8 @@ class ExaminePolicies(PolicyMessage, frozen=True, kw_only=True):
     """All options of policies."""
     whole: bool
     """True if these are all policies of the request. Otherwise no options are shared."""
+    walled: bool = False
+    """True if the process is behind walls, and may load every installed plug-in without a trial."""
 
 
 class DeclarePolicy(PolicyMessage, frozen=True, kw_only=True):
@@ -90,6 +93,8 @@ class DeclarePolicy(PolicyMessage, frozen=True, kw_only=True):
     spec: str
     listed: bool
     """True to return the list of its options too."""
+    walled: bool = False
+    """True if the process is behind walls, and may load every installed plug-in without a trial."""
 
 
 class CheckOptions(PolicyMessage, frozen=True, kw_only=True):
@@ -112,6 +117,8 @@ class LoadPolicy(PolicyMessage, frozen=True, kw_only=True):
     """The seed of the global random generators."""
     as_given: bool = False
     """True if an examination has found that its factory receives the options unchanged."""
+    brokered: bool = False
+    """True if the second channel leads to a broker of model calls (`ModelCalls.broker`)."""
     replaying: bool = False
     """True if every answer of a model comes from a record (`ModelCalls.replaying`)."""
     capped: bool = False
@@ -198,6 +205,16 @@ class ExaminedPolicy(msgspec.Struct, frozen=True, kw_only=True):
     """True if its factory receives these options unchanged (`plugins.loading.takes_as_given`)."""
     fingerprint: dict[str, str]
     """Values that decide its behaviour beside the options."""
+    source: str = ""
+    """The plug-in that offers it; "" for a file."""
+    calls: bool = False
+    """True if it calls chat models."""
+
+
+class WallsBuilt(PolicyMessage, frozen=True, kw_only=True):
+    """The walls stand. The first message of a process behind walls, sent before it executes foreign code."""
+
+    report: WallReport
 
 
 class RaisedError(PolicyMessage, frozen=True, kw_only=True):
@@ -255,8 +272,58 @@ class CallFailed(PolicyMessage, frozen=True, kw_only=True):
 
 
 PolicyAnswerMessage = (
-    PoliciesExamined | PolicyDeclared | OptionsChecked | CallEnded | DecisionMade | CallFailed | RaisedError
+    WallsBuilt
+    | PoliciesExamined
+    | PolicyDeclared
+    | OptionsChecked
+    | CallEnded
+    | DecisionMade
+    | CallFailed
+    | RaisedError
 )
+
+
+class BrokerStart(PolicyMessage, frozen=True, kw_only=True):
+    """The argument of a broker's process."""
+
+    spec: str
+    """The policy that asks."""
+    arguments: dict[str, GivenOption]
+    """The options of the policy."""
+    replaying: bool
+    capped: bool
+
+
+class BrokerOpened(PolicyMessage, frozen=True, kw_only=True):
+    """The first message of a broker, if it can make calls; else it sends the error."""
+
+
+class AskBroker(PolicyMessage, frozen=True, kw_only=True):
+    """Ask the model."""
+
+    number: int
+    """The number of the question, from 0."""
+    question: ModelQuestion
+
+
+class CancelQuestion(PolicyMessage, frozen=True, kw_only=True):
+    """Stop waiting for the answer to a question."""
+
+    number: int
+
+
+class QuestionAnswered(PolicyMessage, frozen=True, kw_only=True):
+    """The result of a question, or the error in its place."""
+
+    number: int
+    result: CallResult | None = None
+    abandoned: bool = False
+    """True if a replay abandons the call here as well."""
+    error: RaisedError | None = None
+
+
+BrokerRequest = AskBroker | CancelQuestion
+BrokerAnswer = BrokerOpened | QuestionAnswered | RaisedError
 
 
 class BeginModelCall(PolicyMessage, frozen=True, kw_only=True):

@@ -37,6 +37,8 @@ ENDED = "the policy's process was ended while it waited"
 class RemoteModelCalls:
     """The `ModelCalls` of a policy in a process of its own. Any thread may call it."""
 
+    broker = None
+
     def __init__(self, channel: Channel, *, replaying: bool, capped: bool) -> None:
         self._channel = channel
         self._lock = threading.Lock()

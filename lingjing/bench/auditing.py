@@ -1,0 +1,254 @@
+"""The audit of results: every kept trace is verified, scored again and compared with its row, and a sample is replayed.
+
+An audit confirms rows and finds those that are not what they claim. It says what it cannot check: rows without a trace,
+traces that cannot be replayed here, and answers of models, which it can only compare with their record.
+"""
+
+from __future__ import annotations
+
+import random
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import msgspec
+
+from lingjing.bench.evidence import AuditMark, AuditRecord, named, row_faults, row_sha256
+from lingjing.bench.rows import SuiteRow
+from lingjing.causal.replay import replay
+from lingjing.errors import LingjingError
+from lingjing.mission.salts import Salt, public_seed, salt_fault
+from lingjing.play.report import EpisodeReport, report_of
+from lingjing.trace.call_store import CALLS_NAME, CallReader
+from lingjing.trace.reader import Trace, read_trace
+from lingjing.trace.seal_check import last_chain
+from lingjing.trace.verification import verify_file
+
+LEAST_SHARE = 0.05
+"""The smallest share of traces that an audit replays."""
+
+NOT_KEPT = "its trace was not kept (`bench --keep` keeps traces)"
+REMOVED = "its trace was removed"
+NO_TRACE = "its episode has no trace: the policy failed before it began"
+"""The reasons for which a row cannot be checked."""
+
+_COMPARED = ("mission", "mode", "seed", "policy_seed", "tier", "success", "reason", "scr", "score", "ticks", "digest",
+             "frames_digest", "metrics", "family", "terciles", "perceived", "privileged")  # fmt: skip
+"""The fields of a report that follow from its trace alone. Wall-clock seconds in `metrics` do as well."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A row that is not what it claims."""
+
+    row: SuiteRow
+    reason: str
+
+
+@dataclass(slots=True)
+class Audit:
+    """The result of an audit."""
+
+    marks: dict[str, AuditMark] = field(default_factory=dict)
+    """The confirmed rows, by their hash."""
+    findings: list[Finding] = field(default_factory=list)
+    """The rows that are not what they claim."""
+    unchecked: Counter[str] = field(default_factory=Counter)
+    """The reasons for which rows were not checked, or not wholly, with the number of rows."""
+    replayed: int = 0
+    """The number of replayed traces."""
+    checked: int = 0
+    """The number of checked traces."""
+
+    def record(self, code: str) -> AuditRecord:
+        """Return the result as it is stored."""
+        return AuditRecord(
+            rows=self.marks,
+            faults={row_sha256(finding.row): finding.reason for finding in self.findings},
+            unchecked=dict(self.unchecked),
+            share=self.replayed / self.checked if self.checked else 0.0,
+            code=code,
+        )
+
+
+@dataclass(slots=True)
+class Auditor:
+    """Audits the rows of one results folder."""
+
+    folder: Path
+    """The folder of the traces."""
+    code: str
+    """The SHA-256 of the code here, without missions (`SuiteRow.harness`)."""
+    share: float = LEAST_SHARE
+    """The share of checked traces to replay."""
+    seed: int | None = None
+    """The seed of the sample; None for one that cannot be foreseen."""
+    salt: Salt | None = None
+    """The published salt of a sealed split; None to leave it unchecked."""
+    tell: Callable[[str], None] = field(default=lambda line: None)
+    """Receives a line for each checked row."""
+
+    def audit(self, rows: Sequence[SuiteRow]) -> Audit:
+        """Audit the rows. Aborted tries hold no result and are left out."""
+        audit = Audit()
+        counted = [row for row in rows if row.standing == "counted"]
+        for place in self._repeated_traces(counted):
+            audit.findings.append(place)
+        confirmed = [row for row in counted if self._check(row, audit)]
+        audit.checked = len(confirmed)
+        for row in self._sample(confirmed):
+            self._replay(row, audit)
+        return audit
+
+    def _repeated_traces(self, rows: Sequence[SuiteRow]) -> Iterator[Finding]:
+        """Yield a finding for each row that has the seal of another row's trace."""
+        first: dict[str, SuiteRow] = {}
+        for row in rows:
+            if row.seal and first.setdefault(row.seal, row) is not row:
+                yield Finding(row, f"its trace is that of {named(first[row.seal])}")
+
+    def _check(self, row: SuiteRow, audit: Audit) -> bool:
+        """Check one row without a replay. Returns True if its trace confirms it."""
+        if any(finding.row is row for finding in audit.findings):
+            return False
+        fault = next(row_faults(row), "")
+        path = self.folder / row.report.trace
+        if not fault and not row.report.trace:
+            reason = NO_TRACE if not row.report.digest else NOT_KEPT
+        elif not fault and not path.is_file():
+            reason = REMOVED
+        else:
+            reason = ""
+            fault = fault or self._trace_fault(row, path, audit)
+        if fault:
+            audit.findings.append(Finding(row, fault))
+        elif reason:
+            audit.unchecked[reason] += 1
+        else:
+            audit.marks[row_sha256(row)] = "checked"
+        self.tell(f"{named(row)}: {fault or reason or 'confirmed by its trace'}")
+        return not fault and not reason
+
+    def _trace_fault(self, row: SuiteRow, path: Path, audit: Audit) -> str:
+        """Return the first difference between a row and its trace; "" if there is none."""
+        try:
+            verified = verify_file(path)
+            if verified.state != "ok":
+                return f"its trace is {verified.state}: {verified.said}"
+            if row.seal != last_chain(path):
+                return "its seal is not that of its trace" if row.seal else "it names no seal of its trace"
+            trace = read_trace(path)
+        except LingjingError as error:
+            return f"its trace cannot be read: {error}"
+        return (
+            _header_fault(row, trace)
+            or _report_fault(row.report, report_of(trace, row.report.policy))
+            or self._split_fault(row, trace, audit)
+            or _calls_fault(row, path.parent, audit)
+        )
+
+    def _split_fault(self, row: SuiteRow, trace: Trace, audit: Audit) -> str:
+        """Return the fault of the instance of a sealed split."""
+        header = trace.header
+        if row.split_sha256 != header.fingerprint.get("salt", ""):
+            return "its sealed split is not that of its trace"
+        if not row.split_sha256:
+            return ""
+        if self.salt is None:
+            audit.unchecked["its instance, without the published salt (--salt FILE)"] += 1
+            return ""
+        return salt_fault(self.salt, header.fingerprint, header.instance.seed)
+
+    def _sample(self, rows: Sequence[SuiteRow]) -> list[SuiteRow]:
+        """Draw the rows to replay: at least the share, and at least one."""
+        count = min(len(rows), max(1, -int(-len(rows) * self.share // 1)))
+        drawing = random.SystemRandom() if self.seed is None else random.Random(self.seed)
+        return drawing.sample(list(rows), count)
+
+    def _replay(self, row: SuiteRow, audit: Audit) -> None:
+        """Replay one trace, and mark its row."""
+        try:
+            replayed = replay(read_trace(self.folder / row.report.trace))
+        except LingjingError as error:
+            audit.unchecked[f"its replay: {error}"] += 1
+            self.tell(f"{named(row)}: cannot be replayed here: {error}")
+            return
+        if replayed.difference is None and replayed.ends:
+            audit.marks[row_sha256(row)] = "replayed"
+            audit.replayed += 1
+            self.tell(f"{named(row)}: confirmed by a replay")
+            return
+        if row.harness != self.code:
+            audit.unchecked["its replay: it was played with other code, and differs here"] += 1
+            self.tell(f"{named(row)}: differs in a replay with other code")
+            return
+        del audit.marks[row_sha256(row)]
+        difference = replayed.difference
+        where = "it has no end" if difference is None else f"`{difference.field}` at boundary {difference.boundary}"
+        audit.findings.append(Finding(row, f"a replay differs from its trace: {where}"))
+        self.tell(f"{named(row)}: differs in a replay: {where}")
+
+
+def _header_fault(row: SuiteRow, trace: Trace) -> str:
+    """Return the first difference between the options of a row and the header of its trace."""
+    header, options = trace.header, row.options
+    played: Mapping[str, tuple[object, object]] = {
+        "mission": (row.mission, header.instance.mission),
+        "mode": (row.mode, header.instance.mode),
+        "seed": (row.seed, public_seed(header.fingerprint, header.instance.seed)),
+        "policy seed": (row.policy_seed, header.policy_seed),
+        "tier": (row.tier, header.instance.tier),
+        "evaluators": (options.evaluators, header.evaluators),
+        "policy": (row.policy in {binding.policy for binding in header.bindings}, True),
+        "walls": (options.isolate != "no", bool(header.fingerprint.get("walls"))),
+    }
+    for name, (claimed, recorded) in played.items():
+        if claimed != recorded:
+            return f"its {name} is not that of its trace ({recorded})"
+    unlisted = {name: value for binding in header.bindings for name, value in binding.arguments.items()}
+    for name, value in unlisted.items():
+        if name in options.policy_args and options.policy_args[name] != value:
+            return f"its option `{name}` is not that of its trace"
+    return ""
+
+
+def _report_fault(claimed: EpisodeReport, scored: EpisodeReport) -> str:
+    """Return the first difference between a row's report and that of its trace, scored again."""
+    for name in _COMPARED:
+        here, there = (msgspec.to_builtins(getattr(report, name)) for report in (claimed, scored))
+        if here != there:
+            return f"its {name} is not what its trace gives" + (f" ({there})" if not isinstance(there, dict) else "")
+    return ""
+
+
+def _calls_fault(row: SuiteRow, folder: Path, audit: Audit) -> str:
+    """Compare the record of model calls with the row: the number of answers, tokens, and every stored text."""
+    metrics, file = row.report.metrics, folder / CALLS_NAME
+    if metrics is None or not metrics.calls:
+        return ""
+    if not file.is_file():
+        audit.unchecked["its model calls, which have no record"] += 1
+        return ""
+    reader = CallReader(file)
+    try:
+        tokens = calls = 0
+        for call in reader.calls():
+            for message in (call.head, *call.messages):
+                msgspec.json.decode(message)
+            for picture in call.pictures:
+                reader.content(bytes.fromhex(picture))
+            if call.tick >= 0 and call.result is not None:
+                tokens += call.result.prompt_tokens + call.result.completion_tokens
+                calls += call.result.attempts
+    except LingjingError as error:
+        return f"its record of model calls is wrong: {error}"
+    finally:
+        reader.close()
+    if (calls, tokens) != (metrics.calls, metrics.tokens):
+        claimed = f"the row {metrics.calls} with {metrics.tokens}"
+        return f"its record holds {calls} model calls with {tokens} tokens, and {claimed}"
+    return ""
+
+
+__all__ = ["LEAST_SHARE", "Audit", "Auditor", "Finding"]

@@ -1,0 +1,95 @@
+"""The version of the benchmark: a hash over everything that decides which task an episode poses and how it is scored.
+
+Two commits with one version pose the same missions, with the same prompts and the same looks, and judge alike. Rows of
+two versions never stand in one table. The code that decides nothing of it, such as a faster engine, has no part in
+the version; `rows.code_sha256` covers all code.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+from collections.abc import Iterable, Iterator
+from functools import cache
+from pathlib import Path
+
+import lingjing
+from lingjing.data import data_path
+
+_JUDGING = (
+    "kernel/adjudication.py", "kernel/claims.py", "kernel/evaluation.py", "kernel/evaluators.py", "kernel/rules.py",
+    "kernel/stages.py", "kernel/subtasks.py", "kernel/temporal.py", "kernel/budgets.py", "kernel/constraints.py",
+    "kernel/registry.py", "mission/evaluate.py", "mission/functions.py", "mission/intervals.py",
+    "analysis/metrics.py", "analysis/completion.py", "analysis/detection.py",
+)  # fmt: skip
+"""The modules that judge: rules, claims, stages, budgets, the evaluator and the metrics."""
+
+_LOOKS = ("kinds.json", "mission/appearance.py", "engines/camera", "scene/own_models.py", "scene/shapes.py",
+          "scene/places_alike.py", "scene/surroundings.py")  # fmt: skip
+"""The files that decide looks: kinds and their classes, drawn appearances, meshes, light and the renderer."""
+
+_DRAWING = ("mission/draws.py", "mission/seeding.py", "mission/instantiate.py", "mission/tiers.py", "mission/salts.py")
+"""The modules that draw instances from seeds."""
+
+_PROMPTS = "prompts"
+"""The folders of prompts in the packages of this project's policies."""
+
+
+def benchmark_version(missions: Iterable[Path]) -> str:
+    """Return the SHA-256 of the benchmark with these mission files.
+
+    Comments, docstrings and the layout of Python files do not count.
+    """
+    digest = hashlib.sha256(_common().encode())
+    for path in sorted(missions):
+        digest.update(f"{path.name}\n".encode() + path.read_bytes())
+    return digest.hexdigest()
+
+
+@cache
+def _common() -> str:
+    """Return the SHA-256 over everything but the missions themselves."""
+    root, digest = Path(lingjing.__file__).parent, hashlib.sha256()
+    library = sorted((*data_path("std").glob("*.ljs"), *data_path("scenarios").glob("*.ljs")))
+    files = [(path.name, path) for path in library]
+    files += [(name, path) for part in (*_JUDGING, *_LOOKS, *_DRAWING) for name, path in _files(root, part)]
+    files += list(_prompts())
+    for name, path in files:
+        content = path.read_bytes()
+        digest.update(f"{name}\n".encode() + (_meaning(content) if path.suffix == ".py" else content))
+    return digest.hexdigest()
+
+
+def _files(root: Path, part: str) -> Iterator[tuple[str, Path]]:
+    """Yield the files of a part with their names; a folder's in order."""
+    place = root / part
+    inside = sorted(place.rglob("*")) if place.is_dir() else [place]
+    for path in inside:
+        if path.is_file() and "__pycache__" not in path.parts:
+            yield path.relative_to(root).as_posix(), path
+
+
+def _prompts() -> Iterator[tuple[str, Path]]:
+    from importlib.util import find_spec
+
+    agents = find_spec("lingjing_agents")
+    for place in (agents.submodule_search_locations or []) if agents else []:
+        for folder in sorted(Path(place).rglob(_PROMPTS)):
+            yield from _files(Path(place), folder.relative_to(place).as_posix())
+
+
+def _meaning(source: bytes) -> bytes:
+    """Return a form of a Python file that comments, docstrings and layout do not change."""
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            kept = [part for part in node.body if not _is_text(part)]
+            node.body = kept or [ast.Pass()]
+    return ast.dump(tree).encode()
+
+
+def _is_text(node: ast.stmt) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+
+
+__all__ = ["benchmark_version"]

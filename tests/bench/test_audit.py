@@ -1,0 +1,309 @@
+"""Rows as evidence: seals, refused rows, the audit of kept traces, and the version of the benchmark."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from lingjing.bench.auditing import Auditor
+from lingjing.bench.evidence import audit_file, audit_marks, read_audit, row_faults, row_sha256
+from lingjing.bench.folder import RESULTS, read_results
+from lingjing.bench.leaderboard import leaderboard
+from lingjing.bench.merging import merge_rows
+from lingjing.bench.parquet import encode_rows
+from lingjing.bench.version import benchmark_version
+from lingjing.data import data_path
+from lingjing.errors import ExitCode, UsageError
+from lingjing.testing import run_command
+from tests.bench.suite_kit import TRIP, SuiteRow, made_row
+
+SUITE = """
+suite = 1
+name = "trips"
+missions = ["trip.ljs"]
+seeds = 3
+[[entrants]]
+policy = "oracle"
+[[entrants]]
+policy = "idle"
+"""
+
+
+@pytest.fixture(scope="module")
+def played(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A results folder with six kept traces."""
+    folder = tmp_path_factory.mktemp("played")
+    (folder / "trip.ljs").write_text(TRIP)
+    (folder / "trips.toml").write_text(SUITE)
+    (folder / "split.salt").write_text("5a" * 32)
+    (folder / "split.salt").chmod(0o600)
+    command = ["bench", str(folder / "trips.toml"), "-o", str(folder / "out"), "--keep", "-j", "2"]
+    assert run_command([*command, "--salt", str(folder / "split.salt")]) == ExitCode.OK
+    return folder
+
+
+@pytest.fixture
+def results(played: Path, tmp_path: Path) -> Path:
+    """A copy of the results that a test may change."""
+    return Path(shutil.copytree(played / "out", tmp_path / "out"))
+
+
+def rewrite(folder: Path, change: Callable[[SuiteRow], SuiteRow]) -> None:
+    (folder / RESULTS).write_bytes(encode_rows([change(row) for row in read_results(folder)]))
+
+
+def of_idle(row: SuiteRow, **changes: object) -> SuiteRow:
+    """Change the report of the rows of `idle`."""
+    if row.entrant != "idle":
+        return row
+    return msgspec.structs.replace(row, report=msgspec.structs.replace(row.report, **changes))
+
+
+def audited(folder: Path, capsys: pytest.CaptureFixture[str], *more: str) -> tuple[int, str]:
+    code = run_command(["bench", "audit", str(folder), "--sample-seed", "1", *more])
+    return code, capsys.readouterr().out
+
+
+def test_honest_rows_are_confirmed(results: Path, played: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = read_results(results)
+    assert len({row.seal for row in rows}) == 6 and all(len(row.seal) == 64 for row in rows)
+    assert len({row.benchmark for row in rows}) == 1
+    code, out = audited(results, capsys, "--share", "0.5")
+    assert code == ExitCode.OK
+    assert "audited: 6 of 6 rows, 3 of them replayed; 0 wrong" in out
+    assert "not checked: 6 rows: its instance, without the published salt" in out
+    code, out = audited(results, capsys, "--salt", str(played / "split.salt"))
+    assert (code, "not checked" in out) == (ExitCode.OK, False), out
+    assert "6 of 6 rows, 1 of them replayed" in out
+
+
+def test_a_sealed_split_draws_other_instances_and_names_its_salt(
+    played: Path, results: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = read_results(results)
+    assert {row.seed for row in rows} == {0, 1, 2} and len({row.split_sha256 for row in rows}) == 1
+    assert all(row.options.salt == "" for row in rows), "the place of a secret is no part of a row"
+    trace, salt = str(results / rows[0].report.trace), played / "split.salt"
+    assert run_command(["verify", "--salt", str(salt), trace]) == ExitCode.OK
+    assert f"drawn by this salt for seed {rows[0].seed}" in capsys.readouterr().out
+    other = results / "other.salt"
+    other.write_text("5b" * 32)
+    assert run_command(["verify", "--salt", str(other), trace]) == ExitCode.MISSION
+    assert "it names another salt" in capsys.readouterr().out
+    assert run_command(["verify", "--salt", str(salt)]) == ExitCode.OK
+    assert rows[0].split_sha256 in capsys.readouterr().out
+    assert run_command(["bench", str(played / "trips.toml"), "-o", str(results)]) == ExitCode.USAGE
+    assert "and these episodes with public seeds" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda row: of_idle(row, success=True, reason="success", scr=0.5), "it counts as a success with a subtask"),
+        (
+            lambda row: of_idle(
+                row, success=True, reason="success", scr=1.0,
+                metrics=msgspec.structs.replace(row.report.metrics, success=True),
+            ),
+            "its success is not what its trace gives",
+        ),
+        (lambda row: of_idle(row, digest="0" * 64), "its digest is not what its trace gives"),
+        (lambda row: msgspec.structs.replace(row, seal=row.seal[::-1]), "its seal is not that of its trace"),
+        (lambda row: msgspec.structs.replace(row, seal=""), "it names no seal of its trace"),
+        (lambda row: msgspec.structs.replace(row, policy="heuristic"), "its policy is not that of its trace"),
+        (lambda row: msgspec.structs.replace(row, split_sha256=""), "its sealed split is not that of its trace"),
+        (
+            lambda row: msgspec.structs.replace(row, options=msgspec.structs.replace(row.options, isolate="yes")),
+            "its walls is not that of its trace",
+        ),
+    ],
+)  # fmt: skip
+def test_an_edited_row_is_found(
+    results: Path, capsys: pytest.CaptureFixture[str], change: Callable[[SuiteRow], SuiteRow], reason: str
+) -> None:
+    rewrite(results, change)
+    code, out = audited(results, capsys)
+    assert code == ExitCode.MISSION
+    assert f"wrong: idle, trip-broadcast, seed 0: {reason}" in out, out
+
+
+def test_a_swapped_trace_is_found(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The trace of a won episode stands in for a lost one, with the row of the won one."""
+    rows = {(row.entrant, row.seed): row for row in read_results(results)}
+    won, lost = rows["oracle", 0], rows["idle", 0]
+    shutil.copy(results / won.report.trace, results / lost.report.trace)
+    code, out = audited(results, capsys)
+    assert code == ExitCode.MISSION and "idle, trip-broadcast, seed 0: its seal is not that of its trace" in out
+    report = msgspec.structs.replace(won.report, trace=lost.report.trace, policy="idle")
+    rewrite(results, lambda row: msgspec.structs.replace(row, report=report, seal=won.seal) if row == lost else row)
+    code, out = audited(results, capsys)
+    assert code == ExitCode.MISSION and "its trace is that of" in out
+
+
+def test_a_damaged_and_a_removed_trace_are_reported(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = {(row.entrant, row.seed): row for row in read_results(results)}
+    damaged = results / rows["oracle", 0].report.trace
+    data = bytearray(damaged.read_bytes())
+    data[len(data) // 2] ^= 1
+    damaged.write_bytes(data)
+    (results / rows["idle", 1].report.trace).unlink()
+    code, out = audited(results, capsys)
+    assert code == ExitCode.MISSION
+    assert "wrong: oracle, trip-broadcast, seed 0: its trace is wrong" in out
+    assert "not checked: 1 row: its trace was removed" in out
+
+
+def test_rows_without_traces_are_named_as_unchecked(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rewrite(results, lambda row: of_idle(row, trace=""))
+    code, out = audited(results, capsys)
+    assert code == ExitCode.OK
+    assert "not checked: 3 rows: its trace was not kept" in out and "audited: 3 of 6 rows" in out
+
+
+CHEAT = """
+from lingjing.kernel.evaluation import MissionEvaluator
+from lingjing.kernel.subtasks import Subtasks
+from lingjing.plugins.evaluator import Evaluation
+from lingjing.plugins.hookspecs import hookimpl
+from lingjing.plugins.policy import Decision, PolicyPlugin
+
+MissionEvaluator.evaluate = lambda self, at, events: Evaluation(1.0, True, "success")
+Subtasks.share = lambda self, latched: 1.0
+
+
+class Lazy:
+    async def reset(self, brief):
+        pass
+
+    async def act(self, observation, inbox):
+        return Decision()
+
+
+@hookimpl
+def lingjing_policies():
+    return (PolicyPlugin(name="lazy", factory=Lazy),)
+"""
+"""A plug-in with a policy that does nothing, and a module that patches the evaluator."""
+
+
+def test_a_plugin_that_patches_the_evaluator_is_kept_out_and_found(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    site = tmp_path / "site"
+    info = site / "lingjing_lazy-1.0.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: lingjing-lazy\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[lingjing]\nlazy = lazy_policies\n")
+    (site / "lazy_policies.py").write_text(CHEAT)
+    (tmp_path / "trip.ljs").write_text(TRIP)
+    (tmp_path / "trips.toml").write_text(SUITE.replace("seeds = 3", "seeds = 1"))
+    reports = {}
+    for name, more in (("walled", []), ("open", ["--no-isolate"])):
+        command = ["bench", "trips.toml", "--policy", "lazy", "--keep", "-o", name, *more]
+        done = subprocess.run(
+            [sys.executable, "-m", "lingjing.cli.main", *command],
+            cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(site)}, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        (row,) = read_results(tmp_path / name)
+        reports[name] = (
+            row.report.success,
+            row.report.reason,
+            row.options.isolate,
+            "its code runs behind" in done.stderr,
+        )
+    assert reports["open"] == (True, "success", "no", False), "without walls the patch wins"
+    assert reports["walled"] == (False, "budget", "yes", True)
+    code, out = audited(tmp_path / "open", capsys)
+    assert code == ExitCode.MISSION
+    assert "wrong: lazy, trip-broadcast, seed 0: a replay differs from its trace" in out
+    assert audited(tmp_path / "walled", capsys)[0] == ExitCode.OK
+
+
+def test_marks_follow_the_rows_and_edits_lose_them(
+    results: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert audited(results, capsys)[0] == ExitCode.OK
+    assert len(audit_marks([results])) == 6
+    merged = tmp_path / "all.parquet"
+    assert run_command(["bench", "merge", str(results), "-o", str(merged)]) == ExitCode.OK
+    assert "audited: 6 of 6 rows" in capsys.readouterr().err
+    page = leaderboard(read_results(merged), audit_marks([merged]))
+    assert "audited: 6 of 6 rows" in page and "idle §" not in page
+    merged.write_bytes(encode_rows([of_idle(row, ticks=1) for row in read_results(merged)]))
+    page = leaderboard(read_results(merged), audit_marks([merged]))
+    assert "audited: 3 of 6 rows" in page and "idle §" in page
+
+
+def test_a_damaged_audit_is_one_message(results: Path) -> None:
+    audit_file(results).write_text("{")
+    with pytest.raises(UsageError, match="cannot read the audit"):
+        read_audit(results)
+
+
+@pytest.mark.parametrize("share", ["0.01", "0", "2"])
+def test_a_sample_has_at_least_a_twentieth(results: Path, share: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["bench", "audit", str(results), "--share", share]) == ExitCode.USAGE
+    assert "must be between 0.05 and 1" in capsys.readouterr().err
+
+
+def test_the_sample_is_at_least_a_twentieth_and_one() -> None:
+    auditor = Auditor(Path(), "code", seed=3)
+    for count, drawn in ((1, 1), (6, 1), (20, 1), (21, 2), (100, 5)):
+        assert len(auditor._sample([made_row(seed=seed) for seed in range(count)])) == drawn
+
+
+def test_a_success_without_all_subtasks_is_refused_everywhere() -> None:
+    row = made_row(success=True, scr=0.5)
+    assert list(row_faults(row)) == ["it counts as a success with a subtask completion rate of 0.50"]
+    with pytest.raises(UsageError, match=r"the row of .* is refused: it counts as a success"):
+        merge_rows([(Path("a"), row)])
+    other = msgspec.structs.replace(row, options=msgspec.structs.replace(row.options, evaluators=("other",)))
+    assert list(row_faults(other)) == [], "another evaluator may have its own idea of success"
+
+
+def test_versions_of_the_benchmark_stay_apart() -> None:
+    rows = [made_row(seed=0, benchmark="a"), made_row(seed=1, benchmark="b")]
+    with pytest.raises(UsageError, match="the results have more than one version of the benchmark"):
+        merge_rows([(Path("a"), row) for row in rows], other_code=True)
+
+
+def test_the_version_follows_missions_and_nothing_around_them(tmp_path: Path) -> None:
+    mission = tmp_path / "trip.ljs"
+    mission.write_text(TRIP)
+    first = benchmark_version([mission])
+    assert benchmark_version([mission]) == first != benchmark_version([data_path("scenarios", "ssr.ljs")])
+    mission.write_text(TRIP.replace("51.5 m", "60 m"))
+    assert benchmark_version([mission]) != first
+
+
+def test_comments_and_docstrings_are_no_part_of_the_version() -> None:
+    from lingjing.bench.version import _meaning
+
+    plain = b"def judge(a):\n    return a > 1\n"
+    assert _meaning(plain) == _meaning(b'"""Text."""\n# why\ndef judge(a):\n    """Judge."""\n\n    return (a > 1)\n')
+    assert _meaning(plain) != _meaning(b"def judge(a):\n    return a >= 1\n")
+
+
+def test_the_page_shows_differing_options_and_endpoints() -> None:
+    options = made_row().options
+    service = {"base_url": "http://one.example/v1", "images": 4}
+    rows = [
+        made_row(entrant="near", options=msgspec.structs.replace(options, policy_args=service, isolate="yes")),
+        made_row(entrant="far", options=msgspec.structs.replace(options, blank_pictures=True)),
+    ]
+    page = leaderboard(rows)
+    assert "images=4, isolate: yes" in page and "http://one.example/v1" in page and "blank_pictures: True" in page
+
+
+def test_an_edit_changes_the_hash_of_a_row() -> None:
+    row = made_row()
+    assert row_sha256(row) == row_sha256(msgspec.structs.replace(row, attention_iou=0.5))
+    assert row_sha256(row) != row_sha256(msgspec.structs.replace(row, wall_s=row.wall_s + 1))
