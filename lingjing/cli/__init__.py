@@ -22,6 +22,7 @@ the signals and the end of the process. `files` reads missions and writes files.
 - `report`                                         the paper's figures from many episodes
 - `shrink`                                         the smallest mission that fails as a trace did
 - `calls`                                          the recorded model calls of an episode
+- `models`                                         a check of a chat model with one request a column
 - `prompts`                                        prompts of policies, and their revision from failed traces
 - `frames`                                         labelled sets of frames for detectors, and a probe of detectors
 - `plugins` ← `installed`, `new` ← `newpackage`, `newmission`    installed plug-ins, and files to start a new one from

@@ -19,6 +19,7 @@ Modules in the order in which data passes through them:
 - `page`: the HTML page with its script and style
 - `single`: the page with an episode as one file
 - `inline`: that page in the frame of a notebook
+- `calls_page`: the recorded model calls as a page; `inspect_log`: the same as a log of Inspect
 - `moments`: the moments of an episode that a film points out
 - `frames`: the frames of a film; `film`: the film as a file
 - `episode_view`: records without the truth

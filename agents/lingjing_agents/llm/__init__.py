@@ -10,5 +10,6 @@ model, and the profile that results from both. `asking` makes the calls:
 (the wire form of a request) and the clients: `direct` (the OpenAI chat protocol; it stores parameters that a
 service rejects) or `through_litellm` (all services of litellm). Both use `wire` (one bounded HTTP exchange), within the
 service's `limits` and behind `guard`, which removes keys and passwords (`redaction`; `address` removes them from URLs).
+`own_calls` and `model_server` record the calls of policies that speak to a model by themselves.
 `probing` tests whether a service can be reached, independently of policies.
 """

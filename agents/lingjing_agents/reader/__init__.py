@@ -7,5 +7,6 @@ shows that the requests of `react` say enough to win. Two policies use it:
 - `sighted-reader`: gets the true boxes of exactly the pictures of its requests. It measures the requests without the
   perception.
 
-`request_text` reads a request, `player` answers it, `service` speaks HTTP, `policy` joins them with `react`.
+`request_text` reads a request, `player` answers it, `service` speaks HTTP, `policy` joins them with `react`,
+and `true_boxes` are the eyes of `sighted-reader`.
 """
