@@ -103,11 +103,11 @@ TALK = (
 
 
 def talkative(model: Callable[[dict[str, Any]], Reply]) -> Callable[[dict[str, Any]], Reply]:
-    """Return the model with three sentences before each step."""
+    """Return the model with three sentences before each step, and without reports: no episode of it is won."""
 
     def answer(request: dict[str, Any]) -> Reply:
         reply = model(request)
-        return Reply({**reply.step, "thought": TALK})
+        return Reply({**reply.step, "thought": TALK, "messages": []})
 
     return answer
 
@@ -163,7 +163,7 @@ def tokens(text: str) -> int:
 def test_the_estimate_is_within_one_and_a_half_times_of_what_a_service_bills(
     wins: bool, other: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The model wins `cd` and `upr` with few words; in `bi` it writes as much as it may."""
+    """The model wins `cd` and `upr` with few words; in `bi` it writes as much as it may, and uses all ticks."""
     _tokenizer()
     suite, out = tmp_path / "counted.toml", tmp_path / "out"
     text = COUNTED if wins else COUNTED.replace('"cd", ', "").replace('"cd-broadcast", ', "")
