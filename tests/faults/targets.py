@@ -41,7 +41,8 @@ def arguments(case: Injection, port: int, token: str) -> list[str]:
     """The command line of a case."""
     policy, run = f"{HERE / 'trip.py'}:Sail", ["--no-overview", "--json", "-o", "out"]
     if case.target == "suite":
-        return ["bench", str(HERE / "trip.toml"), "-o", "out"]
+        # Without walls: here every fork server is a fork of the player, and walls need a clean one.
+        return ["bench", str(HERE / "trip.toml"), "-o", "out", "--no-isolate"]
     if case.target == "chat":
         number, way = (case.number, case.error) if case.kind == "service" else (0, "good")
         url = f"http://127.0.0.1:{port}/{token}/{number}/{way}/v1"
