@@ -129,6 +129,7 @@ def test_doctor_finds_this_machine_fit(capsys) -> None:
             "road",
             "dogs",
             "processes",
+            "walls",
             "queues",
             "disk",
             "cache",
