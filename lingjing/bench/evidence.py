@@ -1,5 +1,7 @@
 """Rows as evidence: the seal of a row's trace, contradictions within a row, and the marks of an audit.
 
+ADR 0058 says what a row proves.
+
 A row names the last seal of its trace, a hash over every byte of it. So a kept trace can be neither edited nor
 exchanged without a difference to the row. The row itself is protected by nothing but its audit (`auditing`): the
 evaluator keeps the hashes of the rows that were checked, and an edited row is not among them.

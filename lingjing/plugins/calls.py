@@ -129,7 +129,7 @@ class CallSum(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class CallEstimate(msgspec.Struct, frozen=True, kw_only=True):
-    """The estimated model calls of one episode."""
+    """The estimated model calls of one episode (ADR 0062)."""
 
     usual: CallSum = CallSum()
     """The calls of an episode that ends as early as the measured one."""

@@ -20,6 +20,7 @@ In the order of a call:
   steps of a fork), `idle_processes` (processes that are used again), `templates` (forks that hold a prepared object),
   `layers` (forks that have imported more modules), `kept_results` (results for later forks)
 - `channel`, `deadlines`, `output`   packets, limits of time, and the output of a process
+- `walls`            walls around a process with foreign code (ADR 0057)
 - `signals`          signals that are blocked, deferred or ignored, and the end at the second interrupt
 - `descendants`      the processes below this one ← `linux`, the system calls
 

@@ -16,6 +16,7 @@ In control-flow order:
 - `search_budget`  the bound on repeated searches of a cell
 - `policy`         the loop: request, crops, repairs, bill; it ends with a reason (`remedy`) before the kernel's limit
 - `call_profile`   the calls and tokens of an episode from a measured one, for estimates of suites
+- `brokering`      the model calls of a policy behind walls, on the side of the harness
 - `prompt_reviser` a second model that revises a prompt from failed traces
 
 Invariants: a request holds the content of the brief, the observation and the inbox and nothing else; numbers are those

@@ -13,6 +13,8 @@ In the order of a call:
   processes with a deadline each
 - `agent_process`  one process from the player's side ← `output`, its printed text; `model_calls`, the record of its
   calls
+- `servers`        the servers that start these processes: without walls, or with walls around each; `broker` makes the
+  model calls of an agent behind walls
 - `host`           the policy's side, called by a fork server
 - `messages`       the requests and answers; `observations` and `pictures` convert an observation
 - `examination`    the declarations of policies in files ← `declaring`, the other side
