@@ -22,8 +22,8 @@ Modules in control-flow order:
 - `frames`, `jsontext`, `weather_words`, `elements`: coordinate frames of `resetScenario` documents, JSON with
   positions, weather words, two-line elements.
 - `reset`: reads and writes `resetScenario` documents.
-- `seeding`, `draws`: named random streams, and seeded draws from them. `salts`: draws that need a secret file. `requirements`: conditions that the draws of a
-  seed must meet.
+- `seeding`, `draws`: named random streams, and seeded draws from them. `salts`: draws that need a secret file.
+  `requirements`: conditions that the draws of a seed must meet.
 - `appearance`: colours, shapes and models of bodies.
 - `vocabulary`: words that several packages must spell alike. `spec_schema`: JSON Schemas of action and message specs.
 - `geometry2d`, `grid`, `spacing`: polygons, search cells cut from them, and points with a minimum distance.
