@@ -159,7 +159,9 @@ def tokens(text: str) -> int:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("wins", "other"), [(True, "upr-star"), (False, "bi-single")])
+@pytest.mark.parametrize(
+    ("wins", "other"), [(True, "upr-star"), pytest.param(False, "bi-single", marks=pytest.mark.thorough)]
+)
 def test_the_estimate_is_within_one_and_a_half_times_of_what_a_service_bills(
     wins: bool, other: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
