@@ -14,11 +14,8 @@ from lingjing_agents.heuristic.target_types import Detectors
 from lingjing_agents.react.options import ReactOptions
 from lingjing_agents.react.policy import ReactPolicy
 from lingjing_agents.reader.player import RequestPlayer
-from lingjing_agents.reader.service import PlayerService
+from lingjing_agents.reader.service import MODEL, PlayerService
 from lingjing_agents.reader.true_boxes import TrueBoxes
-
-MODEL = "request-player"
-"""The name of the "model" at its service."""
 
 _ANY_ADDRESS = "http://127.0.0.1:0/v1"
 """The address until the service has a port."""

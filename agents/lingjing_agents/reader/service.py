@@ -8,10 +8,13 @@ import weakref
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
+import msgspec
+
 from lingjing_agents.reader.player import RequestPlayer
 
 _PATH = "/v1/chat/completions"
-_MODEL = "request-player"
+MODEL = "request-player"
+"""The name of the "model" at its service."""
 
 
 class PlayerService:
@@ -47,7 +50,7 @@ def _handler_of(player: RequestPlayer) -> type[BaseHTTPRequestHandler]:
                 return
             try:
                 self._send(200, _completion(player.answer(json.loads(body))))
-            except (ValueError, KeyError, TypeError, IndexError) as error:
+            except (ValueError, KeyError, TypeError, IndexError, msgspec.MsgspecError) as error:
                 self._send(400, {"error": {"message": f"{type(error).__name__}: {error}", "type": "invalid_request"}})
 
         def _send(self, status: int, content: dict[str, Any]) -> None:
@@ -71,6 +74,6 @@ def _completion(text: str) -> dict[str, Any]:
         "id": "request-player",
         "object": "chat.completion",
         "created": 0,
-        "model": _MODEL,
+        "model": MODEL,
         "choices": [{"index": 0, "message": message, "finish_reason": "stop"}],
     }

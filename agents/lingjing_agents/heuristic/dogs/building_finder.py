@@ -31,7 +31,7 @@ from lingjing.plugins.policy import (
 )
 from lingjing_agents.capability import centimetres, photo, sends, sighting
 from lingjing_agents.ground_plane import GroundPoint, GroundRectangle, inside, position_in
-from lingjing_agents.heuristic.dogs.movement import DogMovement
+from lingjing_agents.heuristic.dogs.movement import EYE_M, DogMovement
 from lingjing_agents.heuristic.dogs.seen_ground import SeenGround
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.sightings import name_in
@@ -81,9 +81,6 @@ UNLED_SHARE, LED_AGAIN_TICKS = 0.8, 6
 """Share of the ticks for which a guided dog waits for first guidance, and ticks for which it waits after a path has
 ended. Chosen.
 """
-
-EYE_M = 0.37
-"""Height of a dog's camera above the ground in metres."""
 
 MOST_REPORTS = 3
 """Reports of an episode, at most. Chosen: claims are limited from tier 1 on, and each report costs one."""

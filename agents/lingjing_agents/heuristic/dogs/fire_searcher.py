@@ -29,7 +29,7 @@ from lingjing.plugins.policy import (
 from lingjing_agents.capability import centimetres, compose, may_send, natural, photo, sighting
 from lingjing_agents.ground_plane import GroundPoint, GroundRectangle, between, position_in
 from lingjing_agents.heuristic.dogs.known_fires import CLOSER, KnownFire, KnownFires
-from lingjing_agents.heuristic.dogs.movement import DogMovement
+from lingjing_agents.heuristic.dogs.movement import EYE_M, DogMovement
 from lingjing_agents.heuristic.dogs.seen_ground import SeenGround
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.sightings import name_in
@@ -40,9 +40,6 @@ from lingjing_agents.perception.obstacles_ahead import near_walls
 
 MARGIN_M = 6.0
 """Margin of paths around the region in metres: dogs start outside. Chosen."""
-
-EYE_M = 0.37
-"""Height of a dog's camera above the ground in metres."""
 
 REPORTABLE = 0.6
 """Least confidence of a report. Chosen."""

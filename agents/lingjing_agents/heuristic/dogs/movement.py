@@ -19,6 +19,9 @@ OBSTRUCTED = frozenset({"blocked", "unreachable"})
 OFF_DEG = 6.0
 """Tolerated heading error of a walk in degrees: a turn costs a whole tick. Chosen."""
 
+EYE_M = 0.37
+"""Height of a dog's camera above the ground in metres."""
+
 STALLED_M = 0.4
 """Motion in metres below which a step counts as blocked. Chosen."""
 NARROW_M, WIDE = 2.4, 1.1
