@@ -7,7 +7,6 @@ import itertools
 import json
 import subprocess
 import sys
-import time
 import urllib.request
 from pathlib import Path
 from typing import Any
@@ -223,12 +222,11 @@ def test_a_lost_session_is_an_abort_whose_trace_replays_to_the_loss(serve: Serve
 def test_a_session_that_never_answers_is_an_abort_with_a_reason(serve: Serve) -> None:
     served = serve("--deadline", "1", verbs=NORTH)
     silent = ReferenceClient(served.url())
-    begun = time.monotonic()
     _, text = served.process.communicate(timeout=WAIT_S)
     assert served.process.returncode == 3
     assert "has not acknowledged `resetScenario`, `resetDeliveryScenario`, `resetFireRescueScenario`" in text
     assert "--profile script" in text and "Traceback" not in text
-    assert time.monotonic() - begun < 60
+    assert "within 1 s" in " ".join(text.split())  # the deadline that was given, not the default
     silent.socket.close()
 
 
