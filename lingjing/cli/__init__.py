@@ -26,5 +26,6 @@ the signals and the end of the process. `files` reads missions and writes files.
 - `prompts`                                        prompts of policies, and their revision from failed traces
 - `frames`                                         labelled sets of frames for detectors, and a probe of detectors
 - `plugins` ← `installed`, `new` ← `newpackage`, `newmission`    installed plug-ins, and files to start a new one from
+- `completion`                                     completion of commands in shells
 - `doctor` ← `libraries`                           a check of the machine
 """

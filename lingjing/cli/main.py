@@ -10,7 +10,7 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 from types import TracebackType
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from lingjing.cli.process import (
     end_despite_threads,
@@ -23,6 +23,13 @@ from lingjing.errors import ExitCode, LingjingError, UsageError
 from lingjing.file_names import check_name
 from lingjing.processes.signals import blocked_signals, ignore_interrupts, terminated_as_interrupted
 from lingjing.refusals import refusal_of
+
+if TYPE_CHECKING:
+    import argparse
+
+    from lingjing.cli.parser import ArgumentParser
+
+    _Subparsers = argparse._SubParsersAction[ArgumentParser]
 
 BROKEN_PIPE = 141
 """128 + SIGPIPE: the exit code that a shell reports for a tool that writes to a closed pipe."""
@@ -74,9 +81,17 @@ VERBS = (
     _CommandVerb("frames", "make labelled sets of frames; test detectors with them", computes=True),
     _CommandVerb("new", "write a policy, a mission or an engine to start from"),
     _CommandVerb("generate", "compose missions, each with a certificate that it can be won", computes=True),
+    _CommandVerb("completion", "print a script that completes commands in bash, zsh or fish", computes=True),
     _CommandVerb("calls", "list and print the recorded model calls of an episode"),
     _CommandVerb("doctor", "check that this machine can play missions", computes=True),
 )
+
+_DESCRIPTION = """Missions for heterogeneous unmanned systems: write, play, score, replay.
+
+  lingjing run ssr              play a shipped mission; see runs/ for its trace
+  lingjing new mission first    write a mission of your own: first.ljs
+  lingjing VERB --help          the options of a verb
+"""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -154,17 +169,8 @@ def _was_interrupt(error: BaseException | None) -> bool:
 
 
 def _dispatch(arguments: list[str]) -> int:
-    from lingjing.cli.parser import ArgumentParser  # not at the top: an interrupt while argparse loads is caught here
-
     chosen = next((verb for verb in VERBS if verb.name == _first_word(arguments)), None)
-    parser = ArgumentParser(
-        prog="lingjing",
-        description="Missions for heterogeneous unmanned systems: write, play, score, replay.",
-        epilog="exit codes: 0 done, 1 mission errors, 2 usage, 3 infrastructure abort, 70 a bug, 130 interrupted; "
-        "LINGJING_TRACEBACK=1 shows the traceback of an error",
-    )
-    parser.add_argument("--version", action="store_true", help="print the version and stop")
-    subparsers = parser.add_subparsers(dest="verb", metavar="VERB", title="verbs", prog=parser.prog)
+    parser, subparsers = _empty_parser()
     if chosen is not None and chosen.computes:
         from lingjing.numerics import pin
 
@@ -193,6 +199,29 @@ def _dispatch(arguments: list[str]) -> int:
         check_cache()
     handler = vars(args).get("handler") or module.handler  # the handler of an action, or of the verb
     return int(handler(args))
+
+
+def _empty_parser() -> tuple[ArgumentParser, _Subparsers]:
+    """Return a parser without verbs, and the action that the verbs are added to."""
+    from lingjing.cli.parser import ArgumentParser  # not at the top: an interrupt while argparse loads is caught here
+
+    parser = ArgumentParser(
+        prog="lingjing",
+        description=_DESCRIPTION,
+        epilog="exit codes: 0 done, 1 mission errors, 2 usage, 3 infrastructure abort, 70 a bug, 130 interrupted; "
+        "LINGJING_TRACEBACK=1 shows the traceback of an error",
+    )
+    parser.add_argument("--version", action="store_true", help="print the version and stop")
+    return parser, parser.add_subparsers(dest="verb", metavar="VERB", title="verbs", prog=parser.prog)
+
+
+def complete_parser() -> ArgumentParser:
+    """Return the parser with the options of every verb. It imports the modules of all verbs, which takes a second."""
+    parser, subparsers = _empty_parser()
+    for verb in VERBS:
+        module = import_module(f"lingjing.cli.{verb.name}")
+        module.add_options(subparsers.add_parser(verb.name, help=verb.summary))
+    return parser
 
 
 def _first_word(arguments: Sequence[str]) -> str:

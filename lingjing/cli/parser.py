@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
@@ -39,7 +40,7 @@ class ArgumentParser(argparse.ArgumentParser):
         return namespace_of_args
 
     def _get_formatter(self) -> argparse.HelpFormatter:
-        return argparse.HelpFormatter(prog=self.prog, width=_columns() - 2)
+        return _HelpFormatter(prog=self.prog, width=_columns() - 2)
 
     def _check_value(self, action: argparse.Action, value: object) -> None:
         try:
@@ -49,6 +50,30 @@ class ArgumentParser(argparse.ArgumentParser):
             raise argparse.ArgumentError(
                 action, f"{error.message}; did you mean {close}?" if close else error.message
             ) from None
+
+
+class _HelpFormatter(argparse.HelpFormatter):
+    """The layout of argparse, with two differences.
+
+    The first column is wide enough for the names of verbs: argparse measures them without their indent, so that the
+    longest one would get a line of its own. Paragraphs that are indented, such as commands, keep their lines.
+    """
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        parts = re.split(r"\n\n(?=  )|(?<=\S)\n\n(?=\S)", text)
+        flowing = [part for part in parts if not part.startswith("  ")]
+        if len(flowing) == len(parts):
+            return super()._fill_text(text, width, indent)
+        return "\n\n".join(
+            part.rstrip() if part.startswith("  ") else super(_HelpFormatter, self)._fill_text(part, width, indent)
+            for part in parts
+        )
+
+    def add_argument(self, action: argparse.Action) -> None:
+        super().add_argument(action)
+        if isinstance(action, argparse._SubParsersAction):
+            longest = max((len(name) for name in action.choices), default=0)
+            self._action_max_length = max(self._action_max_length, longest + 2 * self._indent_increment)
 
 
 def _columns() -> int:
