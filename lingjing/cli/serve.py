@@ -104,7 +104,15 @@ def _serve_airsim(args: argparse.Namespace) -> int:
         calls="live",
     )
     folder = Path(args.output) if args.output else None
-    serving = Serving(mission, options, tick_s, args.pace or "wall", once=args.once, folder=folder)
+    serving = Serving(
+        mission=mission,
+        options=options,
+        tick_s=tick_s,
+        pace=args.pace or "wall",
+        once=args.once,
+        moves_cameras=args.scene is not None,
+        folder=folder,
+    )
     serving.instance()  # a wrong mode, setting or mission is refused before the server listens
     token = _token(args)
     server = CallServer(args.host, port, token)

@@ -77,7 +77,7 @@ class OutlineWorld:
         if pose is None:
             entity = self._entities[request.entity]
             camera = next(camera for camera in entity.cameras if camera.name == request.camera)
-            pose = mounted_camera_pose(states[entity.id], camera, entity.mounts)
+            pose = mounted_camera_pose(states[entity.id], camera, entity.mounts, request.placement)
         boxes = (
             self._box(self._entities[name], state, pose) for name, state in states.items() if name != request.entity
         )

@@ -22,6 +22,7 @@ from lingjing.mission.instance import AgentSpec, CameraSpec, Entity, Instance
 from lingjing.mission.vocabulary import PHOTO
 from lingjing.plugins.engine import CaptureRequest
 from lingjing.plugins.policy import REFERENCE, CameraView, Picture
+from lingjing.scene.camera_geometry import CameraPlacement
 from lingjing.trace.images import decode_jpeg
 from lingjing.trace.records import Absent, CameraPose, Command, Receipt
 
@@ -31,17 +32,25 @@ def requests(instance: Instance, commands: Iterable[Command], tick: int, time_s:
     cameras.
     """
     entities = {entity.id: entity for entity in instance.entities}
-    wanted: dict[tuple[str, str], None] = {}
+    wanted: dict[tuple[str, str], CameraPlacement | None] = {}
     for command in commands:  # admitted at this boundary, so the picture is of this boundary too (ADR 0003)
         if command.verb == PHOTO:
-            wanted[command.resource, camera_of(entities[command.resource], command.arguments)] = None
+            mount = command.resource, camera_of(entities[command.resource], command.arguments)
+            wanted[mount] = CameraPlacement.of_arguments(command.arguments)
     for entity in instance.entities:
         for camera in entity.cameras:
             if camera.capture == "each_tick":
-                wanted[entity.id, camera.name] = None
+                wanted.setdefault((entity.id, camera.name), None)
     return tuple(
-        CaptureRequest(frame=f"f{tick}-{entity}-{camera}", entity=entity, camera=camera, tick=tick, time_s=time_s)
-        for entity, camera in wanted
+        CaptureRequest(
+            frame=f"f{tick}-{entity}-{camera}",
+            entity=entity,
+            camera=camera,
+            tick=tick,
+            time_s=time_s,
+            placement=placement,
+        )
+        for (entity, camera), placement in wanted.items()
     )
 
 

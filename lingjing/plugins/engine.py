@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from lingjing.mission.instance import Entity, Instance
 from lingjing.mission.schedule import Schedule
+from lingjing.scene.camera_geometry import CameraPlacement
 from lingjing.scene.city import City
 from lingjing.trace.images import JPEG_QUALITY
 from lingjing.trace.records import BodyState, CameraPose, Command, FrameInfo, Receipt, Route, TaskEvent
@@ -107,6 +108,9 @@ class CaptureRequest(msgspec.Struct, frozen=True, kw_only=True):
     """Simulation time, seconds."""
     pose: CameraPose | None = None
     """The pose to take the picture from; None for that of the mount. Such a picture has the channel rgb alone."""
+    placement: CameraPlacement | None = None
+    """A place and a lens of the camera that replace those of its mount: `takePhoto` with the arguments of
+    `CameraPlacement`, which the drones of a free flight have."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,8 +16,10 @@ whole, and every camera looks along its nose.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from math import atan2, cos, degrees, hypot, radians, sin, tan
+from collections.abc import Mapping, Sequence
+from math import asin, atan2, cos, degrees, hypot, radians, sin, tan
+
+import msgspec
 
 from lingjing.mission.instance import CameraSpec, Vector
 from lingjing.mission.model import CameraMount
@@ -33,6 +35,45 @@ MOUNTS: dict[str, CameraMount] = {
 
 SPACE_M = 100_000.0
 """Elevation at which space begins, metres (the Kármán line). Above it every camera looks along its body's nose."""
+
+PLACEMENT_LIMITS: dict[str, tuple[str, float, float]] = {
+    "ahead": ("m", -100.0, 100.0),
+    "right": ("m", -100.0, 100.0),
+    "above": ("m", -100.0, 100.0),
+    "yaw": ("deg", -360.0, 360.0),
+    "pitch": ("deg", -90.0, 90.0),
+    "roll": ("deg", -360.0, 360.0),
+    "hfov": ("deg", 1.0, 170.0),
+}
+"""Argument of a `takePhoto` that moves a camera → its unit, least and largest value (chosen)."""
+
+
+class CameraPlacement(msgspec.Struct, frozen=True, kw_only=True):
+    """A place and a lens of a camera that replace those of its mount. Such a camera has no gimbal."""
+
+    ahead_m: float
+    """Offset from the body's middle in the body's frame, as `right_m` and `above_m`."""
+    right_m: float
+    above_m: float
+    yaw_deg: float
+    """Turn against the body: first yaw (clockwise from above), then pitch (nose up), then roll (right side down)."""
+    pitch_deg: float
+    roll_deg: float
+    hfov_deg: float
+
+    @classmethod
+    def of_arguments(cls, arguments: Mapping[str, object]) -> CameraPlacement | None:
+        """The placement in the arguments of a `takePhoto`; None if the camera stays on its mount."""
+        if "hfov" not in arguments:
+            return None
+        values = {f"{name}_{unit}": arguments.get(name, 0.0) for name, (unit, _, _) in PLACEMENT_LIMITS.items()}
+        return msgspec.convert(values, cls)
+
+    @property
+    def arguments(self) -> dict[str, float]:
+        """The arguments of a `takePhoto` with this placement."""
+        return {name: getattr(self, f"{name}_{unit}") for name, (unit, _, _) in PLACEMENT_LIMITS.items()}
+
 
 CameraAxes = tuple[Vector, Vector, Vector]
 """Unit vectors of image-right, image-down and the optical axis."""
@@ -70,8 +111,12 @@ def camera_pose(position: Vector, heading_deg: float, camera: CameraSpec) -> Cam
     return mounted_camera_pose(BodyState(id="", position=position, heading_deg=heading_deg), camera, ())
 
 
-def mounted_camera_pose(state: BodyState, camera: CameraSpec, mounts: Sequence[CameraMount]) -> CameraPose:
-    """Pose of a body's camera, from the body's state and the mounts of its type."""
+def mounted_camera_pose(
+    state: BodyState, camera: CameraSpec, mounts: Sequence[CameraMount], placement: CameraPlacement | None = None
+) -> CameraPose:
+    """Pose of a body's camera, from the body's state and the mounts of its type, or from a placement."""
+    if placement is not None:
+        return _placed(state, camera, placement)
     if state.position[2] > SPACE_M:
         return _posed(camera, state.position, state.heading_deg, -state.pitch_deg)
     mount = next((declared for declared in mounts if declared.view == camera.view), MOUNTS[camera.view])
@@ -94,6 +139,44 @@ def _posed(
         width=camera.width,
         height=camera.height,
     )
+
+
+def _placed(state: BodyState, camera: CameraSpec, placement: CameraPlacement) -> CameraPose:
+    """Pose of a camera that is fixed to the body at a placement."""
+    body = _turned(_WORLD, state.heading_deg, state.pitch_deg, state.roll_deg)
+    offset = (placement.ahead_m, placement.right_m, placement.above_m)
+    east, north, up = (
+        place + sum(length * axis[k] for length, axis in zip(offset, body, strict=True))
+        for k, place in enumerate(state.position)
+    )
+    forward, right, above = _turned(body, placement.yaw_deg, placement.pitch_deg, placement.roll_deg)
+    tilt = degrees(asin(min(max(-forward[2], -1.0), 1.0)))
+    level = hypot(forward[0], forward[1])
+    # an axis that points straight down or up has no heading of its own: that of the picture's top edge is taken
+    top = forward if level > _VERTICAL else above if tilt > 0.0 else (-above[0], -above[1], 0.0)
+    heading = degrees(atan2(top[0], top[1]))
+    sh, ch, st, ct = sin(radians(heading)), cos(radians(heading)), sin(radians(tilt)), cos(radians(tilt))
+    cosine = right[0] * ch - right[1] * sh
+    sine = -right[0] * sh * st - right[1] * ch * st - right[2] * ct
+    lens = msgspec.structs.replace(camera, hfov_deg=placement.hfov_deg)
+    return _posed(lens, (east, north, up), heading, tilt, degrees(atan2(sine, cosine)))
+
+
+_VERTICAL = 1e-9
+"""Length in plan below which an axis of length 1 is vertical."""
+_WORLD: CameraAxes = ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+"""Forward, right and above of a body that points north."""
+
+
+def _turned(frame: CameraAxes, yaw_deg: float, pitch_deg: float, roll_deg: float) -> CameraAxes:
+    """Forward, right and above of a frame after a yaw (clockwise from above), a pitch (nose up) and a roll (right side
+    down), each about the axes of the frame that the one before has made."""
+    (sy, cy), (sp, cp), (sr, cr) = ((sin(radians(a)), cos(radians(a))) for a in (yaw_deg, pitch_deg, roll_deg))
+    forward, right, above = frame
+    forward, right = _mix(forward, right, cy, sy), _mix(right, forward, cy, -sy)
+    forward, above = _mix(forward, above, cp, sp), _mix(above, forward, cp, -sp)
+    right, above = _mix(right, above, cr, -sr), _mix(above, right, cr, sr)
+    return forward, right, above
 
 
 def focal_px(pose: CameraPose) -> float:

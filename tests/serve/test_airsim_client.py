@@ -166,6 +166,48 @@ def test_images_of_a_survey(serve: Serve) -> None:
     assert sum(len(record.frames) for record in trace.boundaries) == 3
 
 
+def test_a_client_moves_a_camera_changes_its_lens_and_the_trace_has_its_pose(serve: Serve) -> None:
+    served = serve("--scene", "bay", "--camera", "160x90")
+    client = connected(served)
+    client.takeoffAsync().join()
+    client.moveToPositionAsync(0, 0, -20, 8).join()
+    client.hoverAsync().join()
+    wide = client.simGetCameraInfo("0")
+    downwards = airsim.euler_to_quaternion(0, -math.pi / 2, 0)
+    client.simSetCameraPose("0", airsim.Pose(airsim.Vector3r(0, 0, 0.1), downwards))
+    client.simSetCameraFov("0", 40)
+    info = client.simGetCameraInfo("0")
+    assert (wide.fov, info.fov) == (90.0, 40.0) and client.simGetCurrentFieldOfView("0") == "40.000000"
+    assert info.proj_mat.matrix[0][0] == pytest.approx(1.0 / math.tan(math.radians(20)))
+    moved, mounted = client.simGetImages(
+        [airsim.ImageRequest("0", 1, True, False), airsim.ImageRequest("nadir", 1, True, False)]
+    )
+    down, below = (np.array(image.image_data_float).reshape(90, 160) for image in (moved, mounted))
+    assert np.median(down) == pytest.approx(np.median(below), abs=0.6), "both look straight down"
+    pitch = airsim.quaternion_to_euler_angles(moved.camera_orientation)[1]
+    assert math.degrees(pitch) == pytest.approx(-90.0, abs=3.0), "the camera is fixed to the body, which hovers"
+    ideal = client.simGetImages([airsim.ImageRequest("0", airsim.ImageType.Scene, False, False)])[0]
+    client.simSetDistortionParams("0", {"K1": -0.3, "K2": 0.1})
+    assert client.simGetDistortionParams("0") == [-0.3, 0.1, 0.0, 0.0, 0.0]
+    bent = client.simGetImages([airsim.ImageRequest("0", 1, True, False)])[0]
+    assert np.array(bent.image_data_float).reshape(90, 160)[45, 80] == pytest.approx(down[45, 80], abs=0.2)
+    assert (ideal.width, ideal.height) == (160, 90)
+    for call, message in (
+        (lambda: client.simSetCameraFov("0", 179), "`hfov` is 179 deg: 1 to 170"),
+        (lambda: client.simSetDistortionParams("0", {"K9": 0.1}), "no parameter `K9`: K1, K2, K3, P1, P2"),
+        (lambda: client.simSetDistortionParams("0", {"K1": 9.0}), "`K1` is 9: -1 to 1"),
+        (lambda: client.simSetCameraPose("0", airsim.Pose(airsim.Vector3r(), airsim.Quaternionr(w_val=0))), "length"),
+        (lambda: client.simSetCameraPose("0", airsim.Pose(airsim.Vector3r(0, 0, 400))), "`above` is -400 m: -100 to"),
+    ):
+        with pytest.raises(rpc_error, match=message):
+            call()
+    leave(client)
+    trace = served.finish()
+    poses = [frame.pose for record in trace.boundaries for frame in record.frames if frame.camera == "front"]
+    assert [pose.hfov_deg for pose in poses] == [40.0] * 3 and all(abs(pose.tilt_deg - 90.0) < 3.0 for pose in poses)
+    assert run_command(["replay", str(served.folder / "trace.mcap"), "--pictures"]) == 0
+
+
 def test_two_drones_fly_at_once_and_a_reset_begins_another_episode(serve: Serve) -> None:
     served = serve("--scene", "bay", "--drones", "2")
     client = connected(served, "Drone1", "drone2")
@@ -248,6 +290,8 @@ def test_the_drones_of_a_mission_fly_and_its_hidden_targets_stay_hidden(serve: S
     assert client.listVehicles() == ["uav1", "uav2", "uav3"]
     assert client.simListSceneObjects() == ["uav1", "uav2", "uav3", "boat"]
     assert math.isnan(client.simGetObjectPose("victim1").position.x_val)
+    with pytest.raises(rpc_error, match="the mission declares the cameras of `uav1`"):
+        client.simSetCameraFov("0", 20, "uav1")
     client.takeoffAsync().join()
     assert place(client)[2] < -2.0
     leave(client)

@@ -33,7 +33,7 @@ from lingjing.mission.instance_entities import DRAWN_MOST
 from lingjing.mission.schedule import Schedule
 from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
 from lingjing.plugins.options import engine_options
-from lingjing.scene.camera_geometry import mounted_camera_pose
+from lingjing.scene.camera_geometry import CameraPlacement, mounted_camera_pose
 from lingjing.scene.city import City
 from lingjing.scene.terrain import Terrain
 from lingjing.scene.tiles import Tiles
@@ -113,7 +113,7 @@ class CameraEngine:
         if request.pose is not None:
             return picture_key(request.pose, self._scenery(None), self._level)
         entity, camera = self._mount(request)
-        return picture_key(self._seen_from(entity, camera), self._scenery(entity), self._level)
+        return picture_key(self._seen_from(entity, camera, request.placement), self._scenery(entity), self._level)
 
     def fingerprint(self) -> dict[str, str]:
         """Return the GL renderer and version; empty before the first reset."""
@@ -159,15 +159,15 @@ class CameraEngine:
                     return entity, camera
         raise InfrastructureError(f"`{request.entity}` has no camera `{request.camera}` to take `{request.frame}` with")
 
-    def _seen_from(self, entity: Entity, camera: CameraSpec) -> CameraPose:
-        return self._above(mounted_camera_pose(self._states[entity.id], camera, entity.mounts))
+    def _seen_from(self, entity: Entity, camera: CameraSpec, placement: CameraPlacement | None) -> CameraPose:
+        return self._above(mounted_camera_pose(self._states[entity.id], camera, entity.mounts, placement))
 
     def _picture(self, request: CaptureRequest) -> Frame:
         if request.pose is not None:
             return self._picture_from(request.pose, request)
         entity, camera = self._mount(request)
         assert self._renderer is not None
-        pose = self._seen_from(entity, camera)
+        pose = self._seen_from(entity, camera, request.placement)
         depth, semantic, instance = (name in camera.channels for name in ("depth", "semantic", "instance"))
         shot = Shot(pose, depth, semantic, partial(self._scenery, entity), instance, self._visible_m(pose))
         shown = self._redaction.take(self._renderer, shot)

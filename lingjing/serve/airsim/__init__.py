@@ -14,6 +14,7 @@ Modules in the order of control:
 - `frames`     AirSim's coordinates: north, east, down, and quaternions
 - `flight`     flight tasks and pilots
 - `vehicles`   the vehicles of the episode: kinematics and sensors, computed from the engines' states
+- `distortion` the distortion of lenses
 - `pictures`   pictures as AirSim encodes them
 - `methods`    the methods that are served ← `flight_methods`, `state_methods`, `picture_methods`, `object_methods`,
   `world_methods`

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from lingjing.mission.instance import Vector
+from lingjing.serve.airsim.frames import Quaternion
 
 
 class CallError(Exception):
@@ -70,6 +71,19 @@ class Arguments:
     def vector(self, name: str) -> Vector:
         """Read a `Vector3r`."""
         return self._vector(name, self._take(name))
+
+    def pose(self, name: str) -> tuple[Vector, Quaternion]:
+        """Read a `Pose`: a place, and a turn of unit length."""
+        value = self._take(name)
+        if not isinstance(value, dict) or not isinstance(value.get("orientation"), dict):
+            raise self._wrong(name, "a Pose", value)
+        axes = ("w_val", "x_val", "y_val", "z_val")
+        w, x, y, z = (self._number(f"{name}.orientation.{axis}", value["orientation"].get(axis)) for axis in axes)
+        length = math.hypot(w, x, y, z)
+        if not math.isclose(length, 1.0, abs_tol=1e-3):
+            raise CallError(f"`{name}.orientation` of `{self._method}` has the length {length:g}, not 1")
+        turn = (w / length, x / length, y / length, z / length)
+        return self._vector(f"{name}.position", value.get("position")), turn
 
     def vectors(self, name: str, most: int) -> tuple[Vector, ...]:
         """Read a list of `Vector3r`."""

@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 
 from lingjing.mission.instance import Instance
 from lingjing.plugins.policy import Picture
+from lingjing.scene.camera_geometry import CameraPlacement
 from lingjing.serve.airsim.arguments import Arguments
+from lingjing.serve.airsim.distortion import Distortion
 from lingjing.serve.airsim.pictures import ImageWish
 from lingjing.serve.airsim.server import Call, Client
 from lingjing.serve.airsim.vehicles import Fleet, Surroundings, Vehicle
@@ -70,6 +72,10 @@ class Context:
     """The ids that clients have given to objects, by entity; others have that of their class."""
     filters: dict[tuple[str, str, int], DetectionFilter] = field(default_factory=dict)
     """The filters of detections, by vehicle, camera and image type."""
+    placements: dict[tuple[str, str], CameraPlacement] = field(default_factory=dict)
+    """The places and lenses that clients have given to cameras, by vehicle and camera; others have their mount's."""
+    distortions: dict[tuple[str, str], Distortion] = field(default_factory=dict)
+    """The distortions that clients have given to cameras, by vehicle and camera."""
     waits: list[PictureWait] = field(default_factory=list)
     """The calls that wait for pictures."""
     flying: dict[str, Call] = field(default_factory=dict)

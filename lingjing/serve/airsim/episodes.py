@@ -36,6 +36,8 @@ class Serving:
     pace: Pace
     once: bool
     """True to end when the last client has left."""
+    moves_cameras: bool = False
+    """True if clients may move cameras and change their lenses: in a free flight, where nothing is judged."""
     folder: Path | None = None
     """The folder of the first episode's trace; None for new ones under `runs/`. Later episodes get `-2`, `-3`, …"""
 
@@ -94,7 +96,7 @@ def _episode(
     before: int,
 ) -> EpisodeReport:
     def change(instance: Instance) -> Instance:
-        return served(instance, serving.tick_s)
+        return served(instance, serving.tick_s, moves_cameras=serving.moves_cameras)
 
     def source(kernel: Kernel, barrier: Barrier, city: City) -> ClientSource:
         return ClientSource(kernel, barrier, city, server, serving.pace, ending, once=serving.once, greeting=greeting)

@@ -39,6 +39,17 @@ def quaternion(roll: float, pitch: float, yaw: float) -> Quaternion:
     )
 
 
+def angles(turn: Quaternion) -> Vector:
+    """Return roll, pitch and yaw of a turn, rad: the reverse of `quaternion`."""
+    w, x, y, z = turn
+    sine = min(max(2.0 * (w * y - z * x), -1.0), 1.0)
+    if abs(sine) > 1.0 - 1e-12:  # the nose points straight up or down: roll and yaw are one turn
+        return 0.0, math.copysign(math.pi / 2.0, sine), wrapped(-math.copysign(2.0, sine) * math.atan2(x, w))
+    roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return roll, math.asin(sine), yaw
+
+
 def attitude(state: BodyState) -> Vector:
     """Return roll, pitch and yaw of a body, rad; yaw is in (-pi, pi]."""
     yaw = math.radians(state.heading_deg)

@@ -11,6 +11,8 @@ from lingjing.engines.multirotor.verbs import ATTITUDE, LAND, STEER
 from lingjing.errors import UsageError
 from lingjing.mission.instance import ArgumentSpec, Budget, Clock, Entity, Instance, VerbSpec
 from lingjing.mission.kinds import builtin_scenes
+from lingjing.mission.vocabulary import PHOTO
+from lingjing.scene.camera_geometry import PLACEMENT_LIMITS
 
 LONGEST_TICK_S = 1.0
 """Longest tick of a served episode, seconds (chosen)."""
@@ -52,6 +54,12 @@ _ATTITUDE = VerbSpec(
     ),
 )
 
+_PLACEMENT = tuple(
+    ArgumentSpec(name=name, unit=unit, minimum=least, maximum=most, optional=True)
+    for name, (unit, least, most) in PLACEMENT_LIMITS.items()
+)
+"""The arguments of `takePhoto` that move the camera."""
+
 
 def free_flight(scene: str, drones: int, width: int, height: int, minutes: int) -> str:
     """Return the text of a mission without a task: drones in a city.
@@ -92,11 +100,17 @@ mission free_flight "Free flight" {{
 """
 
 
-def served(instance: Instance, tick_s: float) -> Instance:
-    """Return an instance with a short tick, the same time, and the verbs of set-points on its multirotors."""
+def served(instance: Instance, tick_s: float, *, moves_cameras: bool = False) -> Instance:
+    """Return an instance with a short tick, the same time, and the verbs of set-points on its multirotors.
+
+    `moves_cameras`: `takePhoto` also takes a placement of the camera. A mission that is judged has the cameras that it
+    declares, so this is for free flights.
+    """
     seconds = instance.budget.ticks * instance.clock.tick_s
     budget: Budget = replace(instance.budget, ticks=max(1, round(seconds / tick_s)))
     entities = tuple(_steerable(entity) for entity in instance.entities)
+    if moves_cameras:
+        entities = tuple(_with_placements(entity) for entity in entities)
     return replace(instance, clock=Clock(tick_s=tick_s, sync_s=tick_s), budget=budget, entities=entities)
 
 
@@ -114,6 +128,13 @@ def _steerable(entity: Entity) -> Entity:
     if entity.engine != "multirotor" or entity.role != "asset":
         return entity
     return replace(entity, verbs=(*entity.verbs, _STEER, _LAND, _ATTITUDE))
+
+
+def _with_placements(entity: Entity) -> Entity:
+    verbs = (
+        replace(verb, arguments=(*verb.arguments, *_PLACEMENT)) if verb.name == PHOTO else verb for verb in entity.verbs
+    )
+    return replace(entity, verbs=tuple(verbs))
 
 
 def _scene(scene: str) -> str:

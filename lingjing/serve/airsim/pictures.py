@@ -20,6 +20,7 @@ from lingjing.mission.instance import CameraSpec, Entity
 from lingjing.plugins.policy import Picture
 from lingjing.scene.camera_geometry import camera_axes, focal_px
 from lingjing.serve.airsim.arguments import CallError
+from lingjing.serve.airsim.distortion import Distortion, distorted
 from lingjing.serve.airsim.frames import camera_turn, quaternionr, vector3
 from lingjing.serve.airsim.vehicles import Vehicle, stamp
 from lingjing.trace.records import CameraPose
@@ -101,15 +102,20 @@ def class_number(entity: Entity) -> int:
 
 
 def image_response(
-    wish: ImageWish, picture: Picture, vehicle: Vehicle, numbers: Mapping[str, int] | None = None
+    wish: ImageWish,
+    picture: Picture,
+    vehicle: Vehicle,
+    numbers: Mapping[str, int] | None = None,
+    distortion: Distortion | None = None,
 ) -> dict[str, Any]:
     """Return an `ImageResponse`. `numbers`: ids in segmentations that replace those of classes, by entity."""
     floats: list[float] = []
     data = b""
     if wish.as_float:
-        floats = _depth(wish.type, picture).astype(np.float64).ravel().tolist()
+        depth = distorted(_depth(wish.type, picture), distortion, picture.pose, _FAR_M)
+        floats = depth.astype(np.float64).ravel().tolist()
     else:
-        pixels = _pixels(wish.type, picture, numbers or {})
+        pixels = distorted(_pixels(wish.type, picture, numbers or {}), distortion, picture.pose, 0)
         data = png(pixels) if wish.compressed else np.ascontiguousarray(pixels[..., ::-1]).tobytes()
     return {
         "image_data_uint8": data,
@@ -192,8 +198,8 @@ def _normals(picture: Picture) -> npt.NDArray[np.uint8]:
     return np.clip(np.stack([north, east, -up], axis=2) * 127.5 + 127.5, 0, 255).astype(np.uint8)
 
 
-def projection(camera: CameraSpec) -> list[list[float]]:
+def projection(pose: CameraPose) -> list[list[float]]:
     """Return the matrix of a pinhole camera with near plane 0.1 m and no far plane, row by row."""
-    focal = 1.0 / math.tan(math.radians(camera.hfov_deg) / 2.0)
-    aspect = camera.width / camera.height
+    focal = 1.0 / math.tan(math.radians(pose.hfov_deg) / 2.0)
+    aspect = pose.width / pose.height
     return [[focal, 0.0, 0.0, 0.0], [0.0, focal * aspect, 0.0, 0.0], [0.0, 0.0, 0.0, 0.1], [0.0, 0.0, 1.0, 0.0]]

@@ -14,7 +14,7 @@ from typing import Any, Literal
 from lingjing.errors import UsageError
 from lingjing.kernel.barrier import Barrier
 from lingjing.kernel.step import Kernel, Published
-from lingjing.mission.instance import Instance
+from lingjing.mission.instance import Datum, Instance
 from lingjing.mission.vocabulary import PHOTO
 from lingjing.scene.city import City
 from lingjing.scene.sight import SightLines
@@ -277,8 +277,11 @@ class ClientSource:
         """Return one command for each agent: a picture first, else the command of a vehicle."""
         actions: dict[str, Action] = {}
         for wait in context.waits:
-            camera = Action(verb=PHOTO, resource=wait.vehicle.entity.id, arguments={"camera": wait.missing[0]})
-            actions.setdefault(wait.vehicle.agent.id, camera)
+            entity, camera = wait.vehicle.entity.id, wait.missing[0]
+            placement = context.placements.get((entity, camera))
+            arguments: dict[str, Datum] = {"camera": camera, **(placement.arguments if placement is not None else {})}
+            photo = Action(verb=PHOTO, resource=entity, arguments=arguments)
+            actions.setdefault(wait.vehicle.agent.id, photo)
         for vehicle in context.fleet.vehicles:
             if vehicle.agent.id not in actions and vehicle.flies and (action := vehicle.pilot.action()) is not None:
                 actions[vehicle.agent.id] = action
