@@ -20,7 +20,7 @@ from lingjing_agents.react.policy import PATIENCE
 from agents.tests.agent_kit import Inbox, brief, observe, react
 from agents.tests.hostile_server import answered, completion, header_of, serve_raw
 from lingjing.plugins.policy import InfrastructureError, NoDecisionError, UsageError
-from lingjing.trace.container import scan
+from lingjing.testing.traces import scan
 from tools.python_forks import run_python
 
 KEY = 'Zq8vT3kX9-mWn2bLs/7"Rü'

@@ -18,7 +18,6 @@ from lingjing_agents.paths.clearance_paths import NARROW_M, find_path
 from lingjing_agents.paths.visiting_order import shares, shortest
 from msgspec.structs import replace
 
-from lingjing.dsl.loading.load import templates_beside
 from lingjing.kernel.cities import CityBuilder
 from lingjing.mission.instance import ArgumentSpec, VerbSpec
 from lingjing.mission.kinds_format import VerbMotion
@@ -26,6 +25,7 @@ from lingjing.plugins.policy import BodyState
 from lingjing.plugins.tasks import Task
 from lingjing.plugins.terrain import ObstacleMap
 from lingjing.testing import PluginHost, instantiate
+from lingjing.testing.documents import templates_beside
 
 
 def ground(*walls: tuple[float, float, float, float], side_m: int = 60) -> ObstacleMap:

@@ -18,7 +18,7 @@ from typing import Any
 import pytest
 
 from agents.tests.hostile_server import answered, completion, header_of, serve_raw
-from lingjing.trace.container import scan
+from lingjing.testing.traces import scan
 from tools.python_forks import start_python
 
 KEY = "sk-Planted4711-of-the-service"

@@ -6,6 +6,7 @@ needs pytest. `docs/testing.md` shows a test of each kind of plug-in; the checks
 `lingjing.plugins.conformance`.
 
 - `missions`: missions, instances and cities ← a text, a file or the name of a shipped mission
+- `documents`: missions as JSON
 - `declarations`, `expressions`: the parts of missions and conditions that are built by hand
 - `decisions`, `policies`: decisions in one line, and a policy that makes scripted ones
 - `engines`: one engine, driven by macro-steps, and small worlds for it

@@ -13,13 +13,14 @@ from pathlib import Path
 import msgspec
 
 from lingjing.data import data_path
-from lingjing.dsl import Compilation, compile_file, compile_text
+from lingjing.dsl import Compilation, SourceText, compile_file, compile_source, compile_text
 from lingjing.dsl.loading.load import load_mission, mission_of
 from lingjing.errors import UsageError
 from lingjing.kernel.cities import CityBuilder
 from lingjing.kernel.visibility import Projector
 from lingjing.mission import instantiate as instantiation
 from lingjing.mission.alternatives import at_tier
+from lingjing.mission.diagnostics import Diagnostic
 from lingjing.mission.expression import Flag, Number
 from lingjing.mission.instance import Budget, Clock, CommsSpec, Entity, Instance, SceneSpec, Weather
 from lingjing.mission.model import Mission
@@ -28,6 +29,12 @@ from lingjing.plugins.host import PluginHost
 from lingjing.plugins.policy import Brief
 from lingjing.scene.city import City
 from lingjing.suggest import nearest_or
+
+__all__ = [
+    "Compilation", "Diagnostic", "MissionSource", "PluginHost", "SourceText", "at_tier", "bare_instance", "brief_of",
+    "city_of", "compile_file", "compile_source", "compile_text", "compiled", "instantiate", "mission_file", "placed",
+    "shipped_missions", "shortened",
+]  # fmt: skip
 
 MissionSource = Mission | str | PathLike[str]
 """A compiled mission, a text with a line break, the path of a file, or the name of a shipped mission."""

@@ -6,10 +6,17 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from lingjing.mission.instance import Instance
-from lingjing.trace.digest import START, next_frames_digest
+from lingjing.trace.container import scan
+from lingjing.trace.digest import START, last_digest, next_digest, next_frames_digest, verify
+from lingjing.trace.encoding import from_json, to_json
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import AgentBinding, BoundaryRecord, Header, Outcome
-from lingjing.trace.writer import TraceWriter
+from lingjing.trace.writer import TraceWriter, part_path
+
+__all__ = [
+    "START", "TraceWriter", "from_json", "header_of", "last_digest", "next_digest", "next_frames_digest",
+    "outcome_of", "part_path", "scan", "to_json", "verify", "write_trace",
+]  # fmt: skip
 
 
 def header_of(instance: Instance, policy: str = "heuristic") -> Header:

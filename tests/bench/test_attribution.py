@@ -28,7 +28,7 @@ from lingjing.bench.planting import Planting, PlantingPlan, first_change, occasi
 from lingjing.bench.suite import attribution_suites, find_suite, shipped_suites
 from lingjing.errors import ExitCode, UsageError
 from lingjing.testing import run_command, shipped_missions
-from lingjing.trace.digest import last_digest
+from lingjing.testing.traces import last_digest
 from lingjing.trace.records import DIGEST_VERSION
 from tests.bench.suite_kit import EpisodeTask
 

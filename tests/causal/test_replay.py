@@ -17,7 +17,7 @@ from lingjing.plugins.hookspecs import ScenePlugin, hookimpl
 from lingjing.scene.city import content_sha256
 from lingjing.testing import PluginHost, does, mission_file, run_command, shortened
 from lingjing.testing import rescue as kit
-from lingjing.trace.digest import START, next_digest
+from lingjing.testing.traces import START, next_digest
 from lingjing.trace.records import Action, BoundaryRecord, Decision, DecisionRecord, Header
 from tests.scene.osm_maps import square, town
 

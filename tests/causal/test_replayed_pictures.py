@@ -20,7 +20,7 @@ from lingjing.causal.recorded import recorded_frame
 from lingjing.errors import ExitCode
 from lingjing.kernel.world.contract import StoredFrame
 from lingjing.testing import TraceWriter, encode_jpeg, mission_file, run_command, shortened
-from lingjing.trace.digest import START, next_frames_digest, verify
+from lingjing.testing.traces import START, next_frames_digest, verify
 from lingjing.trace.records import FrameInfo
 from lingjing.trace.writer import PictureParts
 

@@ -12,7 +12,7 @@ import pytest
 import tests.couplings.mixed_world as kit
 from lingjing import read as read_trace
 from lingjing.errors import LingjingError
-from lingjing.trace.digest import verify
+from lingjing.testing.traces import verify
 
 POLICY = f"{kit.HERE / 'restless.py'}:Restless"
 WORKER = "lingjing.kernel.world.worker"

@@ -25,9 +25,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from lingjing.dsl.syntax.tokens import INNER, STATEMENTS
-from lingjing.mission.diagnostics import Diagnostic
 from lingjing.mission.units import UNITS, unit_of
 from lingjing.testing import compile_text
+from lingjing.testing.missions import Diagnostic
 
 ROOT = Path(__file__).parents[2]
 KEYWORDS = STATEMENTS.keys() | INNER.keys()

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from lingjing.dsl.diagnostics.codes import CODES
-from lingjing.mission.diagnostics import Diagnostic
 from lingjing.testing import compile_text
+from lingjing.testing.missions import Diagnostic
 
 HARD = "constraint hard dry { always now >= 0 s }"
 RAFT = "target raft : person_in_water { interaction rescue { within = 1 m }, interaction rescue { within = 2 m } }"

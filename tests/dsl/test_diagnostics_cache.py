@@ -9,9 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.dsl import compile_source
 from lingjing.dsl.loading import cache
-from lingjing.dsl.source.text import SourceText
+from lingjing.testing.missions import SourceText, compile_source
 
 
 @pytest.fixture(autouse=True)

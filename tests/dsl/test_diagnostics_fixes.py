@@ -11,11 +11,10 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from lingjing.dsl import compile_source
 from lingjing.dsl.diagnostics.fixes import fix_source
-from lingjing.dsl.source.text import SourceText
 from lingjing.errors import ExitCode
 from lingjing.testing import compile_text, run_command
+from lingjing.testing.missions import SourceText, compile_source
 
 ROOT = Path(__file__).parents[2]
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.dsl import SourceText, compile_source
 from lingjing.dsl.diagnostics.codes import CODES
 from lingjing.errors import ExitCode
 from lingjing.testing import compile_file, compile_text, run_command
+from lingjing.testing.missions import SourceText, compile_source
 
 PAGES = Path(__file__).parents[2] / "docs" / "errors"
 BLOCK = re.compile(

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 
 from lingjing.dsl.formatting.formatter import WIDTH, format_text
 from lingjing.dsl.source.reporter import Reporter
-from lingjing.dsl.source.text import SourceText
 from lingjing.dsl.syntax.lexer import lex
 from lingjing.testing import compile_text
+from lingjing.testing.missions import SourceText
 
 ROOT = Path(__file__).parents[2]
 FILES = sorted((ROOT / "scenarios").rglob("*.ljs"))

@@ -13,13 +13,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from lingjing.dsl import compile_source
 from lingjing.dsl.diagnostics.codes import CODES
 from lingjing.dsl.source.text import decode_source
 from lingjing.dsl.syntax.tables import load_tables
 from lingjing.dsl.syntax.tokens import INNER, STATEMENTS, SYMBOLS
 from lingjing.errors import UsageError
 from lingjing.testing import Compilation, compile_text
+from lingjing.testing.missions import compile_source
 
 CHECKED = settings(max_examples=120, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 SPELT = {

@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 
 from lingjing import Mission
-from lingjing.dsl import SourceText
 from lingjing.dsl.checking.checker import check
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.syntax.parser import parse
 from lingjing.testing import compile_text
+from lingjing.testing.missions import SourceText
 
 
 def checked(text: str) -> Mission:

@@ -13,8 +13,8 @@ import pytest
 import lingjing
 from lingjing.dsl.diagnostics.render import render_text
 from lingjing.errors import ExitCode, MissionError, UsageError
-from lingjing.mission.diagnostics import Diagnostic
 from lingjing.testing import compile_file, compile_text, run_command
+from lingjing.testing.missions import Diagnostic
 
 ROOT = Path(__file__).parents[2]
 

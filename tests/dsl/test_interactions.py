@@ -9,13 +9,13 @@ import pytest
 
 from lingjing.dsl.loading.load import proofs
 from lingjing.dsl.pages.judging import judging
-from lingjing.dsl.source.text import SourceText
 from lingjing.mission import document
 from lingjing.mission.graph import graph
 from lingjing.mission.interactions import UNSAID
 from lingjing.testing import compile_text, instantiate
 from lingjing.testing import declarations as model
 from lingjing.testing import expressions as ex
+from lingjing.testing.missions import SourceText
 
 TYPES = """\
 ljs 1

@@ -12,9 +12,9 @@ import msgspec
 import pytest
 
 from lingjing import Mission
-from lingjing.mission.document import decode, encode
 from lingjing.mission.instance import Instance, StateSpec
 from lingjing.testing import compile_file, instantiate
+from lingjing.testing.documents import decode, encode
 
 ROOT = Path(__file__).parents[2]
 GOLDEN = Path(__file__).with_name("golden") / "missions.txt"

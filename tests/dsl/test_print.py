@@ -121,9 +121,9 @@ _TREES = st.recursive(
 def test_arithmetic_reads_back_as_an_equal_tree(tree: ex.Expr) -> None:
     """Checked by parsing alone: the parsed phrase has the operators of the tree in the same places."""
     from lingjing.dsl.source.reporter import Reporter
-    from lingjing.dsl.source.text import SourceText
     from lingjing.dsl.syntax import tree as s
     from lingjing.dsl.syntax.parser import parse
+    from lingjing.testing.missions import SourceText
 
     phrases = Phrases(PLAIN)
     report = Reporter(SourceText(f"param x = {phrases.text(tree)}"))

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.dsl import SourceText, compile_source
 from lingjing.errors import ExitCode
 from lingjing.mission.kinds import builtin_engines, builtin_scenes
 from lingjing.testing import PluginHost, run_command
+from lingjing.testing.missions import SourceText, compile_source
 
 
 def warned(text: str, *offered: str) -> list[tuple[str, int, int, str, str]]:

@@ -16,13 +16,13 @@ from lingjing.dsl.pages.statements import statements_page
 from lingjing.dsl.printing.layouts import has_layout
 from lingjing.dsl.printing.printer import _WRITERS
 from lingjing.dsl.source.reporter import Reporter
-from lingjing.dsl.source.text import SourceText
 from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.parser import parse
 from lingjing.dsl.syntax.statement_kinds import FILE, TYPE, Form
 from lingjing.dsl.syntax.statements import KINDS, PARAGRAPHS, STATEMENTS, keyword_of
 from lingjing.mission.instance import Instance
 from lingjing.testing import compile_text, instantiate
+from lingjing.testing.missions import SourceText
 
 ROOT = Path(__file__).parents[2]
 SINGLE = {"goal", "capabilities", "scene", "clock", "budget", "weather", "comms", "modes", "success", "failure"}

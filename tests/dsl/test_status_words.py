@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import pytest
 
-from lingjing.dsl import compile_source
 from lingjing.dsl.checking.scope import GroupInfo, PropertyType, TypeDecl
 from lingjing.dsl.checking.status_words import status_words
 from lingjing.dsl.diagnostics.fixes import fix_source
 from lingjing.dsl.printing.printer import to_ljs
-from lingjing.dsl.source.text import SourceText
 from lingjing.mission.diagnostics import Diagnostic, Span
 from lingjing.mission.functions import Type
 from lingjing.mission.units import BY_NAME
 from lingjing.testing import compile_text
+from lingjing.testing.missions import SourceText, compile_source
 
 RULE = "  adjudicate odd(v: victim) {{ when {} }}\n  unlock rescue"
 BURNING = "  target blaze : fire_source { position = (300 m, -560 m) }\n"

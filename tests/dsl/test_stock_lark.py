@@ -16,11 +16,11 @@ from lark import Lark, Transformer
 from lark.exceptions import LarkError
 
 from lingjing.dsl.source.reporter import Reporter
-from lingjing.dsl.source.text import SourceText
 from lingjing.dsl.syntax import tree
 from lingjing.dsl.syntax.builder import Builder
 from lingjing.dsl.syntax.lexer import lex
 from lingjing.dsl.syntax.parser import parse, parse_tokens
+from lingjing.testing.missions import SourceText
 from tests.dsl.test_fuzz import mutated
 
 ROOT = Path(__file__).parents[2]

@@ -6,10 +6,10 @@ import msgspec
 import pytest
 
 import lingjing
-from lingjing.dsl import SourceText
 from lingjing.dsl.upgrade import upgrade_source
 from lingjing.testing import compile_file, compile_text, instantiate
 from lingjing.testing.declarations import Origin
+from lingjing.testing.missions import SourceText
 
 STORED = sorted((Path(__file__).parent / "data" / "ljs-1").glob("*.ljs"))
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from lingjing.dsl import compile_source
 from lingjing.dsl.diagnostics.fixes import fix_source
-from lingjing.dsl.source.text import SourceText
 from lingjing.testing import compile_text
+from lingjing.testing.missions import SourceText, compile_source
 
 # what is replaced in the small mission, by what, the name, a part of the hint
 MISSING = [

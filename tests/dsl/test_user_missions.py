@@ -11,8 +11,8 @@ from pathlib import Path
 import msgspec
 
 import lingjing
-from lingjing.mission.document import decode
 from lingjing.testing.declarations import Origin
+from lingjing.testing.documents import decode
 
 HERE = Path(__file__).parent
 

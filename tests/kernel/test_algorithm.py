@@ -21,7 +21,7 @@ from lingjing.plugins.policy import NoDecisionError
 from lingjing.testing import does, says, together
 from lingjing.testing import rescue as kit
 from lingjing.testing.expressions import Binary, Call, Flag, Number, Point, Ref
-from lingjing.trace.digest import next_digest
+from lingjing.testing.traces import next_digest
 from lingjing.trace.records import Decision, Usage
 
 MET = kit.rule(

@@ -11,7 +11,7 @@ from lingjing.kernel.candidates import DECISION_BYTES, THOUGHT_LETTERS, plain_co
 from lingjing.kernel.sequential import SequentialPolicies
 from lingjing.testing import does, says, together
 from lingjing.testing import rescue as kit
-from lingjing.trace.encoding import to_json
+from lingjing.testing.traces import to_json
 from lingjing.trace.records import Action, Decision, Outgoing, Usage
 
 NAN, INF = float("nan"), float("inf")

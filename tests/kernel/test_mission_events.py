@@ -9,7 +9,7 @@ from lingjing.mission.instance import ChannelSpec, EventSpec, Weather
 from lingjing.testing import compile_text
 from lingjing.testing import rescue as kit
 from lingjing.testing.expressions import Call, Ref, Symbol
-from lingjing.trace.encoding import from_json, to_json
+from lingjing.testing.traces import from_json, to_json
 from lingjing.trace.foxglove import logs
 from lingjing.trace.records import BoundaryRecord, ObservationRecord, TaskEvent
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from lingjing.testing import CENTRE_BOX
 from lingjing.testing import rescue as kit
-from lingjing.trace.encoding import from_json, to_json
+from lingjing.testing.traces import from_json, to_json
 from lingjing.trace.records import Action, BoundaryRecord, Decision, DecisionRecord, Outgoing
 
 TICKS = 30

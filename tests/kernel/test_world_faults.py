@@ -15,8 +15,8 @@ from lingjing.kernel.episode import play, policy_barrier
 from lingjing.kernel.step import Kernel
 from lingjing.mission.instance import AgentSpec, ChannelSpec, Entity, InteractionSpec, StateSpec, VerbSpec
 from lingjing.testing import TraceWriter, bare_instance
+from lingjing.testing.traces import verify
 from lingjing.testing.worlds import open_world
-from lingjing.trace.digest import verify
 from lingjing.trace.records import Action, Decision, Header
 
 TICKS = 4

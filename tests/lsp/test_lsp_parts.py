@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lingjing.data import data_path
-from lingjing.dsl.source.text import SourceText
 from lingjing.dsl.syntax.statements import KINDS
 from lingjing.dsl.syntax.tokens import STATEMENTS
 from lingjing.errors import UsageError
@@ -20,6 +19,7 @@ from lingjing.lsp.outline import outline
 from lingjing.lsp.positions import Positions, TextPosition
 from lingjing.lsp.rename import applied, rename
 from lingjing.testing import compile_text, mission_file
+from lingjing.testing.missions import SourceText
 
 SSR = mission_file("ssr").read_text(encoding="utf-8")
 

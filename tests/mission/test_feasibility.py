@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from lingjing.mission.diagnostics import Diagnostic
 from lingjing.testing import compile_text
+from lingjing.testing.missions import Diagnostic
 
 TYPES = """\
 ljs 1

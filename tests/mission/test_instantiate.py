@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from lingjing.errors import MissionError, UsageError
-from lingjing.mission.document import encode
 from lingjing.mission.instance import ChannelSpec, Entity, Instance
 from lingjing.mission.instantiate import instantiate
 from lingjing.testing import declarations as m
 from lingjing.testing import expressions as ex
+from lingjing.testing.documents import encode
 
 ROOT = Path(__file__).resolve().parents[2]
 SEEDS = st.integers(0, 2**31)

@@ -13,13 +13,12 @@ import pytest
 
 import lingjing
 from lingjing import read as read_trace
-from lingjing.dsl.loading.load import templates_beside
 from lingjing.errors import MissionError
 from lingjing.mission import jsontext
-from lingjing.mission.document import read
 from lingjing.mission.instance import Instance
 from lingjing.mission.reset.emit import emit
 from lingjing.testing import instantiate
+from lingjing.testing.documents import read, templates_beside
 
 WILD = Path(__file__).parent / "wild"
 TEMPLATES = templates_beside(Path("nowhere"))

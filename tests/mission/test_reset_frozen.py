@@ -12,9 +12,8 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing.dsl.loading.load import templates_beside
-from lingjing.mission.document import read
 from lingjing.testing import instantiate
+from lingjing.testing.documents import read, templates_beside
 
 ROOT = Path(__file__).resolve().parents[2]
 GOLDEN = Path(__file__).parent / "golden" / "reset_frozen.json"

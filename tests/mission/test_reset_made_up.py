@@ -11,14 +11,13 @@ from typing import Any
 import pytest
 
 from benchmarks.silent_guesses import silent_guesses
-from lingjing.dsl.loading.load import templates_beside
 from lingjing.errors import ExitCode, MissionError
 from lingjing.kernel.cities import CityBuilder
-from lingjing.mission.document import read
 from lingjing.mission.instance import Instance
 from lingjing.mission.reset.emit import emit
 from lingjing.scene.lines import project
 from lingjing.testing import PluginHost, instantiate, run_command
+from lingjing.testing.documents import read, templates_beside
 
 FOLDER = Path(__file__).parent / "made_up"
 FILES = {path.name[:2]: path for path in sorted(FOLDER.glob("*.json"))}

@@ -9,7 +9,6 @@ import jsonschema
 import msgspec
 import pytest
 
-from lingjing.dsl.loading.load import templates_beside
 from lingjing.errors import MissionError
 from lingjing.mission import document, frames
 from lingjing.mission.instance import Instance, StateSpec
@@ -22,6 +21,7 @@ from lingjing.mission.reset.template import fleet_of, signatures
 from lingjing.testing import at_tier, instantiate
 from lingjing.testing import declarations as m
 from lingjing.testing import expressions as ex
+from lingjing.testing.documents import templates_beside
 
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = ("air_delivery", "bi", "cd", "cr", "fire_search", "idf", "ld", "queue", "ssr", "ufr", "upr", "vdn")

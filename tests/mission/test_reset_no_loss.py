@@ -9,12 +9,11 @@ from typing import Any
 import pytest
 
 from lingjing import Mission
-from lingjing.dsl.loading.load import templates_beside
 from lingjing.errors import MissionError
-from lingjing.mission.document import read
 from lingjing.mission.instance import Instance
 from lingjing.mission.reset.emit import emit
 from lingjing.testing import instantiate
+from lingjing.testing.documents import read, templates_beside
 from lingjing.testing.expressions import Number
 
 TEMPLATES = templates_beside(Path("nowhere"))

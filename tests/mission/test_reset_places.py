@@ -7,11 +7,10 @@ from typing import Any
 
 import pytest
 
-from lingjing.dsl.loading.load import templates_beside
 from lingjing.errors import LingjingError, MissionError
-from lingjing.mission.document import decode, encode, read
 from lingjing.mission.reset.emit import emit
 from lingjing.testing import instantiate
+from lingjing.testing.documents import decode, encode, read, templates_beside
 
 RESET = Path(__file__).resolve().parents[2] / "scenarios" / "reset"
 TEMPLATES = templates_beside(Path("nowhere"))

@@ -12,12 +12,11 @@ import pytest
 
 from benchmarks.mutated_documents import read_mutated
 from benchmarks.silent_guesses import silent_guesses
-from lingjing.dsl.loading.load import templates_beside
 from lingjing.errors import ExitCode, MissionError
-from lingjing.mission.document import read
 from lingjing.mission.instance import Instance
 from lingjing.mission.reset.emit import emit
 from lingjing.testing import instantiate, run_command
+from lingjing.testing.documents import read, templates_beside
 
 TEMPLATES = templates_beside(Path("nowhere"))
 Json = dict[str, Any]

@@ -14,7 +14,6 @@ import msgspec
 import pytest
 import shapely
 
-from lingjing.dsl import compile_source
 from lingjing.dsl.source.text import SourceText, read_source
 from lingjing.errors import MissionError
 from lingjing.mission.footprint import sunk_below_m
@@ -28,6 +27,7 @@ from lingjing.scene.lines import point_at, project
 from lingjing.scene.store import write_store
 from lingjing.scene.terrain import Terrain
 from lingjing.testing import PluginHost, instantiate
+from lingjing.testing.missions import compile_source
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 NINE = ("vdn", "bi", "ld", "idf", "upr", "ufr", "cr", "ssr", "cd")

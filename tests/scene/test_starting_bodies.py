@@ -11,8 +11,6 @@ import pytest
 
 import lingjing
 from lingjing import read as read_trace
-from lingjing.dsl import compile_source
-from lingjing.dsl.source.text import SourceText
 from lingjing.errors import MissionError
 from lingjing.mission.footprint import STANDS_M, footprint, sunk_below_m
 from lingjing.plugins.building import build_city
@@ -21,6 +19,7 @@ from lingjing.scene.displacement import in_words, moved_bodies
 from lingjing.scene.footing import Footing
 from lingjing.scene.terrain import Terrain
 from lingjing.testing import PluginHost, instantiate, mission_file, placed
+from lingjing.testing.missions import SourceText, compile_source
 from lingjing.trace.records import Decision
 from tools.python_forks import run_python
 

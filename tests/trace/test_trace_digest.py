@@ -14,6 +14,7 @@ import lingjing
 from lingjing import Trace
 from lingjing import read as read_trace
 from lingjing.errors import InfrastructureError
+from lingjing.testing.traces import from_json, to_json
 from lingjing.trace import records
 from lingjing.trace.digest import (
     START,
@@ -25,7 +26,6 @@ from lingjing.trace.digest import (
     verify,
 )
 from lingjing.trace.digest_form import FORMS, REQUIRED, current_form, full_form
-from lingjing.trace.encoding import from_json, to_json
 from lingjing.trace.records import (
     BodyState,
     BoundaryRecord,

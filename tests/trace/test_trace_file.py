@@ -24,11 +24,9 @@ from lingjing import Trace
 from lingjing import read as read_trace
 from lingjing.errors import ExitCode, LingjingError, UsageError
 from lingjing.testing import TraceWriter, sea_rescue
-from lingjing.trace.container import scan
-from lingjing.trace.digest import verify
+from lingjing.testing.traces import part_path, scan, verify
 from lingjing.trace.records import CUT_SHORT, Outcome, Reason
 from lingjing.trace.topics import CAMERAS
-from lingjing.trace.writer import part_path
 
 WORDS = {
     "$schema", "$defs", "$ref", "title", "description", "type", "properties", "required", "additionalProperties",

@@ -10,8 +10,8 @@ from lingjing import Trace
 from lingjing import read as read_trace
 from lingjing.errors import UsageError
 from lingjing.testing import TraceWriter, sea_rescue
+from lingjing.testing.traces import part_path
 from lingjing.trace.following import TraceFollower
-from lingjing.trace.writer import part_path
 
 
 def test_boundaries_come_one_by_one_and_the_outcome_at_the_end(trace: Trace, tmp_path: Path) -> None:

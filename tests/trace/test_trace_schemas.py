@@ -10,7 +10,7 @@ import msgspec
 import pytest
 
 from lingjing import Trace
-from lingjing.trace.encoding import to_json
+from lingjing.testing.traces import to_json
 from lingjing.trace.schemas import RECORDS, schema_text
 
 

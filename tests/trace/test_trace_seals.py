@@ -17,7 +17,7 @@ import lingjing
 from lingjing import read as read_trace
 from lingjing.errors import UsageError
 from lingjing.testing import TraceWriter, sea_rescue
-from lingjing.trace.container import scan
+from lingjing.testing.traces import scan
 from lingjing.trace.records import Outcome
 from lingjing.trace.seal_check import check_seals
 from lingjing.trace.seals import MAGIC, RECORD, SEAL, SealedFile, is_seal, read_key

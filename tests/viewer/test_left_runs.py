@@ -14,8 +14,8 @@ import pytest
 
 from lingjing import Trace
 from lingjing.testing import TraceWriter
+from lingjing.testing.traces import part_path
 from lingjing.trace.container import is_being_written
-from lingjing.trace.writer import part_path
 from lingjing.viewer import live
 from lingjing.viewer.live import LiveSource
 

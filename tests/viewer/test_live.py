@@ -11,7 +11,7 @@ import pytest
 from lingjing import Trace
 from lingjing.errors import UsageError
 from lingjing.testing import TraceWriter, sea_rescue
-from lingjing.trace.writer import part_path
+from lingjing.testing.traces import part_path
 from lingjing.viewer.live import LiveSource
 
 
