@@ -9,6 +9,7 @@ from __future__ import annotations
 from tests.mission.language_cases import (
     BOAT,
     BUDGET,
+    MATCH,
     RESCUED,
     TWO,
     UAV,
@@ -113,6 +114,13 @@ IMPOSSIBLE = (
             f"{ORDER}\n  comms {{ loss = 100 % }}\n  permit boat.moveTo when exists q in order: true"),
     Variant("radio-comes-too-late", also("exists q in order: true"),
             f"{ORDER}\n  comms {{ loss = 100 % }}\n  event g at 700 s {{ comms {{ loss = 10 % }} }}"),
+    # when a message is sent
+    Variant("report-sent-before-its-picture", also("exists r: matched(victim, r) and r.sent < 5 s")),
+    Variant("match-only-of-reports-before-a-picture", ((MATCH, f"{MATCH} and r.sent <= 2 s"),)),
+    Variant("sent-in-the-future", also("exists r in detection: r.sent > now")),
+    Variant("sent-and-received-at-once", also("exists r in detection: now - r.sent <= 0 s")),
+    Variant("unlock-by-a-report-of-this-instant", unlocked("exists r in detection: r.sent >= now")),
+    Variant("match-of-another-class", also("exists r: matched(victim, r) and r.class == lifeboat")),
     # bodies
     Variant("boat-too-fast", also("speed(boat) > 90 m/s")),
     Variant("uav-too-fast", also("speed(uav) >= 400 m/s")),
@@ -160,6 +168,14 @@ IMPOSSIBLE = (
 )  # fmt: skip
 
 WINNABLE = (
+    # when a message is sent
+    Variant("report-sent-after-its-picture", also("exists r: matched(victim, r) and r.sent >= 10 s")),
+    Variant("match-of-early-reports", ((MATCH, f"{MATCH} and r.sent <= 400 s"),)),
+    Variant("sent-a-while-ago", also("exists r in detection: now - r.sent >= 10 s")),
+    Variant("sent-within-a-minute", unlocked("exists r in detection: now - r.sent <= 60 s")),
+    Variant("early-report-of-something-else", also("exists r in detection: r.sent <= 5 s")),
+    Variant("another-report-is-early", also(f"(exists r in detection: r.sent <= 5 s) and {SEEN}")),
+    Variant("match-of-its-class", also("exists r: matched(victim, r) and r.class == person_in_water")),
     # lasting conditions
     Variant("held-as-long-as-there-is-time", also(f"held({NEAR}, 200 s)")),
     Variant("held-time", also("held(now > 100 s, 200 s)")),

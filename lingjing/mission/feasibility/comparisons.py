@@ -20,10 +20,12 @@ from lingjing.mission.feasibility.condition_values import (
     MessageTally,
     Occurrences,
     Pictured,
+    SentTime,
     Span,
     Tally,
     WordOf,
     World,
+    age,
     bounds_of,
     linear,
 )
@@ -65,6 +67,11 @@ def compared(node: ex.Binary, left: Value, right: Value, on: World) -> Truth:
 
 def _comparison(node: ex.Binary, left: Value, right: Value, on: World) -> Truth:
     symbol = node.operator
+    match left, right:  # `r.sent > now` is `0 > now - r.sent`
+        case Span(factor=1.0), SentTime():
+            left, right = age(left, right, on.clock), exactly(0.0)
+        case SentTime(), Span(factor=1.0):
+            left, right = exactly(0.0), age(right, left, on.clock)
     pictures = [value for value in (left, right) if isinstance(value, Pictured)]
     if pictures:
         return _of_pictures(symbol, left, right, pictures, on)
@@ -82,7 +89,18 @@ def _of_pictures(symbol: str, left: Value, right: Value, pictures: list[Pictured
     plain = _by_bounds(bounds_of(left), bounds_of(right), symbol, on)
     if not plain.may:
         return plain
-    return conjunction([since(on.reported_picture(value.body), on.clock) for value in pictures], on.clock)
+    return conjunction([_since_reported(value, on) for value in pictures], on.clock)
+
+
+def _since_reported(picture: Pictured, on: World) -> Truth:
+    """The truth of a condition on a picture: a message names it, which is sent when the picture exists."""
+    moment = on.reported_picture(picture.body)
+    truth = since(moment, on.clock)
+    if picture.message is None or not truth.may:
+        return truth
+    taken_s = on.clock.time_s(max(0, moment.step - on.clock.per_tick))
+    sent = SentTime.of(picture.message, on.clock)
+    return msgspec.structs.replace(truth, if_true={**truth.if_true, sent.key: Bounds(taken_s, math.inf)})
 
 
 def _by_bounds(left: Bounds, right: Bounds, symbol: str, on: World) -> Truth:

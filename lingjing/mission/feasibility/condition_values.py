@@ -25,7 +25,12 @@ from lingjing.mission.feasibility.truths import (
 from lingjing.mission.intervals import ANYTHING, Bounds, exactly
 from lingjing.mission.values import Value, is_number
 
+SENT = "sent"
+"""The kind of the quantity; a record may declare a field of this name, which is another quantity."""
+
 AXIS_NAMES = ("east", "north", "elevation")
+_ROUNDING_S = 1e-6
+"""Tolerance of a difference of two times, seconds (chosen)."""
 
 
 class Message(AnyMessage, frozen=True):
@@ -57,6 +62,22 @@ class Gauge(msgspec.Struct, frozen=True):
     key: Quantity
     bounds: Bounds
     """Its bounds during the episode."""
+
+
+class SentTime(Gauge, frozen=True):
+    """The time at which a message was sent, which rules receive one tick later."""
+
+    @classmethod
+    def of(cls, message: Message, clock: StepClock) -> SentTime:
+        """The time of a message that a rule can still receive."""
+        latest = clock.time_s(max(0, clock.last - clock.per_tick))
+        return cls((SENT, message.mark, message.kind, "sent"), Bounds(0.0, latest))
+
+
+def age(now: Span, sent: SentTime, clock: StepClock) -> Gauge:
+    """`now - r.sent`: at least one tick. `now` is the time of the mission plus an offset."""
+    least = clock.tick_s - _ROUNDING_S
+    return Gauge(("age", *sent.key[1:3]), Bounds(least + now.offset, clock.time_s(clock.last) + now.offset))
 
 
 class WordOf(msgspec.Struct, frozen=True):
@@ -106,6 +127,8 @@ class Pictured(msgspec.Struct, frozen=True):
 
     body: Body
     bounds: Bounds = ANYTHING
+    message: Message | None = None
+    """The message that names the picture; None if it is not known."""
 
 
 class World(Protocol):
@@ -219,6 +242,7 @@ def linear(value: Value) -> Span | None:
 
 __all__ = [
     "AXIS_NAMES",
+    "SENT",
     "Apart",
     "Extremum",
     "Gauge",
@@ -226,10 +250,12 @@ __all__ = [
     "MessageTally",
     "Occurrences",
     "Pictured",
+    "SentTime",
     "Span",
     "Tally",
     "WordOf",
     "World",
+    "age",
     "bounds_of",
     "linear",
     "truth_of",

@@ -24,7 +24,7 @@ from lingjing.mission.conditions.episode import EVENT, EpisodeKnowledge
 from lingjing.mission.conditions.motion import moving_verbs, roaming_verbs
 from lingjing.mission.conditions.outline import Body, Outline, able_agents
 from lingjing.mission.conditions.spread import PossiblePlaces, extent, farthest, gap, point
-from lingjing.mission.feasibility.condition_values import AXIS_NAMES, Gauge, Message, Occurrences, truth_of
+from lingjing.mission.feasibility.condition_values import AXIS_NAMES, SENT, Gauge, Message, Occurrences, truth_of
 from lingjing.mission.feasibility.message_size import least_bytes
 from lingjing.mission.feasibility.proof import spelled
 from lingjing.mission.feasibility.readings import Readings
@@ -846,9 +846,8 @@ class Milestones:
         moment = self.moment(general)
         truth = since(moment, self.clock, key)
         certain = self._certain.get(general, NEVER)
-        return msgspec.structs.replace(
-            truth, must=self.clock.since(certain), if_true={**self._implied.get(general, {}), key: YES}
-        )
+        implied = {_with_marks(of, values): extent for of, extent in self._implied.get(general, {}).items()}
+        return msgspec.structs.replace(truth, must=self.clock.since(certain), if_true={**implied, key: YES})
 
     def _achieved(self, name: str, *ids: str) -> Moment:
         rule = self._rules[name]
@@ -862,8 +861,11 @@ class Milestones:
                 sent.append(self.message(parameter.domain))
         truth = self.truth(rule.condition, names)
         truth = conjunction((truth, *(since(each, self.clock) for each in sent)), self.clock)
+        lasts = lasting(truth.if_true)  # the fields of a message never change
         self._implied["achieved", name, *ids] = {
-            key: extent for key, extent in lasting(truth.if_true).items() if not _is_of_message(key)
+            key: extent
+            for key, extent in truth.if_true.items()
+            if (key[0] in ("field", SENT) if _is_of_message(key) else key in lasts)
         }
         too_long = self._too_long(truth)
         if too_long is not None:
@@ -932,6 +934,15 @@ def _of_any_message(extents: Extents) -> Extents:
 def _is_of_message(key: Quantity) -> bool:
     """True if a quantity is about one certain message."""
     return any(str(part)[:1] in ("#", "*") and part != "*" for part in key)
+
+
+def _with_marks(key: Quantity, values: list[Value]) -> Quantity:
+    """A field of the message of a rule's parameter (`*1`) as that of the message that a call names."""
+    if not _is_of_message(key):
+        return key
+    of, mark, kind, name = key
+    message = values[int(str(mark)[1:])]
+    return of, message.mark if isinstance(message, Message) else mark, kind, name
 
 
 def _shown(fact: Fact) -> str:

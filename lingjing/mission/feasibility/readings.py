@@ -27,10 +27,12 @@ from lingjing.mission.feasibility.condition_values import (
     Message,
     MessageTally,
     Pictured,
+    SentTime,
     Span,
     Tally,
     WordOf,
     World,
+    age,
     bounds_of,
     linear,
     truth_of,
@@ -166,7 +168,7 @@ def _field(base: Value, name: str, on: World) -> Value:
     if name in ("role", "sent") and not _is_declared(base, name, on):
         if name == "role":
             return WordOf(of_message, _sending_roles(base, on))
-        return Gauge(of_message, Bounds(0.0, on.clock.time_s(max(0, on.clock.last - on.clock.per_tick))))
+        return SentTime.of(base, on.clock)
     return Gauge(of_message, value) if isinstance(value, Bounds) else WordOf(of_message) if value is None else value
 
 
@@ -189,7 +191,12 @@ def _computed(node: Composite, values: list[Value], on: World) -> Value:
     if isinstance(node, ex.Call) and (reading := _CALLS.get(node.function)) is not None:
         return reading(node, values, on)
     span = _span(node, values)
-    return span if span is not None else _number(node, values, on)
+    if span is not None:
+        return span
+    match node, values:
+        case ex.Binary(operator="-"), [Span(factor=1.0) as now, SentTime() as sent]:
+            return age(now, sent, on.clock)
+    return _number(node, values, on)
 
 
 def _in_plane_or_space(node: ex.Call, values: list[Value], on: World) -> Value:
@@ -206,7 +213,7 @@ def _of_body(node: ex.Call, values: list[Value], on: World) -> Value:
         return None
     match node.function:
         case "truth":
-            return Pictured(body)
+            return Pictured(body, message=_naming(values[1]))
         case "speed":
             return Gauge(("speed", body.id), Bounds(0.0, on.top_speed(body)))
         case "photographed":
@@ -219,6 +226,14 @@ def _of_body(node: ex.Call, values: list[Value], on: World) -> Value:
             free = ("line_of_sight", *sorted((body.id, values[1].id)))
             return Truth(on.clock.always, (), {free: YES}, {free: NO})
     return None
+
+
+def _naming(frame: Value) -> Message | None:
+    """The message of which a field names a picture."""
+    if not isinstance(frame, WordOf) or frame.key[0] != "field":
+        return None
+    _, mark, kind, _ = frame.key
+    return Message(str(kind), str(mark))
 
 
 def _of_event(node: ex.Call, values: list[Value], on: World) -> Value:
@@ -275,7 +290,7 @@ def _number(node: Composite, values: list[Value], on: World) -> Value:
         picture = next((value for value in values if isinstance(value, Pictured)), None)
         if not isinstance(bounds, Bounds):
             return None
-        return bounds if picture is None else Pictured(picture.body, bounds)
+        return bounds if picture is None else Pictured(picture.body, bounds, picture.message)
     return exact(entry.value, on.knowledge.outline.scope, values)
 
 

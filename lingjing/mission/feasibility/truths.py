@@ -274,7 +274,7 @@ def in_words(key: Quantity) -> str:
         return f"`{names}.{kind}`"
     if kind == "value":
         return f"`{of[0]}.{of[1]}`"
-    if kind == "field":
+    if kind in ("field", "sent"):
         return f"`{of[1]}.{of[2]}`"
     if kind == "in":
         return f"`{of[0]} in {of[1]}`"
