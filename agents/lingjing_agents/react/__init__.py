@@ -9,7 +9,7 @@ In control-flow order:
 - `options`        the options; `prompt_files` and `prompts` hold the prompts
 - `ablation`, `route_guidance`   remove or add parts of the observation (the paper's ablations, interventions A0 to A3)
 - `prompt`         the prompt builder: `facts` (the brief in words), `road_costs`, `state` (a boundary as JSON)
-- `pictures`       JPEG files of pictures: whole, in tiles, or cut out
+- `pictures`       JPEG files of pictures: whole, in tiles, or cut out; `standing`: what stands in one from above
 - `request_budget` the tokens of a request, counted by `token_bound`, and the room that is left for earlier turns
 - `history`        the memory: earlier turns as differences (`state_difference`), and the lines that the model keeps
 - `answer`, `step` the parser: the step in an answer, checked with the schema of `lingjing.plugins.decisions`

@@ -15,6 +15,7 @@ from lingjing.plugins.policy import REFERENCE, Brief, CameraPose, Picture
 from lingjing.plugins.scaffold import ImageFile
 from lingjing_agents.perception.images import ImageBox, opencv
 from lingjing_agents.react.facts import tenths
+from lingjing_agents.react.standing import standing
 
 JPEG_QUALITY = 85
 WHOLE: ImageBox = (0.0, 0.0, 1.0, 1.0)
@@ -73,7 +74,21 @@ def in_words(picture: Picture, brief: Brief) -> dict[str, object]:
         "heading_deg": round(pose.heading_deg, 1),
         "camera_position": tenths(pose.position),
         **_ground(picture, brief),
-        **_depths(picture),
+        **(_standing(picture) if pose.tilt_deg > _AHEAD_DEG else _depths(picture)),
+    }
+
+
+def _standing(picture: Picture) -> dict[str, object]:
+    """Return the rectangles around what stands in a picture from above; the table of depths without level ground."""
+    seen = standing(picture)
+    if seen is None:
+        return _depths(picture)
+    if not seen.rectangles:
+        return {}
+    left_out = {"smaller_ones_left_out": seen.left_out} if seen.left_out else {}
+    rectangles = [list(rectangle) for rectangle in seen.rectangles]
+    return {
+        "standing": {"ground": round(seen.ground_m, 1) + 0.0, "west_south_east_north_top_m": rectangles, **left_out}
     }
 
 

@@ -13,6 +13,7 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 
+from lingjing.plugins.geometry import camera_axes, focal_px, world_to_pixel
 from lingjing.plugins.policy import (
     REFERENCE,
     ArgumentSpec,
@@ -92,6 +93,13 @@ def _matched(pattern: str, text: str) -> re.Match[str]:
 
 CORE, TREE_CORE = 0.6, 0.3
 """Share of the side of a part of a depth table within which its depth holds, and that of a single near part. Chosen."""
+
+LOWEST_M = 0.5
+"""Height in metres of a block, at least: tops are whole metres, and a car of 0.45 m would lie on the ground."""
+
+CROWN_M, TREE_M = 10.0, 2.2
+"""Longest side of a crown, and height from which on a small block is a tree, in metres: a dog walks under its crown,
+and `TREE_CORE` of its sides stands in the way. Chosen."""
 
 NEARER_M = 1.0
 """Difference of depth in metres from which on a part is nearer than another one. Depths are whole metres."""
@@ -331,18 +339,21 @@ def _picture(described: dict[str, Any], data: bytes) -> Picture:
     )  # fmt: skip
     return Picture(
         frame=described["frame"], entity=entity, camera=camera, tick=described["tick"], time_s=0.0, pose=pose,
-        rgb=rgb, depth=_depth(described, width, height),
+        rgb=rgb, depth=depth_from(described, pose),
     )  # fmt: skip
 
 
-def _depth(described: dict[str, Any], width: int, height: int) -> np.ndarray | None:
+def depth_from(described: dict[str, Any], pose: CameraPose) -> np.ndarray | None:
     """Return the depth image (height, width; m) of the parts in a description; None without them.
 
     A part states the depth of its middle. Its rim has the greatest depth of the picture, that of open ground: else the
     gaps between houses, often narrower than a part, would close. A single near part is a tree, and has a wider rim.
     """
+    if "standing" in described:
+        return _depth_of_standing(described["standing"], pose)
     if "depth_m" not in described:
         return None
+    width, height = pose.width, pose.height
     parts = np.array(
         [[np.inf if depth is None else depth for depth in row] for row in described["depth_m"]], np.float32
     )
@@ -352,6 +363,37 @@ def _depth(described: dict[str, Any], width: int, height: int) -> np.ndarray | N
     rim = np.maximum(*(np.abs(place % 1.0 - 0.5) for place in np.meshgrid(*places, indexing="ij")))
     core = np.where(_single(parts), TREE_CORE, CORE)[np.ix_(rows, columns)]
     return np.where(rim < core / 2.0, whole, whole.max())
+
+
+def _depth_of_standing(described: dict[str, Any], pose: CameraPose) -> np.ndarray:
+    """Return the depth image (height, width; m) of level ground with blocks on it, seen by a camera above."""
+    ground_m = described["ground"]
+    depth = _plane_depth(pose, ground_m)
+    for west, south, east, north, top in sorted(described["west_south_east_north_top_m"], key=lambda block: block[4]):
+        elevation = max(float(top), ground_m + LOWEST_M)
+        is_tree = max(east - west, north - south) <= CROWN_M and elevation > ground_m + TREE_M
+        x, y, share = (west + east) / 2.0, (south + north) / 2.0, (TREE_CORE if is_tree else 1.0) / 2.0
+        wide, deep = share * (east - west), share * (north - south)
+        corners = ((x - wide, y - deep), (x + wide, y - deep), (x + wide, y + deep), (x - wide, y + deep))
+        pixels = [world_to_pixel(pose, (x, y, elevation)) for x, y in corners]
+        if any(pixel is None for pixel in pixels):
+            continue
+        mask = np.zeros(depth.shape, np.uint8)
+        opencv().fillConvexPoly(mask, np.array([pixel[:2] for pixel in pixels if pixel]).round().astype(np.int32), 1)
+        inside = mask > 0
+        depth[inside] = _plane_depth(pose, elevation)[inside]
+    return depth
+
+
+def _plane_depth(pose: CameraPose, elevation_m: float) -> np.ndarray:
+    """Return the depth image (height, width; m) of a horizontal plane; infinite where a pixel does not show it."""
+    right, down, forward = camera_axes(pose)
+    focal = focal_px(pose)
+    u = (np.arange(pose.width) + 0.5 - pose.width / 2.0) / focal
+    v = (np.arange(pose.height) + 0.5 - pose.height / 2.0) / focal
+    fall = forward[2] + u[None, :] * right[2] + v[:, None] * down[2]  # of the ray, for each metre of depth
+    below: np.ndarray = np.where(fall < -1e-3, (elevation_m - pose.position[2]) / np.minimum(fall, -1e-3), np.inf)
+    return below
 
 
 def _single(parts: np.ndarray) -> np.ndarray:
