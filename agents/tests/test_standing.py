@@ -1,4 +1,4 @@
-"""What stands in a depth picture from above, in the words of a request and read again by the request-only player."""
+"""Rectangles around obstacles in a depth picture from above, and the depths that the request-only player reads."""
 
 import dataclasses
 
