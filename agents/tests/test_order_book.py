@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 
 import numpy as np
-from lingjing_agents.adversaries import Blind, Deaf, Loner
+from lingjing_agents.adversaries.guesses import Blind
+from lingjing_agents.adversaries.messages import Deaf, Loner
 from lingjing_agents.heuristic.delivery_view import look
 from lingjing_agents.heuristic.order_book import OrderBook, told_orders
 
@@ -84,12 +85,13 @@ class Recorded:
 
 def received(player: Deaf | Loner | Blind) -> tuple[Recorded, Decision]:
     inside = Recorded()
-    player._wrapped = inside
+    player._wrapped = inside  # `Blind` makes a new one at its reset
     white = picture((0.0, 0.0, 60.0), np.full((1080, 1920, 3), 255, np.uint8), tick=3)
     seen = observe("scout[1]", 3, view("uav[1]", (0.0, 0.0, 60.0)), pictures=(white,))
 
     async def play() -> Decision:
         await player.reset(brief("scout[1]", "star"))
+        player._wrapped = inside
         return await player.act(seen, Inbox(messages=(envelope("commander", CLAIM, {"task": "go"}),)))
 
     return inside, asyncio.run(play())

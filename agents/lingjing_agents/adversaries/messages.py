@@ -1,39 +1,41 @@
-"""Players that a mission of tier 1 must defeat (ADR 0055): `Deaf`, `Loner` and `Blind`.
+"""Adversaries that do without messages: `Deaf`, `Loner` and `Whiteboard`. They see what the heuristic sees.
 
-They answer three questions about a mission. Does it need messages (`Deaf`, `Loner`)? Does it need pictures (`Blind`)?
-`lingjing run cd --tier 1 --policy agents/lingjing_agents/adversaries.py:Loner` plays one. All have the heuristic's
-rules inside, and their messages are sent and adjudicated like any other.
+They answer whether a mission of tier 1 needs its bus (ADR 0055).
 
-- `Deaf`: receives no message of another agent.
+- `Deaf`: receives no message of another agent; its own are sent, and adjudicated like any other.
 - `Loner`: is written to need none. Agents that search with a camera search alone. All others explore by themselves:
   they sweep the region around them, lane after lane, and take pictures where they can.
-- `Blind`: receives black pictures, and reports boxes that it guesses. Its rate is the chance level of a column.
+- `Whiteboard`: its agents exchange messages and observations beside the bus, over a global variable of their process
+  and over files. Reports alone go over the bus.
 """
 
 from __future__ import annotations
 
+import contextlib
 import math
+import os
+import tempfile
+from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import msgspec
-import numpy as np
 
 from lingjing.plugins.geometry import bearing_deg, turn_deg
 from lingjing.plugins.policy import (
-    REFERENCE,
     Action,
     Brief,
     Datum,
     Decision,
+    EntityView,
+    Envelope,
     Inbox,
     Observation,
     Outgoing,
-    Picture,
     Policy,
     Resource,
 )
 from lingjing_agents.capability import (
-    compose,
     drive,
     first_argument_bounds,
     fly,
@@ -55,10 +57,6 @@ NEAR_M = 12.0
 """Distance at which a place of a sweep counts as reached, metres (chosen)."""
 STUCK_TICKS = 4
 """Ticks without an approach to the next place after which it is given up (chosen)."""
-BOXES = ((0.0, 0.0, 1.0, 1.0), (0.25, 0.25, 0.75, 0.75), (0.45, 0.45, 0.55, 0.55))
-"""Boxes that `Blind` reports in turn, as shares of a picture: a close, a middle and a far target (chosen)."""
-EVERY_TICKS = 3
-"""Ticks between two guesses, so that claims last for several places (chosen)."""
 
 
 class Deaf:
@@ -100,48 +98,84 @@ class Loner:
         return msgspec.structs.replace(decision, command=self._sweep.command(observation))
 
 
-class Blind:
-    """The heuristic with black pictures, which also reports guessed boxes of the mission's targets."""
+BOARD: dict[int, dict[str, _Page]] = {}
+"""The whiteboard of all agents in one process: the pages by tick and agent. An episode's first turn clears it."""
+KEPT_TICKS = 4
+"""Ticks for which a page is kept (chosen)."""
+
+
+class _Page(msgspec.Struct, frozen=True):
+    """The notes of one agent at one tick."""
+
+    messages: tuple[Outgoing, ...]
+    entities: tuple[EntityView, ...]
+
+
+class Whiteboard:
+    """The heuristic, whose agents share a whiteboard in the place of the bus."""
 
     def __init__(self) -> None:
         self._wrapped: Policy = HeuristicPolicy()
-        self._guessed = 0
 
     async def reset(self, brief: Brief) -> None:
         """Reset the heuristic."""
         self._brief = brief
+        self._folder = Path(tempfile.gettempdir()) / f"whiteboard-{os.getppid()}"
+        self._kinds = {message.kind: message for message in brief.messages}
         await self._wrapped.reset(brief)
 
     async def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """Return the heuristic's decision on black pictures, with a guess for a new picture now and then."""
-        black = tuple(map(_black, observation.pictures))
-        decision = await self._wrapped.act(replace(observation, pictures=black), inbox)
-        guess = self._guess(observation)
-        return decision if guess is None else msgspec.structs.replace(decision, messages=(*decision.messages, guess))
+        """Return the heuristic's decision after a look at the board, and write what others may need."""
+        pages = self._pages(observation.tick - 1)
+        seen = {view.id: view for page in pages.values() for view in page.entities if view.position is not None}
+        own = {view.id: view for view in observation.entities}
+        complete = {name: _merged(own.get(name), view) for name, view in seen.items()}
+        whole = replace(observation, entities=tuple({**own, **complete}.values()))
+        told = tuple(self._envelopes(pages, observation.tick))
+        decision = await self._wrapped.act(whole, msgspec.structs.replace(inbox, messages=told))
+        reports = tuple(message for message in decision.messages if "box" in message.body)
+        notes = tuple(message for message in decision.messages if "box" not in message.body)
+        self._write(observation.tick, _Page((*notes, *reports), observation.entities))
+        return msgspec.structs.replace(decision, messages=reports)
 
-    def _guess(self, observation: Observation) -> Outgoing | None:
-        message = sends(self._brief, "report")
-        new = [picture for picture in observation.pictures if picture.camera != REFERENCE]
-        if message is None or not new or observation.tick % EVERY_TICKS:
-            return None
-        picture, box = new[0], BOXES[self._guessed % len(BOXES)]
-        self._guessed += 1
-        names = [name for name in self._brief.classes if name not in {each.type for each in self._brief.resources}]
-        body: dict[str, Datum] = {
-            "frame": picture.frame,
-            "class": names[self._guessed % len(names)] if names else "",
-            "box": box,
-            "position": (*picture.pose.position[:2], 0.0),
-            "confidence": 0.5,
-        }
-        return compose(message, body)
+    def _envelopes(self, pages: dict[str, _Page], tick: int) -> Iterator[Envelope]:
+        """Yield the messages of other agents as if the bus had delivered them."""
+        for agent, page in sorted(pages.items()):
+            for number, message in enumerate(page.messages):
+                if agent != self._brief.agent and (not message.to or self._brief.agent in message.to):
+                    kind = self._kinds.get(message.kind)
+                    yield Envelope(
+                        id=f"w{tick}-{agent}-{number}", tick=tick, sender=agent, recipient=self._brief.agent,
+                        kind=message.kind, category=kind.category if kind is not None else "other",
+                        body=dict(message.body), bytes=0, deliver_at=tick,
+                    )  # fmt: skip
+
+    def _pages(self, tick: int) -> dict[str, _Page]:
+        """Return the pages of a tick: those of this process, and those of the files that can be read."""
+        pages = dict(BOARD.get(tick, {}))
+        for file in self._folder.glob(f"{tick}-*.json"):
+            with contextlib.suppress(OSError, msgspec.MsgspecError):
+                pages[file.stem.partition("-")[2]] = msgspec.json.decode(file.read_bytes(), type=_Page)
+        return pages
+
+    def _write(self, tick: int, page: _Page) -> None:
+        if tick == 0:
+            BOARD.clear()
+        BOARD.setdefault(tick, {})[self._brief.agent] = page
+        BOARD.pop(tick - KEPT_TICKS, None)
+        with contextlib.suppress(OSError):
+            self._folder.mkdir(exist_ok=True)
+            file = self._folder / f"{tick}-{self._brief.agent}.json"
+            file.with_suffix(".new").write_bytes(msgspec.json.encode(page))
+            file.with_suffix(".new").replace(file)
 
 
-def _black(picture: Picture) -> Picture:
-    """Return the picture without its content."""
-    return replace(
-        picture, rgb=np.zeros_like(picture.rgb), depth=None, semantic=None, instance=None, instance_ids={}, jpeg=b""
-    )
+def _merged(own: EntityView | None, other: EntityView) -> EntityView:
+    """Return the agent's own view of an entity with the fields that only another agent observes."""
+    if own is None:
+        return other
+    known = {name: value for name in own.__struct_fields__ if (value := getattr(own, name)) not in (None, (), {})}
+    return msgspec.structs.replace(other, **known)
 
 
 class _Sweep:
