@@ -31,6 +31,8 @@ class ExitCode(IntEnum):
     """Wrong arguments, unreadable input or unwritable output."""
     INFRASTRUCTURE = 3
     """An engine, a process or a service failed."""
+    UNDECIDED = 4
+    """A test has not played enough episodes for a verdict."""
     BUG = 70
     """An error of this program."""
     INTERRUPTED = 130

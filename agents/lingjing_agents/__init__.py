@@ -10,7 +10,7 @@ Modules: `plugin` declares the policies and the models of their options. `percep
 `idle`, `chance` (random), `heuristic` (the rule baseline), `oracle` (privileged), `react` over `llm` (a chat model),
 `reader` (a program in the place of that model),
 `replay` (scripted), `sweep` (a lawn-mower search in the place of a model), `faulty` (the baselines with planted
-faults) and `adversaries` (players that read no message, send none, or look at no picture). `scaffolds` are examples of
+faults) and `adversaries` (players that look for a way past the task). `scaffolds` are examples of
 agent scaffolds for `react` that use the contract alone. `mission_writer` writes missions. `frame_detectors` answer
 questions about single pictures outside of episodes.
 """

@@ -28,6 +28,7 @@ Modules in the order of a run:
 - `leaderboard`, `dataset_card`   a page that ranks entrants, and a description of the rows; `croissant`: for machines;
   `tensorboard_log`: rows as curves
 - `planting` → `planted` → `attribution`   episodes with planted faults, and a test of attribution methods on them
+- `adversaries`  the matrix of adversaries and columns, and the sequential test of the worst
 - `playing`  plays a suite in one call of Python
 - `prompt_search`  revises a policy's prompt on development episodes
 - `frame_sets`   labelled sets of frames for detectors

@@ -139,6 +139,11 @@ def read_plan(
         document = {**document, "entrants": [{"model": model} for model in models]}
     if tier is not None:
         document = {**document, "tier": tier}
+    return plan_document(document, path, host, isolate=isolate)
+
+
+def plan_document(document: dict[str, Any], path: Path, host: PluginHost, *, isolate: Isolation = "no") -> SuitePlan:
+    """Check the values of a suite; names of files in it are relative to `path`. See `read_plan`."""
     faults = list(form_faults(document))
     with PolicyDeclarations(host, isolate=isolate != "no") as declarations:
         reader = _Reader(document, path.parent, host, declarations)
@@ -550,4 +555,4 @@ def _parts(document: Mapping[str, Any], name: str, kind: Any) -> Iterator[tuple[
             yield at, part
 
 
-__all__ = ["Isolation", "Player", "SuiteCell", "SuitePlan", "options_of_cell", "read_plan"]
+__all__ = ["Isolation", "Player", "SuiteCell", "SuitePlan", "options_of_cell", "plan_document", "read_plan"]

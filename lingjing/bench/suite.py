@@ -175,11 +175,14 @@ PartT = TypeVar("PartT", bound=SuitePart)
 
 ATTRIBUTION = "planted"
 """The key of a suite that measures attribution methods (`lingjing.bench.attribution`) and has another form."""
+ADVERSARIES = "adversaries"
+"""The key of the matrix of adversaries (`lingjing.bench.adversaries`), which has another form."""
 
 
 def shipped_suites() -> tuple[str, ...]:
     """Return the names of the shipped suites of this form, sorted."""
-    return tuple(name for name in _shipped_names() if ATTRIBUTION not in read_document(_shipped_path(name)))
+    others = {ATTRIBUTION, ADVERSARIES}
+    return tuple(name for name in _shipped_names() if not others & read_document(_shipped_path(name)).keys())
 
 
 def _shipped_names() -> tuple[str, ...]:

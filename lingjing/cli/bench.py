@@ -10,6 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lingjing.cli.adversaries import add_adversaries, play_adversaries
 from lingjing.cli.arguments import check_counts, parse_seeds, parse_tier
 from lingjing.cli.attribution import add_plant, measure, plant_faults
 from lingjing.cli.files import write_output
@@ -78,6 +79,11 @@ def add_options(parser: ArgumentParser) -> None:
     )
     card.set_defaults(handler=_card)
     add_plant(actions.add_parser("plant", help="make episodes with known faults", description=plant_faults.__doc__))
+    add_adversaries(
+        actions.add_parser(
+            "adversaries", help="play those who look for a way past", description=play_adversaries.__doc__
+        )
+    )
     listed = actions.add_parser("list", help="list the suites that ship", description=_list.__doc__)
     listed.set_defaults(handler=_list)
 

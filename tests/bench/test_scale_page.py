@@ -8,11 +8,9 @@ from pathlib import Path
 import pytest
 
 import lingjing
-from lingjing.bench.money import estimates
-from lingjing.bench.running import SuiteEpisode
 from lingjing.bench.suite import find_suite
 from lingjing.testing import PluginHost
-from tests.bench.suite_kit import read_plan
+from tests.bench.suite_kit import SuiteEpisode, estimates, read_plan
 
 PAGE = (Path(lingjing.__file__).parents[1] / "docs" / "scale.md").read_text(encoding="utf-8")
 ROWS = re.findall(r"^\| `(\w+)` (\w+) \| (\d+) \| (\d+) \| (\d+) \| ([\d.]+) \| ([\d.]+) \|$", PAGE, re.MULTILINE)

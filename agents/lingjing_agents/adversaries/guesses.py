@@ -1,4 +1,4 @@
-"""Adversaries that look at no pixel and guess boxes: `Blind`, `Flooder`, `ClockReader` and `EventReader`.
+"""Adversaries without pictures: `Blind`, `Flooder`, `ClockReader` and `EventReader` guess the boxes of targets.
 
 All have the heuristic's rules inside, receive black pictures without depth and classes, and move and send messages like
 the heuristic. They know what whoever has the code knows: the usual size of each target, the regions, and the places

@@ -112,7 +112,7 @@ class _Page(msgspec.Struct, frozen=True):
 
 
 class Whiteboard:
-    """The heuristic, whose agents share a whiteboard in the place of the bus."""
+    """The heuristic with a whiteboard in the place of the bus."""
 
     def __init__(self) -> None:
         self._wrapped: Policy = HeuristicPolicy()
@@ -131,8 +131,8 @@ class Whiteboard:
         own = {view.id: view for view in observation.entities}
         complete = {name: _merged(own.get(name), view) for name, view in seen.items()}
         whole = replace(observation, entities=tuple({**own, **complete}.values()))
-        told = tuple(self._envelopes(pages, observation.tick))
-        decision = await self._wrapped.act(whole, msgspec.structs.replace(inbox, messages=told))
+        received = tuple(self._envelopes(pages, observation.tick))
+        decision = await self._wrapped.act(whole, msgspec.structs.replace(inbox, messages=received))
         reports = tuple(message for message in decision.messages if "box" in message.body)
         notes = tuple(message for message in decision.messages if "box" not in message.body)
         self._write(observation.tick, _Page((*notes, *reports), observation.entities))

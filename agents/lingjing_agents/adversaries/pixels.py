@@ -144,7 +144,7 @@ def patches(brief: Brief, name: str, picture: Picture, mask: MaskArray) -> tuple
     _, _, stats, centres = cv2.connectedComponentsWithStats(mask, connectivity=8)
     wide_m, high_m = next(((w, h) for word, w, h in SIZES_M if word in name), (USUAL_M, USUAL_M))
     pose, ground = picture.pose, level(brief)
-    found: list[tuple[float, ImageBox]] = []
+    boxes: list[tuple[float, ImageBox]] = []
     for (left, top, width, height, _), (u, v) in zip(stats[1:].tolist(), centres[1:].tolist(), strict=True):
         falls = -pixel_ray(pose, u, v)[2]
         away_m = (pose.position[2] - ground) / falls if falls > 0.05 else 40.0
@@ -152,8 +152,8 @@ def patches(brief: Brief, name: str, picture: Picture, mask: MaskArray) -> tuple
         ratio = max(width * metres, height * metres) / max(wide_m, high_m)
         if SIMILAR[0] <= ratio <= SIMILAR[1]:
             box = left / pose.width, top / pose.height, (left + width) / pose.width, (top + height) / pose.height
-            found.append((abs(float(np.log(ratio))), box))
-    return tuple(FoundBox(box, 0.9) for _, box in sorted(found)[:MOST])
+            boxes.append((abs(float(np.log(ratio))), box))
+    return tuple(FoundBox(box, 0.9) for _, box in sorted(boxes)[:MOST])
 
 
 def _surroundings(depth_m: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:

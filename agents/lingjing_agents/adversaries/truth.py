@@ -215,13 +215,13 @@ def _trace(path: Path) -> Any:
 
 def _open_files() -> Iterator[Path]:
     """Yield the traces among the open files of all processes, those that were begun last first."""
-    found: set[Path] = set()
+    traces: set[Path] = set()
     for process in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):
             for descriptor in (process / "fd").iterdir():
                 with contextlib.suppress(OSError):
                     target = descriptor.readlink()
                     if target.name.endswith(".mcap.part"):
-                        found.add(target)
+                        traces.add(target)
     with contextlib.suppress(OSError):
-        yield from sorted(found, key=lambda path: -path.stat().st_ctime)
+        yield from sorted(traces, key=lambda path: -path.stat().st_ctime)
