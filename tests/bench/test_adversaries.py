@@ -28,7 +28,7 @@ from lingjing.bench.adversaries import (
     verdict_of,
 )
 from lingjing.errors import ExitCode, UsageError
-from lingjing.testing import PluginHost, compile_file, run_command, shipped_missions
+from lingjing.testing import PluginHost, compiled, run_command, shipped_missions
 from tests.bench.suite_kit import AnsweringExecutor, EpisodeTask, SuitePlan, SuiteRun, answered, open_results
 
 Capture = pytest.CaptureFixture[str]
@@ -89,7 +89,7 @@ def test_the_matrix_covers_every_column_and_its_classes_exist(plan: SuitePlan) -
     assert len(matrix.adversaries) == 12
     pairs = {(cell.player.name, column_of(cell)) for cell in plan.cells}
     assert pairs == {(each.name, column) for each in matrix.adversaries for column in each.columns}
-    missions = [compile_file(str(path)) for path in shipped_missions() if path.stem != "queue"]
+    missions = [compiled(path) for path in shipped_missions() if path.stem != "queue"]
     known = {f"{mission.name}-{mode}" for mission in missions for mode in mission.modes.allowed}
     assert {column for _, column in pairs} == known == set(matrix.seconds)
     assert all(cell.column.tier == 1 and not cell.player.privileged for cell in plan.cells)

@@ -1,8 +1,8 @@
-"""Adversaries without pictures: `Blind`, `Flooder`, `ClockReader` and `EventReader` guess the boxes of targets.
+"""The adversaries on black pictures: `Blind`, `Flooder`, `ClockReader` and `EventReader`.
 
 All have the heuristic's rules inside, receive black pictures without depth and classes, and move and send messages like
-the heuristic. They know what whoever has the code knows: the usual size of each target, the regions, and the places
-where earlier jams stood. `Guesser` is their common base. A guard is what defeats one: `docs/adversaries.md`.
+the heuristic. They know what the public code says: the usual size of each target, the regions, and the places of jams.
+`Guesser` is their common base. `docs/adversaries.md` names the guards against them.
 """
 
 from __future__ import annotations
