@@ -9,7 +9,7 @@ PYTEST := $(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder -q
 # Tests start hundreds of processes: without stored bytecode each one compiles all it imports, half a second of CPU.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: help setup demo test thorough episodes wheels check lock sbom licences pythons bench study ray learners notebooks model detector browser readers eyes frameworks pictures missions selfcheck faults clean
+.PHONY: help setup demo test thorough episodes wheels check lock sbom licences pythons bench study ray learners docs notebooks model detector browser readers eyes frameworks pictures missions selfcheck faults clean
 
 help:
 	@echo 'make demo    play the sea rescue, seed 5, broadcast, with the heuristic agents'
@@ -25,6 +25,7 @@ help:
 	@echo 'make study   a suite: seeds 0-19, every mission in every mode, all reference agents: hours (STUDY="main --limit 1")'
 	@echo 'make ray     install Ray, play suites on a cluster of two local nodes (three minutes)'
 	@echo 'make learners  install Stable-Baselines3, RLlib, TorchRL and SuperSuit and train them for a few steps: minutes'
+	@echo 'make docs    build the documentation site in build/site, check its links and run its examples: minutes (PAGES=docs/tutorials/from-carla.md)'
 	@echo 'make notebooks  install what runs notebooks, and run those of examples/notebooks: minutes'
 	@echo 'make model   install a small open model and play with it, offline: minutes'
 	@echo 'make faults  plant 2,000 faults in episodes and suites, one at a time: an hour (FAULTS=200 SEED=7)'
@@ -85,6 +86,15 @@ detector: setup
 learners: setup
 	@$(PYTHON3) tools/setup.py --learners
 	@.venv-learners/bin/python -m pytest -q -m learners tests/envs/test_learners.py
+	@.venv-learners/bin/python tools/page_examples.py docs/tutorials/train-a-policy.md
+
+docs: setup
+	@$(PYTHON3) tools/setup.py --docs
+	@.venv-docs/bin/cffconvert --validate -i CITATION.cff >/dev/null
+	@$(BIN)/python tools/llms.py --check
+	@NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --quiet --strict
+	@echo 'build/site/index.html is the documentation; now its examples are run'
+	@$(BIN)/python tools/page_examples.py $(PAGES)
 
 notebooks: setup
 	@$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt nbclient nbformat ipykernel pandas

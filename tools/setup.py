@@ -112,6 +112,12 @@ LEARNERS_ENVIRONMENT = VirtualEnvironment(
         ("-r", str(LEARNERS)),
     ),
 )
+DOCS = ROOT / "requirements-docs.txt"
+DOCS_ENVIRONMENT = VirtualEnvironment(
+    folder=ROOT / ".venv-docs",
+    inputs=(DOCS, Path(__file__)),
+    steps=(("-r", str(DOCS)),),
+)
 BENCH_ENVIRONMENT = VirtualEnvironment(
     folder=ROOT / ".venv-bench",
     inputs=(BENCH, BENCH_CONSTRAINTS, Path(__file__)),
@@ -140,6 +146,7 @@ def main() -> int:
     parser.add_argument("--bench", action="store_true", help="those of foreign packages (.venv-bench, .venv-inspect)")
     parser.add_argument("--model", action="store_true", help="the environment of a small open model (.venv-model)")
     parser.add_argument("--learners", action="store_true", help="that of foreign learners (.venv-learners)")
+    parser.add_argument("--docs", action="store_true", help="that of the documentation site (.venv-docs)")
     parser.add_argument("--into", type=Path, help="the project's own environment in this folder instead of .venv")
     args = parser.parse_args()
     try:
@@ -151,6 +158,8 @@ def main() -> int:
                 ensure(MODEL_ENVIRONMENT)
             elif args.learners:
                 ensure(LEARNERS_ENVIRONMENT)
+            elif args.docs:
+                ensure(DOCS_ENVIRONMENT)
             else:
                 ensure_libraries()
                 ensure(replace(MAIN_ENVIRONMENT, folder=args.into.absolute()) if args.into else MAIN_ENVIRONMENT)

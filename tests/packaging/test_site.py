@@ -1,0 +1,127 @@
+"""The documentation site: its navigation, its list for language models, and the runner of its examples.
+
+`make docs` builds the site and runs the examples.
+"""
+
+from __future__ import annotations
+
+import fnmatch
+import sys
+from pathlib import Path
+
+import pytest
+
+import lingjing
+from lingjing.plugins.contract import CONTRACT_MODULES
+from tools import llms, page_examples
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+NOT_IN_NAV = ("adr/*", "errors/*", "missions/*", "images/*")
+"""Pages that index pages of the site lead to."""
+
+
+def test_every_page_is_in_the_navigation_once() -> None:
+    listed = [place for _, _, place in llms.navigation()]
+    assert len(listed) == len(set(listed))
+    pages = {path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md")}
+    outside = {page for page in pages if any(fnmatch.fnmatch(page, pattern) for pattern in NOT_IN_NAV)}
+    assert sorted(pages - outside - set(listed)) == []
+
+
+def test_the_list_for_language_models_is_that_of_the_pages() -> None:
+    assert (ROOT / "llms.txt").read_text(encoding="utf-8") == llms.text(), "run `python tools/llms.py`"
+
+
+def test_the_pages_of_the_interface_name_everything_public() -> None:
+    package = (DOCS / "api" / "lingjing.md").read_text(encoding="utf-8")
+    places = [place for name, place in lingjing._EXPORTS.items() if name != "__version__"]
+    assert [name for module, name in places if f"::: {module}.{name}\n" not in package] == []
+    contract = (DOCS / "api" / "plugins.md").read_text(encoding="utf-8")
+    assert [m for m in CONTRACT_MODULES if m != "lingjing.testing" and f"::: {m}\n" not in contract] == []
+
+
+PAGE = """# A page
+
+```python title="count.py"
+print(1 + 1)
+```
+
+```sh
+python count.py
+```
+
+```text
+2
+```
+
+```diff title="count.py"
+-print(1 + 1)
++print(1 + 2, "and more")
+```
+
+<!-- exit: 3 -->
+```sh
+python count.py; exit 3
+```
+
+```text
+3 …
+```
+
+<!-- skip: never -->
+```sh
+exit 1
+```
+
+```python
+x = 4
+```
+
+```python
+print(x)
+```
+
+```text
+4
+```
+"""
+
+
+def failure(tmp_path: Path, text: str) -> str:
+    page = tmp_path / "page.md"
+    page.write_text(text, encoding="utf-8")
+    with pytest.raises(page_examples.ExampleError) as caught:
+        page_examples.run_page(page)
+    return str(caught.value)
+
+
+def test_a_page_is_run_from_top_to_bottom(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(PAGE, encoding="utf-8")
+    page_examples.run_page(page)
+    assert [block.line for block, _ in page_examples.steps(page)] == [4, 8, 16, 22, 35, 39]
+
+
+@pytest.mark.parametrize(
+    ("block", "message"),
+    [
+        ("```sh\nexit 4\n```", "exit code 4"),
+        ("```sh\necho 1\n```\n\n```text\n2\n```", "where the page says"),
+        ("```python\nprint(y)\n```", "NameError"),
+        ('```python title="a.py"\nx = 1\n```\n\n```diff title="a.py"\n-x = 2\n+x = 3\n```', "in the file 0 times"),
+        ("<!-- background -->\n```sh\ntrue\n```", "without a line of output"),
+    ],
+)
+def test_a_block_that_does_not_do_what_the_page_says_is_named(tmp_path: Path, block: str, message: str) -> None:
+    text = failure(tmp_path, f"# A page\n\n{block}\n")
+    assert message in text
+    assert "page.md:" in text
+
+
+def test_what_a_page_installs_stays_in_its_own_environment(tmp_path: Path) -> None:
+    programs = page_examples.own_environment(tmp_path / "environment")
+    assert (programs / "lingjing").read_text(encoding="utf-8").startswith(f"#!{programs}/python\n")
+    packages = next((tmp_path / "environment").glob("lib/python*/site-packages"))
+    (packages / "added.py").write_text("")
+    assert not any(Path(folder, "added.py").exists() for folder in sys.path)
