@@ -303,6 +303,9 @@ _NAMED: dict[str, Callable[[Brief], tuple[str, ...]]] = {
 _FREE = {
     "stop": "id of a place among the entities you observe",
     "stops": "id of a place among the entities you observe, in the order of the tour",
+    "cell": "leave it out, because this mission has no cells",
+    "task": "a short word that its reader understands, such as search, inspect, look, drive, rescue or extinguish",
+    "state": "a short word, such as clear, jammed, searched, done, missed or blocked",
     "step": "verb of the assignee's next command, such as forward, left, right or stop",
 }
 _FLAGS = {"hover": "true if the body that took the picture should stay over the place, else false"}

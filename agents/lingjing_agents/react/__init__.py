@@ -13,6 +13,7 @@ In control-flow order:
 - `request_budget` the tokens of a request, counted by `token_bound`, and the room that is left for earlier turns
 - `history`        the memory: earlier turns as differences (`state_difference`), and the lines that the model keeps
 - `answer`, `step` the parser: the step in an answer, checked with the schema of `lingjing.plugins.decisions`
+- `own_counts`     the agent's commands and claims so far
 - `search_budget`  the bound on repeated searches of a cell
 - `policy`         the loop: request, crops, repairs, bill; it ends with a reason (`remedy`) before the kernel's limit
 - `call_profile`   the calls and tokens of an episode from a measured one, for estimates of suites
