@@ -23,7 +23,7 @@ Modules in the order of a run:
 - `merging`      joins the results of several machines
 - `played`       rates and means of a cell, with `statistics` for intervals and tests
 - `unresolved`   entrants with lost episodes, and the bounds of their rates
-- `tables` ← `table_cells`, `paired_tests`, `failure_tables`   the tables of the paper
+- `tables` ← `table_cells`, `paired_tests`, `failure_tables`, `controls_table`   the tables of the paper
 - `exports`      Markdown, LaTeX, CSV and HTML
 - `leaderboard`, `dataset_card`   a page that ranks entrants, and a description of the rows; `croissant`: for machines;
   `tensorboard_log`: rows as curves

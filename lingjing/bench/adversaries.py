@@ -23,7 +23,6 @@ import secrets
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from importlib.util import find_spec
 from itertools import takewhile
 from pathlib import Path
 from statistics import fmean
@@ -165,27 +164,12 @@ def plan_of(matrix: AdversaryMatrix, host: PluginHost, isolate: Isolation, tier:
         "columns": list(wanted),
         "tier": tier,
         "seeds": len(SELECTION),
-        "entrants": [{"name": each.name, "policy": policy_file(each.policy)} for each in matrix.adversaries],
+        "entrants": [{"name": each.name, "policy": each.policy} for each in matrix.adversaries],
     }
     plan = plan_document(document, find_suite(SUITE), host, isolate=isolate)
     pairs = {(each.name, column) for each in matrix.adversaries for column in each.columns}
     cells = tuple(cell for cell in plan.cells if (cell.player.name, column_of(cell)) in pairs)
     return SuitePlan(plan.suite, plan.path, cells, plan.missions, plan.files)
-
-
-def policy_file(spec: str) -> str:
-    """Return `FILE.py:CLASS` of `package.module:Class`, so that walls stand around it as around any entrant's file.
-
-    Raises `UsageError` if the module is not installed.
-    """
-    module, _, name = spec.partition(":")
-    try:
-        spec_of_module = find_spec(module)
-    except ModuleNotFoundError:
-        spec_of_module = None
-    if spec_of_module is None or spec_of_module.origin is None:
-        raise UsageError(f"the adversary `{spec}` is not installed", hint="pip install lingjing-agents")
-    return f"{spec_of_module.origin}:{name}"
 
 
 def column_of(cell: SuiteCell) -> str:
@@ -348,5 +332,5 @@ def result_lines(results: Sequence[ColumnResult]) -> list[str]:
 
 __all__ = [
     "PLAN", "AdversaryMatrix", "AdversaryRun", "ColumnResult", "Look", "Verdict", "chosen", "column_of", "hours",
-    "make_salt", "pass_probability", "plan_of", "policy_file", "read_matrix", "result_lines", "verdict_of",
+    "make_salt", "pass_probability", "plan_of", "read_matrix", "result_lines", "verdict_of",
 ]  # fmt: skip

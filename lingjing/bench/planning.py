@@ -6,8 +6,10 @@ cells of a mission are matched: a seed is the same instance in each of them.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal
 
@@ -70,6 +72,8 @@ class Player:
     """Other policies by role or agent."""
     blank_pictures: bool = False
     """True if the policies receive black pictures."""
+    swap_pictures: bool = False
+    """True if the policies receive the pictures of the neighbouring seed."""
     privileged: bool = False
     """True if one of its policies observes the ground truth."""
     foreign: bool = False
@@ -184,6 +188,7 @@ def options_of_cell(
         settings=dict(cell.column.settings),
         evaluators=evaluators,
         blank_pictures=cell.player.blank_pictures,
+        swap_pictures=cell.player.swap_pictures,
         overview=False,
         isolate=walls_of_player(cell.player, isolate),
     )
@@ -202,6 +207,23 @@ def _played_by(document: Mapping[str, Any], policies: Sequence[str]) -> dict[str
             for condition in listed
         ]
     return kept
+
+
+def policy_file(spec: str) -> str:
+    """Return `FILE.py:CLASS` of `package.module:Class`, which is then an entrant's file like any other.
+
+    Any other spec is returned unchanged. Raises `UsageError` if the module is not installed.
+    """
+    module, _, name = spec.partition(":")
+    if is_file(spec) or not re.fullmatch(r"\w+(\.\w+)+", module) or not name.isidentifier():
+        return spec
+    try:
+        spec_of_module = find_spec(module)
+    except ModuleNotFoundError:
+        spec_of_module = None
+    if spec_of_module is None or spec_of_module.origin is None:
+        raise UsageError(f"the module of the policy `{spec}` is not installed", hint="install the package that has it")
+    return f"{spec_of_module.origin}:{name}"
 
 
 def _absolute(folder: Path, policy: str) -> str:
@@ -457,7 +479,11 @@ class _Reader:
                 hint = did_you_mean(entrant.model, self._host.models, "models")
                 self._fault(f"{where}.model", f"there is no model `{entrant.model}`", hint)
                 return None
-        spec = _absolute(self._folder, model.policy if model else str(entrant.policy))
+        try:
+            spec = _absolute(self._folder, policy_file(model.policy if model else str(entrant.policy)))
+        except UsageError as error:
+            self._fault(f"{where}.policy", str(error), hint_of(error))
+            return None
         declared = self._policy(f"{where}.policy", spec)
         others = [self._policy(f"{where}.policies_for.{role}", _absolute(self._folder, named))
                   for role, named in entrant.policies_for.items()]  # fmt: skip
@@ -474,6 +500,7 @@ class _Reader:
             model=model,
             policies_for={role: _absolute(self._folder, named) for role, named in entrant.policies_for.items()},
             blank_pictures=entrant.blank_pictures,
+            swap_pictures=entrant.swap_pictures,
             privileged=any(declaration.privileged for declaration in known),
             foreign=any(map(self._is_foreign, (spec, *(entrant.policies_for.values())))),
         )

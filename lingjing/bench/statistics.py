@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Mapping, Sequence
+from itertools import combinations
 from statistics import fmean
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from lingjing.analysis.shares import ConfidenceBounds
+from lingjing.analysis.shares import ConfidenceBounds, wilson
 
 LEVEL = 0.95
 """The confidence level of all intervals."""
@@ -126,6 +127,46 @@ def smallest_difference(pairs: int) -> float:
     return math.nan
 
 
+def trend(outcomes: Sequence[Sequence[bool]]) -> float:
+    """Return the one-sided p value of a falling trend of success over ordered levels, on matched instances.
+
+    `outcomes`: for each instance the successes at all levels, in their order. The statistic is the sum of the levels of
+    all successes, as in the test of Cochran and Armitage. Its distribution is exact: under the hypothesis of no effect
+    the outcomes of one instance are in any order, and instances are independent of each other. nan without instances.
+    """
+    if not outcomes:
+        return math.nan
+    counts = {0: 1.0}
+    for row in outcomes:
+        sums = [0.0] * (sum(range(len(row))) + 1)
+        subsets = list(combinations(range(len(row)), sum(row)))
+        for subset in subsets:
+            sums[sum(subset)] += 1.0 / len(subsets)
+        following: dict[int, float] = {}
+        for total, probability in counts.items():
+            for more, share in enumerate(sums):
+                if share:
+                    following[total + more] = following.get(total + more, 0.0) + probability * share
+        counts = following
+    observed = sum(level for row in outcomes for level, won in enumerate(row) if won)
+    return min(1.0, math.fsum(probability for total, probability in counts.items() if total <= observed))
+
+
+def difference_bounds(first: tuple[int, int], second: tuple[int, int]) -> ConfidenceBounds:
+    """Return Newcombe's interval (1998, method 10) of the difference of two rates, each as (won, played).
+
+    It treats the two as independent, so it is too wide rather than too narrow for matched instances that agree. nan
+    without episodes.
+    """
+    if not first[1] or not second[1]:
+        return ConfidenceBounds(math.nan, math.nan)
+    rate, other = first[0] / first[1], second[0] / second[1]
+    own, theirs = wilson(*first), wilson(*second)
+    low = math.hypot(rate - own.low, theirs.high - other)
+    high = math.hypot(own.high - rate, other - theirs.low)
+    return ConfidenceBounds(rate - other - low, rate - other + high)
+
+
 def holm(values: Sequence[float]) -> list[float]:
     """Return p values with Holm's correction for their number, in the same order."""
     corrected, highest = [0.0] * len(values), 0.0
@@ -145,6 +186,6 @@ def _generator() -> np.random.Generator:
 
 
 __all__ = [
-    "LEVEL", "PairedTest", "bootstrap", "bounds_of", "drawn_samples", "holm", "macro_average", "macro_bounds",
-    "mcnemar", "smallest_difference",
+    "LEVEL", "PairedTest", "bootstrap", "bounds_of", "difference_bounds", "drawn_samples", "holm", "macro_average",
+    "macro_bounds", "mcnemar", "smallest_difference", "trend",
 ]  # fmt: skip

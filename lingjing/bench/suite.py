@@ -43,6 +43,7 @@ TableKind = Literal[
     "stages",
     "behaviour",
     "perception",
+    "controls",
     "failures",
     "drift",
     "paired",
@@ -99,11 +100,14 @@ class Entrant(SuitePart):
 
     name: ShortText | None = Field(None, description="its name in tables (default: the model's or policy's name)")
     model: ShortText | None = Field(None, description="a model that `lingjing plugins` lists; its policy plays")
-    policy: NameOrFile | None = Field(None, description="a policy's name, or FILE.py:CLASS beside the suite")
+    policy: NameOrFile | None = Field(
+        None, description="a policy's name, FILE.py:CLASS beside the suite, or PACKAGE.MODULE:CLASS"
+    )
     group: ShortText | None = Field(None, description="its heading in tables (default: the model's tier)")
     args: dict[str, Plain] = Field({}, description="options of the policy")
     policies_for: dict[str, str] = Field({}, description="other policies by role or agent")
     blank_pictures: bool = Field(False, description="give the policy black pictures (a control experiment)")
+    swap_pictures: bool = Field(False, description="give the policy the pictures of the neighbouring seed (a control)")
 
     @model_validator(mode="after")
     def _is_one_of_two(self) -> Self:

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 from lingjing.analysis.behaviour import ActionCounts
 from lingjing.analysis.shares import ConfidenceBounds, wilson
+from lingjing.bench.controls_table import controls_table
 from lingjing.bench.failure_tables import drift_table, failure_tables
 from lingjing.bench.paired_tests import paired_tests
 from lingjing.bench.played import Played, columns_of, grouped, mean_of
@@ -364,6 +365,7 @@ TABLES: Mapping[str, Callable[[Sequence[SuiteRow], str], Iterable[ResultTable]]]
     "stages": _stages,
     "behaviour": _behaviour,
     "perception": _perception,
+    "controls": controls_table,
     "failures": failure_tables,
     "drift": drift_table,
     "paired": paired_tests,

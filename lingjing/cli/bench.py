@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from lingjing.bench.running import Shard, SuiteEpisode, SuiteRun
 
 KINDS = (
-    "success", "intervals", "modes", "conditions", "stages", "behaviour", "perception", "failures", "drift", "paired",
-    "cost",
+    "success", "intervals", "modes", "conditions", "stages", "behaviour", "perception", "controls", "failures", "drift",
+    "paired", "cost",
 )  # fmt: skip
 """The kinds of tables; `lingjing.bench.tables` makes them."""
 

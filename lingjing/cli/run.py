@@ -96,6 +96,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--blank-pictures", action="store_true", help="give the policies black pictures (a control experiment)"
     )
+    parser.add_argument(
+        "--swap-pictures", action="store_true", help="give them the pictures of the neighbouring seed (a control)"
+    )
     parser.add_argument("--no-overview", action="store_true", help="do not draw overview.png (it takes a few seconds)")
     parser.add_argument("--sign", metavar="KEYFILE", help="sign the trace with this key (see `lingjing verify --key`)")
     parser.add_argument(
@@ -242,6 +245,7 @@ def _options(args: argparse.Namespace, errors: ErrorCollector) -> tuple[PlayOpti
         "sign": args.sign,
         "evaluators": args.evaluator,
         "blank_pictures": args.blank_pictures or None,
+        "swap_pictures": args.swap_pictures or None,
         "isolate": "strict" if args.strict else "yes" if args.isolate else None,
         "policy_files": args.policy_file,
         "salt": args.salt,

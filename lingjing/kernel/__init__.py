@@ -28,6 +28,7 @@ Modules in the order of control:
 - `gnss` gives the errors of satellite navigation receivers, `imu` the readings of inertial units;
 - `mission_events` lets the mission's own events occur and undoes them (weather, presence, states of targets);
 - `pictures` decides which pictures are taken and what policies receive of them, reference pictures included;
+  `swapped_pictures` takes those of another instance in their place;
 - `stocks` reads declared states from engine resources (`p.demand`);
 - `visibility` projects observations (ProjectVisible) and builds briefs; `event_visibility` selects the events of an
   observation; `rule_sentences` words the mission's rules;

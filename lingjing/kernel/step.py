@@ -38,6 +38,7 @@ from lingjing.kernel.registry import Registry, Report, initial
 from lingjing.kernel.registry_update import RegistryUpdate, update_registry
 from lingjing.kernel.subtasks import Subtasks
 from lingjing.kernel.supported import check_playable
+from lingjing.kernel.swapped_pictures import SwappedPictures
 from lingjing.kernel.visibility import Projector
 from lingjing.kernel.world.contract import StoredFrame, World, WorldBoundary
 from lingjing.mission.instance import Datum, Instance
@@ -131,6 +132,10 @@ class _Inputs(msgspec.Struct, frozen=True):
     """`time.perf_counter()` at the start of the step, for the record's wall time."""
 
 
+Pictures = tuple[StoredFrame | Absent, ...]
+"""The pictures of a boundary, one answer per request."""
+
+
 class Kernel:
     """W for one episode. Raises `InfrastructureError` where the algorithm returns an infrastructure abort."""
 
@@ -144,11 +149,12 @@ class Kernel:
         evaluators: Sequence[Evaluator[RuntimeContext]] = (),
         record: Recorder | None = None,
         blank_pictures: bool = False,
+        swapped: SwappedPictures | None = None,
         policy_seed: int = 0,
         referenced: frozenset[str] = frozenset(),
     ) -> None:
         """`privileged`: agents with the ground truth in their observations. `referenced`: agents with a ground truth
-        that is published beside their observations.
+        that is published beside their observations. `swapped`: the pictures that agents receive in place of their own.
         """
         check_playable(instance)
         self.instance = instance
@@ -160,6 +166,7 @@ class Kernel:
         self.transit: Transit | None = None
         self.removed_ids: frozenset[str] = frozenset()
         self._blank = blank_pictures
+        self._swapped = swapped
         self._router = MessageRouter(instance)
         self._validator = CommandValidator(instance, city)
         self._adjudicator = Adjudicator(instance, lambda: city)
@@ -253,7 +260,7 @@ class Kernel:
     def _commit(self, boundary: WorldBoundary, inputs: _Inputs) -> Published:
         before = self.state.registry
         bus, delivered = self.state.bus.commit().deliver(boundary.tick)  # line 43
-        answers = self._capture(boundary, inputs.resolved.commands, before)
+        answers, shown = self._capture(boundary, inputs.resolved.commands, before)
         frames = tuple(answer for answer in answers if isinstance(answer, StoredFrame))
         receipts = inputs.receipts + self._engine_receipts(boundary, inputs, answers)  # lines 44 and 45
         inboxes = self._inboxes(delivered, receipts)  # lines 46 and 47
@@ -263,7 +270,7 @@ class Kernel:
         happened = occurred + boundary.events
         # Line 49 (ProjectVisible): observations show the events of this boundary, but no verdict of it.
         seen = replace(registry, occurrences=latched.occurrences) if occurred else registry
-        observations, truths = self._observe(seen, happened, answers, _last_step(before, boundary))
+        observations, truths = self._observe(seen, happened, shown, _last_step(before, boundary))
         standing = self._adjudicator.context_at(latched, latched.states, latched.time_s)
         evaluation = combine([each.evaluate(standing, verdict.events) for each in self._evaluators])  # line 51
         record = self._draft(
@@ -297,13 +304,15 @@ class Kernel:
 
     def _capture(
         self, boundary: WorldBoundary, commands: Sequence[Command], before: Registry
-    ) -> tuple[StoredFrame | Absent, ...]:
+    ) -> tuple[Pictures, Pictures]:
+        """Return the pictures of a boundary, and those that agents receive."""
         wanted = pictures.requests(self.instance, commands, boundary.tick, boundary.time_s)
         wanted += self._reference_pictures.requests(boundary.tick, boundary.time_s)
-        if not wanted:
-            return ()
         now = boundary.snapshots[-1]
-        return self.world.capture(boundary.tick, wanted, now.states + now.ambient, before.occurrences)
+        answers: Pictures = ()
+        if wanted:
+            answers = self.world.capture(boundary.tick, wanted, now.states + now.ambient, before.occurrences)
+        return answers, answers if self._swapped is None else self._swapped.take(boundary.tick, wanted, now.states)
 
     def _engine_receipts(
         self, boundary: WorldBoundary, inputs: _Inputs, answers: Sequence[StoredFrame | Absent]

@@ -26,6 +26,7 @@ from lingjing.kernel.cities import CityBuilder
 from lingjing.kernel.episode import DecisionSource, Progress, play, reset_policies
 from lingjing.kernel.evaluators import build_evaluators
 from lingjing.kernel.step import Kernel
+from lingjing.kernel.swapped_pictures import SwappedPictures
 from lingjing.kernel.world import open_world
 from lingjing.kernel.world.contract import StoredFrame, World
 from lingjing.mission.draws import redrawn_in_words
@@ -199,6 +200,7 @@ class Session:
         moves = tuple(displacements(prepared.instance, instance, prepared.places))
         calls = EpisodeCalls(options, instance)
         relations = RelationTracker(instance)
+        swapped = self._swapped(prepared, options)
         recorder: list[TraceWriter] = []
 
         def record_boundary(record: BoundaryRecord, frames: Sequence[StoredFrame]) -> None:
@@ -214,6 +216,7 @@ class Session:
             record=record_boundary,
             evaluators=build_evaluators(prepared.evaluators, instance, self.host, prepared.evaluator_options),
             blank_pictures=options.blank_pictures,
+            swapped=swapped,
             policy_seed=options.policy_seed,
         )
         barrier = _barrier(prepared.assigned, options, instance, city, calls, server, self.host)
@@ -227,6 +230,8 @@ class Session:
             writer = _writer(folder, header, city, prepared.key)
         except BaseException:
             barrier.close()
+            if swapped is not None:
+                swapped.close()
             raise
         recorder.append(writer)
         calls.keep_in(folder)
@@ -241,6 +246,8 @@ class Session:
             raise EpisodeInterrupted(_report(ended, options, chosen, city=None, notes_moves=bool(moves))) from None
         finally:
             calls.close()
+            if swapped is not None:
+                swapped.close()
         path = writer.part if outcome.reason == ABORTED else writer.path
         report = _report(path, options, chosen, city=city if options.overview else None, notes_moves=bool(moves))
         return msgspec.structs.replace(
@@ -257,6 +264,13 @@ class Session:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.close()
+
+    def _swapped(self, prepared: Preparation, options: PlayOptions) -> SwappedPictures | None:
+        """Return the pictures of the neighbouring seed, if the options want them."""
+        if prepared.swapped is None:
+            return None
+        instance, city = self._cities.place(prepared.swapped, imported=bool(prepared.places))
+        return SwappedPictures(open_world(options.world, host=self.host, fork_server=self._fork_server), instance, city)
 
     def _world(self, kind: Literal["process", "inline"]) -> World:
         if kind not in self._worlds:

@@ -63,6 +63,8 @@ class PlayOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """The place of the engines: processes of their own, or this process."""
     blank_pictures: bool = False
     """True if policies receive black pictures."""
+    swap_pictures: bool = False
+    """True if policies receive the pictures of the neighbouring seed: 1 for 0, 0 for 1, 3 for 2, …"""
     isolate: Literal["no", "yes", "strict"] = "no"
     """The walls around each policy's process: none, those that the kernel offers, or all or no episode."""
     policy_files: tuple[str, ...] = ()
@@ -101,6 +103,7 @@ class Changes(TypedDict, total=False):
     evaluators: Sequence[str]
     world: Literal["process", "inline"]
     blank_pictures: bool
+    swap_pictures: bool
     isolate: Literal["no", "yes", "strict"]
     policy_files: Sequence[str]
     overview: bool

@@ -46,6 +46,8 @@ class Preparation:
     """The key that signs the trace; empty for an unsigned trace."""
     places: Mapping[str, str] = field(default_factory=dict)
     """The JSON paths at which a document places entities, by entity id."""
+    swapped: Instance | None = None
+    """The instance of the neighbouring seed, for its pictures; None without `swap_pictures`."""
 
 
 def prepare(
@@ -85,7 +87,12 @@ def prepare(
     if instance is None or mission is None:
         raise AssertionError("without an instance there is an error")
     instance = replace(instance, engine_options=options_by_engine)
-    return Preparation(instance, assigned, evaluators, options_by_evaluator, key, mission.origin.places)
+    swapped: Instance | None = None
+    if options.swap_pictures:
+        neighbour = _drawn(replace(options, seed=options.seed ^ 1), mission, errors)
+        errors.check()
+        swapped = replace(neighbour, engine_options=options_by_engine) if neighbour is not None else None
+    return Preparation(instance, assigned, evaluators, options_by_evaluator, key, mission.origin.places, swapped)
 
 
 def _engines(instance: Instance, host: PluginHost) -> tuple[str, ...]:

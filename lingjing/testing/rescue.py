@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 
 from lingjing.kernel.step import Kernel
+from lingjing.kernel.swapped_pictures import SwappedPictures
 from lingjing.kernel.world.inline import InlineWorld
 from lingjing.mission.expression import Attr, Binary, Call, Expr, Number, Quantified, Ref, Symbol
 from lingjing.mission.instance import (
@@ -461,11 +462,19 @@ def _entities(victims: Sequence[tuple[float, float]]) -> tuple[Entity, ...]:
     )
 
 
-def kernel(played: Instance | None = None, plugin: object | None = None, **options: Any) -> Kernel:
+def kernel(
+    played: Instance | None = None,
+    plugin: object | None = None,
+    *,
+    neighbour: Instance | None = None,
+    **options: Any,
+) -> Kernel:
     """Return the kernel of an instance with engines of a plug-in, in this process; the defaults are those of this
-    module. `options` are those of `Kernel`.
+    module. Agents receive the pictures of the instance `neighbour` if there is one. `options` are those of `Kernel`.
     """
     host = PluginHost(entry_points=False, extra=(plugin or RescueEngines(),))
+    if neighbour is not None:
+        options["swapped"] = SwappedPictures(InlineWorld(host), neighbour, CITY)
     return Kernel(played or instance(), CITY, InlineWorld(host), **options)
 
 

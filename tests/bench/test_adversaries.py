@@ -206,7 +206,7 @@ def test_a_faulty_matrix_is_told(tmp_path: Path) -> None:
     file.write_text(
         'suite = 1\nname = "m"\n[[adversaries]]\nname = "a"\npolicy = "a.b:C"\ncolumns = ["bi-single"]\nguard = "g"\n'
     )
-    with pytest.raises(UsageError, match=r"the adversary `a\.b:C` is not installed"):
+    with pytest.raises(UsageError, match=r"the module of the policy `a\.b:C` is not installed"):
         plan_of(read_matrix(file), PluginHost(), "no")
 
 

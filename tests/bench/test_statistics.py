@@ -1,5 +1,6 @@
 """Intervals and tests of tables: published numbers, SciPy's and the definitions, on drawn tables."""
 
+import itertools
 import math
 import random
 
@@ -7,7 +8,16 @@ import numpy as np
 import pytest
 
 from lingjing.analysis.shares import wilson
-from lingjing.bench.statistics import bootstrap, holm, macro_average, macro_bounds, mcnemar, smallest_difference
+from lingjing.bench.statistics import (
+    bootstrap,
+    difference_bounds,
+    holm,
+    macro_average,
+    macro_bounds,
+    mcnemar,
+    smallest_difference,
+    trend,
+)  # fmt: skip
 
 
 def test_wilsons_interval_is_the_published_one() -> None:
@@ -122,3 +132,38 @@ def test_the_smallest_difference_is_detected_in_four_of_five_draws() -> None:
             detected += mcnemar(first, second).p <= 0.05
         assert 0.74 < detected / 400 < 0.92, (pairs, points)
     assert math.isnan(smallest_difference(5)), "five pairs show nothing"
+
+
+def test_the_trend_is_that_of_all_orders_of_each_instance() -> None:
+    """Against the enumeration of all orders."""
+    outcomes = [(True, True, False), (True, False, False), (False, True, True), (True, False, False)]
+    observed = sum(level for row in outcomes for level, won in enumerate(row) if won)
+    totals = [
+        sum(level for row in orders for level, won in enumerate(row) if won)
+        for orders in itertools.product(*(list(itertools.permutations(row)) for row in outcomes))
+    ]
+    assert trend(outcomes) == pytest.approx(sum(total <= observed for total in totals) / len(totals))
+
+
+def test_a_falling_rate_has_a_small_p_and_a_flat_one_has_none() -> None:
+    falling = [(True, True, True, False, False, False)] * 4
+    assert trend(falling) == pytest.approx(1 / 20**4)
+    assert trend([tuple(reversed(row)) for row in falling]) == pytest.approx(1.0)
+    assert trend([(True,) * 6] * 9) == trend([(False,) * 6]) == 1.0, "no order differs from another"
+    assert math.isnan(trend([]))
+
+
+def test_the_trend_keeps_its_level() -> None:
+    draws = random.Random(7)
+    rejected = 0
+    for _ in range(1000):
+        rates = [draws.random() for _ in range(6)]  # instances of different difficulty, levels without an effect
+        rejected += trend([[draws.random() < rate for _ in range(6)] for rate in rates]) <= 0.05
+    assert rejected / 1000 <= 0.065
+
+
+def test_newcombes_interval_is_the_published_one() -> None:
+    """Newcombe (1998), example (a): 56 of 70 less 48 of 80 is 0.20, with 0.0524 to 0.3339."""
+    assert difference_bounds((56, 70), (48, 80)) == pytest.approx((0.0524, 0.3339), abs=1e-4)
+    assert difference_bounds((10, 10), (0, 20)) == pytest.approx((0.6791, 1.0), abs=1e-4), "example (g)"
+    assert all(math.isnan(end) for end in difference_bounds((0, 0), (1, 2)))

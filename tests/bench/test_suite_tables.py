@@ -377,6 +377,35 @@ def test_a_table_says_whose_answers_were_replaced() -> None:
     assert table.notes[1] == "answers of policies replaced by doing nothing: e 3"
 
 
+def control_row(entrant: str, seed: int, *, success: bool, mission: str = "ssr", **options: object) -> SuiteRow:
+    base = msgspec.structs.replace(made_row().options, tier=1, mission=mission, **options)
+    return made_row(entrant=entrant, seed=seed, success=success, mission=mission, options=base)
+
+
+def test_the_controls_stand_beside_the_player_with_withheld_boxes() -> None:
+    rows = []
+    for seed in range(4):
+        for level, share in enumerate((0.0, 0.5, 1.0)):
+            args = {"withheld": share} if share else {}
+            won = seed >= 2 * level
+            rows.append(control_row(f"s{share}", seed, success=won, policy="sighted-reader", policy_args=args))
+        rows.append(control_row("blanked", seed, success=False, policy="reader", blank_pictures=True))
+        rows.append(control_row("swapped", seed, success=seed == 0, policy="sighted-reader", swap_pictures=True))
+        rows.append(control_row("s0.0", seed, success=True, mission="cd", policy="sighted-reader"))
+        rows.append(control_row("blanked", seed, success=True, mission="cd", policy="reader", blank_pictures=True))
+    (table,) = make_tables(rows, ["controls"])
+    assert table.heads == (
+        "All boxes", "50 % withheld", "100 % withheld", "Trend p", "blanked", "swapped", "Above the best control",
+        "Required", "Met",
+    )  # fmt: skip
+    ssr, cd = table.lines
+    assert [cell.text for cell in ssr.cells] == [
+        "100", "50", "0", "0.012", "0", "25", "75 [9, 95]", "50", "yes",
+    ]  # fmt: skip
+    assert cd.label == ("cd-star",) and [cell.text for cell in cd.cells[-3:]] == ["0 [-49, 49]", "–", "–"]
+    assert not make_tables([row for row in rows if row.entrant != "s0.0"], ["controls"]), "no player with all boxes"
+
+
 def at_tier_1(entrant: str, *, success: bool, blank_pictures: bool = False, **metrics: int) -> SuiteRow:
     options = msgspec.structs.replace(made_row().options, tier=1, blank_pictures=blank_pictures)
     return made_row(entrant=entrant, success=success, options=options, metrics=metrics)

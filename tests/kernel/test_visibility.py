@@ -114,6 +114,29 @@ def test_blank_pictures_are_black():
     assert not picture.rgb.any()
 
 
+def test_swapped_pictures_show_the_other_instance_and_change_no_record():
+    """A person is below `uav[1]` here, and below its second place in the other instance."""
+    others = kit.instance(victims=((160.0, 0.0), (250.0, 250.0)))
+    plain = kit.kernel(privileged=frozenset({"scout[1]"}))
+    kernel = kit.kernel(privileged=frozenset({"scout[1]"}), neighbour=others)
+    shown = []
+    for each in (plain, kernel):
+        each.reset()
+        first = each.step(kit.decisions(scout_1=does("takePhoto")))
+        for _ in range(6):
+            each.step(kit.decisions(scout_1=does("go", x=160.0, y=0.0)))
+        last = each.step(kit.decisions(scout_1=does("takePhoto")))
+        for published in (first, last):
+            seen = published.observations["scout[1]"]
+            (frame,) = published.record.frames
+            boxes = [box.entity for box in seen.privileged.frames[0].boxes]
+            shown.append((bool(seen.pictures[0].rgb.any()), boxes, [box.entity for box in frame.boxes]))
+            assert seen.pictures[0].pose == frame.pose, "it is taken from where the body is here"
+            assert seen.pictures[0].frame == frame.id
+    assert shown[:2] == [(True, ["victim[1]"], ["victim[1]"]), (False, [], [])]
+    assert shown[2:] == [(False, [], ["victim[1]"]), (True, ["victim[1]"], [])]
+
+
 def test_a_cell_is_visited_by_the_first_photograph_from_above_it():
     kernel = kit.kernel()
     kernel.reset()

@@ -20,8 +20,21 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from lingjing.plugins.policy import BodyState, Brief, Decision, FrameInfo, Inbox, Instance, Observation, Picture, Policy
-from lingjing_agents.adversaries.guesses import Blind
+import numpy as np
+
+from lingjing.plugins.policy import (
+    BodyState,
+    Brief,
+    Decision,
+    EntityView,
+    FrameInfo,
+    Inbox,
+    Instance,
+    Observation,
+    Picture,
+    Policy,
+)
+from lingjing_agents.adversaries.guesses import Blind, new_pictures
 from lingjing_agents.heuristic.policy import HeuristicPolicy
 from lingjing_agents.oracle import OraclePolicy
 from lingjing_agents.reader.true_boxes import TrueBoxes
@@ -30,6 +43,10 @@ SEEDS = 100
 """Public seeds that `SeedGuesser` tries, from 0 (those of the shipped suites)."""
 TIERS = (1, 0)
 """The tiers that it tries."""
+MOST = 4
+"""Worlds that it compares, at most (chosen, for their memory)."""
+COARSE = 8
+"""Step in pixels of the comparison of two pictures (chosen)."""
 
 
 class Introspector:
@@ -69,37 +86,51 @@ class Introspector:
 
 
 class SeedGuesser:
-    """Plays with the boxes of a drawn world that agrees with the brief, and blind if no public seed does."""
+    """Plays with the boxes of a drawn world that agrees with the brief, and blind if no public seed does.
+
+    If several seeds agree, because what is told has few values, the one with the pictures most like its own is taken.
+    """
 
     async def reset(self, brief: Brief) -> None:
         """Try the seeds."""
         self._brief = brief
-        self._seen = guessed(brief)
-        self._policy: Policy = Blind() if self._seen is None else self._seen.player(brief)
-        await self._policy.reset(brief)
+        self._worlds = guessed(brief)
+        await self._choose()
 
     async def act(self, observation: Observation, inbox: Inbox) -> Decision:
-        """Return the decision of the chosen player."""
-        if self._seen is not None:
-            self._seen.look(observation)
+        """Compare the pictures, and return the decision of the chosen player."""
+        for world in self._worlds:
+            world.look(observation)
+        if self._worlds and self._best is not self._chosen:
+            await self._choose()
         return await self._policy.act(observation, inbox)
+
+    @property
+    def _best(self) -> Shadow:
+        return min(self._worlds, key=lambda world: world.unlike)
+
+    async def _choose(self) -> None:
+        self._chosen = self._best if self._worlds else None
+        self._policy: Policy = Blind() if self._chosen is None else self._chosen.player(self._brief)
+        await self._policy.reset(self._brief)
 
 
 class Shadow:
-    """A second world of a known instance, which draws the pictures of the policy again with their true boxes."""
+    """A second world of a known instance, which draws the pictures of the policy again with their true boxes.
+
+    Its bodies move without commands: what drifts here drifts there. Bodies of the team stand where they are observed.
+    """
 
     def __init__(self, instance: Instance, city: Any) -> None:
-        selection, group, sensor = (
-            import_module(f"lingjing.kernel.world.{name}") for name in ("selection", "engine_group", "sensor")
-        )
         host = import_module("lingjing.plugins.host").PluginHost()
-        self._instance = instance
-        self._engines = group.start_engines(host, (selection.CAMERA,))
-        self._sensor = sensor.Sensor(selection.CAMERA, self._engines[selection.CAMERA])
-        self._sensor.reset(instance, city)
+        self._world = import_module("lingjing.kernel.world.inline").InlineWorld(host)
+        self._boundary = self._world.reset(instance, city)
         self._request = import_module("lingjing.plugins.engine").CaptureRequest
+        self._decoded = import_module("lingjing.trace.images").decode_jpeg
         self._boxes = TrueBoxes()
-        self._places: dict[str, tuple[float, float, float]] = {}
+        self._views: dict[str, EntityView] = {}
+        self.unlike = 0.0
+        """The sum of the mean differences of all pictures and those of this world, grey levels."""
 
     def player(self, brief: Brief) -> HeuristicPolicy:
         """Return the heuristic with the true boxes."""
@@ -107,34 +138,48 @@ class Shadow:
 
     def look(self, observation: Observation) -> None:
         """Draw each new picture of the policy in the second world."""
-        for view in observation.entities:
-            if view.position is not None:
-                self._places[view.id] = view.position
-        if observation.pictures:
-            self._sensor.move_to(observation.time_s, self._states())
-            self._boxes.keep(filter(None, map(self._drawn, observation.pictures)))
+        self._views.update((view.id, view) for view in observation.entities if view.position is not None)
+        while self._boundary.tick < observation.tick:
+            self._boundary = self._world.step(self._boundary.tick + 1, ())
+        pictures = new_pictures(observation)
+        if not pictures:
+            return
+        now = self._boundary.snapshots[-1]
+        states = (*map(self._moved, now.states), *now.ambient)
+        answers = self._world.capture(observation.tick, list(map(self._again, pictures)), states)
+        for picture, answer in zip(pictures, answers, strict=True):
+            if hasattr(answer, "jpeg"):
+                self._boxes.keep((answer.info,))
+                theirs = self._decoded(answer.jpeg)[::COARSE, ::COARSE].astype(int)
+                self.unlike += float(np.abs(theirs - picture.rgb[::COARSE, ::COARSE]).mean())
 
-    def _states(self) -> tuple[BodyState, ...]:
-        return tuple(
-            BodyState(id=each.id, position=self._places.get(each.id, each.position), heading_deg=each.heading_deg)
-            for each in self._instance.entities
-        )
+    def _moved(self, state: BodyState) -> BodyState:
+        view = self._views.get(state.id)
+        if view is None or view.position is None:
+            return state
+        return BodyState(id=state.id, position=view.position, heading_deg=view.heading_deg or 0.0)
 
-    def _drawn(self, picture: Picture) -> FrameInfo | None:
-        request = self._request(
+    def _again(self, picture: Picture) -> Any:
+        return self._request(
             frame=picture.frame, entity=picture.entity, camera=picture.camera, tick=picture.tick,
             time_s=picture.time_s, pose=picture.pose,
         )  # fmt: skip
-        answer = self._sensor.picture(request, pixels=False)
-        return None if answer is None else answer.info
 
 
-def guessed(brief: Brief, seeds: Iterable[int] = range(SEEDS)) -> Shadow | None:
-    """Return the world of the first seed that agrees with the brief, or None."""
+def guessed(brief: Brief, seeds: Iterable[int] = range(SEEDS)) -> list[Shadow]:
+    """Return the worlds of the seeds that agree with the brief, `MOST` of them."""
+    place = import_module("lingjing.play.placed_plan").place_mission
+    return [
+        Shadow(*place(mission, seed=seed, mode=brief.mode, tier=tier)) for mission, tier, seed in agreeing(brief, seeds)
+    ]
+
+
+def agreeing(brief: Brief, seeds: Iterable[int] = range(SEEDS)) -> list[tuple[Any, int, int]]:
+    """Return the mission, tier and seed of the first `MOST` instances that agree with the brief."""
     shipped = import_module("lingjing.dsl.loading.shipped")
     load = import_module("lingjing.dsl.loading.load").load_mission
     draw = import_module("lingjing.mission.instantiate").instantiate
-    place = import_module("lingjing.play.placed_plan").place_mission
+    drawn: list[tuple[Any, int, int]] = []
     for name in shipped.shipped_missions():
         mission = load(shipped.find_mission(name))
         if mission.goal != brief.goal:
@@ -143,8 +188,8 @@ def guessed(brief: Brief, seeds: Iterable[int] = range(SEEDS)) -> Shadow | None:
             for seed in seeds:
                 with contextlib.suppress(Exception):  # a mission without the tier, a seed without an instance
                     if _agrees(draw(mission, seed=seed, mode=brief.mode, tier=tier), brief):
-                        return Shadow(*place(mission, seed=seed, mode=brief.mode, tier=tier))
-    return None
+                        drawn.append((mission, tier, seed))
+    return drawn[:MOST]
 
 
 def _agrees(instance: Instance, brief: Brief) -> bool:
