@@ -120,10 +120,12 @@ def _gallery(folder: Path) -> str:
             continue
         text = path.read_text(encoding="utf-8")
         goal = re.search(r"^> (.*)$", text, flags=re.MULTILINE)
-        pictures = re.findall(r"!\[([^\]]*)\]\(([^)]+\.(?:jpg|png))\)", text)
+        pictures = re.findall(r"!\[(.*?)\]\(([^)]+\.(?:jpg|png))\)", text)
         views = [picture for picture in pictures if picture[1].endswith(".jpg")][:2]
         maps = [picture for picture in pictures if "-map" in picture[1]][:1]
-        images = " ".join(f"[![{alt}](missions/{name})](missions/{path.name})" for alt, name in views + maps)
+        images = " ".join(
+            f"[![{re.sub(r'[][]', '', alt)}](missions/{name})](missions/{path.name})" for alt, name in views + maps
+        )
         lines += [f"## [{_title(path)}](missions/{path.name})", "", goal[1] if goal else "", ""]
         lines += ['<div class="gallery" markdown>', "", images, "", "</div>", "", f"`lingjing run {path.stem}`", ""]
     return "\n".join(lines)
