@@ -36,7 +36,7 @@ from lingjing_agents.perception.images import ImageBox
 from lingjing_agents.perception.people_at_sea import FoundBox
 
 SIZES_M = (
-    ("person", 1.3, 1.3), ("fracture", 9.0, 13.0), ("leak", 2.5, 2.5), ("fire_source", 2.0, 2.5),
+    ("person", 1.3, 1.3), ("fracture", 16.0, 9.0), ("leak", 2.5, 2.5), ("fire_source", 2.0, 2.5),
     ("building_fire", 16.0, 16.0), ("reference", 14.0, 12.0), ("door", 10.0, 8.0), ("congestion", 26.0, 8.0),
 )  # fmt: skip
 """A word of a class's name, and the width and height of such a target in pictures, metres (measured in the shipped
@@ -54,8 +54,27 @@ JAMS: tuple[GroundPoint, ...] = (
     (3.0, -18.0), (3.0, 162.0), (127.0, 178.0), (165.0, -182.0),
 )  # fmt: skip
 """The places of jams in the texts of the shipped missions, which are public."""
+PLACES: dict[str, tuple[GroundPoint, ...]] = {
+    "fracture": (
+        (250.0, 21.8), (330.0, 26.2), (410.0, 29.8), (500.0, 28.3), (590.0, 26.8), (680.0, 25.3), (770.0, 23.8),
+        (860.0, 22.3),
+    ),
+    "leak": (
+        (-60.0, -20.0), (-60.0, 15.0), (-30.0, 40.0), (0.0, 40.0), (20.0, 20.0), (20.0, -10.0), (45.0, -30.0),
+    ),
+    "reference": (
+        (90.0, 110.0), (180.0, 120.0), (270.0, 90.0), (260.0, 0.0), (150.0, 20.0), (90.0, -110.0), (190.0, -120.0),
+        (275.0, -100.0),
+    ),
+    "door": ((210.0, 290.0), (250.0, 300.0), (300.0, 290.0), (330.0, 250.0)),
+}  # fmt: skip
+"""The places of targets at tier 0 by a word of their class, from the missions' texts; metres."""
+KNOWN_SHARE = 0.7
+"""Probability of a guess at such a place if one is in the picture (chosen: tier 1 has other places)."""
 ON_ROUTE_M = 40.0
 """Distance from a route within which a jam stands on it, metres (chosen)."""
+EDGE = 0.05
+"""Least distance of a guessed place from the picture's edges, as a share of its size (chosen)."""
 LOW, AHEAD_M, FARTHEST_M = 0.05, 30.0, 300.0
 """The slope of a ray below which it does not reach the ground, the assumed distance of its target, and the longest
 distance of any, metres (chosen)."""
@@ -277,10 +296,28 @@ def place_of(brief: Brief, picture: Picture, box: ImageBox) -> tuple[float, floa
 
 
 def guess(brief: Brief, name: str, picture: Picture, random: np.random.Generator, *, spread: float = 0.3) -> ImageBox:
-    """Return a box of a target's usual size, at random in the middle of a picture (`spread` of its width)."""
+    """Return a box of a target's usual size: often at a known place, else in the middle (`spread` of the width)."""
+    known = [pixel for place in _places(name) if (pixel := _pixel(brief, picture, place)) is not None]
+    if known and random.random() < KNOWN_SHARE:
+        u, v = known[int(random.integers(len(known)))]
+        return _box_at(brief, name, picture, u, v)
     u = picture.pose.width * (0.5 + spread * (random.random() - 0.5))
     v = picture.pose.height * (0.5 + spread * (random.random() - 0.5))
     return _box_at(brief, name, picture, u, v)
+
+
+def _places(name: str) -> tuple[GroundPoint, ...]:
+    return next((places for word, places in PLACES.items() if word in name), ())
+
+
+def _pixel(brief: Brief, picture: Picture, place: GroundPoint) -> GroundPoint | None:
+    """Return the pixel of a place, or None if the picture does not show it whole."""
+    pixel = world_to_pixel(picture.pose, (*place, level(brief)))
+    if pixel is None:
+        return None
+    u, v = pixel[0], pixel[1]
+    inside = EDGE < u / picture.pose.width < 1.0 - EDGE and EDGE < v / picture.pose.height < 1.0 - EDGE
+    return (u, v) if inside else None
 
 
 def _box_at(brief: Brief, name: str, picture: Picture, u: float, v: float) -> ImageBox:
