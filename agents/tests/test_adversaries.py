@@ -1,0 +1,224 @@
+"""The adversaries: what each receives and sends, and that it wins where its guard is taken out."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lingjing_agents.adversaries import messages
+from lingjing_agents.adversaries.guesses import FLOOD, Blind, ClockReader, EventReader, Flooder, guess
+from lingjing_agents.adversaries.ids import FIRST_KG, OTHERS_KG, IdReader, completed
+from lingjing_agents.adversaries.messages import Whiteboard
+from lingjing_agents.adversaries.pixels import MaskReader, colour_numbers, learn
+from lingjing_agents.adversaries.truth import Introspector, agreeing
+
+import lingjing
+from agents.tests.agent_kit import ASSIGNMENT, Inbox, brief, observe, picture, view
+from lingjing.plugins.geometry import focal_px
+from lingjing.plugins.policy import Brief, Decision, EventView, Observation, Outgoing, Picture, Policy
+from lingjing.testing import brief_of, compiled, instantiate
+
+TRIP = """\
+ljs 2
+use std.sea { lifeboat, person_in_water }
+mission trip "A hidden swimmer" {
+  goal "Bring the boat to the swimmer, whom nobody sees."
+  scene bay { datum = sea level at -3.5 m }
+  clock { tick = 10 s, sync = 500 ms }
+  budget { ticks <= 30, policy <= 30 s, engine <= 600 s }
+  region search = box((-100 m, -1400 m), (100 m, -1200 m))
+  asset boat : lifeboat { position = (12.4 m, -1351.8 m), heading = 30 deg, actions { moveTo } }
+  target swimmer : person_in_water { hidden position ~ sites(search, clear >= 0 m) }
+  agent skipper as rescuer controls boat { observes boat.*, events }
+  unlock rescue(s: swimmer) when now >= 0 s
+  adjudicate reached(s: swimmer) { when distance_xy(boat, s) <= 20 m }
+  stage reach per s in swimmer { done when reached(s) }
+  success when forall s in swimmer: reached(s)
+  declassify end because "an episode ends as soon as it is won or lost"
+}
+"""
+
+
+class Recorded:
+    """A policy that keeps what it receives, and answers with a note to all."""
+
+    note = Outgoing(kind="assignment", body={"assignee": "skipper", "task": "rescue"})
+
+    async def reset(self, brief: Brief) -> None:
+        self.brief = brief
+
+    async def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        self.observation, self.inbox = observation, inbox
+        return Decision(messages=(self.note,))
+
+
+def decided(player: Policy, *turns: Observation, inbox: Inbox | None = None) -> list[Decision]:
+    async def play() -> list[Decision]:
+        await player.reset(brief("scout[1]", "broadcast"))
+        return [await player.act(turn, inbox or Inbox()) for turn in turns]
+
+    return asyncio.run(play())
+
+
+def turn(tick: int, *pictures: Picture, **parts: object) -> Observation:
+    return observe("scout[1]", tick, view("uav[1]", (0.0, -900.0, 60.0)), pictures=pictures, **parts)
+
+
+def above(tick: int = 1, **changes: object) -> Picture:
+    return replace(picture((100.0, -900.0, 96.5), np.full((1080, 1920, 3), 200, np.uint8), tick=tick), **changes)
+
+
+def boxes(decision: Decision) -> list[object]:
+    return [message.body["box"] for message in decision.messages if "box" in message.body]
+
+
+def test_the_flooder_reports_all_over_a_picture_and_the_blind_one_box_now_and_then() -> None:
+    flood, *_ = decided(Flooder(), turn(1, above()))
+    assert len(boxes(flood)) >= FLOOD and len(set(boxes(flood))) >= FLOOD
+    blind = decided(Blind(), *(turn(tick, above(tick)) for tick in (1, 2, 3)))
+    assert [len(boxes(each)) for each in blind][:2] == [0, 0] and len(boxes(blind[2])) >= 1
+
+
+def test_a_guess_has_the_size_of_a_target_and_often_a_known_place() -> None:
+    shot = picture((410.0, 29.8, 57.0), tick=1)
+    bridge = brief("scout[1]", "broadcast", classes=("bridge_fracture",))
+    draws = np.random.default_rng(0)
+    guesses = [guess(bridge, "bridge_fracture", shot, draws) for _ in range(40)]
+    left, _, right, _ = guesses[0]
+    away_m = 57.0 - bridge.water_level_m - 12.0
+    assert (right - left) * shot.pose.width == pytest.approx(17.0 * focal_px(shot.pose) / away_m, rel=0.01)
+    centred = sum(abs((box[0] + box[2]) / 2 - 0.5) < 1e-3 for box in guesses)
+    assert 20 <= centred < 40, "the place of the text is in the middle; tier 1 has others"
+
+
+def test_the_event_reader_repeats_the_guess_that_something_followed() -> None:
+    event = EventView(id="t3-1", kind="rescue", tick=3, entities=("boat",))
+    turns = turn(1, above(1)), turn(2, above(2)), turn(3, above(3), events=(event,)), turn(4, above(4))
+    first, second, third, fourth = (boxes(each)[-1] for each in decided(EventReader(), *turns))
+    assert first != second, "nothing had happened"
+    assert third == pytest.approx(second, abs=2e-3) and fourth == pytest.approx(second, abs=2e-3)
+
+
+def test_the_clock_reader_guesses_where_a_turn_took_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = [0.0]
+    monkeypatch.setattr(time, "monotonic", lambda: clock[0])
+
+    async def play() -> list[int]:
+        player = ClockReader()
+        await player.reset(brief("scout[1]", "broadcast"))
+        counts = []
+        for tick, passed_s in enumerate((1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 5.0, 1.0), 1):
+            clock[0] += passed_s
+            counts.append(len(boxes(await player.act(turn(tick, above(tick)), Inbox()))))
+        return counts
+
+    counts = asyncio.run(play())
+    assert counts[6] >= 1 and counts[:6] == [0] * 6 and counts[7] == 0
+
+
+def test_the_mask_reader_finds_what_sticks_out_of_the_depth_picture() -> None:
+    depth = np.full((1080, 1920), 100.0, np.float32)
+    depth[500:514, 900:914] -= 0.4
+    player = MaskReader()
+    asyncio.run(player.reset(brief("scout[1]", "broadcast", classes=("person_in_water",))))
+    find = player._detector("person_in_water")
+    (patch, *_) = find(above(depth=depth), -3.5)
+    assert patch.box == pytest.approx((900 / 1920, 500 / 1080, 914 / 1920, 514 / 1080), abs=1e-3)
+    assert find(above(depth=np.full_like(depth, 100.0)), -3.5) == ()
+    assert find(above(), -3.5) == (), "a picture without channels says nothing"
+
+
+def test_a_colour_table_holds_the_colours_of_targets_alone() -> None:
+    rgb = np.full((90, 160, 3), (20, 60, 120), np.uint8)
+    rgb[40:50, 70:90] = (220, 90, 30)
+    colours = learn([(rgb, [(70 / 160, 40 / 90, 89 / 160, 49 / 90)])])
+    assert colours == [int(colour_numbers(np.array([[(220, 90, 30)]], np.uint8))[0, 0])]
+
+
+def test_the_id_reader_takes_numbered_things_of_no_team_and_the_order_of_names() -> None:
+    instance = np.zeros((1080, 1920), np.uint16)
+    instance[100:120, 200:240], instance[500:600, 300:400] = 3, 1
+    player = IdReader()
+    asyncio.run(player.reset(brief("scout[1]", "broadcast")))
+    read = player._read(above(instance=instance, instance_ids={"uav[2]": 1, "victim[1]": 3}))
+    assert [name for name, _ in read] == ["victim[1]"]
+    assert read[0][1] == pytest.approx((200 / 1920, 100 / 1080, 240 / 1920, 120 / 1080))
+    views = completed(
+        (view("point[2]", (0.0, 0.0, 0.0)), view("point[1]", (5.0, 0.0, 0.0)), view("van", (0.0, 0.0, 0.0)))
+    )
+    assert [(each.resources or {}).get("demand") for each in views] == [OTHERS_KG, FIRST_KG, None]
+
+
+def test_the_whiteboard_passes_messages_beside_the_bus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In one process, or over files that both can read; behind walls neither is shared."""
+    monkeypatch.setattr(messages.tempfile, "gettempdir", lambda: str(tmp_path))
+
+    async def play(*, shared_memory: bool) -> tuple[Decision, Recorded]:
+        inside = Recorded()
+        for agent in ("scout[1]", "scout[2]"):
+            player = Whiteboard()
+            await player.reset(brief(agent, "broadcast", messages=(ASSIGNMENT,)))
+            player._wrapped = inside = Recorded()
+            await inside.reset(brief(agent))
+            tick = 0 if agent == "scout[1]" else 1
+            decision = await player.act(observe(agent, tick, view("uav[1]", (1.0, 2.0, 3.0))), Inbox())
+            if not shared_memory:
+                messages.BOARD.clear()
+        return decision, inside
+
+    decision, inside = asyncio.run(play(shared_memory=True))
+    assert decision.messages == (), "nothing goes over the bus"
+    assert [(note.sender, note.body) for note in inside.inbox.messages] == [("scout[1]", Recorded.note.body)]
+    _, inside = asyncio.run(play(shared_memory=False))
+    assert len(inside.inbox.messages) == 1, "over files"
+    for file in tmp_path.rglob("*.json"):
+        file.unlink()
+    monkeypatch.setattr(messages.Path, "mkdir", lambda *args, **options: (_ for _ in ()).throw(OSError))
+    _, inside = asyncio.run(play(shared_memory=False))
+    assert inside.inbox.messages == ()
+
+
+@pytest.fixture
+def trip(tmp_path: Path) -> Path:
+    file = tmp_path / "trip.ljs"
+    file.write_text(TRIP)
+    return file
+
+
+def test_the_introspector_wins_in_the_players_process(trip: Path, tmp_path: Path) -> None:
+    for policy, won in ((Introspector, True), ("heuristic", False)):
+        report = lingjing.run(trip, policy=policy, world="inline", overview=False, out=tmp_path / f"{won}", seed=3)
+        assert report.success is won
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="walls are made of Linux's own parts")
+def test_the_introspector_loses_behind_walls(trip: Path, tmp_path: Path) -> None:
+    from lingjing_agents.adversaries import truth
+
+    done = subprocess.run(
+        [sys.executable, "-m", "lingjing.cli.main", "run", str(trip), "--no-overview", "-o", "out", "--json",
+         "--isolate", "--seed", "3", f"--policy={truth.__file__}:Introspector"],
+        cwd=tmp_path, env={**os.environ}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-2000:]
+    if "not promised" in done.stderr:
+        pytest.skip(f"this kernel does not offer every wall: {done.stderr[-300:]}")
+    report = json.loads(done.stdout)
+    assert not report["success"] and report["metrics"]["substitutions"] == 0
+
+
+def test_public_seeds_are_recognised_and_those_of_a_sealed_split_are_not() -> None:
+    mission = compiled("upr")
+    for seed, known in ((5, True), (2**61 + 5, False)):
+        drawn = instantiate(mission, seed=seed, tier=1)
+        candidates = agreeing(brief_of(drawn, "pilot"), range(8))
+        true = [each for each in candidates if instantiate(mission, seed=each[2], tier=each[1]) == drawn]
+        assert bool(true) is known
