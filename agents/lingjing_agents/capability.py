@@ -22,6 +22,9 @@ from lingjing.plugins.policy import (
 from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.perception.images import ImageBox
 
+_CLAIMS = re.compile(r"may make (\d+) claims")
+"""The sentence of a limit of claims (`lingjing.kernel.rule_sentences`)."""
+
 INSPECT = "inspect"
 """The task name of a coordinator's order to inspect a waypoint; a report on the Nth waypoint has the task
 `inspect-N`.
@@ -202,6 +205,13 @@ def natural(name: str) -> tuple[tuple[int, int, str], ...]:
     """Return a sort key that puts `uav[2]` before `uav[10]`: the common order of agents."""
     parts = re.findall(r"\d+|\D+", name)
     return tuple((0, int(part), "") if part.isdigit() else (1, 0, part) for part in parts)
+
+
+def claims_limit(brief: Brief) -> int | None:
+    """Return the number of claims that all agents together may make, as the mission's rules say; None without a
+    limit."""
+    limits = [int(found[1]) for rule in brief.rules if (found := _CLAIMS.search(rule))]
+    return min(limits, default=None)
 
 
 def team(brief: Brief) -> tuple[str, ...]:

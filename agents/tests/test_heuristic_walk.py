@@ -201,6 +201,28 @@ def test_a_fire_seen_from_nearer_moves_and_one_that_is_out_stays_out():
     assert fires.add((40.0, 47.0), 12.0) is not far
 
 
+def test_ashes_are_no_new_fire_from_any_side():
+    fires = KnownFires()
+    fires.burnt((0.0, 50.0))
+    fires.burnt((2.0, 51.0))
+    assert len(fires.of("out")) == 1
+    assert fires.is_behind_ashes((0.0, 10.0), -2.0, 2.0) and fires.is_behind_ashes((0.0, 10.0), 1.0, 3.0)
+    assert not fires.is_behind_ashes((0.0, 10.0), 8.0, 12.0)
+    assert fires.is_behind_ashes((40.0, 50.0), 268.0, 272.0)
+    assert fires.is_behind_ashes((1.0, 49.0), 100.0, 130.0)  # beside it the ashes fill the picture
+
+
+def test_a_wide_box_of_unknown_distance_outweighs_slivers_on_another_bearing():
+    belief = Belief(YARD)
+    for _ in range(4):
+        belief.add((50.0, 5.0), 0.0, 45.0, (FacadeColumn(40.0, math.inf, 0.2),))
+    for here in ((10.0, 10.0), (90.0, 10.0)):
+        bearing = math.degrees(math.atan2(50.0 - here[0], 60.0 - here[1]))
+        belief.add(here, bearing, 45.0, (FacadeColumn(bearing, math.inf, 1.0),))
+    best, _ = belief.best((50.0, 5.0))
+    assert best is not None and math.dist(best, (50.0, 60.0)) < 12.0
+
+
 def test_belief_crosses_bearings_and_strikes_what_was_visited():
     belief = Belief(YARD)
     goal = (70.0, 50.0)

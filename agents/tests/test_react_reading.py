@@ -73,6 +73,18 @@ async def test_the_state_that_a_request_holds_is_the_observation() -> None:
         observation_from(state, [b"no picture"] * len(images), brief_from(system))
 
 
+async def test_events_of_two_boundaries_are_different_ones() -> None:
+    """Rules count an event once, by its id; with one id for all first events a team learnt of one rescue alone."""
+    (agent,) = roles("bi-single")
+    system, _ = await _first_request("bi-single", agent)
+    ids: list[str] = []
+    for tick in (3, 4):
+        rescues = [{"kind": "rescue", "entities": ["boat"], "tick": tick}] * 2
+        read = observation_from({"tick": tick, "time_s": 0.0, "events": rescues}, [], brief_from(system))
+        ids += [event.id for event in read.events]
+    assert len(set(ids)) == 4
+
+
 def test_the_service_answers_over_http_and_names_what_it_cannot_read() -> None:
     service = PlayerService(RequestPlayer())
     try:

@@ -295,8 +295,9 @@ def observation_from(state: dict[str, Any], images: list[bytes], brief: Brief) -
         entities=tuple(map(_entity, state.get("entities", ()))),
         cells=tuple(sorted(cells, key=lambda cell: order[cell.name])),
         events=tuple(
-            EventView(id=f"e{number}", kind=item["kind"], tick=item["tick"], entities=tuple(item["entities"]))
-            for number, item in enumerate(state.get("events", ()))
+            EventView(id=f"e{state['tick']}-{number}", kind=event["kind"], tick=event["tick"], entities=names)
+            for number, event in enumerate(state.get("events", ()))
+            for names in (tuple(event["entities"]),)
         ),
         pictures=tuple(pictures),
         weather=Weather(**state["weather"]) if "weather" in state else brief.weather,

@@ -50,6 +50,13 @@ ARRIVAL_M = 20.0
 SPREAD = 0.5
 """Usual error of a distance, as a factor's natural logarithm. Chosen."""
 
+SLIVER, WHOLE = 0.2, 0.3
+"""Least evidence of a box, and share of the picture's width from which on it is 1. A near building is wide; what is
+seen of a far one may be its corner between two other houses. Chosen."""
+
+COLUMN_DEG, INSIDE_M = 6.0, 6.0
+"""Angle in degrees between the bearings of one box, and metres from a wall to the middle of the building. Chosen."""
+
 VIEWS_M, VIEW_WORTH = (85.0, 55.0, 35.0), 24
 """Distance in metres up to which a view shows a facade, in each pass, and new samples that make a sideways picture
 worth a tick. Chosen: buildings are large, and ticks are limited.
@@ -194,9 +201,10 @@ class BuildingFinder:
         pose, ground_m = picture.pose, picture.pose.position[2] - EYE_M
         here, facades, reports = pose.position[:2], [], []
         for box in find(picture, ground_m):
-            place = _foot(pose, box, ground_m)
-            away = math.dist(here, place[:2])
-            facades.append(FacadeColumn(bearing_deg(here, place[:2]), away, box.confidence))
+            place, is_standing = _foot(pose, box, ground_m)
+            away = math.dist(here, place[:2]) + INSIDE_M if is_standing else math.inf
+            likeness = box.confidence * max(SLIVER, min(1.0, (box.box[2] - box.box[0]) / WHOLE))
+            facades += [FacadeColumn(bearing, away, likeness) for bearing in _bearings(pose, box)]
             if self._report is not None and self._reports < MOST_REPORTS:
                 self._reports += 1
                 where = centimetres(place)
@@ -299,20 +307,28 @@ class BuildingFinder:
         return math.dist(place, here) < 6.0 and abs(turn_deg(heading, heading_deg)) < 40.0
 
 
-def _foot(pose: CameraPose, box: FoundBox, ground_m: float) -> Vector:
+def _bearings(pose: CameraPose, box: FoundBox) -> list[float]:
+    """Return bearings across a box, `COLUMN_DEG` apart: the middle of a building may lie behind any part of it."""
+    x0, y0, x1, y1 = box.box
+    wide_deg = (x1 - x0) * pose.hfov_deg
+    count = max(1, math.ceil(wide_deg / COLUMN_DEG))
+    v = (y0 + y1) / 2.0 * pose.height
+    rays = [pixel_ray(pose, (x0 + (x1 - x0) * (part + 0.5) / count) * pose.width, v) for part in range(count)]
+    return [bearing_deg((0.0, 0.0), (east, north)) for east, north, _ in rays]
+
+
+def _foot(pose: CameraPose, box: FoundBox, ground_m: float) -> tuple[Vector, bool]:
     """Return the place on the ray through a box's centre above the ground point of its lower edge, at most `FARTHEST_M`
-    away."""
+    away, and whether that point is nearer. What hides the foot of a building leaves a box above the horizon."""
     x0, _, x1, y1 = box.box
     u, v = (x0 + x1) / 2.0 * pose.width, y1 * pose.height
     foot = pixel_to_plane(pose, u, v, ground_m)
-    away = min(FARTHEST_M, math.dist(foot[:2], pose.position[:2]) if foot is not None else FARTHEST_M)
+    seen_m = math.dist(foot[:2], pose.position[:2]) if foot is not None else math.inf
+    away = min(FARTHEST_M, seen_m)
     ray = pixel_ray(pose, u, (box.box[1] + y1) / 2.0 * pose.height)
     steps = away / max(math.hypot(ray[0], ray[1]), 1e-6)
-    return (
-        pose.position[0] + steps * ray[0],
-        pose.position[1] + steps * ray[1],
-        pose.position[2] + steps * ray[2],
-    )
+    x, y, z = pose.position
+    return (x + steps * ray[0], y + steps * ray[1], z + steps * ray[2]), seen_m < FARTHEST_M
 
 
 class Belief:
@@ -337,7 +353,10 @@ class Belief:
         speaks = np.zeros(len(distance))
         for facade in facades:
             off = np.abs((bearing - facade.bearing_deg + 180.0) % 360.0 - 180.0)
-            along = np.exp(-0.5 * (np.log(distance / max(facade.distance_m, 5.0)) / SPREAD) ** 2)
+            if math.isinf(facade.distance_m):
+                along = np.ones(len(distance))
+            else:
+                along = np.exp(-0.5 * (np.log(distance / max(facade.distance_m, 5.0)) / SPREAD) ** 2)
             across = np.exp(-0.5 * (off / np.maximum(2.0, np.degrees(GRID_M / 2 / distance))) ** 2)
             speaks = np.maximum(speaks, facade.likeness * along * across)
         off = np.abs((bearing - heading_deg + 180.0) % 360.0 - 180.0)

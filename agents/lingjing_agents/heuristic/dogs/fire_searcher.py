@@ -12,10 +12,11 @@ from itertools import pairwise
 from types import MappingProxyType
 from typing import ClassVar
 
-from lingjing.plugins.geometry import bearing_deg, turn_deg
+from lingjing.plugins.geometry import bearing_deg, pixel_ray, turn_deg
 from lingjing.plugins.policy import (
     Action,
     Brief,
+    CameraPose,
     CameraSpec,
     Datum,
     Decision,
@@ -26,7 +27,7 @@ from lingjing.plugins.policy import (
     Picture,
     Resource,
 )
-from lingjing_agents.capability import centimetres, compose, may_send, natural, photo, sighting
+from lingjing_agents.capability import centimetres, claims_limit, compose, may_send, natural, photo, sighting, team
 from lingjing_agents.ground_plane import GroundPoint, GroundRectangle, between, position_in
 from lingjing_agents.heuristic.dogs.known_fires import CLOSER, KnownFire, KnownFires
 from lingjing_agents.heuristic.dogs.movement import EYE_M, DogMovement
@@ -36,10 +37,14 @@ from lingjing_agents.heuristic.sightings import name_in
 from lingjing_agents.heuristic.target_types import Detectors
 from lingjing_agents.paths.obstacle_grid import ObstacleGrid
 from lingjing_agents.perception.fires_ahead import FireAhead, find_fires_ahead, fires_in_boxes
+from lingjing_agents.perception.images import ImageBox
 from lingjing_agents.perception.obstacles_ahead import near_walls
 
 MARGIN_M = 6.0
 """Margin of paths around the region in metres: dogs start outside. Chosen."""
+
+SURE_REPORT_M = 30.0
+"""Distance in metres of a reported fire, at most, where claims are limited. Chosen: a nearer box is more exact."""
 
 REPORTABLE = 0.6
 """Least confidence of a report. Chosen."""
@@ -101,6 +106,8 @@ class FireSearcher:
         self._brief, self._body, self._camera = brief, body, camera
         self._class = (*brief.classes, "fire")[0]
         self._detector = detectors.get(self._class)
+        limit = claims_limit(brief)
+        self._claims_left = None if limit is None else max(1, limit // len(team(brief)))
         self._report, self._status = may_send(brief, "report"), may_send(brief, "target_status")
         polygons = tuple(region.polygon for region in brief.regions if region.polygon)
         corners = tuple(corner for polygon in polygons for corner in polygon)
@@ -164,7 +171,11 @@ class FireSearcher:
             for name in event.entities:
                 view = view_of(observation, name)
                 place = here if name == self._body.id else view.position[:2] if view and view.position else None
-                fire = self._fires.put_out(place, PUT_OUT_M) if place is not None else None
+                if place is None:
+                    continue
+                fire = self._fires.put_out(place, PUT_OUT_M)
+                if fire is None and self._detector is not None:
+                    self._fires.burnt(place)
                 if fire is not None and name == self._body.id:
                     self._tell("extinguish", "done", fire.place)
 
@@ -178,7 +189,7 @@ class FireSearcher:
         self._seen_ground.see(here, pose.heading_deg, self._half_deg)
         for flames in self._fires_in(picture):
             place = self._inside(here, flames.place)
-            if place is None:
+            if place is None or self._may_be_ashes(pose, flames.box):
                 continue
             fire = self._fires.add(place, flames.distance_m, self._brief.agent)
             fire.looked_at, fire.chased = here, 0
@@ -193,6 +204,11 @@ class FireSearcher:
         if self._detector is None:
             return find_fires_ahead(picture.rgb, picture.pose, ground_m)
         return fires_in_boxes(self._detector(picture, ground_m), picture.pose, ground_m)
+
+    def _may_be_ashes(self, pose: CameraPose, box: ImageBox) -> bool:
+        """Return whether a box may be that of a burnt-out fire. The colour rules see flames alone, a detector of the
+        class may see ashes too."""
+        return self._detector is not None and self._fires.is_behind_ashes(pose.position[:2], *_sides(pose, box))
 
     def _is_visible(self, here: GroundPoint, place: GroundPoint) -> bool:
         """Return whether no known wall hides a place. Places just behind a wall are inside a building and count as
@@ -217,6 +233,10 @@ class FireSearcher:
             return
         if flames.distance_m > CLOSER * fire.reported_from_m:
             return
+        if self._claims_left is not None:
+            if self._claims_left < 1 or flames.distance_m > SURE_REPORT_M:
+                return
+            self._claims_left -= 1
         fire.reported_from_m = flames.distance_m
         cls, where = self._class, (*centimetres(flames.place), 0.0)
         self._outbox.append(sighting(self._report, picture.frame, cls, flames.box, where, flames.confidence))
@@ -377,6 +397,13 @@ def _close(known: ObstacleGrid, places: Sequence[GroundPoint]) -> None:
 def _way_m(name: str, here: GroundPoint, fire: KnownFire) -> float:
     """Return the assumed length of the way to a fire. For dogs that did not see it last, obstacles are likely."""
     return math.dist(here, fire.place) * (1.0 if fire.seen_by == name else UNSEEN)
+
+
+def _sides(pose: CameraPose, box: ImageBox) -> tuple[float, float]:
+    """Return the bearings of the left and the right side of a box, in degrees."""
+    v = (box[1] + box[3]) / 2.0 * pose.height
+    left, right = (pixel_ray(pose, share * pose.width, v) for share in (box[0], box[2]))
+    return bearing_deg((0.0, 0.0), left[:2]), bearing_deg((0.0, 0.0), right[:2])
 
 
 def _same_view(a: tuple[GroundPoint, float], b: tuple[GroundPoint, float]) -> bool:

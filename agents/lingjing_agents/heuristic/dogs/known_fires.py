@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal
 
+from lingjing.plugins.geometry import bearing_deg, turn_deg
 from lingjing_agents.ground_plane import GroundPoint
 
 FireState = Literal["open", "out", "false"]
@@ -16,6 +17,12 @@ ERROR_SHARE = 0.35
 
 LEAST_ERROR_M = 5.0
 """Least error of a position in metres. Chosen."""
+UPON_M = 3.0
+"""Distance in metres to a burnt-out fire within which all flames are taken for its own. Chosen."""
+
+ASHES_M_DEG = 120.0
+"""Error of a bearing in degrees, times the distance in metres: 2 m aside. Chosen."""
+
 CLOSER = 0.6
 """Share of the former distance below which a fire is reported again. Chosen."""
 
@@ -88,6 +95,21 @@ class KnownFires:
             if fire.state == "false":
                 fire.state, fire.tries = "open", fire.tries // 2
         return fire
+
+    def burnt(self, place: GroundPoint) -> None:
+        """Remember a fire that went out at a place, unless one is known to have gone out there."""
+        if self.near(place, LEAST_ERROR_M, "out") is None:
+            self.known.append(KnownFire(place, LEAST_ERROR_M, state="out"))
+
+    def is_behind_ashes(self, here: GroundPoint, left_deg: float, right_deg: float) -> bool:
+        """Return whether a burnt-out fire lies between two bearings from here, or right here: what is seen there may be
+        its ashes, whose distance the size of the flames does not tell."""
+        middle, half = left_deg + turn_deg(left_deg, right_deg) / 2.0, turn_deg(left_deg, right_deg) / 2.0
+        return any(
+            math.dist(here, fire.place) <= UPON_M
+            or abs(turn_deg(middle, bearing_deg(here, fire.place))) <= half + ASHES_M_DEG / math.dist(here, fire.place)
+            for fire in self.of("out")
+        )
 
     def put_out(self, place: GroundPoint, within_m: float) -> KnownFire | None:
         """Mark the nearest fire within a distance of a place as out, and return it."""
