@@ -210,7 +210,7 @@ def natural(name: str) -> tuple[tuple[int, int, str], ...]:
 def claims_limit(brief: Brief) -> int | None:
     """Return the number of claims that all agents together may make, as the mission's rules say; None without a
     limit."""
-    limits = [int(found[1]) for rule in brief.rules if (found := _CLAIMS.search(rule))]
+    limits = [int(limit[1]) for rule in brief.rules if (limit := _CLAIMS.search(rule))]
     return min(limits, default=None)
 
 

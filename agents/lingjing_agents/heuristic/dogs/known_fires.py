@@ -102,8 +102,8 @@ class KnownFires:
             self.known.append(KnownFire(place, LEAST_ERROR_M, state="out"))
 
     def is_behind_ashes(self, here: GroundPoint, left_deg: float, right_deg: float) -> bool:
-        """Return whether a burnt-out fire lies between two bearings from here, or right here: what is seen there may be
-        its ashes, whose distance the size of the flames does not tell."""
+        """Return whether a burnt-out fire lies between two bearings from here, or right here. A box there may show
+        its ashes, and their size does not give a distance."""
         middle, half = left_deg + turn_deg(left_deg, right_deg) / 2.0, turn_deg(left_deg, right_deg) / 2.0
         return any(
             math.dist(here, fire.place) <= UPON_M
