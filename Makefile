@@ -127,7 +127,7 @@ eyes: setup
 
 frameworks: setup
 	@$(BIN)/python -m pip install -qq --disable-pip-version-check --target build/frameworks inspect_ai==0.3.285 langgraph langchain-openai
-	@PYTHONPATH=build/frameworks $(BIN)/python -m pytest -q -p no:xdist agents/tests/test_own_agents.py
+	@PYTHONPATH=build/frameworks $(BIN)/python -m pytest -q -p no:xdist agents/tests/test_own_agents.py tests/bench/test_inspect_task.py
 
 pictures: setup
 	@$(BIN)/python tools/contact_sheet.py

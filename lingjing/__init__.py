@@ -15,6 +15,7 @@ Modules that all share:
   `articles`: "a" or "an"
 - `collector`: pauses of the garbage collector; `numerics`: all that fixes the last bits of numbers;
   `sums`: sums that every version of Python computes alike
+- `decoding`: typed values from JSON and msgpack
 - `data`: the place of shipped files; `kept_files`: files of the cache; `whole_files`: atomic writes
 - `notebook_tables`: tables of notebooks
 - `file_names`: names that are not UTF-8

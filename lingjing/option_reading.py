@@ -16,6 +16,7 @@ import msgspec
 from pydantic import AliasChoices, AliasPath, BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
+from lingjing.decoding import from_json
 from lingjing.errors import Fault, LingjingError, hint_of
 from lingjing.suggest import nearest
 from lingjing.validation import worded
@@ -95,7 +96,7 @@ def _decoded(value: object) -> object:
     if not isinstance(value, str):
         return value
     try:
-        return msgspec.json.decode(value)
+        return from_json(value)
     except (msgspec.DecodeError, UnicodeEncodeError, RecursionError):
         return value
 

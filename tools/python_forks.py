@@ -36,6 +36,7 @@ import msgspec
 
 from lingjing.causal import branch_host
 from lingjing.cli.main import VERBS
+from lingjing.decoding import from_msgpack
 from lingjing.kernel.world import launch
 from lingjing.play.parallel import ENGINE_MODULES, PLAYED_WITH, WITH_EXTRAS
 from lingjing.play.policy_processes.preloading import SERVES
@@ -218,7 +219,7 @@ def become_python(argument: bytes, ends: tuple[int, ...]) -> None:
     os.close(server)
     for module in (fork_client, launch, branch_host):
         mock.patch.object(module, "start_to_last", _start_fork).start()
-    run_start(msgspec.msgpack.decode(argument, type=PythonStart), descriptors)
+    run_start(from_msgpack(argument, PythonStart), descriptors)
 
 
 def _start_fork(

@@ -14,6 +14,7 @@ from typing import Protocol
 
 import msgspec
 
+from lingjing.decoding import from_json
 from lingjing.plugins.backbone import ChatMessage, ModelError
 from lingjing.plugins.calls import UnrecordedCalls
 from lingjing.plugins.frame_detector import FrameAnswer, FrameQuestion, UnitBox
@@ -116,7 +117,7 @@ class _ModelDetector:
         try:
             answer = asyncio.run(self._model.ask(0, (message,), deadline, schema=SCHEMA))
             objects = _OBJECT.findall(answer.text)
-            return FrameAnswer(msgspec.json.decode(objects[-1] if objects else "", type=_Presence).present)
+            return FrameAnswer(from_json(objects[-1] if objects else "", _Presence).present)
         except ModelError as error:
             return FrameAnswer(False, failure=str(error))
         except msgspec.DecodeError as error:

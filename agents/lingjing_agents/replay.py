@@ -10,6 +10,7 @@ from pathlib import Path
 
 import msgspec
 
+from lingjing.decoding import from_json
 from lingjing.plugins.options import Field, PluginOptions
 from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, UsageError
 
@@ -20,7 +21,7 @@ Script = dict[str, dict[int, Decision]]
 def _load_script(path: Path) -> Script:
     """Return the script in a file. Raises `UsageError` if the file cannot be read or is not a script."""
     try:
-        return msgspec.json.decode(path.read_bytes(), type=Script)
+        return from_json(path.read_bytes(), Script)
     except OSError as error:
         raise UsageError(f"cannot read the script {path}: {error.strerror}", hint="give script=PATH") from error
     except msgspec.DecodeError as error:

@@ -16,6 +16,7 @@ import msgspec
 from lingjing.authoring.checks import MissionCheck, checks_of
 from lingjing.authoring.composing import VERSION, Composed, compose
 from lingjing.authoring.running import CheckResult, CheckRunner
+from lingjing.decoding import from_json
 from lingjing.dsl.compilation import compile_text
 from lingjing.errors import InfrastructureError
 from lingjing.mission import model
@@ -170,7 +171,7 @@ def _known(composed: Composed, folder: Path) -> Certificate | None:
     for place in (folder, folder / REJECTED):
         file = place / f"{composed.name}.json"
         try:
-            certificate = msgspec.json.decode(file.read_bytes(), type=Certificate)
+            certificate = from_json(file.read_bytes(), Certificate)
         except (OSError, msgspec.DecodeError):
             continue
         if certificate.sha256 == _sha256(composed) and certificate.generator == VERSION:

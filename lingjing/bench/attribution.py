@@ -28,6 +28,7 @@ from lingjing.bench.executors import Executor
 from lingjing.bench.planted import FACULTIES, PlantedEpisode, PlantedKind, read_planted
 from lingjing.bench.suite import ATTRIBUTION, NameOrFile, ShortText, SuitePart, read_document
 from lingjing.bench.table_cells import UNDEFINED, ResultCell, ResultLine, ResultTable
+from lingjing.decoding import from_json
 from lingjing.errors import LingjingError, UsageError
 from lingjing.play.parallel import EpisodeTask
 from lingjing.play.python_files import function_of
@@ -269,7 +270,7 @@ class AttributionRun:
     def _kept(self) -> Iterable[AttributionRow]:
         for line in self._file.read_bytes().splitlines() if self._file.is_file() else ():
             try:
-                yield msgspec.json.decode(line, type=AttributionRow)
+                yield from_json(line, AttributionRow)
             except msgspec.DecodeError:  # an incomplete last line of a killed command
                 continue
 

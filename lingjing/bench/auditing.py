@@ -17,6 +17,7 @@ import msgspec
 from lingjing.bench.evidence import AuditMark, AuditRecord, named, row_faults, row_sha256
 from lingjing.bench.rows import SuiteRow
 from lingjing.causal.replay import replay
+from lingjing.decoding import from_json
 from lingjing.errors import LingjingError
 from lingjing.mission.salts import Salt, public_seed, salt_fault
 from lingjing.play.report import EpisodeReport, report_of
@@ -235,7 +236,7 @@ def _calls_fault(row: SuiteRow, folder: Path, audit: Audit) -> str:
         tokens = calls = 0
         for call in reader.calls():
             for message in (call.head, *call.messages):
-                msgspec.json.decode(message)
+                from_json(message)
             for picture in call.pictures:
                 reader.content(bytes.fromhex(picture))
             if call.tick >= 0 and call.result is not None:

@@ -17,6 +17,7 @@ from typing import Literal
 import msgspec
 
 from lingjing.bench.rows import SuiteRow
+from lingjing.decoding import from_json
 from lingjing.errors import LingjingError, UsageError
 
 AuditMark = Literal["checked", "replayed"]
@@ -92,7 +93,7 @@ def read_audit(place: Path) -> AuditRecord | None:
     """Return the audit beside results; None if there is none. Raises `UsageError` for a damaged one."""
     file = audit_file(place)
     try:
-        return msgspec.json.decode(file.read_bytes(), type=AuditRecord)
+        return from_json(file.read_bytes(), AuditRecord)
     except FileNotFoundError:
         return None
     except (OSError, msgspec.DecodeError) as error:

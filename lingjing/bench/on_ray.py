@@ -19,6 +19,7 @@ import msgspec
 
 from lingjing.bench.rows import code_sha256
 from lingjing.data import data_path
+from lingjing.decoding import from_json
 from lingjing.errors import AbortCause, InfrastructureError, LingjingError, UsageError, error_of, hint_of
 from lingjing.installation import AGENTS, CORE, install_line, name_of
 from lingjing.installed_plugins.discovery import TRUSTED, trusting
@@ -108,7 +109,7 @@ class RayExecutor:
 
     def _answer(self, reference: object, task: EpisodeTask) -> EpisodeReport:
         try:
-            answer = msgspec.json.decode(self._ray.get(reference), type=_RayAnswer)
+            answer = from_json(self._ray.get(reference), _RayAnswer)
         except self._ray.exceptions.RayError as error:  # the worker, its node or its memory was lost
             reason = " ".join(str(error).split())[:200]
             return without_result(task, f"its Ray worker was lost: {type(error).__name__}: {reason}", "episode-process")
@@ -119,7 +120,7 @@ class RayExecutor:
 
 def play_on_node(sent: bytes) -> bytes:
     """Play one episode on the worker; decode a `RayTask` and encode a `_RayAnswer`."""
-    return msgspec.json.encode(_played(msgspec.json.decode(sent, type=RayTask)))
+    return msgspec.json.encode(_played(from_json(sent, RayTask)))
 
 
 def _played(task: RayTask) -> _RayAnswer:

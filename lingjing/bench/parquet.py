@@ -18,6 +18,7 @@ import msgspec
 import lingjing
 from lingjing.analysis.metrics import Metrics, StageMetric
 from lingjing.bench.rows import SuiteRow
+from lingjing.decoding import converted
 from lingjing.errors import UsageError
 from lingjing.installation import install_line
 from lingjing.trace.tables import FrameLibrary, frame_library
@@ -100,7 +101,7 @@ def _decoded(table: pa.Table, file: Path) -> Iterator[SuiteRow]:
     for at, plain in enumerate(table.select(names).to_pylist()):
         try:
             whole = {name: json.loads(value) if name in _AS_JSON else value for name, value in plain.items()}
-            yield msgspec.convert(whole, SuiteRow)
+            yield converted(whole, SuiteRow)
         except (msgspec.ValidationError, ValueError, TypeError) as error:
             made = f"lingjing {plain.get('version') or 'of an unknown version'}, code {str(plain.get('code'))[:12]}"
             hint = (

@@ -12,6 +12,7 @@ from typing import Literal
 
 import msgspec
 
+from lingjing.decoding import from_json
 from lingjing.errors import UsageError
 from lingjing.play.options import PlayOptions
 from lingjing.trace.records import DigestVersion
@@ -107,10 +108,10 @@ def read_planted(path: Path) -> tuple[PlantedEpisode, ...]:
     """Return the episodes of a file. Raises `UsageError` for an unreadable file or another format."""
     try:
         head, *lines = path.read_bytes().splitlines()
-        first_line = msgspec.json.decode(head, type=_Head)
+        first_line = from_json(head, _Head)
         if first_line.format != FORMAT:
             raise UsageError(f"`{path}` has the format {first_line.format}", hint=f"this version reads {FORMAT}")
-        return tuple(msgspec.json.decode(line, type=PlantedEpisode) for line in lines)
+        return tuple(from_json(line, PlantedEpisode) for line in lines)
     except OSError as error:
         raise UsageError(f"cannot read `{path}`: {error.strerror}") from error
     except (ValueError, msgspec.DecodeError) as error:

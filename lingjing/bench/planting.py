@@ -19,6 +19,7 @@ import msgspec
 from lingjing.bench.columns import Column
 from lingjing.bench.executors import Executor
 from lingjing.bench.planted import FACULTIES, FaultLabel, PlantedEpisode, PlantedKind, faulty_options
+from lingjing.decoding import from_json
 from lingjing.mission.instance import Instance
 from lingjing.mission.seeding import integer
 from lingjing.play.parallel import EpisodeTask
@@ -92,7 +93,7 @@ class Planting:
         if self._log.is_file():
             for line in self._log.read_bytes().splitlines():
                 try:
-                    play = msgspec.json.decode(line, type=_TriedPlay)
+                    play = from_json(line, _TriedPlay)
                 except msgspec.DecodeError:  # an incomplete last line of a killed command
                     continue
                 self.tried[play.column, play.seed, play.base, play.faults] = play

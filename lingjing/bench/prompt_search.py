@@ -20,6 +20,7 @@ from lingjing.analysis.metrics import metrics
 from lingjing.bench.folder import lock_folder, write_whole
 from lingjing.bench.rows import comparable
 from lingjing.bench.running import OUT_OF_LIMITS, remove_run
+from lingjing.decoding import from_json
 from lingjing.errors import InfrastructureError, UsageError
 from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeProcesses, EpisodeTask
@@ -188,7 +189,7 @@ class PromptSearch:
         if not file.is_file():
             return []
         try:
-            stored = msgspec.json.decode(file.read_bytes(), type=KeptSearch)
+            stored = from_json(file.read_bytes(), KeptSearch)
         except msgspec.DecodeError as error:
             raise UsageError(
                 f"`{file}` is not the state of a prompt search: {error}", hint="name another folder"

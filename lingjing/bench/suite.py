@@ -52,7 +52,7 @@ TableKind = Literal[
 """The kinds of tables (`lingjing.bench.tables.TABLES`)."""
 
 
-def _seeds(value: object) -> tuple[int, ...]:
+def seeds_of(value: object) -> tuple[int, ...]:
     """Parse seeds: `20` or `"20"` means 0 to 19, `"3-7"` means 3 to 7, and a list names them singly."""
     numbers = [_whole(part) for part in value.split("-")] if isinstance(value, str) else [value]
     match numbers:
@@ -76,8 +76,8 @@ def _is_seed(value: object) -> bool:
     return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 2**63
 
 
-Seeds = Annotated[tuple[int, ...], BeforeValidator(_seeds, json_schema_input_type=int | str | list[int])]
-"""Seeds in order, in any of the forms of `_seeds`."""
+Seeds = Annotated[tuple[int, ...], BeforeValidator(seeds_of, json_schema_input_type=int | str | list[int])]
+"""Seeds in order, in any of the forms of `seeds_of`."""
 
 ShortText = Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[^\x00-\x1f\x7f]+$")]
 """A name without control characters."""

@@ -25,6 +25,7 @@ from lingjing.causal.branch_process import (
 from lingjing.causal.branching import BranchResult
 from lingjing.causal.interventions import BranchPlan, check, check_trace
 from lingjing.causal.redriven import BranchOptions
+from lingjing.decoding import from_msgpack
 from lingjing.errors import InfrastructureError, UsageError, error_of
 from lingjing.kernel.world.launch import ENGINE_VARIABLES
 from lingjing.processes.channel import Channel, ChannelClosedError
@@ -153,7 +154,7 @@ class BranchHost:
                 packet = self._channel.receive()
             except ChannelClosedError:
                 raise self._ended_error() from None
-            reply: HostReply = msgspec.msgpack.decode(packet.payload, type=HostReply)
+            reply: HostReply = from_msgpack(packet.payload, HostReply)
             if isinstance(reply, kind):
                 return reply
             if isinstance(reply, DrivenTo):

@@ -26,6 +26,7 @@ from lingjing.causal.branching import BranchResult, play_branch
 from lingjing.causal.interventions import BranchPlan
 from lingjing.causal.processor_time import cpu_of
 from lingjing.causal.redriven import BranchOptions, RedrivenEpisode
+from lingjing.decoding import MsgpackDecoder, from_msgpack, msgpack_decoder
 from lingjing.errors import ExitCode, InfrastructureError, LingjingError, UsageError, hint_of
 from lingjing.processes.channel import Channel, ChannelClosedError
 from lingjing.processes.linux import SeveralThreadsError, end_with_parent, fork
@@ -135,7 +136,7 @@ class _Server:
         self._held: dict[int, Channel] = {}
 
     def run(self) -> None:
-        decoder: msgspec.msgpack.Decoder[HostRequest] = msgspec.msgpack.Decoder(HostRequest)
+        decoder: MsgpackDecoder[HostRequest] = msgpack_decoder(HostRequest)
         try:
             while True:
                 self._attempt(decoder.decode(self._channel.receive().payload))
@@ -215,7 +216,7 @@ class _Server:
             signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # the system reaps ended branches
             while True:
                 packet = requests.receive()
-                self._fork_branch(msgspec.msgpack.decode(packet.payload, type=BranchPlan), packet.descriptors[0])
+                self._fork_branch(from_msgpack(packet.payload, BranchPlan), packet.descriptors[0])
         except ChannelClosedError:
             os._exit(0)
         finally:

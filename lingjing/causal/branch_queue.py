@@ -18,6 +18,7 @@ import msgspec
 from lingjing.causal.branching import BranchResult
 from lingjing.causal.interventions import BranchPlan
 from lingjing.causal.processor_time import cpu_of
+from lingjing.decoding import from_msgpack
 from lingjing.processes.channel import Channel, ChannelClosedError
 from lingjing.processes.deadlines import Deadline, WallDeadline
 
@@ -60,7 +61,7 @@ class _Running:
             failed="the process of the branch ended without a result",
             hint="it was killed, or a policy that ran in it ended it",
         )
-        return msgspec.msgpack.decode(self.answer, type=BranchResult) if self.answer else lost
+        return from_msgpack(self.answer, BranchResult) if self.answer else lost
 
     def close(self) -> None:
         """Close its channel and pidfd."""

@@ -19,6 +19,7 @@ import msgspec
 
 from lingjing.causal.failure import FailureSignature, Sameness, failure_of
 from lingjing.causal.reduced_mission import ReducedMission
+from lingjing.decoding import from_json
 from lingjing.dsl.compilation import compile_text
 from lingjing.dsl.printing.printer import to_ljs
 from lingjing.errors import InfrastructureError, LingjingError, MissionError, UsageError
@@ -112,7 +113,7 @@ class CandidatePlayer:
         if self.log.is_file():
             for line in self.log.read_bytes().splitlines():
                 try:
-                    tried = msgspec.json.decode(line, type=TriedCandidate)
+                    tried = from_json(line, TriedCandidate)
                 except msgspec.DecodeError:  # an incomplete last line of a killed command
                     continue
                 self.known[tried.key, tried.who] = tried

@@ -21,6 +21,7 @@ import msgspec
 
 from lingjing.causal.branch_pictures import BranchPictures
 from lingjing.causal.processor_time import cpu_of
+from lingjing.decoding import from_msgpack
 from lingjing.errors import InfrastructureError, LingjingError, hint_of
 from lingjing.kernel.world.contract import StoredFrame
 from lingjing.kernel.world.engine_group import start_engines
@@ -170,7 +171,7 @@ class _Service:
     def _draw(self, descriptor: int) -> None:
         channel = self._channels[descriptor]
         try:
-            self._answer(channel, msgspec.msgpack.decode(channel.receive().payload, type=_PictureRequest))
+            self._answer(channel, from_msgpack(channel.receive().payload, _PictureRequest))
         except ChannelClosedError:
             self._poller.unregister(descriptor)
             self._channels.pop(descriptor).close()

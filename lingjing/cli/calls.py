@@ -12,6 +12,7 @@ import msgspec
 
 from lingjing.cli.arguments import parse_whole
 from lingjing.cli.files import check_output, print_columns, say_written, write_output, write_whole
+from lingjing.decoding import from_json
 from lingjing.errors import ExitCode, UsageError
 from lingjing.trace.call_store import CALLS_NAME, CallReader, calls_of
 from lingjing.trace.calls import CallResult, RecordedCall
@@ -103,7 +104,7 @@ def _print_json(calls: Iterable[RecordedCall]) -> None:
             "agent": call.agent,
             "tick": call.tick,
             "call": call.number,
-            "request": {**msgspec.json.decode(call.head), "messages": [*map(msgspec.Raw, call.messages)]},
+            "request": {**from_json(call.head), "messages": [*map(msgspec.Raw, call.messages)]},
             "result": call.result,
         }
         sys.stdout.write(msgspec.json.encode(whole).decode() + "\n")
@@ -112,9 +113,9 @@ def _print_json(calls: Iterable[RecordedCall]) -> None:
 def _print_full(calls: Iterable[RecordedCall]) -> None:
     for call in calls:
         print(f"=== tick {call.tick}, {call.agent}, call {call.number}: {_outcome(call.result)}")
-        for name, value in msgspec.json.decode(call.head).items():
+        for name, value in from_json(call.head).items():
             print(f"{name}: {value if isinstance(value, str) else msgspec.json.encode(value).decode()}")
-        for message in map(msgspec.json.decode, call.messages):
+        for message in map(from_json, call.messages):
             print(f"--- {message.get('role')}\n{_content_text(message.get('content'))}")
         if call.result is not None and call.result.reasoning:
             print(f"--- reasoning\n{call.result.reasoning}")

@@ -18,6 +18,7 @@ from lingjing.causal.result_texts import branch_text
 from lingjing.cli.arguments import parse_amount, whole_number
 from lingjing.cli.branches import add_branch_options, branch_options, parse_faculty
 from lingjing.cli.progress import BranchProgress
+from lingjing.decoding import from_json
 from lingjing.errors import ExitCode, UsageError
 from lingjing.mission.instance import Datum
 from lingjing.play.folders import claim_folder, release_if_empty
@@ -135,7 +136,7 @@ def _forged(text: str) -> MessageChange:
     if not equals:
         raise UsageError(f"--forge {text}: the new fields of the message are missing", hint=hint)
     try:
-        return MessageChange(message=name, act="forge", body=msgspec.json.decode(body, type=dict[str, Datum]))
+        return MessageChange(message=name, act="forge", body=from_json(body, dict[str, Datum]))
     except (msgspec.DecodeError, msgspec.ValidationError) as error:
         raise UsageError(f"--forge {name}: {error}", hint=hint) from error
 

@@ -25,6 +25,7 @@ from typing import IO, NamedTuple
 
 import msgspec
 
+from lingjing.decoding import from_json
 from lingjing.errors import PluginError
 from lingjing.installation import CORE, OWN
 from lingjing.installed_plugins.entry_points import PLUGINS, find_entries, label
@@ -202,7 +203,7 @@ def _timed(key: str) -> str:
 
 def _known() -> dict[str, Trial]:
     try:
-        return msgspec.json.decode(os.environ.get(KNOWN, "{}"), type=dict[str, Trial])
+        return from_json(os.environ.get(KNOWN, "{}"), dict[str, Trial])
     except msgspec.DecodeError:
         return {}
 
@@ -220,7 +221,7 @@ def _faulty(reason: str) -> Trial:
 
 def _decoded(answer: str) -> Trial:
     try:
-        return msgspec.json.decode(answer, type=Trial)
+        return from_json(answer, Trial)
     except msgspec.DecodeError:
         return _faulty("wrote into the answer of its trial")
 

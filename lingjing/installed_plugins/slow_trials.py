@@ -21,6 +21,7 @@ from pathlib import Path
 import msgspec
 
 from lingjing.data import cache_folder, cache_is_off
+from lingjing.decoding import from_json
 from lingjing.kept_files import prune, read_kept, write_kept
 
 KEPT_S = 3600.0
@@ -58,7 +59,7 @@ def find_slow_trial(point: EntryPoint, key: str) -> str:
         return ""
     try:
         data = read_kept(_file(point, key))
-        trial = msgspec.json.decode(data, type=_SlowTrial) if data is not None else None
+        trial = from_json(data, _SlowTrial) if data is not None else None
     except (OSError, msgspec.DecodeError):
         return ""
     if trial is None or not 0.0 <= time.time() - trial.ended_unix_s < KEPT_S:

@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 
 from lingjing.articles import with_article
+from lingjing.decoding import converted
 from lingjing.trace.records import Decision, DecisionRecord
 
 THOUGHT_LETTERS = 20_000
@@ -46,7 +47,7 @@ def plain_copy(decision: Decision) -> Decision:
     """
     content = _representable(msgspec.to_builtins(decision, enc_hook=_from_numpy))
     content["thought"] = str(content["thought"])[:THOUGHT_LETTERS]
-    copy = msgspec.convert(content, Decision)
+    copy = converted(content, Decision)
     size = len(msgspec.json.encode(msgspec.structs.replace(copy, thought="")))
     if size > DECISION_BYTES:
         raise ValueError(f"the decision has {size} bytes, at most {DECISION_BYTES}")

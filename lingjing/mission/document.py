@@ -13,6 +13,7 @@ from typing import Any
 
 import msgspec
 
+from lingjing.decoding import from_json
 from lingjing.errors import Fault, MissionError
 from lingjing.mission import jsontext
 from lingjing.mission.conditions.listing import ListedCondition, list_conditions
@@ -57,7 +58,7 @@ def decode(text: str, path: str) -> Mission:
     """
     try:
         encoded = text.removeprefix("\ufeff").encode("utf-8", "surrogatepass")
-        return Mission(**_content(msgspec.json.decode(encoded, type=MissionDocument)))
+        return Mission(**_content(from_json(encoded, MissionDocument)))
     except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
         value = jsontext.load(text, path)
         _check_version(value, path)

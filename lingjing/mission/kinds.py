@@ -16,6 +16,7 @@ from typing import Literal
 
 import msgspec
 
+from lingjing.decoding import converted, from_json
 from lingjing.errors import Fault, PluginError, UsageError
 from lingjing.mission.geometry2d import Polygon, Vector2, left_of
 from lingjing.mission.instance import Option, SceneSpec, VerbSpec
@@ -217,8 +218,8 @@ def reach_m(spec: SceneSpec) -> float | None:
 
 @cache
 def _builtin() -> KindsFile:
-    document = msgspec.json.decode(_BUILTIN.read_bytes())
-    return msgspec.convert(joined(document), KindsFile)
+    document = from_json(_BUILTIN.read_bytes())
+    return converted(joined(document), KindsFile)
 
 
 @cache

@@ -13,6 +13,7 @@ from typing import Any
 
 import msgspec
 
+from lingjing.decoding import converted, from_json
 from lingjing.errors import Fault, PluginError
 from lingjing.mission.faults import lines_of, schema_faults
 from lingjing.mission.kinds_format import KindsFile, SceneOption, joined, names_of
@@ -34,7 +35,7 @@ def read(file: Path, plugin: str, builtin: KindsFile) -> KindsFile:
     prefix = f"plug-in `{plugin}`: {file} does not describe kinds of scenes and engines"
     hint = "docs/kinds.md has a table of all fields"
     try:
-        content = msgspec.json.decode(file.read_bytes())
+        content = from_json(file.read_bytes())
     except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise PluginError(f"{prefix}: {error}", hint=hint) from error
     document = joined(content)
@@ -42,7 +43,7 @@ def read(file: Path, plugin: str, builtin: KindsFile) -> KindsFile:
     if faults:
         hints = dict.fromkeys(fault.hint for fault in faults if fault.hint)
         raise PluginError(f"{prefix}:\n{lines_of(faults)}", hint="; ".join(hints) or hint, faults=faults)
-    return msgspec.convert(document, KindsFile)
+    return converted(document, KindsFile)
 
 
 def _without_inherited(document: object, faults: Iterable[Fault]) -> tuple[Fault, ...]:
@@ -71,7 +72,7 @@ def _likeable(document: object) -> list[tuple[str, dict[str, Any]]]:
 
 def _type_faults(document: object) -> tuple[Fault, ...]:
     try:
-        msgspec.convert(document, KindsFile)
+        converted(document, KindsFile)
     except msgspec.ValidationError as error:
         return schema_faults(document, KindsFile) or (Fault("", str(error)),)
     return ()
@@ -154,7 +155,7 @@ def _verbs_faults(place: str, engine: dict[str, Any]) -> Iterator[Fault]:
 
 def _option(value: object) -> SceneOption | None:
     try:
-        return msgspec.convert(value, SceneOption)
+        return converted(value, SceneOption)
     except msgspec.ValidationError:
         return None
 

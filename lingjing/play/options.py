@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, TypedDict
 
 import msgspec
 
+from lingjing.decoding import converted, from_json
 from lingjing.errors import ErrorCollector, Fault, UsageError
 from lingjing.mission.faults import lines_of, schema_faults
 from lingjing.mission.instance import GivenOption
@@ -124,7 +125,7 @@ def read_options(text: str | bytes, path: str, errors: ErrorCollector | None = N
     collected = ErrorCollector() if errors is None else errors
     document: object = {}
     try:
-        document = msgspec.json.decode(text)
+        document = from_json(text)
     except msgspec.DecodeError as error:
         collected.add(UsageError(f"{path} is not JSON: {error}"))
     valid = _valid_options({"mission": "", **document} if isinstance(document, dict) else document, path, collected)
@@ -142,7 +143,7 @@ def checked_options(values: object, errors: ErrorCollector | None = None) -> Pla
     valid = {"mission": "", **_valid_options(values, "", collected)}
     if errors is None:
         collected.check()
-    return msgspec.convert(valid, PlayOptions)
+    return converted(valid, PlayOptions)
 
 
 def options_of(
@@ -221,7 +222,7 @@ def _valid_options(values: object, path: str, errors: ErrorCollector) -> dict[st
     Of a mapping only the invalid entries are left out; of any other field the whole value.
     """
     try:
-        msgspec.convert(values, PlayOptions)
+        converted(values, PlayOptions)
     except msgspec.ValidationError as error:
         for fault in schema_faults(values, PlayOptions) or (Fault("", str(error)),):
             errors.add(UsageError(lines_of([fault], path), hint=fault.hint, faults=(fault,)))
@@ -243,7 +244,7 @@ def _valid_part(name: str, value: object) -> object:
 def _fits(name: str, value: object) -> bool:
     """Return True if the field accepts the value."""
     try:
-        msgspec.convert({"mission": "", name: value}, PlayOptions)
+        converted({"mission": "", name: value}, PlayOptions)
     except msgspec.ValidationError:
         return False
     return True

@@ -18,6 +18,7 @@ from typing import IO, TYPE_CHECKING, NamedTuple, Self
 
 import msgspec
 
+from lingjing.decoding import from_json
 from lingjing.errors import (
     AbortCause,
     ExitCode,
@@ -419,7 +420,7 @@ def _result_of(child: _Worker) -> EpisodeReport:
     if child.process.returncode == ForkedProcess.LOST:
         return without_result(child.task, SERVER_KILLED, "episode-server")
     with suppress(msgspec.DecodeError):  # nothing, or half of it
-        report = msgspec.json.decode(printed, type=EpisodeReport)
+        report = from_json(printed, EpisodeReport)
         if report.reason == POLICY_FAILED and not child.task.reports_failure:
             raise ForeignCodeError(report.detail, hint=report.hint)
         return report
@@ -435,7 +436,7 @@ def _result_of(child: _Worker) -> EpisodeReport:
 def _error_of_ended(code: int, printed: bytes, complaint: str) -> LingjingError:
     """Return the error that a child has printed. A bug, or a foreign command, has only its words on standard error."""
     with suppress(msgspec.DecodeError):
-        error = msgspec.json.decode(printed, type=EpisodeError)
+        error = from_json(printed, EpisodeError)
         return error_of(code, error.message, error.hint, error.cause)
     if complaint:
         return error_of(code, complaint.removeprefix("error: "))

@@ -12,8 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import msgspec
-
+from lingjing.decoding import from_json
 from lingjing.errors import InfrastructureError, UsageError
 from lingjing.mission.instance import Instance
 from lingjing.play.options import PlayOptions
@@ -250,7 +249,7 @@ def _shown(request: CallRequest) -> tuple[str, ...]:
 
 def _texts(messages: tuple[bytes, ...]) -> list[object]:
     """Return the messages without the names of their pictures."""
-    return [_without_names(msgspec.json.decode(message)) for message in messages]
+    return [_without_names(from_json(message)) for message in messages]
 
 
 def _without_names(message: dict[str, object]) -> dict[str, object]:

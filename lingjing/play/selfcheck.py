@@ -14,6 +14,7 @@ from pathlib import Path
 
 import msgspec
 
+from lingjing.decoding import from_json
 from lingjing.errors import ExitCode, InfrastructureError
 from lingjing.mission.vocabulary import PHOTO
 from lingjing.numerics import withdrawn
@@ -102,7 +103,7 @@ class Scripted:
 def check() -> SelfCheck:
     """Play the episode and compare. Raises `InfrastructureError` if it is aborted, or there is no stored result."""
     try:
-        stored = msgspec.json.decode(STORED.read_bytes(), type=Computed)
+        stored = from_json(STORED.read_bytes(), Computed)
     except (OSError, msgspec.DecodeError) as error:
         raise InfrastructureError(f"`{STORED}` cannot be read: {error}", hint="reinstall lingjing") from error
     computed, processes = _play()

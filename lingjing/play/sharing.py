@@ -15,6 +15,7 @@ from pathlib import Path
 import msgspec
 import PIL.Image
 
+from lingjing.decoding import from_json
 from lingjing.errors import LingjingError
 from lingjing.installation import CORE
 from lingjing.installed_plugins.entry_points import hold_entries
@@ -52,7 +53,7 @@ def share(text: str) -> None:
     for name in RECORDS:
         container_schema(name)
     PIL.Image.preinit()
-    start = msgspec.json.decode(text, type=SharedStart)
+    start = from_json(text, SharedStart)
     options = start.options
     host = PluginHost(entry_points=False, extra=(import_module(CORE.plugin),))
     mission = sited_mission(compiled(options), options.scene, host)

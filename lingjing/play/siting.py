@@ -13,6 +13,7 @@ from pathlib import Path
 import msgspec
 
 from lingjing.data import cache_folder, cache_is_off, kept_path
+from lingjing.decoding import from_msgpack
 from lingjing.errors import UsageError
 from lingjing.kept_files import prune, read_kept, write_kept
 from lingjing.mission import expression as ex
@@ -66,7 +67,7 @@ def _kept(key: str) -> Mission | None:
         return None
     try:
         data = read_kept(kept_path(SITES, key))
-        return None if data is None else msgspec.msgpack.decode(data, type=Mission)
+        return None if data is None else from_msgpack(data, Mission)
     except (OSError, msgspec.DecodeError):
         return None
 

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import msgspec
 
+from lingjing.decoding import from_json
 from lingjing.errors import InfrastructureError, UsageError
 from lingjing.plugins.calls import SpendingLimitError
 from lingjing.trace.calls import CallRequest, CallResult
@@ -165,7 +166,7 @@ def _locked(path: Path) -> Iterator[int]:
 def _read(file: int, path: Path) -> SpendingAccount:
     data = os.pread(file, os.fstat(file).st_size, 0)
     try:
-        return msgspec.json.decode(data, type=SpendingAccount) if data else SpendingAccount()
+        return from_json(data, SpendingAccount) if data else SpendingAccount()
     except msgspec.DecodeError as error:
         raise UsageError(f"`{path}` is not a ledger: {error}", hint="name another or a new file") from error
 

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import re
 
-API_VERSION = "1.25"
+API_VERSION = "1.26"
 """MAJOR.MINOR. A new major version may remove or change a name; a new minor version adds names alone."""
 
 CONTRACT_MODULES = (
+    "lingjing.decoding",
     "lingjing.errors",
     "lingjing.mission.instance",
     "lingjing.mission.kinds",

@@ -18,6 +18,7 @@ from typing import Any, cast
 
 import msgspec
 
+from lingjing.decoding import converted, from_json
 from lingjing.mission.faults import faults_of
 from lingjing.mission.model import Field
 from lingjing.mission.spec_schema import (
@@ -95,7 +96,7 @@ class DecisionFormat:
         """
         begin, end = text.find("{"), text.rfind("}") + 1
         try:
-            answer = self.completed(msgspec.json.decode(text[begin:end] if begin >= 0 else text))
+            answer = self.completed(from_json(text[begin:end] if begin >= 0 else text))
         except (msgspec.DecodeError, RecursionError) as error:
             raise NoDecisionError(f"the answer is no JSON: {error}") from error
         if faults := self.faults(answer):
@@ -104,7 +105,7 @@ class DecisionFormat:
 
     def decision(self, answer: Any) -> Decision:
         """Return a completed answer without faults as a decision, without fields of the policy's own."""
-        return msgspec.convert({name: answer[name] for name in ("thought", "command", "messages")}, Decision)
+        return converted({name: answer[name] for name in ("thought", "command", "messages")}, Decision)
 
     def unread_boxes(self, answer: object) -> tuple[UnreadBox, ...]:
         """Return the boxes of the reports in an answer with faults, as they are written; parts without the form of a
@@ -116,7 +117,7 @@ class DecisionFormat:
                 continue
             for name in self._boxes.get(str(message.get("kind")), ()):
                 try:
-                    box = msgspec.convert({"frame": body.get("frame"), "numbers": body.get(name)}, UnreadBox)
+                    box = converted({"frame": body.get("frame"), "numbers": body.get(name)}, UnreadBox)
                 except msgspec.ValidationError:
                     continue
                 boxes.append(box)
@@ -165,7 +166,7 @@ def prompt_schema(schema: JsonSchema) -> JsonSchema:
         verbs = grouped.setdefault(arguments, {})
         verbs.setdefault(branch["verb"]["const"], []).append(branch["resource"]["const"])
     commands = [
-        _short_command(resources, verbs, msgspec.json.decode(arguments))
+        _short_command(resources, verbs, from_json(arguments))
         for arguments, by_verb in grouped.items()
         for resources, verbs in _by_resources(by_verb)
     ]

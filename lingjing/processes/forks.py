@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import msgspec
 
+from lingjing.decoding import MsgpackDecoder, msgpack_decoder
 from lingjing.processes.channel import Channel, ChannelClosedError
 from lingjing.processes.deadlines import WallDeadline
 from lingjing.processes.descendants import end_children
@@ -24,7 +25,7 @@ _PATROL_S = 1.0
 _NUMBER_BYTES = 4
 """The bytes of a process id and of a wait status in a report. Both are C integers."""
 
-_REQUESTS: msgspec.msgpack.Decoder[ForkRequest] = msgspec.msgpack.Decoder(ForkRequest)
+_REQUESTS: MsgpackDecoder[ForkRequest] = msgpack_decoder(ForkRequest)
 
 
 @dataclass(slots=True)

@@ -24,6 +24,7 @@ from lingjing.bench.rows import SuiteRow
 from lingjing.bench.suite import read_document
 from lingjing.bench.unresolved import unresolved_entrants, with_marked_names
 from lingjing.collector import collector_at_rest
+from lingjing.decoding import from_json
 from lingjing.errors import LingjingError, UsageError, hint_of
 from lingjing.report.evidence import (
     FrameProbe,
@@ -208,7 +209,7 @@ def _probe(folder: Path) -> tuple[ProbeCell, ...]:
 
 def _decoded(file: Path, kind: type[DecodedT]) -> DecodedT:
     try:
-        return msgspec.json.decode(file.read_bytes(), type=kind)
+        return from_json(file.read_bytes(), kind)
     except OSError as error:
         raise UsageError(f"cannot read `{file}`: {error.strerror}") from error
     except msgspec.DecodeError as error:

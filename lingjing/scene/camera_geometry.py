@@ -21,6 +21,7 @@ from math import asin, atan2, cos, degrees, hypot, radians, sin, tan
 
 import msgspec
 
+from lingjing.decoding import converted
 from lingjing.mission.instance import CameraSpec, Vector
 from lingjing.mission.model import CameraMount
 from lingjing.scene.outlines import compass
@@ -67,7 +68,7 @@ class CameraPlacement(msgspec.Struct, frozen=True, kw_only=True):
         if "hfov" not in arguments:
             return None
         values = {f"{name}_{unit}": arguments.get(name, 0.0) for name, (unit, _, _) in PLACEMENT_LIMITS.items()}
-        return msgspec.convert(values, cls)
+        return converted(values, cls)
 
     @property
     def arguments(self) -> dict[str, float]:

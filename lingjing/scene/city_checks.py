@@ -10,6 +10,7 @@ from typing import Any
 import msgspec
 import shapely
 
+from lingjing.decoding import from_msgpack
 from lingjing.mission.geometry2d import Polygon
 from lingjing.mission.instance import SceneSpec
 from lingjing.mission.kinds import centre_m, extent_m
@@ -35,7 +36,7 @@ def city_faults(city: City, spec: SceneSpec) -> Iterator[str]:
     if city.datum_m != spec.datum_m:
         yield f"its water lies at {city.datum_m:g} m, the mission says {spec.datum_m:g} m"
     yield from _flooded_lands(city)
-    if msgspec.msgpack.decode(msgspec.msgpack.encode(city), type=City) != city:
+    if from_msgpack(msgspec.msgpack.encode(city), City) != city:
         yield "it changes on the way to another process (msgpack)"
     for kind in Pieces.__struct_fields__:
         pieces = getattr(city, kind)

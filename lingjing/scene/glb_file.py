@@ -14,6 +14,7 @@ from typing import Any
 
 import msgspec
 
+from lingjing.decoding import from_json
 from lingjing.errors import UsageError
 
 MOST_BYTES = 64 << 20
@@ -83,7 +84,7 @@ def _chunks(path: str, data: bytes) -> tuple[_Part, bytes]:
     if kind != _JSON or start + size > len(data):
         raise glb_fault(path, "is cut or damaged in its description", "copy it again")
     try:
-        document = msgspec.json.decode(data[start : start + size].rstrip(b"\0 "), type=dict[str, Any])
+        document = from_json(data[start : start + size].rstrip(b"\0 "), dict[str, Any])
     except (msgspec.DecodeError, RecursionError):
         raise glb_fault(path, "is damaged in its description", "copy it again") from None
     return document, data[start + size + _CHUNK.size :]

@@ -26,6 +26,7 @@ from typing import Literal, TypeVar
 import msgspec
 
 from lingjing.data import cache_folder
+from lingjing.decoding import from_msgpack
 from lingjing.errors import UsageError
 from lingjing.scene.atomic_folder import folder_beside
 from lingjing.scene.city import City, Pieces
@@ -106,7 +107,7 @@ def read_store(folder: Path) -> City:
         data = _steady(folder, _frame_bytes)
         if data is None:
             raise UsageError(f"no city in `{folder}`: it holds no `{CITY_FILE}`", hint=BUILD_HINT)
-        city = msgspec.msgpack.decode(data, type=Document).city
+        city = from_msgpack(data, Document).city
     except (FileNotFoundError, NotADirectoryError) as error:
         is_file = isinstance(error, NotADirectoryError) and folder.exists()
         what = "is a file, not a folder" if is_file else "does not exist"
@@ -193,7 +194,7 @@ def _copied(source: Path, target: Path) -> None:
 
 def _checked(folder: Path) -> City | None:
     city = read_store(folder)
-    index = msgspec.msgpack.decode((folder / INDEX_FILE).read_bytes(), type=TileIndex)
+    index = from_msgpack((folder / INDEX_FILE).read_bytes(), TileIndex)
     digest = hashlib.sha256()
     for key in city.tiles:
         digest.update(hashlib.sha256((folder / tile_file(key)).read_bytes()).digest())

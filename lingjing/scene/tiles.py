@@ -19,6 +19,7 @@ from weakref import WeakValueDictionary
 
 import msgspec
 
+from lingjing.decoding import converted, from_msgpack
 from lingjing.errors import UsageError
 from lingjing.mission.geometry2d import Extent
 from lingjing.scene.city import (
@@ -109,7 +110,7 @@ def partition(pieces: Pieces, tile_m: float) -> dict[TileKey, Tile]:
         for piece in getattr(pieces, field):
             groups.setdefault(key_of(piece, tile_m), {}).setdefault(field, []).append(piece)
     fields = {key: {field: tuple(items) for field, items in groups[key].items()} for key in sorted(groups)}
-    return {key: msgspec.convert({"key": key, **filled}, Tile) for key, filled in fields.items()}
+    return {key: converted({"key": key, **filled}, Tile) for key, filled in fields.items()}
 
 
 def key_of(piece: Piece, tile_m: float) -> TileKey:
@@ -218,7 +219,7 @@ def _decode(folder: str, name: str, kind: type[_Read]) -> _Read:
     path = Path(folder, name)
     hint = "build the city again: lingjing scene build"
     try:
-        return msgspec.msgpack.decode(path.read_bytes(), type=kind)
+        return from_msgpack(path.read_bytes(), kind)
     except OSError as error:
         raise UsageError(f"the city in `{folder}` has lost `{name}`: {error.strerror}", hint=hint) from None
     except (msgspec.DecodeError, msgspec.ValidationError) as error:

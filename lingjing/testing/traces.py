@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from lingjing.decoding import from_json
 from lingjing.mission.instance import Instance
 from lingjing.trace.container import scan
 from lingjing.trace.digest import START, last_digest, next_digest, next_frames_digest, verify
-from lingjing.trace.encoding import from_json, to_json
+from lingjing.trace.encoding import to_json
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import AgentBinding, BoundaryRecord, Header, Outcome
 from lingjing.trace.writer import TraceWriter, part_path

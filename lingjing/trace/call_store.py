@@ -15,6 +15,7 @@ from pathlib import Path
 
 import msgspec
 
+from lingjing.decoding import from_json
 from lingjing.errors import InfrastructureError, UsageError
 from lingjing.trace.calls import CalledEpisode, CallRequest, CallResult, RecordedCall, sha256
 
@@ -145,7 +146,7 @@ class CallReader:
                     f"`{path}` is a record of model calls in format {version}; this version reads {_FORMAT}"
                 )
             (about,) = self._file.execute("SELECT about FROM episode").fetchone()
-            self.episode = msgspec.json.decode(about, type=CalledEpisode)
+            self.episode = from_json(about, CalledEpisode)
 
     def find(self, agent: str, tick: int, number: int) -> RecordedCall | None:
         """Return the call number `number` of an agent at a tick, or None."""
@@ -163,7 +164,7 @@ class CallReader:
             rows = self._file.execute(
                 "SELECT result FROM call WHERE result IS NOT NULL ORDER BY tick, number"
             ).fetchall()
-            results = [msgspec.json.decode(result, type=CallResult) for (result,) in rows]
+            results = [from_json(result, CallResult) for (result,) in rows]
         return tuple(dict.fromkeys(result.served for result in results if result.served))
 
     def content(self, name: bytes) -> bytes:
@@ -185,7 +186,7 @@ class CallReader:
         for agent, tick, number, head, messages, result in rows:
             names = [messages[at : at + _HASH] for at in range(0, len(messages), _HASH)]
             with self._reading():
-                read = msgspec.json.decode(result, type=CallResult) if result is not None else None
+                read = from_json(result, CallResult) if result is not None else None
             yield RecordedCall(
                 agent=agent,
                 tick=tick,

@@ -8,6 +8,8 @@ from typing import Literal
 
 import msgspec
 
+from lingjing.decoding import from_json
+
 CallFault = Literal["", "service", "model", "time", "backbone", "abandoned"]
 """The cause of a call without an answer; "" for a call with an answer.
 
@@ -81,7 +83,7 @@ class RecordedCall(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def pictures(self) -> tuple[str, ...]:
         """The hashes, in hexadecimal, of the pictures in the request, in order."""
-        return tuple(name for message in self.messages for name in _pictures(msgspec.json.decode(message)))
+        return tuple(name for message in self.messages for name in _pictures(from_json(message)))
 
 
 class CalledEpisode(msgspec.Struct, frozen=True, kw_only=True):

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from lingjing.articles import with_article
+from lingjing.decoding import from_json
 from lingjing.errors import InfrastructureError
 
 RecordT = TypeVar("RecordT", bound=msgspec.Struct)
@@ -25,11 +26,6 @@ def to_json(record: msgspec.Struct) -> bytes:
     except UnicodeEncodeError:
         plain = msgspec.to_builtins(record, enc_hook=_plain, order="deterministic")
         return _ENCODER.encode(_without_surrogates(plain))
-
-
-def from_json(data: bytes, kind: type[RecordT]) -> RecordT:
-    """Decode a record of type `kind`. Raises `msgspec.ValidationError` or `msgspec.DecodeError`."""
-    return msgspec.json.decode(data, type=kind)
 
 
 def normalise(record: RecordT) -> RecordT:

@@ -17,13 +17,13 @@ import numpy.typing as npt
 
 from lingjing.articles import with_article
 from lingjing.collector import collector_at_rest
+from lingjing.decoding import from_json
 from lingjing.errors import UsageError
 from lingjing.mission.clock import clock_fault
 from lingjing.suggest import nearest_or
 from lingjing.trace import images
 from lingjing.trace.chunks import BROKEN
 from lingjing.trace.container import StoredMessage, chunk_messages, ends_properly, scan
-from lingjing.trace.encoding import from_json
 from lingjing.trace.records import (
     CUT_SHORT,
     DIGEST_VERSION,

@@ -14,6 +14,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import msgspec
 from PIL import Image
 
+from lingjing.decoding import from_json
 from lingjing.trace.call_store import CallReader
 from lingjing.trace.calls import CallResult, RecordedCall
 from lingjing.trace.reader import Trace
@@ -153,7 +154,7 @@ def _content(
 
 
 def _message(data: bytes, texts: dict[str, int], numbers: Mapping[str, int]) -> CallMessage:
-    message = msgspec.json.decode(data)
+    message = from_json(data)
     content = message.get("content") if isinstance(message, dict) else message
     role = str(message.get("role", "?")) if isinstance(message, dict) else "?"
     if not isinstance(content, list):

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from lingjing.decoding import from_json
 from lingjing.errors import UsageError
 from lingjing.trace.call_store import CallReader
 from lingjing.trace.calls import CallResult, RecordedCall
@@ -59,7 +60,7 @@ def inspect_log(record: CallReader, trace: Trace | None, *, agent: str | None = 
         raise UsageError(f"`{record.path}` holds no calls" + (f" of `{agent}`" if agent else ""))
     episode = record.episode
     name = f"{episode.mission}-{episode.mode}"
-    model = str(msgspec.json.decode(next(iter(calls.values()))[0].head).get("model", "unknown"))
+    model = str(from_json(next(iter(calls.values()))[0].head).get("model", "unknown"))
     return EvalLog(
         status="success",
         eval=EvalSpec(
@@ -103,7 +104,7 @@ def _events(
     from inspect_ai.event import InfoEvent, ModelEvent
     from inspect_ai.model import GenerateConfig
 
-    result, head = call.result, msgspec.json.decode(call.head)
+    result, head = call.result, from_json(call.head)
     limit = head.get("max_tokens") or head.get("max_completion_tokens")
     yield ModelEvent(
         model=model,
@@ -118,7 +119,7 @@ def _events(
     )
     made = _decision(trace, call)
     if made is not None:
-        yield InfoEvent(source=f"tick {call.tick}", data=msgspec.json.decode(msgspec.json.encode(made)))
+        yield InfoEvent(source=f"tick {call.tick}", data=from_json(msgspec.json.encode(made)))
 
 
 def _decision(trace: Trace | None, call: RecordedCall) -> DecisionRecord | None:
@@ -129,7 +130,7 @@ def _decision(trace: Trace | None, call: RecordedCall) -> DecisionRecord | None:
 
 
 def _messages(record: CallReader, call: RecordedCall) -> list[ChatMessage]:
-    return [_message(record, msgspec.json.decode(message)) for message in call.messages]
+    return [_message(record, from_json(message)) for message in call.messages]
 
 
 def _message(record: CallReader, message: dict[str, Any]) -> ChatMessage:

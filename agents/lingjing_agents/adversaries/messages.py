@@ -21,6 +21,7 @@ from pathlib import Path
 
 import msgspec
 
+from lingjing.decoding import from_json
 from lingjing.plugins.geometry import bearing_deg, turn_deg
 from lingjing.plugins.policy import (
     Action,
@@ -155,7 +156,7 @@ class Whiteboard:
         pages = dict(BOARD.get(tick, {}))
         for file in self._folder.glob(f"{tick}-*.json"):
             with contextlib.suppress(OSError, msgspec.MsgspecError):
-                pages[file.stem.partition("-")[2]] = msgspec.json.decode(file.read_bytes(), type=_Page)
+                pages[file.stem.partition("-")[2]] = from_json(file.read_bytes(), _Page)
         return pages
 
     def _write(self, tick: int, page: _Page) -> None:

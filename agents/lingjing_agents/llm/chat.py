@@ -7,6 +7,7 @@ from hashlib import sha256
 
 import msgspec
 
+from lingjing.decoding import from_json
 from lingjing.plugins.backbone import ChatMessage, ChatRequest
 
 TOOL = "step"
@@ -35,7 +36,7 @@ def parameters(request: ChatRequest) -> dict[str, object]:
     if request.reasoning_effort:
         body["reasoning_effort"] = request.reasoning_effort
     body |= _form(request)
-    return body | msgspec.json.decode(request.extra, type=dict[str, object])
+    return body | from_json(request.extra, dict[str, object])
 
 
 def _form(request: ChatRequest) -> dict[str, object]:

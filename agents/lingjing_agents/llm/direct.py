@@ -13,6 +13,7 @@ from typing import Annotated
 import httpx
 import msgspec
 
+from lingjing.decoding import from_json
 from lingjing.plugins.backbone import ChatRequest, ModelCompletion, ModelError, TokenLimit
 from lingjing_agents.llm.chat import parameters, wire_messages
 from lingjing_agents.llm.wire import HttpAnswer, UnreadableAnswerError, exchange
@@ -135,7 +136,7 @@ class Dialect:
 def _param(refusal: str) -> str | None:
     """Return the parameter that an error of the protocol names, or None."""
     try:
-        return msgspec.json.decode(refusal, type=_Refusal).error.param
+        return from_json(refusal, _Refusal).error.param
     except (msgspec.DecodeError, UnicodeEncodeError, RecursionError):
         return None
 
@@ -202,13 +203,13 @@ class DirectClient:
 def _failed(content: bytes) -> int:
     """Return the status of an error body, 502 if it has none; 0 if the body is no error."""
     try:
-        failure = msgspec.json.decode(content, type=_Failure)
+        failure = from_json(content, _Failure)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
         return 0
     if bytes(failure.error) == b"null" or failure.choices is not None:
         return 0
     try:
-        return msgspec.json.decode(failure.error, type=_Numbered).code
+        return from_json(failure.error, _Numbered).code
     except (msgspec.DecodeError, RecursionError):
         return int(httpx.codes.BAD_GATEWAY)
 
@@ -231,7 +232,7 @@ def _payload(request: ChatRequest) -> bytes:
 
 def _completion(content: bytes) -> ModelCompletion:
     try:
-        answer = msgspec.json.decode(content, type=_Answer)
+        answer = from_json(content, _Answer)
         choice = answer.choices[0]
         text = _called(choice.message) or _written(choice.message)
     except (msgspec.DecodeError, UnicodeDecodeError, IndexError, RecursionError) as error:
@@ -259,7 +260,7 @@ def _counted(usage: msgspec.Raw) -> _Tokens:
     Invalid counts do not invalidate the answer; its cost then counts in full as unknown.
     """
     try:
-        return msgspec.json.decode(usage, type=_Tokens | None, strict=False) or _Tokens()
+        return from_json(usage, _Tokens | None, strict=False) or _Tokens()
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
         return _Tokens()
 
@@ -268,7 +269,7 @@ def _called(message: _Message) -> str:
     """Return the arguments of the model's first tool call as JSON text; "" without one."""
     for call in message.tool_calls or ():
         arguments = bytes(call.function.arguments)
-        text = msgspec.json.decode(arguments, type=str) if arguments.startswith(b'"') else arguments.decode()
+        text = from_json(arguments, str) if arguments.startswith(b'"') else arguments.decode()
         if text not in ("", "null"):
             return text
     return ""

@@ -20,6 +20,7 @@ from pathlib import Path
 
 import msgspec
 
+from lingjing.decoding import from_json
 from lingjing.plugins.backbone import Backbone, ChatRequest, ModelCompletion, ModelError
 from lingjing.plugins.policy import UsageError
 from lingjing_agents.llm.models import ServiceEntry
@@ -126,7 +127,7 @@ class LimitedClient:
             fcntl.flock(file, fcntl.LOCK_EX)
             due, boot = _Due(), _BOOT.read_text().strip()
             with contextlib.suppress(msgspec.DecodeError):  # the file is new or incomplete
-                due = msgspec.json.decode(os.pread(file, 4096, 0), type=_Due)
+                due = from_json(os.pread(file, 4096, 0), _Due)
             due = due if due.boot == boot else _Due(boot=boot)
             yield due
             os.pwrite(file, msgspec.json.encode(due).ljust(200), 0)

@@ -15,6 +15,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import msgspec
 
+from lingjing.decoding import from_json
 from lingjing.plugins.model_access import ForwardedAnswer, ModelAsker
 
 HOST = "127.0.0.1"
@@ -112,14 +113,14 @@ def _wants_stream(body: bytes) -> bool:
         stream: bool | None = None
 
     try:
-        return bool(msgspec.json.decode(body, type=Streamed).stream)
+        return bool(from_json(body, Streamed).stream)
     except (msgspec.DecodeError, RecursionError):
         return False
 
 
 def _events(body: bytes) -> bytes:
     """Return a completion as the events of a stream: one chunk with all of it, and the end."""
-    completion = msgspec.json.decode(body)
+    completion = from_json(body)
     chunk = {**completion, "object": "chat.completion.chunk"}
     chunk["choices"] = [
         {"index": choice.get("index", 0), "delta": _delta(choice), "finish_reason": choice.get("finish_reason")}

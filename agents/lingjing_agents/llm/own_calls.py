@@ -15,6 +15,7 @@ from typing import Any
 
 import msgspec
 
+from lingjing.decoding import from_json
 from lingjing.plugins.backbone import ChatMessage, ModelError
 from lingjing.plugins.calls import AbandonedCallError, CallResult, ModelCalls
 from lingjing.plugins.model_access import ForwardedAnswer
@@ -71,7 +72,7 @@ def open_asker(arguments: Mapping[str, object], calls: ModelCalls) -> ServiceAsk
 
 def raw_request(body: bytes) -> RawRequest:
     """Return a request with its pictures apart. Raises `ValueError` or `msgspec.DecodeError` for no chat request."""
-    members = msgspec.json.decode(body, type=dict[str, Any])
+    members = from_json(body, dict[str, Any])
     messages = members.pop("messages", None)
     if not isinstance(messages, list) or not messages:
         raise ValueError("it has no messages")

@@ -14,6 +14,7 @@ from typing import Any
 import httpx
 import msgspec
 
+from lingjing.decoding import from_json
 from lingjing.installation import AGENTS, install_line
 from lingjing.plugins.backbone import ChatRequest, FailureCause, ModelCompletion, ModelError
 from lingjing.plugins.policy import UsageError
@@ -39,8 +40,8 @@ class LitellmClient:
         try:
             answer = await litellm.acompletion(
                 messages=wire_messages(request.messages),
-                **msgspec.json.decode(msgspec.json.encode(parameters(replace(request, extra=b"{}")))),
-                extra_body=msgspec.json.decode(request.extra) or None,
+                **from_json(msgspec.json.encode(parameters(replace(request, extra=b"{}")))),
+                extra_body=from_json(request.extra) or None,
                 api_base=self.base_url or None,
                 api_key=self.api_key or None,
                 extra_headers={"Authorization": basic(self.login)} if self.login and not self.api_key else None,

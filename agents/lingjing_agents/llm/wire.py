@@ -18,6 +18,8 @@ from functools import cache
 import httpx
 import msgspec
 
+from lingjing.decoding import from_json
+
 ANSWER_BYTES = 4 * 1024 * 1024
 """Largest uncompressed answer. Chosen: half a million tokens of text with their reasoning."""
 
@@ -131,7 +133,7 @@ class BoundedTransport(httpx.AsyncBaseTransport):
 def _check_depth(body: bytes) -> None:
     """Reject JSON that is nested deeper than Python's stack. Other parsers take many seconds to do so."""
     try:
-        msgspec.json.decode(body)
+        from_json(body)
     except RecursionError as error:
         raise UnreadableAnswerError("the service's answer is nested too deeply") from error
     except (msgspec.DecodeError, UnicodeDecodeError):

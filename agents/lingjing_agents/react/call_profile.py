@@ -15,6 +15,7 @@ from pathlib import Path
 
 import msgspec
 
+from lingjing.decoding import from_json
 from lingjing.plugins.calls import CallEstimate, CallSum, EpisodeShape
 from lingjing_agents.llm.models import ServiceEntry
 from lingjing_agents.llm.options import ModelProfile
@@ -96,7 +97,7 @@ class _Request:
 @cache
 def profiles() -> dict[str, ColumnProfile]:
     """Return the measured episodes by column."""
-    return msgspec.json.decode(PROFILES.read_bytes(), type=dict[str, ColumnProfile])
+    return from_json(PROFILES.read_bytes(), dict[str, ColumnProfile])
 
 
 def estimate_calls(options: ReactOptions, shape: EpisodeShape) -> CallEstimate:

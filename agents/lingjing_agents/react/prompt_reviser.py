@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import msgspec
 
+from lingjing.decoding import from_json
 from lingjing.plugins.backbone import ChatMessage, ModelError
 from lingjing.plugins.calls import CallResult, ModelCalls
 from lingjing.plugins.options import Field, read_options
@@ -159,7 +160,7 @@ def revised_prompt(answer: CallResult, known: Iterable[str]) -> str:
 def _in_json(text: str) -> list[str]:
     """Return the prompt of an answer in the form of `AS_JSON`, in a list; an empty list without one."""
     try:
-        return [msgspec.json.decode(text, type=_Answer).prompt]
+        return [from_json(text, _Answer).prompt]
     except (msgspec.DecodeError, ValueError):
         return []
 

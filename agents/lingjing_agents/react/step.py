@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import msgspec
-
+from lingjing.decoding import converted
 from lingjing.plugins.decisions import DecisionFormat, JsonSchema
 from lingjing.plugins.policy import Brief, UnreadBox
 from lingjing.plugins.scaffold import Crop, ModelStep, UnitBox
@@ -60,7 +59,7 @@ class StepFormat:
             name: tuple(line[:LETTERS] for line in answer[name][:LINES]) for name in self._memory if name in answer
         }
         wanted = answer.get(CROP)
-        crop = None if wanted is None else Crop(wanted["frame"], msgspec.convert(wanted["box"], UnitBox))
+        crop = None if wanted is None else Crop(wanted["frame"], converted(wanted["box"], UnitBox))
         return ModelStep(self._form.decision(answer), memory, crop)
 
 

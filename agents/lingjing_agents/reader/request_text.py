@@ -10,9 +10,9 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any, Literal
 
-import msgspec
 import numpy as np
 
+from lingjing.decoding import converted
 from lingjing.plugins.geometry import camera_axes, focal_px, world_to_pixel
 from lingjing.plugins.policy import (
     REFERENCE,
@@ -237,7 +237,7 @@ def _messages(section: str, role: str, known: dict[str, Any]) -> list[MessageSpe
             MessageSpec(
                 kind=match[1],
                 type=record,
-                category=msgspec.convert(match[2], _Category),
+                category=converted(match[2], _Category),
                 fields=fields,
                 senders=(role,),
                 recipients=to,
@@ -260,7 +260,7 @@ def _all_messages(system: str, role: str, known: dict[str, Any]) -> list[Message
         others = tuple(dict.fromkeys(roles[name] for name in senders.split(", ")))
         reached = tuple(dict.fromkeys((*(own.recipients if own else ()), role)))
         by_kind[kind] = MessageSpec(
-            kind=kind, type=record, category=msgspec.convert(category, _Category), fields=own.fields if own else fields,
+            kind=kind, type=record, category=converted(category, _Category), fields=own.fields if own else fields,
             senders=(*(own.senders if own else ()), *others), recipients=reached,
         )  # fmt: skip
     return list(by_kind.values())

@@ -28,6 +28,7 @@ from lingjing.bench.croissant import CROISSANT, frames_croissant
 from lingjing.bench.dataset_card import PAPER, seed_ranges
 from lingjing.bench.exports import escape_markdown
 from lingjing.bench.frame_sets.balance import SPLITS, ClassSet, SetFrame, Split
+from lingjing.decoding import from_json
 from lingjing.errors import UsageError
 from lingjing.scene.atomic_folder import folder_beside
 from lingjing.trace.records import Box
@@ -176,7 +177,7 @@ def read_class(folder: Path, cls: str) -> tuple[SetFrame, ...]:
     """Return the frames of one class. Raises `UsageError` if they cannot be read."""
     file = folder / cls / FRAMES
     try:
-        frames = tuple(msgspec.json.decode(line, type=SetFrame) for line in file.read_bytes().splitlines())
+        frames = tuple(from_json(line, SetFrame) for line in file.read_bytes().splitlines())
     except OSError as error:
         raise UsageError(f"cannot read `{file}`: {error.strerror}") from error
     except msgspec.DecodeError as error:

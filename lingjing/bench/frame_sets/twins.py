@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from lingjing.bench.frame_sets.balance import SetFrame
 from lingjing.bench.frame_sets.folder import new_folder, read_class, read_picture, set_classes
+from lingjing.decoding import from_json
 from lingjing.errors import UsageError
 from lingjing.trace.images import decode_jpeg
 
@@ -104,7 +105,7 @@ def import_twins(source: Path, edited: Path, target: Path, refusals: Mapping[str
 def read_twins(folder: Path) -> TwinSet:
     """Return the twins of a folder. Raises `UsageError` if it holds none."""
     try:
-        return msgspec.json.decode((folder / TWINS).read_bytes(), type=TwinSet)
+        return from_json((folder / TWINS).read_bytes(), TwinSet)
     except OSError as error:
         raise UsageError(
             f"`{folder}` holds no twins: {error.strerror}", hint="`lingjing frames twins` makes a folder of twins"

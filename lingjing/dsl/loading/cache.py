@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from lingjing.data import cache_folder, cache_is_off
+from lingjing.decoding import from_msgpack
 from lingjing.dsl.source.text import SourceText, read_source
 from lingjing.errors import PluginError, UsageError
 from lingjing.kept_files import prune, read_kept, write_kept
@@ -67,7 +68,7 @@ def compile_cached(source: SourceText) -> Compilation:
     if entry is not None:
         from lingjing.mission.model import Mission
 
-        mission = msgspec.msgpack.decode(entry.mission, type=Mission) if entry.mission else None
+        mission = from_msgpack(entry.mission, Mission) if entry.mission else None
         return Compilation(mission, entry.diagnostics, source)
     compilation = compile_source(source)
     keep(compilation)
@@ -117,7 +118,7 @@ def _entry(source: SourceText) -> CacheEntry | None:
         data = read_kept(_file(source))
         if data is None:
             return None
-        entry = msgspec.msgpack.decode(data, type=CacheEntry)
+        entry = from_msgpack(data, CacheEntry)
         return entry if tuple(_libraries(source)) == entry.libraries else None
     except (OSError, msgspec.DecodeError, UsageError, PluginError):
         return None

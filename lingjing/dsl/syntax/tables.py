@@ -10,6 +10,8 @@ from pathlib import Path
 
 import msgspec
 
+from lingjing.decoding import from_msgpack
+
 FILE = Path(__file__).with_name("ljs.tables")
 """Path of the tables."""
 
@@ -42,4 +44,4 @@ class Tables(msgspec.Struct, frozen=True, array_like=True):
 
 def load_tables() -> Tables:
     """Load the tables of the grammar."""
-    return msgspec.msgpack.decode(FILE.read_bytes(), type=Tables)
+    return from_msgpack(FILE.read_bytes(), Tables)

@@ -17,6 +17,7 @@ import msgspec
 import numpy as np
 
 from lingjing.data import cache_folder, cache_is_off
+from lingjing.decoding import from_msgpack
 from lingjing.engines.camera.array_cache import FOLDER, LOOK_EVERY, MOST_BYTES, MOST_FILES, cache_key
 from lingjing.engines.camera.mesh_rows import VERTEX, MeshPart
 from lingjing.engines.camera.tile_mesh import MATERIALS, TileMesh
@@ -96,7 +97,7 @@ def _packed(mesh: TileMesh) -> bytes:
 
 def _unpacked(data: memoryview) -> TileMesh | None:
     """Return the mesh, or None if its indices would read out of bounds."""
-    stored = msgspec.msgpack.decode(data, type=_StoredTile)
+    stored = from_msgpack(data, _StoredTile)
     parts = {name: MeshPart(np.frombuffer(vertices, VERTEX), np.frombuffer(index, np.uint32))
              for name, (vertices, index) in stored.parts.items()}  # fmt: skip
     corners = np.frombuffer(stored.corners, np.float64)

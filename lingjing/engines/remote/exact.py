@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import msgspec
 
+from lingjing.decoding import converted
 from lingjing.engines.remote.link import Link, Request
 from lingjing.engines.remote.messages import EXTENSION, PROFILES, Document, failure_of
 from lingjing.errors import InfrastructureError
@@ -71,7 +72,7 @@ class ExactDriver:
         call = SubmitCall(self._spec.engine, tuple(commands))
         fields: Document = {"action": {"task_id": self._link.task_id, "offset": [0.0, 0.0]}, EXTENSION: call}
         (reply,) = self._link.exchange([Request(_NAMES.act, fields)], self._deadline_s).replies
-        return msgspec.convert(self._content(reply, "submit").get("receipts"), tuple[Receipt, ...])
+        return converted(self._content(reply, "submit").get("receipts"), tuple[Receipt, ...])
 
     def advance(self, until: float, mirrors: Sequence[BodyState]) -> Boundary:
         """Advance the engine and return its boundary."""
@@ -83,7 +84,7 @@ class ExactDriver:
             "task_id": self._link.task_id, "phase": phase, "modalities": ["state"], "extra": {EXTENSION: call},
         }  # fmt: skip
         (reply,) = self._link.exchange([Request(_NAMES.observe, {"query": query})], deadline_s).replies
-        return msgspec.convert(self._content(reply, phase).get("boundary"), Boundary)
+        return converted(self._content(reply, phase).get("boundary"), Boundary)
 
     def _content(self, reply: Document | None, call: str) -> Document:
         """Return the field `lingjing` of a reply. Raises `InfrastructureError` without one."""

@@ -7,6 +7,7 @@ from typing import Protocol
 
 import msgspec
 
+from lingjing.decoding import from_json
 from lingjing.engines.remote.messages import Document, command_data, result_of
 from lingjing.errors import InfrastructureError
 from lingjing.trace.records import EngineFrame
@@ -88,8 +89,8 @@ class RecordedLink:
         replies: list[Document | None] = [None] * len(requests)
         for frame in frames:
             if frame.use == "reply":
-                replies[frame.slot] = result_of(msgspec.json.decode(frame.text))
-        events = tuple(msgspec.json.decode(frame.text) for frame in frames if frame.use == "event")
+                replies[frame.slot] = result_of(from_json(frame.text))
+        events = tuple(from_json(frame.text) for frame in frames if frame.use == "event")
         return Exchange(tuple(replies), events)
 
     def wait(self, event: str, deadline_s: float) -> None:
@@ -102,7 +103,7 @@ class RecordedLink:
         return command_data(request.command, self._task_id, request.fields, "")
 
     def _plain(self, text: str | bytes) -> Document:
-        data: Mapping[str, object] = msgspec.json.decode(text)["data"]
+        data: Mapping[str, object] = from_json(text)["data"]
         return {name: value for name, value in data.items() if name not in _UNCOMPARED}
 
     def _differs(self, number: int, problem: str) -> InfrastructureError:

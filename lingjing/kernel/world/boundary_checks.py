@@ -14,6 +14,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from lingjing.decoding import MsgpackDecoder, msgpack_decoder
 from lingjing.kernel.world.guarded_calls import engine_error
 from lingjing.plugins.engine import Boundary
 from lingjing.trace.records import BodyState, Command, Receipt, Route, TaskEvent
@@ -31,11 +32,11 @@ def _plain_hook(value: object) -> object:
 
 
 _ENCODER = msgspec.msgpack.Encoder(enc_hook=_plain_hook)
-_STATE = msgspec.msgpack.Decoder(BodyState)
-_RECEIPTS = msgspec.msgpack.Decoder(tuple[Receipt, ...])
-_EVENTS = msgspec.msgpack.Decoder(tuple[TaskEvent, ...])
-_ROUTES = msgspec.msgpack.Decoder(tuple[Route, ...])
-_PAIRS = msgspec.msgpack.Decoder(tuple[tuple[str, str], ...])
+_STATE = msgpack_decoder(BodyState)
+_RECEIPTS = msgpack_decoder(tuple[Receipt, ...])
+_EVENTS = msgpack_decoder(tuple[TaskEvent, ...])
+_ROUTES = msgpack_decoder(tuple[Route, ...])
+_PAIRS = msgpack_decoder(tuple[tuple[str, str], ...])
 _PLAIN_NUMBERS = {float}
 
 
@@ -211,7 +212,7 @@ def _checked_pairs(
     return pairs
 
 
-def _plain(engine: str, call: str, decoder: msgspec.msgpack.Decoder[Any], value: object) -> Any:
+def _plain(engine: str, call: str, decoder: MsgpackDecoder[Any], value: object) -> Any:
     try:
         return decoder.decode(_ENCODER.encode(value))
     except (msgspec.ValidationError, NotImplementedError, TypeError, OverflowError) as error:

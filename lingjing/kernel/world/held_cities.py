@@ -10,6 +10,7 @@ import hashlib
 
 import msgspec
 
+from lingjing.decoding import from_msgpack
 from lingjing.scene.city import City
 from lingjing.scene.tiles import Tiles
 
@@ -36,7 +37,7 @@ def packed(city: City) -> msgspec.Raw:
 def unpacked(encoded: msgspec.Raw) -> City:
     """Return the city of an encoding: the kept one if it is the same, else a decoded one."""
     entry = _held.get(_key(encoded))
-    return entry[0] if entry is not None else msgspec.msgpack.decode(encoded, type=City)
+    return entry[0] if entry is not None else from_msgpack(encoded, City)
 
 
 def _key(encoded: msgspec.Raw) -> bytes:

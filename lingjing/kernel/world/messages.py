@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
+from lingjing.decoding import MsgpackDecoder, msgpack_decoder
 from lingjing.kernel.world.contract import WorldBoundary
 from lingjing.kernel.world.engine_group import EngineReport
 from lingjing.kernel.world.shared import Layout
@@ -171,8 +172,8 @@ Request = Prepare | Reset | Begin | Step | TakeEvents | Submit | Advance | Captu
 Reply = Ready | Stepped | Reported | Admitted | PictureReply | Forked | Closed | Refused | Failed
 
 _ENCODER = msgspec.msgpack.Encoder()
-_REQUESTS: msgspec.msgpack.Decoder[Request] = msgspec.msgpack.Decoder(Request)
-_REPLIES: msgspec.msgpack.Decoder[Reply] = msgspec.msgpack.Decoder(Reply)
+_REQUESTS: MsgpackDecoder[Request] = msgpack_decoder(Request)
+_REPLIES: MsgpackDecoder[Reply] = msgpack_decoder(Reply)
 
 
 def encoded(message: WorkerMessage) -> bytes:

@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from lingjing.decoding import from_json
 from lingjing.errors import InfrastructureError
 from lingjing.kernel.world.contract import StoredFrame
 from lingjing.kernel.world.times import EngineTimes
@@ -107,7 +108,7 @@ class CallMonitor:
         """Return the last stored call."""
         word = self._memory[:].rstrip(b"\0")
         try:
-            return msgspec.json.decode(word, type=CurrentCall)
+            return from_json(word, CurrentCall)
         except msgspec.DecodeError:  # nothing is stored yet, or the worker is writing at this moment
             return CurrentCall()
 

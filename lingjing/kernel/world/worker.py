@@ -19,8 +19,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import NoReturn
 
-import msgspec
-
+from lingjing.decoding import from_msgpack
 from lingjing.errors import InfrastructureError, LingjingError, hint_of
 from lingjing.kernel.world.extra_plugins import host_with
 from lingjing.kernel.world.handlers import CameraHandler, RequestHandler, WorldHandler
@@ -188,7 +187,7 @@ def serve_as_camera(argument: bytes, ends: tuple[int, ...]) -> None:
 
 def _settings(argument: bytes) -> WorkerSettings:
     """Return the settings of a forked worker and put their paths first in `sys.path`."""
-    settings = msgspec.msgpack.decode(argument, type=WorkerSettings)
+    settings = from_msgpack(argument, WorkerSettings)
     sys.path[:0] = [path for path in settings.paths if path not in sys.path]
     return settings
 

@@ -12,6 +12,7 @@ from functools import cache
 import msgspec
 
 from lingjing.data import data_path
+from lingjing.decoding import from_json
 from lingjing.mission.reset.document import Parsed
 from lingjing.mission.reset.fields import HiddenEntries
 from lingjing.mission.reset.row_goals import GOALS, has_row_goals, only_goals, rows_with_goals
@@ -81,9 +82,7 @@ class TemplateSignature(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
 def signatures() -> tuple[TemplateSignature, ...]:
     """The signatures of the shipped missions, from `scenarios/reset-templates.json`. A test compares them with the
     compiled missions."""
-    entries = msgspec.json.decode(
-        data_path("scenarios", "reset-templates.json").read_bytes(), type=list[TemplateSignature]
-    )
+    entries = from_json(data_path("scenarios", "reset-templates.json").read_bytes(), list[TemplateSignature])
     by_mission = {signature.mission: signature for signature in entries}
     return tuple(
         msgspec.structs.replace(

@@ -16,6 +16,7 @@ from contextlib import suppress
 
 import msgspec
 
+from lingjing.decoding import MsgpackDecoder, msgpack_decoder
 from lingjing.errors import InfrastructureError
 from lingjing.play.policy_processes.messages import (
     BrokerStart,
@@ -47,7 +48,7 @@ _STATUS_S = 10.0
 _HINT = "`lingjing doctor` lists what this kernel offers; `ulimit -a` shows limits of this shell"
 """The hint for walls that cannot be built."""
 
-_ANSWERS: msgspec.msgpack.Decoder[PolicyAnswerMessage] = msgspec.msgpack.Decoder(PolicyAnswerMessage)
+_ANSWERS: MsgpackDecoder[PolicyAnswerMessage] = msgpack_decoder(PolicyAnswerMessage)
 
 
 class PolicyProcess:

@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping
 
 import msgspec
 
+from lingjing.decoding import MsgpackDecoder, from_msgpack, msgpack_decoder
 from lingjing.errors import InfrastructureError, LingjingError
 from lingjing.installation import OWN
 from lingjing.installed_plugins.entry_points import PLUGINS, find_entries
@@ -49,13 +50,13 @@ MOST_QUESTIONS = 64
 _UNREAD_S = 5.0
 """The longest wait for a policy that does not read its answer, seconds of wall clock. Chosen."""
 
-_REQUESTS: msgspec.msgpack.Decoder[BrokerRequest] = msgspec.msgpack.Decoder(BrokerRequest)
-_ANSWERS: msgspec.msgpack.Decoder[BrokerAnswer] = msgspec.msgpack.Decoder(BrokerAnswer)
+_REQUESTS: MsgpackDecoder[BrokerRequest] = msgpack_decoder(BrokerRequest)
+_ANSWERS: MsgpackDecoder[BrokerAnswer] = msgpack_decoder(BrokerAnswer)
 
 
 def serve(argument: bytes, ends: tuple[int, ...]) -> None:
     """Answer questions until the player ends this process. `ends`: the policy's channel, and the player's."""
-    start = msgspec.msgpack.decode(argument, type=BrokerStart)
+    start = from_msgpack(argument, BrokerStart)
     policy = Channel(socket.socket(fileno=ends[0]), QUESTION_BYTES)
     calls = RemoteModelCalls(Channel(socket.socket(fileno=ends[1])), replaying=start.replaying, capped=start.capped)
     asyncio.run(_Broker(policy, ends[0]).run(lambda: open_broker(start.spec, start.arguments, calls)))

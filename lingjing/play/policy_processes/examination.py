@@ -18,6 +18,7 @@ from typing import NoReturn, Self
 import msgspec
 from msgspec.structs import replace
 
+from lingjing.decoding import msgpack_decoder
 from lingjing.errors import Fault, ForeignCodeError, InfrastructureError, LingjingError
 from lingjing.mission.instance import GivenOption
 from lingjing.option_listing import OptionSpec, option_specs
@@ -50,7 +51,7 @@ from lingjing.processes.fork_client import ForkServer, ForkServerClient
 from lingjing.processes.kept_results import find_result
 from lingjing.processes.walls.entering import Walls
 
-_KEPT = msgspec.msgpack.Decoder(PoliciesExamined)
+_KEPT = msgpack_decoder(PoliciesExamined)
 
 
 def examine(

@@ -27,6 +27,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from lingjing.decoding import MsgpackDecoder, from_msgpack, msgpack_decoder
 from lingjing.errors import InfrastructureError, LingjingError
 from lingjing.kernel.barrier import POLICY_ERRORS, failure, timed
 from lingjing.kernel.candidates import normalise_decision
@@ -68,7 +69,7 @@ from lingjing.processes.walls.entering import Walls, enter
 from lingjing.scene.city import City
 from lingjing.trace.records import Decision, DecisionRecord
 
-_REQUESTS: msgspec.msgpack.Decoder[PolicyRequest] = msgspec.msgpack.Decoder(PolicyRequest)
+_REQUESTS: MsgpackDecoder[PolicyRequest] = msgpack_decoder(PolicyRequest)
 
 MEMORY_VARIABLE = "LINGJING_POLICY_MEMORY_GB"
 """The environment variable that replaces `MEMORY_GB`."""
@@ -96,7 +97,7 @@ def serve_walled(argument: bytes, ends: tuple[int, ...]) -> None:
 
     A process with strict walls that break a promise ends after the report.
     """
-    walls = msgspec.msgpack.decode(argument, type=Walls)
+    walls = from_msgpack(argument, Walls)
     _yield_memory()
     _detach_from_terminal()
     report = enter(walls, has_namespaces=os.getpid() == 1)

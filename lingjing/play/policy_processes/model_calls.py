@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import threading
 
-import msgspec
-
+from lingjing.decoding import MsgpackDecoder, msgpack_decoder
 from lingjing.errors import LingjingError
 from lingjing.play.policy_processes.messages import (
     BeginModelCall,
@@ -27,8 +26,8 @@ from lingjing.plugins.calls import AbandonedCallError, ModelCalls
 from lingjing.processes.channel import Channel
 from lingjing.trace.calls import CallRequest, CallResult
 
-_REQUESTS: msgspec.msgpack.Decoder[ModelCallRequest] = msgspec.msgpack.Decoder(ModelCallRequest)
-_ANSWERS: msgspec.msgpack.Decoder[ModelCallAnswer] = msgspec.msgpack.Decoder(ModelCallAnswer)
+_REQUESTS: MsgpackDecoder[ModelCallRequest] = msgpack_decoder(ModelCallRequest)
+_ANSWERS: MsgpackDecoder[ModelCallAnswer] = msgpack_decoder(ModelCallAnswer)
 
 ENDED = "the policy's process was ended while it waited"
 """The failure of a call that was open when its process was ended."""

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 import msgspec
 import numpy as np
 
+from lingjing.decoding import from_msgpack
 from lingjing.mission.instance import CameraSpec, Instance
 from lingjing.plugins.conformance.boundaries import check_boundary, check_events, check_route_numbers
 from lingjing.plugins.conformance.case import (
@@ -154,7 +155,7 @@ def check_values(case: EngineCase) -> None:
             packed = msgspec.msgpack.encode(boundary)
         except TypeError as error:
             raise ConformanceError(f"a boundary holds a value that is no plain number or text: {error}") from error
-        require(msgspec.msgpack.decode(packed, type=Boundary) == boundary, "a boundary changes when it is packed")
+        require(from_msgpack(packed, Boundary) == boundary, "a boundary changes when it is packed")
 
 
 def check_options(case: EngineCase) -> None:

@@ -7,6 +7,7 @@ from contextlib import closing
 
 import msgspec
 
+from lingjing.decoding import from_json
 from lingjing.errors import InfrastructureError
 from lingjing.processes.fork_client import ForkServer, ForkServerClient
 from lingjing.processes.walls.report import WallReport
@@ -31,7 +32,7 @@ def offered_walls(client: ForkServerClient | None = None) -> WallReport:
         text = answer.read()
     process.close()
     try:
-        return msgspec.json.decode(text, type=WallReport)
+        return from_json(text, WallReport)
     except msgspec.DecodeError as error:
         raise InfrastructureError(
             f"the walls cannot be built: {text.decode(errors='replace').strip()[-300:] or 'no report'}",

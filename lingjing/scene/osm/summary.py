@@ -7,6 +7,7 @@ from typing import Literal
 
 import msgspec
 
+from lingjing.decoding import from_json
 from lingjing.scene.city import Pieces
 from lingjing.scene.osm.buildings import HeightCounts
 from lingjing.scene.osm.frame import MapFrame
@@ -67,7 +68,7 @@ def encode(summary: Summary) -> bytes:
 def read_summary(folder: Path) -> Summary | None:
     """Read the summary in a city's folder; None if there is none, since not every city comes from a map."""
     try:
-        return msgspec.json.decode((folder / SUMMARY_FILE).read_bytes(), type=Summary)
+        return from_json((folder / SUMMARY_FILE).read_bytes(), Summary)
     except (OSError, msgspec.DecodeError, msgspec.ValidationError):
         return None
 

@@ -12,6 +12,7 @@ from typing import Literal
 
 import msgspec
 
+from lingjing.decoding import from_json
 from lingjing.engines.remote.messages import (
     COLLISION,
     COMPLETED,
@@ -87,7 +88,7 @@ class Answers:
     def take(self, text: object) -> None:
         """Answer one frame of the backend. A frame that is no command is passed over."""
         try:
-            frame = msgspec.json.decode(text) if isinstance(text, str) else None
+            frame = from_json(text) if isinstance(text, str) else None
         except (msgspec.DecodeError, RecursionError):
             frame = None
         if not isinstance(frame, dict) or frame.get("type") != "COMMAND":

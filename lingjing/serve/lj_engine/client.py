@@ -10,6 +10,7 @@ from urllib.parse import urlsplit
 import msgspec
 import numpy as np
 
+from lingjing.decoding import from_json
 from lingjing.errors import InfrastructureError, UsageError
 from lingjing.installation import install_line
 from lingjing.plugins.host import PluginHost
@@ -110,7 +111,7 @@ def _connected(url: str, token: str, stack: ExitStack) -> Any:
         raise InfrastructureError(f"no backend answers at {url}: {error}", hint=hint) from error
     try:
         greeting = connection.recv(timeout=_CONNECT_S)
-        content = msgspec.json.decode(greeting)
+        content = from_json(greeting)
     except (TimeoutError, ConnectionClosed, msgspec.DecodeError) as error:
         raise InfrastructureError(f"the backend at {url} does not greet: {error}") from error
     data = content.get("data") if isinstance(content, dict) else None

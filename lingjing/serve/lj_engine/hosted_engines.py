@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-import msgspec
-
+from lingjing.decoding import converted
 from lingjing.engines.remote.exact import AdvanceCall, ResetCall, SubmitCall
 from lingjing.engines.remote.messages import EXTENSION, EXTENSION_VERSION, Document
 from lingjing.errors import LingjingError, UsageError
@@ -34,14 +33,14 @@ class HostedEngines:
     def observe(self, extension: Document, phase: str) -> Document:
         """Carry out `reset` or `advance`, and return the data of the response."""
         if phase == "reset":
-            return self._answer(boundary=self._reset(msgspec.convert(extension, ResetCall)))
-        call = msgspec.convert(extension, AdvanceCall)
+            return self._answer(boundary=self._reset(converted(extension, ResetCall)))
+        call = converted(extension, AdvanceCall)
         self._schedules[call.engine].update(call.occurrences)
         return self._answer(boundary=self._engine(call.engine).advance(call.until, call.mirrors))
 
     def act(self, extension: Document) -> Document:
         """Carry out `submit`, and return the data of the acknowledgement."""
-        call = msgspec.convert(extension, SubmitCall)
+        call = converted(extension, SubmitCall)
         return self._answer(receipts=tuple(self._engine(call.engine).submit(call.commands)))
 
     def close(self) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import msgspec
 
+from lingjing.decoding import from_json
 from lingjing.engines.remote.messages import Document
 
 USER_TYPES = ("LJ-ENGINE", "LJ-UE", "LJ-CREW")
@@ -114,7 +115,7 @@ def read_message(text: object) -> Document | str:
     if not isinstance(text, str):
         return "a frame is text, not bytes"
     try:
-        message = msgspec.json.decode(text)
+        message = from_json(text)
     except (msgspec.DecodeError, RecursionError, UnicodeError) as error:
         return f"a frame is one JSON object: {error}"[:200]
     return message if isinstance(message, dict) else "a frame is one JSON object"

@@ -1,0 +1,97 @@
+"""A mission as a task of Inspect: its agents answer the requests of `react`, and its log holds their runs."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import lingjing
+from tests.bench.suite_kit import TRIP
+
+inspect_ai: Any = pytest.importorskip("inspect_ai", reason="inspect_ai is not installed: run `make frameworks`")
+NOOP = json.dumps({"thought": "nothing to do", "command": None, "messages": []})
+
+
+@pytest.fixture
+def mission(tmp_path: Path) -> str:
+    path = tmp_path / "short.ljs"
+    path.write_text(TRIP.replace("policy <= 8 s", "policy <= 120 s"))
+    return str(path)
+
+
+def evaluated(task: Any, tmp_path: Path, answers: list[str]) -> Any:
+    from inspect_ai.model import ModelOutput, ModelUsage, get_model
+
+    outputs = [ModelOutput.from_content("mockllm/model", text) for text in answers]
+    for output in outputs:  # otherwise the model fetches a vocabulary to count tokens
+        output.usage = ModelUsage(input_tokens=100, output_tokens=20, total_tokens=120)
+    (log,) = inspect_ai.eval(
+        task,
+        model=get_model("mockllm/model", memoize=False, custom_outputs=outputs),
+        log_dir=str(tmp_path / "logs"),
+        display="none",
+    )
+    return log
+
+
+def test_the_evaluated_model_plays_and_the_log_has_its_calls_and_the_engines_score(
+    mission: str, tmp_path: Path
+) -> None:
+    from inspect_ai.log import read_eval_log
+
+    from lingjing.bench.inspect_task import mission as task
+
+    log = evaluated(task(mission=mission, seeds="2", out=str(tmp_path / "runs")), tmp_path, [NOOP] * 20)
+    assert log.status == "success", log.error
+    again = read_eval_log(log.location)
+    assert again.samples is not None and [sample.metadata["seed"] for sample in again.samples] == [0, 1]
+    for sample in again.samples:
+        trace = lingjing.read(tmp_path / "runs" / sample.id / "trace.mcap")
+        assert trace.outcome is not None
+        score = sample.scores["adjudicated"]
+        assert score.value == {"success": float(trace.outcome.success), "score": trace.outcome.score}
+        calls = [event for event in sample.events if event.event == "model"]
+        assert len(calls) == trace.outcome.ticks == score.metadata["metrics"]["calls"]
+        assert calls[0].input[0].role == "system" and calls[0].output.completion == NOOP
+    assert {name for score in again.results.scores for name in score.metrics} >= {"mean", "stderr"}
+
+
+def test_any_agent_answers_and_what_fails_in_it_is_told(mission: str, tmp_path: Path) -> None:
+    from inspect_ai.agent import Agent, AgentState, agent
+    from inspect_ai.model import ModelOutput
+
+    from lingjing.bench.inspect_task import mission as task
+
+    asked: list[int] = []
+
+    @agent
+    def scripted() -> Agent:
+        async def execute(state: AgentState) -> AgentState:
+            asked.append(len(state.messages))
+            if len(asked) == 2:
+                raise ValueError("no idea")
+            state.output = ModelOutput.from_content("none", NOOP)
+            return state
+
+        return execute
+
+    log = evaluated(task(mission=mission, seeds="0-0", respondent=scripted(), out=str(tmp_path / "runs")), tmp_path, [])
+    assert log.status == "success", log.error
+    trace = lingjing.read(tmp_path / "runs" / log.samples[0].id / "trace.mcap")
+    assert trace.outcome is not None and len(asked) == trace.outcome.ticks + 1, "the failed call is tried again"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"mission": "ssrr"}, "ssr"),
+        ({"mission": "ssr", "seeds": "5-2"}, "neither a number of seeds"),
+        ({"mission": "ssr", "mode": "single"}, "single"),
+    ],
+)
+def test_a_wrong_argument_is_named(arguments: dict[str, str], message: str) -> None:
+    from lingjing.bench.inspect_task import mission as task
+
+    with pytest.raises(lingjing.UsageError, match=message):
+        task(**arguments)
