@@ -18,7 +18,7 @@ from lingjing.testing import run_command
 ROOT = Path(__file__).resolve().parents[1]
 BUILTIN = "[lingjing]\nbuiltin = lingjing.builtin\n"
 SOURCE_FOLDERS = ("lingjing", "agents", "docs", "editors", "tools", "scenarios", "suites", "benchmarks")
-ADVICE = re.compile(r"pip install[^\n`]*?[\s'\"]lingjing(?:[-_]agents)?(?=[\s'\"`\[\].,;=)]|$)", re.MULTILINE)
+ADVICE = re.compile(r"pip install[^\n`]*?[ \t'\"]lingjing(?:[-_]agents)?(?=[\s'\"`\[\].,;=)]|$)", re.MULTILINE)
 
 
 def add_metadata(

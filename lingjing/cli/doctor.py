@@ -28,6 +28,7 @@ from lingjing.installation import (
     repair_advice,
     version_of,
 )
+from lingjing.installed_plugins.entry_points import PLUGINS, find_entries
 from lingjing.numerics import deviations, runtime_fingerprint, worker_environment
 
 PROBE_S = 60.0
@@ -129,6 +130,10 @@ def check_python() -> Finding:
     return Finding(name="python", ok=ok, found=platform.python_version(), advice=advice)
 
 
+_OWN_PLUGINS = "lingjing.builtin"
+"""The module with this project's own plug-ins."""
+
+
 def check_installation() -> Finding:
     """Check that the distributions are this project's, and that no plug-in requires another project's package."""
     versions = ", ".join(f"{name_of(own)} {version_of(own)}" for own in OWN)
@@ -136,6 +141,9 @@ def check_installation() -> Finding:
     requirements = tuple(earlier_requirements())
     if other is not None:
         versions = f"`{other.name}` {other.version} of another project is installed beside {versions}"
+        return Finding(name="installation", ok=False, found=versions, advice=repair_advice())
+    if not any(point.value == _OWN_PLUGINS for point in find_entries(PLUGINS).points):
+        versions = f"{versions}, and the metadata names none of this project's engines, scenes and evaluators"
         return Finding(name="installation", ok=False, found=versions, advice=repair_advice())
     advice = [
         f"plug-in `{entry.plugin}` requires `{entry.required}` of another project: {entry.advice}"

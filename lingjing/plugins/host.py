@@ -352,6 +352,8 @@ class PluginHost:
             raise PluginError(self._clashes[hook, name], hint="uninstall one of them")
         broken = ", ".join(dict.fromkeys(f"`{fault.plugin or fault.distribution}`" for fault in self.faults))
         listed = f"known: {', '.join(table) or 'none'}"
+        if not table:  # even this project's own were not found
+            listed += "; see `lingjing doctor`, which checks the installation"
         listed += f"; see `lingjing plugins`, which says why {broken} is not loaded" if broken else ""
         raise UsageError(f"no {kind} is called `{name}`", hint=nearest_or(name, table, listed))
 

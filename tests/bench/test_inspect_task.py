@@ -63,13 +63,13 @@ def test_any_agent_answers_and_what_fails_in_it_is_told(mission: str, tmp_path: 
 
     from lingjing.bench.inspect_task import mission as task
 
-    asked: list[int] = []
+    lengths: list[int] = []
 
     @agent
     def scripted() -> Agent:
         async def execute(state: AgentState) -> AgentState:
-            asked.append(len(state.messages))
-            if len(asked) == 2:
+            lengths.append(len(state.messages))
+            if len(lengths) == 2:
                 raise ValueError("no idea")
             state.output = ModelOutput.from_content("none", NOOP)
             return state
@@ -79,7 +79,7 @@ def test_any_agent_answers_and_what_fails_in_it_is_told(mission: str, tmp_path: 
     log = evaluated(task(mission=mission, seeds="0-0", respondent=scripted(), out=str(tmp_path / "runs")), tmp_path, [])
     assert log.status == "success", log.error
     trace = lingjing.read(tmp_path / "runs" / log.samples[0].id / "trace.mcap")
-    assert trace.outcome is not None and len(asked) == trace.outcome.ticks + 1, "the failed call is tried again"
+    assert trace.outcome is not None and len(lengths) == trace.outcome.ticks + 1, "the failed call is tried again"
 
 
 @pytest.mark.parametrize(

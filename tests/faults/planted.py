@@ -9,10 +9,11 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def planted(*arguments: str) -> subprocess.CompletedProcess[str]:
-    """A run of the harness; what it prints names each wrong case with the line that plays it again."""
+def planted(*arguments: str, shown: bool = False) -> subprocess.CompletedProcess[str]:
+    """A run of the harness; what it prints names each wrong case with the line that plays it again. With `shown` it
+    prints to the terminal while it runs."""
     line = [sys.executable, "-m", "tests.faults.again", *arguments]
-    return subprocess.run(line, cwd=ROOT, capture_output=True, text=True, check=False)
+    return subprocess.run(line, cwd=ROOT, capture_output=not shown, text=True, check=False)
 
 
 def assert_all_end_well(cases: int, *targets: str) -> None:

@@ -25,8 +25,8 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are w
 
 @pytest.mark.faults
 def test_two_thousand_planted_faults_end_as_they_should() -> None:
-    done = planted("--cases", os.environ.get("FAULTS", "2000"), "--seed", os.environ.get("SEED", "1"))
-    assert done.returncode == 0, done.stdout + done.stderr
+    done = planted("--cases", os.environ.get("FAULTS", "2000"), "--seed", os.environ.get("SEED", "1"), shown=True)
+    assert done.returncode == 0, "the wrong cases are printed above"
 
 
 @pytest.mark.parametrize("target", ["trip", "process"])

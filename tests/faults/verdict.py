@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from errno import errorcode
 from pathlib import Path
 
 import msgspec
@@ -12,6 +13,7 @@ from lingjing import EpisodeReport
 from lingjing import read as read_trace
 from lingjing.bench.folder import read_results
 from lingjing.errors import LingjingError, UsageError
+from lingjing.system_hints import hint_of_system
 from tests.faults.cases import Aftermath, Injection
 from tests.play.report_kit import POLICY_FAILED
 
@@ -21,6 +23,9 @@ NOT_BEGUN = "did not begin, because a policy failed"
 
 LOSS = "replaced by doing nothing"
 """The words of output and reports for lost turns of a policy."""
+
+WAYS_OUT = ("hint: ", "see `lingjing ", *{hint_of_system(OSError(number, "")) or "hint: " for number in errorcode})
+"""The words of a way out. That of a fault among several stands in its line, without `hint: `."""
 
 HALF_WRITTEN = (".partial", ".new-", ".tmp")
 
@@ -45,7 +50,7 @@ def _exit_faults(after: Aftermath) -> Iterator[str]:
     if after.code in (1, 2, 3):
         if "error: " not in after.errors:
             yield "no message"
-        elif "hint: " not in after.errors and "see `lingjing " not in after.errors:
+        elif not any(words in after.errors for words in WAYS_OUT):
             yield "a message without a way out"
 
 
