@@ -74,6 +74,7 @@ class Adversary(SuitePart):
     policy: str = Field(pattern=r"^[\w.]+:\w+$", description="its class, as package.module:Class")
     columns: tuple[ShortText, ...] = Field(min_length=1, strict=False, description="the columns where it is plausible")
     guard: str = Field(min_length=1, description="what defeats it")
+    blank_pictures: bool = Field(False, description="true if it needs no pixel: it then receives black pictures")
 
 
 class AdversaryMatrix(SuitePart):
@@ -164,7 +165,7 @@ def plan_of(matrix: AdversaryMatrix, host: PluginHost, isolate: Isolation, tier:
         "columns": list(wanted),
         "tier": tier,
         "seeds": len(SELECTION),
-        "entrants": [{"name": each.name, "policy": each.policy} for each in matrix.adversaries],
+        "entrants": [each.model_dump(include={"name", "policy", "blank_pictures"}) for each in matrix.adversaries],
     }
     plan = plan_document(document, find_suite(SUITE), host, isolate=isolate)
     pairs = {(each.name, column) for each in matrix.adversaries for column in each.columns}

@@ -78,9 +78,8 @@ def receipts(
 def policy_picture(frame: StoredFrame, *, blank: bool = False) -> Picture:
     """Return a stored frame as a policy receives it. Its arrays are read-only."""
     info = frame.info
-    rgb = decode_jpeg(frame.jpeg)
-    if blank:
-        rgb = np.zeros_like(rgb)
+    size = (info.pose.height, info.pose.width, 3)
+    rgb = np.zeros(size, np.uint8) if blank else decode_jpeg(frame.jpeg)
     depth = None if blank else frame.depth
     semantic = None if blank else frame.semantic
     instance = None if blank else frame.instance

@@ -93,6 +93,9 @@ def test_the_matrix_covers_every_column_and_its_classes_exist(plan: SuitePlan) -
     known = {f"{mission.name}-{mode}" for mission in missions for mode in mission.modes.allowed}
     assert {column for _, column in pairs} == known == set(matrix.seconds)
     assert all(cell.column.tier == 1 and not cell.player.privileged for cell in plan.cells)
+    assert {cell.player.name for cell in plan.cells if cell.player.blank_pictures} == {
+        "blind", "flooder", "event-reader", "clock-reader",
+    }  # fmt: skip
     assert all(cell.player.foreign for cell in plan.cells), "walls stand around them as around any entrant"
 
 
