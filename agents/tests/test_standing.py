@@ -10,7 +10,7 @@ from lingjing_agents.react.standing import MOST, standing
 from lingjing_agents.reader.request_text import depth_from
 
 from agents.tests.agent_kit import brief, picture
-from lingjing.plugins.geometry import camera_axes, focal_px
+from lingjing.plugins.geometry import camera_axes, focal_px, world_to_pixel
 from lingjing.plugins.policy import Picture
 
 HOUSES = ((-60, -20, -20, 0, 9.0), (-14, -20, 40, 0, 12.0), (-50, 20, 30, 36, 6.0))
@@ -55,8 +55,22 @@ def test_the_depths_that_the_player_reads_are_those_of_the_picture() -> None:
     assert np.mean(np.abs(read - shot.depth) > 1.0) < 0.03
 
 
+def test_lamps_are_told_as_places_and_hinder_the_walker_that_reads() -> None:
+    lamps = ((10, -30, 10.6, -29.4, 6.0), (-30, 9, -29.4, 9.6, 6.0))
+    shot = _view((*HOUSES, *lamps))
+    seen = standing(shot)
+    assert seen is not None and len(seen.rectangles) == len(HOUSES)
+    assert [(abs(x - at[0]) <= 1, abs(y - at[1]) <= 1) for (x, y), at in zip(seen.posts, lamps[::-1], strict=True)] == [
+        (True, True)
+    ] * 2
+    read = depth_from(in_words(shot, brief("scout[1]", "broadcast")), shot.pose)
+    assert read is not None
+    u, v, _ = world_to_pixel(shot.pose, (seen.posts[0][0] + 0.5, seen.posts[0][1] + 0.5, GROUND_M + 4.0)) or (0, 0, 0)
+    assert read[int(v), int(u)] == pytest.approx(96.0, abs=0.5)
+
+
 def test_more_things_than_are_told_are_counted_and_the_largest_are_kept() -> None:
-    cars = tuple((x, y, x + 2, y + 5, 1.5) for x in range(-80, 80, 10) for y in (-44, -32, -20, 4, 14, 24))
+    cars = tuple((x, y, x + 2, y + 5, 1.5) for x in range(-80, 80, 8) for y in (-44, -32, -20, 4, 14, 24))
     seen = standing(_view((*cars, (-70, -8, 70, 0, 8.0))))
     assert seen is not None and (len(seen.rectangles), seen.left_out) == (MOST, len(cars) + 1 - MOST)
     assert seen.rectangles[0][2] - seen.rectangles[0][0] >= 139

@@ -85,7 +85,8 @@ def _standing(picture: Picture) -> dict[str, object]:
         return _depths(picture)
     if not seen.rectangles:
         return {}
-    left_out = {"smaller_ones_left_out": seen.left_out} if seen.left_out else {}
+    more = {"smaller_ones_left_out": seen.left_out, "posts_east_north_m": seen.posts}
+    left_out = {name: value for name, value in more.items() if value}
     rectangles = [list(rectangle) for rectangle in seen.rectangles]
     return {
         "standing": {"ground": round(seen.ground_m, 1) + 0.0, "west_south_east_north_top_m": rectangles, **left_out}

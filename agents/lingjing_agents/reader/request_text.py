@@ -101,6 +101,9 @@ CROWN_M, TREE_M = 10.0, 2.2
 """Longest side of a crown, and height from which on a small block is a tree, in metres: a dog walks under its crown,
 and `TREE_CORE` of its sides stands in the way. Chosen."""
 
+POST_M = 4.0
+"""Assumed height of a post in metres. Chosen."""
+
 NEARER_M = 1.0
 """Difference of depth in metres from which on a part is nearer than another one. Depths are whole metres."""
 
@@ -370,7 +373,9 @@ def _depth_of_standing(described: dict[str, Any], pose: CameraPose) -> np.ndarra
     """Return the depth image (height, width; m) of level ground with blocks on it, seen by a camera above."""
     ground_m = described["ground"]
     depth = _plane_depth(pose, ground_m)
-    for west, south, east, north, top in sorted(described["west_south_east_north_top_m"], key=lambda block: block[4]):
+    posts = [(x, y, x + 1, y + 1, ground_m + POST_M) for x, y in described.get("posts_east_north_m", ())]
+    blocks = [*posts, *described["west_south_east_north_top_m"]]
+    for west, south, east, north, top in sorted(blocks, key=lambda block: block[4]):
         elevation = max(float(top), ground_m + LOWEST_M)
         is_tree = max(east - west, north - south) <= CROWN_M and elevation > ground_m + TREE_M
         x, y, share = (west + east) / 2.0, (south + north) / 2.0, (TREE_CORE if is_tree else 1.0) / 2.0
