@@ -26,7 +26,7 @@ Modules in the order of a run:
 - `tables` ← `table_cells`, `paired_tests`, `failure_tables`, `controls_table`   the tables of the paper
 - `exports`      Markdown, LaTeX, CSV and HTML
 - `leaderboard`, `dataset_card`   a page that ranks entrants, and a description of the rows; `croissant`: for machines;
-  `tensorboard_log`: rows as curves
+  `tensorboard_log`, `mlflow_log`: rows as curves
 - `planting` → `planted` → `attribution`   episodes with planted faults, and a test of attribution methods on them
 - `adversaries`  the matrix of adversaries and columns, and the sequential test of the worst
 - `inspect_task`  a mission as a task of Inspect AI

@@ -115,3 +115,31 @@ def test_without_tensorboard_there_is_one_message(monkeypatch: pytest.MonkeyPatc
     log_class = importlib.import_module("lingjing.bench.tensorboard_log").TensorboardLog
     with pytest.raises(lingjing.UsageError, match="needs the package tensorboard"):
         log_class(tmp_path)
+
+
+@pytest.mark.slow
+def test_mlflow_reads_the_metrics_of_each_seed(results: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    mlflow = pytest.importorskip("mlflow", reason="mlflow is not installed: run `make readers`")
+    monkeypatch.chdir(results.parent)
+    monkeypatch.setenv("MLFLOW_ALLOW_FILE_STORE", "true")  # mlflow-skinny has no database
+    place = (tmp_path / "runs").as_uri()
+    log_class = importlib.import_module("lingjing.bench.mlflow_log").MlflowLog
+    with log_class("first", place) as log:
+        played = lingjing.bench("first.toml", out="again", progress=log)
+    client = mlflow.MlflowClient(place)
+    experiment = client.get_experiment_by_name("first")
+    runs = {run.info.run_name: run for run in client.search_runs([experiment.experiment_id])}
+    run = runs["idle/first-broadcast"]
+    assert run.info.status == "FINISHED" and run.data.tags["lingjing.policy"] == played.rows[0].policy
+    points = {point.step: point.value for point in client.get_metric_history(run.info.run_id, "scr")}
+    assert points == {row.seed: float(row.report.metrics["scr"]) for row in played.rows if row.report.metrics}
+    monkeypatch.delenv("MLFLOW_ALLOW_FILE_STORE")
+    with pytest.raises(lingjing.UsageError, match="MLflow refuses the experiment `other`"):
+        log_class("other", "no-such-scheme://x")
+
+
+def test_without_mlflow_there_is_one_message(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "mlflow", None)
+    log_class = importlib.import_module("lingjing.bench.mlflow_log").MlflowLog
+    with pytest.raises(lingjing.UsageError, match="needs the package mlflow"):
+        log_class("first")
