@@ -267,6 +267,13 @@ def _clipped(validator: CommandValidator, registry: Registry, asked: Asked, valu
     return float(command.arguments[asked.argument]), f"`{asked.argument}`" in resolution.clipped.get(command.id, "")
 
 
+def test_takeoff_tells_the_band_that_bounds_it():
+    instance, _ = placed("ld-star")
+    (agent,) = (each for each in instance.agents if each.role == "inspector")
+    (line,) = (line for line in interface(brief_of("ld-star", agent)).splitlines() if "takeoff(" in line)
+    assert line.endswith("ends inside of the band, elevation 30 to 120 m")
+
+
 @pytest.mark.parametrize("column", COLUMNS)
 async def test_places_classes_weather_and_message_limits_are_those_of_the_instance(column: str):
     instance, city = placed(column)

@@ -154,8 +154,13 @@ def _meaning(verb: VerbSpec, band: tuple[float, float] | None) -> str:
         meaning += f"; ends at the band, elevation {band[1] if verb.motion == 'up' else band[0]:g} m"
         if verb.motion == "down":
             meaning += ", or just above what lies below"
+    if verb.name == _TAKEOFF and band is not None:
+        meaning += f"; ends inside of the band, elevation {band[0]:g} to {band[1]:g} m"
     return meaning
 
+
+_TAKEOFF = "takeoff"
+"""The verb of a climb from the ground (the paper's Table R1). Its bounds count from there."""
 
 _RESERVED: Mapping[str, str] = {
     STOP: "ends what it is doing; is taken while it is busy",
