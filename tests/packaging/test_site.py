@@ -26,7 +26,9 @@ def test_every_page_is_in_the_navigation_once() -> None:
     assert len(listed) == len(set(listed))
     pages = {path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md")}
     outside = {page for page in pages if any(fnmatch.fnmatch(page, pattern) for pattern in NOT_IN_NAV)}
-    assert sorted(pages - outside - set(listed)) == []
+    assert sorted(pages - outside - set(listed)) == [], (
+        "name it in `nav` of mkdocs.yml, then run `python tools/llms.py`"
+    )
 
 
 def test_the_list_for_language_models_is_that_of_the_pages() -> None:
