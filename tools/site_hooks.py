@@ -1,7 +1,7 @@
 """Hooks of mkdocs: they make pages of the site from files that are not pages, and adapt links of GitHub's kind.
 
 - Pages from the root of the repository: the changelog, contributing, security and conduct.
-- Pages that list others: error codes, decisions (ADRs), and the gallery of missions.
+- Pages that list others: error codes, decisions (ADRs), the modules of the contract, and the gallery of missions.
 - A link out of `docs/` leads to the page of that file, else to a copy of the file, else it becomes plain text: the site
   can be read from a folder, without the repository.
 - Words after the language of a block of code are for the tests; Python-Markdown takes such a block as text.
@@ -43,6 +43,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     docs = Path(config.docs_dir)
     files.append(File.generated(config, "errors/index.md", content=_error_index(docs / "errors")))
     files.append(File.generated(config, "adr/index.md", content=_decision_index(docs / "adr")))
+    files.append(File.generated(config, "api/plugins.md", content=_contract(ROOT / "lingjing/plugins/contract.py")))
     files.append(File.generated(config, "gallery.md", content=_gallery(docs / "missions")))
     return files
 
@@ -106,6 +107,27 @@ def _decision_index(folder: Path) -> str:
     rows = [f"- [{_title(path)}]({path.name})" for path in paths]
     head = "Decisions that are costly to reverse, one page each (ADR)."
     return "\n".join(["# Decisions", "", head, "", *rows, ""])
+
+
+def _contract(module: Path) -> str:
+    """The modules that a plug-in may import, each with its docstrings."""
+    (modules,) = re.findall(r"^CONTRACT_MODULES = \((.*?)^\)", module.read_text(encoding="utf-8"), re.M | re.S)
+    head = (
+        "The modules that a plug-in may import, made from their docstrings. [Plug-ins](../plugins.md) introduces them "
+        "and says what may change between versions."
+    )
+    lines = ["# The contract of plug-ins", "", head, ""]
+    for name in re.findall(r'"([\w.]+)"', modules):
+        if name == "lingjing.testing":
+            continue  # a page of its own
+        options = "show_root_heading: false, show_root_toc_entry: false"
+        lines += [f"## {name}", ""]
+        if name == "lingjing.errors":
+            errors = ("LingjingError", "UsageError", "MissionError", "PluginError", "InfrastructureError")
+            lines += [f"{', '.join(errors)} are on [the page of `lingjing`](lingjing.md#errors).", ""]
+            options += f', filters: ["!^_", "!^({"|".join(errors)})$"]'
+        lines += [f"::: {name}", f"    options: {{ {options} }}", ""]
+    return "\n".join(lines)
 
 
 def _gallery(folder: Path) -> str:
