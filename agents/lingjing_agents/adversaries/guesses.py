@@ -36,8 +36,8 @@ from lingjing_agents.perception.images import ImageBox
 from lingjing_agents.perception.people_at_sea import FoundBox
 
 SIZES_M = (
-    ("person", 1.3, 1.3), ("fracture", 17.0, 9.5), ("leak", 5.7, 5.7), ("fire_source", 2.0, 2.5),
-    ("building_fire", 8.5, 9.0), ("reference", 14.0, 12.0), ("door", 10.0, 8.0), ("congestion", 26.0, 8.0),
+    ("person", 1.2, 1.2), ("fracture", 17.0, 9.5), ("leak", 5.7, 5.7), ("fire_source", 3.9, 4.2),
+    ("building_fire", 8.5, 9.0), ("reference", 9.4, 6.6), ("door", 10.0, 8.0), ("congestion", 26.0, 8.0),
 )  # fmt: skip
 """A word of a class's name, and the width and height of such a target in pictures, metres (measured in the shipped
 missions, rounded)."""
