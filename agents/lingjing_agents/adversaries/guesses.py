@@ -149,19 +149,37 @@ class Guesser:
 
 
 class Blind(Guesser):
-    """Guesses one box now and then, where a target would be: its rate is the chance level of a column."""
+    """Reports each known place that a picture shows, and else guesses one box now and then.
+
+    Its rate is the chance level of a column.
+    """
+
+    async def reset(self, brief: Brief) -> None:
+        """Forget the reported places."""
+        self._reported: set[GroundPoint] = set()
+        await super().reset(brief)
 
     def guesses(self, observation: Observation) -> Iterator[tuple[Picture, ImageBox]]:
-        """Yield a guess for the first new picture of every third tick."""
-        new = new_pictures(observation)
-        if new and observation.tick % EVERY_TICKS == 0:
-            yield new[0], guess(self._brief, wanted_class(self._brief), new[0], self._random)
+        """Yield the known places of new pictures, or a guess for the first one of every third tick."""
+        name, new = wanted_class(self._brief), new_pictures(observation)
+        known = [(picture, place) for picture in new for place in self._fresh(name, picture)]
+        for picture, place in known:
+            self._reported.add(place)
+            u, v = _pixel(self._brief, picture, place) or (0.0, 0.0)
+            yield picture, _box_at(self._brief, name, picture, u, v)
+        if new and not known and observation.tick % EVERY_TICKS == 0:
+            yield new[0], guess(self._brief, name, new[0], self._random)
 
     def found(self, name: str, picture: Picture) -> ImageBox | None:
-        """Return a guess for one picture of eight, so that the heuristic acts on some."""
-        if self._random.random() > 0.125:
+        """Return a guess for a picture with a known place, and for one of eight others, so that the heuristic acts."""
+        if not self._fresh(name, picture) and self._random.random() > 0.125:
             return None
         return guess(self._brief, name, picture, self._random)
+
+    def _fresh(self, name: str, picture: Picture) -> list[GroundPoint]:
+        """Return the known places in a picture that were not reported yet."""
+        shown = (place for place in _places(name) if _pixel(self._brief, picture, place) is not None)
+        return [place for place in shown if place not in self._reported]
 
 
 class Flooder(Guesser):
