@@ -47,8 +47,12 @@ EXTRAS = {
 """Optional extras of the distribution, each with a package that it installs. Missions are played without them."""
 
 _GL_PROBE = """
-import moderngl
-context = moderngl.create_standalone_context(backend="egl")
+from lingjing.engines.camera.context import open_context
+from lingjing.errors import LingjingError
+try:
+    context = open_context()
+except LingjingError as error:
+    raise SystemExit(str(error))
 print(context.info["GL_RENDERER"], "| OpenGL", context.version_code / 100)
 context.release()
 """

@@ -1,4 +1,8 @@
-"""The OpenGL context, opened headless through EGL; without a GPU it renders in software. No other module opens one."""
+"""The OpenGL context, opened headless through EGL. No other module opens one.
+
+EGL's first device draws: a graphics card where its driver offers one, otherwise Mesa's software renderer. The variable
+`DEVICE` chooses another. What holds on a card is in docs/engines.md ("A graphics card").
+"""
 
 from __future__ import annotations
 
@@ -10,10 +14,15 @@ import numpy as np
 import numpy.typing as npt
 
 from lingjing.data import cache_folder
-from lingjing.errors import InfrastructureError
+from lingjing.errors import InfrastructureError, UsageError
 
 APT_LINE = "apt-get install -y libegl1 libgl1"
 """Command that installs the libraries of EGL on Debian and Ubuntu."""
+
+DEVICE = "LINGJING_GL_DEVICE"
+"""Environment variable with the device that draws: `software`, or the number of an EGL device."""
+_SOFTWARE = "LIBGL_ALWAYS_SOFTWARE"
+"""Mesa's variable that rules out graphics cards."""
 
 _SHADER_FOLDER, _SHADERS_OFF = "MESA_SHADER_CACHE_DIR", "MESA_SHADER_CACHE_DISABLE"
 """Mesa's environment variables (docs.mesa3d.org/envvars.html). Mesa reads them when a context is opened."""
@@ -51,11 +60,23 @@ def _reserve(index: Path) -> None:
 
 
 def open_context() -> moderngl.Context:
-    """Open an OpenGL 3.3 context without a window. Raises `InfrastructureError` with the command that installs EGL."""
+    """Open an OpenGL 3.3 context without a window.
+
+    Raises `InfrastructureError` with the command that installs EGL, and `UsageError` for a device that does not exist.
+    """
     place_shader_cache()
+    device = os.environ.get(DEVICE, "")
+    if device == "software":
+        os.environ[_SOFTWARE] = "true"
+    elif device and not (device.isascii() and device.isdecimal() and len(device) < 4):
+        raise UsageError(f"{DEVICE}={device[:40]} names no device", hint="write `software`, or a number such as 0")
+    chosen = {"device_index": int(device)} if device.isdecimal() else {}
     try:
-        return moderngl.create_context(standalone=True, backend="egl", require=330)  # type: ignore[arg-type] # its stub
+        return moderngl.create_context(standalone=True, backend="egl", require=330, **chosen)  # type: ignore[arg-type] # its stub
     except Exception as error:
+        if chosen and "device index" in str(error):
+            hint = f"the first one is 0; without {DEVICE} that one draws"
+            raise UsageError(f"{DEVICE}={device}: EGL says: {error}", hint=hint) from error
         raise InfrastructureError(f"the camera cannot open an OpenGL context through EGL: {error}",
                                   hint=f"on Debian or Ubuntu: {APT_LINE}") from error  # fmt: skip
 
