@@ -41,7 +41,8 @@ help:
 setup:
 	@$(PYTHON3) tools/setup.py
 
-demo: setup
+demo:
+	@$(PYTHON3) tools/setup.py --playing
 	@$(BIN)/lingjing run scenarios/ssr.ljs --seed 5 --mode broadcast --policy heuristic
 
 test: setup

@@ -46,6 +46,8 @@ class VirtualEnvironment:
     """Lists of packages that are installed without their requirements."""
     replaced: tuple[str, ...] = ()
     """Distributions that are removed first."""
+    stamp_name: str = "setup.stamp"
+    """The name of the file that identifies its inputs. Two descriptions of one folder have two names."""
 
     @property
     def python(self) -> Path:
@@ -55,7 +57,7 @@ class VirtualEnvironment:
     @property
     def stamp(self) -> Path:
         """The file that identifies its inputs."""
-        return self.folder / "setup.stamp"
+        return self.folder / self.stamp_name
 
     def fingerprint(self) -> str:
         """SHA-256 over the inputs, the interpreter and the folder, since environments cannot be moved."""
@@ -95,6 +97,18 @@ MAIN_ENVIRONMENT = VirtualEnvironment(
     without_dependencies=WITHOUT_DEPENDENCIES,
     replaced=tuple(own.earlier for own in OWN),  # pip would keep distributions with an earlier name
 )
+PLAYING_ENVIRONMENT = replace(
+    MAIN_ENVIRONMENT,
+    steps=(
+        ("-c", str(CONSTRAINTS), "hatchling", "editables"),
+        ("-c", str(CONSTRAINTS), "--no-build-isolation", "-e", f"{ROOT}[quadruped,road]", "-e", str(ROOT / "agents")),
+        ("--no-deps", "--ignore-requires-python", "-r", str(WITHOUT_DEPENDENCIES[0])),
+    ),
+    without_dependencies=WITHOUT_DEPENDENCIES[:1],
+    stamp_name="playing.stamp",
+)
+"""The same folder with what plays the shipped missions: a newcomer's first mission starts after half of the time.
+`make setup`, and each target that develops, adds the rest."""
 MODEL = ROOT / "requirements-model.txt"
 MODEL_ENVIRONMENT = VirtualEnvironment(
     folder=ROOT / ".venv-model",
@@ -146,6 +160,7 @@ def main() -> int:
     parser.add_argument("--bench", action="store_true", help="those of foreign packages (.venv-bench, .venv-inspect)")
     parser.add_argument("--model", action="store_true", help="the environment of a small open model (.venv-model)")
     parser.add_argument("--learners", action="store_true", help="that of foreign learners (.venv-learners)")
+    parser.add_argument("--playing", action="store_true", help="only what plays the shipped missions (.venv)")
     parser.add_argument("--docs", action="store_true", help="that of the documentation site (.venv-docs)")
     parser.add_argument("--into", type=Path, help="the project's own environment in this folder instead of .venv")
     args = parser.parse_args()
@@ -160,6 +175,10 @@ def main() -> int:
                 ensure(LEARNERS_ENVIRONMENT)
             elif args.docs:
                 ensure(DOCS_ENVIRONMENT)
+            elif args.playing:
+                ensure_libraries()
+                if not MAIN_ENVIRONMENT.ready():
+                    ensure(PLAYING_ENVIRONMENT)
             else:
                 ensure_libraries()
                 ensure(replace(MAIN_ENVIRONMENT, folder=args.into.absolute()) if args.into else MAIN_ENVIRONMENT)

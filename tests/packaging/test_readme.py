@@ -76,7 +76,7 @@ def test_its_commands_are_understood(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(door, "import_module", import_module)
     assert [door.main(command) for command in commands] == [0] * len(commands)
-    assert seen == ["run", "run", "new", "run", "run", "bench"]
+    assert seen == ["run", "run", "new", "run", "new", "run", "run", "bench"]
 
 
 def test_its_error_message_is_what_one_gets(tmp_path: Path) -> None:

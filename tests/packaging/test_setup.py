@@ -158,6 +158,20 @@ def test_missing_libraries_are_one_line_for_who_is_not_root(monkeypatch, capsys)
     assert output.splitlines()[-1] == "  sudo apt-get install -y libnosuch1"
 
 
+@pytest.mark.parametrize(("is_ready", "made"), [(True, []), (False, ["playing.stamp"])])
+def test_the_first_mission_waits_for_no_development_tools(monkeypatch, is_ready: bool, made: list[str]) -> None:
+    seen: list[str] = []
+    monkeypatch.setattr(sys, "argv", ["setup.py", "--playing"])
+    monkeypatch.setattr(setup, "ensure_libraries", lambda: None)
+    monkeypatch.setattr(setup.VirtualEnvironment, "ready", lambda environment: is_ready)
+    monkeypatch.setattr(setup, "ensure", lambda environment: seen.append(environment.stamp.name))
+    assert setup.main() == 0
+    assert seen == made
+    assert setup.PLAYING_ENVIRONMENT.folder == setup.MAIN_ENVIRONMENT.folder
+    installed = " ".join(word for step in setup.PLAYING_ENVIRONMENT.steps for word in step)
+    assert "[dev]" not in installed and "quadruped,road" in installed
+
+
 def test_the_project_is_set_up_by_now() -> None:
     done = subprocess.run(
         [sys.executable, str(ROOT / "tools" / "setup.py")],
