@@ -2,7 +2,7 @@
 
 - A number in the channel `instance` of a picture that belongs to no body of a team is a target: its outline is its box.
 - Orders are numbered: the first one of a city's orders is the large one, whatever an agent observes of it
-  (`scenarios/cd.ljs`). So a driver fills in the demands that only another one observes.
+  (`scenarios/cd.ljs`). So a driver fills in the demands that only another one observes, and receives no message.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from lingjing.plugins.policy import Brief, Decision, EntityView, Inbox, Observation, Picture, Policy
 from lingjing_agents.adversaries.guesses import black
-from lingjing_agents.capability import natural
+from lingjing_agents.capability import exchanged, natural
 from lingjing_agents.heuristic.delivery_view import WANTED
 from lingjing_agents.heuristic.policy import HeuristicPolicy
 from lingjing_agents.perception.images import ImageBox
@@ -30,6 +30,7 @@ class IdReader:
     async def reset(self, brief: Brief) -> None:
         """Give the heuristic detectors that read numbers."""
         self._teams = {name for peer in brief.peers for name in peer.resources} | {r.id for r in brief.resources}
+        self._reads_messages = exchanged(brief, "report")
         self._outlines: dict[str, list[tuple[str, ImageBox]]] = {}
         self._wrapped: Policy = HeuristicPolicy(dict.fromkeys(brief.classes, self._found))
         await self._wrapped.reset(brief)
@@ -40,7 +41,8 @@ class IdReader:
             self._outlines[picture.frame] = list(self._read(picture))
         dark = tuple(map(black, observation.pictures))
         seen = replace(observation, pictures=dark, entities=completed(observation.entities))
-        return await self._wrapped.act(seen, inbox)
+        received = inbox if self._reads_messages else msgspec.structs.replace(inbox, messages=())
+        return await self._wrapped.act(seen, received)
 
     def _found(self, picture: Picture, level_m: float) -> tuple[FoundBox, ...]:
         return tuple(FoundBox(box, 1.0) for _, box in self._outlines.get(picture.frame, ()))
