@@ -15,6 +15,7 @@ from lingjing.plugins.engine import EnginePlugin
 from lingjing.plugins.hookspecs import hookimpl
 from lingjing.plugins.options import PluginOptions
 from lingjing.testing import PluginHost, run_command
+from tests.play.test_policy_processes import write_mission
 
 EXAMPLE = Path(__file__).parents[2] / "scenarios" / "ssr.ljs"
 
@@ -181,3 +182,15 @@ def test_what_only_follows_from_another_fault_is_not_told(tmp_path: Path) -> Non
     lines = str(told.value).splitlines()
     assert len(lines) == 2
     assert "no mode 'sta'" in lines[0] and "no policy is called `nobody`" in lines[1]
+
+
+def test_swapped_pictures_leave_the_episode_as_it_is(tmp_path: Path) -> None:
+    """The second world plays the neighbouring seed beside it, and ends with it."""
+    mission = write_mission(tmp_path, 1, 2, 600.0)
+    digests = []
+    for swap in (False, True):
+        report = lingjing.run(
+            mission, policy="idle", seed=2, swap_pictures=swap, overview=False, world="inline", out=tmp_path / f"{swap}"
+        )
+        digests.append((report.digest, report.ticks))
+    assert digests[0] == digests[1]
