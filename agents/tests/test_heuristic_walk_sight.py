@@ -5,11 +5,12 @@ picture.
 import math
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from lingjing_agents.paths.obstacle_grid import ObstacleGrid
 from lingjing_agents.perception.depth_points import close_what_stands, heights
-from lingjing_agents.perception.facades import find_facades, look_of
+from lingjing_agents.perception.facades import facade_box, find_facades, look_of
 from lingjing_agents.perception.fires_ahead import find_fires_ahead
 from lingjing_agents.perception.images import opencv
 from lingjing_agents.perception.obstacles_ahead import near_walls
@@ -101,7 +102,19 @@ def test_nothing_is_seen_in_the_dark():
     look = look_of(load("walk_reference.jpg"))
     assert find_fires_ahead(black, FAR) == ()
     assert find_leaks(black, ABOVE, 0.0) == ()
-    assert find_facades(black, STREET, look) == ()
+    assert find_facades(black, STREET, look) == () and facade_box(black, STREET, look) is None
+
+
+def test_a_wall_behind_a_gap_is_one_box_down_to_the_horizon_and_a_far_one_is_another():
+    pose = msgspec.structs.replace(STREET, tilt_deg=0.0, roll_deg=0.0)
+    wall = np.full((720, 1280, 3), (90, 130, 220), np.uint8)
+    for left, right, top in ((0, 400, 40), (420, 700, 60), (1000, 1100, 200)):
+        wall[top:361, left:right] = (200, 190, 180)
+        for row in range(top + 30, 340, 40):
+            wall[row : row + 15, left:right] = (40, 50, 60)
+    reference = np.full((72, 128, 3), (200, 190, 180), np.uint8)
+    box = facade_box(wall, pose, look_of(reference))
+    assert box is not None and iou(box, (0.0, 0.06, 0.547, 0.5)) > 0.9
 
 
 def test_depth_from_above_closes_what_stands_and_not_the_follower():

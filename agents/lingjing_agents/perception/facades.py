@@ -8,13 +8,14 @@ distance.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from lingjing.plugins.geometry import bearing_deg, focal_px, pixel_ray
 from lingjing.plugins.policy import CameraPose
-from lingjing_agents.perception.images import ByteImage, GreyPlane, MaskArray
+from lingjing_agents.perception.images import ByteImage, GreyPlane, ImageBox, MaskArray
 
 COLUMNS = 64
 """Number of vertical strips of a picture. Chosen."""
@@ -34,6 +35,10 @@ BRIGHTEST = 246.0
 
 DOUBT = 0.3
 """Weight of walls in shade: many grey objects resemble them. Chosen."""
+
+GAP_COLUMNS, HIGHEST, FOOT_DEG = 2, 20, 0.5
+"""Distance of two neighbouring columns of one wall, at most; percentile of the columns' tops that is the top of its
+box; and angle in degrees between the horizon and its foot. Chosen."""
 
 WINDOWS = 2
 """Least number of window rows. Chosen."""
@@ -90,28 +95,57 @@ def skyline(rgb: ByteImage, pose: CameraPose) -> tuple[tuple[float, float], ...]
 
 def find_facades(rgb: ByteImage, pose: CameraPose, look: WallColour) -> tuple[FacadeColumn, ...]:
     """Return the columns of a front picture with a wall of the reference's colour and with windows."""
-    height, width = rgb.shape[:2]
-    if not rgb.any():
-        return ()
-    horizon = height / 2.0 - focal_px(pose) * math.tan(math.radians(pose.tilt_deg))
-    low = int(min(max(horizon - focal_px(pose) * math.tan(math.radians(0.3)), 8), height))
-    strip = width // COLUMNS
-    band = rgb[:low].astype(np.float32)[:, : strip * COLUMNS]
-    alike = likeness(band, look)
+    strip = rgb.shape[1] // COLUMNS
     columns = []
+    for index, top, weight in _columns(rgb, pose, look):
+        ray = pixel_ray(pose, (index + 0.5) * strip, float(top))
+        elevation = math.degrees(math.atan2(ray[2], math.hypot(ray[0], ray[1])))
+        if elevation >= LOWEST_DEG:
+            distance = HEIGHT_M / math.tan(math.radians(min(elevation, 60.0)))
+            columns.append(FacadeColumn(bearing_deg((0.0, 0.0), ray), distance, weight))
+    return tuple(columns)
+
+
+def facade_box(rgb: ByteImage, pose: CameraPose, look: WallColour) -> ImageBox | None:
+    """Return the box of the largest wall of the reference's colour with windows; None without one.
+
+    Its columns are neighbours, with at most `GAP_COLUMNS` between two, behind a tree or a lamp. Its foot is assumed
+    just below the horizon, because a low camera sees the ground in front of a wall in few rows.
+    """
+    height, width = rgb.shape[:2]
+    runs: list[list[tuple[int, int]]] = []
+    for index, top, _ in _columns(rgb, pose, look):
+        if not runs or index - runs[-1][-1][0] > GAP_COLUMNS:
+            runs.append([])
+        runs[-1].append((index, top))
+    foot = min(1.0, (_horizon(pose) + focal_px(pose) * math.tan(math.radians(FOOT_DEG))) / height)
+    strip = width // COLUMNS
+    boxes = [
+        (run[0][0] * strip / width, float(np.percentile([top for _, top in run], HIGHEST)) / height,
+         (run[-1][0] + 1) * strip / width, foot)
+        for run in runs
+    ]  # fmt: skip
+    return max(boxes, key=lambda box: ((box[2] - box[0]) * (box[3] - box[1]), box), default=None)
+
+
+def _columns(rgb: ByteImage, pose: CameraPose, look: WallColour) -> Iterator[tuple[int, int, float]]:
+    """Yield index, top row and weight of the columns with a wall of the reference's colour and with windows."""
+    if not rgb.any():
+        return
+    height, width = rgb.shape[:2]
+    low = int(min(max(_horizon(pose) - focal_px(pose) * math.tan(math.radians(0.3)), 8), height))
+    strip = width // COLUMNS
+    alike = likeness(rgb[:low].astype(np.float32)[:, : strip * COLUMNS], look)
     for index in range(COLUMNS):
         part = alike[:, index * strip : (index + 1) * strip]
-        column = (part > 0.0).mean(axis=1) > 0.5
-        top, share, windows = _wall(column)
-        u = (index + 0.5) * strip
-        ray = pixel_ray(pose, u, float(top))
-        elevation = math.degrees(math.atan2(ray[2], math.hypot(ray[0], ray[1])))
-        if elevation < LOWEST_DEG or share < 0.25 or windows < WINDOWS:
-            continue
-        lit = float(part[part > 0.0].mean())
-        distance = HEIGHT_M / math.tan(math.radians(min(elevation, 60.0)))
-        columns.append(FacadeColumn(bearing_deg((0.0, 0.0), ray), distance, lit * min(1.0, share * 1.5)))
-    return tuple(columns)
+        top, share, windows = _wall((part > 0.0).mean(axis=1) > 0.5)
+        if share >= 0.25 and windows >= WINDOWS:
+            yield index, top, float(part[part > 0.0].mean()) * min(1.0, share * 1.5)
+
+
+def _horizon(pose: CameraPose) -> float:
+    """Return the row of the horizon."""
+    return pose.height / 2.0 - focal_px(pose) * math.tan(math.radians(pose.tilt_deg))
 
 
 def likeness(rgb: GreyPlane, look: WallColour) -> GreyPlane:
