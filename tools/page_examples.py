@@ -23,6 +23,8 @@ Exit codes: 0 every block did what its page says, 1 one did not, 2 the arguments
 from __future__ import annotations
 
 import argparse
+import fcntl
+import itertools
 import os
 import re
 import shlex
@@ -34,6 +36,7 @@ import tempfile
 import time
 import venv
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -253,17 +256,25 @@ def end(process: subprocess.Popen[str]) -> None:
 def steps(page: Path) -> Iterator[tuple[Block, str | None]]:
     """The blocks of a page to run, with the expected output of each, or None."""
     blocks = blocks_of(page)
-    for block, after in zip(blocks, [*blocks[1:], None], strict=True):
+    for block, after in itertools.zip_longest(blocks, blocks[1:]):
         if "skip" in block.marks or not (block.title or block.language in ("sh", "python")):
             continue
         is_output = after is not None and after.language == "text" and not after.title and "skip" not in after.marks
         yield block, after.body if after is not None and is_output else None
 
 
+@contextmanager
+def alone_on_this_machine() -> Iterator[None]:
+    """Wait until no other page is run here: servers of pages have fixed ports, as a reader would type them."""
+    with Path(tempfile.gettempdir(), f"lingjing-pages-{os.getuid()}.lock").open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
 def run_page(page: Path) -> float:
     """Run a page and return the seconds that it took. Raises `ExampleError` with the place of a faulty block."""
     started = time.monotonic()
-    with tempfile.TemporaryDirectory(prefix="page-") as folder:
+    with alone_on_this_machine(), tempfile.TemporaryDirectory(prefix="page-") as folder:
         (working := Path(folder, "page")).mkdir()
         run = PageRun(working, installs="<!-- installs -->" in page.read_text(encoding="utf-8"))
         try:

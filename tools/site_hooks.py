@@ -1,19 +1,22 @@
 """Hooks of mkdocs: they make pages of the site from files that are not pages, and adapt links of GitHub's kind.
 
 - Pages from the root of the repository: the changelog, contributing, security and conduct.
-- Pages that list others: error codes, decisions (ADRs), the modules of the contract, and the gallery of missions.
+- Pages that list things: error codes, verbs of the command line, decisions (ADRs), the modules of the contract, and the
+  missions as a gallery.
 - A link out of `docs/` leads to the page of that file, else to a copy of the file, else it becomes plain text: the site
   can be read from a folder, without the repository.
 - Words after the language of a block of code are for the tests; Python-Markdown takes such a block as text.
 - A list without an empty line before it is a list on GitHub; Python-Markdown needs the line.
 
-mkdocs loads this file (`hooks:` in `mkdocs.yml`). It needs mkdocs alone, not this project.
+mkdocs loads this file (`hooks:` in `mkdocs.yml`). It imports mkdocs alone, not this project.
+The page of the command line is printed by the interpreter of `.venv`.
 """
 
 from __future__ import annotations
 
 import posixpath
 import re
+import subprocess
 from pathlib import Path
 
 from mkdocs.config.defaults import MkDocsConfig
@@ -44,6 +47,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     files.append(File.generated(config, "errors/index.md", content=_error_index(docs / "errors")))
     files.append(File.generated(config, "adr/index.md", content=_decision_index(docs / "adr")))
     files.append(File.generated(config, "api/plugins.md", content=_contract(ROOT / "lingjing/plugins/contract.py")))
+    files.append(File.generated(config, "commands.md", content=_commands()))
     files.append(File.generated(config, "gallery.md", content=_gallery(docs / "missions")))
     return files
 
@@ -107,6 +111,12 @@ def _decision_index(folder: Path) -> str:
     rows = [f"- [{_title(path)}]({path.name})" for path in paths]
     head = "Decisions that are costly to reverse, one page each (ADR)."
     return "\n".join(["# Decisions", "", head, "", *rows, ""])
+
+
+def _commands() -> str:
+    """The page of the command line, from the project's own interpreter."""
+    command = [str(ROOT / ".venv" / "bin" / "python"), str(ROOT / "tools" / "command_page.py")]
+    return subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout
 
 
 def _contract(module: Path) -> str:

@@ -102,6 +102,12 @@ def test_a_page_is_run_from_top_to_bottom(tmp_path: Path) -> None:
     assert [block.line for block, _ in page_examples.steps(page)] == [4, 8, 16, 22, 35, 39]
 
 
+def test_a_page_without_examples_is_no_error(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("# A page\n", encoding="utf-8")
+    assert list(page_examples.steps(page)) == []
+
+
 @pytest.mark.parametrize(
     ("block", "message"),
     [
