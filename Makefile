@@ -9,7 +9,7 @@ PYTEST := $(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder -q
 # Tests start hundreds of processes: without stored bytecode each one compiles all it imports, half a second of CPU.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: help setup demo test thorough episodes wheels check lock sbom licences pythons bench study ray learners docs notebooks model detector browser readers eyes frameworks pictures missions selfcheck faults clean
+.PHONY: help setup demo test thorough episodes wheels check lock sbom licences pythons bench study ray learners docs films notebooks model detector browser readers eyes frameworks pictures missions selfcheck faults clean
 
 help:
 	@echo 'make demo    play the sea rescue, seed 5, broadcast, with the heuristic agents'
@@ -26,6 +26,7 @@ help:
 	@echo 'make ray     install Ray, play suites on a cluster of two local nodes (three minutes)'
 	@echo 'make learners  install Stable-Baselines3, RLlib, TorchRL and SuperSuit and train them for a few steps: minutes'
 	@echo 'make docs    build the documentation site in build/site, check its links and run its examples: minutes (PAGES=docs/tutorials/from-carla.md)'
+	@echo 'make films   play and film every mission in build/films, for the gallery of the site: minutes'
 	@echo 'make notebooks  install what runs notebooks, and run those of examples/notebooks: minutes'
 	@echo 'make model   install a small open model and play with it, offline: minutes'
 	@echo 'make faults  plant 2,000 faults in episodes and suites, one at a time: an hour (FAULTS=200 SEED=7)'
@@ -96,6 +97,14 @@ docs: setup
 	@NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --quiet --strict
 	@echo 'build/site/index.html is the documentation; now its examples are run'
 	@$(BIN)/python tools/page_examples.py $(PAGES)
+
+films: setup
+	@mkdir -p build/films
+	@for mission in $(notdir $(basename $(wildcard scenarios/*.ljs))); do \
+		test -s build/films/$$mission.mp4 && continue; rm -rf build/films/$$mission; \
+		$(BIN)/lingjing run $$mission --seed 1 --policy oracle --no-overview -o build/films/$$mission >/dev/null && \
+		$(BIN)/lingjing film build/films/$$mission/trace.mcap -o build/films/$$mission.mp4 || exit 1; \
+	done
 
 notebooks: setup
 	@$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt nbclient nbformat ipykernel pandas

@@ -274,7 +274,7 @@ def alone_on_this_machine() -> Iterator[None]:
 def run_page(page: Path) -> float:
     """Run a page and return the seconds that it took. Raises `ExampleError` with the place of a faulty block."""
     started = time.monotonic()
-    with alone_on_this_machine(), tempfile.TemporaryDirectory(prefix="page-") as folder:
+    with tempfile.TemporaryDirectory(prefix="page-") as folder:
         (working := Path(folder, "page")).mkdir()
         run = PageRun(working, installs="<!-- installs -->" in page.read_text(encoding="utf-8"))
         try:
@@ -318,7 +318,8 @@ def main() -> int:
             continue
         print(f"{page.relative_to(ROOT)}: ", end="", flush=True)
         try:
-            print(f"done in {run_page(page):.0f} s")
+            with alone_on_this_machine():
+                print(f"done in {run_page(page):.0f} s")
         except ExampleError as error:
             failed += 1
             lines = str(error).splitlines()

@@ -14,9 +14,11 @@ The page of the command line is printed by the interpreter of `.venv`.
 
 from __future__ import annotations
 
+import importlib
 import posixpath
 import re
 import subprocess
+import sys
 from pathlib import Path
 
 from mkdocs.config.defaults import MkDocsConfig
@@ -24,6 +26,8 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).resolve().parent.parent
+sys.path.append(str(ROOT / "tools"))
+importlib.import_module("ljs_lexer").register()
 ROOT_PAGES = {
     "CHANGELOG.md": "changelog.md",
     "CONTRIBUTING.md": "contributing.md",
@@ -35,6 +39,8 @@ ROOT_PAGES = {
 LINK = re.compile(r"(?P<text>!?\[[^\]\n]*\])\((?P<target>[^)\s#]+)(?P<anchor>#[^)\s]*)?\)")
 FENCE = re.compile(r"^ {0,3}(```|~~~)")
 ITEM = re.compile(r"(?:- |\* |\d+\. )")
+FILMS = ROOT / "build" / "films"
+"""Films that `make films` makes. They are too large for the repository; the gallery shows those that exist."""
 COPIED = (".py", ".ljs", ".toml", ".ipynb")
 """Endings of linked files that are copied into the site."""
 
@@ -49,6 +55,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     files.append(File.generated(config, "api/plugins.md", content=_contract(ROOT / "lingjing/plugins/contract.py")))
     files.append(File.generated(config, "commands.md", content=_commands()))
     files.append(File.generated(config, "gallery.md", content=_gallery(docs / "missions")))
+    for film in FILMS.glob("*.mp4"):
+        files.append(File.generated(config, f"films/{film.name}", abs_src_path=str(film)))
     return files
 
 
@@ -159,5 +167,8 @@ def _gallery(folder: Path) -> str:
             f"[![{re.sub(r'[][]', '', alt)}](missions/{name})](missions/{path.name})" for alt, name in views + maps
         )
         lines += [f"## [{_title(path)}](missions/{path.name})", "", goal[1] if goal else "", ""]
-        lines += ['<div class="gallery" markdown>', "", images, "", "</div>", "", f"`lingjing run {path.stem}`", ""]
+        lines += ['<div class="gallery" markdown>', "", images, "", "</div>", ""]
+        if (FILMS / f"{path.stem}.mp4").is_file():
+            lines += [f'<video controls preload="none" width="100%" src="films/{path.stem}.mp4"></video>', ""]
+        lines += [f"`lingjing run {path.stem}`", ""]
     return "\n".join(lines)

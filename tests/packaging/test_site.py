@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import lingjing
-from tools import llms, page_examples
+from tools import ljs_lexer, llms, page_examples
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -38,6 +38,19 @@ def test_the_page_of_the_package_names_everything_public() -> None:
     package = (DOCS / "api" / "lingjing.md").read_text(encoding="utf-8")
     places = [place for name, place in lingjing._EXPORTS.items() if name != "__version__"]
     assert [name for module, name in places if f"::: {module}.{name}\n" not in package] == []
+
+
+def test_missions_are_coloured() -> None:
+    text = '# why\nmission a "A {b}" {\n  param n = 2 in 1..6\n}\n'
+    tokens = [(str(kind), word) for kind, word in ljs_lexer.LjsLexer().get_tokens(text) if word.strip()]
+    assert tokens[:4] == [
+        ("Token.Comment", "# why"),
+        ("Token.Keyword.Declaration", "mission"),
+        ("Token.Name.Class", "a"),
+        ("Token.Literal.String", '"A {b}"'),
+    ]
+    assert ("Token.Keyword.Declaration", "param") in tokens
+    assert "".join(word for _, word in ljs_lexer.LjsLexer().get_tokens(text)) == text
 
 
 PAGE = """# A page
