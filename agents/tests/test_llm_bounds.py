@@ -132,7 +132,7 @@ def cases(names: Iterable[str]) -> list[object]:
     return [
         *(pytest.param(name, direct, id=name) for name in names),
         *(
-            pytest.param(name, through_litellm, id=f"{name}, through litellm", marks=pytest.mark.slow)
+            pytest.param(name, through_litellm, id=f"{name}, through litellm", marks=pytest.mark.thorough)
             for name in names
             if name in FEW
         ),

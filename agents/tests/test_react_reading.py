@@ -149,7 +149,7 @@ def test_the_player_takes_the_encoding_of_the_suites_and_no_other_model() -> Non
         SightedOptions.model_validate({"withheld": 1.5})
 
 
-@pytest.mark.parametrize("name", ["bi", "upr"])
+@pytest.mark.parametrize("name", [pytest.param("bi", marks=pytest.mark.thorough), "upr"])
 def test_the_requests_suffice_to_win(name: str, tmp_path: Path) -> None:
     result = lingjing.run(mission_file(name), seed=1, policy="sighted-reader", out=tmp_path / "run")
     values = metrics(read_trace(result.trace))

@@ -158,10 +158,8 @@ def tokens(text: str) -> int:
     return len(_tokenizer().encode(text, add_special_tokens=False).ids)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("wins", "other"), [(True, "upr-star"), pytest.param(False, "bi-single", marks=pytest.mark.thorough)]
-)
+@pytest.mark.thorough
+@pytest.mark.parametrize(("wins", "other"), [(True, "upr-star"), (False, "bi-single")])
 def test_the_estimate_is_within_one_and_a_half_times_of_what_a_service_bills(
     wins: bool, other: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -35,6 +35,7 @@ def lost(tmp_path_factory: pytest.TempPathFactory) -> Trace:
     return played(tmp_path_factory.mktemp("lost") / "episode", f"{SKIPPERS}:Timid")
 
 
+@pytest.mark.thorough
 def test_the_smallest_mission_fails_the_same_way_also_after_a_budget_has_run_out(
     lost: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

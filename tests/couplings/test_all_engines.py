@@ -100,6 +100,7 @@ print(*held)
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_many_resets_leave_memory_flat():
     """Play some resets; the benchmark `world.py --only resets` plays five hundred."""
     run = subprocess.run(

@@ -154,6 +154,7 @@ def test_the_line_of_a_hint_installs_what_is_missing(bare: Path, tmp_path: Path)
     assert call(bare / "lingjing", "lsp", "--stdio", cwd=tmp_path).returncode == 0
 
 
+@pytest.mark.wheels
 def test_a_foreign_package_installed_over_the_wheel_is_named(wheels: tuple[Path, Path], tmp_path: Path) -> None:
     venv.create(tmp_path / "env")
     environment = tmp_path / "env" / "bin"

@@ -168,6 +168,7 @@ except Begun:
 
 
 @pytest.mark.usefixtures("workers_are_interpreters_once")
+@pytest.mark.thorough
 def test_a_killed_holder_is_an_abort_of_its_episode_and_the_next_has_a_world_of_its_own(tmp_path: Path) -> None:
     first, second = tasks(tmp_path, player(tmp_path), (3, 3))
     first = first._replace(options=replace(first.options, policy_args={"fatal": "holder"}))
