@@ -21,6 +21,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
 PIP = ("-m", "pip", "--disable-pip-version-check", "install", "-q", "-c", ROOT / "constraints.txt")
+UNPINNED = {"inspect"}
+"""Extras that the pinned versions exclude: Inspect requires an earlier fsspec than the pinned one."""
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
 
 
@@ -127,7 +129,7 @@ def test_every_extra_can_be_installed_from_the_two_wheels(
     """As pip resolves it, in a bare environment that has the wheels: what is added, and nothing of another party's."""
     resolve = (
         bare / "python",
-        *PIP,
+        *(PIP if extra not in UNPINNED else PIP[:-2]),
         "--dry-run",
         "--report",
         tmp_path / "report.json",
