@@ -18,7 +18,7 @@ import json
 import secrets
 import threading
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Future
+from concurrent.futures import Future, wait
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -35,7 +35,6 @@ from inspect_ai.model import (
     ChatMessageUser,
     ContentImage,
     ContentText,
-    GenerateConfig,
     ModelOutput,
     get_model,
 )
@@ -56,6 +55,8 @@ _NAMESPACE = "" if "site-packages" in Path(__file__).parts else "lingjing/"
 of a working copy, because the distribution has another name than the package."""
 _REPORT = "lingjing_report"
 """The key of an episode's report in the store of its sample."""
+_LOOK_S = 0.2
+"""Seconds between two looks of a waiting request at the end of its sample (chosen)."""
 _LARGEST_REQUEST = 256_000_000
 """The largest request, bytes (chosen): 16 pictures of 1080p are 20 MB."""
 
@@ -111,7 +112,7 @@ def episode(respondent: Agent | str | None = None, out: str | None = None, **opt
 
     async def solve(state: TaskState, generate: Generate) -> TaskState:
         sample = state.metadata
-        with _service(answering) as (url, pending):
+        with _service() as (url, pending, closed):
             playing = asyncio.create_task(
                 arun(
                     sample["mission"],
@@ -124,7 +125,7 @@ def episode(respondent: Agent | str | None = None, out: str | None = None, **opt
                     overview=False,
                 )
             )
-            report = await _played(playing, pending, answering)
+            report = await _played(playing, pending, answering, closed)
         if report.reason == ABORTED:
             raise InfrastructureError(f"the episode was aborted: {report.detail}", hint=f"see {report.folder}")
         state.store.set(_REPORT, msgspec.to_builtins(report))
@@ -159,12 +160,15 @@ def _seeds(text: str) -> tuple[int, ...]:
         raise UsageError(f"`seeds` {error}", hint="-T seeds=0-4") from error
 
 
-_Pending = asyncio.Queue[tuple[list[ChatMessage], GenerateConfig, "Future[ModelOutput]"]]
+_Pending = asyncio.Queue[tuple[list[ChatMessage], "Future[ModelOutput]"]]
 
 
-async def _played(playing: asyncio.Task[EpisodeReport], pending: _Pending, respondent: Agent) -> EpisodeReport:
+async def _played(
+    playing: asyncio.Task[EpisodeReport], pending: _Pending, respondent: Agent, closed: threading.Event
+) -> EpisodeReport:
     """Answer the requests of an episode until it ends. Answers run in the context of the sample, so that its transcript
-    has them."""
+    has them. A cancelled sample closes the service first: the episode ends at its next boundary, and would wait for
+    answers until then."""
     answers: set[asyncio.Task[None]] = set()
     try:
         while not playing.done():
@@ -178,14 +182,13 @@ async def _played(playing: asyncio.Task[EpisodeReport], pending: _Pending, respo
             answer.add_done_callback(answers.discard)
         return await playing
     finally:
+        closed.set()
         for left in (playing, *answers):
             left.cancel()
         await asyncio.gather(playing, *answers, return_exceptions=True)
 
 
-async def _answer(
-    respondent: Agent, messages: list[ChatMessage], config: GenerateConfig, result: Future[ModelOutput]
-) -> None:
+async def _answer(respondent: Agent, messages: list[ChatMessage], result: Future[ModelOutput]) -> None:
     try:
         ended = await run(respondent, messages)
         state = ended if isinstance(ended, AgentState) else ended[0]
@@ -198,10 +201,11 @@ async def _answer(
 
 
 @contextmanager
-def _service(respondent: Agent) -> Iterator[tuple[str, _Pending]]:
-    """A chat service on loopback: its address, and the queue of its requests. The address holds a secret, so that no
-    other process of the machine asks."""
+def _service() -> Iterator[tuple[str, _Pending, threading.Event]]:
+    """A chat service on loopback: its address, the queue of its requests, and an event after which it refuses all of
+    them. The address holds a secret, so that no other process of the machine asks."""
     pending: _Pending = asyncio.Queue()
+    closed = threading.Event()
     loop = asyncio.get_running_loop()
     secret = secrets.token_urlsafe(16)
 
@@ -216,9 +220,13 @@ def _service(respondent: Agent) -> Iterator[tuple[str, _Pending]]:
                 return self._send(413, {"error": {"message": f"a request has at most {_LARGEST_REQUEST} bytes"}})
             request = json.loads(self.rfile.read(int(length)))
             result: Future[ModelOutput] = Future()
-            item = (list(_messages(request["messages"])), GenerateConfig(), result)
-            loop.call_soon_threadsafe(pending.put_nowait, item)
+            if not closed.is_set():
+                loop.call_soon_threadsafe(pending.put_nowait, (list(_messages(request["messages"])), result))
             try:
+                while not result.done() and not closed.is_set():
+                    wait((result,), timeout=_LOOK_S)
+                if not result.done():  # a refusal that is not tried again
+                    return self._send(400, {"error": {"message": "the sample has ended"}})
                 return self._send(200, _completion(result.result()))
             except Exception as error:  # noqa: BLE001 - whatever the respondent raised is told to `react`
                 return self._send(500, {"error": {"message": f"the respondent failed: {error}"[:2000]}})
@@ -242,8 +250,9 @@ def _service(respondent: Agent) -> Iterator[tuple[str, _Pending]]:
     thread = threading.Thread(target=server.serve_forever, name="lingjing-inspect", daemon=True)
     thread.start()
     try:
-        yield f"http://127.0.0.1:{server.server_port}/{secret}/v1", pending
+        yield f"http://127.0.0.1:{server.server_port}/{secret}/v1", pending, closed
     finally:
+        closed.set()
         server.shutdown()
         server.server_close()
 

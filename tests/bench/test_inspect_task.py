@@ -10,6 +10,7 @@ import lingjing
 from tests.bench.suite_kit import TRIP
 
 inspect_ai: Any = pytest.importorskip("inspect_ai", reason="inspect_ai is not installed: run `make frameworks`")
+task: Any = pytest.importorskip("lingjing.bench.inspect_task").mission
 NOOP = json.dumps({"thought": "nothing to do", "command": None, "messages": []})
 
 
@@ -40,8 +41,6 @@ def test_the_evaluated_model_plays_and_the_log_has_its_calls_and_the_engines_sco
 ) -> None:
     from inspect_ai.log import read_eval_log
 
-    from lingjing.bench.inspect_task import mission as task
-
     log = evaluated(task(mission=mission, seeds="2", out=str(tmp_path / "runs")), tmp_path, [NOOP] * 20)
     assert log.status == "success", log.error
     again = read_eval_log(log.location)
@@ -60,8 +59,6 @@ def test_the_evaluated_model_plays_and_the_log_has_its_calls_and_the_engines_sco
 def test_any_agent_answers_and_what_fails_in_it_is_told(mission: str, tmp_path: Path) -> None:
     from inspect_ai.agent import Agent, AgentState, agent
     from inspect_ai.model import ModelOutput
-
-    from lingjing.bench.inspect_task import mission as task
 
     lengths: list[int] = []
 
@@ -82,6 +79,27 @@ def test_any_agent_answers_and_what_fails_in_it_is_told(mission: str, tmp_path: 
     assert trace.outcome is not None and len(lengths) == trace.outcome.ticks + 1, "the failed call is tried again"
 
 
+@pytest.mark.timeout(120)
+def test_a_sample_that_ends_early_ends_its_episode(mission: str, tmp_path: Path) -> None:
+    import asyncio
+
+    from inspect_ai.agent import Agent, AgentState, agent
+
+    @agent
+    def silent() -> Agent:
+        async def execute(state: AgentState) -> AgentState:
+            await asyncio.Event().wait()
+            return state
+
+        return execute
+
+    limited = task(mission=mission, seeds="0-0", respondent=silent(), out=str(tmp_path / "runs"))
+    limited.time_limit = 8
+    log = evaluated(limited, tmp_path, [])
+    assert log.samples[0].limit is not None and log.samples[0].limit.type == "time"
+    assert not list(tmp_path.glob("runs/*/trace.mcap")), "the episode has not come to its end"
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -91,7 +109,6 @@ def test_any_agent_answers_and_what_fails_in_it_is_told(mission: str, tmp_path: 
     ],
 )
 def test_a_wrong_argument_is_named(arguments: dict[str, str], message: str) -> None:
-    from lingjing.bench.inspect_task import mission as task
 
     with pytest.raises(lingjing.UsageError, match=message):
         task(**arguments)
