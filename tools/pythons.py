@@ -17,7 +17,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 VERSIONS = ("3.12", "3.13")
 """Versions to test."""
-FAST = "not " + " and not ".join(("slow", "study", "ray", "model", "faults", "episodes", "thorough", "wheels", "learners"))
+SLOW = ("slow", "study", "ray", "model", "faults", "episodes", "thorough", "wheels", "learners")
+FAST = "not " + " and not ".join(SLOW)
 """Markers that select the fast tests."""
 NONE_FOUND = 2
 """Exit code if no interpreter was found."""
