@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from inspect import cleandoc
 from typing import Any
 
 
@@ -15,6 +16,8 @@ def strict_schema(schema: Any) -> Any:
     kept = {key: strict_schema(value) for key, value in schema.items() if key != "discriminator"}
     if list(kept) == ["required"] and isinstance(kept["required"], list):
         kept |= {"type": "object", "properties": {name: {} for name in kept["required"]}}
+    if isinstance(kept.get("description"), str):  # docstrings, of which Python 3.13 drops the indentation
+        kept["description"] = cleandoc(kept["description"])
     return kept
 
 
