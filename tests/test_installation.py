@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -80,6 +81,12 @@ def test_an_extra_names_its_packages_with_their_bounds() -> None:
     assert requirements("road") == ("eclipse-sumo>=1.24", "libsumo>=1.24")
     assert requirements("quadruped") == ("mujoco==3.17.0",)
     assert requirements("agents") == ()
+
+
+def test_missing_metadata_of_its_own_plugins_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor, "find_entries", lambda group: SimpleNamespace(points=(), broken=()))
+    finding = doctor.check_installation()
+    assert not finding.ok and "none of this project's engines" in finding.found and finding.advice
 
 
 def test_no_text_advises_to_install_another_partys_package() -> None:

@@ -7,8 +7,9 @@ agent's answer returns as that of the service. So prompts, pictures, checks and 
 episode.
 
 The respondent is one call of the evaluated model, or any agent: `mission(mission="ssr", respondent=my_agent())` in
-Python, or `--solver lingjing/episode -S respondent=FILE.py@NAME`. It is run anew for each request, with the messages
-of the request as its input. An episode that the infrastructure aborts is an error of its sample and has no score.
+Python, or the name of an installed one, `-T respondent=package/name`. It is run anew for each request, with the
+messages of the request as its input. An episode that the infrastructure aborts is an error of its sample and has no
+score.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ from lingjing.bench.suite import seeds_of
 from lingjing.dsl.loading.load import load_mission
 from lingjing.errors import InfrastructureError, UsageError
 from lingjing.mission.instantiate import choose_mode
-from lingjing.mission.tiers import tiers_of
+from lingjing.mission.tiers import USUAL, settings_of_tier, tiers_of
 from lingjing.play.asynchronous import arun
 from lingjing.play.report import ABORTED, EpisodeReport
 
@@ -66,18 +67,19 @@ def mission(
     mission: str = "ssr",
     mode: str | None = None,
     seeds: str = "0-4",
-    tier: int = 1,
-    respondent: Agent | None = None,
+    tier: int | None = None,
+    respondent: Agent | str | None = None,
     **options: Any,
 ) -> Task:
     """A mission as a task, with one sample for each seed.
 
-    `mission`: the name of a shipped mission or a file. `seeds`: `20` for 0 to 19, or `3-7`. `tier`: used where the
-    mission declares it. `options`: options of `react`. Raises `UsageError` and `MissionError` for wrong ones.
+    `mission`: the name of a shipped mission or a file. `seeds`: `20` for 0 to 19, or `3-7`. `tier`: 1 by default, where
+    the mission declares it. `options`: those of `episode`. Raises `UsageError` and `MissionError` for wrong ones.
     """
     loaded = load_mission(mission)
     chosen = choose_mode(loaded, mode)
-    played = tier if tier in tiers_of(loaded) else 0
+    played = (USUAL if USUAL in tiers_of(loaded) else 0) if tier is None else tier
+    settings_of_tier(loaded, played, chosen)  # refuses a tier that the mission does not declare
     samples = [
         Sample(
             id=f"{loaded.name}-{chosen}-{played}-{seed}",

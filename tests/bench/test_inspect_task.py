@@ -41,7 +41,8 @@ def test_the_evaluated_model_plays_and_the_log_has_its_calls_and_the_engines_sco
 ) -> None:
     from inspect_ai.log import read_eval_log
 
-    log = evaluated(task(mission=mission, seeds="2", out=str(tmp_path / "runs")), tmp_path, [NOOP] * 20)
+    named = task(mission=mission, seeds="2", out=str(tmp_path / "runs"), respondent="lingjing/one_call")
+    log = evaluated(named, tmp_path, [NOOP] * 20)
     assert log.status == "success", log.error
     again = read_eval_log(log.location)
     assert again.samples is not None and [sample.metadata["seed"] for sample in again.samples] == [0, 1]
@@ -106,6 +107,7 @@ def test_a_sample_that_ends_early_ends_its_episode(mission: str, tmp_path: Path)
         ({"mission": "ssrr"}, "ssr"),
         ({"mission": "ssr", "seeds": "5-2"}, "neither a number of seeds"),
         ({"mission": "ssr", "mode": "single"}, "single"),
+        ({"mission": "ssr", "tier": 7}, "tier 7"),
     ],
 )
 def test_a_wrong_argument_is_named(arguments: dict[str, str], message: str) -> None:

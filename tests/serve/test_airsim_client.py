@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lingjing.testing import run_command
+from lingjing.testing import instantiate, run_command
 from lingjing.trace.records import GROUNDED
 from tests.serve.conftest import Serve, Served, thoughts
 
@@ -206,6 +206,12 @@ def test_a_client_moves_a_camera_changes_its_lens_and_the_trace_has_its_pose(ser
     poses = [frame.pose for record in trace.boundaries for frame in record.frames if frame.camera == "front"]
     assert [pose.hfov_deg for pose in poses] == [40.0] * 3 and all(abs(pose.tilt_deg - 90.0) < 3.0 for pose in poses)
     assert run_command(["replay", str(served.folder / "trace.mcap"), "--pictures"]) == 0
+
+
+def test_no_command_moves_a_camera_of_a_mission() -> None:
+    for entity in instantiate("ssr", tier=1).entities:
+        for verb in entity.verbs:
+            assert not {argument.name for argument in verb.arguments} & {"hfov", "ahead", "pitch"}
 
 
 def test_two_drones_fly_at_once_and_a_reset_begins_another_episode(serve: Serve) -> None:

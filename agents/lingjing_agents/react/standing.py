@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lingjing.plugins.geometry import camera_axes, focal_px
 from lingjing.plugins.policy import Picture
+from lingjing_agents.perception.depth_points import heights
 from lingjing_agents.perception.images import FloatArray, MaskArray, opencv
 
 CELL_M = 1.0
@@ -68,7 +68,7 @@ def standing(picture: Picture) -> Standing | None:
     """Return what stands in a picture from above; None without depth and without level ground."""
     if picture.depth is None:
         return None
-    points = _points(picture)
+    points = heights(picture.depth, picture.pose, 0.0, STRIDE_PX)
     ground_m = _ground_m(points[:, 2])
     if ground_m is None:
         return None
@@ -99,22 +99,6 @@ def _posts(occupied: MaskArray, corner: tuple[int, int]) -> list[tuple[int, int]
     count, _, measures, middles = opencv().connectedComponentsWithStats(occupied.astype(np.uint8), connectivity=4)
     small = [number for number in range(1, count) if measures[number, opencv().CC_STAT_AREA] < LEAST_CELLS]
     return [(corner[0] + round(middles[number][0]), corner[1] + round(middles[number][1])) for number in small]
-
-
-def _points(picture: Picture) -> FloatArray:
-    """Return the places (n, 3; m) of every `STRIDE_PX`-th pixel."""
-    depth, pose = picture.depth, picture.pose
-    assert depth is not None
-    rows = np.arange(STRIDE_PX // 2, depth.shape[0], STRIDE_PX)
-    columns = np.arange(STRIDE_PX // 2, depth.shape[1], STRIDE_PX)
-    right, down, forward = (np.array(axis) for axis in camera_axes(pose))
-    focal = focal_px(pose) * depth.shape[1] / pose.width
-    u, v = np.meshgrid((columns + 0.5 - depth.shape[1] / 2) / focal, (rows + 0.5 - depth.shape[0] / 2) / focal)
-    rays = forward + u[..., None] * right + v[..., None] * down
-    reach = depth[rows][:, columns].astype(np.float64)[..., None]
-    points: FloatArray = (np.array(pose.position) + rays * reach).reshape(-1, 3)
-    finite: FloatArray = points[np.isfinite(points).all(axis=1)]
-    return finite
 
 
 def _ground_m(elevations: FloatArray) -> float | None:
