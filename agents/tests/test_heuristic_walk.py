@@ -13,7 +13,7 @@ from lingjing_agents.heuristic.dogs.known_fires import KnownFires
 from lingjing_agents.heuristic.dogs.movement import DogMovement
 from lingjing_agents.heuristic.dogs.seen_ground import OTHERS_M, SeenGround
 from lingjing_agents.heuristic.dogs.step_executor import StepExecutor
-from lingjing_agents.heuristic.guidance.to_leak import LeakGuidance
+from lingjing_agents.heuristic.guidance.to_leak import LeakGuidance, on_the_axis
 from lingjing_agents.heuristic.policy import rules_for
 from lingjing_agents.paths.kept_path import KeptPath
 from lingjing_agents.paths.obstacle_grid import ObstacleGrid
@@ -283,6 +283,51 @@ def test_a_pilot_that_guides_flies_over_the_narrow_region_first():
     assert command.verb == "setDestination"
     assert 0.0 <= float(command.arguments["x"]) <= 10.0
     assert 12.0 <= float(command.arguments["z"]) <= 60.0
+
+
+LINE = ((0.0, -6.0), (120.0, -6.0), (120.0, 6.0), (0.0, 6.0))
+
+
+def test_a_leak_is_on_the_axis_of_its_line_beside_the_middle_of_its_spray():
+    assert on_the_axis(LINE, (50.2, 3.1)) == pytest.approx((50.2, 0.0), abs=0.6)
+    assert on_the_axis((), (50.2, 3.1)) == (50.2, 3.1), "without a line the place stays"
+    assert on_the_axis(LINE, (50.0, 40.0)) == (50.0, 40.0), "and far from it too"
+
+
+def believing_pilot() -> LeakGuidance:
+    """A pilot that believes in a leak at (80, 0), and observes the dog."""
+    peers = (Peer(id="scout[2]", role="pilot", resources=("uav[2]",)),
+             Peer(id="walker", role="executor", resources=("dog",)))  # fmt: skip
+    rules = rules_for(
+        brief("scout[1]", role="pilot", resources=(quadrotor(1),), cells=(), peers=peers,
+              messages=(sent_by(REPORT, "pilot"), sent_by(GUIDANCE, "pilot")),
+              regions=(Region(name="line", polygon=LINE),))
+    )  # fmt: skip
+    assert isinstance(rules, LeakGuidance)
+    return rules
+
+
+FOUND = Inbox(messages=(envelope("scout[2]", REPORT, {"position": (80.0, 0.0, 0.0)}),))
+
+
+def test_guidance_ends_where_the_leak_is_in_reach_and_goes_nearer_if_nothing_happens():
+    rules = believing_pilot()
+    own, beside = view("uav[1]", (60.0, 12.0, 30.0)), view("dog", (76.0, 0.0, 0.33), heading=90.0)
+    sent = [rules.act(observe("scout[1]", 5, own, beside), FOUND).messages]
+    sent += [rules.act(observe("scout[1]", tick, own, beside), Inbox()).messages for tick in range(6, 12)]
+    steps = [tick for tick, messages in enumerate(sent, 5) if messages]
+    assert steps and steps[0] >= 8, "4 m from the leak it waits first"
+
+
+def test_a_pilot_without_guidance_left_sends_no_more():
+    rules = believing_pilot()
+    own, led = view("uav[1]", (60.0, 12.0, 30.0)), view("dog", (50.0, 0.0, 0.33), heading=90.0)
+    (step,) = rules.act(observe("scout[1]", 5, own, led), FOUND).messages
+    assert step.kind == "guide"
+    spent = Receipt(request="m6-1", tick=6, sender="scout[1]", resource="guide", status="rejected", reason="limit")
+    rules.act(observe("scout[1]", 6, own, led), Inbox(receipts=(spent,)))
+    for tick in range(7, 40):
+        assert rules.act(observe("scout[1]", tick, own, led), Inbox()).messages == ()
 
 
 def test_pilots_share_the_line_and_one_without_a_follower_is_believed():

@@ -12,9 +12,13 @@ from lingjing.kernel.facts import HANDOFF_M, SAME_POINT_M
 from lingjing.mission.condition_words import ConditionWords
 from lingjing.mission.conditions.declared_values import deadlines_s
 from lingjing.mission.expression import Attr, Call, Expr, Number, parts
-from lingjing.mission.instance import Instance, InteractionSpec, LimitSpec
+from lingjing.mission.instance import Instance, InteractionSpec, LimitSpec, VerbSpec
 from lingjing.mission.instance_text import InstanceText, public_values
 from lingjing.mission.model import Stage
+from lingjing.mission.vocabulary import PHOTO
+
+_UNITS = {"deg": "degrees"}
+"""Units in words, where the sign is none."""
 
 
 def rule_sentences(instance: Instance) -> tuple[str, ...]:
@@ -44,6 +48,7 @@ class _Rules:
         yield from self._inspections()
         yield from self._permits()
         yield from map(_limit, self._instance.limits)
+        yield from self._guided_steps()
         yield from self._constraints()
         yield from self._timed_stages()
         yield from self._assignments()
@@ -111,6 +116,28 @@ class _Rules:
                 f"`{permit.verb}` of `{permit.resource}`" if permit.verb else f"every command to `{permit.resource}`"
             )
             yield f"{scope} is rejected until {self._condition(permit.condition, {})} (`stop` is always taken)"
+
+    def _guided_steps(self) -> Iterator[str]:
+        """Yield the commands that the receivers of steps have. The sender's brief does not contain the verbs of another
+        agent's body."""
+        entities = {entity.id: entity for entity in self._instance.entities}
+        for message in self._instance.messages:
+            if not {"assignee", "step"} <= {field.name for field in message.fields}:
+                continue
+            for agent in self._instance.agents:
+                verbs = [
+                    _bounded(verb)
+                    for name in agent.controls
+                    if message.is_for(agent.role)
+                    for verb in entities[name].verbs
+                    if verb.name != PHOTO
+                ]
+                if verbs:
+                    yield (
+                        f"the `step` of a `{message.kind}` is the name of one command and `amount` its argument; "
+                        f"`{agent.id}` has for `{', '.join(agent.controls)}` {', '.join(verbs)}, and an amount beyond "
+                        "these bounds is cut to them"
+                    )
 
     def _constraints(self, kind: str = "") -> Iterator[str]:
         """Yield the constraints, of one kind if it is given."""
@@ -183,6 +210,15 @@ def _course(spec: InteractionSpec) -> str:
     source = f" by what the actor's {spec.source} allows" if spec.takes and spec.source else ""
     given_words = f", which raises the actor's {spec.gives} up to its {spec.up_to}" if spec.gives else ""
     return f"{lasting}{taken_words}{source}{given_words}"
+
+
+def _bounded(verb: VerbSpec) -> str:
+    """Return a verb with the bounds of its first argument."""
+    first = verb.arguments[0] if verb.arguments else None
+    if first is None or first.maximum is None:
+        return f"`{verb.name}`"
+    unit = _UNITS.get(first.unit, first.unit)
+    return f"`{verb.name}` ({first.minimum or 0.0:g} to {first.maximum:g} {unit})"
 
 
 def _limit(limit: LimitSpec) -> str:

@@ -112,6 +112,7 @@ class Projector:
             settings={k: v for k, v in instance.settings.items() if k not in instance.hidden_settings},
             rules=self._rules,
             failures=self._failures,
+            limits=instance.limits,
             bounds=None if self._city is None else reachable(self._city.bounds),
             payload_bytes=instance.comms.payload_bytes,
             delay_ticks=instance.comms.delay_ticks,

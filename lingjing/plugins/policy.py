@@ -23,6 +23,7 @@ from lingjing.mission.instance import (
     Entity,
     InspectionSpec,
     Instance,
+    LimitSpec,
     MessageSpec,
     Region,
     Vector,
@@ -145,6 +146,8 @@ class Brief(msgspec.Struct, frozen=True, kw_only=True):
     """Sentences that state how the mission is won and how it is scored."""
     failures: tuple[str, ...] = ()
     """The part of `rules` that states what ends the mission as a failure."""
+    limits: tuple[LimitSpec, ...] = ()
+    """The counted budgets of the mission. All agents share each of them."""
     bounds: tuple[float, float, float, float] | None = None
     """West, south, east and north of the places that a command may name, metres; None for anywhere."""
     payload_bytes: int = 4000
@@ -321,7 +324,8 @@ __all__ = [
     "CLEARED", "DEAD", "DORMANT", "NOTE", "PHOTO", "REFERENCE", "STOP", "Absent", "Action", "ArgumentSpec", "BodyState",
     "Brief", "BrokerFactory", "CameraPose", "CameraSpec", "CameraView", "Cell", "CellView", "City", "Datum", "Decision",
     "Entity", "EntityView", "Envelope", "EventView", "Field", "FrameInfo", "Inbox", "InfrastructureError",
-    "InspectionSpec", "Instance", "MessageSpec", "NoDecisionError", "Observation", "Outgoing", "Peer", "Picture",
+    "InspectionSpec", "Instance", "LimitSpec", "MessageSpec", "NoDecisionError",
+   "Observation", "Outgoing", "Peer", "Picture",
     "Policy", "PolicyPlugin", "Privileged", "Receipt", "Region", "Resource", "Route", "RouteEnds", "ServiceProbe",
     "TaskEvent", "UnreadBox", "Usage", "UsageError", "Vector", "VerbMotion", "VerbSpec", "Weather", "is_request_of",
 ]  # fmt: skip

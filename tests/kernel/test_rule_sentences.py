@@ -27,7 +27,12 @@ def played(name: str, mode: str, seed: int = 1) -> Instance:
         (
             "upr",
             "star",
-            ("is at most `10 m`", "within 5 m", "at most 20 of `guide` messages"),
+            (
+                "is at most `10 m`",
+                "within 5 m",
+                "at most 20 of `guide` messages",
+                "`walker` has for `dog` `forward` (0 to 7.5 m), `left` (0 to 90 degrees), `right` (0 to 90 degrees)",
+            ),
         ),
         (
             "cr",
@@ -37,7 +42,12 @@ def played(name: str, mode: str, seed: int = 1) -> Instance:
         (
             "ld",
             "star",
-            ("[≤ 15 m]", "every command to `dog` is rejected until", "commands to `van` by all agents together"),
+            (
+                "[≤ 15 m]",
+                "every command to `dog` is rejected until",
+                "`forward` (1 to 25 m)",
+                "commands to `van` by all agents together",
+            ),
         ),
         (
             "cd",

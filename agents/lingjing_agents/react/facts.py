@@ -184,7 +184,7 @@ _EXTENTS: Mapping[str, str] = {
     "delivery_door": "the entrance: door, frame and what stands beside it",
     "fire_source": "the flames, without smoke",
     "person_in_water": "the body with its limbs, without foam",
-    "pipeline_leak": "the spray from the pipe to its far end, without wet ground",
+    "pipeline_leak": "the spray from the pipe to its far end, without wet ground; its position is on the pipe",
     "reference_building": "the whole building",
 }
 """The extent of the true boxes of the shipped missions' classes, as their pictures show it."""

@@ -49,7 +49,7 @@ from lingjing_agents.react.answer import StepParser, after_reasoning
 from lingjing_agents.react.facts import compact, interface
 from lingjing_agents.react.history import TurnMemory
 from lingjing_agents.react.options import ReactOptions
-from lingjing_agents.react.own_counts import OwnCounts
+from lingjing_agents.react.own_counts import OwnCounts, OwnOrders
 from lingjing_agents.react.pictures import image, images
 from lingjing_agents.react.prompt import ReactPrompt
 from lingjing_agents.react.prompt_files import prompt_text
@@ -117,7 +117,7 @@ class ReactPolicy:
         self._parts = self._scaffold(ScaffoldContext(self._brief, self._own_parts()))
         schema = self._parts.parser.schema
         self._schema = msgspec.json.encode(schema) if self._structured and schema is not None else None
-        self._counts = OwnCounts(self._brief)
+        self._counts, self._orders = OwnCounts(self._brief), OwnOrders(self._brief)
         self._search = SearchBudget(self._brief, self._options.research)
         self._check_context()
 
@@ -148,11 +148,12 @@ class ReactPolicy:
         observation = self._guidance.observation(shown_observation(observation, self._brief, self._options))
         self._references += tuple(picture for picture in observation.pictures if picture.camera == REFERENCE)
         self._counts.receive(inbox)
+        self._orders.receive(inbox)
         if self._idle(observation, inbox):
             return Decision(thought="the search is over and nothing is new: the model was not asked")
         pictures = self._shown(observation)
         sent = tuple(file for picture in pictures for file in images(picture, self._side, self._options.tiles))
-        situation = Situation(observation, inbox, pictures, sent, dict(self._commands), self._members())
+        situation = Situation(observation, inbox, pictures, sent, dict(self._commands), self._members(observation))
         if self._system is None:
             self._system = ChatMessage("system", self._system_text(observation))
             room = self._history_tokens(self._parts.prompt.state(situation))
@@ -173,7 +174,8 @@ class ReactPolicy:
         request = self._budget.fitted(self._system, parts.memory.turns(), question)
         step, answer = await self._settle(tick, request, situation.pictures, deadline)
         decision = self._sendable(step.decision, situation.observation)
-        self._counts.send(decision)
+        self._counts.send(decision, tick)
+        self._orders.send(decision, tick)
         parts.memory.record(Turn(tick, text, answer, step, decision, situation.images))
         return msgspec.structs.replace(decision, usage=self._bill())
 
@@ -210,11 +212,12 @@ class ReactPolicy:
         most = self._options.history_tokens
         return room if most is None else min(most, room)
 
-    def _members(self) -> Mapping[str, object]:
-        """Return the members of the state that the loop adds: memory, withheld command, rest of the search, counts."""
+    def _members(self, observation: Observation) -> Mapping[str, object]:
+        """Return the members of the state that the loop adds: memory, withheld command, rest of the search, counts,
+        orders."""
         left = {"pictures_of_searched_cells_left": self._search.left} if self._search.applies else {}
         memory = self._parts.memory.members()
-        own = {**left, **self._counts.members()}
+        own = {**left, **self._counts.members(), **self._orders.members(observation)}
         return {**memory, "withheld": self._withheld, **own, "next_node": self._guidance.next_node()}
 
     def _idle(self, observation: Observation, inbox: Inbox) -> bool:

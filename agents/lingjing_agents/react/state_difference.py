@@ -17,7 +17,7 @@ Earlier states are shortened: each has only what had changed since the state bef
 """The sentence about it in a system text."""
 
 _ALWAYS = ("tick",)
-_NEVER = ("of", "cells_unsearched")
+_NEVER = ("of", "cells_unsearched", "limits_left_at_most", "your_last_orders")
 """Members that every state has anew, and that say nothing which the last state does not say."""
 
 _OF_A_PICTURE = ("frame", "camera", "reference", "camera_position", "heading_deg")

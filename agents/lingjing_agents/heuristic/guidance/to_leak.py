@@ -31,7 +31,14 @@ from lingjing.plugins.policy import (
 )
 from lingjing_agents.capability import centimetres, compose, fly, may_send, nadir_camera, photo, rated, sends, sighting
 from lingjing_agents.flight_levels import FlightLevels
-from lingjing_agents.ground_plane import GroundPoint, GroundRectangle, inside, lattice, position_in
+from lingjing_agents.ground_plane import (
+    GroundPoint,
+    GroundRectangle,
+    distance_to_segment_m,
+    inside,
+    lattice,
+    position_in,
+)
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.sightings import name_in
 from lingjing_agents.heuristic.target_types import Detectors
@@ -45,8 +52,13 @@ STEP_M = 7.5
 
 OFF_DEG = 6.0
 """Tolerated heading error of a walk in degrees. Chosen."""
-BESIDE_M = 2.0
-"""Distance in metres from the leak at which guidance ends. Chosen."""
+BESIDE_M = (4.5, 3.0, 1.5)
+"""Distances in metres from the leak at which guidance ends. A leak is sealed from 5 m. Each shorter distance is tried
+if nothing happens at the one before. Chosen."""
+SAFE_M = 0.5
+"""Length in metres by which the last step ends nearer than it must. Chosen: a walk errs by a few decimetres."""
+LIMIT = "limit"
+"""The reason of receipts of what a limit of the mission rejects. A pilot's only limited requests are its guidance."""
 REACHED_M = 4.0
 """Distance in metres at which a waypoint counts as reached. Chosen."""
 PASSES_M = (45.0, 30.0, 20.0)
@@ -63,6 +75,12 @@ ANSWER_TICKS = 3
 
 SAMPLE_M = 6.0
 """Distance between search places in metres. Chosen."""
+EVEN_M = 0.1
+"""Difference in metres of the distances to the edge below which two points are equally deep in a region. Chosen."""
+AXIS_M, AXIS_STEP_M = 6.0, 0.5
+"""Distance in metres around a detection within which the axis of the line is sought, and spacing of the tried points.
+The spray ends up to 9 m from the pipe (`perception.pipe_leaks`), and its box is centred within half of that. Chosen."""
+
 EYE_M = 0.33
 """Height of a guided dog's body above the ground in metres."""
 
@@ -121,6 +139,7 @@ class LeakGuidance:
         self._mapped: set[tuple[int, int]] = set()
         self._walked = False
         self._step: tuple[int, GroundPoint, float, str, float] | None = None
+        self._tries, self._arrived = 0, -1
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
         """Process pictures and messages, send guidance, fly."""
@@ -173,7 +192,11 @@ class LeakGuidance:
             return find_leaks(picture.rgb, picture.pose, self._ground)
         level_m = self._ground + PIPE_M
         placed = [(box, box_to_plane(picture.pose, box.box, level_m)) for box in self._detector(picture, level_m)]
-        return tuple(PipeLeak(box.box, at, box.confidence) for box, at in placed if at is not None)
+        return tuple(
+            PipeLeak(box.box, (*on_the_axis(self._line, at[:2]), at[2]), box.confidence)
+            for box, at in placed
+            if at is not None
+        )
 
     def _plausible(self, leak: PipeLeak) -> bool:
         whole = leak.box[0] > 0.003 and leak.box[1] > 0.003 and leak.box[2] < 0.997 and leak.box[3] < 0.997
@@ -193,6 +216,8 @@ class LeakGuidance:
     def _hear(self, observation: Observation, inbox: Inbox, dog: EntityView | None) -> None:
         if self._leak is not None and 0 <= self._leak.reported_tick < observation.tick:
             self._leak.trusted = True
+        if any(receipt.status == "rejected" and receipt.reason == LIMIT for receipt in inbox.receipts):
+            self._guide = None  # no guidance is left: a further message would be rejected too
         for envelope in inbox.messages:
             place = position_in(envelope.body) if envelope.sender in self._idle else None
             if place is not None and envelope.category == "report" and self._leak is None:
@@ -224,15 +249,17 @@ class LeakGuidance:
             return ()
         here, goal = dog.position[:2], self._leak.place[:2]
         self._map.tread(here)
-        if math.dist(here, goal) <= BESIDE_M:
+        beside_m = self._beside_m(observation.tick, math.dist(here, goal))
+        if math.dist(here, goal) <= beside_m:
             return ()
-        way = self._way.ahead(here, goal, BESIDE_M) or (goal,)
+        way = self._way.ahead(here, goal, beside_m) or (goal,)
         distance = math.dist(here, way[0])
         off = turn_deg(dog.heading_deg, bearing_deg(here, way[0]))
         if abs(off) > OFF_DEG and distance * math.sin(math.radians(min(abs(off), 90.0))) > 0.8:
             verb, amount = ("right" if off > 0 else "left"), min(abs(off), 90.0)
         else:
-            verb, amount = "forward", min(STEP_M, distance)
+            left = max(1.0, distance - beside_m + SAFE_M) if way[0] == goal else distance
+            verb, amount = "forward", min(STEP_M, left)
         self._step = observation.tick, here, dog.heading_deg, verb, amount
         body: dict[str, Datum] = {
             "assignee": self._follower.id if self._follower is not None else "",
@@ -241,6 +268,16 @@ class LeakGuidance:
             "position": centimetres(self._leak.place),
         }
         return (compose(self._guide, body),)
+
+    def _beside_m(self, tick: int, distance_m: float) -> float:
+        """Return the distance from the leak at which guidance ends. A shorter one is tried if nothing happens there."""
+        if distance_m > BESIDE_M[self._tries]:
+            self._arrived = -1
+        elif self._arrived < 0:
+            self._arrived = tick
+        elif tick - self._arrived > ANSWER_TICKS and self._tries + 1 < len(BESIDE_M):
+            self._tries, self._arrived = self._tries + 1, -1
+        return BESIDE_M[self._tries]
 
     # -- flying
 
@@ -310,6 +347,30 @@ def _followers(brief: Brief) -> list[Peer]:
     guide = sends(brief, "guidance")
     others = [peer for peer in brief.peers if peer.resources and peer.role != brief.role]
     return [peer for peer in others if guide is not None and guide.is_for(peer.role)]
+
+
+def on_the_axis(line: tuple[GroundPoint, ...], place: GroundPoint) -> GroundPoint:
+    """Return the nearest point on the axis of a narrow region: a pipe runs in the middle of its strip, and a leak is on
+    the pipe while the middle of its spray is beside it. The place itself without a region around it."""
+    count = round(AXIS_M / AXIS_STEP_M)
+    tried = [
+        (place[0] + AXIS_STEP_M * i, place[1] + AXIS_STEP_M * j)
+        for i in range(-count, count + 1)
+        for j in range(-count, count + 1)
+        if math.hypot(i, j) <= count
+    ]
+    depths = {point: _depth_m(line, point) for point in tried if line and inside(line, point)}
+    if not depths:
+        return place
+    deepest = max(depths.values())
+    return min((point for point in depths if depths[point] >= deepest - EVEN_M),
+               key=lambda point: (math.dist(point, place), point))  # fmt: skip
+
+
+def _depth_m(polygon: tuple[GroundPoint, ...], place: GroundPoint) -> float:
+    """Return the distance in metres from a point to the edge of a polygon."""
+    edges = zip(polygon, (*polygon[1:], polygon[0]), strict=True)
+    return min(distance_to_segment_m(place, start, end) for start, end in edges)
 
 
 def _area(polygon: tuple[GroundPoint, ...]) -> float:
