@@ -324,8 +324,8 @@ __all__ = [
     "CLEARED", "DEAD", "DORMANT", "NOTE", "PHOTO", "REFERENCE", "STOP", "Absent", "Action", "ArgumentSpec", "BodyState",
     "Brief", "BrokerFactory", "CameraPose", "CameraSpec", "CameraView", "Cell", "CellView", "City", "Datum", "Decision",
     "Entity", "EntityView", "Envelope", "EventView", "Field", "FrameInfo", "Inbox", "InfrastructureError",
-    "InspectionSpec", "Instance", "LimitSpec", "MessageSpec", "NoDecisionError",
-   "Observation", "Outgoing", "Peer", "Picture",
-    "Policy", "PolicyPlugin", "Privileged", "Receipt", "Region", "Resource", "Route", "RouteEnds", "ServiceProbe",
-    "TaskEvent", "UnreadBox", "Usage", "UsageError", "Vector", "VerbMotion", "VerbSpec", "Weather", "is_request_of",
+    "InspectionSpec", "Instance", "LimitSpec", "MessageSpec", "NoDecisionError", "Observation", "Outgoing", "Peer",
+    "Picture", "Policy", "PolicyPlugin", "Privileged", "Receipt", "Region", "Resource", "Route", "RouteEnds",
+    "ServiceProbe", "TaskEvent", "UnreadBox", "Usage", "UsageError", "Vector", "VerbMotion", "VerbSpec", "Weather",
+    "is_request_of",
 ]  # fmt: skip
