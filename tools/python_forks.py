@@ -4,8 +4,8 @@
 from which policies are forked, of the world and of the camera. A fork of a process that has imported all of them is
 ready in milliseconds. That process starts once for each process of tests, at the first use, and ends with it.
 
-- `run_python` is `subprocess.run` for a command `python -m MODULE …` or `python -c CODE …`, and `start_python` is
-  `subprocess.Popen`.
+- `run_python` is `subprocess.run` for a command `python -m MODULE …` or `python -c CODE …`, `start_python` is
+  `subprocess.Popen`, and `start_piped` the same with pipes for its output.
 - `forked_starts` makes forks of the processes that this project itself starts: worlds, cameras, fork servers and the
   branches of a trace.
 
@@ -25,6 +25,7 @@ import os
 import subprocess
 import sys
 import tempfile
+import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from importlib.util import find_spec
@@ -90,6 +91,59 @@ class PythonFork:
 
     def __del__(self) -> None:
         self._process.close()
+
+
+class PipedFork:
+    """A fork with a pipe each for its standard output and its standard error, as `subprocess.Popen` with `PIPE` and
+    `text`. Its standard input is empty."""
+
+    def __init__(self, command: Sequence[str], cwd: str | os.PathLike[str] | None) -> None:
+        self.args = list(command)
+        self.returncode: int | None = None
+        with ExitStack() as stack:
+            empty = stack.enter_context(open(os.devnull, "rb"))  # noqa: PTH123
+            ends = []
+            for _ in range(2):
+                reading, writing = os.pipe()
+                stack.callback(os.close, writing)
+                ends.append((open(reading, encoding="utf-8", errors="replace"), writing))  # noqa: PTH123, SIM115
+            (self.stdout, out), (self.stderr, err) = ends
+            self._process = start_python(command, (empty.fileno(), out, err), cwd=cwd)
+        self.pid = self._process.pid
+        self.terminate, self.kill = self._process.terminate, self._process.kill
+
+    def poll(self) -> int | None:
+        """Return the exit code, or None while the process runs."""
+        self.returncode = self._process.poll()
+        return self.returncode
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Wait for the end and return the exit code. Raises `subprocess.TimeoutExpired` after `timeout` seconds."""
+        self.returncode = self._process.wait(timeout)
+        return self.returncode
+
+    def communicate(self, timeout: float | None = None) -> tuple[str, str]:
+        """Return the rest of both outputs after the end. Raises `subprocess.TimeoutExpired` after `timeout` seconds."""
+        texts = {}
+        readers = [
+            threading.Thread(target=lambda name=name, pipe=pipe: texts.update({name: pipe.read()}), daemon=True)
+            for name, pipe in (("out", self.stdout), ("err", self.stderr))
+        ]
+        for reader in readers:
+            reader.start()
+        self.wait(timeout)
+        for reader in readers:
+            reader.join(timeout)
+            if reader.is_alive():
+                raise subprocess.TimeoutExpired(self.args, timeout or 0.0)
+        self.stdout.close()
+        self.stderr.close()
+        return texts["out"], texts["err"]
+
+
+def start_piped(command: Sequence[str], *, cwd: str | os.PathLike[str] | None = None) -> PipedFork:
+    """Start a command of `run_python` with pipes for its output, and return its process."""
+    return PipedFork(command, cwd)
 
 
 def run_python(
@@ -236,4 +290,7 @@ def _start_fork(
         return PythonFork(_fork(start, (empty.fileno(), *outputs, *descriptors), 2 if output is None else output))
 
 
-__all__ = ["WORKERS", "PythonFork", "become_python", "forked_starts", "run_python", "start_python", "true_starts"]
+__all__ = [
+    "WORKERS", "PipedFork", "PythonFork", "become_python", "forked_starts", "run_python", "start_piped", "start_python",
+    "true_starts",
+]  # fmt: skip

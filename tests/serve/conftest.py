@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -12,13 +11,14 @@ import pytest
 
 from lingjing import Trace
 from lingjing import read as read_trace
+from tools.python_forks import PipedFork, start_piped
 
 WAIT_S = 120
 
 
 @dataclass
 class Served:
-    process: subprocess.Popen[str]
+    process: PipedFork
     port: int
     folder: Path
 
@@ -34,7 +34,7 @@ Serve = Callable[..., Served]
 
 @pytest.fixture
 def serve(tmp_path: Path) -> Iterator[Serve]:
-    started: list[subprocess.Popen[str]] = []
+    started: list[PipedFork] = []
 
     def start(*options: str) -> Served:
         folder = tmp_path / f"run{len(started)}"
@@ -42,7 +42,7 @@ def serve(tmp_path: Path) -> Iterator[Serve]:
             sys.executable, "-m", "lingjing.cli.main", "serve", "--airsim", *options,
             "--port", "0", "--once", "--pace", "wait", "--world", "inline", "-o", str(folder),
         ]  # fmt: skip
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path)
+        process = start_piped(command, cwd=tmp_path)
         started.append(process)
         assert process.stdout is not None
         line = process.stdout.readline().strip()

@@ -7,7 +7,6 @@ the project.
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -19,6 +18,7 @@ import pytest
 
 from lingjing import Trace
 from lingjing import read as read_trace
+from tools.python_forks import PipedFork, start_piped
 
 websockets: Any = pytest.importorskip("websockets.sync.client", reason="websockets is not installed")
 
@@ -70,7 +70,7 @@ VERBS = {verbs}
 class Backend:
     """A running `lingjing serve --lj-engine`."""
 
-    process: subprocess.Popen[str]
+    process: PipedFork
     port: int
     folder: Path
     errors: list[str] = field(default_factory=list)
@@ -92,7 +92,7 @@ Serve = Callable[..., Backend]
 
 @pytest.fixture
 def serve(tmp_path: Path) -> Iterator[Serve]:
-    started: list[subprocess.Popen[str]] = []
+    started: list[PipedFork] = []
 
     def start(*options: str, verbs: str = "{}", uavs: int = 1, ticks: int = 12, mission: str = "") -> Backend:
         folder = tmp_path / f"run{len(started)}"
@@ -103,7 +103,7 @@ def serve(tmp_path: Path) -> Iterator[Serve]:
             "--port", "0", "--world", "inline", "--patience", "90", "-o", str(folder),
             *(() if mission else ("--policy", "pilot.py:Pilot")), *options,
         ]  # fmt: skip
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path)
+        process = start_piped(command, cwd=tmp_path)
         started.append(process)
         assert process.stdout is not None
         line = process.stdout.readline().strip()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import http.server
 import json
 import queue
-import subprocess
 import sys
 import threading
 import uuid
@@ -15,6 +14,8 @@ from typing import Any
 
 import pytest
 from websockets.sync.server import serve as listen
+
+from tools.python_forks import PipedFork, start_piped
 
 WAIT_S = 120.0
 
@@ -77,15 +78,13 @@ Dial = Callable[..., ReferenceBackend]
 
 @pytest.fixture
 def dial(tmp_path: Path) -> Iterator[Dial]:
-    running: list[tuple[ReferenceBackend, subprocess.Popen[str]]] = []
+    running: list[tuple[ReferenceBackend, PipedFork]] = []
 
     def start(*options: str, address: str = "airsim") -> ReferenceBackend:
         backend = ReferenceBackend()
         url = f"ws://127.0.0.1:{backend.port}/ws/LJ-ENGINE/{address}"
-        process = subprocess.Popen(
-            [sys.executable, "-m", "lingjing.cli.main", "engine", "--connect", url, "--once", *options],
-            stderr=subprocess.PIPE, text=True, cwd=tmp_path,
-        )  # fmt: skip
+        command = [sys.executable, "-m", "lingjing.cli.main", "engine", "--connect", url, "--once", *options]
+        process = start_piped(command, cwd=tmp_path)
         running.append((backend, process))
         assert backend.connected.wait(WAIT_S)
         assert backend.path == f"/ws/LJ-ENGINE/{address}"
@@ -256,9 +255,7 @@ def test_a_backend_that_sends_nonsense_gets_errors_in_acknowledgements(dial: Dia
 def test_a_backend_that_goes_away_in_an_episode_is_named(tmp_path: Path) -> None:
     backend = ReferenceBackend()
     url = f"ws://127.0.0.1:{backend.port}/ws/LJ-ENGINE/airsim"
-    process = subprocess.Popen(
-        [sys.executable, "-m", "lingjing.cli.main", "engine", "--connect", url], stderr=subprocess.PIPE, text=True
-    )
+    process = start_piped([sys.executable, "-m", "lingjing.cli.main", "engine", "--connect", url])
     assert backend.connected.wait(WAIT_S)
     backend.ask("resetScenario", scenario=scenario())
     backend.close()
