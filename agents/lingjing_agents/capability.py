@@ -22,9 +22,6 @@ from lingjing.plugins.policy import (
 from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.perception.images import ImageBox
 
-_CLAIMS = re.compile(r"may make (\d+) claims")
-"""The sentence of a limit of claims (`lingjing.kernel.rule_sentences`)."""
-
 INSPECT = "inspect"
 """The task name of a coordinator's order to inspect a waypoint; a report on the Nth waypoint has the task
 `inspect-N`.
@@ -208,10 +205,9 @@ def natural(name: str) -> tuple[tuple[int, int, str], ...]:
 
 
 def claims_limit(brief: Brief) -> int | None:
-    """Return the number of claims that all agents together may make, as the mission's rules say; None without a
-    limit."""
-    limits = [int(limit[1]) for rule in brief.rules if (limit := _CLAIMS.search(rule))]
-    return min(limits, default=None)
+    """Return the number of claims that all agents together may make; None without a limit."""
+    limited = (limit.most for limit in brief.limits if any(item.kind == "claims" for item in limit.counts))
+    return min(limited, default=None)
 
 
 def team(brief: Brief) -> tuple[str, ...]:
