@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from lingjing.errors import LingjingError, UsageError, hint_of
+from lingjing.mission.instance import Instance
 from lingjing.plugins.building import build_city
 from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import City, content_sha256
+from lingjing.scene.own_models import model_credits
 from lingjing.scene.surroundings import surroundings
 from lingjing.trace.reader import Trace
 from lingjing.trace.surroundings import NO_SURROUNDINGS, Surroundings
 
 UNCREDITED = ("", "procedural")
 """Attributions of cities that need no credit."""
+_MODELS = " · models: "
+"""Between the map's and the models' part of an attribution."""
 
 
 def city_of(trace: Trace) -> City | None:
@@ -42,6 +46,14 @@ def surroundings_of(trace: Trace) -> Surroundings:
     return NO_SURROUNDINGS if city is None else surroundings(city, trace.header.instance)
 
 
+def attribution_of(city: City, instance: Instance) -> str:
+    """Return the attribution of a city's map and of the models of its own that an instance shows."""
+    models = model_credits(instance)
+    return f"{city.attribution}{_MODELS}{'; '.join(models)}" if models else city.attribution
+
+
 def credit(attribution: str) -> str:
-    """Return the credit for a map, `map: © …`, or "" for a procedural city."""
-    return "" if attribution in UNCREDITED else f"map: {attribution}"
+    """Return the credit for a map and for models, `map: © … · models: …`; "" without any."""
+    maps, _, models = attribution.partition(_MODELS)
+    parts = ("" if maps in UNCREDITED else f"map: {maps}", f"{_MODELS[3:]}{models}" if models else "")
+    return " · ".join(part for part in parts if part)

@@ -74,7 +74,7 @@ VERBS = (
     _CommandVerb("docs", "write a page that describes a mission or a library, or the language on one card"),
     _CommandVerb("fmt", "format mission files"),
     _CommandVerb("lsp", "run the language server: errors, completion and renaming in an editor"),
-    _CommandVerb("scene", "build a city from a map; describe, draw or export a city", computes=True),
+    _CommandVerb("scene", "build a city from a map; describe, draw or export a city; install models", computes=True),
     _CommandVerb("plugins", "list engines, policies, scenes, evaluators and models, or the options of one of them"),
     _CommandVerb("models", "list chat models; check one with a few real requests", computes=True),
     _CommandVerb("prompts", "list, show and improve the prompts of policies", computes=True),

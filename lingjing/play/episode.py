@@ -18,6 +18,7 @@ from typing import Literal, Self, Unpack
 import msgspec
 
 from lingjing.analysis.agent_notes import agent_notes
+from lingjing.analysis.played_city import attribution_of
 from lingjing.analysis.relations import RelationTracker
 from lingjing.errors import ErrorCollector, UsageError
 from lingjing.kernel.ambient_random import generator_states, generators_advanced, load_generators
@@ -360,7 +361,7 @@ def _header(instance: Instance, city: City, prepared: Preparation, options: Play
         | _walls_fingerprint(barrier)
         | salt_fingerprint(options.salt, options.seed),
         city_sha256=content_sha256(city),
-        attribution=city.attribution,
+        attribution=attribution_of(city, instance),
         started_wall=dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
         policy_seed=options.policy_seed,
         evaluators=options.evaluators,

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import msgspec
 
+from lingjing.analysis.played_city import attribution_of
 from lingjing.errors import UsageError
 from lingjing.kernel.world.engine_group import close_engines, start_engines
 from lingjing.kernel.world.selection import CAMERA
@@ -60,8 +61,9 @@ def draw_view(instance: Instance, city: City, path: Path, *, title: str = "") ->
     axes.set(xlim=(0, WIDTH_PX), ylim=(0, HEIGHT_PX), xticks=[], yticks=[])
     axes.set_axis_off()
     mark(axes, [*_markers(bodies, pose)], [*_regions(instance, pose)])
+    note = f"{title} · " * bool(title) + f"{city.id} · {attribution_of(city, instance)}"
     figure.text(
-        0.01, 0.012, f"{title} · " * bool(title) + f"{city.id} · {city.attribution}", fontsize=8, parse_math=False,
+        0.01, 0.012, note, fontsize=8, parse_math=False,
         bbox={"boxstyle": "round,pad=0.2", "fc": "white", "ec": "none", "alpha": 0.75},
     )  # fmt: skip
     written_figure(figure, path, _DPI)

@@ -77,7 +77,7 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     warnings: tuple[str, ...] = ()
     """Warnings about the score, one line each: replaced policy answers, an overview that could not be written."""
     attribution: str = ""
-    """The attribution of the map's data; `procedural` for a generated city."""
+    """The attribution of the map's data, `procedural` for a generated city, and of models of others."""
     policy_seed: int = 0
     """The seed of the policies' random streams."""
     score: float = 0.0

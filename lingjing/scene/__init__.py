@@ -21,6 +21,7 @@ The modules, in the order in which an episode uses them:
 - `terrain`     water, ground and obstacles at a place, with their elevations ← `outlines`, `blocks`
 - `flight_floor`   the lowest points to which flying bodies may be sent
 - `own_models`  models of a user's own (`look = "file.glb"`) ← `glb_file`: checks of their files
+- `free_models` models of others from a package, with their credits, as such files ← `gltf_file`
 - `obstacles`   ground that legged robots can walk; `shapes`, `sizes`: bodies to collide with and their sizes
 - `roofs`       upper bounds of a city's height at many places at once
 - `sight`       free straight lines through a city

@@ -21,6 +21,8 @@ MOST_BYTES = 64 << 20
 """Largest file, bytes (chosen)."""
 MOST_TRIANGLES = 200_000
 """Most triangles of a model with the repetitions of its meshes (chosen: a hundred times a vehicle of the camera)."""
+MOST_CREDIT = 1000
+"""Most characters of a credit; the rest is cut off (chosen)."""
 MOST_NODES = 10_000
 """Most nodes of a model (chosen)."""
 READ = ("KHR_materials_", "KHR_texture_transform", "KHR_mesh_quantization")
@@ -43,6 +45,8 @@ class GlbFile:
     sha256: str
     textures: tuple[bytes, ...]
     """The image files of its base colours."""
+    credit: str = ""
+    """The credit that its description names, in one line; "" if it names none."""
 
 
 def glb_fault(path: str, why: str, hint: str = "export it again as .glb (glTF 2.0)") -> UsageError:
@@ -67,7 +71,20 @@ def read_glb(path: str) -> GlbFile:
         raise glb_fault(path, f"cannot be read: {error.strerror}", "check the file's permissions") from None
     document, binary = _chunks(path, data)
     textures = _checked(path, document, binary)
-    return GlbFile(path, data, hashlib.sha256(data).hexdigest(), textures)
+    return GlbFile(path, data, hashlib.sha256(data).hexdigest(), textures, _credit(document.get("asset")))
+
+
+def _credit(asset: Any) -> str:
+    """Return the credit in a description: its `copyright`, else title, author and licence of its extras, as model
+    collections write them.
+    """
+    if not isinstance(asset, Mapping):
+        return ""
+    words, extras = asset.get("copyright"), asset.get("extras")
+    if not words and isinstance(extras, Mapping) and (extras.get("author") or extras.get("license")):
+        title, author, licence = (str(extras.get(key, "unnamed")) for key in ("title", "author", "license"))
+        words = f"“{title}” by {author}, {licence}"
+    return " ".join(str(words or "").split())[:MOST_CREDIT]
 
 
 def _chunks(path: str, data: bytes) -> tuple[_Part, bytes]:

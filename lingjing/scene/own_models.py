@@ -29,6 +29,8 @@ from lingjing.scene.sizes import Size
 
 SHA = "look_sha256"
 """Property of an entity with a model of its own: the hash of the file."""
+CREDIT = "look_credit"
+"""Property of an entity with a model of its own: the credit that the file names; absent if it names none."""
 MOUNTS: dict[str, Literal["front", "oblique", "nadir"]] = {
     "mount_front": "front", "mount_oblique": "oblique", "mount_nadir": "nadir"
 }  # fmt: skip
@@ -61,6 +63,8 @@ class OwnModel:
     """The triangles at all levels of detail, the finest first; the base is at z = 0."""
     mounts: tuple[CameraMount, ...] = ()
     """The places of cameras that the file names, above its base."""
+    credit: str = ""
+    """The credit that the file names; "" if it names none."""
 
 
 def own_look(entity: Entity) -> str:
@@ -87,13 +91,25 @@ def own_model(path: str, sha256: str = "") -> OwnModel:
     return _kept(file)
 
 
+def model_credits(instance: Instance) -> tuple[str, ...]:
+    """Return the credits of the models of its own that an instance shows, each once."""
+    credits_of_entities = (str(entity.properties.get(CREDIT, "")) for entity in instance.entities)
+    return tuple(dict.fromkeys(credit for credit in credits_of_entities if credit))
+
+
 def _measured(entity: Entity) -> Entity:
     path = own_look(entity)
     if not path:
         return entity
     model = own_model(path, str(entity.properties.get(SHA, "")))
     size = model.size
-    measures = {"length_m": size.length_m, "width_m": size.width_m, "height_m": size.height_m, SHA: model.sha256}
+    measures: dict[str, float | str] = {
+        "length_m": size.length_m,
+        "width_m": size.width_m,
+        "height_m": size.height_m,
+        SHA: model.sha256,
+    }
+    measures |= {CREDIT: model.credit} if model.credit else {}
     mounts = _mounts(entity, model)
     return msgspec.structs.replace(entity, properties={**entity.properties, **measures}, mounts=mounts)
 
@@ -128,7 +144,7 @@ def _kept(file: GlbFile) -> OwnModel:
     mounts = tuple(_mount(file.path, name, place - middle, front) for name, place, front in nodes)
     right, ahead, up = (max(float(span), LEAST_M) for span in spans)
     levels = tuple(_rows(*part) for part in _levels(points, faces, colours))
-    return OwnModel(file.sha256, Size(ahead, right, up), levels, mounts)
+    return OwnModel(file.sha256, Size(ahead, right, up), levels, mounts, file.credit)
 
 
 def _mount(path: str, name: str, place: _Array, front: _Array) -> CameraMount:
@@ -274,4 +290,4 @@ def _rows(points: _Array, faces: _Array, colours: _Array) -> Rows:
     return np.ascontiguousarray(rows[faces.reshape(-1)], np.float32)
 
 
-__all__ = ["SHA", "OwnModel", "own_look", "own_model", "with_own_models"]
+__all__ = ["SHA", "OwnModel", "model_credits", "own_look", "own_model", "with_own_models"]

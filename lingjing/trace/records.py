@@ -688,7 +688,7 @@ class Header(TraceRecord, frozen=True, kw_only=True):
     city_sha256: str = ""
     """SHA-256 (hex) of the city's content."""
     attribution: str = ""
-    """Credit that the licence of the map data requires."""
+    """Credits that the licences of the map data and of models of others require."""
     started_wall: str = ""
     """Start of the episode, ISO 8601, UTC."""
     policy_seed: int = 0

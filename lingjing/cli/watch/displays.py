@@ -84,7 +84,7 @@ class EpisodeDisplay:
     """
 
     def __init__(self, instance: Instance, city: City, policy: str, *, truth: bool) -> None:
-        from lingjing.analysis.played_city import credit
+        from lingjing.analysis.played_city import attribution_of, credit
         from lingjing.cli.watch.chart import Chart
         from lingjing.cli.watch.screen import Screen
         from lingjing.cli.watch.terminal import AlternateScreen
@@ -92,7 +92,7 @@ class EpisodeDisplay:
 
         self._watched = EpisodeState(instance, truth=truth)
         title = f"{instance.mission} · seed {instance.seed} · {instance.mode} · {policy}"
-        self._screen: Screen = Screen(self._watched, Chart(city), title, credit(city.attribution))
+        self._screen: Screen = Screen(self._watched, Chart(city), title, credit(attribution_of(city, instance)))
         self._terminal = AlternateScreen(self._draw)
         self._started = time.perf_counter()
         self._spent_s = 0.0
