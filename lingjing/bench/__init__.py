@@ -29,6 +29,7 @@ Modules in the order of a run:
   `tensorboard_log`, `mlflow_log`: rows as curves
 - `planting` → `planted` → `attribution`   episodes with planted faults, and a test of attribution methods on them
 - `adversaries`  the matrix of adversaries and columns, and the sequential test of the worst
+- `validity`     the studies of the project as one program of suites, with its record and tables
 - `inspect_task`  a mission as a task of Inspect AI
 - `playing`  plays a suite in one call of Python
 - `prompt_search`  revises a policy's prompt on development episodes

@@ -99,12 +99,20 @@ class SuiteRun:
     """The walls around the policies."""
     salt: str = ""
     """The file of a sealed split's salt; "" for instances of public seeds."""
+    policy_seed: int | None = None
+    """The seed of the policies in every episode; None: drawn for each from the folder's salt."""
+    keeps_calls: bool = True
+    """True if the runs of policies that call models are kept, because such calls are paid for."""
+    may_begin: Callable[[], bool] = field(default=lambda: True)
+    """Returns whether another episode may begin."""
     tell: Callable[[SuiteRow, Countdown], None] = field(default=lambda row, countdown: None)
     """Receives each row, and the estimate of the rest."""
     services: EntrantServices = field(default_factory=lambda: EntrantServices(probe_entrant))
     """The services of the entrants that are down."""
     is_out_of_money: bool = False
     """True after the limit was reached."""
+    is_out_of_time: bool = False
+    """True after `may_begin` has prevented an episode from beginning."""
     _held: list[SuiteEpisode] = field(default_factory=list)
     """Episodes of the round that were not begun, because their service is down."""
 
@@ -205,11 +213,11 @@ class SuiteRun:
         for row in self.results.rows:
             countdown.learn(row.cell, row.wall_s, cost_of(row))
         waiting = list(episodes)
-        while waiting and not self.is_out_of_money:
+        while waiting and not (self.is_out_of_money or self.is_out_of_time):
             waiting = self._round(waiting, countdown)
-            if self._held:
-                waiting += self._held
-                self._held = []
+            held, self._held = self._held, []
+            if held and not self.is_out_of_time:
+                waiting += held
                 self.services.wait(len(waiting))
 
     def retry_lost(self) -> int:
@@ -263,7 +271,8 @@ class SuiteRun:
         played_on = Counter(_played_on(episode) for episode in of.values())
         for folder, episode in of.items():
             self.is_out_of_money |= self.max_cost is not None and self.spent() >= self.max_cost
-            if self.is_out_of_money:
+            self.is_out_of_time |= not self.may_begin()
+            if self.is_out_of_money or self.is_out_of_time:
                 return
             if self.services.is_down(episode.cell):
                 self._held.append(episode)
@@ -297,7 +306,7 @@ class SuiteRun:
         )
 
     def _options(self, cell: SuiteCell, seed: int) -> PlayOptions:
-        seeded = policy_seed(self.results.salt(), cell.key, seed)
+        seeded = policy_seed(self.results.salt(), cell.key, seed) if self.policy_seed is None else self.policy_seed
         options = options_of_cell(cell, seed, seeded, self.plan.suite.evaluators, self.isolate)
         return msgspec.structs.replace(options, salt=self.salt)
 
@@ -314,7 +323,7 @@ class SuiteRun:
 
     def _keeps(self, cell: SuiteCell) -> bool:
         """Return whether the cell's runs are kept. Recorded model calls are, because they were paid for."""
-        return self.keep or cell.player.declared.calls
+        return self.keep or (self.keeps_calls and cell.player.declared.calls)
 
     def _row(self, episode: SuiteEpisode, options: PlayOptions, report: EpisodeReport, wall_s: float) -> SuiteRow:
         cell = episode.cell

@@ -181,11 +181,13 @@ ATTRIBUTION = "planted"
 """The key of a suite that measures attribution methods (`lingjing.bench.attribution`) and has another form."""
 ADVERSARIES = "adversaries"
 """The key of the matrix of adversaries (`lingjing.bench.adversaries`), which has another form."""
+PROGRAM = "parts"
+"""The key of the program of the studies (`lingjing.bench.validity`), which has another form."""
 
 
 def shipped_suites() -> tuple[str, ...]:
     """Return the names of the shipped suites of this form, sorted."""
-    others = {ATTRIBUTION, ADVERSARIES}
+    others = {ATTRIBUTION, ADVERSARIES, PROGRAM}
     return tuple(name for name in _shipped_names() if not others & read_document(_shipped_path(name)).keys())
 
 
@@ -246,7 +248,7 @@ def form_faults(document: Mapping[str, Any]) -> tuple[Fault, ...]:
     try:
         Suite.model_validate(document)
     except ValidationError as error:
-        return tuple(_form_faults(error))
+        return tuple(faults_of(error, Suite, {"entrants": Entrant, "conditions": SuiteCondition}))
     return ()
 
 
@@ -288,7 +290,10 @@ def json_schema() -> bytes:
     return msgspec.json.format(msgspec.json.encode(whole, order="deterministic"), indent=2) + b"\n"
 
 
-def _form_faults(error: ValidationError) -> Iterator[Fault]:
+def faults_of(error: ValidationError, whole: type[SuitePart], parts: Mapping[str, type[SuitePart]]) -> Iterator[Fault]:
+    """Yield the errors of form in the values of a `whole`, each with its path. `parts`: the forms of its lists and
+    tables, by their names.
+    """
     from lingjing.suggest import nearest
 
     problems = error.errors(include_url=False)
@@ -301,8 +306,8 @@ def _form_faults(error: ValidationError) -> Iterator[Fault]:
         ):
             continue  # it is too short because its content is wrong, which is reported
         if problem["type"] == "extra_forbidden":
-            kinds: dict[object, type[SuitePart]] = {"entrants": Entrant, "conditions": SuiteCondition}
-            kind = kinds.get(problem["loc"][0], Suite) if len(problem["loc"]) > 1 else Suite
+            inside = [part for part in problem["loc"][:-1] if part in parts]
+            kind = parts[str(inside[-1])] if inside else whole
             fault = unknown_option(str(problem["loc"][-1]), kind.model_fields)
             yield Fault(where, fault.message, fault.hint)
         elif problem["type"] == "literal_error":
@@ -319,6 +324,7 @@ __all__ = [
     "SuiteCondition",
     "SuitePart",
     "faults_error",
+    "faults_of",
     "find_suite",
     "form_faults",
     "json_schema",

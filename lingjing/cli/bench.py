@@ -17,6 +17,7 @@ from lingjing.cli.files import write_output
 from lingjing.cli.installed import warn_of_broken_plugins
 from lingjing.cli.parser import ArgumentParser
 from lingjing.cli.process import ending_at_second_interrupt, say, say_error
+from lingjing.cli.validity import add_validity, play_validity
 from lingjing.errors import ExitCode, InfrastructureError, UsageError
 from lingjing.mission.vocabulary import MODES
 
@@ -83,6 +84,9 @@ def add_options(parser: ArgumentParser) -> None:
         actions.add_parser(
             "adversaries", help="play those who look for a way past", description=play_adversaries.__doc__
         )
+    )
+    add_validity(
+        actions.add_parser("validity", help="play the studies of docs/validity.md", description=play_validity.__doc__)
     )
     listed = actions.add_parser("list", help="list the suites that ship", description=_list.__doc__)
     listed.set_defaults(handler=_list)
@@ -255,7 +259,7 @@ def _run(run: SuiteRun, cells: Sequence[SuiteCell], seeds: Sequence[int], shard:
     def tell(row: SuiteRow, countdown: Countdown) -> None:
         nonlocal done
         done += row.standing != "aborted"
-        say(f"{_bar(done, len(due), countdown)} {_episode_line(row)}")
+        say(f"{_bar(done, len(due), countdown)} {episode_line(row)}")
 
     run.tell = tell
     try:
@@ -272,10 +276,10 @@ def _run(run: SuiteRun, cells: Sequence[SuiteCell], seeds: Sequence[int], shard:
         )
     tables = write_tables(run.plan, results)
     sys.stdout.write("\n".join(map(EXPORTS["markdown"], tables)))
-    return _report_lost([row for row in results.rows if row.standing == "lost"])
+    return report_lost([row for row in results.rows if row.standing == "lost"])
 
 
-def _report_lost(rows: Sequence[SuiteRow]) -> int:
+def report_lost(rows: Sequence[SuiteRow]) -> int:
     """Print an error message if episodes were lost; return the exit code."""
     if not rows:
         return ExitCode.OK
@@ -506,7 +510,7 @@ def _print_cost(plan: SuitePlan, episodes: Sequence[SuiteEpisode], args: argpars
         say(line)
 
 
-def _episode_line(row: SuiteRow) -> str:
+def episode_line(row: SuiteRow) -> str:
     """Return one episode's result as one line."""
     from lingjing.play.report import POLICY_FAILED
 

@@ -7,17 +7,23 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from lingjing import EpisodeReport, PlayOptions
-from lingjing.bench.folder import open_results, read_results
+from lingjing.bench.folder import RESULTS, ResultsFolder, open_results, read_results
+from lingjing.bench.leaderboard import OPEN, leaderboard, ranking
 from lingjing.bench.money import estimates
+from lingjing.bench.parquet import encode_rows, read_rows
 from lingjing.bench.planning import SuiteCell, SuitePlan, read_plan
 from lingjing.bench.rows import SuiteRow
-from lingjing.bench.running import SuiteEpisode, SuiteRun
+from lingjing.bench.running import Shard, SuiteEpisode, SuiteRun
+from lingjing.bench.suite import find_suite, shipped_suites
+from lingjing.bench.tables import TABLES, make_tables
 from lingjing.play.parallel import EpisodeTask
 from tests.play.report_kit import blank_metrics, made_report
 
 __all__ = [
-    "SMALL", "TRIP", "AnsweringExecutor", "EpisodeTask", "SuiteCell", "SuiteEpisode", "SuitePlan", "SuiteRow",
-    "SuiteRun", "answered", "estimates", "made_row", "open_results", "read_plan", "read_results",
+    "OPEN", "RESULTS", "SMALL", "TABLES", "TRIP", "AnsweringExecutor", "EpisodeTask", "ResultsFolder", "Shard",
+    "SuiteCell", "SuiteEpisode", "SuitePlan", "SuiteRow", "SuiteRun", "answered", "encode_rows", "estimates",
+    "find_suite", "leaderboard", "made_row", "make_tables", "open_results", "ranking", "read_plan", "read_results",
+    "read_rows", "shipped_suites",
 ]  # fmt: skip
 
 SMALL = """

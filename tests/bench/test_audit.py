@@ -14,15 +14,12 @@ import pytest
 
 from lingjing.bench.auditing import Auditor
 from lingjing.bench.evidence import audit_file, audit_marks, read_audit, row_faults, row_sha256
-from lingjing.bench.folder import RESULTS, read_results
-from lingjing.bench.leaderboard import leaderboard
 from lingjing.bench.merging import merge_rows
-from lingjing.bench.parquet import encode_rows
 from lingjing.bench.version import benchmark_version
 from lingjing.data import data_path
 from lingjing.errors import ExitCode, UsageError
 from lingjing.testing import run_command
-from tests.bench.suite_kit import TRIP, SuiteRow, made_row
+from tests.bench.suite_kit import RESULTS, TRIP, SuiteRow, encode_rows, leaderboard, made_row, read_results
 
 SUITE = """
 suite = 1

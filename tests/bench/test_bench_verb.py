@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.cli.bench import _report_lost
+from lingjing.cli.bench import report_lost
 from lingjing.errors import ExitCode
 from lingjing.testing import run_command
 from tests.bench.suite_kit import SMALL, TRIP, made_row, read_results
@@ -121,10 +121,10 @@ def test_a_check_of_a_part_tells_the_episodes_of_that_part(capsys: pytest.Captur
 def test_a_suite_with_lost_episodes_says_why(capsys: pytest.CaptureFixture[str]) -> None:
     report = made_report(mission="ssr", mode="star", seed=7, detail="the camera died", hint="see `dmesg`")
     rows = [made_row(standing="lost", report=report), made_row(standing="lost", report=made_report(seed=8))]
-    assert _report_lost(rows) == 3
+    assert report_lost(rows) == 3
     errors = capsys.readouterr().err
     assert errors == "error: 2 episodes are lost; the first, ssr-star seed 7: the camera died\nhint: see `dmesg`\n"
-    assert _report_lost([]) == 0
+    assert report_lost([]) == 0
 
 
 def test_a_model_takes_the_place_of_the_entrants_under_the_suites_options(capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,15 +9,13 @@ from pathlib import Path
 import pytest
 
 from lingjing.bench.exports import to_markdown
-from lingjing.bench.leaderboard import leaderboard
-from lingjing.bench.tables import make_tables
 from lingjing.bench.unresolved import unresolved_entrants
 from lingjing.cli.bench import KINDS
 from lingjing.errors import ExitCode
 from lingjing.play.policy_processes.barrier import LOAD_VARIABLE
 from lingjing.processes.descendants import children
 from lingjing.testing import run_command
-from tests.bench.suite_kit import TRIP, SuiteRow, read_results
+from tests.bench.suite_kit import TRIP, SuiteRow, leaderboard, make_tables, read_results
 from tests.play.report_kit import POLICY_FAILED
 
 ENTRANTS = """\

@@ -11,12 +11,10 @@ import pytest
 
 from lingjing import PlayOptions
 from lingjing.bench.dataset_card import dataset_card
-from lingjing.bench.leaderboard import leaderboard, ranking
 from lingjing.bench.merging import merge_results
-from lingjing.bench.parquet import encode_rows
 from lingjing.errors import ExitCode, UsageError
 from lingjing.testing import run_command
-from tests.bench.suite_kit import SuiteRow, made_row, read_results
+from tests.bench.suite_kit import SuiteRow, encode_rows, leaderboard, made_row, ranking, read_results
 from tests.play.report_kit import blank_metrics
 
 

@@ -10,12 +10,10 @@ import pytest
 
 import lingjing
 from lingjing.bench.columns import columns
-from lingjing.bench.suite import find_suite, shipped_suites
-from lingjing.bench.tables import TABLES
 from lingjing.cli import bench
 from lingjing.cli.arguments import parse_pairs, parse_settings
 from lingjing.testing import PluginHost, run_command, shipped_missions
-from tests.bench.suite_kit import SuiteRun, read_plan
+from tests.bench.suite_kit import TABLES, SuiteRun, find_suite, read_plan, shipped_suites
 
 PAGE = (Path(lingjing.__file__).parents[1] / "docs" / "studies.md").read_text(encoding="utf-8")
 ROWS = re.findall(r"^\| `(\w+)` \| (.*?) \| `(--set .*?)` \|$", PAGE, flags=re.MULTILINE)

@@ -8,12 +8,10 @@ import msgspec
 import pytest
 
 from lingjing.bench.exports import to_latex
-from lingjing.bench.leaderboard import OPEN, leaderboard, ranking
-from lingjing.bench.tables import make_tables
 from lingjing.bench.unresolved import AT_ONCE_S, open_rows, unresolved_entrants
 from lingjing.errors import AbortCause
 from lingjing.play.outages import SERVICE_GONE
-from tests.bench.suite_kit import SuiteRow, made_row
+from tests.bench.suite_kit import OPEN, SuiteRow, leaderboard, made_row, make_tables, ranking
 from tests.play.report_kit import ABORTED, made_report
 
 GONE = f"{SERVICE_GONE}the harness gets no answer for `a` either: refused"

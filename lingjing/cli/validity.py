@@ -1,0 +1,223 @@
+"""`lingjing bench validity`: play the studies of the project over several sittings, and make their record."""
+
+from __future__ import annotations
+
+import argparse
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lingjing.cli.arguments import check_counts
+from lingjing.cli.parser import ArgumentParser
+from lingjing.cli.process import ending_at_second_interrupt, say
+from lingjing.errors import ExitCode, UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from lingjing.bench.planning import SuiteCell
+    from lingjing.bench.rows import SuiteRow
+    from lingjing.bench.validity.program import ProgramFile
+    from lingjing.bench.validity.rounds import Rounds
+    from lingjing.bench.validity.studies import Planned, Study
+
+MOST_HOURS = 1e5
+"""The greatest number of hours of a sitting; a larger one is a typing error."""
+
+
+def add_validity(parser: ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument(
+        "-o", "--output", metavar="DIR", type=Path, help="the results folder; an existing one is continued"
+    )
+    parser.add_argument("-j", "--jobs", metavar="N", type=int, default=1, help="play N episodes at a time (default 1)")
+    parser.add_argument("--limit", metavar="N", type=int, help="only the first N seeds of each study")
+    parser.add_argument("--hours", metavar="H", type=float, help="begin no episode after H hours")
+    parser.add_argument("--parts", metavar="NAME", nargs="+", help="play only these parts, such as reference")
+    parser.add_argument("--program", metavar="FILE", type=Path, help="a program of your own (default: the shipped one)")
+    parser.add_argument("--strict", action="store_true", help="walls around all policies, and none may be missing")
+    parser.add_argument("--keep", action="store_true", help="keep every trace, for `lingjing bench audit`")
+    parser.add_argument("--other-code", action="store_true", help="continue folders of another version of the code")
+    parser.add_argument("--check", action="store_true", help="print the studies and the hours, and stop")
+    parser.set_defaults(handler=play_validity)
+
+
+def play_validity(args: argparse.Namespace) -> int:
+    """Play the studies of the program in rounds of seeds: the first three seeds of every study, then the next ones of
+    every study. Each study is a suite in a folder of its own. The same command continues. After each step the record
+    (`validity.json`) and its tables (`validity.md`) are written. With --hours the command ends by itself, exit code 0.
+    """
+    from lingjing.bench.folder import lock_folder
+    from lingjing.bench.rows import code_sha256
+    from lingjing.bench.validity.program import read_program
+    from lingjing.bench.validity.studies import plan_program
+    from lingjing.cli.installed import warn_of_broken_plugins
+    from lingjing.installed_plugins.discovery import trusting
+    from lingjing.play.folders import RUNS
+    from lingjing.plugins.host import PluginHost
+
+    check_counts(("-j", args.jobs), ("--limit", args.limit))
+    if args.hours is not None and not 0.0 < args.hours < MOST_HOURS:
+        raise UsageError(f"--hours {args.hours:g}: must be a number of hours above 0")
+    warn_of_broken_plugins()
+    file = read_program(args.program)
+    with trusting(()):
+        planned = plan_program(file, PluginHost(), strict=args.strict)
+        chosen = _chosen(planned, args.parts or ())
+        code = code_sha256(path for plan in planned for path in plan.plan.files)
+        folder: Path = args.output or RUNS / "bench" / f"{file.program.name}-{code[:12]}"
+        if args.check:
+            _say_size(file, planned, chosen, folder, args)
+            return ExitCode.OK
+        with lock_folder(folder, "study"):
+            return _open_and_play(file, planned, chosen, folder, args)
+
+
+def _chosen(planned: Sequence[Planned], names: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of the studies to play; all without names. Raises `UsageError` for an unknown part."""
+    from lingjing.suggest import did_you_mean
+
+    parts = {plan.name: _part_of(plan) for plan in planned}
+    for name in names:
+        if name not in parts.values():
+            hint = did_you_mean(name, dict.fromkeys(parts.values()), "parts")
+            raise UsageError(f"--parts {name}: the program has no such part", hint=hint)
+    return tuple(study for study, part in parts.items() if not names or part in names)
+
+
+def _part_of(plan: Planned) -> str:
+    from lingjing.bench.validity.studies import PlannedPart
+
+    return plan.part.name if isinstance(plan, PlannedPart) else plan.name
+
+
+def _say_size(
+    file: ProgramFile, planned: Sequence[Planned], chosen: Sequence[str], folder: Path, args: argparse.Namespace
+) -> None:
+    """Print the size and the hours of each study. Nothing is written: rows are read from the folder if it exists."""
+    from lingjing.bench.folder import read_results
+    from lingjing.bench.validity.rounds import Durations
+    from lingjing.bench.validity.studies import planned_cells
+
+    rows: list[SuiteRow] = []
+    for plan in planned:
+        with suppress(UsageError):  # a folder without results
+            rows += read_results(folder / plan.name)
+    durations = Durations(file.program.seconds, rows)
+    done = {key for row in rows if row.standing != "aborted" for key in _keys(row)}
+    whole, whole_h = 0, 0.0
+    for plan in planned:
+        if plan.name not in chosen:
+            continue
+        episodes = planned_cells(plan, args.limit)
+        left = [cell for cell, seed in episodes if _key(plan, cell, seed) not in done]
+        hours = durations.hours(left, args.jobs)
+        whole, whole_h = whole + len(left), whole_h + hours
+        columns = len({(cell.column.mission, cell.column.mode) for cell, _ in episodes})
+        say(
+            f"{plan.name}: {_counted(len({cell.player.name for cell, _ in episodes}), 'entrant')} in "
+            f"{_counted(columns, 'column')}: "
+            f"{len(episodes):,} episodes, {len(left):,} to play, about {hours:.1f} h"
+        )
+    say(f"{whole:,} episodes to play, about {whole_h:.0f} h with -j {args.jobs}; results in {folder}")
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun}{'s' * (number > 1)}"
+
+
+def _keys(row: SuiteRow) -> Iterator[tuple[object, ...]]:
+    """Yield the keys under which a row counts as done: of its cell, and of its column for fresh seeds."""
+    yield row.suite, row.cell, row.seed
+    yield row.suite, row.mission, row.mode, row.seed
+
+
+def _key(plan: Planned, cell: SuiteCell, seed: int) -> tuple[object, ...]:
+    """Return the key of an episode. Before it is chosen, the worst adversary is known by its column alone."""
+    from lingjing.bench.adversaries import FIRST_FRESH
+    from lingjing.bench.validity.studies import PlannedAdversaries
+
+    if isinstance(plan, PlannedAdversaries) and seed >= FIRST_FRESH:
+        return plan.plan.suite.name, cell.column.mission, cell.column.mode, seed
+    return plan.plan.suite.name, cell.key, seed
+
+
+def _open_and_play(
+    file: ProgramFile, planned: Sequence[Planned], names: Sequence[str], folder: Path, args: argparse.Namespace
+) -> int:
+    from lingjing.bench.executors import LocalExecutor
+    from lingjing.bench.validity.rounds import Durations, Rounds
+    from lingjing.bench.validity.studies import open_studies
+
+    executor = LocalExecutor(args.jobs)
+    with open_studies(
+        planned, folder, executor, strict=args.strict, keep=args.keep, other_code=args.other_code
+    ) as studies:
+        rows = [row for study in studies for row in study.run.results.rows]
+        rounds = Rounds(
+            [study for study in studies if study.planned.name in names],
+            file.program.rounds,
+            Durations(file.program.seconds, rows),
+            args.jobs,
+            args.limit,
+            args.hours,
+        )
+        with ending_at_second_interrupt():
+            return _play(file, studies, rounds, folder)
+
+
+def _play(file: ProgramFile, studies: Sequence[Study], rounds: Rounds, folder: Path) -> int:
+    """Play the rounds, write the record after each step, print what is left, and return the exit code."""
+    from lingjing.cli.bench import duration, episode_line, report_lost
+
+    done = 0
+    left = rounds.left()
+    hours = rounds.durations.hours(left, rounds.jobs)
+    say(f"{len(left):,} episodes to play, about {hours:.1f} h with -j {rounds.jobs}; results in {folder}")
+
+    def tell(row: SuiteRow, left_h: float) -> None:
+        nonlocal done
+        done += row.standing != "aborted"
+        say(f"{done}/{len(left)}, {duration(3600.0 * left_h)} left: {row.suite}: {episode_line(row)}")
+
+    rounds.tell = tell
+    for study in studies:
+        study.run.services.tell = say
+    try:
+        for study in rounds.play():
+            study.run.results.compact()
+            _write_record(file, studies, folder)
+    except KeyboardInterrupt:
+        _write_record(file, studies, folder)
+        say(f"interrupted after {done} of {len(left)} episodes; the same command continues from here")
+        raise
+    _write_record(file, studies, folder)
+    rest = rounds.left()
+    hours = rounds.durations.hours(rest, rounds.jobs)
+    if rest:
+        say(f"{done:,} episodes played, {len(rest):,} are left, about {hours:.1f} h; the same command continues")
+    else:
+        say(f"{done:,} episodes played, none is left; {folder / 'validity.md'} has the tables")
+    return report_lost([row for study in studies for row in study.run.results.rows if row.standing == "lost"])
+
+
+def _write_record(file: ProgramFile, studies: Sequence[Study], folder: Path) -> None:
+    """Write the record and its tables. Raises `UsageError` if they cannot be written."""
+    from lingjing.bench.folder import write_whole
+    from lingjing.bench.validity.pages import page
+    from lingjing.bench.validity.record import RECORD, encode_record, make_record
+
+    record = make_record(file.program.name, studies)
+    texts = {
+        file.path.name if file.path.suffix == ".toml" else "validity.toml": file.path.read_bytes(),
+        RECORD: encode_record(record),
+        "validity.md": page(record, file.program.title).encode(),
+    }
+    try:
+        for name, content in texts.items():
+            write_whole(folder / name, content)
+    except OSError as error:
+        raise UsageError(
+            f"cannot write to `{folder}`: {error.strerror}; the rows are stored",
+            hint="make room; the same command continues from here",
+        ) from error
