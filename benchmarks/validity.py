@@ -1,7 +1,8 @@
 """The stored record of the studies: `validity.json` beside this file, shown in docs/validity.md and the README.
 
-`python -m benchmarks.validity DIR --write` copies the record from a results folder of `lingjing bench validity`, and
-writes its tables into both pages. Without DIR it takes the stored record, without `--write` it only compares.
+`python -m benchmarks.validity DIR --write` makes the record of the rows in a folder of `lingjing bench validity`,
+stores it, and writes its tables into both pages. Without DIR it takes the stored record, without `--write` it only
+compares.
 
 Exit codes: 0 the pages show the record, or were written; 1 a page differs from the record; 2 there is no such record.
 """
@@ -15,8 +16,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lingjing.bench.validity.pages import NO_MODEL, readme_rows, tables
-from lingjing.bench.validity.record import RECORD, ValidityRecord, encode_record, read_record
+from lingjing.bench.validity.program import read_program
+from lingjing.bench.validity.record import RECORD, ValidityRecord, encode_record, read_record, record_of_folder
 from lingjing.errors import UsageError, hint_of
+from lingjing.plugins.host import PluginHost
 
 ROOT = Path(__file__).parents[1]
 STORE = Path(__file__).with_name(RECORD)
@@ -39,10 +42,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "folder", metavar="DIR", nargs="?", type=Path, help="a results folder (default: the stored one)"
     )
+    parser.add_argument("--program", metavar="FILE", type=Path, help="a program of your own (default: the shipped one)")
     parser.add_argument("--write", action="store_true", help="store the record and write the pages")
     args = parser.parse_args(arguments)
     try:
-        record = read_record(STORE if args.folder is None else args.folder / RECORD)
+        program = read_program(args.program)
+        record = read_record(STORE) if args.folder is None else record_of_folder(program, args.folder, PluginHost())
     except UsageError as error:
         print(f"error: {error}\nhint: {hint_of(error)}", file=sys.stderr)
         return 2

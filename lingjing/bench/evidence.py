@@ -62,9 +62,13 @@ def seal_of(trace: Path) -> str:
 
 def row_faults(row: SuiteRow) -> Iterator[str]:
     """Yield the contradictions within a row."""
-    report = row.report
-    if row.standing == "counted" and report.success and report.scr < 1.0 and row.options.evaluators == ("mission",):
+    report, is_by_mission = row.report, row.options.evaluators == ("mission",)
+    if row.standing == "counted" and not 0.0 <= report.scr <= 1.0:  # nan is refused too
+        yield f"its subtask completion rate is {report.scr:.2f}, which is no share"
+    elif row.standing == "counted" and report.success and report.scr < 1.0 and is_by_mission:
         yield f"it counts as a success with a subtask completion rate of {report.scr:.2f}"
+    if row.standing == "counted" and report.success and report.ticks == 0 and is_by_mission:
+        yield "it counts as a success that held before any agent acted: its mission asks for nothing (LJ0510)"
     if report.success and report.reason != "success":
         yield f"it counts as a success, and its reason is `{report.reason}`"
     if report.seed != row.seed:

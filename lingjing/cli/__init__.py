@@ -13,7 +13,7 @@ the signals and the end of the process. `files` reads missions and writes files.
 - `scene`                                          a city built from a map, described, drawn, exported
 - `run` ← `arguments` (parsing of option values), `progress` (the live line), `watch` (the episode in the terminal),
   `scorecard` (the numbers of one episode), `results` (printed results of one or many episodes)
-- `bench` ← `attribution` (planted faults), `adversaries`    a suite of many episodes, its rows and its tables
+- `bench` ← `attribution` (planted faults), `adversaries`, `validity`    a suite of many episodes, its rows and tables
 - `verify`, `replay`, `why`, `metrics`, `trace`    a trace: integrity, determinism, reason, metrics, files for others
 - `fork`, `blame`, `value` ← `branches`            branches of a trace: interventions, blame, value of messages
 - `view`, `film`                                   a trace in the browser, and as a film

@@ -13,13 +13,25 @@ import msgspec
 import pytest
 
 from lingjing.bench.auditing import Auditor
-from lingjing.bench.evidence import audit_file, audit_marks, read_audit, row_faults, row_sha256
 from lingjing.bench.merging import merge_rows
 from lingjing.bench.version import benchmark_version
 from lingjing.data import data_path
 from lingjing.errors import ExitCode, UsageError
 from lingjing.testing import run_command
-from tests.bench.suite_kit import RESULTS, TRIP, SuiteRow, encode_rows, leaderboard, made_row, read_results
+from tests.bench.suite_kit import (
+    RESULTS,
+    TRIP,
+    SuiteRow,
+    audit_file,
+    audit_marks,
+    encode_rows,
+    leaderboard,
+    made_row,
+    read_audit,
+    read_results,
+    row_faults,
+    row_sha256,
+)
 
 SUITE = """
 suite = 1
@@ -171,7 +183,7 @@ from lingjing.plugins.evaluator import Evaluation
 from lingjing.plugins.hookspecs import hookimpl
 from lingjing.plugins.policy import Decision, PolicyPlugin
 
-MissionEvaluator.evaluate = lambda self, at, events: Evaluation(1.0, True, "success")
+MissionEvaluator.evaluate = lambda self, at, events: Evaluation(1.0, at.time_s > 0.0, "success" * (at.time_s > 0.0))
 Subtasks.share = lambda self, latched: 1.0
 
 

@@ -260,20 +260,16 @@ def test_an_interrupt_keeps_what_was_played(place: Path, tasks: AnsweringExecuto
 def test_a_full_disk_is_one_message(
     place: Path, tasks: AnsweringExecutor, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
-    from lingjing.bench import folder as folders
-
-    real = folders.write_whole
-
     def full(file: Path, content: bytes) -> None:
         if file.parent.name == "parts" and len(tasks.tasks) > 2:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        real(file, content)
+        file.write_bytes(content)
 
-    monkeypatch.setattr(folders, "write_whole", full)
-    assert run_command(command(place)) == ExitCode.USAGE
+    with monkeypatch.context() as patched:
+        patched.setattr("lingjing.bench.folder.write_whole", full)
+        assert run_command(command(place)) == ExitCode.USAGE
     errors = capsys.readouterr().err
     assert "No space left on device" in errors and "the same command continues" in errors and "Traceback" not in errors
-    monkeypatch.setattr(folders, "write_whole", real)
     assert run_command(command(place)) == ExitCode.OK
     assert "12 episodes played, none is left" in capsys.readouterr().err
 

@@ -12,6 +12,8 @@ from pathlib import Path
 import pytest
 
 import lingjing.cli.main as door
+from benchmarks import validity
+from lingjing.decoding import converted
 from tools.python_forks import run_python
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -35,6 +37,10 @@ def test_the_excerpt_stands_in_the_mission() -> None:
 
 
 def test_its_table_counts_the_stored_episodes() -> None:
+    record = validity.stored_record()
+    if record is not None:
+        assert validity.readme_with(README, record) == README, "write it: python -m benchmarks.validity --write"
+        return
     stored = json.loads((ROOT / "benchmarks" / "digests.json").read_text(encoding="utf-8"))
     played: Counter[tuple[str, str]] = Counter()
     won: Counter[tuple[str, str]] = Counter()
@@ -47,6 +53,22 @@ def test_its_table_counts_the_stored_episodes() -> None:
         for column in sorted({column for column, _ in played})
     ]
     assert "\n".join(rows) in README, "write into the README:\n" + "\n".join(rows)
+
+
+def test_the_table_of_both_tiers_fits() -> None:
+    """The table of a whole record takes the place of the present one, with twelve columns and at most as many words."""
+    columns = sorted(re.findall(r"^\|(\w+-\w+)\|", README, flags=re.MULTILINE))
+    cells = [
+        {"study": f"reference-tier{tier}", "column": column, "tier": tier, "entrant": policy, "sees": sees,
+         "planned": 100, "seeds": "0-99", "won": "0-41"}
+        for column in columns for tier in (0, 1) for policy, sees in (("oracle", "truth"), ("heuristic", "pictures"))
+    ]  # fmt: skip
+    studies = [{"study": f"reference-tier{tier}"} for tier in (0, 1)]
+    record = converted({"program": "p", "studies": studies, "cells": cells}, validity.ValidityRecord)
+    changed = validity.readme_with(README, record)
+    assert len(columns) == 12 and changed.count("|42/100|42/100|42/100|42/100|") == 12
+    assert len(changed.split()) < 500
+    assert "no model has played yet" in changed and validity.readme_with(changed, record) == changed
 
 
 def test_its_make_targets_exist() -> None:

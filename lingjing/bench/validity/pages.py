@@ -119,11 +119,9 @@ def _played(record: ValidityRecord) -> Iterator[str]:
             [cell.seeds for cell in cells], [cell.lost for cell in cells],
         ))  # fmt: skip
         study = versions.get(name)
-        split = f"sealed `{study.split[:12]}`" if study and study.split else "public seeds"
-        yield _row(name, counted, sum(cell.planned for cell in cells), lost or "0",
-                   f"`{study.benchmark[:12]}`" if study and study.benchmark else ABSENT,
-                   ", ".join(f"`{code[:12]}`" for code in study.code) if study and study.code else ABSENT,
-                   split if counted else ABSENT)  # fmt: skip
+        instances = f"sealed `{study.split[:12]}`" if study and study.split else "public seeds"
+        yield _row(name, counted, sum(cell.planned for cell in cells), lost, _hashes(study.benchmark if study else ()),
+                   _hashes(study.code if study else ()), instances if counted else ABSENT)  # fmt: skip
     yield from ("", _NOT_COUNTED, "")
 
 
@@ -190,11 +188,11 @@ def _difference(seeing: Mapping[str, Wins], without: Mapping[str, Wins]) -> tupl
     first, second = _best(seeing), _best(without)
     if first is None or second is None:
         return (first or "not played"), (second or "not played"), ABSENT
-    one, other = seeing[first], without[second]
-    shared = one.by_seed.keys() & other.by_seed.keys()
+    best, rival = seeing[first], without[second]
+    shared = best.by_seed.keys() & rival.by_seed.keys()
     if shared:  # matched instances; an adversary's seeds are its own
-        one, other = one.on(sorted(shared)), other.on(sorted(shared))
-    return f"{first} {_fraction(one)}", f"{second} {_fraction(other)}", _points(one, other)
+        best, rival = best.on(sorted(shared)), rival.on(sorted(shared))
+    return f"{first} {_fraction(best)}", f"{second} {_fraction(rival)}", _points(best, rival)
 
 
 def _adversaries(record: ValidityRecord) -> Iterator[str]:
@@ -297,6 +295,10 @@ def _named(entrant: str, sees: str) -> str:
 
 def _cell(wins: Wins | None) -> str:
     return ABSENT if wins is None else str(wins)
+
+
+def _hashes(hashes: Sequence[str]) -> str:
+    return ", ".join(f"`{each[:12]}`" for each in hashes) or ABSENT
 
 
 def _fraction(wins: Wins) -> str:

@@ -13,12 +13,14 @@ from typing import Literal
 import msgspec
 
 from lingjing.bench.adversaries import FIRST_FRESH, column_of
+from lingjing.bench.executors import LocalExecutor
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.suite import MOST_SEEDS
-from lingjing.bench.validity.program import Comparison, Sees
-from lingjing.bench.validity.studies import AdversaryStudy, PartStudy, Study
+from lingjing.bench.validity.program import Comparison, ProgramFile, Sees
+from lingjing.bench.validity.studies import AdversaryStudy, PartStudy, Study, open_studies, plan_program
 from lingjing.decoding import from_json
 from lingjing.errors import UsageError
+from lingjing.plugins.host import PluginHost
 
 FORMAT = "lingjing-validity/1"
 """The format's name and version."""
@@ -33,8 +35,8 @@ class RecordedStudy(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=Tru
     """The name of its folder."""
     compares: Comparison | Literal[""] = ""
     """The comparison that it was made for; "" for none."""
-    benchmark: str = ""
-    """The version of the benchmark; "" if nothing was played."""
+    benchmark: tuple[str, ...] = ()
+    """The version of the benchmark; none if nothing was played."""
     code: tuple[str, ...] = ()
     """The hashes of the code, sorted; several only with `--other-code`."""
     split: str = ""
@@ -108,12 +110,27 @@ def make_record(program: str, studies: Sequence[Study]) -> ValidityRecord:
     )
 
 
+def record_of_folder(file: ProgramFile, folder: Path, host: PluginHost) -> ValidityRecord:
+    """Return the record of the rows in a results folder. The record that is stored there is not trusted.
+
+    Raises `UsageError` if the folder has no studies, or if a command is writing to it.
+    """
+    planned = plan_program(file, host)
+    if not any((folder / plan.name).is_dir() for plan in planned):
+        raise UsageError(
+            f"`{folder}` holds no studies of the program `{file.program.name}`",
+            hint="name the folder that `lingjing bench validity -o DIR` wrote",
+        )
+    with open_studies(planned, folder, LocalExecutor(), reading=True) as studies:
+        return make_record(file.program.name, studies)
+
+
 def _recorded(study: Study) -> RecordedStudy:
     rows = study.run.results.rows
     return RecordedStudy(
         study=study.planned.name,
         compares=(study.planned.part.compares or "") if isinstance(study, PartStudy) else "",
-        benchmark=next((row.benchmark for row in rows), ""),
+        benchmark=tuple(sorted({row.benchmark for row in rows})),
         code=tuple(sorted({row.code for row in rows})),
         split=next((row.split_sha256 for row in rows), ""),
     )
@@ -215,5 +232,5 @@ def _json(value: object) -> str:
 
 __all__ = [
     "RECORD", "RecordedAdversary", "RecordedCell", "RecordedStudy", "ValidityRecord", "encode_record", "make_record",
-    "ranges", "read_record", "seeds_of",
+    "ranges", "read_record", "record_of_folder", "seeds_of",
 ]  # fmt: skip

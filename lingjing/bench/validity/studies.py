@@ -259,9 +259,10 @@ class AdversaryStudy:
 @contextmanager
 def open_studies(
     planned: Sequence[Planned], folder: Path, executor: Executor, *, strict: bool = False, keep: bool = False,
-    other_code: bool = False,
+    other_code: bool = False, reading: bool = False,
 ) -> Iterator[tuple[Study, ...]]:  # fmt: skip
     """Yield the studies in folders below `folder`, which are made and locked. `strict`: every wall must stand.
+    `reading`: nothing will be played, so that rows of another version may stand there.
 
     Raises `UsageError` before anything is played if a folder cannot be written, or holds rows that may not stand beside
     new ones, as `lingjing bench` does.
@@ -281,8 +282,9 @@ def open_studies(
                 run.salt = str(make_salt(results.folder).absolute()) if plan.part.compares == "redrawn" else ""
                 run.policy_seed = plan.part.policy_seed
                 studies.append(PartStudy(plan, run))
-            run.check_split(plan.plan.cells)
-            run.check_resumable(other_code=other_code)
+            if not reading:
+                run.check_split(plan.plan.cells)
+                run.check_resumable(other_code=other_code)
         yield tuple(studies)
 
 

@@ -1,0 +1,131 @@
+"""The page on validity: it shows the stored record, names tests that exist, and states numbers that are computed."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+import lingjing
+from benchmarks import validity
+from lingjing.errors import ExitCode
+from lingjing.testing import run_command
+from tests.bench import test_published_flaws
+from tests.bench.suite_kit import read_results
+
+ROOT = Path(lingjing.__file__).parents[1]
+PAGE = (ROOT / validity.PAGE).read_text(encoding="utf-8")
+
+
+def test_it_shows_the_stored_record() -> None:
+    record = validity.stored_record()
+    assert validity.page_with(PAGE, record) == PAGE, "write it: python -m benchmarks.validity --write"
+    assert (validity.NOTHING in PAGE) is (record is None)
+    assert validity.NO_MODEL in PAGE and "never by number" in PAGE
+
+
+def test_each_class_of_flaws_has_its_tests() -> None:
+    listed = re.findall(r"^\| (\d) \| .* \| `(test_\d_)` \|$", PAGE, flags=re.MULTILINE)
+    assert [int(number) for number, _ in listed] == [1, 2, 3, 4, 5, 6, 7, 8]
+    for number, prefix in listed:
+        tests = [name for name in vars(test_published_flaws) if name.startswith(prefix)]
+        assert prefix == f"test_{number}_" and tests
+    all_tests = {name[:7] for name in vars(test_published_flaws) if name.startswith("test_")}
+    assert all_tests == {prefix for _, prefix in listed}
+
+
+def test_its_smallest_differences_are_computed(capsys: pytest.CaptureFixture[str]) -> None:
+    points = []
+    for suite, of in (("reference", "20 of one column"), ("main", "100 of one column"), ("main", "the 1200 episodes")):
+        assert run_command(["bench", suite, "--check"]) == ExitCode.OK
+        points += re.findall(rf"(\d+) points over {of}", capsys.readouterr().err)
+    few, many, whole = points
+    assert f"{few} points with 20 seeds of a column, {many} with 100, {whole} over the 1,200 episodes" in PAGE
+
+
+def test_its_commands_are_understood(capsys: pytest.CaptureFixture[str]) -> None:
+    parts = re.findall(r"`lingjing bench validity --parts ([\w ]+)`", PAGE)
+    assert parts
+    for names in parts:
+        assert run_command(["bench", "validity", "--check", "--parts", *names.split()]) == ExitCode.OK
+    assert run_command(["bench", "controls", "--check", "--limit", "1"]) == ExitCode.OK
+
+
+PROGRAM = """
+validity = 1
+name = "tiny"
+missions = ["queue"]
+[[parts]]
+name = "reference"
+tiers = [0]
+seeds = 2
+entrants = [{ policy = "oracle", sees = "truth" }, { policy = "heuristic", sees = "pictures" }]
+"""
+
+
+@pytest.fixture
+def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of the pages, into which the script writes."""
+    for path in (validity.PAGE, validity.README):
+        (tmp_path / path).parent.mkdir(exist_ok=True)
+        shutil.copy(ROOT / path, tmp_path / path)
+    (tmp_path / "benchmarks").mkdir()
+    monkeypatch.setattr(validity, "ROOT", tmp_path)
+    monkeypatch.setattr(validity, "STORE", tmp_path / "benchmarks" / "validity.json")
+    return tmp_path
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A results folder: the oracle has won, the heuristic has lost."""
+    from tests.bench.suite_kit import AnsweringExecutor, answered
+
+    def answer(task: object) -> object:
+        won = task.options.policy == "oracle"  # type: ignore[attr-defined]
+        return answered(task, success=won, reason="success" if won else "budget", scr=float(won))  # type: ignore[arg-type]
+
+    monkeypatch.setattr("lingjing.bench.executors.LocalExecutor", lambda jobs=1: AnsweringExecutor(answer))
+    (tmp_path / "tiny.toml").write_text(PROGRAM)
+    line = ["bench", "validity", "--program", str(tmp_path / "tiny.toml"), "-o", str(tmp_path / "out")]
+    assert run_command(line) == ExitCode.OK
+    return tmp_path / "out"
+
+
+def test_the_script_stores_the_rows_and_writes_both_pages(
+    root: Path, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = [str(folder), "--program", str(root / "tiny.toml")]
+    assert validity.main(line) == 1
+    assert "docs/validity.md: differs from the record" in capsys.readouterr().out
+    assert (root / validity.PAGE).read_text() == PAGE, "it writes only with --write"
+    assert validity.main([*line, "--write"]) == 0
+    page, readme = ((root / path).read_text() for path in (validity.PAGE, validity.README))
+    assert "| oracle † | truth | 100 [34, 100] (2/2) | – |" in page and "Nothing was played yet" not in page
+    assert "|queue-broadcast|2/2|–|0/2|–|\n|queue-star|2/2|–|0/2|–|\n" in readme
+    assert len(readme.split()) < 500
+    assert validity.main([]) == validity.main(line) == 0, "the pages agree with the stored record and with the rows"
+    (root / validity.PAGE).write_text(page.replace("(2/2)", "(2/3)"))
+    assert validity.main([]) == 1
+
+
+def test_an_edited_record_does_not_reach_the_pages(root: Path, folder: Path) -> None:
+    """The script reads the rows, not the record that lies beside them."""
+    file = folder / "validity.json"
+    file.write_text(file.read_text().replace('"entrant":"heuristic"', '"entrant":"heuristic","won":"0-1"'))
+    assert validity.main([str(folder), "--program", str(root / "tiny.toml"), "--write"]) == 0
+    assert "0/2" in (root / validity.README).read_text()
+    assert {row.report.success for row in read_results(folder / "reference-tier0") if row.entrant == "heuristic"} == {
+        False
+    }
+
+
+def test_a_missing_record_and_a_folder_without_studies_are_one_message(
+    root: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert validity.main([]) == 2
+    assert "error: cannot read" in capsys.readouterr().err
+    assert validity.main([str(root / "docs")]) == 2
+    assert "holds no studies of the program" in capsys.readouterr().err
+    assert sorted(path.name for path in (root / "docs").iterdir()) == ["validity.md"]
