@@ -2,7 +2,7 @@
 
 A page is run in a new folder, from top to bottom, as a reader would do it. Blocks of code mean:
 
-- `sh`: run by bash; it must end with exit code 0.
+- `sh`: run by bash; it must end with exit code 0. `console`: the same, with or without `$ ` before the commands.
 - any language with `title="FILE"`: written to that file. `diff` with a title changes the file: the lines that begin
   with a space or `-` are replaced by those that begin with a space or `+`.
 - `python` without a title: run in one interpreter for the whole page.
@@ -12,10 +12,11 @@ A comment before a block changes this: `<!-- skip: REASON -->` leaves the block 
 server and goes on when it has printed its first line, `<!-- exit: 1 -->` expects another exit code, and
 `<!-- needs: MODULE -->` leaves the block out if the module is not installed.
 
-A page with the comment `<!-- installs -->` gets an environment of its own, which `pip` may change.
+A block may be indented, as in a list or a tab. A page with the comment `<!-- installs -->` gets an environment of its
+own, which `pip` may change.
 
-Pages of `docs/tutorials` are run, and other pages that contain the comment `<!-- run -->`. `--list` prints the blocks
-without running them.
+Every page of `docs` with such blocks is run, except those of `OTHERS`. A line for each page says how long it took.
+`--list` prints the blocks without running them.
 
 Exit codes: 0 every block did what its page says, 1 one did not, 2 the arguments are wrong.
 """
@@ -33,6 +34,7 @@ import subprocess
 import sys
 import sysconfig
 import tempfile
+import textwrap
 import time
 import venv
 from collections.abc import Iterator
@@ -44,9 +46,42 @@ from typing import IO
 
 ROOT = Path(__file__).resolve().parent.parent
 FENCE = re.compile(
-    r"(?P<comments>(?:^<!--[^\n]*-->\n+)*)^```(?P<language>\w+)(?P<info>[^\n]*)\n(?P<body>.*?)^```$",
+    r"(?P<comments>(?:^ *<!--[^\n]*-->\n+)*)^(?P<indent> *)```(?P<language>\w+)(?P<info>[^\n]*)\n"
+    r"(?P<body>.*?)^(?P=indent)```$",
     re.MULTILINE | re.DOTALL,
 )
+RUNNABLE = ("sh", "console", "python")
+"""Languages of blocks that are run."""
+SHOWN = ("text", "ljs", "json", "toml", "yaml", "diff", "mermaid")
+"""Languages of blocks that are only shown, unless they have a title."""
+OTHERS = {
+    "attribution.md": "PENDING",
+    "envs.md": "PENDING",
+    "frames.md": "PENDING",
+    "generated.md": "PENDING",
+    "index.md": "PENDING",
+    "install.md": "PENDING",
+    "language.md": "PENDING",
+    "plugins.md": "PENDING",
+    "python.md": "PENDING",
+    "reports.md": "PENDING",
+    "reset-scenario.md": "PENDING",
+    "scaffolds.md": "PENDING",
+    "scale.md": "PENDING",
+    "scenes.md": "PENDING",
+    "supply-chain.md": "PENDING",
+    "testing.md": "PENDING",
+    "traces.md": "PENDING",
+    "trust.md": "PENDING",
+    "watching.md": "PENDING",
+    "adversaries.md": "a suite of hours",
+    "metrics.md": "its example needs a transformer model",
+    "models.md": "its examples need services of models",
+    "remote-engines.md": "a server and an engine that run until they are ended",
+    "sensors.md": "its example needs the trace of a mission with instance masks",
+    "studies.md": "suites of hours; `tests/bench/test_studies_page.py` parses its commands",
+}
+"""Pages whose blocks are not run and have no comments of their own: path in `docs` → reason."""
 COMMENT = re.compile(r"<!-- (skip|background|exit|needs)(?:: (.*?))? -->")
 TITLE = re.compile(r'title="([^"]+)"')
 LONGEST_S = 900.0
@@ -90,6 +125,16 @@ class Block:
         """Page and line, for messages."""
         return f"{self.page}:{self.line}"
 
+    @property
+    def commands(self) -> str:
+        """The text for bash."""
+        return re.sub(r"^\$ ", "", self.body, flags=re.MULTILINE) if self.language == "console" else self.body
+
+    @property
+    def is_run(self) -> bool:
+        """True if the runner writes or runs the block."""
+        return "skip" not in self.marks and bool(self.title or self.language in RUNNABLE)
+
 
 def blocks_of(page: Path) -> list[Block]:
     """The blocks of a page, in order."""
@@ -103,7 +148,7 @@ def blocks_of(page: Path) -> list[Block]:
                 line=text.count("\n", 0, match.start("body")) + 1,
                 language=match["language"],
                 title=title[1] if title else "",
-                body=match["body"],
+                body=textwrap.dedent(match["body"]) if match["indent"] else match["body"],
                 marks={name: words or "" for name, words in COMMENT.findall(match["comments"])},
             )
         )
@@ -176,7 +221,7 @@ class PageRun:
         if block.language == "python":
             return self._python(block.body)
         if "background" in block.marks:
-            self._serve(block.body)
+            self._serve(block.commands)
             return None
         return self._shell(block)
 
@@ -190,7 +235,7 @@ class PageRun:
 
     def _shell(self, block: Block) -> str:
         with tempfile.TemporaryFile("w+") as output:
-            process = self._start(block.body, output)
+            process = self._start(block.commands, output)
             try:
                 code = process.wait(LONGEST_S)
             except subprocess.TimeoutExpired:
@@ -257,7 +302,7 @@ def steps(page: Path) -> Iterator[tuple[Block, str | None]]:
     """The blocks of a page to run, with the expected output of each, or None."""
     blocks = blocks_of(page)
     for block, after in itertools.zip_longest(blocks, blocks[1:]):
-        if "skip" in block.marks or not (block.title or block.language in ("sh", "python")):
+        if not block.is_run:
             continue
         is_output = after is not None and after.language == "text" and not after.title and "skip" not in after.marks
         yield block, after.body if after is not None and is_output else None
@@ -296,8 +341,9 @@ def run_page(page: Path) -> float:
 
 def pages() -> list[Path]:
     """The pages with examples that are run."""
-    marked = [page for page in (ROOT / "docs").glob("*.md") if "<!-- run -->" in page.read_text(encoding="utf-8")]
-    return sorted([*marked, *(ROOT / "docs" / "tutorials").glob("*.md")])
+    docs = ROOT / "docs"
+    written = (page for page in sorted(docs.rglob("*.md")) if page.relative_to(docs).as_posix() not in OTHERS)
+    return [page for page in written if any(block.is_run for block in blocks_of(page))]
 
 
 def main() -> int:
@@ -309,7 +355,7 @@ def main() -> int:
     absent = [str(page) for page in args.pages if not page.is_file()]
     if absent:
         parser.error(f"there is no page {', '.join(absent)}")
-    failed = 0
+    failed, started = 0, time.monotonic()
     for page in [page.resolve() for page in args.pages] or pages():
         if args.list:
             for block, expected in steps(page):
@@ -327,6 +373,8 @@ def main() -> int:
             if left_out > 0:
                 lines[MOST_LINES:-MOST_LINES] = [f"[{left_out} lines]"]
             print("failed", *lines, sep="\n")
+    if not args.list:
+        print(f"all pages: {time.monotonic() - started:.0f} s")
     return 1 if failed else 0
 
 

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import fnmatch
+import re
 import sys
 from pathlib import Path
 
@@ -113,6 +114,43 @@ def test_a_page_is_run_from_top_to_bottom(tmp_path: Path) -> None:
     page.write_text(PAGE, encoding="utf-8")
     page_examples.run_page(page)
     assert [block.line for block, _ in page_examples.steps(page)] == [4, 8, 16, 22, 35, 39]
+
+
+def test_every_block_of_every_page_is_run_or_left_out_with_a_reason() -> None:
+    """`make docs` runs them; a block of a language that it does not know would be passed over."""
+    pages = [
+        page for page in sorted(DOCS.rglob("*.md")) if page.relative_to(DOCS).as_posix() not in page_examples.OTHERS
+    ]
+    blocks = [block for page in pages for block in page_examples.blocks_of(page)]
+    known = (*page_examples.RUNNABLE, *page_examples.SHOWN)
+    assert [f"{block.place}: {block.language}" for block in blocks if block.language not in known] == []
+    assert [block.place for block in blocks if block.marks.get("skip") == ""] == [], "`<!-- skip: REASON -->`"
+    passed_over = [block for block in blocks if block.language in page_examples.RUNNABLE and not block.is_run]
+    assert [block.place for block in passed_over if "skip" not in block.marks] == []
+    assert {page for page in pages if any(block.is_run for block in page_examples.blocks_of(page))} == {
+        *page_examples.pages()
+    }
+    assert all((DOCS / name).is_file() and reason for name, reason in page_examples.OTHERS.items())
+
+
+def test_fences_of_a_page_are_all_read() -> None:
+    """A fence that is not read, such as one that is not closed as it is opened, would be passed over."""
+    for page in sorted(DOCS.rglob("*.md")):
+        text = page.read_text(encoding="utf-8")
+        opened = re.findall(rf"^ *```(?:{'|'.join(page_examples.RUNNABLE)})\b", text, re.MULTILINE)
+        read = [block for block in page_examples.blocks_of(page) if block.language in page_examples.RUNNABLE]
+        assert len(read) == len(opened), page
+
+
+def test_indented_blocks_and_lines_of_a_console_are_commands(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(
+        "- item\n\n    ```console\n    $ echo 1 > a\n    cat a\n    ```\n\n    ```text\n    1\n    ```\n",
+        encoding="utf-8",
+    )
+    page_examples.run_page(page)
+    ((block, expected),) = page_examples.steps(page)
+    assert (block.commands, expected) == ("echo 1 > a\ncat a\n", "1\n")
 
 
 def test_a_page_without_examples_is_no_error(tmp_path: Path) -> None:
