@@ -55,7 +55,6 @@ RUNNABLE = ("sh", "console", "python")
 SHOWN = ("text", "ljs", "json", "toml", "yaml", "diff", "mermaid")
 """Languages of blocks that are only shown, unless they have a title."""
 OTHERS = {
-    "attribution.md": "PENDING",
     "envs.md": "PENDING",
     "frames.md": "PENDING",
     "generated.md": "PENDING",
