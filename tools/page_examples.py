@@ -52,7 +52,7 @@ FENCE = re.compile(
 )
 RUNNABLE = ("sh", "console", "python")
 """Languages of blocks that are run."""
-SHOWN = ("text", "ljs", "json", "toml", "yaml", "diff", "mermaid")
+SHOWN = ("text", "ljs", "json", "toml", "yaml", "diff", "mermaid", "xml")
 """Languages of blocks that are only shown, unless they have a title."""
 OTHERS = {
     "envs.md": "PENDING",
@@ -67,7 +67,6 @@ OTHERS = {
     "reset-scenario.md": "PENDING",
     "scaffolds.md": "PENDING",
     "scale.md": "PENDING",
-    "scenes.md": "PENDING",
     "supply-chain.md": "PENDING",
     "testing.md": "PENDING",
     "trust.md": "PENDING",
