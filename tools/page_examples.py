@@ -56,8 +56,6 @@ SHOWN = ("text", "ljs", "json", "toml", "yaml", "diff", "mermaid", "xml")
 """Languages of blocks that are only shown, unless they have a title."""
 OTHERS = {
     "envs.md": "PENDING",
-    "frames.md": "PENDING",
-    "generated.md": "PENDING",
     "index.md": "PENDING",
     "install.md": "PENDING",
     "language.md": "PENDING",
