@@ -64,8 +64,6 @@ OTHERS = {
     "reports.md": "PENDING",
     "reset-scenario.md": "PENDING",
     "scaffolds.md": "PENDING",
-    "scale.md": "PENDING",
-    "supply-chain.md": "PENDING",
     "testing.md": "PENDING",
     "trust.md": "PENDING",
     "adversaries.md": "a suite of hours",
