@@ -72,7 +72,7 @@ OTHERS = {
     "sensors.md": "its example needs the trace of a mission with instance masks",
     "studies.md": "suites of hours; `tests/bench/test_studies_page.py` parses its commands",
 }
-"""Pages whose blocks are not run and have no comments of their own: path in `docs` → reason."""
+"""Pages without comments of their own that are not run: path in `docs` → reason."""
 COMMENT = re.compile(r"<!-- (skip|background|exit|needs)(?:: (.*?))? -->")
 TITLE = re.compile(r'title="([^"]+)"')
 LONGEST_S = 900.0
