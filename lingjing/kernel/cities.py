@@ -7,6 +7,7 @@ import hashlib
 import msgspec
 from msgspec.structs import replace
 
+from lingjing.errors import UsageError
 from lingjing.mission.instance import Instance, SceneSpec
 from lingjing.plugins.building import build_city
 from lingjing.plugins.host import PluginHost
@@ -19,6 +20,9 @@ MAP_SCENE = "map"
 
 MOST_PLACES = 8
 """Largest number of placed instances in the cache; the oldest entry is evicted. Chosen."""
+
+ON_ROADS = ("traffic", "pedestrians", "cyclists", "signals")
+"""Options of a scene for which the road engine plays."""
 
 _placed: dict[bytes, tuple[Instance, City]] = {}
 
@@ -45,6 +49,7 @@ class CityBuilder:
             placed, city = _placed[key]
             return replace(placed, engine_options=instance.engine_options), city
         city = self._city(instance.scene)
+        _check_roads(instance, city)
         placed = anchor(instance, city, imported=imported)
         if hold and instance.scene.kind != MAP_SCENE:
             _placed[key] = placed, city
@@ -56,6 +61,17 @@ class CityBuilder:
         if self._last is None or self._last[0] != spec:
             self._last = spec, build_city(spec, self._host)
         return self._last[1]
+
+
+def _check_roads(instance: Instance, city: City) -> None:
+    """Raise `UsageError` if the scene wants something on the roads of a map that has none."""
+    options = instance.scene.options
+    wanted = [f"`{name}`" for name in ON_ROADS if options.get(name)]
+    if instance.scene.kind == MAP_SCENE and wanted and not city.network:
+        raise UsageError(
+            f"the scene `{city.id}` has no roads for {', '.join(wanted)}",
+            hint="remove it, or choose a map with streets",
+        )
 
 
 def _key(instance: Instance, *, imported: bool) -> bytes:

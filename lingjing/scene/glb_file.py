@@ -130,13 +130,19 @@ def _check_buffers(path: str, document: _Part, binary: int) -> None:
             raise glb_fault(path, "refers to data in another file", "export it as one .glb with its data inside")
         if buffer["byteLength"] > binary:
             raise glb_fault(path, f"is cut: it has {binary} of {buffer['byteLength']} bytes of data", "copy it again")
-    for accessor in document.get("accessors", ()):
-        if not 0 <= accessor["count"] <= 3 * MOST_TRIANGLES:
-            raise glb_fault(path, f"is too large: a part of it has {accessor['count']} values", "use fewer triangles")
     views = document.get("bufferViews", ())
     for view in views:
         if view.get("byteOffset", 0) + view["byteLength"] > document["buffers"][view["buffer"]]["byteLength"]:
             raise glb_fault(path, "is damaged: a part of its data lies outside of the file")
+    for accessor in document.get("accessors", ()):
+        count = accessor["count"]
+        if not 0 <= count <= 3 * MOST_TRIANGLES:
+            raise glb_fault(path, f"is too large: a part of it has {count} values", "use fewer triangles")
+        if (
+            "bufferView" in accessor
+            and accessor.get("byteOffset", 0) + count > views[accessor["bufferView"]]["byteLength"]
+        ):
+            raise glb_fault(path, f"is damaged: a part of it has fewer than its {count} values")  # a byte each at least
 
 
 def _textures(path: str, document: _Part, binary: bytes) -> Iterator[bytes]:
@@ -173,13 +179,20 @@ def _check_nodes(path: str, document: _Part) -> None:
             if not 0 <= channel["sampler"] < len(animation["samplers"]) or channel["target"].get("node", 0) >= len(
                 nodes
             ):
-                raise glb_fault(path, "is damaged: an animation refers to nothing", "export it without animations")
+                raise _lost_animation(path)
+        values = (sampler[end] for sampler in animation["samplers"] for end in ("input", "output"))
+        if not all(0 <= value < len(document.get("accessors", ())) for value in values):
+            raise _lost_animation(path)
     counts = [sum(_triangles(part, document) for part in mesh["primitives"]) for mesh in meshes]
     total = sum(counts[node["mesh"]] for node in nodes if "mesh" in node)
     if total > MOST_TRIANGLES:
         raise glb_fault(path, f"has {total} triangles, and at most {MOST_TRIANGLES} are drawn", "use fewer triangles")
     if not total:
         raise glb_fault(path, "shows no triangles, so it has no size")
+
+
+def _lost_animation(path: str) -> UsageError:
+    return glb_fault(path, "is damaged: an animation refers to nothing", "export it without animations")
 
 
 def _triangles(primitive: _Part, document: _Part) -> int:

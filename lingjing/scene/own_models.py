@@ -133,7 +133,9 @@ def _kept(file: GlbFile) -> OwnModel:
     points, faces, colours, nodes = _surface(file)
     low, high = points.min(axis=0), points.max(axis=0)
     spans = high - low
-    if not np.isfinite(points).all() or spans.max() < LEAST_M:
+    if not np.isfinite(points).all():
+        raise glb_fault(file.path, "has a corner without a place (no number)")
+    if spans.max() < LEAST_M:
         raise glb_fault(file.path, "has no size", "export it in metres")
     if spans.max() > MOST_M:
         raise glb_fault(
@@ -211,7 +213,9 @@ def _check_textures(file: GlbFile) -> None:
             image = PIL.Image.open(io.BytesIO(data), formats=("PNG", "JPEG", "WEBP"))
             if image.width * image.height <= MOST_PIXELS:
                 image.load()
-        except (OSError, SyntaxError, ValueError, PIL.Image.DecompressionBombError):
+        except PIL.Image.DecompressionBombError:
+            raise glb_fault(file.path, "has a texture that is too large", "use a smaller texture") from None
+        except (OSError, SyntaxError, ValueError):
             raise glb_fault(file.path, "has a damaged texture", "export it with PNG or JPEG textures") from None
         if image.width * image.height > MOST_PIXELS:
             why = f"has a texture of {image.width} by {image.height} pixels"

@@ -250,3 +250,47 @@ def test_the_pose_over_some_points_shows_all_of_them(spread_m: float) -> None:
     pose = pose_over(points)
     pixels = [world_to_pixel(pose, point) for point in points]
     assert all(pixel is not None and in_image(pose, *pixel[:2]) for pixel in pixels)
+
+
+STROLL = """
+ljs 2
+use std.air { quadrotor }
+
+mission stroll "A stroll" {
+  goal "Look."
+  scene map { file = "houses.osm", pedestrians = 5 }
+  clock { tick = 10 s, sync = 500 ms }
+  budget { ticks <= 1 }
+  region yard = box((0 m, -60 m), (40 m, -20 m))
+  asset uav : quadrotor { position = (0 m, 0 m, 30 m) }
+  agent pilot as pilot controls uav { observes uav.*, events }
+  success when uav in yard
+}
+"""
+
+
+def test_people_on_a_map_without_roads_are_one_message_and_no_episode(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    houses = Map(half_m=200.0)
+    houses.way(square(-50, -50, 20), {"building": "house"})
+    houses.write(folder / "houses.osm")
+    (folder / "stroll.ljs").write_text(STROLL, encoding="utf-8")
+    assert run_command(["run", "stroll.ljs", "--policy", "idle", "-o", "run"]) == ExitCode.USAGE
+    first, *more = capsys.readouterr().err.splitlines()
+    assert first == "error: the scene `map-houses` has no roads for `pedestrians`" and len(more) == 1
+    assert not (folder / "run").exists()
+
+
+def test_hints_for_a_map_at_a_pole_or_the_antimeridian_name_ways_to_choose_a_part(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = town().text()
+    for name, old, new in (("pole", "31.", "89."), ("antimeridian", "121.4", "-179.")):
+        (folder / f"{name}.osm").write_text(
+            text.replace(f'lat="{old}', f'lat="{new}').replace(f'lon="{old}', f'lon="{new}')
+        )
+        assert run_command(["run", "ufr", "--scene", f"{name}.osm", "-o", "run"]) == ExitCode.USAGE
+        error = capsys.readouterr().err
+        assert "where one frame does not fit" in error or "beyond 85 one frame does not fit" in error
+        assert "`lingjing scene build MAP --bbox=W,S,E,N`, or `bbox` of `scene map`" in error

@@ -53,13 +53,15 @@ def quads(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return points.astype("<f4"), places.astype("<f4"), faces.astype("<u4")
 
 
-def glb(change: Change = lambda document: None, count: int = 20, *, textured: bool = True) -> bytes:
+def glb(
+    change: Change = lambda document: None, count: int = 20, *, textured: bool = True, picture: tuple[int, int] = (8, 8)
+) -> bytes:
     """Return a file with one mesh, with a texture (left half red, right half blue) or a green factor."""
     points, places, faces = quads(count)
-    picture = np.zeros((8, 8, 3), np.uint8)
-    picture[:, :4, 0], picture[:, 4:, 2] = 255, 255
+    image = PIL.Image.new("RGB", picture, (0, 0, 255))
+    image.paste((255, 0, 0), (0, 0, picture[0] // 2, picture[1]))
     png = io.BytesIO()
-    PIL.Image.fromarray(picture).save(png, "PNG")
+    image.save(png, "PNG")
     blobs = [points.tobytes(), places.tobytes(), faces.tobytes(), png.getvalue()]
     views, data = [], b""
     for blob in blobs:
@@ -140,6 +142,11 @@ def _far(document: dict[str, Any]) -> None:
     document["nodes"][0]["scale"] = [1000, 1000, 1000]
 
 
+def _without_place(data: bytes) -> bytes:
+    first = quads(20)[0][0].tobytes()
+    return data.replace(first, struct.pack("<3f", float("nan"), 0.0, 0.0), 1)
+
+
 def _flat(document: dict[str, Any]) -> None:
     document["nodes"][0]["scale"] = [0, 0, 0]
 
@@ -166,12 +173,19 @@ BAD = {
     ),
     "its nodes are a circle": lambda: glb(lambda document: document["nodes"][0].update(children=[0])),
     "refers to nothing": lambda: glb(lambda document: document["nodes"][0].update(mesh=7)),
-    "is damaged": lambda: glb(lambda document: document["accessors"][0].update(count=90_000)),
+    "has fewer than its 90000 values": lambda: glb(lambda document: document["accessors"][0].update(count=90_000)),
     "an animation refers to nothing": lambda: glb(
         lambda document: document.update(
             animations=[{"samplers": [], "channels": [{"sampler": 0, "target": {"node": 0, "path": "rotation"}}]}]
         )
     ),
+    "an animation refers to (nothing)": lambda: glb(
+        lambda document: document.update(
+            animations=[{"samplers": [{"input": 7, "output": 8}], "channels": [{"sampler": 0, "target": {"node": 0}}]}]
+        )
+    ),
+    "has a texture that is too large": lambda: glb(picture=(20_000, 20_000)),
+    "has a corner without a place": lambda: _without_place(glb()),
     "beside its middle": lambda: glb(lambda document: _with_node(document, "mount_front", [9.0, 8.0, -4.0])),
     "another file": lambda: glb(lambda document: document["buffers"][0].update(uri="data.bin")),
 }

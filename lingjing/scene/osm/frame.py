@@ -21,6 +21,9 @@ FARTHEST_DEG = 85.0
 """Greatest latitude, degrees (chosen): nearer to a pole, meridians converge so fast that a box in degrees is no
 rectangle."""
 
+_PART = "`lingjing scene build MAP --bbox=W,S,E,N`, or `bbox` of `scene map`"
+"""The ways to choose a part of a map, for hints."""
+
 WORLD = (-180.0, -90.0, 180.0, 90.0)
 """The part that some programs state for every file, without regard to its content."""
 
@@ -112,12 +115,12 @@ def frame_of(box: DegreeBox, because: str) -> MapFrame:
         raise UsageError(
             f"the map reaches to {max(south, north, key=abs):.4f} degrees of latitude ({because}); beyond "
             f"{FARTHEST_DEG:g} one frame does not fit",
-            hint="choose a part farther from the pole with --bbox=W,S,E,N",
+            hint=f"choose a part farther from the pole: {_PART}",
         )
     if east <= west or east - west > 180.0:
         raise UsageError(
             "the map lies on both sides of the antimeridian (180 degrees), where one frame does not fit",
-            hint="choose one side with --bbox=W,S,E,N",
+            hint=f"choose one side: {_PART}",
         )
     origin = (south + north) / 2.0, (west + east) / 2.0
     rim = [from_geodetic(lat, lon, origin) for lat in (south, origin[0], north) for lon in (west, origin[1], east)]
@@ -126,12 +129,12 @@ def frame_of(box: DegreeBox, because: str) -> MapFrame:
     if max(wide, high) > LARGEST_M:
         raise UsageError(
             f"{wide / 1000:.0f} by {high / 1000:.0f} km ({because}) is more than a city of {LARGEST_M / 1000:.0f} km",
-            hint="choose a part of it with --bbox=W,S,E,N",
+            hint=f"choose a part of it: {_PART}",
         )
     if min(wide, high) < SMALLEST_M:
         raise UsageError(
             f"the map is {wide:.1f} by {high:.1f} m ({because}): too small for a city",
-            hint="choose a larger part with --bbox=W,S,E,N",
+            hint=f"choose a larger part: {_PART}",
         )
     west_m, south_m, east_m, north_m = (round(value, 3) for value in bounds)
     return MapFrame(box, because, origin, (west_m, south_m, east_m, north_m))
