@@ -8,6 +8,7 @@ import base64
 import json
 import math
 import re
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 from typing import NamedTuple
@@ -50,6 +51,13 @@ def placed(column: str) -> tuple[Instance, City]:
     name, _, mode = column.partition("-")
     mission = lingjing.compile(mission_file(name))
     return testing.placed(mission, seed=1, mode=mode)
+
+
+def briefs_of(instance: Instance) -> Iterator[Brief]:
+    """Yield the brief of each agent of an instance without a city."""
+    classes = tuple(dict.fromkeys(entity.type for entity in instance.entities))
+    for agent in instance.agents:
+        yield Projector(instance, 0, None).brief(agent, classes)
 
 
 def brief_of(column: str, agent: AgentSpec) -> Brief:

@@ -34,8 +34,8 @@ REMOVED = "its trace was removed"
 NO_TRACE = "its episode has no trace: the policy failed before it began"
 """The reasons for which a row cannot be checked."""
 
-_COMPARED = ("mission", "mode", "seed", "policy_seed", "tier", "success", "reason", "scr", "score", "ticks", "digest",
-             "frames_digest", "metrics", "family", "terciles", "perceived", "privileged")  # fmt: skip
+_COMPARED = ("mission", "mode", "seed", "policy_seed", "tier", "language", "success", "reason", "scr", "score", "ticks",
+             "digest", "frames_digest", "metrics", "family", "terciles", "perceived", "privileged")  # fmt: skip
 """The fields of a report that follow from its trace alone. Wall-clock seconds in `metrics` do as well."""
 
 
@@ -200,6 +200,7 @@ def _header_fault(row: SuiteRow, trace: Trace) -> str:
         "seed": (row.seed, public_seed(header.fingerprint, header.instance.seed)),
         "policy seed": (row.policy_seed, header.policy_seed),
         "tier": (row.tier, header.instance.tier),
+        "language": (row.language, header.instance.language),
         "evaluators": (options.evaluators, header.evaluators),
         "policy": (row.policy in {binding.policy for binding in header.bindings}, True),
         "walls": (options.isolate != "no", bool(header.fingerprint.get("walls"))),

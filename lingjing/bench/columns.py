@@ -13,6 +13,7 @@ from pathlib import Path
 from lingjing.data import data_path
 from lingjing.mission.evaluate import Scope, flag_of
 from lingjing.mission.instantiate import parameters
+from lingjing.mission.languages import ORIGINAL
 from lingjing.mission.model import Mission, Sweep
 from lingjing.mission.tiers import setting_number
 
@@ -31,11 +32,14 @@ class Column:
     """Parameter values (SI units) by name; empty: the mission's defaults."""
     tier: int = 0
     """The tier of the mission (`lingjing.mission.tiers`)."""
+    language: str = ORIGINAL
+    """The language of its texts (`lingjing.mission.languages`)."""
 
     @property
     def name(self) -> str:
-        """The column's name, such as `ssr-star`, `ssr-star-uavs=2` or, above tier 0, `ssr-star-tier1`."""
+        """The column's name, such as `ssr-star`, `ssr-star-uavs=2`, above tier 0 `ssr-star-tier1`, or `ssr-star-zh`."""
         tier = [f"tier{self.tier}"] if self.tier else []
+        tier += [self.language] if self.language != ORIGINAL else []
         return "-".join([self.mission, self.mode, *tier, *(f"{key}={value:g}" for key, value in self.settings.items())])
 
 
@@ -50,10 +54,11 @@ def columns(
     *,
     sweeps: bool = False,
     tiers: Mapping[str, int] | None = None,
+    language: str = ORIGINAL,
 ) -> tuple[Column, ...]:
     """Return every mission in every allowed mode (of `modes`, if set), at its defaults or at the values of its sweeps.
 
-    `tiers`: mission → its tier; 0 for a mission without an entry.
+    `tiers`: mission → its tier; 0 for a mission without an entry. `language`: that of all.
 
     Raises `MissionError` for a file that does not compile.
     """
@@ -63,7 +68,7 @@ def columns(
         mission = _compiled(path)
         for mode in mission.modes.allowed:
             for settings in (*({} for _ in range(not sweeps)), *(_swept(mission, mode) if sweeps else ())):
-                column = Column(path, mission.name, mode, settings, (tiers or {}).get(mission.name, 0))
+                column = Column(path, mission.name, mode, settings, (tiers or {}).get(mission.name, 0), language)
                 if chosen_modes is None or mode in chosen_modes:
                     columns_by_name.setdefault(column.name, column)
     return tuple(columns_by_name.values())

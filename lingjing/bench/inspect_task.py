@@ -47,6 +47,7 @@ from lingjing.bench.suite import seeds_of
 from lingjing.dsl.loading.load import load_mission
 from lingjing.errors import InfrastructureError, UsageError
 from lingjing.mission.instantiate import choose_mode
+from lingjing.mission.languages import ORIGINAL, in_language
 from lingjing.mission.tiers import USUAL, settings_of_tier, tiers_of
 from lingjing.play.asynchronous import arun
 from lingjing.play.report import ABORTED, EpisodeReport
@@ -68,23 +69,27 @@ def mission(
     mode: str | None = None,
     seeds: str = "0-4",
     tier: int | None = None,
+    language: str = ORIGINAL,
     respondent: Agent | str | None = None,
     **options: Any,
 ) -> Task:
     """A mission as a task, with one sample for each seed.
 
     `mission`: the name of a shipped mission or a file. `seeds`: `20` for 0 to 19, or `3-7`. `tier`: 1 by default, where
-    the mission declares it. `options`: those of `episode`. Raises `UsageError` and `MissionError` for wrong ones.
+    the mission declares it. `language`: `zh`, for example. `options`: those of `episode`. Raises `UsageError` and
+    `MissionError` for wrong ones.
     """
     loaded = load_mission(mission)
     chosen = choose_mode(loaded, mode)
     played = (USUAL if USUAL in tiers_of(loaded) else 0) if tier is None else tier
     settings_of_tier(loaded, played, chosen)  # refuses a tier that the mission does not declare
+    in_language(loaded, language)  # refuses a language that it lacks
+    spoken = "" if language == ORIGINAL else f"-{language}"
     samples = [
         Sample(
-            id=f"{loaded.name}-{chosen}-{played}-{seed}",
+            id=f"{loaded.name}-{chosen}-{played}{spoken}-{seed}",
             input=loaded.title,
-            metadata={"mission": mission, "mode": chosen, "tier": played, "seed": seed},
+            metadata={"mission": mission, "mode": chosen, "tier": played, "language": language, "seed": seed},
         )
         for seed in _seeds(seeds)
     ]
@@ -120,6 +125,7 @@ def episode(respondent: Agent | str | None = None, out: str | None = None, **opt
                     sample["mission"],
                     mode=sample["mode"],
                     tier=sample["tier"],
+                    language=sample["language"],
                     seed=sample["seed"],
                     policy="react",
                     policy_args={"model": str(get_model()), "base_url": url, "client": "direct", **options},

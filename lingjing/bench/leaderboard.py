@@ -96,8 +96,8 @@ def _played_by(rows: Sequence[SuiteRow], audits: Mapping[str, AuditMark]) -> Res
 
 
 _SHOWN_APART = frozenset(
-    {"mission", "seed", "salt", "policy_seed", "mode", "tier", "settings", "policy", "policies_for", "overview",
-     "calls", "calls_from", "max_cost", "max_tokens", "ledger", "sign"}
+    {"mission", "seed", "salt", "policy_seed", "mode", "tier", "language", "settings", "policy", "policies_for",
+     "overview", "calls", "calls_from", "max_cost", "max_tokens", "ledger", "sign"}
 )  # fmt: skip
 """The options that the page shows elsewhere, or that decide nothing."""
 

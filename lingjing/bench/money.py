@@ -183,7 +183,12 @@ def _of_cell(
     """Return the estimate of one episode of the cell."""
     column = cell.column
     instance = instantiate(
-        missions[column.mission], seed=0, mode=column.mode, settings=column.settings, tier=column.tier
+        missions[column.mission],
+        seed=0,
+        mode=column.mode,
+        settings=column.settings,
+        tier=column.tier,
+        language=column.language,
     )
     plugin = host.policy(cell.player.policy)
     if plugin.estimate is None:

@@ -31,6 +31,7 @@ from lingjing.errors import Fault, LingjingError, MissionError, UsageError, hint
 from lingjing.installed_plugins.discovery import installed_plugins
 from lingjing.mission.instance import GivenOption
 from lingjing.mission.instantiate import instantiate, parameters
+from lingjing.mission.languages import ORIGINAL, in_language
 from lingjing.mission.model import Mission
 from lingjing.mission.settings import read_setting
 from lingjing.mission.tiers import USUAL, tiers_of
@@ -128,11 +129,12 @@ def read_plan(
     *,
     models: Sequence[str] = (),
     tier: int | None = None,
+    language: str | None = None,
     isolate: Isolation = "no",
 ) -> SuitePlan:
     """Read and check a suite file. `policies` replace its entrants and need no model, `models` replace them and play
-    under the suite's options, `tier` replaces its tier. Policy files are loaded in separate processes, behind walls
-    unless `isolate` is `no`; so are installed policies that `host` does not offer.
+    under the suite's options, `tier` and `language` replace its own. Policy files are loaded in separate processes,
+    behind walls unless `isolate` is `no`; so are installed policies that `host` does not offer.
 
     Raises `UsageError` with the path of every error.
     """
@@ -143,6 +145,8 @@ def read_plan(
         document = {**document, "entrants": [{"model": model} for model in models]}
     if tier is not None:
         document = {**document, "tier": tier}
+    if language is not None:
+        document = {**document, "language": language}
     return plan_document(document, path, host, isolate=isolate)
 
 
@@ -185,6 +189,7 @@ def options_of_cell(
         policy_seed=policy_seed,
         mode=cell.column.mode,
         tier=cell.column.tier,
+        language=cell.column.language,
         settings=dict(cell.column.settings),
         evaluators=evaluators,
         blank_pictures=cell.player.blank_pictures,
@@ -242,6 +247,7 @@ class _Reader:
         self.missions: dict[str, Mission] = {}
         self.files: dict[str, Path] = {}
         self.tiers: dict[str, int] = {}
+        self.language = ORIGINAL
         self._document = document
         self._folder = folder
         self._host = host
@@ -255,6 +261,7 @@ class _Reader:
         modes = suite.modes if suite is not None else None
         self._check_modes("modes", modes, self.missions.values())
         self._choose_tiers(suite.tier if suite is not None else None)
+        self._choose_language(suite.language if suite is not None else ORIGINAL)
         args = suite.args if suite is not None else {}
         conditions = list(_parts(self._document, "conditions", SuiteCondition))
         places = self._columns(conditions, modes, sweeps=suite is not None and suite.sweeps)
@@ -389,11 +396,21 @@ class _Reader:
                 hint = f"its tiers: {known}; leave `tier` out to play each mission at its usual one"
                 self._fault("tier", f"`{mission.name}` declares no tier {tier}", hint)
 
+    def _choose_language(self, language: str) -> None:
+        """Choose the language of all missions. A mission without it is a fault, because tables have one language."""
+        for mission in self.missions.values():
+            try:
+                in_language(mission, language)
+            except UsageError as error:
+                self._fault("language", str(error), hint_of(error))
+        if not any(fault.where == "language" for fault in self.faults):
+            self.language = language
+
     def _columns(
         self, conditions: Sequence[tuple[int, SuiteCondition]], modes: Sequence[str] | None, *, sweeps: bool
     ) -> list[_Place]:
         if not conditions and not self._document.get("conditions"):
-            all_columns = columns(self.files.values(), modes, sweeps=sweeps, tiers=self.tiers)
+            all_columns = columns(self.files.values(), modes, sweeps=sweeps, tiers=self.tiers, language=self.language)
             return [
                 _Place("", column, _setting_name(column.settings) if sweeps else "", at=at)
                 for at, column in enumerate(all_columns)
@@ -436,7 +453,7 @@ class _Reader:
                     fine = self._check_settings(where, mission, mode, settings, whole)
                     if fine and whole:
                         tier = self.tiers[mission.name]
-                        column = Column(self.files[mission.name], mission.name, mode, settings, tier)
+                        column = Column(self.files[mission.name], mission.name, mode, settings, tier, self.language)
                         yield _Place(
                             where, column, condition.name, condition.args, condition.entrants, condition.baseline, at
                         )

@@ -12,6 +12,7 @@ import msgspec
 import lingjing
 from lingjing.data import data_path
 from lingjing.errors import UsageError
+from lingjing.mission.languages import ORIGINAL
 from lingjing.play.options import PlayOptions
 from lingjing.play.report import EpisodeReport
 
@@ -91,18 +92,23 @@ class SuiteRow(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def column(self) -> str:
-        """The column, such as `ssr-star`, or `ssr-star, tier 1` above tier 0."""
-        return column_label(self.mission, self.mode, self.tier)
+        """The column, such as `ssr-star`, `ssr-star, tier 1` above tier 0, or `ssr-star, zh` in another language."""
+        return column_label(self.mission, self.mode, self.tier, self.language)
 
     @property
     def tier(self) -> int:
         """The tier of the mission."""
         return self.options.tier
 
+    @property
+    def language(self) -> str:
+        """The language of the mission's texts and of the requests."""
+        return self.options.language
 
-def column_label(mission: str, mode: str, tier: int) -> str:
-    """The heading of a column: `ssr-star`, or `ssr-star, tier 1` above tier 0."""
-    return f"{mission}-{mode}{f', tier {tier}' if tier else ''}"
+
+def column_label(mission: str, mode: str, tier: int, language: str = ORIGINAL) -> str:
+    """The heading of a column: `ssr-star`, `ssr-star, tier 1` above tier 0, or `ssr-star, zh` in another language."""
+    return f"{mission}-{mode}{f', tier {tier}' if tier else ''}{f', {language}' if language != ORIGINAL else ''}"
 
 
 NEVER_BY_NUMBER = "tier 0 is comparable with the paper by protocol and never by number"
@@ -118,10 +124,19 @@ def tiers_in_words(missions: Iterable[tuple[int, str]]) -> str:
 
 
 def check_tiers(rows: Iterable[SuiteRow]) -> None:
-    """Raise `UsageError` if rows of one mission have different tiers, because no table compares these."""
+    """Raise `UsageError` if rows of one mission have different tiers or languages, because no table compares these."""
     tiers: dict[str, set[int]] = {}
+    languages: dict[str, set[str]] = {}
     for row in rows:
         tiers.setdefault(row.mission, set()).add(row.tier)
+        languages.setdefault(row.mission, set()).add(row.language)
+    for mission, spoken in languages.items():
+        if len(spoken) > 1:
+            listed = " and ".join(sorted(spoken))
+            raise UsageError(
+                f"the rows of `{mission}` have the languages {listed}, which no table compares",
+                hint="name results of one language",
+            )
     for mission, several in tiers.items():
         if len(several) > 1:
             listed = " and ".join(map(str, sorted(several)))

@@ -374,7 +374,14 @@ def _served(record: Path) -> str:
 def _played_on(episode: SuiteEpisode) -> tuple[object, ...]:
     """Return the key of the instance; episodes with one key share a placed world."""
     column = episode.cell.column
-    return str(column.path), column.mode, column.tier, tuple(sorted(column.settings.items())), episode.seed
+    return (
+        str(column.path),
+        column.mode,
+        column.tier,
+        column.language,
+        tuple(sorted(column.settings.items())),
+        episode.seed,
+    )
 
 
 def cost_of(row: SuiteRow) -> float:

@@ -157,6 +157,7 @@ class Suite(SuitePart):
     tier: int | None = Field(
         None, ge=0, le=HIGHEST, description="the missions' tier (default: 1 for missions that declare it, else 0)"
     )
+    language: ShortText = Field("en", description="the language of goal, prompts, rules and requests, by its code")
     sweeps: bool = Field(False, description="play the values of the missions' sweeps")
     evaluators: tuple[ShortText, ...] = Field(
         ("mission",), min_length=1, strict=False, description="the evaluators that score"

@@ -31,6 +31,9 @@ _LOOKS = ("kinds.json", "mission/appearance.py", "engines/camera", "scene/own_mo
 _DRAWING = ("mission/draws.py", "mission/seeding.py", "mission/instantiate.py", "mission/tiers.py", "mission/salts.py")
 """The modules that draw instances from seeds."""
 
+_WORDS = ("mission/phrases.zh.json", "plugins/phrases.zh.json", "kernel/phrases.zh.json")
+"""The texts for agents in other languages than English."""
+
 _PROMPTS = "prompts"
 """The folders of prompts in the packages of this project's policies."""
 
@@ -52,7 +55,7 @@ def _common() -> str:
     root, digest = Path(lingjing.__file__).parent, hashlib.sha256()
     library = sorted((*data_path("std").glob("*.ljs"), *data_path("scenarios").glob("*.ljs")))
     files = [(path.name, path) for path in library]
-    files += [(name, path) for part in (*_JUDGING, *_LOOKS, *_DRAWING) for name, path in _files(root, part)]
+    files += [(name, path) for part in (*_JUDGING, *_LOOKS, *_DRAWING, *_WORDS) for name, path in _files(root, part)]
     files += list(_prompts())
     for name, path in files:
         content = path.read_bytes()

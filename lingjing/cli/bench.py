@@ -110,6 +110,7 @@ def _add_play(play: ArgumentParser) -> None:
     play.add_argument(
         "--tier", metavar="N", help="the missions' tier (default: the suite's; else 1 where a mission declares it)"
     )
+    play.add_argument("--language", metavar="CODE", help="the language of the missions (default: the suite's, or en)")
     play.add_argument("--entrants", metavar="NAME", nargs="+", help="only these entrants of the suite")
     play.add_argument("--seeds", metavar="A-B", help="seeds in place of the suite's, both ends included")
     play.add_argument("--limit", metavar="N", type=int, help="only the first N seeds")
@@ -194,7 +195,13 @@ def _play(args: argparse.Namespace) -> int:
     shard = _parse_shard(args.shard) if args.shard else None
     tier = parse_tier(args.tier) if args.tier is not None else None
     plan = read_plan(
-        path, PluginHost(), args.policy or (), models=args.models or (), tier=tier, isolate=_isolation(args)
+        path,
+        PluginHost(),
+        args.policy or (),
+        models=args.models or (),
+        tier=tier,
+        language=args.language,
+        isolate=_isolation(args),
     )
     cells = chosen_cells(plan, args.missions or (), args.modes or (), args.entrants or (), prefix="--")
     seeds = parse_seeds(args.seeds) if args.seeds else plan.suite.seeds

@@ -61,6 +61,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--mode", metavar="MODE", help="communication mode (default: the mission's)")
     parser.add_argument("--tier", metavar="N", help="tier of difficulty: 0 (default), or one that the mission declares")
+    parser.add_argument(
+        "--language", metavar="CODE", help="language of goal, prompts, rules and requests: en (default), zh, …"
+    )
     parser.add_argument("--set", metavar="NAME=VALUE", action="append", default=[], help="set a mission parameter")
     parser.add_argument("--policy", metavar="NAME|FILE.py:CLASS", help="the policy of all agents (default heuristic)")
     parser.add_argument(
@@ -241,6 +244,7 @@ def _options(args: argparse.Namespace, errors: ErrorCollector) -> tuple[PlayOpti
         "mode": args.mode,
         "scene": args.scene,
         "tier": errors.attempt(lambda: parse_tier(args.tier), None) if args.tier is not None else None,
+        "language": args.language,
         "world": args.world,
         "sign": args.sign,
         "evaluators": args.evaluator,
@@ -281,7 +285,14 @@ def _check_settings(settings: list[str], mission: Mission, options: PlayOptions)
     from lingjing.mission.instantiate import instantiate
 
     try:
-        instantiate(mission, seed=options.seed, mode=options.mode, settings=options.settings, tier=options.tier)
+        instantiate(
+            mission,
+            seed=options.seed,
+            mode=options.mode,
+            settings=options.settings,
+            tier=options.tier,
+            language=options.language,
+        )
     except UsageError:  # reported later with all other errors
         return options
     except MissionError as error:

@@ -26,6 +26,7 @@ from lingjing.mission.appearance import PHYSICAL
 from lingjing.mission.functions import GNSS, IMU
 from lingjing.mission.instance import AgentSpec, Cell, ChannelSpec, Entity, Instance, Weather
 from lingjing.mission.kinds import admitted, engine_kind
+from lingjing.mission.languages import ORIGINAL
 from lingjing.mission.schedule import Schedule
 from lingjing.mission.seeding import integer
 from lingjing.mission.vocabulary import DORMANT
@@ -113,6 +114,9 @@ class Projector:
             rules=self._rules,
             failures=self._failures,
             limits=instance.limits,
+            language=instance.language,
+            local_rules=self._local_rules,
+            local_failures=self._local_failures,
             bounds=None if self._city is None else reachable(self._city.bounds),
             payload_bytes=instance.comms.payload_bytes,
             delay_ticks=instance.comms.delay_ticks,
@@ -161,6 +165,16 @@ class Projector:
     @cached_property
     def _failures(self) -> tuple[str, ...]:
         return failure_sentences(self._instance)
+
+    @cached_property
+    def _local_rules(self) -> tuple[str, ...]:
+        language = self._instance.language
+        return () if language == ORIGINAL else rule_sentences(self._instance, language)
+
+    @cached_property
+    def _local_failures(self) -> tuple[str, ...]:
+        language = self._instance.language
+        return () if language == ORIGINAL else failure_sentences(self._instance, language)
 
     @cached_property
     def _rules(self) -> tuple[str, ...]:

@@ -37,7 +37,7 @@ Modules in control-flow order:
 - `settings`: parameter values as text. `schedule`: the declared world under the events that have occurred.
 - `conditions`: one reading of all conditions: the quantities and needs of each. `feasibility`: proofs that a mission
   cannot be won. `tasks`: the members of each group that success requires.
-- `wording`: placeholders in texts, and values in words.
+- `wording`: placeholders in texts, and values in words. `languages`: the languages of texts, and catalogues of them.
 - `graph`, `draw`: the mission as typed nodes and edges, and its pictures in SVG, Mermaid and DOT.
 
 In: a file's text or a compiled `Mission`. Out: an `Instance`, in which everything but the rules is a plain value.

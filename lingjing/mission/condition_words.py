@@ -10,12 +10,27 @@ import msgspec
 
 from lingjing.mission import expression as ex
 from lingjing.mission.fold import Composite, Literal, Meaning, meaning
-from lingjing.mission.functions import OPERATIONS, Operation, operation
+from lingjing.mission.functions import OPERATIONS, operation
+from lingjing.mission.languages import ORIGINAL, phrases
 
-_NOT = OPERATIONS["not"].words.partition("{")[0]
-"""The words before an inverted condition."""
+_INVERSE = OPERATIONS["not"].words
+"""The words of an inverted condition."""
 
-_AGGREGATES = {"count": "the number of {1} for which {0}", "sum": "the sum of {0} over {1}"}
+_AGGREGATES = {
+    "count": "the number of {1} for which {0}",
+    "sum": "the sum of {0} over {1}",
+    "min": "the minimum of {0} over {1}",
+    "max": "the maximum of {0} over {1}",
+}
+_JOINED = {"and": "{0} and {1}", "or": "{0} or {1}"}
+_QUANTIFIED = {"forall": "for every {0}, {1}", "exists": "for some {0}, {1}"}
+_ONE_OF = "{0} is one of {1}"
+_HOLDS, _HOLDS_FOR = "*{0}* holds", "*{0}* holds for {1}"
+_IF, _EVERY = "if {0}, then {1}", "every {0}"
+SENTENCES = (
+    *_AGGREGATES.values(), *_JOINED.values(), *_QUANTIFIED.values(), _ONE_OF, _HOLDS, _HOLDS_FOR, _IF, _EVERY,
+)  # fmt: skip
+"""The wordings of this module, beside those of the table of operations."""
 _SIGNS = {"<": "<", "<=": "≤", ">": ">", ">=": "≥"}
 _TURNED = {"<": ">", "<=": "≥", ">": "<", ">=": "≤"}
 
@@ -35,12 +50,15 @@ class ConditionWords:
     groups.
 
     `text` writes expressions that have no words of their own. `declared` holds the values of the properties of groups,
-    as text, by (group, property).
+    as text, by (group, property). `language` is that of the words.
     """
 
-    def __init__(self, text: Callable[[ex.Expr], str], declared: Mapping[tuple[str, str], str]) -> None:
+    def __init__(
+        self, text: Callable[[ex.Expr], str], declared: Mapping[tuple[str, str], str], language: str = ORIGINAL
+    ) -> None:
         self._text = text
         self._declared = declared
+        self._phrases = phrases(language, __package__)
 
     def sentence(self, condition: ex.Expr) -> str:
         """The condition as a sentence without a full stop, in the order in which it is written."""
@@ -80,7 +98,7 @@ class ConditionWords:
 
     def apply(self, node: Composite, operands: tuple[Meaning, ...]) -> Meaning:
         """The operation in the words of the table of functions; as it is written if it has no words there."""
-        text, operation_entry, shape = self._text(node), operation(node), _shape(node, len(operands))
+        text, operation_entry, shape = self._text(node), operation(node), self._shape(node, len(operands))
 
         def phrase(names: Mapping[str, str], bounds: list[str]) -> _ConditionText:
             parts = [operand(names, bounds) for operand in operands]
@@ -89,7 +107,8 @@ class ConditionWords:
             words = shape.format(*[part.words for part in parts]) if shape else f"`{text}`"
             if isinstance(node, ex.Binary) and node.operator == "or" and _is_inverse(node.left):
                 # "not A or B" has two readings in prose, "if A, then B" has one.
-                words = f"if {parts[0].words.removeprefix(_NOT)}, then {parts[1].words}"
+                before = self._phrases.text(_INVERSE).partition("{")[0]
+                words = self._phrases.text(_IF).format(parts[0].words.removeprefix(before), parts[1].words)
             return _ConditionText(words, text, operation_entry.measure if operation_entry else None)
 
         return phrase
@@ -100,13 +119,31 @@ class ConditionWords:
 
         def phrase(names: Mapping[str, str], bounds: list[str]) -> _ConditionText:
             inner = body({**names, node.variable: node.domain}, bounds).words
+            own = self._phrases.text
             if isinstance(node, ex.Quantified):
-                amount = "every" if node.quantifier == "forall" else "some"
-                return _ConditionText(f"for {amount} {group_words}, {inner}", text)
-            shape = _AGGREGATES.get(node.function, f"the {node.function}imum of {{0}} over {{1}}")
-            return _ConditionText(shape.format(inner, f"every {group_words}"), text)
+                return _ConditionText(own(_QUANTIFIED[node.quantifier]).format(group_words, inner), text)
+            shape = own(_AGGREGATES[node.function])
+            return _ConditionText(shape.format(inner, own(_EVERY).format(group_words)), text)
 
         return phrase
+
+    def _shape(self, node: Composite, count: int) -> str:
+        """The wording of an operation with `count` operands, `{0}` for the first of them; "" if it has no words."""
+        own = self._phrases.text
+        match node:
+            case ex.Binary(operator="and" | "or" as joined):
+                return own(_JOINED[joined]).format(_side(node, node.left, 0), _side(node, node.right, 1))
+            case ex.Binary(operator="in", right=ex.Sequence()):
+                return own(_ONE_OF)
+            case ex.Call(rule=True, function=name) if count == 0:
+                return own(_HOLDS).format(name)
+            case ex.Call(rule=True, function=name):
+                first, *others = (f"{{{number}}}" for number in range(count))
+                for other in others:
+                    first = own(_JOINED["and"]).format(first, other)
+                return own(_HOLDS_FOR).format(name, first)
+        operation_entry = operation(node)
+        return "" if operation_entry is None else _worded(own(operation_entry.words), count)
 
     def _written(self, node: ex.Expr) -> Meaning:
         text = self._text(node)
@@ -117,28 +154,14 @@ def _is_inverse(node: ex.Expr) -> bool:
     return isinstance(node, ex.Unary) and node.operator == "not"
 
 
-def _shape(node: Composite, count: int) -> str:
-    """The wording of an operation with `count` operands, `{0}` for the first of them; "" if it has no words."""
-    match node:
-        case ex.Binary(operator="and" | "or" as joined):
-            return f"{_side(node, node.left, 0)} {joined} {_side(node, node.right, 1)}"
-        case ex.Binary(operator="in", right=ex.Sequence()):
-            return "{0} is one of {1}"
-        case ex.Call(rule=True, function=name):
-            operands_words = " and ".join(f"{{{number}}}" for number in range(count))
-            return f"*{name}* holds for {operands_words}" if operands_words else f"*{name}* holds"
-    operation_entry = operation(node)
-    return "" if operation_entry is None else _worded(operation_entry, count)
-
-
 def _side(node: ex.Binary, side: ex.Expr, number: int) -> str:
     mixed = isinstance(side, ex.Binary) and side.operator in ("and", "or") and side.operator != node.operator
     return f"({{{number}}})" if mixed else f"{{{number}}}"
 
 
-def _worded(operation_entry: Operation, count: int) -> str:
+def _worded(wording: str, count: int) -> str:
     """The wording for this number of operands: the part in brackets is left out if its operand is absent."""
-    always, _, more = operation_entry.words.partition("[")
+    always, _, more = wording.partition("[")
     for words in (always + more.rstrip("]"), always):
         if words.count("{") == count:
             return words

@@ -527,6 +527,8 @@ class Instance(Record, frozen=True, kw_only=True):
     drawn anew: with this seed a group of another size has other values."""
     tier: int = 0
     """The tier of which `settings` has the values; `lingjing.mission.tiers`."""
+    language: str = "en"
+    """The code of the language of the goal and the prompts; `lingjing.mission.languages`."""
 
     @property
     def mode(self) -> str:

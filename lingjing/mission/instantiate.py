@@ -40,6 +40,7 @@ from lingjing.mission.instance import Budget, Cell, Clock, Entity, Instance, Opt
 from lingjing.mission.instance_entities import at_path, datum, entities, holds, member_ids, single
 from lingjing.mission.interactions import unrestricted_unlocks
 from lingjing.mission.kinds import SEA_M, scene_kind
+from lingjing.mission.languages import ORIGINAL, in_language
 from lingjing.mission.requirements import repeated_draws, unmet
 from lingjing.mission.seeding import integer, redrawn_path
 from lingjing.mission.tiers import with_tier
@@ -62,13 +63,16 @@ def instantiate(
     mode: str | None = None,
     settings: Mapping[str, float] | None = None,
     tier: int = 0,
+    language: str = ORIGINAL,
 ) -> Instance:
-    """Apply seed, mode, tier and settings (SI values by parameter name, over those of the tier) to a mission.
+    """Apply seed, mode, tier, language and settings (SI values by parameter name, over those of the tier) to a mission.
 
     Equal arguments give equal instances in every process. If the draws do not meet a requirement, those on which it
     depends are drawn anew, at most `REDRAWS` times. Raises `UsageError` with all errors of mode and settings (faults at
-    `mode`, `tier` and `settings.NAME`), `MissionError` if the mission cannot be evaluated or a requirement is not met.
+    `mode`, `tier`, `language` and `settings.NAME`), `MissionError` if the mission cannot be evaluated or a requirement
+    is not met.
     """
+    mission = in_language(mission, language)
     redraws: dict[str, int] = {}
     hidden_redraws: dict[str, int] = {}
     settings = with_tier(mission, tier, choose_mode(mission, mode), settings or {}) if tier else settings
@@ -85,7 +89,7 @@ def instantiate(
                     raise _unmet_error(requirement, seed, sorted(names), hidden_only=repeated.hidden_only)
             counts = hidden_redraws if repeated.hidden_only else redraws
             counts |= {name: counts.get(name, 0) + 1 for name in names}
-    return instance
+    return instance if language == ORIGINAL else msgspec.structs.replace(instance, language=language)
 
 
 def _unmet_error(requirement: model.Requirement, seed: int, names: list[str], *, hidden_only: bool) -> MissionError:

@@ -360,6 +360,8 @@ class Agent(Record, frozen=True, kw_only=True):
     observes: tuple[Channel, ...] = ()
     prompt: str = ""
     """Its prompt, with placeholders."""
+    prompts: dict[str, str] = {}
+    """The prompt in other languages, by their codes."""
     when: Guard | None = None
     budget: AllowanceDeclaration | None = None
     """Its own limits; None if it has none."""
@@ -764,6 +766,8 @@ class Mission(Record, frozen=True, kw_only=True):
     tiers: tuple[Tier, ...] = ()
     capabilities: tuple[str, ...] = ()
     """The abilities that the task requires, the paper's tags L, N, P, V and C."""
+    goals: dict[str, str] = {}
+    """The goal in other languages, by their codes (`lingjing.mission.languages`)."""
 
     def __repr__(self) -> str:
         """One line; `lingjing.mission.document.encode` writes the complete mission."""

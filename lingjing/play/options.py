@@ -56,6 +56,8 @@ class PlayOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """The communication mode; None for the mission's default."""
     tier: int = 0
     """The tier in which the mission is played."""
+    language: str = "en"
+    """The language of goal, prompts, rules and requests, by its code."""
     settings: dict[str, float] = {}
     """Values of the mission's parameters, SI units; they replace those of the tier."""
     evaluators: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)] = ("mission",)
@@ -100,6 +102,7 @@ class Changes(TypedDict, total=False):
     policy_seed: int
     mode: str | None
     tier: int
+    language: str
     settings: Mapping[str, float]
     evaluators: Sequence[str]
     world: Literal["process", "inline"]

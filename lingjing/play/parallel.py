@@ -336,6 +336,7 @@ def _instance_options(options: PlayOptions) -> PlayOptions:
         salt=options.salt,
         mode=options.mode,
         tier=options.tier,
+        language=options.language,
         settings=options.settings,
         engine_args=options.engine_args,
     )

@@ -103,7 +103,14 @@ def _drawn(options: PlayOptions, mission: Mission, errors: ErrorCollector) -> In
     """Return the instance. If mode or settings are rejected, return one without them; None if there is none."""
     seed = errors.attempt(lambda: instance_seed(options.salt, options.seed), options.seed)
     try:
-        return instantiate(mission, seed=seed, mode=options.mode, settings=options.settings, tier=options.tier)
+        return instantiate(
+            mission,
+            seed=seed,
+            mode=options.mode,
+            settings=options.settings,
+            tier=options.tier,
+            language=options.language,
+        )
     except MissionError as error:
         errors.add(error)
         return None

@@ -58,6 +58,7 @@ class EpisodeCalls:
             policy_seed=options.policy_seed,
             settings=options.settings,
             tier=options.tier,
+            language=options.language,
         )
         ledger = Path(options.ledger).absolute() if options.ledger else None
         self.limits = SpendingLimits(options.max_cost, options.max_tokens, ledger)

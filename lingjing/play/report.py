@@ -102,6 +102,8 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     """True if a policy received the truth."""
     tier: int = 0
     """The tier of the mission (`lingjing.mission.tiers`)."""
+    language: str = "en"
+    """The language of the mission's texts (`lingjing.mission.languages`)."""
 
     @property
     def folder(self) -> Path:
@@ -167,6 +169,7 @@ class SeedsReport(msgspec.Struct, frozen=True, kw_only=True):
     episodes: tuple[EpisodeReport, ...]
     """The reports of the episodes."""
     tier: int = 0
+    language: str = "en"
 
 
 def end_without_result(code: int) -> str:
@@ -186,6 +189,7 @@ def report_of(trace: Trace, policy: str) -> EpisodeReport:
         policy=policy,
         policy_seed=trace.header.policy_seed,
         tier=instance.tier,
+        language=instance.language,
         success=outcome.success,
         reason=outcome.reason,
         scr=outcome.scr,
@@ -233,6 +237,7 @@ def summarise(episodes: Sequence[EpisodeReport], *, seeds: str, folder: str) -> 
         seed=seeds,
         mode=episodes[0].mode,
         tier=episodes[0].tier,
+        language=episodes[0].language,
         policy=episodes[0].policy,
         success=all(episode.success for episode in episodes),
         reason=", ".join(f"{reason} {number}" for reason, number in sorted(reasons.items())),

@@ -63,6 +63,7 @@ def share(text: str) -> None:
         mode=options.mode,
         settings=options.settings,
         tier=options.tier,
+        language=options.language,
     )
     if instance.scene.kind not in host.scenes:
         return

@@ -19,7 +19,8 @@ kind has a Protocol, its values, and checks of conformance. `docs/plugins.md` li
 - `decisions`     the JSON Schema of an agent's decisions, for policies that another program answers for
 - `fleet`         the five methods over moving bodies ← `requests` (admission, receipts), `step_clock` (fixed steps)
 - `tasks`         the tasks of a mission, for policies that may see its rules
-- `prompts`       the prompts of a policy and their revision; `frame_detector` detects a target in a picture
+- `prompts`       the prompts of a policy and their revision; `languages` the catalogues of texts for agents
+- `frame_detector` detects a target in a picture
 - `stock`         the goods on board of an entity, which a mission declares as `state`
 - `bodies`        measures of entities; `terrain` the ground and its buildings; `roads` the public roads
 - `geometry`      camera rays and headings
@@ -31,6 +32,6 @@ Nothing here imports the kernel or a built-in engine, or names a shipped type or
 __all__ = [
     "asking", "backbone", "bodies", "building", "calls", "chat_model", "conformance", "contract", "decisions", "engine",
     "evaluator", "fleet", "foreign_errors", "frame_detector", "geometry", "hook_faults", "hookspecs", "host",
-    "loading", "lookup", "making", "model_access", "options", "policy", "policy_calls", "prompts", "requests", "roads",
-    "scaffold", "scaffold_parts", "step_clock", "stock", "tasks", "terrain",
+    "languages", "loading", "lookup", "making", "model_access", "options", "policy", "policy_calls", "prompts",
+    "requests", "roads", "scaffold", "scaffold_parts", "step_clock", "stock", "tasks", "terrain",
 ]  # fmt: skip

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 
-API_VERSION = "1.27"
+API_VERSION = "1.28"
 """MAJOR.MINOR. A new major version may remove or change a name; a new minor version adds names alone."""
 
 CONTRACT_MODULES = (
@@ -32,6 +32,7 @@ CONTRACT_MODULES = (
     "lingjing.plugins.frame_detector",
     "lingjing.plugins.geometry",
     "lingjing.plugins.hookspecs",
+    "lingjing.plugins.languages",
     "lingjing.plugins.lookup",
     "lingjing.plugins.model_access",
     "lingjing.plugins.options",

@@ -20,6 +20,7 @@ import msgspec
 
 from lingjing.decoding import converted, from_json
 from lingjing.mission.faults import faults_of
+from lingjing.mission.languages import phrases
 from lingjing.mission.model import Field
 from lingjing.mission.spec_schema import (
     REACH_M,
@@ -277,16 +278,19 @@ def field_values(brief: Brief, field: Field) -> str:
 
     The kernel admits any name. The listed names are those that a reader of the message understands.
     """
+    say = phrases(brief.language, __package__)
     if field.type == "number":
-        bounds = ((field.minimum, "at least"), (field.maximum, "at most"))
-        limits = [f"{word} {bound:g}" for bound, word in bounds if bound is not None]
-        return ", ".join(part for part in ("a number", *limits, field.unit) if part)
+        bounds = ((field.minimum, "at least {bound:g}"), (field.maximum, "at most {bound:g}"))
+        limits = [say(words, bound=bound) for bound, words in bounds if bound is not None]
+        return say.text(", ").join(part for part in (say("a number"), *limits, field.unit) if part)
     if field.type in ("name", "names"):
         names_of = _NAMED.get(field.name.removesuffix("s") if field.type == "names" else field.name)
         known = names_of(brief) if names_of else ()
-        many = "a list, each " if field.type == "names" else ""
-        return f"{many}one of {', '.join(known)}" if known else f"{many}{_FREE.get(field.name, 'a short word')}"
-    return _FLAGS.get(field.name, _MEANT[field.type])
+        many = say("a list, each ") if field.type == "names" else ""
+        if known:
+            return many + say("one of {names}", names=", ".join(known))
+        return many + say(_FREE.get(field.name, "a short word"))
+    return say(_FLAGS.get(field.name, _MEANT[field.type]))
 
 
 def _bodies(brief: Brief) -> tuple[str, ...]:

@@ -148,6 +148,12 @@ class Brief(msgspec.Struct, frozen=True, kw_only=True):
     """The part of `rules` that states what ends the mission as a failure."""
     limits: tuple[LimitSpec, ...] = ()
     """The counted budgets of the mission. All agents share each of them."""
+    language: str = "en"
+    """The code of the language of `goal` and `prompt`."""
+    local_rules: tuple[str, ...] = ()
+    """`rules` in that language; () where it is English. `rules` stay English, because programs read them."""
+    local_failures: tuple[str, ...] = ()
+    """`failures` in that language; () where it is English."""
     bounds: tuple[float, float, float, float] | None = None
     """West, south, east and north of the places that a command may name, metres; None for anywhere."""
     payload_bytes: int = 4000

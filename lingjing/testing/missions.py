@@ -69,13 +69,17 @@ def instantiate(
     mode: str | None = None,
     settings: Mapping[str, float] | None = None,
     tier: int = 0,
+    language: str = "en",
 ) -> Instance:
     """Return an instance: every random value is drawn with `seed`, and no entity is placed in a city yet.
 
     `mode` is a communication mode of the mission, None for its default; `settings` are values of its parameters in SI
-    units. Raises the errors of `compiled`, and `UsageError` for a mode, parameter or value that the mission excludes.
+    units; `language` is that of goal and prompts. Raises the errors of `compiled`, and `UsageError` for a mode,
+    parameter, value or language that the mission excludes.
     """
-    return instantiation.instantiate(compiled(source), seed=seed, mode=mode, settings=settings, tier=tier)
+    return instantiation.instantiate(
+        compiled(source), seed=seed, mode=mode, settings=settings, tier=tier, language=language
+    )
 
 
 def placed(

@@ -96,6 +96,7 @@ class CalledEpisode(msgspec.Struct, frozen=True, kw_only=True):
     settings: dict[str, float] = {}
     """The settings of the mission that the user set."""
     tier: int = 0
+    language: str = "en"
 
 
 def sha256(data: bytes) -> bytes:

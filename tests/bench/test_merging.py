@@ -40,8 +40,15 @@ def test_rows_of_two_tiers_stand_in_no_table(tmp_path: Path, capsys: pytest.Capt
     harder = written(tmp_path, "harder", made_row(entrant="b", options=PlayOptions(mission="ssr", policy="p", tier=1)))
     assert run_command(["bench", "table", str(paper), str(harder)]) == ExitCode.USAGE
     assert "the rows of `ssr` have the tiers 0 and 1, which no table compares" in capsys.readouterr().err
-    assert run_command(["bench", "table", str(harder)]) == ExitCode.OK
-    assert "tier 1: ssr (other tiers are harder than tier 0" in capsys.readouterr().out
+
+
+def test_rows_of_two_languages_stand_in_no_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    english = written(tmp_path, "english", made_row(entrant="a"))
+    spoken = PlayOptions(mission="ssr", policy="p", language="zh")
+    chinese = written(tmp_path, "chinese", made_row(entrant="b", options=spoken))
+    assert made_row(options=spoken).column == "ssr-star, zh"
+    assert run_command(["bench", "table", str(english), str(chinese)]) == ExitCode.USAGE
+    assert "the rows of `ssr` have the languages en and zh, which no table compares" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

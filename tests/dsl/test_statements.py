@@ -49,6 +49,7 @@ def test_each_part_of_a_mission_has_a_statement_that_is_checked_and_printed() ->
         "origin",
         "base",
         "weather_alternatives",
+        "goals",
     }
     assert parts == set(_CHECKS) | SINGLE
     assert all(has_layout(part) != (part in _WRITERS) for part in parts)

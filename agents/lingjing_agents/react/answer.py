@@ -10,6 +10,7 @@ import json
 import re
 
 from lingjing.plugins.decisions import JsonSchema, prompt_schema
+from lingjing.plugins.languages import Phrases
 from lingjing.plugins.policy import UnreadBox
 from lingjing.plugins.scaffold import ModelStep, StepError
 from lingjing_agents.react.facts import compact
@@ -40,9 +41,10 @@ class StepParser:
     The text does not depend on whether the service keeps answers to the schema: all models share the prompt.
     """
 
-    def __init__(self, form: StepFormat, *, in_text: bool = True) -> None:
+    def __init__(self, form: StepFormat, *, in_text: bool = True, say: Phrases | None = None) -> None:
         self._form = form
         self._in_text = in_text
+        self._say = say or Phrases()
 
     @property
     def instructions(self) -> str:
@@ -68,7 +70,10 @@ class StepParser:
 
     def repair(self, fault: str) -> str:
         """Return the text that requests another answer."""
-        return f"Your answer cannot be used: {fault}. Answer again with one valid JSON object and nothing else."
+        return self._say(
+            "Your answer cannot be used: {fault}. Answer again with one valid JSON object and nothing else.",
+            fault=fault,
+        )
 
 
 def step_text(text: str) -> str:

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 import msgspec
 
 from lingjing.plugins.decisions import altitude_band, argument_bounds, field_values, recipients, sendable
+from lingjing.plugins.languages import Phrases, phrases
 from lingjing.plugins.policy import (
     PHOTO,
     STOP,
@@ -26,31 +27,44 @@ from lingjing.plugins.policy import (
 )
 
 _VIEWS = {"nadir": "straight down", "front": "ahead", "oblique": "ahead and down"}
-_UNITS = {"m": "m", "deg": "degrees", "s": "s", "kg": "kg", "mps": "m/s"}
+_UNITS = {"deg": "degrees", "mps": "m/s"}
+"""Units in words, where they differ from the sign."""
 _TOLD = ("length_m", "width_m", "height_m")
 """Measures of a body that are left out, because no decision needs them."""
 
 
 def interface(brief: Brief) -> str:
     """Return the facts of a brief, in sections."""
+    say = phrases_of(brief)
+    nothing = [say("nothing: you only send messages; answer with command null.")]
     sections = (
-        ("YOU MAY COMMAND", _commands(brief) or ["nothing: you only send messages; answer with command null."]),
-        ("YOU MAY SEND", [*_messages(brief), *_extents(brief), *_speech(brief)]),
-        ("YOU MAY RECEIVE", list(_others(brief))),
+        ("YOU MAY COMMAND", _commands(brief, say) or nothing),
+        ("YOU MAY SEND", [*_messages(brief, say), *_extents(brief, say), *_speech(brief, say)]),
+        ("YOU MAY RECEIVE", list(_others(brief, say))),
         ("KNOWN FROM THE START", [compact(known(brief))]),
     )
-    return "\n\n".join(f"{head}\n" + "\n".join(lines) for head, lines in sections if lines)
+    return "\n\n".join(f"{say(head)}\n" + "\n".join(lines) for head, lines in sections if lines)
+
+
+def phrases_of(brief: Brief) -> Phrases:
+    """Return the texts of `react` in the language of the brief."""
+    return phrases(brief.language, __package__)
 
 
 def rules(brief: Brief) -> str:
     """Return the mission's rules, one a line."""
-    return "\n".join(f"- {sentence}." for sentence in brief.rules) or "- none are told."
+    say = phrases_of(brief)
+    lines = [say("- {sentence}.", sentence=sentence) for sentence in brief.local_rules or brief.rules]
+    return "\n".join(lines) or say("- none are told.")
 
 
 def goal_text(brief: Brief) -> str:
     """Return the goal with everything that ends the mission as a failure."""
-    late = f"The mission is lost if it is not won within {brief.ticks} ticks"
-    return " ".join((brief.goal, *(f"{sentence[0].upper()}{sentence[1:]}." for sentence in (*brief.failures, late))))
+    say = phrases_of(brief)
+    late = say("The mission is lost if it is not won within {ticks} ticks", ticks=brief.ticks)
+    sentences = (*(brief.local_failures or brief.failures), late)
+    ended = (say("{sentence}.", sentence=f"{sentence[0].upper()}{sentence[1:]}") for sentence in sentences)
+    return say.text(" ").join((brief.goal, *ended))
 
 
 def known(brief: Brief) -> dict[str, object]:
@@ -100,19 +114,20 @@ def tenths(values: Iterable[float]) -> list[float]:
 # -- commands
 
 
-def _commands(brief: Brief) -> list[str]:
-    return [line for resource in brief.resources for line in _resource(resource)]
+def _commands(brief: Brief, say: Phrases) -> list[str]:
+    return [line for resource in brief.resources for line in _resource(resource, say)]
 
 
-def _resource(resource: Resource) -> Iterator[str]:
-    own = "yours" if resource.embodied else "not yours, but you may command it; others may too, and the first wins"
+def _resource(resource: Resource, say: Phrases) -> Iterator[str]:
+    own = say("yours" if resource.embodied else "not yours, but you may command it; others may too, and the first wins")
     yield f"- `{resource.id}`: {resource.type}, {own}{_properties(resource)}"
-    yield from (f"  camera `{camera.name}`: {_camera(camera)}" for camera in resource.cameras)
+    for camera in resource.cameras:
+        yield say("  camera `{name}`: {words}", name=camera.name, words=_camera(camera, say))
     band = altitude_band(resource.properties)
     for verb in resource.verbs:
         if verb.name != PHOTO or resource.cameras:
-            arguments = ", ".join(_argument(resource, verb, spec) for spec in verb.arguments)
-            yield f"  {verb.name}({arguments}): {_meaning(verb, band)}"
+            arguments = ", ".join(_argument(resource, verb, spec, say) for spec in verb.arguments)
+            yield f"  {verb.name}({arguments}): {_meaning(verb, band, say)}"
 
 
 def _properties(resource: Resource) -> str:
@@ -124,38 +139,42 @@ def _properties(resource: Resource) -> str:
     return f" ({', '.join(measures)})" if measures else ""
 
 
-def _camera(camera: CameraSpec) -> str:
-    each = ", a picture comes at every tick by itself" if camera.capture == "each_tick" else ""
-    depth = ", with depth" if "depth" in camera.channels else ""
-    size = f"{camera.width}x{camera.height} px, {camera.hfov_deg:g} degrees wide{depth}"
-    return f"looks {_VIEWS[camera.view]}, {size}{each}"
+def _camera(camera: CameraSpec, say: Phrases) -> str:
+    words = say(
+        "looks {view}, {width}x{height} px, {wide:g} degrees wide",
+        view=say(_VIEWS[camera.view]), width=camera.width, height=camera.height, wide=camera.hfov_deg,
+    )  # fmt: skip
+    depth = say(", with depth") if "depth" in camera.channels else ""
+    each = say(", a picture comes at every tick by itself") if camera.capture == "each_tick" else ""
+    return words + depth + each
 
 
-def _argument(resource: Resource, verb: VerbSpec, spec: ArgumentSpec) -> str:
+def _argument(resource: Resource, verb: VerbSpec, spec: ArgumentSpec, say: Phrases) -> str:
     if spec.unit == "name":
         mounts = "|".join(camera.name for camera in resource.cameras)
-        return f"{spec.name}: {mounts if verb.name == PHOTO else 'name'}{_left_out(spec)}"
+        return f"{spec.name}: {mounts if verb.name == PHOTO else say('name')}{_left_out(spec, say)}"
     low, high = argument_bounds(spec, resource.properties)
-    bounds = f" {low:g} to {high:g}" if math.isfinite(low) and math.isfinite(high) else ""
-    unit = _UNITS.get(spec.unit, spec.unit)
-    return f"{spec.name}:{bounds}{f' {unit}' if unit else ''}{_left_out(spec)}"
+    finite = math.isfinite(low) and math.isfinite(high)
+    bounds = say(" {low:g} to {high:g}", low=low, high=high) if finite else ""
+    unit = say(_UNITS.get(spec.unit, spec.unit))
+    return f"{spec.name}:{bounds}{f' {unit}' if unit else ''}{_left_out(spec, say)}"
 
 
-def _left_out(spec: ArgumentSpec) -> str:
+def _left_out(spec: ArgumentSpec, say: Phrases) -> str:
     if spec.default is not None:
-        return f", {spec.default:g} if left out"
-    return ", may be left out" if spec.optional else ""
+        return say(", {default:g} if left out", default=spec.default)
+    return say(", may be left out") if spec.optional else ""
 
 
-def _meaning(verb: VerbSpec, band: tuple[float, float] | None) -> str:
+def _meaning(verb: VerbSpec, band: tuple[float, float] | None, say: Phrases) -> str:
     """Return the meaning of a verb in the words of its type or of its engine."""
-    meaning = verb.doc or _RESERVED.get(verb.name) or _MOTIONS[verb.motion]
+    meaning = say.text(verb.doc or _RESERVED.get(verb.name) or _MOTIONS[verb.motion])
     if verb.motion in ("up", "down") and band is not None:
-        meaning += f"; ends at the band, elevation {band[1] if verb.motion == 'up' else band[0]:g} m"
+        meaning += say("; ends at the band, elevation {elevation:g} m", elevation=band[verb.motion == "up"])
         if verb.motion == "down":
-            meaning += ", or just above what lies below"
+            meaning += say(", or just above what lies below")
     if verb.name == _TAKEOFF and band is not None:
-        meaning += f"; ends inside of the band, elevation {band[0]:g} to {band[1]:g} m"
+        meaning += say("; ends inside of the band, elevation {low:g} to {high:g} m", low=band[0], high=band[1])
     return meaning
 
 
@@ -193,30 +212,38 @@ _EXTENTS: Mapping[str, str] = {
 # -- messages
 
 
-def _messages(brief: Brief) -> Iterator[str]:
+def _messages(brief: Brief, say: Phrases) -> Iterator[str]:
+    optional = say(" (may be left out)")
     for message in sendable(brief):
         fields = "; ".join(
-            f"{field.name}{' (may be left out)' if field.optional else ''}: {field_values(brief, field)}"
+            f"{field.name}{optional if field.optional else ''}: {field_values(brief, field)}"
             for field in message.fields
         )
-        yield f"- {message.kind} ({message.category}): {{{fields}}}{_to(brief, message)}"
+        yield f"- {message.kind} ({message.category}): {{{fields}}}{_to(brief, message, say)}"
 
 
-def _extents(brief: Brief) -> Iterator[str]:
+def _extents(brief: Brief, say: Phrases) -> Iterator[str]:
     """Yield the extent of the boxes that reports may contain."""
     if any(field.type == "box" for message in sendable(brief) for field in message.fields):
-        known = [f"{name}: {_EXTENTS[name]}" for name in brief.classes if name in _EXTENTS]
+        known = [f"{name}: {say(_EXTENTS[name])}" for name in brief.classes if name in _EXTENTS]
         if known:
-            yield f"A true box encloses what is visible of the thing, cut at the picture's edge. {'; '.join(known)}."
+            extents = say.text("; ").join(known)
+            yield say(
+                "A true box encloses what is visible of the thing, cut at the picture's edge. {extents}.",
+                extents=extents,
+            )
 
 
-def _others(brief: Brief) -> Iterator[str]:
+def _others(brief: Brief, say: Phrases) -> Iterator[str]:
     """Yield the kinds of message that this agent may receive, with the agents that may send them to it."""
     for message in brief.messages:
         senders = _senders(brief, message)
         if senders:
             fields = ", ".join(f"{field.name}{'?' * field.optional}" for field in message.fields)
-            yield f"- {message.kind} ({message.category}) from {', '.join(senders)}: {fields}"
+            yield say(
+                "- {kind} ({category}) from {senders}: {fields}",
+                kind=message.kind, category=message.category, senders=", ".join(senders), fields=fields,
+            )  # fmt: skip
 
 
 def _senders(brief: Brief, message: MessageSpec) -> list[str]:
@@ -227,29 +254,35 @@ def _senders(brief: Brief, message: MessageSpec) -> list[str]:
     return [peer.id for peer in reaching if is_received and message.is_sent_by(peer.role)]
 
 
-def _to(brief: Brief, message: MessageSpec) -> str:
+def _to(brief: Brief, message: MessageSpec, say: Phrases) -> str:
     if brief.hub != brief.agent:
         return ""
     names = recipients(brief, message)
-    return f"; `to`: some of {', '.join(names)}" if names else "; only the adjudicator receives it"
+    return (
+        say("; `to`: some of {names}", names=", ".join(names)) if names else say("; only the adjudicator receives it")
+    )
 
 
-def _speech(brief: Brief) -> Iterator[str]:
+def _speech(brief: Brief, say: Phrases) -> Iterator[str]:
     if not sendable(brief):
-        yield "nothing: answer with an empty list of messages."
+        yield say("nothing: answer with an empty list of messages.")
         return
-    late = f"{brief.delay_ticks} tick{'s' * (brief.delay_ticks != 1)} later"
+    late = say("1 tick later") if brief.delay_ticks == 1 else say("{ticks} ticks later", ticks=brief.delay_ticks)
     if not brief.peers:
-        yield "No other agent is there: leave `to` empty; reports reach the adjudicator."
+        yield say("No other agent is there: leave `to` empty; reports reach the adjudicator.")
     elif brief.hub is None:
-        yield f"Every message reaches all other agents {late}; leave `to` empty."
+        yield say("Every message reaches all other agents {late}; leave `to` empty.", late=late)
     elif brief.hub == brief.agent:
-        yield (
-            f"You are the hub: the messages of all others reach you alone, and others receive only yours, {late}. "
-            "Nothing is passed on by itself. Name the recipients of each message in `to`."
+        yield say(
+            "You are the hub: the messages of all others reach you alone, and others receive only yours, {late}. "
+            "Nothing is passed on by itself. Name the recipients of each message in `to`.",
+            late=late,
         )
     else:
-        yield f"Every message goes to `{brief.hub}` alone ({late}); it decides what to tell others. Leave `to` empty."
-    far = f", and reaches only bodies within {brief.range_m:g} m" if brief.range_m is not None else ""
-    lost = f", and is lost with probability {brief.loss:g}" if brief.loss else ""
-    yield f"A message holds at most {brief.payload_bytes} bytes{far}{lost}."
+        yield say(
+            "Every message goes to `{hub}` alone ({late}); it decides what to tell others. Leave `to` empty.",
+            hub=brief.hub, late=late,
+        )  # fmt: skip
+    far = say(", and reaches only bodies within {range:g} m", range=brief.range_m) if brief.range_m is not None else ""
+    lost = say(", and is lost with probability {loss:g}", loss=brief.loss) if brief.loss else ""
+    yield say("A message holds at most {bytes} bytes{far}{lost}.", bytes=brief.payload_bytes, far=far, lost=lost)

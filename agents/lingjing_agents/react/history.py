@@ -10,22 +10,23 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from lingjing.plugins.backbone import ChatMessage
+from lingjing.plugins.languages import Phrases
 from lingjing.plugins.scaffold import MemoryLimits, Turn
 from lingjing_agents.react.state_difference import EARLIER_TURNS, shortened
 from lingjing_agents.react.step import MEMORY_TOLD
 from lingjing_agents.react.token_bound import message_bound
 
-EARLIER = f"EARLIER TURNS\n{EARLIER_TURNS}"
-"""The section of the system text about earlier turns."""
-
 
 class TurnMemory:
     """The earlier turns and the kept lines of one agent.
 
-    With `keeps_lines` the model may keep lines. `pictures` counts the tokens of JPEG files.
+    With `keeps_lines` the model may keep lines. `pictures` counts the tokens of JPEG files, `say` writes the texts.
     """
 
-    def __init__(self, *, keeps_lines: bool, pictures: Callable[[Sequence[bytes]], int]) -> None:
+    def __init__(
+        self, *, keeps_lines: bool, pictures: Callable[[Sequence[bytes]], int], say: Phrases | None = None
+    ) -> None:
+        self._say = say or Phrases()
         self._keeps_lines = keeps_lines
         self._picture_tokens = pictures
         self._before: str | None = None
@@ -36,7 +37,9 @@ class TurnMemory:
     @property
     def instructions(self) -> str:
         """The sections of the system text about the memory and earlier turns."""
-        return f"YOUR MEMORY\n{MEMORY_TOLD}\n\n{EARLIER}" if self._keeps_lines else EARLIER
+        say = self._say
+        earlier = f"{say('EARLIER TURNS')}\n{say(EARLIER_TURNS)}"
+        return f"{say('YOUR MEMORY')}\n{say(MEMORY_TOLD)}\n\n{earlier}" if self._keeps_lines else earlier
 
     def begin(self, limits: MemoryLimits) -> None:
         """Set the bounds of the turns."""

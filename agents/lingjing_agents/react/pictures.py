@@ -14,7 +14,7 @@ from lingjing.plugins.geometry import focal_px, pixel_to_plane, pixel_to_world
 from lingjing.plugins.policy import REFERENCE, Brief, CameraPose, Picture
 from lingjing.plugins.scaffold import ImageFile
 from lingjing_agents.perception.images import ImageBox, opencv
-from lingjing_agents.react.facts import tenths
+from lingjing_agents.react.facts import phrases_of, tenths
 from lingjing_agents.react.standing import standing
 
 JPEG_QUALITY = 85
@@ -119,8 +119,11 @@ def _ground(picture: Picture, brief: Brief) -> dict[str, object]:
         columns = _even(_COARSE_COLUMNS)
         rows = _even(_COARSE_ROWS) if picture.pose.tilt_deg > _AHEAD_DEG else _below_horizon(picture.pose)
         places = _grid(picture, brief, columns, rows)
+    say = phrases_of(brief)
     known = (
-        "measured" if picture.depth is not None else f"not measured: those of level ground at {brief.water_level_m:g} m"
+        say("measured")
+        if picture.depth is not None
+        else say("not measured: those of level ground at {level:g} m", level=brief.water_level_m)
     )
     return {
         **_extent(places),

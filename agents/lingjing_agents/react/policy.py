@@ -46,7 +46,7 @@ from lingjing_agents.llm.options import ModelProfile
 from lingjing_agents.llm.retry import CallDeadline
 from lingjing_agents.react.ablation import shown_brief, shown_observation
 from lingjing_agents.react.answer import StepParser, after_reasoning
-from lingjing_agents.react.facts import compact, interface
+from lingjing_agents.react.facts import compact, interface, phrases_of
 from lingjing_agents.react.history import TurnMemory
 from lingjing_agents.react.options import ReactOptions
 from lingjing_agents.react.own_counts import OwnCounts, OwnOrders
@@ -107,6 +107,7 @@ class ReactPolicy:
         """Begin an episode. The system text is written at the first boundary, because it needs the observation."""
         self._guidance = RouteGuidance(brief, self._options.intervention)
         self._brief = shown_brief(self._guidance.brief(brief), self._options)
+        self._prompt = prompt_text(self._options.prompt, brief.language)
         self._refused = 0
         self._answers, self._valid = 0, 0
         self._unread = ()
@@ -183,10 +184,10 @@ class ReactPolicy:
         """Return the parts of `react` for the brief."""
         options = self._options
         form = StepFormat(self._brief, memory=options.memory, crops=options.crops > 0)
-        self._own_parser = StepParser(form, in_text=self._prompt.has_schema)
+        self._own_parser = StepParser(form, in_text=self._prompt.has_schema, say=phrases_of(self._brief))
         return AgentParts(
             ReactPrompt(self._prompt, self._brief, crops=options.crops, route=self._guidance.section()),
-            TurnMemory(keeps_lines=options.memory, pictures=self._budget.pictures),
+            TurnMemory(keeps_lines=options.memory, pictures=self._budget.pictures, say=phrases_of(self._brief)),
             self._own_parser,
         )
 
@@ -332,7 +333,8 @@ class ReactPolicy:
             raise StepError(f"crop.frame: `{crop.frame}` is none of the pictures that you have: {known}")
         cut = image(picture, crop.box, self._side, least_side=CROP_SIDE)
         caption = {"crop_of": crop.frame, "shows": [round(edge, 4) for edge in cut.part], "crops_left": left - 1}
-        return ChatMessage("user", f"{compact(caption)} Boxes stay those of the whole picture.", (cut.jpeg,))
+        note = phrases_of(self._brief)("Boxes stay those of the whole picture.")
+        return ChatMessage("user", f"{compact(caption)} {note}", (cut.jpeg,))
 
     def _bill(self) -> Usage:
         """Return the cost since the last bill, with the numbers of answers and of valid answers."""

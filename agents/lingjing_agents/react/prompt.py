@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from lingjing.plugins.policy import Brief, Observation
 from lingjing.plugins.scaffold import Situation
-from lingjing_agents.react.facts import compact, interface
+from lingjing_agents.react.facts import compact, interface, phrases_of
 from lingjing_agents.react.prompt_files import PromptText
 from lingjing_agents.react.road_costs import road_costs
 from lingjing_agents.react.state import RequestLedger, observation_text
@@ -27,14 +27,14 @@ class ReactPrompt:
 
         `answer` fills the prompt's hole of the schema; without that hole it is the last section.
         """
-        costs = road_costs(self._brief, first)
+        say, costs = phrases_of(self._brief), road_costs(self._brief, first)
         sections = (
             self._prompt.filled(self._brief, answer),
             interface(self._brief),
             memory,
-            f"SEEING CLOSER\n{CROPS_TOLD.format(self._crops)}" if self._crops else "",
-            f"GIVEN OF THE ROUTE\n{compact(self._route)}" if self._route else "",
-            "" if costs is None else f"ROADS (shortest ways when they are empty)\n{compact(costs)}",
+            f"{say('SEEING CLOSER')}\n{say(CROPS_TOLD, crops=self._crops)}" if self._crops else "",
+            f"{say('GIVEN OF THE ROUTE')}\n{compact(self._route)}" if self._route else "",
+            "" if costs is None else f"{say('ROADS (shortest ways when they are empty)')}\n{compact(costs)}",
             "" if self._prompt.has_schema else answer,
         )
         return "\n\n".join(section for section in sections if section)

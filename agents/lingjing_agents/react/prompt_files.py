@@ -2,7 +2,8 @@
 
 `P0` is one line. `P1` adds the rules, a checklist for pictures, the coordinate frame, rules for decisions and the form
 of an answer with its JSON Schema. `lingjing prompts improve` makes others. The agent's commands and messages follow
-each prompt, because no prompt may change them. The trace holds a prompt's name and the SHA-256 of its text.
+each prompt, because no prompt may change them. A shipped prompt has a text for each language (`P1.zh.txt`). The trace
+holds a prompt's name and the SHA-256 of its English text.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from importlib.resources import files
 from pathlib import Path
 from string import Template
 
+from lingjing.plugins.languages import ORIGINAL
 from lingjing.plugins.policy import Brief
 from lingjing_agents.react.facts import goal_text, rules
 
@@ -57,8 +59,14 @@ class PromptText:
 
 
 def shipped() -> tuple[str, ...]:
-    """Return the names of the shipped prompts."""
-    return tuple(sorted(file.name.removesuffix(".txt") for file in _FOLDER.iterdir() if file.name.endswith(".txt")))
+    """Return the names of the shipped prompts, without those of their texts in other languages (`P1.zh.txt`)."""
+    return tuple(
+        sorted(
+            name
+            for file in _FOLDER.iterdir()
+            if file.name.endswith(".txt") and "." not in (name := file.name.removesuffix(".txt"))
+        )
+    )
 
 
 def shipped_texts() -> dict[str, str]:
@@ -71,10 +79,11 @@ def check_text(text: str) -> None:
     checked(PromptText("", text))
 
 
-def prompt_text(name: str) -> PromptText:
-    """Return a shipped prompt by its name, or the one in a file. Raises `ValueError` with its fault."""
+def prompt_text(name: str, language: str = ORIGINAL) -> PromptText:
+    """Return a shipped prompt by its name, in a language, or the one in a file. Raises `ValueError` with its fault."""
     if name in shipped():
-        return checked(PromptText(name, (_FOLDER / f"{name}.txt").read_text(encoding="utf-8")))
+        file = f"{name}.txt" if language == ORIGINAL else f"{name}.{language}.txt"
+        return checked(PromptText(name, (_FOLDER / file).read_text(encoding="utf-8")))
     try:
         data = Path(name).read_bytes()
     except OSError as error:

@@ -24,6 +24,7 @@ from lingjing.plugins.geometry import distance_xy
 from lingjing.plugins.policy import PHOTO, STOP, Action, Brief, Datum, EntityView, Observation, RouteEnds, Vector
 from lingjing.plugins.roads import RoadMap, read_road_map
 from lingjing_agents.capability import route_to
+from lingjing_agents.react.facts import phrases_of
 
 NOT_GIVEN = "(not given: find it in pictures)"
 REACHED_M = 20.0
@@ -58,7 +59,7 @@ class RouteGuidance:
         """Return the brief: in A0 without coordinates in its texts."""
         if self._ends is None or self._name != "A0":
             return brief
-        goal, task = (_PLACE.sub(NOT_GIVEN, text) for text in (brief.goal, brief.prompt))
+        goal, task = (_PLACE.sub(phrases_of(brief)(NOT_GIVEN), text) for text in (brief.goal, brief.prompt))
         return msgspec.structs.replace(brief, goal=goal, prompt=task, road_network="", route_ends=())
 
     def observation(self, observation: Observation) -> Observation:

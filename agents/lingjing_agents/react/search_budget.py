@@ -14,6 +14,7 @@ from lingjing.plugins.decisions import PHOTO
 from lingjing.plugins.geometry import camera_pose, ground_footprint
 from lingjing.plugins.policy import Action, Brief, CameraSpec, Cell, EntityView, Observation
 from lingjing_agents.ground_plane import GroundPoint, inside
+from lingjing_agents.react.facts import phrases_of
 
 SEEN = 0.95
 """Share of a cell's ground from which on the cell counts as seen. Chosen: its rim would need pictures of its own."""
@@ -30,6 +31,7 @@ class SearchBudget:
 
     def __init__(self, brief: Brief, rounds: int) -> None:
         self._cells, self._level_m = brief.cells, brief.water_level_m
+        self._say = phrases_of(brief)
         self._cameras = {
             resource.id: camera
             for resource in brief.resources
@@ -59,7 +61,9 @@ class SearchBudget:
         if cell is None:
             return ""
         if self.left == 0:
-            return f"takePhoto was not given: {cell.name} was searched, and no cell may be searched again"
+            return self._say(
+                "takePhoto was not given: {cell} was searched, and no cell may be searched again", cell=cell.name
+            )
         self.left -= 1
         return ""
 
@@ -76,7 +80,10 @@ class SearchBudget:
         view = next((view for view in observation.entities if view.id == resource), None)
         repeated, share = self._repeated(view, self._cameras[resource], shares)
         if share > MOSTLY and repeated > self.left_m2:
-            return f"takePhoto was not given: {share:.0%} of the ground below was seen, and no more may be seen again"
+            return self._say(
+                "takePhoto was not given: {share:.0%} of the ground below was seen, and no more may be seen again",
+                share=share,
+            )
         self.left_m2 = max(0.0, self.left_m2 - repeated)
         return ""
 

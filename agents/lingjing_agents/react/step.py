@@ -20,8 +20,8 @@ write them anew; nothing else of what you thought is sure to be."""
 
 CROP = "crop"
 CROPS_TOLD = """\
-Before you decide you may ask {} times a tick to see a part of a picture enlarged: answer with "crop": {{"frame": id \
-of a picture, "box": [x_min, y_min, x_max, y_max] of the whole picture}}, "command": null, "messages": []."""
+Before you decide you may ask {crops} times a tick to see a part of a picture enlarged: answer with "crop": {{"frame": \
+id of a picture, "box": [x_min, y_min, x_max, y_max] of the whole picture}}, "command": null, "messages": []."""
 
 
 class StepFormat:

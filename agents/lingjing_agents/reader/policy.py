@@ -8,8 +8,9 @@ from typing import Any
 from pydantic import model_validator
 
 from lingjing.plugins.calls import ModelCalls
+from lingjing.plugins.languages import ORIGINAL
 from lingjing.plugins.options import Field
-from lingjing.plugins.policy import Brief, Decision, Inbox, Observation
+from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, UsageError
 from lingjing_agents.heuristic.target_types import Detectors
 from lingjing_agents.react.options import ReactOptions
 from lingjing_agents.react.policy import ReactPolicy
@@ -52,7 +53,13 @@ class ReaderPolicy:
         self._options, self._calls = options, calls
 
     async def reset(self, brief: Brief) -> None:
-        """Start the service and `react`."""
+        """Start the service and `react`. Raises `UsageError` for requests in another language than English."""
+        if brief.language != ORIGINAL:
+            raise UsageError(
+                f"the request-only player reads requests in `{ORIGINAL}` alone, and the episode is played in "
+                f"`{brief.language}`",
+                hint="leave `language` out, or play with `react` and a model",
+            )
         self._service = PlayerService(RequestPlayer(self._detectors))
         options = self._options.model_copy(update={"base_url": self._service.url})
         self._react = ReactPolicy(options, self._calls)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import msgspec
 
@@ -50,7 +50,8 @@ class AgentChecker(DeclarationChecker):
         environment = STATIC.binding(index, NUMBER) if node.index is not None else STATIC
         controls = tuple(self._controlled(part, environment) for part in node.controls)
         channels: list[PlacedChannel] = []
-        prompt = ""
+        prompt, original = "", None  # type: str, s.TextLine | None
+        translated: list[s.TextLine] = []
         budget: model.AllowanceDeclaration | None = None
         for item in node.block.items if node.block else ():
             if isinstance(item, s.Observes):
@@ -60,7 +61,10 @@ class AgentChecker(DeclarationChecker):
                     if checked is not None:
                         channels.append(PlacedChannel(channel, msgspec.structs.replace(checked, when=guard)))
             elif isinstance(item, s.TextLine) and item.keyword == "prompt":
-                prompt = self.wording.text(item, environment)
+                if item.language is None:
+                    original, prompt = item, self.wording.text(item, environment)
+                else:
+                    translated.append(item)
             elif isinstance(item, s.SettingsBlock) and item.keyword == "budget":
                 budget = self.settings.allowance(item)
             elif not isinstance(item, s.Faulty):
@@ -75,9 +79,24 @@ class AgentChecker(DeclarationChecker):
             controls=embodied,
             observes=tuple(dict.fromkeys(placed.channel for placed in channels)),
             prompt=prompt,
+            prompts=self.wording.translations(original, translated, environment),
             when=self.settings.guard(node.guard),
             budget=budget,
         )
+
+    def check_languages(self, nodes: Iterable[s.AgentBlock], goals: Mapping[str, str]) -> None:
+        """Report prompts that lack a language of the goal, or have one that the goal lacks."""
+        for node in nodes:
+            texts = [item for item in node.block.items if isinstance(item, s.TextLine)] if node.block else []
+            own = {item.language.text: item for item in texts if item.language is not None}
+            for language, item in own.items():
+                if language not in goals:
+                    hint = f'add `goal {language} "…"`, or remove this text'
+                    self.report.at("LJ0127", item.language or item, f"the goal has no text in `{language}`", hint)
+            for language in goals:
+                if language not in own and any(item.language is None for item in texts):
+                    message = f"the prompt of `{node.name.text}` has no text in `{language}`, which the goal has"
+                    self.report.at("LJ0127", node.name, message, f'add `prompt {language} "…"`')
 
     def authority(self, node: s.AuthorityLine) -> tuple[model.Authority, ...]:
         """`authority role, role may command resource`: one authority of the graph for each role."""

@@ -23,6 +23,7 @@ from lingjing.dsl.checking.scope import SymbolTables
 from lingjing.dsl.checking.settings import NO_HUB
 from lingjing.dsl.checking.studies import StudyChecker
 from lingjing.dsl.checking.toplevel import FileChecker, Files, names_in_faults
+from lingjing.dsl.checking.wording import is_original
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.source.text import SourceText
 from lingjing.dsl.syntax import tree as s
@@ -119,12 +120,16 @@ class _MissionChecker:
         clock = self.settings.clock(sections["clock"]) if "clock" in sections else None
         budget = self.settings.budget(sections["budget"]) if "budget" in sections else None
         parts |= {part: self._items(part, declarations[part]) for part in _CHECKS if part not in _FIRST}
+        goals = self.agents.wording.translations(goal, [item for item in _all(items, s.TextLine) if item.language])
+        if node.base is None:  # a mission that extends another one may leave out its languages
+            self.agents.check_languages(_all(items, s.AgentBlock), goals)
         parts["relations"] = self.orders.relations(_all(items, s.OrderLine), parts["relations"])
         mission = partial(
             model.Mission,
             name=node.name.text,
             title=node.title.value if node.title else node.name.text,
             goal=self.agents.wording.text(goal) if goal else "",
+            goals=goals,
             weather=self.settings.weather(weather) if weather else (),
             weather_alternatives=self.settings.weather_alternatives(weather) if weather else (),
             comms=self.settings.comms(comms) if comms else model.Comms(),
@@ -242,7 +247,7 @@ class _MissionChecker:
         return conditions
 
     def _one(self, items: tuple[s.Statement, ...], kind: type[N], keyword: str) -> N | None:
-        matches = [i for i in _all(items, kind) if not isinstance(i, s.TextLine) or i.keyword == keyword]
+        matches = [i for i in _all(items, kind) if not isinstance(i, s.TextLine) or is_original(i, keyword)]
         for extra in matches[1:]:
             self._twice(keyword, extra, matches[0])
         return matches[0] if matches else None

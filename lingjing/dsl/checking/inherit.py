@@ -133,6 +133,7 @@ def _nothing_to_override(report: Reporter, node: s.MissionBlock) -> None:
 
 def _merged(report: Reporter, base: Items, node: s.MissionBlock) -> Items:
     base = tuple(item for item in base if not isinstance(item, s.ExpectBlock))  # tests of the base, which has its own
+    base = _without_old_translations(base, node)
     places = {key: at for at, item in enumerate(base) if (key := _key(item)) is not None}
     items: list[s.Statement] = list(base)
     assert node.base is not None
@@ -165,6 +166,17 @@ def _merged(report: Reporter, base: Items, node: s.MissionBlock) -> Items:
     return tuple(items)
 
 
+def _without_old_translations(base: Items, node: s.MissionBlock) -> Items:
+    """The base's items without the goal in other languages, if the mission has a goal of its own: they translate the
+    base's. Those that the mission overrides stay."""
+    overridden = {_key(item.item) for item in node.block.items if isinstance(item, s.Override)}
+    if ("goal", "") not in overridden:
+        return base
+    return tuple(
+        item for item in base if not isinstance(item, s.TextLine) or item.language is None or _key(item) in overridden
+    )
+
+
 def _no_such(report: Reporter, item: s.Override, known: list[tuple[str, str]], base: s.Name) -> None:
     key = _key(item.item)
     start, end = item.start, item.start + len("override")
@@ -191,7 +203,9 @@ def _no_such(report: Reporter, item: s.Override, known: list[tuple[str, str]], b
 
 def _key(item: s.Statement) -> tuple[str, str] | None:
     """The identity of a declaration: its keyword and its name, or the names that it relates; None without identity."""
-    if isinstance(item, s.TextLine | s.CapabilityLine | s.SettingsBlock | s.OutcomeLine):
+    if isinstance(item, s.TextLine):
+        return item.keyword, item.language.text if item.language is not None else ""
+    if isinstance(item, s.CapabilityLine | s.SettingsBlock | s.OutcomeLine):
         return item.keyword, ""
     if isinstance(item, s.SceneBlock):
         return "scene", ""

@@ -7,12 +7,14 @@ It is filled when the mission is instantiated (`lingjing.mission.wording`). Two 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 
 from lingjing.dsl.checking.blocks import DeclarationChecker
 from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.checking.values import STATIC, Environment
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission.functions import Type
+from lingjing.mission.languages import ORIGINAL, is_code
 from lingjing.mission.wording import HOLE, PATH
 from lingjing.suggest import did_you_mean, nearest
 
@@ -20,6 +22,15 @@ _SHOWN = frozenset(
     ("quantity", "text", "name", "flag", "position", "entity", "group", "region", "grid", "list", "range", "any")
 )
 """Kinds of types that a hole can show."""
+
+
+def is_original(node: s.TextLine, keyword: str) -> bool:
+    """Return whether a text belongs to this keyword and has no code of a language."""
+    return node.keyword == keyword and node.language is None
+
+
+def _holes(text: str) -> set[str]:
+    return {hole[1].strip() for hole in HOLE.finditer(text) if hole[1] is not None}
 
 
 class WordingChecker(DeclarationChecker):
@@ -37,7 +48,40 @@ class WordingChecker(DeclarationChecker):
             self._lone_braces(node, raw)
         return node.text.value
 
+    def translations(
+        self, original: s.TextLine | None, nodes: Iterable[s.TextLine], environment: Environment = STATIC
+    ) -> dict[str, str]:
+        """Return a goal or a prompt in other languages, by their codes. Reports codes that are none, a language with
+        two texts, and holes that differ from those of the original."""
+        texts: dict[str, str] = {}
+        for node in nodes:
+            assert node.language is not None, "the original has no language"
+            code = node.language.text
+            if not is_code(code) or code == ORIGINAL:
+                hint = f"codes have two or three small letters, such as `zh`; a text without one is `{ORIGINAL}`"
+                self.report.at("LJ0127", node.language, f"`{code}` is no code of another language", hint)
+            elif code in texts:
+                self.report.at("LJ0103", node.language, f"the {node.keyword} in `{code}` is given twice", "remove one")
+            elif original is None:
+                hint = f'add `{node.keyword} "…"` in English'
+                self.report.at("LJ0127", node.language, f"there is no {node.keyword} to translate", hint)
+            else:
+                self._same_holes(original, node)
+                texts[code] = self.text(node, environment)
+        return texts
+
     # -- private
+
+    def _same_holes(self, original: s.TextLine, node: s.TextLine) -> None:
+        """Report the holes of a translation that differ from those of the original."""
+        due, present = (_holes(line.text.value) for line in (original, node))
+        if due != present:
+            lacks, more = (
+                ", ".join(f"`{{{hole}}}`" for hole in sorted(holes)) for holes in (due - present, present - due)
+            )
+            faults = [f"lacks {lacks}"] * bool(lacks) + [f"has {more} besides"] * bool(more)
+            message = f"the {node.keyword} in `{node.language.text if node.language else ''}` {' and '.join(faults)}"
+            self.report.at("LJ0127", node.text, message, "the texts of all languages have the same holes")
 
     def _lone_braces(self, node: s.TextLine, raw: str) -> None:
         """Report braces that neither begin nor end a hole. They are one error."""

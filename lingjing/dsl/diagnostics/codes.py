@@ -44,6 +44,7 @@ CODES: dict[str, str] = {
     "LJ0124": "the base mission has this already",
     "LJ0125": "an interaction by an engine that no asset has",
     "LJ0126": "an interaction moves what is no declared state",
+    "LJ0127": "a text in another language that is incomplete or differs",
     # types and dimensions
     "LJ0201": "a value of another kind is due",
     "LJ0202": "a unit is missing",

@@ -175,7 +175,9 @@ class Printer:
 
     def goal(self) -> Iterable[str]:
         """The goal."""
-        yield f"goal {long_text(self.mission.goal, 4)}\n"
+        texts = [long_text(self.mission.goal, 4)]
+        texts += [f"{language} {long_text(text, 4)}" for language, text in self.mission.goals.items()]
+        yield "\n".join(f"goal {text}" for text in texts) + "\n"
 
     def capabilities(self) -> Iterable[str]:
         """The abilities that the task requires."""
@@ -285,6 +287,7 @@ class Printer:
             ]
             if agent.prompt:
                 lines.append(f"prompt {long_text(agent.prompt, 6)}")
+            lines += [f"prompt {language} {long_text(text, 6)}" for language, text in agent.prompts.items()]
             if agent.budget is not None:
                 lines.append(block("budget", self._fields(agent.budget, "<=")))
             yield block(head, lines, spread=len(lines) > 1) if lines else head
@@ -477,7 +480,15 @@ _WRITERS: dict[str, Callable[[Printer], Iterable[str]]] = {
 """Fields of a mission with statements that need more than a layout."""
 
 _KNOWN = frozenset(
-    ("format", "name", "title", "origin", "weather_alternatives", *(part for kind in STATEMENTS if (part := kind.part)))
+    (
+        "format",
+        "name",
+        "title",
+        "origin",
+        "weather_alternatives",
+        "goals",
+        *(part for kind in STATEMENTS if (part := kind.part)),
+    )
 )
 """The fields of a mission that the text has. `origin` is included, because a text does not express it."""
 

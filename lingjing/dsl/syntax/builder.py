@@ -131,6 +131,15 @@ class Builder:
         names = allowed or s.NameSet(only.start, only.end, (only,))
         return s.ModeLine(keyword.start, names.end, only, names)
 
+    def text_line(self, keyword: Token, language: Token | None, text: Token) -> s.TextLine:
+        literal = self.text(text)
+        if language is not None and language.end == text.start:  # `f"…"` of Python, and no language
+            message, hint = "a text has no letter before its quotes", 'write `"…"`: `{name}` in it names a value'
+            self.report.at("LJ0010", language, message, hint, replace="")
+            language = None
+        code = self.name(language) if language is not None else None
+        return s.TextLine(keyword.start, literal.end, keyword.text, code, literal)
+
     def faulty(self, error: Token, block: s.BracedBlock | None) -> s.Faulty:
         return s.Faulty(error.start, (block or error).end, tuple(error.text.split()), block)
 

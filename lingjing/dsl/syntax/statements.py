@@ -71,9 +71,10 @@ STATEMENTS = (
         names={"name": NamePlace(declares="mission", referable=False)},
     ),
     StatementKind(
-        "goal", s.TextLine, (Form("text:STRING", "text_line"),), ("mission",),
-        example='goal "Find the person in the water."', doc="the text that all agents receive",
-        part="goal", paragraph="settings",
+        "goal", s.TextLine, (Form("[language:NAME] text:STRING", "text_line", built=True),), ("mission",),
+        example='goal "Find the person in the water."',
+        doc="the text that all agents receive; `goal zh \"…\"` is the same in another language",
+        names={"language": _WORD}, part="goal", paragraph="settings",
     ),
     StatementKind(
         "capabilities", s.CapabilityLine, (Form("names:names"),), ("mission",),
@@ -408,8 +409,10 @@ STATEMENTS = (
         part="declassified", paragraph="relations", layout=Layout("declassify {what} because {reason:quoted}"),
     ),
     StatementKind(
-        "prompt", s.TextLine, (Form("text:STRING", "text_line"),), ("agent",),
-        example='prompt "Fly low."', doc="an additional text for this agent",
+        "prompt", s.TextLine, (Form("[language:NAME] text:STRING", "text_line", built=True),), ("agent",),
+        example='prompt "Fly low."',
+        doc="an additional text for this agent; `prompt zh \"…\"` is the same in another language",
+        names={"language": _WORD},
     ),
     StatementKind(
         "hidden", None, (), ("asset", "target", TYPE),

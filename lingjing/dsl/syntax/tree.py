@@ -201,9 +201,11 @@ class Override(Statement, frozen=True, gc=False):
 
 
 class TextLine(Statement, frozen=True, gc=False):
-    """`goal "…"`, `prompt "…"`."""
+    """`goal "…"`, `prompt zh "…"`."""
 
     keyword: str
+    language: Name | None
+    """The code of the text's language; None for English."""
     text: TextLiteral
 
 

@@ -17,6 +17,7 @@ from lingjing.errors import MissionError
 from lingjing.mission import frames, jsontext, model
 from lingjing.mission.instance import Entity, Instance, Region
 from lingjing.mission.instantiate import instantiate
+from lingjing.mission.languages import WRITTEN
 from lingjing.mission.reset.document import scenario_keys
 from lingjing.mission.reset.fields import FIELDS
 from lingjing.mission.reset.groups import MEASURES
@@ -53,6 +54,13 @@ def emit(
         return mission.origin.document if plain else with_template(mission.origin.document, mission.name)
     instance = instantiate(mission, seed=seed, mode=mode, settings=settings)
     scenario = _scenario(mission, instance, dict(settings or {}))
+    added = scenario["lingjing"]
+    if isinstance(added, dict) and mission.goals:
+        added["goals"] = {
+            language: instantiate(mission, seed=seed, mode=mode, settings=settings, language=language).goal
+            for language in mission.goals
+            if language in WRITTEN
+        }
     if plain:
         _without_template(mission, scenario)
     document: Json = {"commandType": "resetScenario", "taskId": f"{mission.name}-{seed}", "scenario": scenario}

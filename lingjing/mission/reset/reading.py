@@ -238,12 +238,21 @@ def _set_texts(mission: model.Mission, parsed: Parsed) -> model.Mission:
     if shared and not own:
         _note_owners(mission, parsed)
     mission = _set_altitude(mission, parsed)
+    goal = goal_text(parsed) if own or shared else parsed.task.goal
     return msgspec.structs.replace(
         mission,
         title=parsed.scenario.scene_name or mission.title,
-        goal=(goal_text(parsed) if own or shared else parsed.task.goal) or mission.goal,
+        goal=goal or mission.goal,
+        goals=_goals(mission, goal, parsed),
         weather=_weather(mission.weather, state.weather, parsed.in_state("weather"), parsed),
     )
+
+
+def _goals(mission: model.Mission, goal: str | None, parsed: Parsed) -> dict[str, str]:
+    """The goal in the template's other languages: the document's text in each, or its only text, whatever its language
+    is; the template's without a goal in the document."""
+    own = parsed.scenario.lingjing.goals if parsed.scenario.lingjing else {}
+    return {language: own.get(language) or goal or text for language, text in mission.goals.items()}
 
 
 _MAX_STEPS = "max_steps"

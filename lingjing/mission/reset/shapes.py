@@ -337,7 +337,8 @@ class Lingjing(DocumentPart):
     """The addition of this project to a document, which makes the export reversible. Unknown keys are errors.
 
     It holds the template, its mode, settings and seed, the scene's origin (latitude and longitude), the height that
-    counts as 0 (metres), the unit of X, Y and Z, and the places of target groups without a field of their own.
+    counts as 0 (metres), the unit of X, Y and Z, the places of target groups without a field of their own, and the goal
+    in other languages, by their codes.
     """
 
     model_config = ConfigDict(extra="forbid")
@@ -350,6 +351,7 @@ class Lingjing(DocumentPart):
     datum_m: float | None = Field(default=None, alias="datum_m")
     unit: Literal["cm", "m"] | None = None
     targets: dict[str, Annotated[tuple[HiddenPlace, ...], Field(strict=False)]] = {}
+    goals: dict[Annotated[str, Field(pattern="^[a-z]{2,3}$")], str] = {}
 
 
 class Scenario(DocumentPart):
