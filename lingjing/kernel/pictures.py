@@ -23,6 +23,7 @@ from lingjing.mission.vocabulary import PHOTO
 from lingjing.plugins.engine import CaptureRequest
 from lingjing.plugins.policy import REFERENCE, CameraView, Picture
 from lingjing.scene.camera_geometry import CameraPlacement
+from lingjing.scene.picture_weather import PictureWeather
 from lingjing.trace.images import decode_jpeg
 from lingjing.trace.records import Absent, CameraPose, Command, Receipt
 
@@ -32,15 +33,16 @@ def requests(instance: Instance, commands: Iterable[Command], tick: int, time_s:
     cameras.
     """
     entities = {entity.id: entity for entity in instance.entities}
-    wanted: dict[tuple[str, str], CameraPlacement | None] = {}
+    wanted: dict[tuple[str, str], tuple[CameraPlacement | None, PictureWeather | None]] = {}
     for command in commands:  # admitted at this boundary, so the picture is of this boundary too (ADR 0003)
         if command.verb == PHOTO:
             mount = command.resource, camera_of(entities[command.resource], command.arguments)
-            wanted[mount] = CameraPlacement.of_arguments(command.arguments)
+            arguments = command.arguments
+            wanted[mount] = CameraPlacement.of_arguments(arguments), PictureWeather.of_arguments(arguments)
     for entity in instance.entities:
         for camera in entity.cameras:
             if camera.capture == "each_tick":
-                wanted.setdefault((entity.id, camera.name), None)
+                wanted.setdefault((entity.id, camera.name), (None, None))
     return tuple(
         CaptureRequest(
             frame=f"f{tick}-{entity}-{camera}",
@@ -49,8 +51,9 @@ def requests(instance: Instance, commands: Iterable[Command], tick: int, time_s:
             tick=tick,
             time_s=time_s,
             placement=placement,
+            weather=weather,
         )
-        for (entity, camera), placement in wanted.items()
+        for (entity, camera), (placement, weather) in wanted.items()
     )
 
 

@@ -20,6 +20,7 @@ from lingjing.mission.instance import Entity, Instance
 from lingjing.mission.schedule import Schedule
 from lingjing.scene.camera_geometry import CameraPlacement
 from lingjing.scene.city import City
+from lingjing.scene.picture_weather import PictureWeather
 from lingjing.trace.images import JPEG_QUALITY
 from lingjing.trace.records import BodyState, CameraPose, Command, FrameInfo, Receipt, Route, TaskEvent
 
@@ -111,6 +112,9 @@ class CaptureRequest(msgspec.Struct, frozen=True, kw_only=True):
     placement: CameraPlacement | None = None
     """A place and a lens of the camera that replace those of its mount: `takePhoto` with the arguments of
     `CameraPlacement`, which the drones of a free flight have."""
+    weather: PictureWeather | None = None
+    """Values that replace those of the mission's weather in this picture: `takePhoto` with the arguments of
+    `PictureWeather`, which the drones of a free flight have."""
 
 
 @dataclass(frozen=True, slots=True)

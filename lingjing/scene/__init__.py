@@ -28,6 +28,7 @@ The modules, in the order in which an episode uses them:
 - `ground_coverage`   the ground that pictures have shown, by cell
 - `regions`     regions that only the city can resolve, such as those along a road
 - `camera_geometry`   pixels, rays and points; headings; camera mounts of a body
+- `picture_weather`   the weather of one picture
 - `city_checks`       the checks that every city passes
 - `plan`        the city from above: flat shapes in painting order, and their painter
 - `exports`     a city as glTF, GeoJSON, SUMO's network or MuJoCo's model

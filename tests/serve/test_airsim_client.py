@@ -243,6 +243,40 @@ def test_two_drones_fly_at_once_and_a_reset_begins_another_episode(serve: Serve)
     assert (served.folder.with_name("run0-2") / "trace.mcap").is_file()
 
 
+def test_habits_of_published_scripts(serve: Serve) -> None:
+    """Calls that AirSim answers and that examples contain: they end no script."""
+    served = serve("--scene", "bay", "--camera", "160x90")
+    client = airsim.MultirotorClient(port=served.port)
+    assert client.armDisarm(True) is False, "without control"
+    client.enableApiControl(True)
+    assert (client.armDisarm(False), client.armDisarm(True), client.armDisarm(False)) == (False, True, True)
+    client.reset()
+    assert client.armDisarm(False) is False, "`reset` has taken the control"
+    least, most = client.simGetWorldExtents()
+    here = client.getMultirotorState().gps_location
+    assert least.latitude < here.latitude < most.latitude and least.longitude < here.longitude < most.longitude
+    here.latitude -= 1.5
+    assert client.simTestLineOfSightToPoint(here) in (True, False)
+    here.altitude += 1e6
+    assert client.simTestLineOfSightToPoint(here), "straight up"
+    classes, red = (
+        client.simGetImages([airsim.ImageRequest("0", airsim.ImageType.Segmentation, is_float, False)])[0]
+        for is_float in (False, True)
+    )
+    colours = np.frombuffer(classes.image_data_uint8, np.uint8).reshape(90, 160, 3)
+    assert np.array(red.image_data_float).reshape(90, 160) == pytest.approx(colours[..., 2] / 255.0)
+    # Microsoft's client `airsim` sends `external` as the last argument
+    requests = [airsim.ImageRequest("0", airsim.ImageType.Scene)]
+    assert client.client.call("simGetImages", requests, "", False)[0]["width"] == 160
+    assert len(client.client.call("simGetImage", "0", 0, "", False)) > 100
+    assert client.client.call("simGetCameraInfo", "0", "", False)["fov"] == 90.0
+    assert client.client.call("simGetDetections", "0", 0, "", False) == []
+    with pytest.raises(rpc_error, match="`simGetCameraInfo` has no `external` cameras"):
+        client.client.call("simGetCameraInfo", "0", "", True)
+    leave(client)
+    served.finish()
+
+
 def test_a_wrong_or_unserved_call_is_answered_with_a_message(serve: Serve) -> None:
     served = serve("--scene", "bay")
     client = connected(served)
@@ -298,6 +332,9 @@ def test_the_drones_of_a_mission_fly_and_its_hidden_targets_stay_hidden(serve: S
     assert math.isnan(client.simGetObjectPose("victim1").position.x_val)
     with pytest.raises(rpc_error, match="the mission declares the cameras of `uav1`"):
         client.simSetCameraFov("0", 20, "uav1")
+    for change in (lambda: client.simEnableWeather(True), lambda: client.simSetTimeOfDay(True, "2018-02-12 12:00:00")):
+        with pytest.raises(rpc_error, match="the mission declares its weather and its sun"):
+            change()
     client.takeoffAsync().join()
     assert place(client)[2] < -2.0
     leave(client)

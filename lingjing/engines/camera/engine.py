@@ -35,6 +35,7 @@ from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
 from lingjing.plugins.options import engine_options
 from lingjing.scene.camera_geometry import CameraPlacement, mounted_camera_pose
 from lingjing.scene.city import City
+from lingjing.scene.picture_weather import PictureWeather
 from lingjing.scene.terrain import Terrain
 from lingjing.scene.tiles import Tiles
 from lingjing.trace.images import JPEG_QUALITY
@@ -113,7 +114,8 @@ class CameraEngine:
         if request.pose is not None:
             return picture_key(request.pose, self._scenery(None), self._level)
         entity, camera = self._mount(request)
-        return picture_key(self._seen_from(entity, camera, request.placement), self._scenery(entity), self._level)
+        scenery = self._scenery(entity, changed=request.weather)
+        return picture_key(self._seen_from(entity, camera, request.placement), scenery, self._level)
 
     def fingerprint(self) -> dict[str, str]:
         """Return the GL renderer and version; empty before the first reset."""
@@ -169,7 +171,8 @@ class CameraEngine:
         assert self._renderer is not None
         pose = self._seen_from(entity, camera, request.placement)
         depth, semantic, instance = (name in camera.channels for name in ("depth", "semantic", "instance"))
-        shot = Shot(pose, depth, semantic, partial(self._scenery, entity), instance, self._visible_m(pose))
+        scenery = partial(self._scenery, entity, changed=request.weather)
+        shot = Shot(pose, depth, semantic, scenery, instance, self._visible_m(pose))
         shown = self._redaction.take(self._renderer, shot)
         info = FrameInfo(
             id=request.frame,
@@ -254,14 +257,21 @@ class CameraEngine:
             return height_under(self._city, east, north)
         return self._terrain.support(east, north, up + 0.5)
 
-    def _scenery(self, viewer: Entity | None, without: Collection[str] = (), variant: int = ALL) -> Scenery:
+    def _scenery(
+        self,
+        viewer: Entity | None,
+        without: Collection[str] = (),
+        variant: int = ALL,
+        changed: PictureWeather | None = None,
+    ) -> Scenery:
         """Return the moving content of a picture.
 
         It has no body of the `viewer` and none of the entities `without`, and no shadows of these bodies. Their light
-        stays. The town is the `variant`, one of the constants of `redaction`.
+        stays. The town is the `variant`, one of the constants of `redaction`. `changed` replaces values of the weather.
         """
         assert self._schedule is not None
-        weather = self._schedule.weather(self._time_s)
+        declared = self._schedule.weather(self._time_s)
+        weather = declared if changed is None else changed.over(declared)
         shown, own = [], None
         for number, entity in enumerate(self._playing().instance.entities):
             state = self._states[entity.id]
@@ -271,7 +281,7 @@ class CameraEngine:
             elif here and entity.id not in without:
                 shown.append((number, entity, state))
         cast = stage(shown, self._ambient, self._sites, self._time_s, weather, self._under, self._level, own)
-        sea = self._ocean(weather).surfaces(self._time_s)
+        sea = self._ocean(declared).surfaces(self._time_s)
         return Scenery(self._time_s, weather, sea, (*self._props, *cast.batches), cast.marks,
                        cast.billboards, cast.decals, variant)  # fmt: skip
 

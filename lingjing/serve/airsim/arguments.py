@@ -117,6 +117,12 @@ class Arguments:
         """Pass over an argument without an effect here."""
         self._take(name)
 
+    def skip_external(self) -> None:
+        """Pass over `external`, the last argument of methods of cameras in the client `airsim`. There are no cameras
+        without a vehicle here."""
+        if self.left and isinstance(self._values[self._next], bool) and self.flag("external"):
+            raise CallError(f"`{self._method}` has no `external` cameras: cameras belong to vehicles here")
+
     def end(self) -> None:
         """Check that nothing is left."""
         if self.left:

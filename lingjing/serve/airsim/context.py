@@ -13,6 +13,7 @@ from lingjing.serve.airsim.arguments import Arguments
 from lingjing.serve.airsim.distortion import Distortion
 from lingjing.serve.airsim.pictures import ImageWish
 from lingjing.serve.airsim.server import Call, Client
+from lingjing.serve.airsim.skies import Skies
 from lingjing.serve.airsim.vehicles import Fleet, Surroundings, Vehicle
 from lingjing.trace.records import BodyState
 
@@ -76,6 +77,8 @@ class Context:
     """The places and lenses that clients have given to cameras, by vehicle and camera; others have their mount's."""
     distortions: dict[tuple[str, str], Distortion] = field(default_factory=dict)
     """The distortions that clients have given to cameras, by vehicle and camera."""
+    skies: Skies = field(default_factory=Skies)
+    """The weather and the time of day of pictures."""
     waits: list[PictureWait] = field(default_factory=list)
     """The calls that wait for pictures."""
     flying: dict[str, Call] = field(default_factory=dict)

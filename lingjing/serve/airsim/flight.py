@@ -21,9 +21,9 @@ _BRAKE_MPS2 = 1.5
 """Deceleration before the end of a path, m/s^2 (chosen: below the engine's limit of 3)."""
 _GAIN = 1.0
 """Speed demanded for a distance near the end, 1/s (chosen)."""
-_ARRIVED_M = 0.5
+_ARRIVED_M = 0.15
 """Distance at which a place counts as reached, metres (chosen)."""
-_SLOW_MPS = 0.5
+_SLOW_MPS = 0.3
 """Speed at which a vehicle counts as at rest, m/s (chosen)."""
 _LOOKAHEAD_S = 0.6
 """Time ahead on a path to which a vehicle flies (chosen: the lag of the engine's velocity loop)."""

@@ -241,14 +241,19 @@ def _speed(arguments: Arguments) -> float:
     return speed
 
 
-def places(origin: tuple[float, float], latitude: float, longitude: float) -> tuple[float, float]:
-    """Return (east, north) of a geographic place, by a few Newton steps of `geodetic`. Raises `CallError`."""
-    if abs(latitude - origin[0]) > 1.0 or abs(longitude - origin[1]) > 1.0:
+def places(
+    origin: tuple[float, float], latitude: float, longitude: float, most_deg: float = 1.0
+) -> tuple[float, float]:
+    """Return (east, north) of a geographic place, by a few Newton steps of `geodetic`.
+
+    Raises `CallError` for a place more than `most_deg` degrees from the origin.
+    """
+    if abs(latitude - origin[0]) > most_deg or abs(longitude - origin[1]) > most_deg:
         raise CallError(f"({latitude:g}, {longitude:g}) lies outside the city around ({origin[0]:g}, {origin[1]:g})")
     per_north = geodetic(origin, 0.0, 1.0)[0] - origin[0]
     per_east = geodetic(origin, 1.0, 0.0)[1] - origin[1]
     east = north = 0.0
-    for _ in range(4):
+    for _ in range(8):
         reached = geodetic(origin, east, north)
         north += (latitude - reached[0]) / per_north
         east += (longitude - reached[1]) / per_east

@@ -8,10 +8,11 @@ from lingjing.serve.airsim.flight_methods import FLIGHT
 from lingjing.serve.airsim.object_methods import OBJECTS
 from lingjing.serve.airsim.picture_methods import PICTURES
 from lingjing.serve.airsim.server import Call
+from lingjing.serve.airsim.sky_methods import SKIES
 from lingjing.serve.airsim.state_methods import STATE
 from lingjing.serve.airsim.world_methods import WORLD
 
-METHODS: dict[str, Method] = {**WORLD, **FLIGHT, **STATE, **PICTURES, **OBJECTS}
+METHODS: dict[str, Method] = {**WORLD, **FLIGHT, **STATE, **PICTURES, **OBJECTS, **SKIES}
 """The served methods by their names on the wire."""
 
 

@@ -13,6 +13,7 @@ from lingjing.mission.instance import ArgumentSpec, Budget, Clock, Entity, Insta
 from lingjing.mission.kinds import builtin_scenes
 from lingjing.mission.vocabulary import PHOTO
 from lingjing.scene.camera_geometry import PLACEMENT_LIMITS
+from lingjing.scene.picture_weather import WEATHER_LIMITS
 
 LONGEST_TICK_S = 1.0
 """Longest tick of a served episode, seconds (chosen)."""
@@ -56,9 +57,9 @@ _ATTITUDE = VerbSpec(
 
 _PLACEMENT = tuple(
     ArgumentSpec(name=name, unit=unit, minimum=least, maximum=most, optional=True)
-    for name, (unit, least, most) in PLACEMENT_LIMITS.items()
+    for name, (unit, least, most) in (PLACEMENT_LIMITS | WEATHER_LIMITS).items()
 )
-"""The arguments of `takePhoto` that move the camera."""
+"""The arguments of `takePhoto` that move the camera, and those that change the weather of the picture."""
 
 
 def free_flight(scene: str, drones: int, width: int, height: int, minutes: int) -> str:
@@ -103,8 +104,8 @@ mission free_flight "Free flight" {{
 def served(instance: Instance, tick_s: float, *, moves_cameras: bool = False) -> Instance:
     """Return an instance with a short tick, the same time, and the verbs of set-points on its multirotors.
 
-    `moves_cameras`: `takePhoto` also takes a placement of the camera. A mission that is judged has the cameras that it
-    declares, so this is for free flights.
+    `moves_cameras`: `takePhoto` also takes a placement of the camera and the weather of the picture. A mission that is
+    judged has the cameras and the weather that it declares, so this is for free flights.
     """
     seconds = instance.budget.ticks * instance.clock.tick_s
     budget: Budget = replace(instance.budget, ticks=max(1, round(seconds / tick_s)))

@@ -35,6 +35,7 @@ def _filter(context: Context, arguments: Arguments, *before: str) -> tuple[Detec
     camera, image_type = arguments.text("camera_name"), int(arguments.number("image_type"))
     values: list[Any] = [arguments.text(name) if name == "mesh_name" else arguments.number(name) for name in before]
     vehicle = context.fleet.find(arguments.text("vehicle_name", ""))
+    arguments.skip_external()
     arguments.text("annotation_name", "")
     arguments.end()
     wish = image_wish(vehicle, camera, SCENE, as_float=False, compressed=True)
@@ -62,6 +63,7 @@ def _clear_names(context: Context, call: Call, arguments: Arguments) -> None:
 def _detections(context: Context, call: Call, arguments: Arguments) -> Later:
     camera, image_type = arguments.text("camera_name"), int(arguments.number("image_type"))
     vehicle = context.fleet.find(arguments.text("vehicle_name", ""))
+    arguments.skip_external()
     arguments.text("annotation_name", "")
     arguments.end()
     wish = image_wish(vehicle, camera, SCENE, as_float=False, compressed=True)

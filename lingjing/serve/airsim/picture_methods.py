@@ -29,6 +29,7 @@ _MOST_IMAGES = 32
 def _images(context: Context, call: Call, arguments: Arguments) -> Later | list[Any]:
     requests = arguments.records("requests", _MOST_IMAGES)
     vehicle = context.fleet.find(arguments.text("vehicle_name", ""))
+    arguments.skip_external()
     arguments.end()
     wishes = tuple(
         image_wish(
@@ -52,6 +53,7 @@ def _images(context: Context, call: Call, arguments: Arguments) -> Later | list[
 def _image(context: Context, call: Call, arguments: Arguments) -> Later:
     camera, image_type = arguments.text("camera_name"), int(arguments.number("image_type"))
     vehicle = context.fleet.find(arguments.text("vehicle_name", ""))
+    arguments.skip_external()
     arguments.text("annotation_name", "")
     arguments.end()
     wish = image_wish(vehicle, camera, image_type, as_float=False, compressed=True)
@@ -78,6 +80,7 @@ def _mount(context: Context, arguments: Arguments) -> tuple[Vehicle, CameraSpec]
     """Read a camera and its vehicle, which are the only arguments."""
     name = arguments.text("camera_name")
     vehicle = context.fleet.find(arguments.text("vehicle_name", ""))
+    arguments.skip_external()
     arguments.end()
     return vehicle, camera_of(vehicle.entity, name)
 
@@ -105,6 +108,7 @@ def _field_of_view(context: Context, call: Call, arguments: Arguments) -> str:
 def _set_pose(context: Context, call: Call, arguments: Arguments) -> None:
     name, placed = arguments.text("camera_name"), arguments.pose("pose")
     vehicle = context.fleet.find(arguments.text("vehicle_name", ""))
+    arguments.skip_external()
     arguments.end()
     (ahead, right, down), turn = placed
     roll, pitch, yaw = angles(turn)
@@ -116,6 +120,7 @@ def _set_pose(context: Context, call: Call, arguments: Arguments) -> None:
 def _set_field_of_view(context: Context, call: Call, arguments: Arguments) -> None:
     name, degrees = arguments.text("camera_name"), arguments.number("fov_degrees")
     vehicle = context.fleet.find(arguments.text("vehicle_name", ""))
+    arguments.skip_external()
     arguments.end()
     _place(context, vehicle, camera_of(vehicle.entity, name), {"hfov_deg": degrees})
 
@@ -160,6 +165,7 @@ def _distortion(context: Context, call: Call, arguments: Arguments) -> list[floa
 def _set_distortion(context: Context, call: Call, arguments: Arguments) -> None:
     name, parameter, value = arguments.text("camera_name"), arguments.text("param_name"), arguments.number("value")
     vehicle = context.fleet.find(arguments.text("vehicle_name", ""))
+    arguments.skip_external()
     arguments.end()
     camera = camera_of(vehicle.entity, name)
     if parameter not in Distortion._fields:

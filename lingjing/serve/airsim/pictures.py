@@ -87,8 +87,6 @@ def image_wish(
     channel = _CHANNELS[image_type]
     if channel not in camera.channels:
         raise CallError(f"camera `{camera.name}` of `{vehicle.name}` has no channel `{channel}` in this mission")
-    if as_float and image_type in (SCENE, SEGMENTATION, NORMALS, INFRARED):
-        raise CallError(f"image type {image_type} has no floats: only depth has")
     if not vehicle.agent.receives_pictures(vehicle.entity.id, camera.name):
         raise CallError(f"agent `{vehicle.agent.id}` does not observe camera `{camera.name}` in this mission")
     if not any(verb.name == "takePhoto" for verb in vehicle.entity.verbs):
@@ -112,8 +110,8 @@ def image_response(
     floats: list[float] = []
     data = b""
     if wish.as_float:
-        depth = distorted(_depth(wish.type, picture), distortion, picture.pose, _FAR_M)
-        floats = depth.astype(np.float64).ravel().tolist()
+        values, outside = _floats(wish.type, picture, numbers or {})
+        floats = distorted(values, distortion, picture.pose, outside).ravel().tolist()
     else:
         pixels = distorted(_pixels(wish.type, picture, numbers or {}), distortion, picture.pose, 0)
         data = png(pixels) if wish.compressed else np.ascontiguousarray(pixels[..., ::-1]).tobytes()
@@ -139,6 +137,13 @@ def png(pixels: npt.NDArray[np.uint8]) -> bytes:
     file = io.BytesIO()
     Image.fromarray(pixels).save(file, "PNG", compress_level=1)
     return file.getvalue()
+
+
+def _floats(image_type: int, picture: Picture, numbers: Mapping[str, int]) -> tuple[npt.NDArray[np.float64], float]:
+    """Return depth in metres, or for the other types red from 0 to 1; and the value beyond the picture's border."""
+    if _CHANNELS[image_type] == "depth" and image_type != NORMALS:
+        return _depth(image_type, picture).astype(np.float64), _FAR_M
+    return _pixels(image_type, picture, numbers)[..., 0].astype(np.float64) / 255.0, 0.0
 
 
 def _pixels(image_type: int, picture: Picture, numbers: Mapping[str, int]) -> npt.NDArray[np.uint8]:

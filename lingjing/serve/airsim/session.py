@@ -160,7 +160,7 @@ class ClientSource:
             Vehicle(entities[name], agents[agent], states[name]) for name, agent in served_agents(self._instance)
         )
         objects = tuple(entity.id for entity in self._instance.entities if "position" not in entity.hidden)
-        around = Surroundings(Terrain(self._city), SightLines(lambda: self._city))
+        around = Surroundings(Terrain(self._city), SightLines(lambda: self._city), self._city.bounds)
         return Context(self._instance, Fleet(vehicles), around, objects)
 
     def _take_refusals(self, context: Context, published: Published) -> None:
@@ -280,6 +280,7 @@ class ClientSource:
             entity, camera = wait.vehicle.entity.id, wait.missing[0]
             placement = context.placements.get((entity, camera))
             arguments: dict[str, Datum] = {"camera": camera, **(placement.arguments if placement is not None else {})}
+            arguments |= context.skies.arguments(self._instance.scene.origin, context.time_s)
             photo = Action(verb=PHOTO, resource=entity, arguments=arguments)
             actions.setdefault(wait.vehicle.agent.id, photo)
         for vehicle in context.fleet.vehicles:

@@ -172,8 +172,10 @@ def dipole_field(latitude: float, longitude: float) -> Vector:
 class Surroundings:
     """Free lines and distances in the city."""
 
-    def __init__(self, terrain: Terrain, sight: SightLines) -> None:
+    def __init__(self, terrain: Terrain, sight: SightLines, bounds: tuple[float, float, float, float]) -> None:
         self._terrain, self._sight = terrain, sight
+        self.bounds = bounds
+        """West, south, east and north border of the city, metres."""
 
     def is_free(self, first: Vector, second: Vector) -> bool:
         """Return whether nothing of the city stands between two places (east, north, up)."""

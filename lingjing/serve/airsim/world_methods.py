@@ -13,12 +13,20 @@ from lingjing.serve.airsim.context import LATER, Context, Later, Method
 from lingjing.serve.airsim.flight_methods import places
 from lingjing.serve.airsim.frames import ned
 from lingjing.serve.airsim.server import Call
-from lingjing.serve.airsim.vehicles import Vehicle, plain_name
+from lingjing.serve.airsim.vehicles import Vehicle, geo_point, plain_name
 
 VERSION = 4
-"""Version of the API, and least version of its clients (`cosysairsim` 3.5.0)."""
+"""Version of the API (`cosysairsim` 3.5.0)."""
+LEAST_CLIENT = 1
+"""Least version of clients: that of Microsoft's and Colosseum's client `airsim`."""
 _LONGEST_PATTERN = 100
 """Most letters of a regular expression (chosen)."""
+
+_SIGHT_DEG = 20.0
+"""Largest distance in latitude and longitude to a point of a line of sight, degrees (chosen: `places` is exact to 0.001
+degrees there)."""
+_SIGHT_M = 50_000.0
+"""Length of a line of sight that is examined, metres (chosen: no city is larger)."""
 
 
 def _constant(value: object) -> Method:
@@ -41,9 +49,11 @@ def _is_enabled(context: Context, call: Call, arguments: Arguments) -> bool:
 
 
 def _arm(context: Context, call: Call, arguments: Arguments) -> bool:
+    """Note that a vehicle is armed. False without control of it, and for a vehicle that is disarmed twice: scripts
+    disarm after `reset`, which has taken the control from them, and AirSim's flight controller answers so."""
     on, vehicle = arguments.flag("arm"), _vehicle(context, arguments)
-    if not vehicle.controlled:
-        raise CallError(f"API control of `{vehicle.name}` is off: call `enableApiControl` first")
+    if not vehicle.controlled or not (on or vehicle.armed):
+        return False
     vehicle.armed = on
     return True
 
@@ -128,19 +138,34 @@ def _objects(context: Context, call: Call, arguments: Arguments) -> list[str]:
 def _sight(context: Context, call: Call, arguments: Arguments) -> bool:
     place = _geo(context, arguments.record("point"))
     vehicle = _vehicle(context, arguments)
-    return context.surroundings.is_free(vehicle.body.position, place)
+    return context.surroundings.is_free(vehicle.body.position, _near(vehicle.body.position, place))
 
 
 def _sight_between(context: Context, call: Call, arguments: Arguments) -> bool:
     first, second = _geo(context, arguments.record("point1")), _geo(context, arguments.record("point2"))
     arguments.end()
-    return context.surroundings.is_free(first, second)
+    return context.surroundings.is_free(_near(second, first), _near(first, second))
+
+
+def _near(first: Vector, second: Vector) -> Vector:
+    """Return the second point, or the point of the line to it at which every city has ended."""
+    share = min(1.0, _SIGHT_M / max(math.dist(first, second), 1.0))
+    x, y, z = (a + share * (b - a) for a, b in zip(first, second, strict=True))
+    return x, y, z
+
+
+def _extents(context: Context, call: Call, arguments: Arguments) -> list[dict[str, float]]:
+    """Return the south-western and the north-eastern corner of the city, at elevation 0."""
+    arguments.end()
+    west, south, east, north = context.surroundings.bounds
+    origin = context.instance.scene.origin
+    return [geo_point(origin, (west, south, 0.0)), geo_point(origin, (east, north, 0.0))]
 
 
 def _geo(context: Context, record: dict[str, object]) -> Vector:
     values = Arguments("GeoPoint", [record.get(name) for name in ("latitude", "longitude", "altitude")])
     latitude, longitude = values.number("latitude"), values.number("longitude")
-    east, north = places(context.instance.scene.origin, latitude, longitude)
+    east, north = places(context.instance.scene.origin, latitude, longitude, _SIGHT_DEG)
     return east, north, values.number("altitude")
 
 
@@ -175,7 +200,7 @@ _MARKERS = (
 WORLD: dict[str, Method] = {
     "ping": _constant(True),
     "getServerVersion": _constant(VERSION),
-    "getMinRequiredClientVersion": _constant(VERSION),
+    "getMinRequiredClientVersion": _constant(LEAST_CLIENT),
     "enableApiControl": _enable,
     "isApiControlEnabled": _is_enabled,
     "armDisarm": _arm,
@@ -189,6 +214,7 @@ WORLD: dict[str, Method] = {
     "simListSceneObjects": _objects,
     "simTestLineOfSightToPoint": _sight,
     "simTestLineOfSightBetweenPoints": _sight_between,
+    "simGetWorldExtents": _extents,
     "simPrintLogMessage": _log,
     **dict.fromkeys(_MARKERS, _mark),
     "isRecording": _constant(True),
