@@ -232,7 +232,9 @@ def _uploads() -> float:
     for number in range(PICTURES * 5):
         photo = hub.pictures.expect(f"f{number}")
         body, kind = multipart({"photoid": photo}, "file", out.getvalue())
-        request = urllib.request.Request(server.upload_url, body, {"Content-Type": kind})
+        request = urllib.request.Request(
+            f"http://127.0.0.1:{server.port}/sim/vision/upload", body, {"Content-Type": kind}
+        )
         with urllib.request.urlopen(request) as response:
             assert response.status == 200
         assert hub.pictures.take(photo, 5.0) is not None

@@ -7,12 +7,14 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 from typing import Any
 
 import msgpack
 import pytest
 
+from lingjing.serve.airsim import server as servers
 from lingjing.serve.airsim.methods import METHODS
 from lingjing.serve.airsim.protocol import MOST_BYTES, FrameReader, ProtocolError, Request
 from lingjing.testing import run_command
@@ -188,3 +190,25 @@ def test_a_taken_port_is_named(capsys: pytest.CaptureFixture[str]) -> None:
         port = str(holder.getsockname()[1])
         assert run_command(["serve", "--airsim", "--scene", "bay", "--port", port]) == 2
     assert f"cannot listen at 127.0.0.1 port {port}" in capsys.readouterr().err
+
+
+def test_a_client_without_a_token_and_one_too_many_are_told_and_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(servers, "_TOKEN_S", 0.4)
+    monkeypatch.setattr(servers, "_MOST_CLIENTS", 2)
+    server = servers.CallServer("127.0.0.1", 0, token="correct-horse")
+    try:
+        slow, friend = Wire(server.port), Wire(server.port)
+        assert friend.call("lingjing.token", "correct-horse") == [1, 1, None, True]
+        assert "2 clients are connected already" in Wire(server.port).answer()[2]
+        with contextlib.suppress(OSError):
+            for byte in b"\x94\x00\x01\xa4pin":
+                slow.send(bytes([byte]))
+                time.sleep(0.1)
+        assert "no token came within 0.4 s" in slow.answer()[2] and slow.answer() is None
+        friend.send(msgpack.packb([0, 2, "ping", []]))
+        while (call := server.calls.get(timeout=30)) is None:
+            pass
+        call.succeed(True)
+        assert friend.answer() == [1, 2, None, True], "a client with the token may be silent"
+    finally:
+        server.close()

@@ -64,7 +64,10 @@ class OffsetsDriver:
         seen = self._observe("reset", 0.0)
         missing = [entity.id for entity in self._bodies.entities if entity.id not in seen]
         if missing:
-            raise InfrastructureError(f"the session's first observation has no pose of {', '.join(missing)}")
+            alone = not self._profile.bodies and len(self._bodies.entities) > 1
+            hint = "its profile reports one body: an engine for several answers as delivery or fire_rescue"
+            message = f"the session's first observation has no pose of {', '.join(missing)}"
+            raise InfrastructureError(message, hint=hint if alone else "")
         return self._boundary(0.0)
 
     def submit(self, commands: Sequence[Command]) -> tuple[Receipt, ...]:

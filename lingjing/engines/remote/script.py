@@ -54,6 +54,8 @@ class ScriptDriver:
         self._routes: list[Route] = []
         self._planned: dict[str, str] = {}
         """The entity and the request of a route that is awaited."""
+        self._router = ""
+        """The car that was sent to a destination last: a route without a name is its."""
         self._numbers: dict[str, int] = {}
         self._time_s = 0.0
         self._entities = {entity.id: entity for entity in bodies.entities}
@@ -94,6 +96,8 @@ class ScriptDriver:
         entity = self._entities[command.resource]
         fields = _FORMS[engine_of(entity)](self, entity, command)
         self._planned[entity.id] = command.id
+        if engine_of(entity) == "road" and command.verb == "setDestination":
+            self._router = entity.id
         exchange = self._link.exchange([Request(_ACT, fields, wants_reply=False)], 0.0)
         self._read(exchange, self._time_s)
 
@@ -203,6 +207,8 @@ class ScriptDriver:
         content = {**event, **data} if isinstance(data, dict) else event
         seen = self._take_poses(content, time_s)
         entity = self._names.entity(name_in(content))
+        if not entity and kind == CARLA_ROUTE and not name_in(content):
+            entity = self._router  # the protocol's event names no car
         if not entity:
             return seen
         if kind in (COMPLETED, SHIP_COMPLETED):

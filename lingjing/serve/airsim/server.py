@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import hmac
 import queue
+import select
 import socket
 import threading
+import time
 from contextlib import suppress
 from typing import Any
 
@@ -25,6 +27,8 @@ _MOST_WAITING = 256
 """Most calls of one client that wait for an answer (chosen)."""
 _MOST_UNSENT = 64_000_000
 """Most bytes of answers that wait for one client to read them (chosen: eight pictures of a million floats)."""
+_TOKEN_S = 10.0
+"""Time in which a client must give the token, seconds (chosen)."""
 _CHUNK = 65_536
 """Bytes of one read."""
 _FAREWELL_S = 5.0
@@ -168,6 +172,9 @@ class CallServer:
                     client.admitted = not self._token
                     self.clients.append(client)
             if crowded:
+                with suppress(OSError):
+                    connection.settimeout(_FAREWELL_S)
+                    connection.sendall(response(0, f"{_MOST_CLIENTS} clients are connected already", None))
                 connection.close()
                 continue
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -178,11 +185,13 @@ class CallServer:
     def _read(self, client: Client, connection: socket.socket) -> None:
         reader = FrameReader()
         try:
-            while data := connection.recv(_CHUNK):
+            until = time.monotonic() + _TOKEN_S
+            while data := _received(connection, None if client.admitted else until):
                 for request in reader.feed(data):
                     self._take(client, request)
-        except ProtocolError as error:
-            client.send(response(0, f"the connection is closed: {error}", None))
+        except (ProtocolError, TimeoutError) as error:
+            reason = str(error) if isinstance(error, ProtocolError) else f"no token came within {_TOKEN_S:g} s"
+            client.send(response(0, f"the connection is closed: {reason}", None))
             client.finish()
         except OSError:
             client.close()
@@ -207,6 +216,18 @@ class CallServer:
             self.calls.put(call)
         else:
             call.fail(f"{_MOST_WAITING} calls of this client wait already")
+
+
+def _received(connection: socket.socket, until: float | None) -> bytes:
+    """Return the next bytes of a client; empty at the end. Raises `TimeoutError` after `until`, on the clock
+    `time.monotonic`."""
+    if until is not None:
+        if (left := until - time.monotonic()) <= 0.0:
+            raise TimeoutError
+        ready, _, _ = select.select([connection], [], [], left)
+        if not ready:
+            raise TimeoutError
+    return connection.recv(_CHUNK)
 
 
 def _is_token(offered: object, token: str) -> bool:

@@ -85,6 +85,11 @@ class Answers:
         """True while a body carries out a command that ends with an event."""
         return self._world is not None and self._world.busy
 
+    @property
+    def playing(self) -> bool:
+        """True from the first scenario that was accepted to the end of its episode."""
+        return bool(self._scenario) and not self.ended
+
     def take(self, text: object) -> None:
         """Answer one frame of the backend. A frame that is no command is passed over."""
         try:

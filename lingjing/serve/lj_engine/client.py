@@ -70,7 +70,6 @@ def _prepare(host: PluginHost, names: tuple[str, ...]) -> None:
 def _answer_all(connection: Any, answers: Answers, *, once: bool) -> None:
     from websockets.exceptions import ConnectionClosed
 
-    playing = False
     try:
         while not (once and answers.ended):
             try:
@@ -79,10 +78,9 @@ def _answer_all(connection: Any, answers: Answers, *, once: bool) -> None:
                 answers.idle()
             else:
                 answers.take(text)
-                playing = not answers.ended
             answers.advance()
     except ConnectionClosed as error:
-        if playing and not answers.ended:
+        if answers.playing:
             raise InfrastructureError(f"the backend has closed the connection: {str(error)[:200]}") from error
 
 

@@ -107,7 +107,10 @@ class Hub:
     def link(self, engine: str, key: str, *, paced: bool) -> LiveLink:
         """Return a link of an engine to a session. `paced`: mission time passes as the wall clock."""
         with self.news:
-            link = LiveLink(self, engine, self.sessions[key], paced=paced)
+            session = self.sessions.get(key)
+            if session is None:
+                raise InfrastructureError(f"the session {key} was lost before the episode began")
+            link = LiveLink(self, engine, session, paced=paced)
             self._links.append(link)
             return link
 

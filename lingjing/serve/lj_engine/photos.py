@@ -7,7 +7,7 @@ The boxes are those of our own camera at the pose that the owner of the body has
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -21,6 +21,7 @@ from lingjing.mission.instance import CameraSpec, Entity, Instance
 from lingjing.plugins.engine import Boundary, CaptureRequest, Command, Engine, EngineSpec, Frame, Receipt
 from lingjing.scene.city import City
 from lingjing.serve.lj_engine.hub import Hub
+from lingjing.serve.lj_engine.sessions import Session
 from lingjing.serve.lj_engine.uploads import Upload
 from lingjing.trace.records import BodyState, Box
 
@@ -33,8 +34,8 @@ _MOST_BOXES = 1000
 class RemoteCamera:
     """A sensor engine that asks a session for the pixels."""
 
-    def __init__(self, camera: Engine, hub: Hub, key: str, url: str, deadline_s: float) -> None:
-        """`camera` gives poses, boxes and depth; `key` names the session, `url` takes its uploads."""
+    def __init__(self, camera: Engine, hub: Hub, key: str, url: Callable[[Session], str], deadline_s: float) -> None:
+        """`camera` gives poses, boxes and depth; `key` names the session, `url` is the address for its uploads."""
         self._camera, self._hub, self._key, self._url = camera, hub, key, url
         self._deadline_s = deadline_s
         self._instance: Instance | None = None
@@ -75,12 +76,12 @@ class RemoteCamera:
             return None
         entity = next(each for each in self._instance.entities if each.id == request.entity)
         photo = self._hub.pictures.expect(request.frame)
-        fields = {"modelIdList": [self._wish(entity, request, photo)]}
+        fields = {"modelIdList": [self._wish(entity, request, photo, self._url(session))]}
         frame = msgspec.json.encode(command_data("takePhoto", self._hub.task_id, fields, ""))
         self._hub.send(session, frame)
         return self._hub.pictures.take(photo, self._deadline_s)
 
-    def _wish(self, entity: Entity, request: CaptureRequest, photo: str) -> dict[str, Any]:
+    def _wish(self, entity: Entity, request: CaptureRequest, photo: str, url: str) -> dict[str, Any]:
         mount: CameraSpec = next(each for each in entity.cameras if each.name == request.camera)
         name = _NAMES.get(engine_of(entity), "droneId")
         wish: dict[str, Any] = {"droneId": "", "carId": "", "dogId": "", name: entity.label or entity.id}
@@ -91,7 +92,7 @@ class RemoteCamera:
             "analysisType": "", "stepIndex": str(request.tick), "photoid": photo, "subtaskIndex": "0",
         }  # fmt: skip
         upload = {
-            "url": self._url, "method": "POST", "contentType": "multipart/form-data", "fileField": "file",
+            "url": url, "method": "POST", "contentType": "multipart/form-data", "fileField": "file",
             "fields": form,
         }  # fmt: skip
         return {**wish, "viewType": view, "photoid": photo, "uploadSpec": upload}

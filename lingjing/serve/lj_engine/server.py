@@ -9,8 +9,10 @@ import contextlib
 import hmac
 import http.server
 import logging
+import os
 import socket
 import threading
+import time
 from http import HTTPStatus
 from typing import Any
 from urllib.parse import urlsplit
@@ -27,9 +29,15 @@ LOOPBACK = ("127.0.0.1", "::1", "localhost")
 MOST_FRAME = 32 * 2**20
 """Longest frame of a session, bytes (chosen: a boundary of a thousand bodies has half a megabyte)."""
 MOST_SESSIONS = 64
-"""Most connections at a time (chosen)."""
+"""Most sessions at a time (chosen)."""
+MOST_OPEN = 2 * MOST_SESSIONS
+"""Most connections at a time, with uploads and those that have sent no request yet; more are closed (chosen)."""
+_UPLOAD_S = 60.0
+"""Longest time of one upload, seconds (chosen)."""
 _HANDSHAKE_S = 10.0
 """Time for the first request of a connection, seconds (chosen)."""
+_PEEK_S = 0.02
+"""Time between two looks at a connection that has sent less than a word, seconds (chosen)."""
 _FAREWELL_S = 1.0
 """Longest silence of a client after its answer, seconds (chosen)."""
 _PING_S = 10.0
@@ -42,13 +50,13 @@ class EngineServer:
     def __init__(self, hub: Hub, host: str, port: int, token: str = "") -> None:
         """Raises `UsageError` if `websockets` is not installed or the address cannot be used."""
         try:
-            from websockets.sync.server import serve
+            from websockets.sync.server import ServerConnection, serve
         except ImportError as error:
             raise UsageError(
                 "LJ-ENGINE needs websockets, which is not installed", hint=install_line("lj-engine")
             ) from error
         self.hub, self.host, self._token = hub, host, token
-        self._connections = 0
+        self._connections = self._sessions = 0
         self._lock = threading.Lock()
         try:
             family = socket.AF_INET6 if ":" in host else socket.AF_INET
@@ -61,32 +69,40 @@ class EngineServer:
         logging.getLogger("websockets.server").addHandler(logging.NullHandler())
         logging.getLogger("websockets.server").propagate = False  # broken handshakes are the client's matter
         self._server = serve(
-            self._talk, sock=listening, open_timeout=_HANDSHAKE_S, process_request=self._admit, compression=None,
-            max_size=MOST_FRAME, server_header=None, ping_interval=_PING_S, ping_timeout=_PING_S, close_timeout=1.0,
+            self._talk, sock=listening, create_connection=_quiet(ServerConnection), open_timeout=_HANDSHAKE_S,
+            process_request=self._admit, compression=None, max_size=MOST_FRAME, server_header=None,
+            ping_interval=_PING_S, ping_timeout=_PING_S, close_timeout=1.0,
         )  # fmt: skip
         websocket = self._server.handler
 
         def route(connection: socket.socket, address: object) -> None:
-            if _begins_with_post(connection):
-                try:
-                    _UploadRequest(connection, address, self)
-                finally:
-                    _close(connection)
-                    with self._server.lock:
-                        self._server.handler_threads.discard(threading.current_thread())
-            else:
-                websocket(connection, address)
+            with self._lock:
+                self._connections += 1
+                crowded = self._connections > MOST_OPEN
+            try:
+                if crowded:
+                    connection.close()
+                elif _begins_with_post(connection):
+                    try:
+                        _UploadRequest(connection, address, self)
+                    finally:
+                        _close(connection)
+                else:
+                    websocket(connection, address)
+            finally:
+                with self._lock:
+                    self._connections -= 1
+                with self._server.lock:
+                    self._server.handler_threads.discard(threading.current_thread())
 
         self._server.handler = route
         with blocked_signals():
             threading.Thread(target=self._server.serve_forever, name="lj-engine-accept", daemon=True).start()
 
-    @property
-    def upload_url(self) -> str:
-        """The address to which engines upload pictures."""
-        host = "127.0.0.1" if self.host in ("", "0.0.0.0", "::", *LOOPBACK) else self.host  # noqa: S104
+    def upload_url(self, session: Session) -> str:
+        """Return the address to which a session uploads pictures: that at which it has reached this server."""
         query = f"?token={self._token}" if self._token else ""
-        return f"http://{f'[{host}]' if ':' in host else host}:{self.port}{UPLOAD_PATH}{query}"
+        return f"http://{session.server_address}{UPLOAD_PATH}{query}"
 
     def close(self) -> None:
         """Send the frames that wait, close all sessions and stop listening."""
@@ -125,7 +141,7 @@ class EngineServer:
         refused = self.refusal(request.path, headers.get_all("Host"), headers.get_all("Origin"), bearer)
         if refused is not None:
             return connection.respond(refused[0], f"{refused[1]}\n")
-        if self._connections >= MOST_SESSIONS:
+        if self._sessions >= MOST_SESSIONS:
             return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, "too many connections\n")
         return None
 
@@ -139,7 +155,7 @@ class EngineServer:
             return
         session = Session(connection, *key)
         with self._lock:
-            self._connections += 1
+            self._sessions += 1
         writer = threading.Thread(target=session.write, name="lj-engine-write", daemon=True)
         writer.start()
         reason = "its connection was closed"
@@ -159,7 +175,7 @@ class EngineServer:
             session.finish()
             writer.join(5.0)
             with self._lock:
-                self._connections -= 1
+                self._sessions -= 1
 
 
 class _UploadRequest(http.server.BaseHTTPRequestHandler):
@@ -199,10 +215,20 @@ class _UploadRequest(http.server.BaseHTTPRequestHandler):
         if headers.get("Expect", "").lower() == "100-continue":
             self.send_response_only(HTTPStatus.CONTINUE)
             self.end_headers()
-        body = self.rfile.read(int(length))
-        if len(body) != int(length):
-            raise UploadError(HTTPStatus.BAD_REQUEST, "the body is shorter than its Content-Length")
+        body = self._read(int(length))
         server.hub.upload(read_upload(headers.get("Content-Type", ""), body))
+
+    def _read(self, length: int) -> bytes:
+        """Return the body. Raises `UploadError` if it is shorter, or slower than `_UPLOAD_S`."""
+        until, body = time.monotonic() + _UPLOAD_S, bytearray()
+        while len(body) < length:
+            part = self.rfile.read1(length - len(body))
+            if not part:
+                raise UploadError(HTTPStatus.BAD_REQUEST, "the body is shorter than its Content-Length")
+            body += part
+            if time.monotonic() > until:
+                raise UploadError(HTTPStatus.REQUEST_TIMEOUT, f"an upload takes at most {_UPLOAD_S:g} s")
+        return bytes(body)
 
     def _answer(self, status: HTTPStatus, content: object) -> None:
         import msgspec
@@ -219,13 +245,26 @@ class _UploadRequest(http.server.BaseHTTPRequestHandler):
         """Log nothing: refusals are answers to the client."""
 
 
+def _quiet(kind: Any) -> Any:
+    """Return a class of connections whose pings draw nothing from `random`: the detection of policies that draw from
+    it would take them for draws of a policy."""
+
+    def ping(self: Any, data: Any = None, ack_on_close: bool = False) -> Any:
+        return kind.ping(self, os.urandom(4) if data is None else data, ack_on_close)
+
+    return type("QuietConnection", (kind,), {"ping": ping})
+
+
 def _begins_with_post(connection: socket.socket) -> bool:
     """Return whether a connection sends an HTTP request with a body. Reads nothing from it."""
+    until = time.monotonic() + _HANDSHAKE_S
+    begin = b""
     connection.settimeout(_HANDSHAKE_S)
-    try:
-        begin = connection.recv(4, socket.MSG_PEEK | socket.MSG_WAITALL)
-    except OSError:
-        begin = b""
+    with contextlib.suppress(OSError):
+        while (begin := connection.recv(4, socket.MSG_PEEK)) and begin != b"POST" and b"POST".startswith(begin):
+            if time.monotonic() > until:
+                break
+            time.sleep(_PEEK_S)  # the rest of the word is in another packet
     connection.settimeout(None)
     return begin == b"POST"
 

@@ -56,6 +56,11 @@ class Session:
         """The session key: `LJ-ENGINE_airsim`."""
         return f"{self.user_type}_{self.address}"
 
+    @property
+    def server_address(self) -> str:
+        """The address and port at which the client has reached this server: the header `Host` of its handshake."""
+        return str(self.connection.request.headers["Host"])
+
     def hello(self) -> None:
         """Send the first frame of the protocol."""
         self.send(system({"code": 0, "message": f"Hello,{self.address}"}))
