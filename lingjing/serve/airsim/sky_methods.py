@@ -48,7 +48,7 @@ def _time_of_day(context: Context, call: Call, arguments: Arguments) -> None:
 
 
 def _check_free(context: Context) -> None:
-    """Raise `CallError` in a mission, whose weather is declared."""
+    """Raise `CallError` in a mission: it declares its weather."""
     names = (
         argument.name
         for vehicle in context.fleet.vehicles

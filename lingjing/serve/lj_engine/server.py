@@ -246,8 +246,8 @@ class _UploadRequest(http.server.BaseHTTPRequestHandler):
 
 
 def _quiet(kind: Any) -> Any:
-    """Return a class of connections whose pings draw nothing from `random`: the detection of policies that draw from
-    it would take them for draws of a policy."""
+    """Return a class of connections with pings that draw nothing from `random`. Such draws would be reported as draws
+    of a policy."""
 
     def ping(self: Any, data: Any = None, ack_on_close: bool = False) -> Any:
         return kind.ping(self, os.urandom(4) if data is None else data, ack_on_close)

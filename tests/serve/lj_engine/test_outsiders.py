@@ -1,4 +1,4 @@
-"""What an engine and a backend that were written from the protocol's description alone found."""
+"""Faults that an engine and a backend showed which were written from the protocol's description alone."""
 
 from __future__ import annotations
 
