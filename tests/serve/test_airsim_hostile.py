@@ -14,9 +14,7 @@ from typing import Any
 import msgpack
 import pytest
 
-from lingjing.serve.airsim import server as servers
-from lingjing.serve.airsim.methods import METHODS
-from lingjing.serve.airsim.protocol import MOST_BYTES, FrameReader, ProtocolError, Request
+from lingjing.serve.airsim import methods, protocol, server
 from lingjing.testing import run_command
 from tests.serve.conftest import Serve, Served
 
@@ -66,7 +64,7 @@ def test_frames_that_break_the_protocol_end_their_connection_alone(serve: Serve)
         assert bad.answer() is None, "the connection is closed"
     huge = Wire(served.port)
     with contextlib.suppress(OSError):
-        huge.send(b"\xc6\x7f\xff\xff\xff" + bytes(MOST_BYTES + 100_000))
+        huge.send(b"\xc6\x7f\xff\xff\xff" + bytes(protocol.MOST_BYTES + 100_000))
     silent = Wire(served.port)  # never says anything
     mute = Wire(served.port)
     mute.send(b"\x94\x00")  # never ends its frame
@@ -116,7 +114,7 @@ def test_a_client_that_leaves_during_a_run_of_a_year_ends_it(serve: Serve) -> No
     assert len(served.finish().boundaries) < 70_000
 
 
-@pytest.mark.parametrize("method", sorted(METHODS.keys() - {"reset"}))
+@pytest.mark.parametrize("method", sorted(methods.METHODS.keys() - {"reset"}))
 def test_no_argument_ends_the_server(method: str, shared: Wire) -> None:
     for arguments in ([], [None] * 9, ["x"] * 3, [[]] * 8, [{}] * 5, [1e300] * 9, [-1] * 9, [2**63] * 4, [True] * 12):
         assert shared.call(method, *arguments)[1] == 1
@@ -140,10 +138,10 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Any:
 
 
 def test_a_frame_in_pieces_is_read_and_two_in_one_piece_too() -> None:
-    reader, frame = FrameReader(), msgpack.packb([0, 3, "ping", []])
-    assert [list(reader.feed(frame[k : k + 1])) for k in range(len(frame))][-1] == [Request(3, "ping", [])]
-    assert list(reader.feed(frame + frame)) == [Request(3, "ping", [])] * 2
-    with pytest.raises(ProtocolError):
+    reader, frame = protocol.FrameReader(), msgpack.packb([0, 3, "ping", []])
+    assert [list(reader.feed(frame[k : k + 1])) for k in range(len(frame))][-1] == [protocol.Request(3, "ping", [])]
+    assert list(reader.feed(frame + frame)) == [protocol.Request(3, "ping", [])] * 2
+    with pytest.raises(protocol.ProtocolError):
         list(reader.feed(msgpack.packb("ping")))
 
 
@@ -193,22 +191,22 @@ def test_a_taken_port_is_named(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_client_without_a_token_and_one_too_many_are_told_and_closed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(servers, "_TOKEN_S", 0.4)
-    monkeypatch.setattr(servers, "_MOST_CLIENTS", 2)
-    server = servers.CallServer("127.0.0.1", 0, token="correct-horse")
+    monkeypatch.setattr(server, "_TOKEN_S", 0.4)
+    monkeypatch.setattr(server, "_MOST_CLIENTS", 2)
+    listening = server.CallServer("127.0.0.1", 0, token="correct-horse")
     try:
-        slow, friend = Wire(server.port), Wire(server.port)
+        slow, friend = Wire(listening.port), Wire(listening.port)
         assert friend.call("lingjing.token", "correct-horse") == [1, 1, None, True]
-        assert "2 clients are connected already" in Wire(server.port).answer()[2]
+        assert "2 clients are connected already" in Wire(listening.port).answer()[2]
         with contextlib.suppress(OSError):
             for byte in b"\x94\x00\x01\xa4pin":
                 slow.send(bytes([byte]))
                 time.sleep(0.1)
         assert "no token came within 0.4 s" in slow.answer()[2] and slow.answer() is None
         friend.send(msgpack.packb([0, 2, "ping", []]))
-        while (call := server.calls.get(timeout=30)) is None:
+        while (call := listening.calls.get(timeout=30)) is None:
             pass
         call.succeed(True)
         assert friend.answer() == [1, 2, None, True], "a client with the token may be silent"
     finally:
-        server.close()
+        listening.close()

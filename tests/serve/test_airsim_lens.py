@@ -10,8 +10,7 @@ import pytest
 from lingjing.plugins.engine import CameraPlacement
 from lingjing.plugins.geometry import camera_axes, mounted_camera_pose
 from lingjing.plugins.policy import BodyState, CameraPose
-from lingjing.serve.airsim.distortion import Distortion, distorted
-from lingjing.serve.airsim.frames import angles, camera_turn, quaternion
+from lingjing.serve.airsim import distortion, frames
 from lingjing.testing.rescue import CAMERA
 
 Turn = tuple[float, float, float, float]
@@ -39,8 +38,8 @@ ATTITUDES = [(0.0, 0.0, 0.0), (20.0, -35.0, 130.0), (-80.0, 60.0, -170.0), (10.0
 
 @pytest.mark.parametrize("degrees", ATTITUDES)
 def test_the_angles_of_a_turn_give_the_turn(degrees: tuple[float, float, float]) -> None:
-    turn = quaternion(*map(math.radians, degrees))
-    again = quaternion(*angles(turn))
+    turn = frames.quaternion(*map(math.radians, degrees))
+    again = frames.quaternion(*frames.angles(turn))
     assert abs(sum(a * b for a, b in zip(turn, again, strict=True))) == pytest.approx(1.0)
 
 
@@ -55,15 +54,15 @@ def test_a_placed_camera_is_turned_by_the_body_and_then_by_its_placement(
         ahead_m=1.0, right_m=2.0, above_m=-0.5, roll_deg=camera[0], pitch_deg=camera[1], yaw_deg=camera[2], hfov_deg=50
     )
     pose = mounted_camera_pose(state, CAMERA, (), placement)
-    whole = quaternion(*map(math.radians, body))
+    whole = frames.quaternion(*map(math.radians, body))
     north, east, down = rotated(whole, (1.0, 2.0, 0.5))
     assert pose.position == pytest.approx((5.0 + east, 7.0 + north, 30.0 - down))
-    turn = product(whole, quaternion(*map(math.radians, camera)))
+    turn = product(whole, frames.quaternion(*map(math.radians, camera)))
     right, below, forward = camera_axes(pose)
     for axis, own in ((forward, (1.0, 0.0, 0.0)), (right, (0.0, 1.0, 0.0)), (below, (0.0, 0.0, 1.0))):
         north, east, down = rotated(turn, own)
         assert axis == pytest.approx((east, north, -down), abs=1e-6)
-    assert abs(sum(a * b for a, b in zip(turn, camera_turn(pose), strict=True))) == pytest.approx(1.0)
+    assert abs(sum(a * b for a, b in zip(turn, frames.camera_turn(pose), strict=True))) == pytest.approx(1.0)
     assert pose.hfov_deg == 50.0
     assert CameraPlacement.of_arguments({"camera": "front", **placement.arguments}) == placement
 
@@ -72,8 +71,8 @@ def test_a_distorted_picture_shows_the_rays_of_the_model() -> None:
     pose = CameraPose(position=(0.0, 0.0, 0.0), heading_deg=0.0, tilt_deg=0.0, hfov_deg=90.0, width=400, height=300)
     columns, rows = np.meshgrid(np.arange(400), np.arange(300))
     places = np.stack([columns, rows], axis=2).astype(np.float32)
-    lens = Distortion(K1=-0.2, K2=0.05, P1=0.01, P2=-0.02)
-    seen = distorted(places, lens, pose, -1.0)
+    lens = distortion.Distortion(K1=-0.2, K2=0.05, P1=0.01, P2=-0.02)
+    seen = distortion.distorted(places, lens, pose, -1.0)
     focal = 200.0
     for column, row in ((200, 150), (60, 40), (330, 260), (120, 200)):
         x, y = (column + 0.5 - 200) / focal, (row + 0.5 - 150) / focal
@@ -83,6 +82,6 @@ def test_a_distorted_picture_shows_the_rays_of_the_model() -> None:
         v = y * scale + 0.01 * (squared + 2 * y * y) - 0.04 * x * y
         at = int(u * focal + 200), int(v * focal + 150)
         assert seen[at[1], at[0]] == pytest.approx((column, row), abs=1.6)
-    assert (seen[0, 0] == -1.0).all() and distorted(places, Distortion(), pose, 0.0) is places
-    wild = distorted(places, Distortion(K1=1.0, K2=-1.0, K3=1.0, P1=1.0, P2=1.0), pose, -1.0)
+    assert (seen[0, 0] == -1.0).all() and distortion.distorted(places, distortion.Distortion(), pose, 0.0) is places
+    wild = distortion.distorted(places, distortion.Distortion(K1=1.0, K2=-1.0, K3=1.0, P1=1.0, P2=1.0), pose, -1.0)
     assert np.isfinite(wild).all()

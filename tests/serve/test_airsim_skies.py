@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lingjing.scene.picture_weather import PictureWeather
+from lingjing.plugins.engine import PictureWeather
 from lingjing.serve.airsim.skies import FOG, RAIN, ROAD_SNOW, SNOW, Skies, SunClock, local_time, sun_angles
 from lingjing.testing import run_command
 from tests.serve.conftest import Serve

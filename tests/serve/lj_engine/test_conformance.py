@@ -13,17 +13,16 @@ import pytest
 import lingjing
 from lingjing.plugins.conformance import ENGINE_CHECKS, EngineCase, case_of, check_name
 from lingjing.plugins.engine import Engine, EnginePlugin
-from lingjing.serve.lj_engine.episodes import RemoteEngine, RemoteSettings
-from lingjing.serve.lj_engine.server import EngineServer, Hub
+from lingjing.serve.lj_engine import episodes, server
 from tests.serve.lj_engine.conftest import MISSION, WAIT_S
 
 
 @pytest.fixture(scope="module")
 def plugin() -> Iterator[EnginePlugin]:
     """The multirotor engine of a session; each engine that the kit makes has a link of its own."""
-    hub = Hub("conformance")
-    server = EngineServer(hub, "127.0.0.1", 0)
-    url = f"ws://127.0.0.1:{server.port}/ws/LJ-ENGINE/airsim"
+    hub = server.Hub("conformance")
+    listening = server.EngineServer(hub, "127.0.0.1", 0)
+    url = f"ws://127.0.0.1:{listening.port}/ws/LJ-ENGINE/airsim"
     with subprocess.Popen([sys.executable, "-m", "lingjing.cli.main", "engine", "--connect", url]) as process:
         latest = time.monotonic() + WAIT_S
         while "LJ-ENGINE_airsim" not in hub.open_keys():
@@ -31,11 +30,13 @@ def plugin() -> Iterator[EnginePlugin]:
             time.sleep(0.1)
 
         def make() -> Engine:
-            settings = RemoteSettings(engine="multirotor", reply_s=60.0)
-            return RemoteEngine(settings, hub.link("multirotor", "LJ-ENGINE_airsim", paced=False), lambda instance: {})
+            settings = episodes.RemoteSettings(engine="multirotor", reply_s=60.0)
+            return episodes.RemoteEngine(
+                settings, hub.link("multirotor", "LJ-ENGINE_airsim", paced=False), lambda instance: {}
+            )
 
         yield EnginePlugin(name="multirotor", factory=make, place="remote", native_dt_s=0.02, summary="A session.")
-        server.close()
+        listening.close()
         process.terminate()
 
 

@@ -13,18 +13,10 @@ import pytest
 from websockets.sync.client import connect
 from websockets.sync.server import ServerConnection
 
-from lingjing.engines.remote.link import Exchange, Request
-from lingjing.engines.remote.messages import Document
-from lingjing.engines.remote.poses import Bodies, Names
-from lingjing.engines.remote.script import ScriptDriver
+from lingjing.engines.remote import link, poses, script
 from lingjing.errors import InfrastructureError
-from lingjing.plugins.host import PluginHost
-from lingjing.serve.lj_engine import server as servers
-from lingjing.serve.lj_engine.answers import Answers, EngineSettings
-from lingjing.serve.lj_engine.client import _answer_all
-from lingjing.serve.lj_engine.hosted_engines import HostedEngines
-from lingjing.serve.lj_engine.hub import Hub
-from lingjing.testing import instantiate
+from lingjing.serve.lj_engine import answers, client, hosted_engines, hub, server
+from lingjing.testing import PluginHost, instantiate
 from lingjing.trace.records import Command
 from tests.serve.lj_engine.conftest import ReferenceClient, Serve
 from tests.serve.lj_engine.test_backend import NORTH, red_picture
@@ -32,70 +24,70 @@ from tests.serve.lj_engine.test_engine import scenario
 
 
 def test_an_upload_in_pieces_of_two_bytes_is_an_upload() -> None:
-    hub = Hub("task")
-    server = servers.EngineServer(hub, "127.0.0.1", 0)
+    sessions = hub.Hub("task")
+    serving = server.EngineServer(sessions, "127.0.0.1", 0)
     try:
-        photo = hub.pictures.expect("f1")
+        photo = sessions.pictures.expect("f1")
         part = f'--b\r\nContent-Disposition: form-data; name="photoid"\r\n\r\n{photo}\r\n'.encode()
         file = b'--b\r\nContent-Disposition: form-data; name="file"; filename="a.png"\r\n\r\n'
         body = part + file + red_picture() + b"\r\n--b--\r\n"
-        head = f"POST /sim/vision/upload HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\nContent-Length: {len(body)}\r\n"
+        head = f"POST /sim/vision/upload HTTP/1.1\r\nHost: 127.0.0.1:{serving.port}\r\nContent-Length: {len(body)}\r\n"
         text = head.encode() + b"Content-Type: multipart/form-data; boundary=b\r\n\r\n"
-        with socket.create_connection(("127.0.0.1", server.port), timeout=30) as wire:
+        with socket.create_connection(("127.0.0.1", serving.port), timeout=30) as wire:
             wire.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             for piece in (text[:2], text[2:6], text[6:], body[:100], body[100:]):
                 wire.sendall(piece)
                 time.sleep(0.05)
             assert b" 200 " in wire.recv(200)
-        assert hub.pictures.take(photo, 5.0) is not None
+        assert sessions.pictures.take(photo, 5.0) is not None
     finally:
-        server.close()
+        serving.close()
 
 
 def test_an_upload_that_never_ends_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(servers, "_UPLOAD_S", 0.3)
-    server = servers.EngineServer(Hub("task"), "127.0.0.1", 0)
-    head = f"POST /sim/vision/upload HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\nContent-Length: 1000\r\n\r\n"
+    monkeypatch.setattr(server, "_UPLOAD_S", 0.3)
+    serving = server.EngineServer(hub.Hub("task"), "127.0.0.1", 0)
+    head = f"POST /sim/vision/upload HTTP/1.1\r\nHost: 127.0.0.1:{serving.port}\r\nContent-Length: 1000\r\n\r\n"
     try:
-        with socket.create_connection(("127.0.0.1", server.port), timeout=30) as wire:
+        with socket.create_connection(("127.0.0.1", serving.port), timeout=30) as wire:
             wire.sendall(head.encode())
             for _ in range(8):
                 wire.sendall(b"x")
                 time.sleep(0.1)
             assert b" 408 " in wire.recv(200)
     finally:
-        server.close()
+        serving.close()
 
 
 def test_more_silent_connections_than_the_limit_are_closed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(servers, "MOST_OPEN", 3)
-    server = servers.EngineServer(Hub("task"), "127.0.0.1", 0)
+    monkeypatch.setattr(server, "MOST_OPEN", 3)
+    serving = server.EngineServer(hub.Hub("task"), "127.0.0.1", 0)
     try:
-        silent = [socket.create_connection(("127.0.0.1", server.port), timeout=30) for _ in range(3)]
+        silent = [socket.create_connection(("127.0.0.1", serving.port), timeout=30) for _ in range(3)]
         time.sleep(0.3)
-        with socket.create_connection(("127.0.0.1", server.port), timeout=30) as wire:
+        with socket.create_connection(("127.0.0.1", serving.port), timeout=30) as wire:
             assert wire.recv(10) == b"", "closed at once"
         for each in silent:
             each.close()
         time.sleep(0.3)
-        with connect(f"ws://127.0.0.1:{server.port}/ws/LJ-ENGINE/airsim", open_timeout=30) as session:
+        with connect(f"ws://127.0.0.1:{serving.port}/ws/LJ-ENGINE/airsim", open_timeout=30) as session:
             assert json.loads(session.recv(timeout=30))["data"]["code"] == 0, "there is room again"
     finally:
-        server.close()
+        serving.close()
 
 
 def test_a_session_uploads_to_the_address_at_which_it_has_reached_the_server() -> None:
     """An engine on another machine cannot reach 127.0.0.1 of this one."""
-    hub = Hub("task")
-    server = servers.EngineServer(hub, "0.0.0.0", 0, token="t")
+    sessions = hub.Hub("task")
+    serving = server.EngineServer(sessions, "0.0.0.0", 0, token="t")
     try:
-        url = f"ws://localhost:{server.port}/ws/LJ-ENGINE/image?token=t"
+        url = f"ws://localhost:{serving.port}/ws/LJ-ENGINE/image?token=t"
         with connect(url, open_timeout=30) as session:
             session.recv(timeout=30)
-            known = hub.sessions["LJ-ENGINE_image"]
-            assert server.upload_url(known) == f"http://localhost:{server.port}/sim/vision/upload?token=t"
+            known = sessions.sessions["LJ-ENGINE_image"]
+            assert serving.upload_url(known) == f"http://localhost:{serving.port}/sim/vision/upload?token=t"
     finally:
-        server.close()
+        serving.close()
 
 
 def test_pings_draw_nothing_from_the_global_generator() -> None:
@@ -110,13 +102,13 @@ def test_pings_draw_nothing_from_the_global_generator() -> None:
             sent.append(data)
 
     before = random.getstate()
-    servers._quiet(Recorded)().ping()
+    server._quiet(Recorded)().ping()
     assert random.getstate() == before and len(sent[0]) == 4
 
 
 def test_a_session_that_is_gone_before_its_link_is_an_abort() -> None:
     with pytest.raises(InfrastructureError, match="LJ-ENGINE_airsim was lost before the episode began"):
-        Hub("task").link("multirotor", "LJ-ENGINE_airsim", paced=False)
+        hub.Hub("task").link("multirotor", "LJ-ENGINE_airsim", paced=False)
 
 
 class Scripted:
@@ -125,11 +117,11 @@ class Scripted:
     task_id = "T"
 
     def __init__(self) -> None:
-        self.events: list[Document] = []
+        self.events: list[Any] = []
 
-    def exchange(self, requests: Sequence[Request], deadline_s: float) -> Exchange:
+    def exchange(self, requests: Sequence[link.Request], deadline_s: float) -> link.Exchange:
         events, self.events = tuple(self.events), []
-        return Exchange(tuple(None for _ in requests), events)
+        return link.Exchange(tuple(None for _ in requests), events)
 
     def wait(self, event: str, deadline_s: float) -> None: ...
 
@@ -139,14 +131,16 @@ class Scripted:
 def test_a_route_that_names_no_car_is_that_of_the_car_that_was_sent_last() -> None:
     instance = instantiate("cd")
     cars = [entity for entity in instance.entities if entity.engine == "road" and entity.role == "asset"]
-    link = Scripted()
-    bodies, names = Bodies(instance, tuple(cars)), Names(tuple(cars))
-    driver = ScriptDriver(link, "road", bodies, names, reply_s=1.0, asks=False)
+    session = Scripted()
+    bodies, names = poses.Bodies(instance, tuple(cars)), poses.Names(tuple(cars))
+    driver = script.ScriptDriver(session, "road", bodies, names, reply_s=1.0, asks=False)
     driver.reset([])
     verb = Command(
         id="c1", tick=0, sender="a", resource=cars[0].id, verb="setDestination", arguments={"x": 50.0, "y": 0.0}
     )
-    link.events = [{"commandType": "carlaSendLoc", "locationArray": [{"x": 1000.0, "y": 0.0}, {"x": 5000.0, "y": 0.0}]}]
+    session.events = [
+        {"commandType": "carlaSendLoc", "locationArray": [{"x": 1000.0, "y": 0.0}, {"x": 5000.0, "y": 0.0}]}
+    ]
     driver.submit([verb])
     (route,) = driver.advance(1.0, (), observes=True).routes
     assert (route.entity, route.request) == (cars[0].id, "c1") and route.waypoints[-1][0] == pytest.approx(50.0)
@@ -172,9 +166,10 @@ def test_a_backend_that_closes_while_the_scenario_is_acknowledged_is_named() -> 
         raise ConnectionClosedError(None, None)
 
     host = PluginHost()
-    answers = Answers(EngineSettings("airsim", "127.0.0.1"), host, HostedEngines(host, ()), send, print)
+    settings = answers.EngineSettings("airsim", "127.0.0.1")
+    playing = answers.Answers(settings, host, hosted_engines.HostedEngines(host, ()), send, print)
     try:
         with pytest.raises(InfrastructureError, match="the backend has closed the connection"):
-            _answer_all(Closing(), answers, once=False)
+            client._answer_all(Closing(), playing, once=False)
     finally:
-        answers.close()
+        playing.close()
