@@ -235,6 +235,16 @@ def test_hours_are_said_beforehand_and_learn_from_the_rows(
     assert "9 episodes to play, about 0 h with -j 1" in capsys.readouterr().err
 
 
+def test_runs_of_policies_with_free_calls_are_not_kept(place: Path, tasks: AnsweringExecutor) -> None:
+    """A suite keeps the runs of all policies with calls, which would fill the disk in these studies."""
+    (place / "tiny.toml").write_text(PROGRAM.replace('"idle", sees = "nothing"', '"reader", sees = "pictures"'))
+    runs = place / "out" / "reference-tier0" / "runs"
+    assert run_command(command(place, "--limit", "1", "--parts", "reference")) == ExitCode.OK
+    assert list(runs.iterdir()) == []
+    assert run_command(command(place, "--limit", "2", "--parts", "reference", "--keep")) == ExitCode.OK
+    assert sorted(path.name for path in runs.iterdir()) == ["oracle-trip-broadcast-1", "reader-trip-broadcast-1"]
+
+
 # -- stops
 
 
@@ -457,7 +467,7 @@ def test_tables_show_both_tiers_intervals_and_what_was_not_played() -> None:
 def test_averages_need_every_column() -> None:
     text = tables(made_record())
     assert re.search(r"^\| oracle † \| truth \| 75 \[\d+, \d+\] \|", text, re.M)
-    assert "| rules | pictures | not all columns played (1 of 2) |" in text
+    assert "| rules | pictures | not all columns played (1 of 2) | – |" in text
 
 
 def test_a_difference_is_taken_on_common_seeds() -> None:

@@ -154,6 +154,8 @@ def _averages(record: ValidityRecord) -> Iterator[str]:
 
 
 def _average(columns: Mapping[str, Wins], whole: int) -> str:
+    if not columns:
+        return ABSENT
     played = {column: wins for column, wins in columns.items() if wins.by_seed}
     if len(played) < whole:
         return f"not all columns played ({len(played)} of {whole})"
