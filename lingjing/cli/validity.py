@@ -117,13 +117,13 @@ def _say_size(
         say(
             f"{plan.name}: {_counted(len({cell.player.name for cell, _ in episodes}), 'entrant')} in "
             f"{_counted(columns, 'column')}: "
-            f"{len(episodes):,} episodes, {len(left):,} to play, about {hours:.1f} h"
+            f"{_counted(len(episodes), 'episode')}, {len(left):,} to play, about {hours:.1f} h"
         )
-    say(f"{whole:,} episodes to play, about {whole_h:.0f} h with -j {args.jobs}; results in {folder}")
+    say(f"{_counted(whole, 'episode')} to play, about {whole_h:.0f} h with -j {args.jobs}; results in {folder}")
 
 
 def _counted(number: int, noun: str) -> str:
-    return f"{number} {noun}{'s' * (number > 1)}"
+    return f"{number:,} {noun}{'s' * (number != 1)}"
 
 
 def _keys(row: SuiteRow) -> Iterator[tuple[object, ...]]:
@@ -173,7 +173,7 @@ def _play(file: ProgramFile, studies: Sequence[Study], rounds: Rounds, folder: P
     done = 0
     left = rounds.left()
     hours = rounds.durations.hours(left, rounds.jobs)
-    say(f"{len(left):,} episodes to play, about {hours:.1f} h with -j {rounds.jobs}; results in {folder}")
+    say(f"{_counted(len(left), 'episode')} to play, about {hours:.1f} h with -j {rounds.jobs}; results in {folder}")
 
     def tell(row: SuiteRow, left_h: float) -> None:
         nonlocal done
@@ -195,9 +195,9 @@ def _play(file: ProgramFile, studies: Sequence[Study], rounds: Rounds, folder: P
     rest = rounds.left()
     hours = rounds.durations.hours(rest, rounds.jobs)
     if rest:
-        say(f"{done:,} episodes played, {len(rest):,} are left, about {hours:.1f} h; the same command continues")
+        say(f"{_counted(done, 'episode')} played, {len(rest):,} left, about {hours:.1f} h; the same command continues")
     else:
-        say(f"{done:,} episodes played, none is left; {folder / 'validity.md'} has the tables")
+        say(f"{_counted(done, 'episode')} played, none is left; {folder / 'validity.md'} has the tables")
     return report_lost([row for study in studies for row in study.run.results.rows if row.standing == "lost"])
 
 

@@ -1,8 +1,8 @@
 """The eight published classes of flaws of agent benchmarks (arXiv 2605.12673), each with an exploit that fails here.
 
 Each test first shows that the exploit works: where the guard is taken out, or against a naive harness of a few lines
-that has the flaw. `docs/validity.md` lists the classes with these tests. Seven names are those of the authors' post of
-April 2026; the eighth and the numbers come from secondary sources.
+that has the flaw. `docs/validity.md` lists the classes with these tests. Seven names are those of reports on the
+authors' post of April 2026; the eighth was not checked against the paper.
 """
 
 from __future__ import annotations

@@ -213,7 +213,7 @@ def test_no_episode_begins_after_the_hours(
     assert len(tasks.tasks) == 3
     errors = capsys.readouterr().err
     assert re.search(r"^14 episodes to play, about [\d.]+ h with -j 1; results in ", errors, re.M)
-    assert re.search(r"^3 episodes played, 11 are left, about [\d.]+ h; the same command continues$", errors, re.M)
+    assert re.search(r"^3 episodes played, 11 left, about [\d.]+ h; the same command continues$", errors, re.M)
     assert (place / "out" / "validity.md").is_file()
     assert run_command(command(place)) == ExitCode.OK
     assert len(tasks.tasks) == 14
@@ -461,7 +461,7 @@ def test_tables_show_both_tiers_intervals_and_what_was_not_played() -> None:
     assert "| oracle † | truth | 100 [84, 100] (20/20) | – |" in text
     assert "| rules | pictures | 70 [40, 89] (7/10, 20 planned) | – |" in text
     assert "| rules | pictures | not played | – |" in text
-    assert "| reference-tier0 | 56 | 100 | 1 |" in text
+    assert "| reference-tier0 | 56 | 100 | 1 | – | – | public seeds | 0 |" in text
 
 
 def test_averages_need_every_column() -> None:
@@ -503,3 +503,15 @@ def test_each_episode_counts_once(place: Path, tasks: AnsweringExecutor) -> None
         assert {cell.entrant: len(seeds_of(cell.won)) for cell in cells} == {
             cell.entrant: won[cell.entrant] for cell in cells
         }
+
+
+@pytest.mark.slow
+def test_audited_rows_are_counted(place: Path, capsys: Capture) -> None:
+    """A real episode with a kept trace, and its audit."""
+    line = command(place, "--limit", "1", "--parts", "redrawn", "--keep")
+    assert run_command(line) == ExitCode.OK
+    assert "| redrawn-tier1 | 1 | 2 | 0 |" in (place / "out" / "validity.md").read_text()
+    assert run_command(["bench", "audit", str(place / "out" / "redrawn-tier1")]) == ExitCode.OK
+    assert run_command(line) == ExitCode.OK
+    (study,) = [study for study in read_record(place / "out" / "validity.json").studies if study.split]
+    assert (study.study, study.audited) == ("redrawn-tier1", 1)

@@ -6,6 +6,7 @@ import re
 import shutil
 from pathlib import Path
 
+import msgspec
 import pytest
 
 import lingjing
@@ -13,7 +14,7 @@ from benchmarks import validity
 from lingjing.errors import ExitCode
 from lingjing.testing import run_command
 from tests.bench import test_published_flaws
-from tests.bench.suite_kit import read_results
+from tests.bench.suite_kit import RESULTS, encode_rows, read_results
 
 ROOT = Path(lingjing.__file__).parents[1]
 PAGE = (ROOT / validity.PAGE).read_text(encoding="utf-8")
@@ -119,6 +120,18 @@ def test_an_edited_record_does_not_reach_the_pages(root: Path, folder: Path) -> 
     assert {row.report.success for row in read_results(folder / "reference-tier0") if row.entrant == "heuristic"} == {
         False
     }
+
+
+def test_rows_that_contradict_themselves_do_not_reach_the_pages(
+    root: Path, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = folder / "reference-tier0" / RESULTS
+    rows = [msgspec.structs.replace(row, report=msgspec.structs.replace(row.report, success=True, reason="success"))
+            for row in read_results(file.parent)]  # fmt: skip
+    file.write_bytes(encode_rows(rows))
+    assert validity.main([str(folder), "--program", str(root / "tiny.toml"), "--write"]) == 2
+    assert "the row of heuristic, queue-" in capsys.readouterr().err
+    assert (root / validity.PAGE).read_text() == PAGE
 
 
 def test_a_missing_record_and_a_folder_without_studies_are_one_message(

@@ -14,7 +14,7 @@ from lingjing.bench.rows import NEVER_BY_NUMBER
 from lingjing.bench.statistics import difference_bounds, holm, macro_average, macro_bounds, mcnemar
 from lingjing.bench.table_cells import ABSENT, probability
 from lingjing.bench.tables import FEWEST
-from lingjing.bench.validity.record import RecordedAdversary, RecordedCell, ValidityRecord, seeds_of
+from lingjing.bench.validity.record import RecordedAdversary, RecordedCell, RecordedStudy, ValidityRecord, seeds_of
 
 NO_MODEL = "No row of a real model is here yet: all players are programs without a model."
 """The sentence beside every table until models have played."""
@@ -107,7 +107,7 @@ def tables(record: ValidityRecord) -> str:
 
 def _played(record: ValidityRecord) -> Iterator[str]:
     yield from _section("What was played", f"{NO_MODEL} T{NEVER_BY_NUMBER[1:]}.")
-    yield from _head("Study", "Episodes", "Planned", "Lost", "Benchmark", "Code", "Instances")
+    yield from _head("Study", "Episodes", "Planned", "Lost", "Benchmark", "Code", "Instances", "Audited rows")
     versions = {study.study: study for study in record.studies}
     own: dict[str, list[RecordedCell | RecordedAdversary]] = {}
     for cell in record.cells:
@@ -118,10 +118,11 @@ def _played(record: ValidityRecord) -> Iterator[str]:
         counted, lost = (sum(len(seeds_of(text)) for text in texts) for texts in (
             [cell.seeds for cell in cells], [cell.lost for cell in cells],
         ))  # fmt: skip
-        study = versions.get(name)
-        instances = f"sealed `{study.split[:12]}`" if study and study.split else "public seeds"
-        yield _row(name, counted, sum(cell.planned for cell in cells), lost, _hashes(study.benchmark if study else ()),
-                   _hashes(study.code if study else ()), instances if counted else ABSENT)  # fmt: skip
+        study = versions.get(name, RecordedStudy(study=name))
+        instances = f"sealed `{study.split[:12]}`" if study.split else "public seeds"
+        planned = sum(cell.planned for cell in cells)
+        yield _row(name, counted, planned, lost, _hashes(study.benchmark), _hashes(study.code),
+                   instances if counted else ABSENT, study.audited)  # fmt: skip
     yield from ("", _NOT_COUNTED, "")
 
 

@@ -13,6 +13,7 @@ from typing import Literal
 import msgspec
 
 from lingjing.bench.adversaries import FIRST_FRESH, column_of
+from lingjing.bench.evidence import audit_marks, check_rows, row_sha256
 from lingjing.bench.executors import LocalExecutor
 from lingjing.bench.rows import SuiteRow
 from lingjing.bench.suite import MOST_SEEDS
@@ -41,6 +42,8 @@ class RecordedStudy(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=Tru
     """The hashes of the code, sorted; several only with `--other-code`."""
     split: str = ""
     """The hash of the salt that drew its instances; "" for public seeds."""
+    audited: int = 0
+    """The number of its counted rows that `lingjing bench audit` has confirmed."""
 
 
 class RecordedCell(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -95,7 +98,8 @@ class ValidityRecord(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def make_record(program: str, studies: Sequence[Study]) -> ValidityRecord:
-    """Return the record of the studies' rows, sorted."""
+    """Return the record of the studies' rows, sorted. Raises `UsageError` for a row that contradicts itself."""
+    check_rows(row for study in studies for row in study.run.results.rows)
     parts = [study for study in studies if isinstance(study, PartStudy)]
     cells = sorted(
         (cell for study in parts for cell in _cells(study)),
@@ -126,13 +130,15 @@ def record_of_folder(file: ProgramFile, folder: Path, host: PluginHost) -> Valid
 
 
 def _recorded(study: Study) -> RecordedStudy:
-    rows = study.run.results.rows
+    rows, marks = study.run.results.rows, audit_marks([study.run.results.folder])
+    counted = [row for row in rows if row.standing == "counted"]
     return RecordedStudy(
         study=study.planned.name,
         compares=(study.planned.part.compares or "") if isinstance(study, PartStudy) else "",
         benchmark=tuple(sorted({row.benchmark for row in rows})),
         code=tuple(sorted({row.code for row in rows})),
         split=next((row.split_sha256 for row in rows), ""),
+        audited=sum(row_sha256(row) in marks for row in counted) if marks else 0,
     )
 
 
