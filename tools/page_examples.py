@@ -56,7 +56,6 @@ SHOWN = ("text", "ljs", "json", "toml", "yaml", "diff", "mermaid", "xml")
 """Languages of blocks that are only shown, unless they have a title."""
 OTHERS = {
     "envs.md": "its blocks have no comments yet",
-    "index.md": "its blocks have no comments yet",
     "install.md": "its blocks have no comments yet",
     "language.md": "its blocks have no comments yet",
     "plugins.md": "its blocks have no comments yet",
@@ -64,7 +63,6 @@ OTHERS = {
     "reports.md": "its blocks have no comments yet",
     "scaffolds.md": "its blocks have no comments yet",
     "testing.md": "its blocks have no comments yet",
-    "trust.md": "its blocks have no comments yet",
     "adversaries.md": "a suite of hours",
     "metrics.md": "its example needs a transformer model",
     "models.md": "its examples need services of models",
