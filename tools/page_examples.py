@@ -55,7 +55,6 @@ RUNNABLE = ("sh", "console", "python")
 SHOWN = ("text", "ljs", "json", "toml", "yaml", "diff", "mermaid", "xml")
 """Languages of blocks that are only shown, unless they have a title."""
 OTHERS = {
-    "envs.md": "its blocks have no comments yet",
     "install.md": "its blocks have no comments yet",
     "language.md": "its blocks have no comments yet",
     "plugins.md": "its blocks have no comments yet",
