@@ -88,7 +88,7 @@ detector: setup
 learners: setup
 	@$(PYTHON3) tools/setup.py --learners
 	@.venv-learners/bin/python -m pytest -q -m learners tests/envs/test_learners.py
-	@.venv-learners/bin/python tools/page_examples.py docs/tutorials/train-a-policy.md
+	@.venv-learners/bin/python tools/page_examples.py docs/tutorials/train-a-policy.md docs/envs.md
 
 docs: setup
 	@$(PYTHON3) tools/setup.py --docs

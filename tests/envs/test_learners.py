@@ -7,15 +7,12 @@ Each test skips if its package is not installed, and `test_every_learner_is_inst
 from __future__ import annotations
 
 import importlib.util
-import re
 from pathlib import Path
-from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
 
-import lingjing.envs
 from lingjing.envs import FlatEnv, FlatParallelEnv, flat_parallel_env
 
 pytestmark = pytest.mark.learners
@@ -83,16 +80,6 @@ def test_forks_in_stable_baselines() -> None:
         sb3.PPO("MlpPolicy", worlds, n_steps=8, batch_size=16, n_epochs=1, device="cpu").learn(32).num_timesteps == 32
     )
     worlds.close()
-
-
-def test_the_example_of_the_page_forks() -> None:
-    pytest.importorskip("stable_baselines3")
-    page = (ROOT / "docs" / "envs.md").read_text(encoding="utf-8")
-    (example,) = re.findall(r"^```python\n(from stable_baselines3.*?)^```", page, flags=re.MULTILINE | re.DOTALL)
-    names: dict[str, Any] = {"lingjing": lingjing}
-    exec(example, names)
-    assert names["worlds"].reset().shape == (4, len(names["env"].entries))
-    names["worlds"].close()
 
 
 @pytest.mark.parametrize("actions", ["discrete", "box"])
