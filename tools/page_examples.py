@@ -59,7 +59,6 @@ OTHERS = {
     "language.md": "its blocks have no comments yet",
     "plugins.md": "its blocks have no comments yet",
     "python.md": "its blocks have no comments yet",
-    "reports.md": "its blocks have no comments yet",
     "scaffolds.md": "its blocks have no comments yet",
     "testing.md": "its blocks have no comments yet",
     "adversaries.md": "a suite of hours",

@@ -7,7 +7,6 @@ Each test skips if its package is not installed, and `test_every_learner_is_inst
 from __future__ import annotations
 
 import importlib.util
-from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -17,7 +16,6 @@ from lingjing.envs import FlatEnv, FlatParallelEnv, flat_parallel_env
 
 pytestmark = pytest.mark.learners
 ID = "lingjing.envs:lingjing/ssr-broadcast-flat-v0"
-ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize("package", ["stable_baselines3", "sb3_contrib", "supersuit", "ray.rllib", "torchrl", "pygame"])
