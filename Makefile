@@ -129,6 +129,7 @@ readers: setup
 	@npm install --prefix tests/readers --no-audit --no-fund --no-package-lock --ignore-scripts --loglevel=error
 	@$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt rerun-sdk websockets pandas polars mlcroissant pyogrio pyproj tensorboard mlflow-skinny
 	@$(BIN)/python -m pytest -q -p no:xdist tests/trace/test_trace_in_node.py tests/viewer/test_rerun_recording.py tests/viewer/test_foxglove_server.py tests/trace/test_trace_tables.py tests/play/test_public_examples.py tests/bench/test_croissant.py tests/cli/test_cli_exports.py
+	@$(BIN)/python tools/page_examples.py docs/python.md
 
 eyes: setup
 	@npm install --prefix benchmarks/eyes_net --no-audit --no-fund --no-package-lock --ignore-scripts --legacy-peer-deps --loglevel=error

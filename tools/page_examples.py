@@ -55,10 +55,8 @@ RUNNABLE = ("sh", "console", "python")
 SHOWN = ("text", "ljs", "json", "toml", "yaml", "diff", "mermaid", "xml")
 """Languages of blocks that are only shown, unless they have a title."""
 OTHERS = {
-    "install.md": "its blocks have no comments yet",
     "language.md": "its blocks have no comments yet",
     "plugins.md": "its blocks have no comments yet",
-    "python.md": "its blocks have no comments yet",
     "scaffolds.md": "its blocks have no comments yet",
     "testing.md": "its blocks have no comments yet",
     "adversaries.md": "a suite of hours",

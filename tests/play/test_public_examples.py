@@ -10,7 +10,6 @@ from __future__ import annotations
 import doctest
 import importlib
 import inspect
-import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -63,20 +62,6 @@ def test_the_example_of_each_public_name_runs(name: str, folder: Path) -> None:
 
 
 PAGE = Path(__file__).parents[2] / "docs" / "python.md"
-
-
-@pytest.mark.usefixtures("folder")
-def test_the_examples_of_the_page_run(capsys: pytest.CaptureFixture[str]) -> None:
-    pytest.importorskip("pandas", reason="the extra `pandas` is not installed")
-    pytest.importorskip("polars", reason="the extra `polars` is not installed")
-    blocks = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
-    assert len(blocks) >= 5
-    names: dict[str, object] = {}
-    for block in blocks:
-        exec(compile(block, str(PAGE), "exec"), names)
-    printed = capsys.readouterr().out
-    assert "no asset type is called `lifebot`" in printed
-    assert "%" in printed
 
 
 def test_the_page_names_every_export() -> None:
