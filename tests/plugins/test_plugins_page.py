@@ -53,7 +53,7 @@ def test_the_path_length_of_the_page_is_that_of_the_trace(tmp_path: Path) -> Non
     page, ferry = ModuleType("page_path"), ModuleType("page_ferry")
     exec(compile(code, "docs/plugins.md", "exec"), page.__dict__)
     testing = (Path(__file__).parents[2] / "docs" / "testing.md").read_text(encoding="utf-8")
-    (module,) = re.findall(r"^```python\n(.*?)^```", testing, flags=re.MULTILINE | re.DOTALL)
+    (module,) = re.findall(r"^```python[^\n]*\n(.*?)^```", testing, flags=re.MULTILINE | re.DOTALL)
     exec(compile(module, "docs/testing.md", "exec"), ferry.__dict__)
     played = play(ferry.MISSION, tmp_path, policy=ferry.Skipper, plugins=[ferry.PLUGIN])
     assert page.path_length_m(played.report.trace, "raft") == pytest.approx(30.0)

@@ -1,4 +1,4 @@
-"""`docs/testing.md`: its module of tests passes, and fails with a faulty plug-in; its table is complete."""
+"""`docs/testing.md`: its module of tests fails with a faulty plug-in; its table is complete."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lingjing.testing import bare_instance, compiled, does, episode, play, rescu
 from tools.python_forks import run_python
 
 PAGE = (Path(__file__).parents[2] / "docs" / "testing.md").read_text(encoding="utf-8")
-(CODE,) = re.findall(r"^```python\n(.*?)^```", PAGE, flags=re.MULTILINE | re.DOTALL)
+(CODE,) = re.findall(r"^```python[^\n]*\n(.*?)^```", PAGE, flags=re.MULTILINE | re.DOTALL)
 
 
 def results(code: str, folder: Path) -> list[str]:
@@ -31,10 +31,9 @@ def ferry() -> str:
     return re.search(r'MISSION = """\\\n(.*?)"""', CODE, flags=re.DOTALL)[1]
 
 
-def test_the_module_of_the_page_passes(tmp_path: Path) -> None:
-    tests = re.findall(r"^def (test_\w+)", CODE, flags=re.MULTILINE)
-    assert len(tests) == 4
-    assert results(CODE, tmp_path) == [f"PASSED test_ferry.py::{name}" for name in tests]
+def test_the_tests_of_the_page_are_short() -> None:
+    """`make docs` runs them."""
+    assert len(re.findall(r"^def (test_\w+)", CODE, flags=re.MULTILINE)) == 4
     assert all(len(body.strip().splitlines()) <= 10 for body in re.split(r"^def test_", CODE, flags=re.MULTILINE)[1:])
 
 
