@@ -55,7 +55,6 @@ RUNNABLE = ("sh", "console", "python")
 SHOWN = ("text", "ljs", "json", "toml", "yaml", "diff", "mermaid", "xml")
 """Languages of blocks that are only shown, unless they have a title."""
 OTHERS = {
-    "language.md": "its blocks have no comments yet",
     "adversaries.md": "a suite of hours",
     "metrics.md": "its example needs a transformer model",
     "models.md": "its examples need services of models",

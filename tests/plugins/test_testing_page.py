@@ -47,7 +47,8 @@ def test_its_tests_notice_a_wrong_engine_evaluator_and_policy(tmp_path: Path) ->
 
 
 def test_the_table_names_what_is_exported() -> None:
-    table = "\n".join(line for line in PAGE.partition("## What there is")[2].splitlines() if line.startswith("| `"))
+    section = PAGE.partition("## What there is\n")[2].partition("\n## ")[0]
+    table = "\n".join(line for line in section.splitlines() if line.startswith("| `"))
     named = {word for code in re.findall(r"`([^`]+)`", table) for word in re.findall(r"^(\w+)", code)}
     assert named - set(testing.__all__) <= {"report", "trace", "receipts", "events", "do"}
     functions = {name for name in testing.__all__ if name[0].islower()}
