@@ -158,3 +158,16 @@ def test_a_language_that_a_mission_lacks_is_one_clear_message() -> None:
     french = msgspec.structs.replace(mission, goals={"fr": "Trouver chaque personne."}, agents=agents)
     with pytest.raises(lingjing.UsageError, match="written in en and zh alone"):
         testing.instantiate(french, seed=1, language="fr")
+
+
+@pytest.mark.parametrize("column", COLUMNS)
+def test_a_role_is_asked_for_each_report_that_the_rules_read(column: str) -> None:
+    read: set[str] = set()
+    requested: set[str] = set()
+    for brief in briefs(column, "en", 1):
+        for message in brief.messages:
+            if message.category == "report" and any(f"{message.kind} `" in rule for rule in brief.rules):
+                read.add(message.kind)
+                if message.is_sent_by(brief.role) and re.search(r"\breports?\b", brief.prompt, re.IGNORECASE):
+                    requested.add(message.kind)
+    assert requested == read

@@ -46,6 +46,16 @@ def test_a_picture_of_mostly_seen_ground_is_withheld_once_the_area_is_used() -> 
     assert budget.withheld(LOOK, observe("scout[1]", 9, OVER_THE_MIDDLE, cells=seen(0.4))) == ""
 
 
+def test_what_is_left_is_told_in_the_unit_that_bounds_it() -> None:
+    budget = SearchBudget(brief(), 2)
+    shares = observe("scout[1]", 9, OVER_THE_MIDDLE, cells=seen(0.9))
+    assert budget.members(shares) == {"ground_that_may_be_seen_again_m2": round(budget.left_m2)}
+    counted = tuple(CellView(name=cell.name, visited_tick=1, visited_by="uav[1]") for cell in CELLS)
+    assert budget.members(observe("scout[1]", 9, OVER_THE_MIDDLE, cells=counted)) == {
+        "pictures_of_searched_cells_left": 18
+    }
+
+
 def _area(polygon: tuple[tuple[float, float], ...]) -> float:
     (west, south), (east, north) = (tuple(map(edge, zip(*polygon, strict=True))) for edge in (min, max))
     return (east - west) * (north - south)

@@ -476,7 +476,8 @@ OPERATIONS: Mapping[str, Operation] = {
         _fact("ray_distance", words="the distance of {2} from the ray of the camera through {1} in {0}", stable=True),
         _fact(
             "edge_error",
-            words="the greatest distance of an edge of {1} from the same edge of {2}, in pixels of the whole picture,",
+            words="the greatest distance of an edge of {1} from the same edge of {2} in {0}, in pixels of the whole "
+            "picture,",
             stable=True,
         ),
         _fact("truth", words="the true box of {0} in {1}", secret=True, stable=True),

@@ -1,5 +1,7 @@
 """The rules in briefs: true to the instance, complete, and without hidden values."""
 
+import re
+
 import msgspec
 import pytest
 
@@ -92,3 +94,11 @@ def test_instances_that_differ_in_hidden_values_alone_are_told_the_same(name: st
 )
 def test_signs_and_not_are_of_what_is_in_their_brackets(condition: Expr, text: str) -> None:
     assert InstanceText(kit.instance()).text(condition) == text
+
+
+@pytest.mark.parametrize("name", ["bi", "vdn", "ld", "idf", "upr", "ufr", "cr", "ssr", "cd"])
+def test_every_condition_of_the_hardened_missions_has_words(name: str):
+    mission = lingjing.compile(mission_file(name))
+    for mode in mission.modes.allowed:
+        rules = rule_sentences(instantiate(mission, seed=1, mode=mode, tier=1))
+        assert [rule for rule in rules if re.search(r"`\w+\(", rule)] == [], "a call of the language stands in a rule"

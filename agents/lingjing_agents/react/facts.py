@@ -275,7 +275,8 @@ def _speech(brief: Brief, say: Phrases) -> Iterator[str]:
     elif brief.hub == brief.agent:
         yield say(
             "You are the hub: the messages of all others reach you alone, and others receive only yours, {late}. "
-            "Nothing is passed on by itself. Name the recipients of each message in `to`.",
+            "Nothing is passed on by itself. Name the recipients of each message in `to`; an empty list is all of "
+            "them.",
             late=late,
         )
     else:

@@ -216,9 +216,8 @@ class ReactPolicy:
     def _members(self, observation: Observation) -> Mapping[str, object]:
         """Return the members of the state that the loop adds: memory, withheld command, rest of the search, counts,
         orders."""
-        left = {"pictures_of_searched_cells_left": self._search.left} if self._search.applies else {}
         memory = self._parts.memory.members()
-        own = {**left, **self._counts.members(), **self._orders.members(observation)}
+        own = {**self._search.members(observation), **self._counts.members(), **self._orders.members(observation)}
         return {**memory, "withheld": self._withheld, **own, "next_node": self._guidance.next_node()}
 
     def _idle(self, observation: Observation, inbox: Inbox) -> bool:

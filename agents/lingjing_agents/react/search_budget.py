@@ -10,6 +10,8 @@ searched cell counts; `rounds` rounds over all cells are allowed. With 0 the sea
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from lingjing.plugins.decisions import PHOTO
 from lingjing.plugins.geometry import camera_pose, ground_footprint
 from lingjing.plugins.policy import Action, Brief, CameraSpec, Cell, EntityView, Observation
@@ -48,6 +50,15 @@ class SearchBudget:
     def applies(self) -> bool:
         """True if this agent photographs cells from above."""
         return bool(self._cells and self._cameras)
+
+    def members(self, observation: Observation) -> Mapping[str, object]:
+        """Return what is left of the bound as a member of the state: ground where the agent receives shares, else
+        pictures."""
+        if not self.applies:
+            return {}
+        if _shares(observation) is None:
+            return {"pictures_of_searched_cells_left": self.left}
+        return {"ground_that_may_be_seen_again_m2": round(self.left_m2)}
 
     def withheld(self, command: Action | None, observation: Observation) -> str:
         """Return the reason for which a command must not be sent: it would repeat a search too often. Counts the
