@@ -70,6 +70,8 @@ class HostedWorld:
         self._states = {state.id: state for state in self._world.reset(self.instance, city).snapshots[-1].states}
         self.assets = tuple(entity for entity in self.instance.entities if entity.role == "asset")
         self.targets = tuple(entity for entity in self.instance.entities if entity.role == "target")
+        written = {entity.id: entity.position for entity in drawn.entities}
+        self._moved = {entity.id: _difference(written[entity.id], entity.position) for entity in self.targets}
         self.tick = 0
         self._orders: dict[str, _Order] = {}
         self._sent = 0
@@ -101,7 +103,7 @@ class HostedWorld:
     def pose(self, entity: str) -> dict[str, float]:
         """Return the pose of a body as messages hold it: centimetres, Unreal's yaw."""
         state = self._states[entity]
-        place = {name.lower(): value for name, value in centimetres(state.position).items()}
+        place = {name.lower(): value for name, value in centimetres(self._places(entity)[-1]).items()}
         return {**place, "yaw": (state.heading_deg - 90.0 + 180.0) % 360.0 - 180.0}
 
     def order(self, entity: Entity, steps: Sequence[Step], done: Callable[[bool, str], None]) -> None:
@@ -184,9 +186,23 @@ class HostedWorld:
         for target in self.targets:
             if target.id in self.reached:
                 continue
-            place = self._states[target.id].position
-            if any(_plan_distance(self._states[asset.id].position, place) <= REACHED_M for asset in self.assets):
+            bodies = [self._states[asset.id].position for asset in self.assets]
+            if any(_plan_distance(body, place) <= REACHED_M for body in bodies for place in self._places(target.id)):
                 self.reached.add(target.id)
+
+    def _places(self, entity: str) -> tuple[Vector, ...]:
+        """Return the place of a body in the city, and last that in the document, metres.
+
+        They differ for a target that was put on the city: a fire on the nearest facade. The backend knows the
+        document's place, and cameras show the city's.
+        """
+        here = self._states[entity].position
+        moved = self._moved.get(entity, (0.0, 0.0, 0.0))
+        return (here, (here[0] + moved[0], here[1] + moved[1], here[2] + moved[2])) if any(moved) else (here,)
+
+
+def _difference(first: Vector, second: Vector) -> Vector:
+    return first[0] - second[0], first[1] - second[1], first[2] - second[2]
 
 
 def _plan_distance(here: Vector, there: Vector) -> float:

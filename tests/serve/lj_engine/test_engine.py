@@ -153,6 +153,23 @@ def test_the_loop_of_an_environment(dial: Dial) -> None:
     assert "no body `UAV-9`" in failed["error"]
 
 
+def test_a_fire_is_reported_at_the_place_of_the_scenario(dial: Dial) -> None:
+    """Our district puts it on a facade; the backend knows its own place alone."""
+    backend = dial()
+    fires = {"goalFirePosition": [{"fireId": "F-1", "X": 31000.0, "Y": 55000.0, "Z": 0.0, "scale": 1.0}]}
+    document = scenario("fire_rescue", drones=2)
+    document["taskMatrix"][0]["initial_state"] = fires
+    del document["lingjing"]
+    backend.ask("resetFireRescueScenario", scenario=document)
+    (fire,) = backend.ask("getFireRescueObservation", query=query("reset"))["data"]["fires"]
+    assert fire["position"] == pytest.approx({"x": 31000.0, "y": 55000.0, "z": 0.0})
+    assert fire["status"] == "burning"
+    order = {"dronesId": "UAV-2", "instructionType": "setDestination", "command": {"x": 31000, "y": 55000, "z": 2500}}
+    backend.ask("executeAction", dronesAction=[order])
+    assert backend.event("executionCompleted")["judgment"]["success"] is True
+    assert backend.ask("getFireRescueObservation", query=query("step"))["data"]["all_extinguished"] is True
+
+
 @pytest.mark.parametrize(
     ("profile", "commands", "acks"),
     [
