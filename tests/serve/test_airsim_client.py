@@ -343,7 +343,7 @@ def test_the_drones_of_a_mission_fly_and_its_hidden_targets_stay_hidden(serve: S
     assert served.process.returncode == 0
 
 
-def test_cars_have_a_state_and_no_controls(serve: Serve) -> None:
+def test_a_car_drives_along_its_road_turns_and_stops(serve: Serve) -> None:
     if importlib.util.find_spec("libsumo") is None:
         pytest.skip("the extra `road` is not installed")
     served = serve("cd")
@@ -351,12 +351,40 @@ def test_cars_have_a_state_and_no_controls(serve: Serve) -> None:
     client.confirmConnection()
     assert client.listVehicles()[0] == "van1"
     assert client.getCarState("van1").speed == 0.0
-    with pytest.raises(rpc_error, match="`setCarControls` is not served"):
-        client.setCarControls(airsim.CarControls(throttle=1), "van1")
+    go, halt = airsim.CarControls(throttle=0.5), airsim.CarControls(brake=1)
+    with pytest.raises(rpc_error, match="API control of `van1` is off"):
+        client.setCarControls(go, "van1")
+    client.enableApiControl(True, "van1")
+    client.setCarControls(go, "van1")
+    client.simContinueForTime(4.0)
+    client.simPause(False)
+    state = client.getCarState("van1")
+    assert state.speed > 4.0 and client.getCarControls("van1").throttle == 0.5
+    client.setCarControls(halt, "van1")
+    client.simContinueForTime(6.0)
+    stood = client.getCarState("van1")
+    assert stood.speed == pytest.approx(0.0, abs=0.05)
+    start, end = state.kinematics_estimated.position, stood.kinematics_estimated.position
+    assert math.hypot(end.x_val - start.x_val, end.y_val - start.y_val) > 2.0
+    client.setCarControls(halt, "van1")  # in the pause that `simContinueForTime` has left; it does not wait
+    client.simPause(False)
+    before = client.simGetVehiclePose("van1").orientation
+    for side in (1.0, -1.0):  # one of the turns exists at the next junction
+        try:
+            client.setCarControls(airsim.CarControls(throttle=0.5, steering=side), "van1")
+        except rpc_error as error:
+            assert "`setCarControls`: `van1`: no way leads" in str(error)
+            continue
+        break
+    client.simContinueForTime(60.0)
+    after = client.simGetVehiclePose("van1").orientation
+    turned = airsim.quaternion_to_euler_angles(after)[2] - airsim.quaternion_to_euler_angles(before)[2]
+    assert abs(math.degrees(turned)) > 30.0, "it has turned"
+    with pytest.raises(rpc_error, match="`setCarControls`: cars follow their lanes here, and do not reverse"):
+        client.setCarControls(airsim.CarControls(throttle=-0.5), "van1")
     drone = airsim.MultirotorClient(port=served.port)
     with pytest.raises(rpc_error, match="`van1` is no multirotor"):
         drone.takeoffAsync(vehicle_name="van1").get()
-    client.simContinueForTime(1.0)
     for each in (client, drone):
         leave(each)
     served.process.communicate(timeout=120)

@@ -13,12 +13,13 @@ Modules in the order of control:
 - `arguments`  reads the arguments of calls
 - `frames`     AirSim's coordinates: north, east, down, and quaternions
 - `flight`     flight tasks and pilots
+- `driving`    drivers of cars
 - `vehicles`   the vehicles of the episode: kinematics and sensors, computed from the engines' states
 - `distortion` the distortion of lenses
 - `skies`      the weather and the sun of pictures
 - `pictures`   pictures as AirSim encodes them
 - `methods`    the methods that are served ← `flight_methods`, `state_methods`, `picture_methods`, `object_methods`,
-  `sky_methods`, `world_methods`
+  `sky_methods`, `car_methods`, `world_methods`
   ← `context`, the episode as they see it
 - `session`    the source of decisions of the episode: answers calls, flies the vehicles, keeps the pace
 - `episodes`   episodes one after another: `reset` ends one and begins the next

@@ -94,7 +94,12 @@ class Context:
     @property
     def waiting(self) -> bool:
         """True if an answer depends on time that passes."""
-        return bool(self.waits or self.flying or self.run_call)
+        return bool(self.waits or self.flying or self.run_call or self.steering)
+
+    @property
+    def steering(self) -> bool:
+        """True while a call of `setCarControls` waits for its command to be accepted."""
+        return any(vehicle.driver.waits for vehicle in self.fleet.vehicles)
 
     def drop(self, client: Client) -> None:
         """Forget a client that has gone: its tasks end, and their vehicles hold their places."""

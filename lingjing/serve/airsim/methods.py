@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from lingjing.serve.airsim.arguments import Arguments, CallError
+from lingjing.serve.airsim.car_methods import CARS
 from lingjing.serve.airsim.context import Context, Later, Method
 from lingjing.serve.airsim.flight_methods import FLIGHT
 from lingjing.serve.airsim.object_methods import OBJECTS
@@ -12,7 +13,7 @@ from lingjing.serve.airsim.sky_methods import SKIES
 from lingjing.serve.airsim.state_methods import STATE
 from lingjing.serve.airsim.world_methods import WORLD
 
-METHODS: dict[str, Method] = {**WORLD, **FLIGHT, **STATE, **PICTURES, **OBJECTS, **SKIES}
+METHODS: dict[str, Method] = {**WORLD, **FLIGHT, **STATE, **PICTURES, **OBJECTS, **SKIES, **CARS}
 """The served methods by their names on the wire."""
 
 

@@ -126,6 +126,8 @@ class ClientSource:
                 call.fail("the episode is over")
             if self._context.run_call is not None:
                 self._context.run_call.fail("the episode is over")
+            for vehicle in self._context.fleet.vehicles:
+                vehicle.driver.close("the episode is over")
 
     def _arrive(self, published: Published) -> Context:
         """Take over the states, pictures and events of a boundary."""
@@ -142,6 +144,7 @@ class ClientSource:
                 if event.kind == "collided" and event.entities[:1] == (vehicle.entity.id,):
                     vehicle.collide(event.entities[1] if len(event.entities) > 1 else "", record.time_s)
         self._take_refusals(context, published)
+        self._take_drives(context, published)
         self._take_pictures(context, published)
         for vehicle in context.fleet.vehicles:
             vehicle.pilot.look(vehicle.body, context.time_s)
@@ -179,11 +182,30 @@ class ClientSource:
                 for wait in [wait for wait in context.waits if wait.vehicle is vehicle]:
                     context.waits.remove(wait)
                     wait.call.fail(f"no picture of `{vehicle.name}`: {refused[action.resource]}")
+            elif not vehicle.flies:
+                vehicle.driver.refused(action.verb, f"`{vehicle.name}`: {refused[action.resource]}")
             else:
                 if vehicle.name in context.flying:
                     context.flying[vehicle.name].fail(f"`{vehicle.name}`: {refused[action.resource]}")
                 vehicle.pilot.cancel()
                 vehicle.pilot.landed()
+
+    def _take_drives(self, context: Context, published: Published) -> None:
+        """Take over the receipts of the commands to cars."""
+        cars = {vehicle.entity.id: vehicle.driver for vehicle in context.fleet.vehicles if not vehicle.flies}
+        sent = {action.resource: action.verb for action in self._sent.values()}
+        for receipt in published.record.receipts:
+            driver = cars.get(receipt.resource)
+            if driver is None:
+                continue
+            verb = sent.get(receipt.resource) if receipt.tick == published.record.tick else None
+            if verb is None:  # an earlier command
+                if receipt.status == "completed" or receipt.status in REFUSED:
+                    driver.ended()
+            elif verb != PHOTO and receipt.status == "accepted":
+                driver.accepted(verb)
+            elif verb not in (PHOTO, "stop") and receipt.status == "completed":
+                driver.ended()
 
     def _take_pictures(self, context: Context, published: Published) -> None:
         for wait in tuple(context.waits):
@@ -246,7 +268,7 @@ class ClientSource:
             return True
         if not self._runs(context):
             return False
-        if context.flying or self._pace == "fast":
+        if context.flying or context.steering or self._pace == "fast":
             return True
         return self._pace == "wall" and time.monotonic() >= self._next_wall
 
@@ -284,7 +306,10 @@ class ClientSource:
             photo = Action(verb=PHOTO, resource=entity, arguments=arguments)
             actions.setdefault(wait.vehicle.agent.id, photo)
         for vehicle in context.fleet.vehicles:
-            if vehicle.agent.id not in actions and vehicle.flies and (action := vehicle.pilot.action()) is not None:
+            if vehicle.agent.id in actions:
+                continue
+            action = vehicle.pilot.action() if vehicle.flies else vehicle.driver.action()
+            if action is not None:
                 actions[vehicle.agent.id] = action
         return actions
 

@@ -12,6 +12,7 @@ from lingjing.mission.instance import AgentSpec, Entity, Vector
 from lingjing.scene.sight import SightLines
 from lingjing.scene.terrain import Terrain
 from lingjing.serve.airsim.arguments import CallError
+from lingjing.serve.airsim.driving import Driver
 from lingjing.serve.airsim.flight import Pilot, Sticks
 from lingjing.serve.airsim.frames import (
     attitude,
@@ -56,6 +57,8 @@ class Vehicle:
         self.name = plain_name(entity.id)
         """Name for clients: the entity's id without brackets."""
         self.pilot = Pilot(entity.id)
+        self.driver = Driver(entity.id)
+        """The driver of a car; that of a multirotor does nothing, and the pilot of a car does nothing."""
         self.start = body.position
         """Place at boundary 0, (east, north, up): the origin of its own frame."""
         self.controlled = self.armed = False
