@@ -361,6 +361,8 @@ def test_a_car_drives_along_its_road_turns_and_stops(serve: Serve) -> None:
     state = client.getCarState("van1")
     assert state.speed > 4.0 and client.getCarControls("van1").throttle == 0.5
     client.setCarControls(halt, "van1")
+    client.setCarControls(go, "van1")
+    client.setCarControls(halt, "van1")  # both wait until the car has braked
     client.simContinueForTime(6.0)
     stood = client.getCarState("van1")
     assert stood.speed == pytest.approx(0.0, abs=0.05)
@@ -376,12 +378,14 @@ def test_a_car_drives_along_its_road_turns_and_stops(serve: Serve) -> None:
             assert "`setCarControls`: `van1`: no way leads" in str(error)
             continue
         break
-    client.simContinueForTime(60.0)
+    client.simContinueForTime(40.0)
     after = client.simGetVehiclePose("van1").orientation
     turned = airsim.quaternion_to_euler_angles(after)[2] - airsim.quaternion_to_euler_angles(before)[2]
     assert abs(math.degrees(turned)) > 30.0, "it has turned"
     with pytest.raises(rpc_error, match="`setCarControls`: cars follow their lanes here, and do not reverse"):
         client.setCarControls(airsim.CarControls(throttle=-0.5), "van1")
+    client.reset()
+    assert client.isApiControlEnabled("van1"), "a car keeps it, as in AirSim"
     drone = airsim.MultirotorClient(port=served.port)
     with pytest.raises(rpc_error, match="`van1` is no multirotor"):
         drone.takeoffAsync(vehicle_name="van1").get()

@@ -90,6 +90,8 @@ class Driver:
         """Return the command for the next tick; None if there is nothing to send."""
         if self._blocked or self._running == self._wanted:
             return None
+        if self._running == "stop":  # it brakes, and takes no other command until it stands
+            return None
         if self._running:  # a busy car takes `stop` alone
             return Action(verb="stop", resource=self.resource)
         if self._wanted == "forward":
@@ -97,8 +99,8 @@ class Driver:
         return Action(verb=self._wanted, resource=self.resource)
 
     def accepted(self, verb: str) -> None:
-        """Take note that the command of the last tick runs. `stop` has ended the earlier one."""
-        self._running = "" if verb == "stop" else verb
+        """Take note that the command of the last tick runs."""
+        self._running = verb
         if verb != self._wanted:
             return
         self._blocked = verb == "stop"

@@ -54,6 +54,8 @@ class Ending:
         """True if a client or the leaving of the last one ended it."""
         self.call: Call | None = None
         """The call of `reset` that waits for the next episode; None if there is no next one."""
+        self.cars: frozenset[str] = frozenset()
+        """Names of the cars under control. As in AirSim, `reset` takes that of multirotors alone."""
 
 
 def served_agents(instance: Instance) -> tuple[tuple[str, str], ...]:
@@ -162,6 +164,8 @@ class ClientSource:
         vehicles = tuple(
             Vehicle(entities[name], agents[agent], states[name]) for name, agent in served_agents(self._instance)
         )
+        for vehicle in vehicles:
+            vehicle.controlled = vehicle.name in self._ending.cars
         objects = tuple(entity.id for entity in self._instance.entities if "position" not in entity.hidden)
         around = Surroundings(Terrain(self._city), SightLines(lambda: self._city), self._city.bounds)
         return Context(self._instance, Fleet(vehicles), around, objects)
@@ -199,12 +203,12 @@ class ClientSource:
             if driver is None:
                 continue
             verb = sent.get(receipt.resource) if receipt.tick == published.record.tick else None
-            if verb is None:  # an earlier command
-                if receipt.status == "completed" or receipt.status in REFUSED:
+            if verb is None:  # an earlier command; what `stop` has ended is not the running one any more
+                if receipt.status == "completed" or (receipt.status in REFUSED and receipt.reason != "preempted"):
                     driver.ended()
             elif verb != PHOTO and receipt.status == "accepted":
                 driver.accepted(verb)
-            elif verb not in (PHOTO, "stop") and receipt.status == "completed":
+            elif verb != PHOTO and receipt.status == "completed":
                 driver.ended()
 
     def _take_pictures(self, context: Context, published: Published) -> None:
@@ -285,6 +289,8 @@ class ClientSource:
 
     def _end(self, call: Call | None) -> bool:
         self._ending.asked, self._ending.call = True, call
+        vehicles = self._context.fleet.vehicles if self._context is not None else ()
+        self._ending.cars = frozenset(each.name for each in vehicles if each.controlled and not each.flies)
         if not self._ends_by_message:
             raise EpisodeEnded
         return False
