@@ -50,6 +50,23 @@ def draw(expr: ex.Draw, scope: Scope, *, seed: int, path: str, count: int) -> Dr
     return _DISTRIBUTIONS[expr.distribution](expr, scope, seed, path, count)
 
 
+def crowding(expr: ex.Draw, scope: Scope, count: int) -> float:
+    """The share of its room that the places of a group need: their number times `apart` squared by the area of the
+    region, or times `apart` by the length of the line. 0 if the draw has no `apart`, and 1 for places of a list.
+
+    Darts at random fill a large region up to a share of 0.7 (the jamming limit of discs, 0.547, by π/4), and a line up
+    to 0.75 (Rényi's constant). Raises `MissionError` if the draw cannot be evaluated.
+    """
+    apart = next((number(value, scope) for name, value in expr.named if name == "apart"), 0.0)
+    if apart <= 0.0 or count < 2:
+        return 0.0
+    if expr.distribution == "sites":
+        return count * apart**2 / max(abs(geometry2d.signed_area(area(_one(expr), scope).polygon)), 1e-9)
+    if expr.distribution == "sites_along":
+        return count * apart / max(total(math.dist(a, b) for a, b in itertools.pairwise(line_of(expr, scope))), 1e-9)
+    return 1.0
+
+
 def redrawn_in_words(redrawn: Sequence[str]) -> tuple[str, ...]:
     """A line for a summary about the draws of `Instance.redrawn`; none if there are none."""
     if not redrawn:

@@ -1,13 +1,15 @@
 """`trial`: errors that playing a mission would raise, found by making its instances without playing them.
 
-Every mode is tried at the default settings, then with every setting of its sweeps. Errors that depend on the machine, a
-map or a plug-in are not examined. Nor is a mission with very many members, because the check must stay fast.
+Every mode is tried at the default settings, then with every setting of its sweeps. Where a draw can fail, because of a
+requirement or because its places are crowded, the instances of further seeds are made too. Errors that depend on the
+machine, a map or a plug-in are not examined. Nor is a mission with very many members, because the check must stay fast.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping
 
 import msgspec
@@ -15,7 +17,9 @@ import msgspec
 from lingjing.errors import LingjingError, MissionError, hint_of
 from lingjing.mission import elements, model
 from lingjing.mission import expression as ex
+from lingjing.mission.alternatives import with_alternatives
 from lingjing.mission.conditions.spread import places
+from lingjing.mission.draws import crowding
 from lingjing.mission.evaluate import Area, Scope
 from lingjing.mission.instance import Instance
 from lingjing.mission.instance_entities import DRAWN_MOST, FARTHEST_M, NodeError, count_of, holds
@@ -30,6 +34,12 @@ _MAX_COMBINATIONS = 64
 """The largest number of combinations of a sweep's values that are tried (chosen); of a larger sweep, each value is
 tried once."""
 
+_FURTHER_SEEDS = range(1, 10)
+"""Seeds that are tried besides 0 where a draw can fail (chosen: those that are played first)."""
+
+_CROWDED = 0.4
+"""The share of its room from which on a draw of places can fail (chosen: below the 0.7 at which it fails in a large
+region, because the edges of a small one waste room)."""
 
 _MAX_FAULTS = 20
 """The largest number of declarations with errors that are reported at once (chosen)."""
@@ -115,6 +125,7 @@ def _with_settings(
     else:
         yield from _of_draws(mission, instance)
         yield from _of_scene(mission, instance)
+        yield from _of_further_seeds(mission, instance, settings)
 
 
 def _without(mission: model.Mission, path: str) -> model.Mission | None:
@@ -204,6 +215,37 @@ def _of_draws(mission: model.Mission, instance: Instance) -> Iterator[TrialFault
                 message = f"a place that `{group.name}` may be drawn at is beyond the scene"
                 hint = f"coordinates are metres from the scene's origin, {most:g} at most to every side here"
                 yield TrialFault("LJ0507", f"{mission.name}/{group.name}/position", message, hint)
+
+
+def _of_further_seeds(
+    mission: model.Mission, instance: Instance, settings: Mapping[str, float]
+) -> Iterator[TrialFault]:
+    """The error of the first further seed without an instance, if a draw can fail."""
+    if not mission.requirements and not _is_crowded(mission, instance, settings):
+        return
+    for seed in _FURTHER_SEEDS:
+        try:
+            instantiate(mission, seed=seed, mode=instance.mode, settings=settings)
+        except LingjingError as error:
+            path, message = (error.path, error.message) if isinstance(error, NodeError) else (mission.name, str(error))
+            named = message if message.startswith("seed ") else f"with seed {seed}, {message}"
+            yield TrialFault("LJ0507", path, named, hint_of(error))
+            return
+
+
+def _is_crowded(mission: model.Mission, instance: Instance, settings: Mapping[str, float]) -> bool:
+    """True if the places of a group need so much of their room that a seed may have none for them."""
+    areas = {region.name: Area(region.polygon) for region in instance.regions if region.polygon}
+    values = parameters(mission, instance.mode, settings)
+    scope = Scope(parameters=values, mode=instance.mode, areas=areas, tick_s=instance.clock.tick_s)
+    counts = Counter(entity.group for entity in instance.entities)
+    mission = with_alternatives(mission, scope)
+    return any(
+        crowding(prop.value, scope, counts[group.name]) >= _CROWDED
+        for group in mission.groups
+        for prop in group.properties
+        if isinstance(prop.value, ex.Draw)
+    )
 
 
 def _of_scene(mission: model.Mission, instance: Instance) -> Iterator[TrialFault]:

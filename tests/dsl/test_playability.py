@@ -16,7 +16,7 @@ from lingjing.scene.anchor import anchor
 from lingjing.scene.city import City
 from lingjing.scene.districts import build
 from lingjing.scene.districts.options import plan
-from lingjing.testing import compile_file, compile_text, instantiate
+from lingjing.testing import compile_file, compile_text, instantiate, mission_file
 
 FAR = "subset([(0 m, 2 m), (1 m, 2 m), ({}, 0 m), (3 m, 2 m), (4 m, 2 m), (5 m, 2 m)])"
 """Places of which one, which seed 0 does not draw, may be too far."""
@@ -69,6 +69,34 @@ def test_errors_of_playing_are_reported(
     diagnostics = compile_text(text.replace(old, new, 1)).diagnostics
     assert [(item.code, item.span.line, item.span.column) for item in diagnostics] == [(code, line, column)]
     assert part in diagnostics[0].message
+
+
+CASTAWAYS = mission_file("examples/castaways").read_text(encoding="utf-8")
+"""Two to four people at sea; a requirement bounds their distance to the boat by a drawn param."""
+
+
+@pytest.mark.parametrize(
+    ("places", "fits"),
+    [
+        ("sites(search, apart >= 200 m)", False),
+        ("sites(search, apart >= 90 m)", True),
+        ("sites_along([(-150 m, -1400 m), (150 m, -1400 m)], apart >= 74.8 m)", False),
+        ("sites_along([(-150 m, -1400 m), (150 m, -1400 m)], apart >= 30 m)", True),
+    ],
+)
+def test_crowded_places_are_drawn_with_further_seeds(places: str, fits: bool) -> None:
+    text = CASTAWAYS.replace("sites(search, apart >= 40 m)", places).replace("integer(2, 4)", "integer(4, 4)")
+    errors = [item for item in compile_text(text).diagnostics if item.severity == "error"]
+    assert [item.code for item in errors] == ([] if fits else ["LJ0507"])
+    assert fits or "apart do not fit" in errors[0].message
+    assert fits or "along" in places or "with seed " in errors[0].message
+
+
+def test_a_requirement_that_seed_0_meets_is_tried_with_further_seeds() -> None:
+    text = CASTAWAYS.replace("uniform(60 m, 120 m)", "uniform(60 m, 270 m)")
+    (error,) = [item for item in compile_text(text).diagnostics if item.severity == "error"]
+    assert error.code == "LJ0507" and "seed 1 meets the requirement in none of" in error.message
+    assert text.splitlines()[error.span.line - 1].lstrip().startswith("require forall")
 
 
 def test_a_side_of_an_or_may_name_a_member_that_is_not_there(small: str) -> None:
