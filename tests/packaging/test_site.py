@@ -142,6 +142,26 @@ def test_fences_of_a_page_are_all_read() -> None:
         assert len(read) == len(opened), page
 
 
+LIST = re.compile(r"- |\d+\. |\|")
+
+
+def test_lists_and_tables_begin_after_an_empty_line() -> None:
+    """Without it the site shows them as lines of the paragraph before."""
+    faulty = []
+    for page in sorted(DOCS.rglob("*.md")):
+        paragraph, fenced = False, False
+        for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), 1):
+            fenced ^= line.lstrip().startswith("```")
+            if not line.strip() or fenced or line.startswith(("#", "```", "<!--")):
+                paragraph = False
+            elif LIST.match(line):
+                faulty += [f"{page.relative_to(DOCS)}:{number}"] if paragraph else []
+                paragraph = False
+            elif not line.startswith(" "):
+                paragraph = True
+    assert faulty == []
+
+
 def test_indented_blocks_and_lines_of_a_console_are_commands(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text(
