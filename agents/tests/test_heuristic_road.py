@@ -19,6 +19,7 @@ from lingjing_agents.heuristic.route_inspector import RouteInspector
 from lingjing_agents.heuristic.target_types import FIRES, GAPS, PEOPLE, target_type_of
 from lingjing_agents.paths.delivery_tours import shared_out, street_m, tours
 from lingjing_agents.perception.people_at_sea import FoundBox
+from lingjing_agents.perception.road_blocks import RoadBlock
 from lingjing_agents.perception.road_queues import VehicleQueue
 
 from agents.tests.agent_kit import (
@@ -201,6 +202,30 @@ def test_an_inspector_tells_a_jam_with_its_box_and_place(monkeypatch):
     assert (progress.body["state"], progress.body["position"]) == ("jammed", (40.0, 1.0, 0.0))
     assert (report.body["class"], report.body["box"]) == ("congestion", (0.4, 0.2, 0.5, 0.8))
     assert decision.command is None
+
+
+NAMED = "*named* holds for jam `j`, jammed `r` when the horizontal distance from `r.position` to `j` is at most `12 m`"
+
+
+def test_where_places_must_be_exact_a_second_picture_gives_the_place_of_a_jam(monkeypatch):
+    """The first one is taken at a waypoint, or in the middle of a long leg; it shows the jam from aside."""
+    seen = [RoadBlock((60.0, 0.0), (0.4, 0.2, 0.5, 0.8), 4, certain=False)]
+    monkeypatch.setattr(inspecting, "find_blocks", lambda rgb, pose, level, line: tuple(seen))
+    rules = RouteInspector(told("eye", UAV, messages=INSPECTION, rules=(NAMED,), settings={"jams": 1.0}), UAV)
+    start = view("uav", (0.0, 0.0, 120.0))
+    rules.act(observe("eye", 2, start), inspecting_orders(*ROUTE))
+    first = rules.act(observe("eye", 3, start, pictures=(shot_by_uav(3),)), Inbox())
+    assert first.messages == () and first.command is not None
+    assert (first.command.arguments["x"], first.command.arguments["y"]) == (60.0, 0.0)
+    over = view("uav", (60.0, 0.0, 120.0))
+    photo = rules.act(observe("eye", 4, over), Inbox()).command
+    assert photo is not None and photo.verb == "takePhoto"
+    seen[:] = [RoadBlock((66.0, 1.0), (0.4, 0.2, 0.5, 0.8), 8, certain=True)]
+    second = rules.act(observe("eye", 5, over, pictures=(shot_by_uav(5, (60.0, 0.0, 120.0)),)), Inbox())
+    progress, report = second.messages
+    assert (progress.body["state"], progress.body["position"]) == ("jammed", (66.0, 1.0, 0.0))
+    assert report.body["position"][:2] == (66.0, 1.0)
+    assert rules._middles_of([place[:2] for place in ROUTE]) == {1: (100.0, 0.0), 2: (300.0, 0.0)}
 
 
 def test_an_inspector_on_the_ground_rises_where_it_stands_before_it_flies_on():

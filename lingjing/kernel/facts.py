@@ -17,6 +17,7 @@ from lingjing.mission.values import Value
 from lingjing.mission.vocabulary import CLEARED, DORMANT
 from lingjing.plugins.bodies import entity_size
 from lingjing.scene.camera_geometry import pixel_ray
+from lingjing.scene.lines import project
 from lingjing.trace.records import DEAD, BodyState
 
 HANDOFF_M = 50.0
@@ -113,21 +114,26 @@ def _inspected(at: RuntimeContext, inspection: Value) -> Value:
 def _clear(at: RuntimeContext, inspection: Value) -> Value:
     """Return whether no present target blocks a waypoint of the present route (`Entity.blocked_m`).
 
-    Only waypoints are inspected, so a jam between two of them does not count.
+    Only waypoints are inspected, so a jam between two of them does not count. With `pictured`, pictures also show the
+    road between the waypoints, and such a jam counts: a car that stood behind it would measure its place.
     """
     declared = next((inspected for inspected in at.instance.inspections if inspected.name == inspection), None)
     route = at.registry.routes.get(declared.asset) if declared is not None else None
     if route is None:
         return None
-    return not any(_blocks(entity, route.waypoints, at) for entity in at.instance.entities)
+    whole = declared is not None and declared.pictured
+    return not any(_blocks(entity, route.waypoints, at, whole=whole) for entity in at.instance.entities)
 
 
-def _blocks(entity: Entity, waypoints: Sequence[tuple[float, ...]], at: RuntimeContext) -> bool:
+def _blocks(entity: Entity, waypoints: Sequence[tuple[float, ...]], at: RuntimeContext, *, whole: bool) -> bool:
+    """Return whether the entity is present, and blocks a waypoint, or with `whole` any place of the way along them."""
     radius, here = entity.blocked_m, at.place(entity)
     if radius is None or here is None:
         return False
     if at.states[entity.id].status in (DORMANT, CLEARED):
         return False
+    if whole and len(waypoints) > 1:
+        return project([(place[0], place[1]) for place in waypoints], here.east, here.north).off_m <= radius
     return any(math.dist((here.east, here.north), waypoint[:2]) <= radius for waypoint in waypoints)
 
 

@@ -31,6 +31,7 @@ from lingjing.plugins.policy import (
 from lingjing_agents.capability import centimetres, compose, sends, sighting
 from lingjing_agents.ground_plane import GroundPoint, distance_to_segment_m
 from lingjing_agents.heuristic.policy import HeuristicPolicy
+from lingjing_agents.heuristic.route_inspector import names_places
 from lingjing_agents.heuristic.target_types import Detector, building_class
 from lingjing_agents.perception.images import ImageBox
 from lingjing_agents.perception.people_at_sea import FoundBox
@@ -71,6 +72,8 @@ PLACES: dict[str, tuple[GroundPoint, ...]] = {
 """The places of targets at tier 0 by a word of their class, from the missions' texts; metres."""
 KNOWN_SHARE = 0.7
 """Probability of a guess at such a place if one is in the picture (chosen: tier 1 has other places)."""
+NAME_TICKS = 5
+"""Ticks between two names of random places, so that the route is planned anew in between (chosen)."""
 ON_ROUTE_M = 40.0
 """Distance from a route within which a jam stands on it, metres (chosen)."""
 EDGE = 0.05
@@ -140,12 +143,27 @@ class Guesser:
         if jammed is None or not route:
             return ()
         most = min((v for name, v in self._brief.settings.items() if name.startswith("replan")), default=math.inf)
-        for place in JAMS:
-            if len(self._jams) < most and place not in self._jams and _is_on(route, place):
+        for place in self._places_of_jams(route, observation.tick):
+            if len(self._jams) < most:
                 self._jams.append(place)
                 body: dict[str, Datum] = {"waypoint": 1, "position": (*place, 0.0), "confidence": 0.9}
                 return (compose(jammed, body),)
         return ()
+
+    def _places_of_jams(self, route: tuple[tuple[float, ...], ...], tick: int) -> Iterator[GroundPoint]:
+        """Yield the known places on the route that were not named yet; where places are drawn and must be exact, now
+        and then a random place of the route between its first and its last leg."""
+        if not names_places(self._brief):
+            yield from (place for place in JAMS if place not in self._jams and _is_on(route, place))
+        elif tick % NAME_TICKS == NAME_TICKS - 1 and len(route) > 3:
+            legs = list(pairwise([(point[0], point[1]) for point in route[:-1]]))
+            at_m = self._random.random() * sum(math.dist(*leg) for leg in legs)
+            for a, b in legs:
+                length = math.dist(a, b)
+                if at_m <= length:
+                    yield a[0] + (b[0] - a[0]) * at_m / length, a[1] + (b[1] - a[1]) * at_m / length
+                    return
+                at_m -= length
 
 
 class Blind(Guesser):

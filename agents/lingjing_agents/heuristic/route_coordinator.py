@@ -13,11 +13,21 @@ import math
 from types import MappingProxyType
 from typing import ClassVar
 
-from lingjing.plugins.policy import Brief, Datum, Decision, Envelope, Inbox, Observation, Outgoing, Peer
+from lingjing.plugins.policy import (
+    Brief,
+    Datum,
+    Decision,
+    EntityView,
+    Envelope,
+    Inbox,
+    Observation,
+    Outgoing,
+    Peer,
+)
 from lingjing_agents.capability import INSPECT, JAMMED, centimetres, compose, sends
 from lingjing_agents.ground_plane import GroundPoint, position_in
 from lingjing_agents.heuristic.guidance.to_building import BuildingGuidance
-from lingjing_agents.heuristic.route_inspector import LOOK
+from lingjing_agents.heuristic.route_inspector import LOOK, START, names_places
 from lingjing_agents.heuristic.sightings import name_in
 from lingjing_agents.heuristic.target_types import Detectors
 
@@ -32,6 +42,8 @@ SILENCE_TICKS = 10
 """Ticks without a report of the inspector after which its orders are repeated. Chosen."""
 SAME_JAM_M = 60.0
 """Distance in metres within which two reported jams count as one. Chosen."""
+EXACT_JAM_M = 25.0
+"""The same distance where places of jams must be exact, and jams may be near each other. Chosen."""
 SPARE_MOVES, MOST_LOOKS = 4, 8
 """Moves that are kept for start and drive, and largest number of pictures of the last stretch. Chosen."""
 LOOKING_TICKS = 10
@@ -57,6 +69,8 @@ class RouteCoordinator:
         self._told: set[int] = set()
         self._asked: list[GroundPoint] = []
         self._arrived = False
+        self._is_exact = names_places(brief)
+        self._start: GroundPosition | None = None
         self._guidance: BuildingGuidance | None = None
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
@@ -83,6 +97,8 @@ class RouteCoordinator:
         if self._arrived:
             return Decision()
         route = next((view.route for view in observation.entities if view.route), None)
+        if self._start is None and self._is_exact:
+            self._start = next((_before(view) for view in observation.entities if view.route), None)
         if route is not None and route != self._route and self._drive_tick < 0:
             self._route, self._told = route, set()
             return Decision(messages=self._name_way(observation) + self._have_inspected(observation.tick))
@@ -117,7 +133,8 @@ class RouteCoordinator:
         end = self._route[-1][0], self._route[-1][1]
         last = self._guidance.viewpoints(end, self._looks()) if self._guidance is not None else ()
         inspect = [self._send(self._inspector, INSPECT, place) for place in self._route[first:]]
-        return (*inspect, *(self._send(self._inspector, LOOK, (*place, 0.0)) for place in last))
+        start = (self._send(self._inspector, START, self._start),) if self._start is not None else ()
+        return (*start, *inspect, *(self._send(self._inspector, LOOK, (*place, 0.0)) for place in last))
 
     def _looks(self) -> int:
         """Return the number of pictures of the last stretch that the moves allow, two moves each; at least one."""
@@ -139,7 +156,8 @@ class RouteCoordinator:
         self._told.add(len(self._told))
         if name_in(envelope.body, "state") != JAMMED or self._jammed is None or self._replans_left < 1:
             return ()
-        if any(math.dist(place, before) < SAME_JAM_M for before in self._asked):
+        same_m = EXACT_JAM_M if self._is_exact else SAME_JAM_M
+        if any(math.dist(place, before) < same_m for before in self._asked):
             return ()  # the new route passes the same jam: there is no way around it
         self._replans_left -= 1
         self._asked.append(place)
@@ -154,6 +172,15 @@ class RouteCoordinator:
         assert self._order is not None
         where = centimetres(place)
         return compose(self._order, {"assignee": assignee, "task": task, "position": where}, to=(assignee,))
+
+
+def _before(view: EntityView) -> GroundPosition | None:
+    """Return a place on the first waypoint's lane, as far before it as the vehicle, which may stand at the kerb."""
+    if view.position is None or view.heading_deg is None or not view.route:
+        return view.position
+    x, y, *_ = view.route[0]
+    far, heading = math.dist((x, y), view.position[:2]), math.radians(view.heading_deg)
+    return x - far * math.sin(heading), y - far * math.cos(heading), 0.0
 
 
 def _inspector_and_driver(brief: Brief) -> tuple[str, str]:

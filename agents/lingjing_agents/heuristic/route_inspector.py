@@ -42,8 +42,12 @@ from lingjing_agents.ground_plane import GroundPoint, between, distance_to_segme
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.sightings import name_in
 from lingjing_agents.heuristic.target_types import QUEUES, Detectors
+from lingjing_agents.perception.images import ImageBox
+from lingjing_agents.perception.road_blocks import find_blocks
 from lingjing_agents.perception.road_queues import VehicleQueue, corners, find_queues
 
+START = "start"
+"""The task name of a coordinator's note of the place where the route begins."""
 LOOK = "look"
 """The task name of a coordinator's order to photograph a place after all waypoints."""
 REACHED_M = 5.0
@@ -62,6 +66,13 @@ LANE_M = 10.0
 """Distance of a detected queue from the route in metres, at most: others stand on other roads. Chosen."""
 WAIT_TICKS = 5
 """Ticks to wait for a new route after a reported jam, before the present one is continued. Chosen."""
+MOST_FLIGHTS = 2
+"""Number of flights to a place of a further picture: the middle of a leg, or the front of a queue. Chosen."""
+CLOSE_M = 12.0
+"""Distance in metres of a jam from the place of its picture beyond which it is photographed once more. Chosen."""
+LONG_LEG_M = 130.0
+"""Distance between waypoints in metres from which the road between them is photographed too, where places of jams must
+be exact. Chosen: a picture from 120 m shows 60 m ahead and behind."""
 
 
 class RouteInspector:
@@ -93,6 +104,13 @@ class RouteInspector:
         self._start: GroundPoint | None = None
         self._looks: list[GroundPoint] = []
         self._flights = 0
+        self._is_exact = names_places(brief)
+        self._near: GroundPoint | None = None
+        self._closer = 0
+        self._resumed = False
+        self._middles: dict[int, GroundPoint] = {}
+        self._extra_flights = MOST_FLIGHTS
+        self._unnamed = brief.settings.get("jams", math.inf)
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
         """Process orders and the new pictures, then go on."""
@@ -111,11 +129,22 @@ class RouteInspector:
         return Decision(command=self._move(own, observation.tick), messages=messages)
 
     def _listen(self, inbox: Inbox) -> None:
+        self._start = next(iter(self._ordered(inbox, START)), self._start)
         self._looks = self._ordered(inbox, LOOK) or self._looks
         orders = self._ordered(inbox, INSPECT)
         if orders:
             self._route, self._next, self._tries, self._wait_until = orders, 0, 0, 0
-            self._aim = None
+            self._aim = self._near = None
+            self._middles = self._middles_of(orders) if self._is_exact and self._unnamed > 0 else {}
+
+    @staticmethod
+    def _middles_of(route: list[GroundPoint]) -> dict[int, GroundPoint]:
+        """Return the middles of long legs by the index of the waypoint at their end."""
+        return {
+            number: ((a[0] + b[0]) / 2.0, (a[1] + b[1]) / 2.0)
+            for number, (a, b) in enumerate(pairwise(route), 1)
+            if math.dist(a, b) > LONG_LEG_M
+        }
 
     def _ordered(self, inbox: Inbox, task: str) -> list[GroundPoint]:
         return [
@@ -129,17 +158,48 @@ class RouteInspector:
 
     def _look(self, picture: Picture, tick: int) -> tuple[Outgoing, ...]:
         place = self._route[self._next]
+        if self._is_exact:
+            return self._look_exactly(picture, tick)
         if math.dist(picture.pose.position[:2], place) > SLACK_M + REACHED_M:
             return ()
         jams = [queue for queue in self._queues(picture) if queue.confidence >= SURE]
         number, self._next, self._tries = self._next + 1, self._next + 1, 0
         if not jams:
             return self._say(CLEAR, number, place)
+        return self._say_jammed(picture, tick, number, jams[0].place, jams[0].box, jams[0].confidence)
+
+    def _look_exactly(self, picture: Picture, tick: int) -> tuple[Outgoing, ...]:
+        """Process a picture where the place of a jam must be exact: a second picture, over the jam, gives its place."""
+        place, number = self._route[self._next], self._next + 1
+        middle, near = self._middles.pop(self._next, None), self._near
+        if near is None and middle is None and math.dist(picture.pose.position[:2], place) > SLACK_M + REACHED_M:
+            return ()
+        lane = tuple(([self._start] if self._start is not None else []) + self._route)
+        blocks = find_blocks(picture.rgb, picture.pose, self._brief.water_level_m, lane) if self._unnamed > 0 else ()
+        self._near, self._extra_flights = None, MOST_FLIGHTS
+        far = blocks and near is not None and math.dist(blocks[0].place, near) > CLOSE_M
+        if blocks and (near is None or ((far or not blocks[0].certain) and self._closer > 0)):
+            self._closer = MOST_FLIGHTS if near is None else self._closer - 1
+            self._near = blocks[0].place
+            self._resumed = middle is None and near is None
+            return ()
+        if blocks and blocks[0].certain:
+            self._unnamed -= 1
+            self._next, self._tries = number, 0
+            return self._say_jammed(picture, tick, number, blocks[0].place, blocks[0].box, 0.9)
+        if middle is not None or (near is not None and not self._resumed):
+            return ()
+        self._next, self._tries = number, 0
+        return self._say(CLEAR, number, place)
+
+    def _say_jammed(
+        self, picture: Picture, tick: int, number: int, at: GroundPoint, box: ImageBox, confidence: float
+    ) -> tuple[Outgoing, ...]:
         self._wait_until = tick + WAIT_TICKS
-        messages = self._say(JAMMED, number, jams[0].place)
+        messages = self._say(JAMMED, number, at)
         if self._report is not None:
-            where = (*jams[0].place, self._brief.water_level_m)
-            messages += (sighting(self._report, picture.frame, self._class, jams[0].box, where, jams[0].confidence),)
+            where = (*at, self._brief.water_level_m)
+            messages += (sighting(self._report, picture.frame, self._class, box, where, confidence),)
         return messages
 
     def _queues(self, picture: Picture) -> tuple[VehicleQueue, ...]:
@@ -172,6 +232,12 @@ class RouteInspector:
             return self._fly(*first) if math.dist(own.position[:2], first) > REACHED_M else None
         if self._next >= len(self._route):
             return self._view(own.position[:2])
+        extra = self._near or self._middles.get(self._next)
+        if extra is not None:
+            if self._extra_flights and math.dist(own.position[:2], extra) > VIEW_M:
+                self._extra_flights -= 1
+                return self._fly(*extra)
+            return photo(self._body, self._camera)
         if self._aim is None or self._aim[0] != self._next:
             self._aim = self._next, self._aimed(own.position[:2])
         x, y = self._aim[1]
@@ -211,6 +277,12 @@ class RouteInspector:
 
     def _fly(self, x: float, y: float) -> Action:
         return fly(self._body, x, y, self._z)
+
+
+def names_places(brief: Brief) -> bool:
+    """Return whether a rule compares the place in a request for another route with that of a jam."""
+    kinds = [message.kind for message in brief.messages if message.type == "trafficJam"]
+    return any(f", {kind} `" in rule and ".position`" in rule for kind in kinds for rule in brief.rules)
 
 
 def _ground_start(observation: Observation, body: str) -> GroundPoint | None:

@@ -44,6 +44,11 @@ class GoalState:
         self._truth = truth
 
     @cached_property
+    def _requests(self) -> frozenset[str]:
+        """The kinds of messages that request another route, which inspectors send at an obstacle on the route."""
+        return frozenset(spec.replan for spec in self._plan.instance.inspections if spec.replan)
+
+    @cached_property
     def moved(self) -> frozenset[str]:
         """The ids of the bodies that some agent commands."""
         return frozenset(name for agent in self._plan.instance.agents for name in agent.commands)
@@ -66,7 +71,7 @@ class GoalState:
         match leaf:
             case OpenGoal(reason=reason):
                 return reason
-            case ReportGoal(matching=False):
+            case ReportGoal(matching=False, kind=kind) if kind not in self._requests:
                 return "the oracle sends reports that a rule matches with pictures, and no others"
             case LevelGoal() | StatusGoal() if not leaf.ways:
                 return "no interaction changes it that way"

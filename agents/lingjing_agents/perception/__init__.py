@@ -1,7 +1,8 @@
 """Detection of targets and obstacles in pictures: each module finds one kind of object in the pixels of one picture.
 
 - `images`: array types and OpenCV
-- from above: `people_at_sea`, `fires_from_above`, `bridge_gaps`, `people_in_line`, `road_queues`, `pipe_leaks`
+- from above: `people_at_sea`, `fires_from_above`, `bridge_gaps`, `people_in_line`, `road_queues`, `pipe_leaks`, and
+  `road_blocks` (queues on both sides of a street)
 - from above with depth: `depth_points` (obstacles on the ground), `building_walls` (walls with their colours and doors)
 - `learned`: detectors that are trained on frames
 - from a dog's height: `fires_ahead`, `facades` (walls similar to a reference), `obstacles_ahead`

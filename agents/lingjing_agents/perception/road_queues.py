@@ -65,7 +65,7 @@ def find_queues(
     queues = []
     for start, end in pairwise(corners(line)):
         for offset in OFFSETS_M:
-            queue = _along(rgb, pose, level_m, _moved(start, end, offset))
+            queue = _along(rgb, pose, level_m, moved_leg(start, end, offset))
             if queue is not None:
                 queues.append(queue)
     return tuple(sorted(queues, key=lambda queue: (-queue.vehicles, queue.box)))
@@ -104,10 +104,10 @@ def _along(
     rgb: ByteImage, pose: CameraPose, level_m: float, leg: tuple[GroundPoint, GroundPoint]
 ) -> VehicleQueue | None:
     """Return the longest queue on one straight piece of lane, or None."""
-    strip = _strip(rgb, pose, level_m, leg)
+    strip = strip_along(rgb, pose, level_m, leg)
     if strip is None:
         return None
-    pieces = runs(_occupied(strip), round(SPLIT_M / STEP_M))
+    pieces = runs(occupied(strip), round(SPLIT_M / STEP_M))
     vehicles = [run for run in pieces if VEHICLE_M[0] <= (run[1] - run[0]) * STEP_M <= VEHICLE_M[1]]
     best: list[tuple[int, int]] = []
     row: list[tuple[int, int]] = []
@@ -127,7 +127,9 @@ def _along(
     return VehicleQueue(box, min(1.0, 0.3 + 0.1 * len(best)), middle, len(best))
 
 
-def _strip(rgb: ByteImage, pose: CameraPose, level_m: float, leg: tuple[GroundPoint, GroundPoint]) -> ByteImage | None:
+def strip_along(
+    rgb: ByteImage, pose: CameraPose, level_m: float, leg: tuple[GroundPoint, GroundPoint]
+) -> ByteImage | None:
     """Return the lane's pixels, (across, along, 3) at `STEP_M`, black outside the picture; None if it is not
     visible.
     """
@@ -152,7 +154,7 @@ def _strip(rgb: ByteImage, pose: CameraPose, level_m: float, leg: tuple[GroundPo
     return strip
 
 
-def _occupied(strip: ByteImage) -> MaskArray:
+def occupied(strip: ByteImage) -> MaskArray:
     """Return the mask of stations with an object on the asphalt that is no leaf."""
     cv2 = opencv()
     hsv = cv2.cvtColor(strip, cv2.COLOR_RGB2HSV)
@@ -168,7 +170,7 @@ def _occupied(strip: ByteImage) -> MaskArray:
     return occupied
 
 
-def _moved(start: GroundPoint, end: GroundPoint, offset_m: float) -> tuple[GroundPoint, GroundPoint]:
+def moved_leg(start: GroundPoint, end: GroundPoint, offset_m: float) -> tuple[GroundPoint, GroundPoint]:
     """Return a leg moved to the right of its direction."""
     ahead = _unit(start, end)
     east, north = ahead[1] * offset_m, -ahead[0] * offset_m
