@@ -174,6 +174,28 @@ def test_a_waypoint_counts_only_with_a_picture_that_shows_it(pictured: bool, lat
     assert (inspected.seen if inspected else frozenset()) == frozenset(seen)
 
 
+@pytest.mark.parametrize(
+    ("pictured", "east_m", "clear"), [(False, 20.0, True), (True, 20.0, False), (True, 20.1, True)]
+)
+def test_with_pictures_a_jam_between_two_waypoints_blocks_the_route_too(
+    pictured: bool, east_m: float, clear: bool
+) -> None:
+    kernel = limited(1)
+    registry = kernel.state.registry
+    at = kernel._adjudicator.context_at(registry, registry.states, registry.time_s)
+    jam = next(entity for entity in at.instance.entities if entity.id == "victim[1]")
+    x, y, _ = registry.states[jam.id].position
+    route = Route(
+        entity="boat", number=1, waypoints=((x + east_m, y - 90.0, 0.0), (x + east_m, y + 90.0, 0.0)), length_m=180.0,
+        duration_s=9.0, time_s=0.0, request="r",
+    )  # fmt: skip
+    check = InspectionSpec(name="check", asset="boat", by=("uav[1]",), within_m=25.0, pictured=pictured)
+    blocking = replace(jam, properties={**jam.properties, "blocks": True, "radius_m": 20.0})
+    at.instance = replace(at.instance, inspections=(check,), entities=(blocking,))
+    at.registry = replace(registry, routes={"boat": route})
+    assert evaluate(Call("clear", (Symbol("check"),)), {}, at) is clear
+
+
 def test_a_limit_of_claims_is_read_like_any_other() -> None:
     kernel = limited(4)
     kernel.step(decisions(scout_1=kit.report(FRAME, box=WRONG[0])))

@@ -13,7 +13,6 @@ import pytest
 
 from lingjing.engines.road.engine import RoadEngine
 from lingjing.plugins.engine import EngineSpec
-from lingjing.scene.lines import project
 from lingjing.trace.records import Command
 from tests.missions import staging as kit
 
@@ -22,6 +21,14 @@ GOALS = {"ld": "stop_node", "cr": "goal_place"}
 SPEED_MPS = 12.0
 
 missions = pytest.mark.parametrize("name", ["ld", "cr"])
+
+
+def off_m(place, a, b):
+    """The distance of a place from the straight way between two waypoints."""
+    along = (b[0] - a[0], b[1] - a[1])
+    share = ((place[0] - a[0]) * along[0] + (place[1] - a[1]) * along[1]) / (along[0] ** 2 + along[1] ** 2)
+    share = min(1.0, max(0.0, share))
+    return math.dist(place[:2], (a[0] + share * along[0], a[1] + share * along[1]))
 
 
 class Planned:
@@ -50,9 +57,9 @@ class Planned:
 
     def met(self, route):
         """The jam at the first waypoint that has one, or anywhere on the route."""
-        line = [point[:2] for point in route.waypoints]
+        legs = list(pairwise(route.waypoints))
         for jam in self.jams if self.whole else ():
-            if jam not in self.stood and project(line, *jam.position[:2]).off_m <= jam.properties["radius_m"]:
+            if jam not in self.stood and min(off_m(jam.position, *leg) for leg in legs) <= jam.properties["radius_m"]:
                 return jam
         for waypoint in () if self.whole else route.waypoints:
             for jam in self.jams:

@@ -5,9 +5,7 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from lingjing.kernel.rules import evaluate
 from lingjing.testing import Stage, does, says
-from lingjing.testing.expressions import Call, Symbol
 from tests.missions import staging as kit
 
 edge = pytest.mark.parametrize(("beyond", "counts"), [(0.0, True), (-0.01, True), (0.01, False)])
@@ -215,21 +213,6 @@ def test_at_tier_1_a_route_counts_only_after_both_jams_were_named_where_they_are
         play.wait(2)
         assert ("arrived", GOALS["cr"]) in play.kinds()
         assert (play.done and play.success) is wins
-
-
-@pytest.mark.parametrize(("pictured", "beside", "clear"), [
-    (False, 20.0, True), (True, 20.0, False), (True, 20.1, True),
-])  # fmt: skip
-def test_with_pictures_a_jam_between_two_waypoints_blocks_the_route_too(pictured, beside, clear):
-    instance = kit.still(kit.staged("cr", None, 0, ())[0])
-    checks = tuple(msgspec.structs.replace(check, pictured=pictured) for check in instance.inspections)
-    with kit.playing("cr", instance=msgspec.structs.replace(instance, inspections=checks)) as play:
-        x, y, _ = play.entity("jam[1]").position
-        play.stage.routes = [((x + beside, y - 90.0, 0.0), (x + beside, y + 90.0, 0.0))]
-        play.do()
-        registry = play.kernel.state.registry
-        at = play.kernel._adjudicator.context_at(registry, registry.states, registry.time_s)
-        assert evaluate(Call("clear", (Symbol("check"),)), {}, at) is clear
 
 
 @pytest.mark.parametrize("most", [0.0, 3.0, 6.0])
