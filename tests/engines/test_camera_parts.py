@@ -109,6 +109,13 @@ def test_shore_map_knows_land_and_sea() -> None:
     assert near(300, -560) == 0 and near(0, -1300) == 255 and 0 < near(300, -700) < 255
 
 
+def test_the_edge_of_the_shore_map_shows_no_shore_because_pictures_repeat_it_beyond_the_bounds() -> None:
+    town = city_of(SceneSpec(kind="coastal", seed=11, options={"extent_m": 500.0}, datum_m=-3.0))
+    near = build_ground(town, noise_texture()[::4, ::4, 0]).shore[..., 0]
+    assert (near[1:-1, 1:-1] < 255).any()  # the town has a shore, and it leaves the bounds
+    assert (near[0] == 255).all() and (near[-1] == 255).all() and (near[:, [0, -1]] == 255).all()
+
+
 def test_textures_are_seamless_and_constant() -> None:
     noise = noise_texture()
     assert np.array_equal(noise, noise_texture()) and noise.shape == (256, 256, 4)

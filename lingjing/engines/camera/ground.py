@@ -301,6 +301,8 @@ def _drawn_shore(city: City, noise: npt.NDArray[np.uint8]) -> npt.NDArray[np.uin
     reach = np.full(land.shape, SHORE_REACH_M)
     if land.any():
         reach = np.minimum(ndimage.distance_transform_edt(~land) * cell, SHORE_REACH_M)
+    for edge in (reach[0], reach[-1], reach[:, 0], reach[:, -1]):
+        edge[:] = SHORE_REACH_M  # pictures repeat the edge beyond the bounds, where a shore may run another way
     near = np.sqrt(reach / SHORE_REACH_M) * 255.0
     patches = np.kron(noise, np.ones((SHORE_SIZE // len(noise), SHORE_SIZE // len(noise)), np.uint8))
     patches = ndimage.uniform_filter(patches.astype(np.float32), SHORE_SIZE // len(noise) * 2, mode="wrap")
