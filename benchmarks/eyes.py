@@ -1,10 +1,10 @@
 """Vehicles and people before eyes trained on photographs: a detector of COCO's classes from a package (`make eyes`).
 
-The detector (CenterNet, MIT) looks at native 1080p pictures through windows of 540 and 1,080 pixels with half overlap;
-a body is found if a detection of a right class with a score of 0.4 overlaps its exact box by half. First come false
-detections on empty streets; then single bodies at 6 to 16 m from three bearings; then street frames. Models from a
-package stand at the same places in the same pose, street, shader and camera, as a reference; pairs are compared by the
-difference of recalls, with its lower 90 % bound.
+The detector (CenterNet, or NanoDet with `--net nanodet`; both MIT) looks at native 1080p pictures through windows of
+540 and 1,080 pixels with half overlap; a body is found if a detection of a right class with a score of 0.4 overlaps its
+exact box by half. First come false detections on empty streets; then single bodies at 6 to 16 m from three bearings;
+then street frames. Models from a package stand at the same places in the same pose, street, shader and camera, as a
+reference; pairs are compared by the difference of recalls, with its lower 90 % bound.
 
 It shows that vehicles and people can be recognised by such a net. It shows no realism and no transfer to photographs.
 """
@@ -29,7 +29,8 @@ from lingjing.trace.records import Box
 
 HERE = Path(__file__).resolve().parent
 NET = HERE / "eyes_net" / "detect.mjs"
-SIDE = 512
+SIDES = {"centernet": 512, "nanodet": 416}
+"""Nets, and the side of the picture that each reads, pixels."""
 SCORE, OVERLAP = 0.4, 0.5
 CLASSES = {0: "person", 1: "bicycle", 2: "car", 3: "motorcycle", 5: "bus", 7: "truck"}
 RIGHT = {"car": {"car"}, "truck": {"truck"}, "delivery_van": {"car", "truck", "bus"}, "person": {"person"}}
@@ -48,8 +49,9 @@ Detection = tuple[str, float, float, float, float, float]
 class Detector:
     """The detector in a process of its own."""
 
-    def __init__(self) -> None:
-        self.process = subprocess.Popen(["node", str(NET)], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    def __init__(self, net: str) -> None:
+        self.side = SIDES[net]
+        self.process = subprocess.Popen(["node", str(NET), net], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
 
     def find(self, rgb: np.ndarray, windows: Sequence[tuple[int, int, int]]) -> list[Detection]:
         """Return the detections in windows (left, top, side) of a picture, in its pixels."""
@@ -58,7 +60,7 @@ class Detector:
         assert self.process.stdout is not None
         for left, top, side in windows:
             part = Image.fromarray(rgb[top : top + side, left : left + side])
-            self.process.stdin.write(part.resize((SIDE, SIDE), Image.Resampling.BILINEAR).tobytes())
+            self.process.stdin.write(part.resize((self.side, self.side), Image.Resampling.BILINEAR).tobytes())
             self.process.stdin.flush()
             for kind, score, *box in json.loads(self.process.stdout.readline()):
                 if kind in CLASSES and score >= SCORE:
@@ -110,12 +112,12 @@ def pixels(box: Box) -> tuple[float, float, float, float]:
 class Observer:
     """The street with both sets of models, and the detector."""
 
-    def __init__(self, package: Path) -> None:
+    def __init__(self, package: Path, net: str) -> None:
         models = reference_models(package)
         for kind, meshes in models.items():
             offer(f"reference/{kind}", meshes)
         self.street = Street([*RIGHT, *(f"reference/{kind}" for kind in RIGHT)], VARIANTS)
-        self.detector = Detector()
+        self.detector = Detector(net)
 
     def empty(self, count: int) -> dict[str, int]:
         """Return the false detections by class in pictures of empty streets."""
@@ -249,12 +251,13 @@ def main(arguments: Sequence[str]) -> None:
     parser.add_argument("--only", choices=("empty", "singles", "frames"), help="one part")
     parser.add_argument("--count", type=int, help="poses of each kind")
     parser.add_argument("--package", type=Path, default=HERE.parent / "build" / "eyes", help="the reference's folder")
+    parser.add_argument("--net", choices=SIDES, default="centernet", help="the detector (default: centernet)")
     parser.add_argument("--save", type=Path, help="a folder for the pictures of single bodies")
     options = parser.parse_args(arguments)
     if options.save is not None:
         options.save.mkdir(parents=True, exist_ok=True)
     count = options.count or (12 if options.quick else 102)
-    observer = Observer(options.package)
+    observer = Observer(options.package, options.net)
     if options.only in (None, "empty"):
         streets = 4 if options.quick else 30
         print(f"False detections on {streets} empty streets: {observer.empty(streets)}\n", flush=True)
