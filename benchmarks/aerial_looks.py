@@ -218,8 +218,8 @@ def main() -> None:
                 Image.fromarray(picture.rgb).save(options.save / f"{number:02d}-{name.replace(' ', '-')}.png")
     above.engine.close()
     print("| Looks | Cars | Found | Share, 90 % bounds | False, in 40 pictures |\n|---|---|---|---|---|")
-    for name, found in cars.items():
-        print(f"| {name} | {len(found)} | {sum(found)} | {share(sum(found), len(found))} | {false[name]} |")
+    for name, hits in cars.items():
+        print(f"| {name} | {len(hits)} | {sum(hits)} | {share(sum(hits), len(hits))} | {false[name]} |")
     print(f"| no cars | 0 | | | {false['no cars']} |\n")
     print("held out, by paint:", ", ".join(f"{paint}: {sum(v)} of {len(v)}" for paint, v in by_paint.items() if v))
     print(f"{time.process_time() - spent:.0f} s of CPU")
