@@ -5,10 +5,11 @@ from pathlib import Path
 import msgspec
 import pytest
 
+import lingjing
 from lingjing.kernel.event_visibility import EventVisibility
 from lingjing.kernel.visibility import Projector
 from lingjing.mission.instance import ChannelSpec, Instance, InteractionSpec
-from lingjing.testing import CENTRE_BOX, compile_text, does, instantiate
+from lingjing.testing import CENTRE_BOX, compile_text, does, instantiate, mission_file
 from lingjing.testing import rescue as kit
 from lingjing.testing.declarations import Constraint
 from lingjing.testing.expressions import Binary, Call, Number, Point, Quantified, Ref, Symbol
@@ -179,3 +180,16 @@ def test_an_unlock_over_a_hidden_value_shows_neither_in_events_nor_in_the_status
     assert {agent.id for agent in made.agents if "status" not in visibility.withheld(agent, box)} == seen
     boat = next(entity for entity in made.entities if entity.id == "boat")
     assert not any(visibility.withheld(agent, boat) for agent in made.agents)
+
+
+@pytest.mark.parametrize("tier", [0, 1])
+@pytest.mark.parametrize("name", ["bi", "vdn", "ld", "idf", "upr", "ufr", "cr", "ssr", "cd"])
+def test_no_agent_of_a_shipped_mission_is_told_whether_a_report_matched(name: str, tier: int) -> None:
+    """Prompt P1 says so, for every column alike."""
+    mission = lingjing.compile(mission_file(name))
+    for mode in mission.modes.allowed:
+        of = instantiate(mission, seed=1, mode=mode, tier=tier)
+        kinds = {message.kind for message in of.messages}
+        over = [rule for rule in of.rules if any(parameter.domain in kinds for parameter in rule.parameters)]
+        views = told(of, judged=tuple(judged(rule.name, 1) for rule in over))
+        assert listeners(views) == set(), [rule.name for rule in over]
