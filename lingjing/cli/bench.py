@@ -238,7 +238,7 @@ def _play(args: argparse.Namespace) -> int:
             say(f"{run.retry_lost()} lost episodes are played again")
         results.write("suite.toml", plan.path.read_text(encoding="utf-8"))
         with ending_at_second_interrupt():
-            return _run(run, cells, seeds, shard)
+            return _run(run, cells, seeds, shard, jobs=args.jobs)
 
 
 def _executor(args: argparse.Namespace, plan: SuitePlan, results: ResultsFolder) -> Executor:
@@ -251,8 +251,9 @@ def _executor(args: argparse.Namespace, plan: SuitePlan, results: ResultsFolder)
     return LocalExecutor(args.jobs)
 
 
-def _run(run: SuiteRun, cells: Sequence[SuiteCell], seeds: Sequence[int], shard: Shard | None) -> int:
+def _run(run: SuiteRun, cells: Sequence[SuiteCell], seeds: Sequence[int], shard: Shard | None, *, jobs: int) -> int:
     from lingjing.bench.exports import EXPORTS
+    from lingjing.bench.memory_watch import MemoryWatch
     from lingjing.bench.playing import write_tables
     from lingjing.bench.running import WHOLE
 
@@ -269,11 +270,15 @@ def _run(run: SuiteRun, cells: Sequence[SuiteCell], seeds: Sequence[int], shard:
         say(f"{_bar(done, len(due), countdown)} {episode_line(row)}")
 
     run.tell = tell
+    memory = MemoryWatch()
     try:
-        run.play(due)
+        with memory.watching():
+            run.play(due)
     except KeyboardInterrupt:
         say(f"interrupted after {done} of {len(due)} episodes; the same command continues from here")
         raise
+    if words := memory.in_words(min(jobs, max(1, len(due)))):
+        say(words)
     results.compact()
     if run.is_out_of_money:
         raise UsageError(

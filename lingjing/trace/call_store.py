@@ -7,10 +7,11 @@ leaves whole records. During writing there is a write-ahead log beside the file.
 
 from __future__ import annotations
 
+import lzma
 import sqlite3
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
 import msgspec
@@ -21,6 +22,12 @@ from lingjing.trace.calls import CalledEpisode, CallRequest, CallResult, Recorde
 
 CALLS_NAME = "calls.sqlite"
 """The file of the recorded model calls, which a replay answers by their place (ADR 0018)."""
+
+PACKED_NAME = "calls.sqlite.xz"
+"""A record that is compressed for shipping, such as a reference transcript. It is read in memory and never written."""
+
+MOST_UNPACKED_BYTES = 256 * 2**20
+"""Limit of a packed record once it is unpacked, bytes. Chosen: a transcript with small pictures has 1 to 3 MB."""
 
 MOST_BYTES = 16 * 2**30
 """Limit of the stored contents, bytes. Chosen: an episode of 420 calls with two pictures of 100 kB each has 0.1 GB."""
@@ -136,7 +143,7 @@ class CallReader:
         self.path = path
         self._lock = threading.Lock()
         with self._reading():
-            self._file = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, check_same_thread=False)
+            self._file = _unpacked(path) if path.name.endswith(".xz") else _opened(path)
             (application,) = self._file.execute("PRAGMA application_id").fetchone()
             (version,) = self._file.execute("PRAGMA user_version").fetchone()
             if application != _APPLICATION:
@@ -206,8 +213,39 @@ class CallReader:
 
 def calls_of(place: Path) -> Path | None:
     """Return the path of the record that belongs to a trace or to an episode's folder, or None if there is none."""
-    candidate = place / CALLS_NAME if place.is_dir() else place.with_name(CALLS_NAME)
-    return candidate if candidate.is_file() else None
+    if place.name in (CALLS_NAME, PACKED_NAME) and place.is_file():
+        return place
+    names = (CALLS_NAME, PACKED_NAME)
+    candidates = (place / name if place.is_dir() else place.with_name(name) for name in names)
+    return next((candidate for candidate in candidates if candidate.is_file()), None)
 
 
-__all__ = ["CALLS_NAME", "CallReader", "CallStore", "calls_of"]
+def pack(record: Path, packed: Path) -> None:
+    """Write a closed record compressed to a new file. The record stays as it is."""
+    with closing(sqlite3.connect(":memory:")) as copy:
+        with closing(_opened(record)) as source:
+            source.backup(copy)
+        copy.execute("PRAGMA journal_mode = DELETE")  # a record with a write-ahead log cannot be read from memory
+        copy.execute("VACUUM")
+        packed.write_bytes(lzma.compress(copy.serialize(), preset=9 | lzma.PRESET_EXTREME))
+
+
+def _opened(path: Path) -> sqlite3.Connection:
+    return sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, check_same_thread=False)
+
+
+def _unpacked(path: Path) -> sqlite3.Connection:
+    """Return a packed record in memory. Raises `UsageError` for a file that is none or is too large."""
+    unpacker = lzma.LZMADecompressor()
+    try:
+        data = unpacker.decompress(path.read_bytes(), MOST_UNPACKED_BYTES)
+    except (lzma.LZMAError, EOFError) as error:
+        raise UsageError(f"`{path}` cannot be unpacked as a record of model calls: {error}") from error
+    if not unpacker.eof:
+        raise UsageError(f"`{path}` is cut short, or larger than {MOST_UNPACKED_BYTES // 2**20} MB once it is unpacked")
+    file = sqlite3.connect(":memory:", check_same_thread=False)
+    file.deserialize(data)
+    return file
+
+
+__all__ = ["CALLS_NAME", "PACKED_NAME", "CallReader", "CallStore", "calls_of", "pack"]

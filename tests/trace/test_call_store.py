@@ -7,13 +7,15 @@ import sqlite3
 import subprocess
 import sys
 import threading
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 from lingjing.errors import InfrastructureError, UsageError
+from lingjing.testing import run_command
 from lingjing.trace import call_store
-from lingjing.trace.call_store import CALLS_NAME, CallReader, CallStore, calls_of
+from lingjing.trace.call_store import CALLS_NAME, PACKED_NAME, CallReader, CallStore, calls_of, pack
 from lingjing.trace.calls import CalledEpisode, CallRequest, CallResult, sha256
 
 EPISODE = CalledEpisode(mission="ssr", mode="star", seed=3)
@@ -207,3 +209,36 @@ def test_only_pictures_within_the_content_of_a_message_count(tmp_path: Path) -> 
     store.close()
     (call,) = CallReader(tmp_path / CALLS_NAME).calls()
     assert call.pictures == ()
+
+
+def _record(folder: Path) -> Path:
+    store = CallStore(folder / "calls.sqlite", EPISODE)
+    store.begin("a", question(0, "hello"))
+    store.close()
+    return folder / "calls.sqlite"
+
+
+def test_a_packed_record_has_the_calls_of_the_record(tmp_path: Path) -> None:
+    packed = tmp_path / "packed" / PACKED_NAME
+    packed.parent.mkdir()
+    pack(_record(tmp_path), packed)
+    with closing(CallReader(packed)) as reader:
+        (call,) = reader.calls()
+    assert (call.agent, call.messages) == ("a", question(0, "hello").messages)
+
+
+def test_a_damaged_packed_record_is_one_clear_message(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    packed = tmp_path / "packed" / PACKED_NAME
+    packed.parent.mkdir()
+    pack(_record(tmp_path), packed)
+    whole = packed.read_bytes()
+    for data, message in ((whole[:-20], "is cut short"), (b"no xz at all", "cannot be unpacked as a record")):
+        packed.write_bytes(data)
+        assert run_command(["calls", str(packed)]) == 2
+        assert message in capsys.readouterr().err
+    packed.write_bytes(whole)
+    monkeypatch.setattr(call_store, "MOST_UNPACKED_BYTES", 1000)
+    assert run_command(["calls", str(packed)]) == 2
+    assert "larger than" in capsys.readouterr().err
