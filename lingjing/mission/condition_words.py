@@ -143,7 +143,9 @@ class ConditionWords:
                     first = own(_JOINED["and"]).format(first, other)
                 return own(_HOLDS_FOR).format(name, first)
         operation_entry = operation(node)
-        return "" if operation_entry is None else _worded(own(operation_entry.words), count)
+        return (
+            _worded(own(operation_entry.words), count) if operation_entry is not None and operation_entry.words else ""
+        )
 
     def _written(self, node: ex.Expr) -> Meaning:
         text = self._text(node)

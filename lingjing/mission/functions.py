@@ -424,8 +424,8 @@ def _fact(name: str, *, stable: bool = False, **fields: Any) -> Operation:
     return Operation(name, operations.fact(name), running=True, stable=stable, **fields)
 
 
-def _plain(name: str, function: Callable[..., float], bounds: Callable[..., Any]) -> Operation:
-    return Operation(name, operations.numeric(name, function), bounds)
+def _plain(name: str, function: Callable[..., float], bounds: Callable[..., Any], words: str = "") -> Operation:
+    return Operation(name, operations.numeric(name, function), bounds, words)
 
 
 OPERATIONS: Mapping[str, Operation] = {
@@ -465,8 +465,8 @@ OPERATIONS: Mapping[str, Operation] = {
             of_time=True,
             measure="",
         ),
-        _plain("min", min, intervals.least),
-        _plain("max", max, intervals.greatest),
+        _plain("min", min, intervals.least, "the smaller of {0} and {1}"),
+        _plain("max", max, intervals.greatest, "the larger of {0} and {1}"),
         _plain("abs", abs, intervals.magnitude),
         _plain("sqrt", math.sqrt, intervals.monotone(math.sqrt)),
         _plain("floor", math.floor, intervals.monotone(math.floor)),
