@@ -38,7 +38,7 @@ import textwrap
 import time
 import venv
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -67,6 +67,8 @@ COMMENT = re.compile(r"<!-- (skip|background|exit|needs)(?:: (.*?))? -->")
 TITLE = re.compile(r'title="([^"]+)"')
 LONGEST_S = 900.0
 """Most seconds of one block (chosen): a block that takes longer is no example."""
+STEADY_S = 1.0
+"""Time after its first line in which a server must not end, seconds (chosen)."""
 MOST_LINES = 25
 """Lines of a message that are printed from its beginning and from its end (chosen)."""
 SESSION = """
@@ -232,8 +234,12 @@ class PageRun:
         process = self._start(command, subprocess.PIPE)
         self.servers.append(process)
         assert process.stdout is not None
-        if not process.stdout.readline():
+        line = process.stdout.readline()
+        if not line:
             raise ExampleError("the server ended without a line of output")
+        with suppress(subprocess.TimeoutExpired):  # the line may say that its port is in use
+            code = process.wait(STEADY_S)
+            raise ExampleError(f"the server ended with exit code {code}:\n{line}{process.stdout.read()}")
 
     def _start(self, command: str, output: IO[str] | int) -> subprocess.Popen[str]:
         return subprocess.Popen(

@@ -187,6 +187,7 @@ def test_a_page_without_examples_is_no_error(tmp_path: Path) -> None:
         ("```python\nprint(y)\n```", "NameError"),
         ('```python title="a.py"\nx = 1\n```\n\n```diff title="a.py"\n-x = 2\n+x = 3\n```', "in the file 0 times"),
         ("<!-- background -->\n```sh\ntrue\n```", "without a line of output"),
+        ("<!-- background -->\n```sh\necho the port is used; exit 2\n```", "exit code 2:\nthe port is used"),
     ],
 )
 def test_a_block_that_does_not_do_what_the_page_says_is_named(tmp_path: Path, block: str, message: str) -> None:
