@@ -15,5 +15,5 @@ Modules in control-flow order:
 - `pages`    the tables of a record
 
 Invariants: a round is over in every study before the next one begins. A record holds nothing but counted rows; what
-was not played is named as such (ADR 0063).
+was not played is named as such (ADR 0064).
 """
