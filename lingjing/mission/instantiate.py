@@ -43,7 +43,7 @@ from lingjing.mission.kinds import SEA_M, scene_kind
 from lingjing.mission.languages import ORIGINAL, in_language
 from lingjing.mission.requirements import repeated_draws, unmet
 from lingjing.mission.seeding import integer, redrawn_path
-from lingjing.mission.tiers import with_tier
+from lingjing.mission.tiers import RESERVED_SWITCHES, reserved_switch_error, with_tier
 from lingjing.mission.values import as_number, is_finite
 from lingjing.mission.wording import PromptFiller
 from lingjing.suggest import nearest, nearest_or
@@ -213,7 +213,9 @@ def parameters(
     errors = ErrorCollector()
     names = tuple(parameter.name for parameter in mission.parameters)
     for name in settings:
-        if name not in names:
+        if name in RESERVED_SWITCHES and name not in names:
+            errors.add(reserved_switch_error(name))
+        elif name not in names:
             message = f"mission '{mission.name}' has no parameter '{name}'"
             errors.add(_usage(f"settings.{name}", message, _suggestion(name, names)))
     values: dict[str, float] = {}

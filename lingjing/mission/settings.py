@@ -8,6 +8,7 @@ import re
 from lingjing.errors import UsageError
 from lingjing.mission.expression import Expr, Number
 from lingjing.mission.model import Mission
+from lingjing.mission.tiers import RESERVED_SWITCHES, reserved_switch_error
 from lingjing.mission.units import NONE, Dimension, dimension_name, unit_of
 
 _QUANTITY = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)", re.ASCII)
@@ -26,6 +27,8 @@ def read_setting(mission: Mission | None, name: str, text: str) -> float:
         if text not in SWITCH_WORDS:
             raise UsageError(f"`{name}` is true or false, not `{text}`", hint=f"write `{name}=true`")
         return SWITCH_WORDS[text]
+    if name in RESERVED_SWITCHES and mission is not None and all(each.name != name for each in mission.parameters):
+        raise reserved_switch_error(name)
     match = _QUANTITY.fullmatch(text)
     value = float(match[1]) if match else math.nan
     if match is None or not math.isfinite(value):

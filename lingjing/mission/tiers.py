@@ -25,6 +25,12 @@ PLAYED = 1
 """The highest tier that can be declared and played today."""
 
 
+RESERVED = "noise of sensors, loss of messages, late targets and partners that fail"
+"""The contents of the tiers above `PLAYED`, which are reserved."""
+RESERVED_SWITCHES = ("noise",)
+"""Names of switches that are reserved with these tiers."""
+
+
 def tiers_of(mission: model.Mission) -> tuple[int, ...]:
     """The tiers in which the mission can be played: 0, then those that it declares."""
     return (0, *sorted(tier.level for tier in mission.tiers))
@@ -59,6 +65,15 @@ def with_tier(mission: model.Mission, tier: int, mode: str, settings: Mapping[st
     return {**settings_of_tier(mission, tier, mode), **settings}
 
 
+def reserved_switch_error(name: str) -> UsageError:
+    """The error for a setting of a reserved switch that the mission does not declare."""
+    return UsageError(
+        f"the switch `{name}` is reserved for tiers 2 and 3, and no shipped mission has it yet",
+        hint="noisy positions and motions are channels today: `observes uav.gnss, uav.imu` (docs/sensors.md)",
+        faults=(Fault(f"settings.{name}", f"the switch `{name}` is reserved for tiers 2 and 3"),),
+    )
+
+
 def _undeclared(mission: model.Mission, tier: int) -> UsageError:
     known = tiers_of(mission)
     if not 0 <= tier <= HIGHEST:
@@ -69,4 +84,6 @@ def _undeclared(mission: model.Mission, tier: int) -> UsageError:
     else:
         message = f"mission '{mission.name}' declares no tier {tier}"
         hint = f"it has the tiers {', '.join(map(str, known))}"
+    if PLAYED < tier <= HIGHEST:
+        hint += f"; tiers 2 and 3 are reserved for {RESERVED}"
     return UsageError(message, hint=hint, faults=(Fault("tier", message, hint),))

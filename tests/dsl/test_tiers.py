@@ -193,7 +193,7 @@ def test_a_value_that_one_alternative_hides_is_hidden_in_all() -> None:
 @pytest.mark.parametrize(
     ("tier", "message", "hint"),
     [
-        (2, "mission 'm' declares no tier 2", "it has the tiers 0, 1"),
+        (2, "mission 'm' declares no tier 2", "it has the tiers 0, 1; tiers 2 and 3 are reserved for "),
         (9, "there is no tier 9", "tiers are 0 to 3"),
         (-1, "there is no tier -1", "tiers are 0 to 3"),
     ],
@@ -201,7 +201,22 @@ def test_a_value_that_one_alternative_hides_is_hidden_in_all() -> None:
 def test_an_unknown_tier_is_refused(tier: int, message: str, hint: str) -> None:
     with pytest.raises(UsageError, match=message) as caught:
         instantiate(mission(), tier=tier)
-    assert caught.value.hint == hint
+    assert caught.value.hint.startswith(hint)
+
+
+def test_the_switch_of_noise_is_reserved_and_the_message_names_what_there_is(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for value in ("true", "1"):
+        assert run_command(["run", "ssr", "--set", f"noise={value}", "--policy", "idle"]) == ExitCode.USAGE
+        output = capsys.readouterr().err
+        assert "the switch `noise` is reserved for tiers 2 and 3" in output and "observes uav.gnss, uav.imu" in output
+    with pytest.raises(UsageError, match="`noise` is reserved") as caught:
+        instantiate(mission(), settings={"noise": 1.0})
+    assert [fault.where for fault in caught.value.faults] == ["settings.noise"]
+    declared = text().replace("param light = false", "param light = false\n  param noise = false")
+    made = compile_text(declared).mission
+    assert made is not None and instantiate(made, settings={"noise": 1.0}).settings["noise"] == 1.0
 
 
 def test_a_mission_without_tiers_names_the_way_out(capsys: pytest.CaptureFixture[str]) -> None:
