@@ -10,8 +10,16 @@ from lingjing.testing import run_command
 PLACE = Path(__file__).parents[2] / "examples" / "transcripts"
 MOST_KB = 400
 COLUMNS = {
-    "bi-single", "cd-broadcast", "cd-star", "cr-star", "idf-broadcast", "ld-star", "upr-star", "vdn-single",
-}  # fmt: skip
+    "bi-single",
+    "cd-broadcast",
+    "cd-star",
+    "idf-broadcast",
+    "ld-star",
+    "ssr-broadcast",
+    "ufr-broadcast",
+    "upr-star",
+    "vdn-single",
+}
 
 
 def test_there_is_a_transcript_of_each_column() -> None:
