@@ -16,7 +16,9 @@ COLUMNS = {
     "idf-broadcast",
     "ld-star",
     "ssr-broadcast",
+    "ssr-star",
     "ufr-broadcast",
+    "ufr-star",
     "upr-star",
     "vdn-single",
 }
