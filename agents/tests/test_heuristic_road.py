@@ -16,7 +16,7 @@ from lingjing_agents.heuristic.rescuer import Rescuer
 from lingjing_agents.heuristic.route_coordinator import RouteCoordinator
 from lingjing_agents.heuristic.route_driver import RouteDriver
 from lingjing_agents.heuristic.route_inspector import RouteInspector
-from lingjing_agents.heuristic.target_types import FIRES, GAPS, PEOPLE, target_type_of
+from lingjing_agents.heuristic.target_types import ANY_VEHICLE, FIRES, GAPS, PEOPLE, target_type_of
 from lingjing_agents.paths.delivery_tours import shared_out, street_m, tours
 from lingjing_agents.perception.people_at_sea import FoundBox
 from lingjing_agents.perception.road_blocks import RoadBlock
@@ -39,6 +39,7 @@ from agents.tests.agent_kit import (
     verb,
     view,
 )  # fmt: skip
+from lingjing.plugins.geometry import world_to_pixel
 from lingjing.plugins.policy import EntityView, Field, MessageSpec, Peer, Receipt, Region, Resource
 
 
@@ -226,6 +227,23 @@ def test_where_places_must_be_exact_a_second_picture_gives_the_place_of_a_jam(mo
     assert (progress.body["state"], progress.body["position"]) == ("jammed", (66.0, 1.0, 0.0))
     assert report.body["position"][:2] == (66.0, 1.0)
     assert rules._middles_of([place[:2] for place in ROUTE]) == {1: (100.0, 0.0), 2: (300.0, 0.0)}
+
+
+def test_where_places_must_be_exact_detected_vehicles_count_instead_of_the_pixels():
+    """The picture is grey. Its boxes show two lanes of cars, which meet 20 m beyond the waypoint."""
+    shot = shot_by_uav(3)
+    boxes = []
+    for lane, ends in ((0.0, (-24.0, -11.0, 2.0, 15.0, 26.0)), (3.3, (15.0, 28.0, 41.0))):
+        for x in ends:
+            (u, v, *_) = world_to_pixel(shot.pose, (x, lane, 0.0))
+            u, v = u / shot.pose.width, v / shot.pose.height
+            boxes.append(FoundBox((u - 0.005, v - 0.005, u + 0.005, v + 0.005), 1.0))
+    seen = {ANY_VEHICLE: lambda picture, level: tuple(boxes)}
+    rules = RouteInspector(told("eye", UAV, messages=INSPECTION, rules=(NAMED,), settings={"jams": 1.0}), UAV, seen)
+    start = view("uav", (0.0, 0.0, 120.0))
+    rules.act(observe("eye", 2, start), inspecting_orders(*ROUTE))
+    over = rules.act(observe("eye", 3, start, pictures=(shot,)), Inbox()).command
+    assert over is not None and (over.arguments["x"], over.arguments["y"]) == pytest.approx((20.5, 0.0), abs=1.0)
 
 
 def test_an_inspector_on_the_ground_rises_where_it_stands_before_it_flies_on():

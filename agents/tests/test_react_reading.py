@@ -7,6 +7,7 @@ from typing import Any
 import cv2
 import httpx
 import pytest
+from lingjing_agents.heuristic.target_types import ANY_VEHICLE
 from lingjing_agents.reader.player import RequestPlayer
 from lingjing_agents.reader.policy import ReaderOptions, SightedOptions
 from lingjing_agents.reader.request_text import brief_from, inbox_from, observation_from
@@ -132,6 +133,8 @@ def test_vehicles_in_a_row_are_a_queue_and_parked_or_scattered_ones_are_none() -
         ]
         queues = find(shot, 0.0)
         assert [queue.box for queue in queues] == [(0.40, 0.50, 0.56, 0.51)] * wanted
+        vehicles = truth.detectors(brief("scout[1]", "broadcast"))[ANY_VEHICLE](shot, 0.0)
+        assert len(vehicles) == (6 if wanted else 1)
 
 
 def _frame(shot: Any, boxes: tuple[Box, ...]) -> FrameInfo:

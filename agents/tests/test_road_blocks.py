@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from lingjing_agents.perception.road_blocks import _is_striped, find_blocks
+from lingjing_agents.perception.road_blocks import _is_striped, blocks_of_vehicles, find_blocks
 
 from lingjing.plugins.geometry import world_to_pixel
 from lingjing.plugins.policy import CameraPose
@@ -58,3 +58,34 @@ def test_a_queue_that_the_picture_cuts_off_asks_for_another_picture():
     (block, *_) = find_blocks(street((OWN, 5.0, 63.0)), POSE, 0.0, LINE)
     assert not block.certain
     assert block.place[1] > 40.0
+
+
+def boxed(*queues: tuple[float, float, float]) -> list[tuple[float, float, float, float]]:
+    """The boxes of cars of 4.5 m every 13 m in the picture: (lane, first, last) of each queue, metres."""
+    boxes = []
+    for lane, first, last in queues:
+        for y in np.arange(first, last - 4.4, 13.0):
+            (u0, v1, *_), (u1, v0, *_) = (
+                world_to_pixel(POSE, (lane + side, at, 0.0)) for side, at in ((-0.9, y), (0.9, y + 4.5))
+            )
+            box = (u0 / POSE.width, v0 / POSE.height, u1 / POSE.width, v1 / POSE.height)
+            if box[1] < 1.0 and box[3] > 0.0:
+                boxes.append((box[0], max(0.0, box[1]), box[2], min(1.0, box[3])))
+    return boxes
+
+
+@pytest.mark.parametrize("at", [-20.0, 0.0, 25.0])
+def test_boxes_of_vehicles_show_where_the_queues_of_both_directions_meet(at):
+    """Cars stand 13 m apart, as in the road engine; the front of each queue is up to 6 m beyond the place."""
+    boxes = boxed((OWN, at - 50.5, at + 6.0), (OTHER, at - 6.0, at + 45.5))
+    block = blocks_of_vehicles(boxes, POSE, 0.0, LINE)[0]
+    assert block.certain and block.vehicles >= 6
+    assert math.dist(block.place, (1.65, at)) < 6.0
+
+
+def test_boxes_on_one_lane_or_beside_the_street_are_no_block_and_a_cut_off_queue_asks_for_another_picture():
+    assert blocks_of_vehicles([], POSE, 0.0, LINE) == ()
+    assert blocks_of_vehicles(boxed((OWN, -40.0, 6.0)), POSE, 0.0, LINE) == ()
+    assert blocks_of_vehicles(boxed((OWN + 15.0, -50.0, 6.0), (OTHER + 15.0, -6.0, 46.0)), POSE, 0.0, LINE) == ()
+    (block, *_) = blocks_of_vehicles(boxed((OWN, 5.0, 63.0)), POSE, 0.0, LINE)
+    assert not block.certain and block.place[1] > 40.0

@@ -41,9 +41,9 @@ from lingjing_agents.flight_levels import FlightLevels
 from lingjing_agents.ground_plane import GroundPoint, between, distance_to_segment_m, position_in
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.sightings import name_in
-from lingjing_agents.heuristic.target_types import QUEUES, Detectors
+from lingjing_agents.heuristic.target_types import ANY_VEHICLE, QUEUES, Detectors
 from lingjing_agents.perception.images import ImageBox
-from lingjing_agents.perception.road_blocks import find_blocks
+from lingjing_agents.perception.road_blocks import RoadBlock, blocks_of_vehicles, find_blocks
 from lingjing_agents.perception.road_queues import VehicleQueue, corners, find_queues
 
 START = "start"
@@ -87,7 +87,7 @@ class RouteInspector:
         assert camera is not None
         self._brief, self._body, self._camera = brief, body, camera
         self._class = next((name for name in brief.classes if any(word in name for word in QUEUES)), QUEUES[0])
-        self._detector = detectors.get(self._class)
+        self._detector, self._vehicles = detectors.get(self._class), detectors.get(ANY_VEHICLE)
         self._status, self._report = sends(brief, "status"), sends(brief, "report")
         mates, ceiling = team(brief), rated(body, "band_high_m", 100.0)
         z = brief.water_level_m + ceiling
@@ -174,8 +174,7 @@ class RouteInspector:
         middle, near = self._middles.pop(self._next, None), self._near
         if near is None and middle is None and math.dist(picture.pose.position[:2], place) > SLACK_M + REACHED_M:
             return ()
-        lane = tuple(([self._start] if self._start is not None else []) + self._route)
-        blocks = find_blocks(picture.rgb, picture.pose, self._brief.water_level_m, lane) if self._unnamed > 0 else ()
+        blocks = self._blocks(picture) if self._unnamed > 0 else ()
         self._near, self._extra_flights = None, MOST_FLIGHTS
         far = blocks and near is not None and math.dist(blocks[0].place, near) > CLOSE_M
         if blocks and (near is None or ((far or not blocks[0].certain) and self._closer > 0)):
@@ -201,6 +200,15 @@ class RouteInspector:
             where = (*at, self._brief.water_level_m)
             messages += (sighting(self._report, picture.frame, self._class, box, where, confidence),)
         return messages
+
+    def _blocks(self, picture: Picture) -> tuple[RoadBlock, ...]:
+        """Return the blocked places of the route in a picture: among detected vehicles, or in the pixels."""
+        lane = tuple(([self._start] if self._start is not None else []) + self._route)
+        level_m = self._brief.water_level_m
+        if self._vehicles is None:
+            return find_blocks(picture.rgb, picture.pose, level_m, lane)
+        boxes = [vehicle.box for vehicle in self._vehicles(picture, level_m)]
+        return blocks_of_vehicles(boxes, picture.pose, level_m, lane)
 
     def _queues(self, picture: Picture) -> tuple[VehicleQueue, ...]:
         """Return the queues along the route in a picture: those of the detector, or of the colour rule."""

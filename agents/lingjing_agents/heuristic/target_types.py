@@ -101,6 +101,9 @@ TARGET_TYPES = (PEOPLE, FIRES, GAPS)
 """The target types in order of precedence: the first with a class in the brief is searched for."""
 
 
+ANY_VEHICLE = "any vehicle"
+"""The key of a detector of vehicles of every class, except parked ones. No class has a space in its name."""
+
 VEHICLES = frozenset(("truck", "van", "car", "bus", "boat", "engine"))
 """Words that mark a class as a vehicle."""
 

@@ -2,19 +2,20 @@
 
 A blocked place has a queue on each side: one ends a little beyond it, the other begins a little before it. Ordinary
 queues, such as the vehicles that wait at a crossing or behind a block, stand on one side. So the place is the middle
-between the two fronts, and both must be in the picture. `find_blocks` looks along the legs of a route.
+between the two fronts, and both must be in the picture. `find_blocks` looks along the legs of a route in the pixels,
+`blocks_of_vehicles` among the boxes of vehicles.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from lingjing.plugins.geometry import world_to_pixel
+from lingjing.plugins.geometry import box_to_plane, world_to_pixel
 from lingjing.plugins.policy import CameraPose
 from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.perception.images import ByteImage, ImageBox, runs
@@ -31,6 +32,10 @@ VEHICLE_M, USUAL_M = 3.0, 6.5
 GAPS_M = (6.0, 9.0, 13.0)
 """Largest gaps in metres between two standing vehicles of a queue, each tried. Measured: gaps are 2 m to 12 m, and the
 stripes of a crossing are as near to the next vehicle."""
+HALF_VEHICLE_M = 2.5
+"""Half the length in metres of a boxed vehicle along a street. Chosen: its box is longer if the street is aslant."""
+BESIDE_M = 1.5
+"""Largest sideways distance of a boxed vehicle from its lane in metres. Chosen: less than half a lane."""
 STRIPE, STRIPES = 12.0, 2.0
 """Difference of a stripe from the mean across a lane in grey levels, and the mean number of edges. Chosen."""
 SAME_M = 15.0
@@ -75,23 +80,38 @@ class _Queue:
     vehicles: int
 
 
+_Queues = Callable[[tuple[GroundPoint, GroundPoint], float], "list[_Queue]"]
+"""A function of a leg and a lane's offset to the right of it in metres that returns the queues on that lane."""
+
+
 def find_blocks(
     rgb: ByteImage, pose: CameraPose, level_m: float, line: tuple[GroundPoint, ...]
 ) -> tuple[RoadBlock, ...]:
     """Return the blocks in a nadir picture (height, width, 3) along `line` (east, north; m): certain ones first."""
     if not rgb.any():
         return ()
-    blocks = [block for leg in pairwise(corners(line)) for block in _on_leg(rgb, pose, level_m, leg)]
+    return _along(line, pose, level_m, lambda leg, offset: _queues(rgb, pose, level_m, leg, offset))
+
+
+def blocks_of_vehicles(
+    boxes: Iterable[ImageBox], pose: CameraPose, level_m: float, line: tuple[GroundPoint, ...]
+) -> tuple[RoadBlock, ...]:
+    """Return the blocks that the boxes of vehicles in a nadir picture show along `line` (east, north; m), as
+    `find_blocks` does.
+    """
+    places = [place[:2] for box in boxes if (place := box_to_plane(pose, box, level_m)) is not None]
+    return _along(line, pose, level_m, lambda leg, offset: _queues_of(places, leg, offset))
+
+
+def _along(line: tuple[GroundPoint, ...], pose: CameraPose, level_m: float, queues: _Queues) -> tuple[RoadBlock, ...]:
+    blocks = [block for leg in pairwise(corners(line)) for block in _on_leg(queues, pose, level_m, leg)]
     return tuple(sorted(blocks, key=lambda block: (not block.certain, -block.vehicles, block.place)))
 
 
 def _on_leg(
-    rgb: ByteImage, pose: CameraPose, level_m: float, leg: tuple[GroundPoint, GroundPoint]
+    queues: _Queues, pose: CameraPose, level_m: float, leg: tuple[GroundPoint, GroundPoint]
 ) -> Iterator[RoadBlock]:
-    own, other = (
-        [queue for offset in offsets for queue in _queues(rgb, pose, level_m, leg, offset)]
-        for offsets in (OWN_M, OTHER_M)
-    )
+    own, other = ([queue for offset in offsets for queue in queues(leg, offset)] for offsets in (OWN_M, OTHER_M))
     pairs = [
         (a, b)
         for a in own
@@ -141,6 +161,19 @@ def _queues(
         and all(_is_shown(pose, level_m, leg, at) for at in (start * STEP_M - BORDER_M, end * STEP_M + BORDER_M))
     ]
     return [queue for gap_m in GAPS_M for queue in _chained(pieces, offset_m, gap_m) if queue.vehicles >= 2]
+
+
+def _queues_of(places: list[GroundPoint], leg: tuple[GroundPoint, GroundPoint], offset_m: float) -> list[_Queue]:
+    """Return the queues of vehicles at places (east, north; m) on one lane along a leg."""
+    (ax, ay), (bx, by) = leg
+    length = math.dist(*leg) or 1.0
+    ahead = (bx - ax) / length, (by - ay) / length
+    on_lane = []
+    for x, y in places:
+        along, aside = (x - ax) * ahead[0] + (y - ay) * ahead[1], (x - ax) * ahead[1] - (y - ay) * ahead[0]
+        if abs(aside - offset_m) <= BESIDE_M and 0.0 <= along <= length:
+            on_lane.append((along - HALF_VEHICLE_M, along + HALF_VEHICLE_M))
+    return [queue for queue in _chained(sorted(on_lane), offset_m, GAPS_M[-1]) if queue.vehicles >= 2]
 
 
 def _is_striped(piece: ByteImage) -> bool:

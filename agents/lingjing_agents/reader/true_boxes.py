@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 from lingjing.plugins.geometry import box_to_plane
 from lingjing.plugins.policy import Brief, FrameInfo, Picture
 from lingjing_agents.ground_plane import GroundPoint
-from lingjing_agents.heuristic.target_types import QUEUES, VEHICLES, Detector, Detectors
+from lingjing_agents.heuristic.target_types import ANY_VEHICLE, QUEUES, VEHICLES, Detector, Detectors
 from lingjing_agents.perception.images import ImageBox
 from lingjing_agents.perception.people_at_sea import FoundBox
 
@@ -39,10 +39,10 @@ class TrueBoxes:
         self._frames.update((frame.id, frame) for frame in frames)
 
     def detectors(self, brief: Brief) -> Detectors:
-        """Return a detector for each class of the mission's reports, and one for queues."""
+        """Return a detector for each class of the mission's reports, one for queues and one for their vehicles."""
         boxes: dict[str, Detector] = {name: self._of_class(name) for name in brief.classes}
         queues = next((name for name in brief.classes if any(word in name for word in QUEUES)), QUEUES[0])
-        return {**boxes, queues: self._queues}
+        return {**boxes, queues: self._queues, ANY_VEHICLE: self._vehicles}
 
     def _of_class(self, name: str) -> Detector:
         def find(picture: Picture, level_m: float) -> tuple[FoundBox, ...]:
@@ -53,12 +53,20 @@ class TrueBoxes:
     def _queues(self, picture: Picture, level_m: float) -> tuple[FoundBox, ...]:
         """Return the boxes of queues, the longest first."""
         vehicles: dict[ImageBox, GroundPoint] = {}
-        for cls, box in self._boxes(picture):
-            place = box_to_plane(picture.pose, box, level_m)
-            if place is not None and VEHICLES.intersection(cls.split("_")) and "parked" not in cls:
-                vehicles[box] = place[:2]
+        for vehicle in self._vehicles(picture, level_m):
+            place = box_to_plane(picture.pose, vehicle.box, level_m)
+            if place is not None:
+                vehicles[vehicle.box] = place[:2]
         groups = [group for group in _neighbours(vehicles) if len(group) >= QUEUE_OF]
         return tuple(FoundBox(_around(group), 1.0) for group in sorted(groups, key=lambda group: (-len(group), group)))
+
+    def _vehicles(self, picture: Picture, level_m: float) -> tuple[FoundBox, ...]:
+        """Return the boxes of vehicles that are not parked."""
+        return tuple(
+            FoundBox(box, 1.0)
+            for cls, box in self._boxes(picture)
+            if VEHICLES.intersection(cls.split("_")) and "parked" not in cls
+        )
 
     def _boxes(self, picture: Picture) -> Iterable[tuple[str, ImageBox]]:
         """Yield class and box of everything in a picture that is not withheld."""
