@@ -12,7 +12,9 @@ import msgspec
 import pytest
 
 from lingjing.engines.road.engine import RoadEngine
+from lingjing.mission.instance import Instance
 from lingjing.plugins.engine import EngineSpec
+from lingjing.scene.city import City
 from lingjing.trace.records import Command
 from tests.missions import staging as kit
 
@@ -69,16 +71,23 @@ class Planned:
 
 
 @contextmanager
-def planned(name: str, seed: int, *, drawn: bool = False) -> Iterator[Planned]:
-    instance, city = kit.staged(name, None, seed, (("layout", 1.0),) if drawn else ())
+def planned(name: str, seed: int, *, drawn: bool = False, **settings: float) -> Iterator[Planned]:
+    instance, city = kit.staged(name, None, seed, (*settings.items(), *((("layout", 1.0),) if drawn else ())))
+    with planned_in(city, instance, seed, whole=drawn) as plan:
+        yield plan
+
+
+@contextmanager
+def planned_in(city: City, instance: Instance, seed: int, *, whole: bool) -> Iterator[Planned]:
+    """The routes of an instance in its city, without traffic."""
     instance = msgspec.structs.replace(
         instance, scene=msgspec.structs.replace(instance.scene, options={**instance.scene.options, "traffic": 0})
     )
     engine = RoadEngine()
     try:
         engine.reset(EngineSpec(engine="road", instance=instance, owns=("van",)), city, seed)
-        goal = next(entity.position for entity in instance.entities if entity.id == GOALS[name])
-        yield Planned(engine, instance, goal, whole=drawn)
+        goal = next(entity.position for entity in instance.entities if entity.id in GOALS.values())
+        yield Planned(engine, instance, goal, whole=whole)
     finally:
         engine.close()
 
@@ -141,3 +150,12 @@ def test_at_tier_1_the_first_route_of_cr_has_a_jam_and_the_way_around_it_another
                 assert min(math.dist((x, y), crossing) for crossing in crossings) > 25.0
                 streets.add((round(x / 100.0), round(y / 100.0)))
     assert len(streets) >= 6
+
+
+@pytest.mark.parametrize(("jams", "met"), [(0.0, {0}), (1.0, {1}), (3.0, {2, 3})])
+def test_another_number_of_jams_leaves_as_many_to_meet_as_success_asks_for(jams, met):
+    """Success asks for the names of `min(jams, 2)`. The last route has no jam."""
+    for seed in range(6):
+        with planned("cr", seed, drawn=True, jams=jams) as plan:
+            assert len(plan.stood) in met, (seed, plan.jams)
+            assert plan.met(plan.routes[-1]) is None

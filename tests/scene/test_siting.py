@@ -22,6 +22,7 @@ from lingjing.scene.osm.build import Options, build
 from lingjing.scene.road_map import read_road_map
 from lingjing.scene.siting.sited import sited, with_city_option
 from lingjing.testing import compile_text, compiled, mission_file
+from tests.missions.test_mission_routes import planned_in
 from tests.scene.osm_maps import Map, square, town
 
 FITTING = ("ufr", "cd", "cr", "vdn", "ld", "bi", "idf", "upr")
@@ -123,6 +124,22 @@ def test_every_pair_of_jams_leaves_a_way_to_the_goal(grid_city: City) -> None:
         )
         way = router.way(start, goal, closed)
         assert way is not None and way.length_m <= LONGEST_AROUND_M + 100.0
+
+
+@pytest.mark.parametrize(("jams", "met"), [(0, {0}), (1, {1}), (2, {2}), (3, {2, 3})])
+def test_at_tier_1_the_first_route_has_a_jam_and_the_way_around_it_another_as_success_asks(
+    grid_city: City, jams: int, met: set[int]
+) -> None:
+    """Success asks for the names of two jams, so a jam that stands on no route could not be met."""
+    sites = found("cr", grid_city)
+    places = set()
+    for seed in range(8):
+        instance = anchor(instantiate(sites, seed=seed, tier=1, settings={"jams": jams}), grid_city)
+        with planned_in(grid_city, instance, seed, whole=True) as plan:
+            assert len(plan.stood) in met, (seed, plan.jams)
+            assert plan.met(plan.routes[-1]) is None and plan.routes[-1].length_m <= 1600.0
+            places |= {jam.position[:2] for jam in plan.stood}
+    assert len(places) >= 2 * min(met)
 
 
 def test_dogs_begin_on_free_ground_near_their_targets(grid_city: City) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import reduce
 from typing import Any, TypeVar
 
 import msgspec
@@ -11,11 +12,13 @@ import msgspec
 from lingjing.mission import expression as ex
 from lingjing.mission.geometry2d import Vector2
 from lingjing.mission.instance import Vector
-from lingjing.mission.model import Group, Mission, Property, Record, RegionDeclaration, Scene
+from lingjing.mission.model import Group, Mission, Property, Record, RegionDeclaration, Requirement, Scene
 from lingjing.scene.siting.layout import point
 
 R = TypeVar("R")
 
+SAME_PLACE_M = 1.0
+"""Distance in metres within which a drawn place is a listed one (chosen: listed ones are 90 m apart)."""
 _DECIMALS = 2
 """Decimals of written places (chosen: a centimetre)."""
 
@@ -35,6 +38,11 @@ class Placement:
     places: Mapping[str, tuple[Vector2 | Vector, ...]] = field(default_factory=dict)
     """Group → the places of its members, or the places that they are drawn from. With three numbers, the last is the
     elevation."""
+    listed: Mapping[str, tuple[Vector2, ...]] = field(default_factory=dict)
+    """Group → the places from which its members are drawn where the mission draws them along a line."""
+    pairs: Mapping[str, tuple[tuple[Vector2, Vector2], ...]] = field(default_factory=dict)
+    """Group of `listed` → pairs of these places. Of one member, the place is the first one of a pair; of more, two have
+    the places of a pair. This replaces the mission's own requirements on places of the group."""
     headings_deg: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     """Group → the headings of its members."""
 
@@ -47,9 +55,15 @@ def rewritten(mission: Mission, placement: Placement, scene: Scene) -> Mission:
     rest = {
         name: moved.everywhere(getattr(mission, name))
         for name in mission.__struct_fields__
-        if name not in ("groups", "regions", "scene")
+        if name not in ("groups", "regions", "scene", "requirements")
     }
-    return msgspec.structs.replace(mission, **{**rest, "groups": groups, "regions": regions, "scene": scene})
+    requirements = (
+        *(moved.everywhere(each) for each in mission.requirements if not _places_any(each, placement.pairs)),
+        *(each for name, pairs in placement.pairs.items() for each in _required(mission, name, pairs)),
+    )
+    return msgspec.structs.replace(
+        mission, **{**rest, "groups": groups, "regions": regions, "scene": scene, "requirements": requirements}
+    )
 
 
 def number(value: float, unit: str = "m") -> ex.Number:
@@ -58,6 +72,71 @@ def number(value: float, unit: str = "m") -> ex.Number:
 
 
 # -- private
+
+
+def _places_any(requirement: Requirement, groups: Collection[str]) -> bool:
+    """True for a requirement on the written places of a group."""
+    parts = tuple(ex.parts(requirement.condition))
+    names = {part.domain for part in parts if isinstance(part, ex.Quantified | ex.Aggregate)}
+    names |= {part.name for part in parts if isinstance(part, ex.Ref) and part.kind == "group"}
+    return any(isinstance(part, ex.Point) for part in parts) and not names.isdisjoint(groups)
+
+
+def _required(mission: Mission, name: str, pairs: Sequence[tuple[Vector2, Vector2]]) -> tuple[Requirement, Requirement]:
+    """The requirements that the members of a group have the places of a pair, where they are drawn from the list."""
+    group = next(group for group in mission.groups if group.name == name)
+    always = any(prop.name == "position" and _is_along(prop.value) for prop in group.properties)
+    guards = [
+        alternative.when.condition
+        for alternative in group.alternatives
+        if any(prop.name == "position" and _is_along(prop.value) for prop in alternative.properties)
+    ]
+    drawn: ex.Expr = ex.Flag(value=True) if always else reduce(_or, guards)
+    seconds: dict[Vector2, list[Vector2]] = {}
+    for first, second in pairs:
+        seconds.setdefault(first, []).append(second)
+    met = reduce(_or, (_at("_j", place) for place in seconds))
+    both = reduce(
+        _or,
+        (_and(_some(name, _at("_j", first)), _some(name, reduce(_or, (_at("_j", each) for each in rest))))
+         for first, rest in seconds.items()),
+    )  # fmt: skip
+    # An empty group and one of a single member meet the conditions for all of them and for all two of them.
+    alone = _within(ex.Ref(name="_i", kind="local"), ex.Ref(name="_k", kind="local"))
+    each_two = ex.Quantified("forall", "_i", name, ex.Quantified("forall", "_k", name, _or(alone, both)))
+    return (
+        Requirement(
+            condition=_or(ex.Unary("not", drawn), ex.Quantified("forall", "_i", name, _some(name, met))),
+            reason=f"{name} is met on the first route",
+        ),
+        Requirement(
+            condition=_or(ex.Unary("not", drawn), each_two), reason=f"{name} is met on the way around the first one too"
+        ),
+    )
+
+
+def _is_along(value: ex.Expr) -> bool:
+    return isinstance(value, ex.Draw) and value.distribution == "sites_along"
+
+
+def _some(group: str, body: ex.Expr) -> ex.Expr:
+    return ex.Quantified("exists", "_j", group, body)
+
+
+def _at(variable: str, place: Vector2) -> ex.Expr:
+    return _within(ex.Ref(name=variable, kind="local"), _point(place))
+
+
+def _within(a: ex.Expr, b: ex.Expr) -> ex.Expr:
+    return ex.Binary("<=", ex.Call(function="distance_xy", arguments=(a, b)), number(SAME_PLACE_M))
+
+
+def _or(a: ex.Expr, b: ex.Expr) -> ex.Expr:
+    return ex.Binary("or", a, b)
+
+
+def _and(a: ex.Expr, b: ex.Expr) -> ex.Expr:
+    return ex.Binary("and", a, b)
 
 
 class _Moving:
@@ -87,9 +166,13 @@ class _Moving:
             return prop
         places = self._placement.places.get(group)
         value = prop.value
-        if places is not None and isinstance(value, ex.Draw) and value.distribution in ("subset", "choice"):
-            listed = ex.Sequence(items=tuple(_point(place) for place in places))
-            value = msgspec.structs.replace(value, arguments=(listed,))
+        listed = self._placement.listed.get(group)
+        if listed is not None and isinstance(value, ex.Draw) and value.distribution == "sites_along":
+            sequence = ex.Sequence(items=tuple(_point(place) for place in listed))
+            value = ex.Draw(distribution="subset", arguments=(sequence,))
+        elif places is not None and isinstance(value, ex.Draw) and value.distribution in ("subset", "choice"):
+            sequence = ex.Sequence(items=tuple(_point(place) for place in places))
+            value = msgspec.structs.replace(value, arguments=(sequence,))
         elif places is not None and not isinstance(value, ex.Draw):
             queue = list(places)
             value = self.expr(value, lambda original: _like(original, queue.pop(0) if len(queue) > 1 else queue[0]))

@@ -11,6 +11,7 @@ from typing import Any
 from lingjing.mission import expression as ex
 from lingjing.mission.geometry2d import Vector2, bounds
 from lingjing.mission.instance import Vector
+from lingjing.mission.model import Group
 from lingjing.scene.camera_geometry import bearing_deg, turn_deg
 from lingjing.scene.footing import Footing
 from lingjing.scene.lines import point_at, project
@@ -25,8 +26,10 @@ SHORTEST_M, LONGEST_M, USUAL_M = 400.0, 950.0, 730.0
 """Bounds of a first route, and its preferred length, metres (chosen: four or five waypoints, ADR 0010)."""
 LONGEST_AROUND_M = 1500.0
 """Longest route around a jam, metres (chosen: 7 waypoints)."""
-TURN_S = 4.0
-"""Time of a turn, seconds (chosen: between those of right and left turns of the road engine)."""
+STRAIGHT_S, RIGHT_S, LEFT_S, BACK_S = 1.0, 3.0, 6.0, 25.0
+"""Times of the ways over a crossing, seconds: those of the road engine."""
+BACK_DEG = 150.0
+"""Change of heading from which a vehicle turns back, degrees (chosen)."""
 TURN_DEG = 40.0
 """Change of heading from which a turn has a waypoint, degrees: as the road engine counts."""
 SPACING_M, CLOSEST_M = 220.0, 80.0
@@ -39,6 +42,17 @@ JAMS_APART_M = 90.0
 """Least distance between listed places of jams, metres (chosen)."""
 MOST_JAMS, LEAST_JAMS = 7, 2
 """Numbers of places of jams (the shipped missions list four and seven)."""
+PAIR_STEP_M, PAIR_END_M = 45.0, 80.0
+"""Distance between tried places of a drawn jam along a route, and their distance from the goal, metres (chosen)."""
+ASIDE_M = 8.0
+"""Largest distance of a drawn jam from the straight line between waypoints, metres (chosen: it blocks 15 m)."""
+MARGIN_S = 6.0
+"""Least time that the way around a drawn jam takes more than the way with it, seconds (chosen: of two
+ways that are nearly as fast either may be the route of the road engine, which also counts lengths of crossings)."""
+MID_BLOCK_M = 15.0
+"""Least distance of a drawn jam from the ends of its segment, metres (chosen: both queues stand on one street)."""
+MOST_BESIDE, MOST_PAIRS, LEAST_PAIRS = 3, 12, 2
+"""Most second jams for one first jam, and bounds of the number of pairs (chosen)."""
 TRIED = 40
 """Most starts that are examined for one goal, and goals for one start (chosen)."""
 STOP_M = 60.0
@@ -67,6 +81,8 @@ class Way:
     length_m: float
     points: tuple[RoadSpot, ...]
     """Its waypoints in driving order; the last one is the goal."""
+    time_s: float = 0.0
+    """Driving time to the end of its last segment, seconds; 0 on a single segment."""
 
 
 class Router:
@@ -100,7 +116,7 @@ class Router:
             names.append(before)
             if before == start.segment:
                 break
-        return self._way(tuple(reversed(names)), start, goal)
+        return replace(self._way(tuple(reversed(names)), start, goal), time_s=came[goal.segment][0])
 
     def search(
         self, start: RoadSpot, avoid: frozenset[str], goal: str = "", most_s: float = 400.0
@@ -124,7 +140,7 @@ class Router:
             for after in self.segments[name].following:
                 if after in self.segments and after not in avoid and after not in done:
                     step = self.segments[after]
-                    turn = TURN_S if self._turns(name, after) else 0.0
+                    turn = self._crossing_s(name, after)
                     closed = 900.0 if self.segments[name].through and not step.through else 0.0
                     more = step.length_m / max(step.speed_mps, 1.0) + turn + closed
                     heapq.heappush(waiting, (cost + more, after, name))
@@ -136,17 +152,24 @@ class Router:
         return RoadSpot(segment, at_m, (round(x, 2), round(y, 2)), round(heading, 1))
 
     def _turns(self, name: str, after: str) -> bool:
+        return abs(self._turn_deg(name, after)) > TURN_DEG
+
+    def _turn_deg(self, name: str, after: str) -> float:
+        """The change of heading between two segments, degrees to the right."""
         leaving, entering = self.segments[name].shape, self.segments[after].shape
-        return abs(turn_deg(bearing_deg(*entering[:2]), bearing_deg(*leaving[-2:]))) > TURN_DEG
+        return turn_deg(bearing_deg(*leaving[-2:]), bearing_deg(*entering[:2]))
+
+    def _crossing_s(self, name: str, after: str) -> float:
+        turn = self._turn_deg(name, after)
+        if abs(turn) <= TURN_DEG:
+            return STRAIGHT_S
+        if abs(turn) >= BACK_DEG:
+            return BACK_S
+        return RIGHT_S if turn > 0.0 else LEFT_S
 
     def _way(self, names: tuple[str, ...], start: RoadSpot, goal: RoadSpot) -> Way:
         """The way with its waypoints, placed as the road engine does."""
-        spans, passed = [], 0.0
-        for k, name in enumerate(names):
-            low = start.at_m if k == 0 else 0.0
-            high = goal.at_m if k == len(names) - 1 else self.segments[name].length_m
-            spans.append((passed, low, name))
-            passed += max(high - low, 0.0)
+        spans, passed = self._spans(names, start, goal)
         marks = [spans[k + 1][0] for k in range(len(names) - 1) if self._turns(names[k], names[k + 1])]
         stops, before = [], 0.0
         for mark in (*marks, passed):
@@ -157,9 +180,34 @@ class Router:
             before = mark
         return Way(names, passed, tuple(self._spot_on(spans, stop) for stop in stops))
 
+    def streets(self, way: Way, start: RoadSpot, goal: RoadSpot) -> Iterator[RoadSpot]:
+        """Yield places along a way, each well inside of its segment and on the straight line between two waypoints."""
+        spans, length = self._spans(way.segments, start, goal)
+        first, line = way.points[0], [spot.place for spot in way.points]
+        at = next(passed + first.at_m - low for passed, low, name in spans if name == first.segment)
+        while at <= length - PAIR_END_M:
+            spot = self._spot_on(spans, at)
+            inside = MID_BLOCK_M <= spot.at_m <= self.segments[spot.segment].length_m - MID_BLOCK_M
+            if inside and len(line) > 1 and project(line, *spot.place).off_m <= ASIDE_M:
+                yield spot
+            at += PAIR_STEP_M
+
     def before(self, way: Way, stop: RoadSpot, by_m: float) -> RoadSpot:
         """The place some metres before a waypoint, on its segment as far as possible."""
         return self.spot(stop.segment, max(stop.at_m - by_m, min(stop.at_m, 6.0)))
+
+    def _spans(
+        self, names: tuple[str, ...], start: RoadSpot, goal: RoadSpot
+    ) -> tuple[list[tuple[float, float, str]], float]:
+        """The length before each segment of a way, the length along it where the way begins, its name; the whole
+        length."""
+        spans, passed = [], 0.0
+        for k, name in enumerate(names):
+            low = start.at_m if k == 0 else 0.0
+            high = goal.at_m if k == len(names) - 1 else self.segments[name].length_m
+            spans.append((passed, low, name))
+            passed += max(high - low, 0.0)
+        return spans, passed
 
     def _spot_on(self, spans: Sequence[tuple[float, float, str]], at: float) -> RoadSpot:
         passed, low, name = next(span for span in reversed(spans) if span[0] < at or span is spans[0])
@@ -183,10 +231,11 @@ def route_sites(layout: Layout, view: CityView) -> Iterator[Placement]:
 def route_need(layout: Layout, view: CityView) -> str:
     """Return the need of such a site, with the city's numbers."""
     road_km = sum(segment.length_m for segment in view.segments) / 1000.0
+    drawn = ", and streets for jams one after the other" if any(map(_is_drawn_along, _blocking(layout))) else ""
     walked = " that ends beside entrances which a dog reaches on foot" if layout.ground else ""
     return (
-        f"a drive of {SHORTEST_M:g} m to {LONGEST_M:g} m{walked}, with {LEAST_JAMS} waypoints that have a way around "
-        f"(it has {road_km:.1f} km of connected roads and {len(view.doors)} entrances)"
+        f"a drive of {SHORTEST_M:g} m to {LONGEST_M:g} m{walked}, with {LEAST_JAMS} waypoints that have a way around"
+        f"{drawn} (it has {road_km:.1f} km of connected roads and {len(view.doors)} entrances)"
     )
 
 
@@ -213,7 +262,10 @@ def _drives(layout: Layout, view: CityView, router: Router) -> Iterator[Placemen
             if len(goals) == wanted:
                 break
         if goals and len(jams) >= LEAST_JAMS and max(dist(a.place, b.place) for a in jams for b in jams) >= 160.0:
-            yield _placement(layout, view, router, start, goals, jams, None)
+            placed = _placement(layout, view, router, start, goals, jams, None)
+            drawn = _with_pairs(layout, router, placed, start, goals)
+            if drawn is not None:
+                yield drawn
 
 
 def _starts(view: CityView, router: Router) -> list[RoadSpot]:
@@ -293,6 +345,68 @@ def _is_passable(router: Router, start: RoadSpot, goals: Sequence[RoadSpot], jam
     )
 
 
+# -- jams that are drawn along streets
+
+
+def _with_pairs(
+    layout: Layout, router: Router, placed: Placement, start: RoadSpot, goals: Sequence[RoadSpot]
+) -> Placement | None:
+    """The placement with pairs of jams where the mission draws them along streets; None if the city has too few."""
+    blocking = [group.name for group in _blocking(layout) if _is_drawn_along(group)]
+    if not blocking:
+        return placed
+    for goal in goals:
+        pairs = _pairs(router, start, goal)
+        if len(pairs) >= LEAST_PAIRS:
+            places = tuple(dict.fromkeys(place for pair in pairs for place in pair))
+            goals_of = {group.name: (goal.place,) for group in _goals(layout)}
+            listed: dict[str, tuple[Vector2, ...]] = {**goals_of, **dict.fromkeys(blocking, places)}
+            return replace(placed, listed=listed, pairs=dict.fromkeys(blocking, pairs))
+    return None
+
+
+def _blocking(layout: Layout) -> list[Group]:
+    """The groups of targets on roads, other than the goals."""
+    goals = {group.name for group in _goals(layout)}
+    return [group for group in layout.on("road") if group.name not in goals]
+
+
+def _is_drawn_along(group: Group) -> bool:
+    return any(isinstance(expr, ex.Draw) and expr.distribution == "sites_along" for expr in position_exprs(group))
+
+
+def _pairs(router: Router, start: RoadSpot, goal: RoadSpot) -> tuple[tuple[Vector2, Vector2], ...]:
+    """Places of two jams: on the first route, and on the way around that jam, not before it on the first route. Around
+    both leads a way."""
+    first = router.way(start, goal)
+    if first is None:
+        return ()
+    pairs: list[tuple[Vector2, Vector2]] = []
+    for met in router.streets(first, start, goal):
+        around = _slower(router, start, goal, first, (met,))
+        if around is None:
+            continue
+        before = first.segments[: first.segments.index(met.segment) + 1]
+        beside = [
+            spot.place
+            for spot in router.streets(around, start, goal)
+            if dist(spot.place, met.place) >= JAMS_APART_M
+            and router.near(spot.place, BLOCKED_M).isdisjoint(before)
+            and _slower(router, start, goal, around, (met, spot)) is not None
+        ]
+        pairs += [(met.place, place) for place in beside[:: max(1, len(beside) // MOST_BESIDE)][:MOST_BESIDE]]
+    return tuple(pairs[:: max(1, ceil(len(pairs) / MOST_PAIRS))])
+
+
+def _slower(router: Router, start: RoadSpot, goal: RoadSpot, way: Way, jams: Sequence[RoadSpot]) -> Way | None:
+    """The way around jams, if there is one and every way that is about as fast as a known one has the last of them."""
+    if not _is_passable(router, start, (goal,), jams):
+        return None
+    avoid = frozenset().union(*(router.near(jam.place, BLOCKED_M) for jam in jams))
+    around = router.way(start, goal, avoid)
+    return around if around is not None and around.time_s >= way.time_s + MARGIN_S else None
+
+
 # -- a delivery with a walk at its end
 
 
@@ -344,7 +458,7 @@ def _starts_around(view: CityView, router: Router, goal: RoadSpot) -> Iterator[R
 # -- both
 
 
-def _goals(layout: Layout) -> list[Any]:
+def _goals(layout: Layout) -> list[Group]:
     """The groups that the inspections lead to."""
     names = {
         part.name
@@ -366,13 +480,13 @@ def _placement(
     layout: Layout, view: CityView, router: Router, start: RoadSpot, goals: Sequence[RoadSpot],
     jams: Sequence[RoadSpot], ground: Placement | None,
 ) -> Placement:  # fmt: skip
-    goal_names = {group.name for group in _goals(layout)}
+    goal_names, blocking = {group.name for group in _goals(layout)}, _blocking(layout)
     places: dict[str, Any] = dict(ground.places) if ground else {}
     headings: dict[str, tuple[float, ...]] = dict(ground.headings_deg) if ground else {}
     for group in layout.mission.groups:
         if group.name in goal_names:
             places[group.name] = tuple(goal.place for goal in goals)
-        elif group.role == "target" and layout.surface(group) == "road":
+        elif group in blocking:
             places[group.name] = tuple(jam.place for jam in jams)
         elif group.role == "asset" and layout.surface(group) == "road":
             places[group.name], headings[group.name] = (start.place,), (start.heading_deg,)
