@@ -11,6 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from typing import NamedTuple
 
 from lingjing.errors import MissionError
@@ -52,6 +53,11 @@ def repeated_draws(mission: model.Mission, condition: ex.Expr) -> RepeatedDraws:
     names = _depended(mission, condition)
     secret = frozenset(name for name in names if hidden and _draws(mission, name, hidden_only=True))
     return RepeatedDraws(secret or frozenset(n for n in names if _draws(mission, n)), hidden, bool(secret))
+
+
+def is_decided(mission: model.Mission, condition: ex.Expr, placed: AbstractSet[str]) -> bool:
+    """True if a condition depends on a group with placed members and on nothing that is drawn: it restricts no draw."""
+    return not placed.isdisjoint(_depended(mission, condition)) and not repeated_draws(mission, condition).names
 
 
 def _depended(mission: model.Mission, condition: ex.Expr) -> frozenset[str]:

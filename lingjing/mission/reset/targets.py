@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from collections.abc import Set as AbstractSet
+
+import msgspec
 
 from lingjing.mission import geometry2d, model
+from lingjing.mission.requirements import is_decided
 from lingjing.mission.reset.document import Parsed
 from lingjing.mission.reset.fields import HiddenEntries
 from lingjing.mission.reset.frame import DocumentFrame
@@ -45,7 +49,19 @@ def place_targets(
     played = (g for g in mission.groups if g.role == "target" and exists_by_default(mission, g))
     silent = [group.name for group in played if group.name not in claimed]
     parsed.notes.extend(f"{parsed.state_path}: does not place '{name}'; the template places it" for name in silent)
-    return mission
+    return _without_decided(mission, claimed.keys(), parsed)
+
+
+def _without_decided(mission: model.Mission, placed: AbstractSet[str], parsed: Parsed) -> model.Mission:
+    """The mission without the requirements that restrict only draws which the document's places replace."""
+    kept = []
+    for requirement in mission.requirements:
+        if is_decided(mission, requirement.condition, placed):
+            words = f'the requirement of draws because "{requirement.reason}" is left out'
+            parsed.notes.append(f"{parsed.state_path}: {words}: the document places its targets")
+        else:
+            kept.append(requirement)
+    return msgspec.structs.replace(mission, requirements=tuple(kept))
 
 
 def _fill_from_field(
