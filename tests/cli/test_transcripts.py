@@ -13,6 +13,7 @@ COLUMNS = {
     "bi-single",
     "cd-broadcast",
     "cd-star",
+    "cr-star",
     "idf-broadcast",
     "ld-star",
     "ssr-broadcast",
