@@ -57,8 +57,10 @@ def crowding(expr: ex.Draw, scope: Scope, count: int) -> float:
     Darts at random fill a large region up to a share of 0.7 (the jamming limit of discs, 0.547, by π/4), and a line up
     to 0.75 (Rényi's constant). Raises `MissionError` if the draw cannot be evaluated.
     """
+    if count < 2:
+        return 0.0
     apart = next((number(value, scope) for name, value in expr.named if name == "apart"), 0.0)
-    if apart <= 0.0 or count < 2:
+    if apart <= 0.0:
         return 0.0
     if expr.distribution == "sites":
         return count * apart**2 / max(abs(geometry2d.signed_area(area(_one(expr), scope).polygon)), 1e-9)

@@ -234,18 +234,21 @@ def _of_further_seeds(
 
 
 def _is_crowded(mission: model.Mission, instance: Instance, settings: Mapping[str, float]) -> bool:
-    """True if the places of a group need so much of their room that a seed may have none for them."""
+    """True if the places of a group need so much of their room that a seed may have none for them, or if their room
+    depends on more than the declarations."""
     areas = {region.name: Area(region.polygon) for region in instance.regions if region.polygon}
     values = parameters(mission, instance.mode, settings)
     scope = Scope(parameters=values, mode=instance.mode, areas=areas, tick_s=instance.clock.tick_s)
     counts = Counter(entity.group for entity in instance.entities)
-    mission = with_alternatives(mission, scope)
-    return any(
-        crowding(prop.value, scope, counts[group.name]) >= _CROWDED
-        for group in mission.groups
-        for prop in group.properties
-        if isinstance(prop.value, ex.Draw)
-    )
+    try:
+        return any(
+            crowding(prop.value, scope, counts[group.name]) >= _CROWDED
+            for group in with_alternatives(mission, scope).groups
+            for prop in group.properties
+            if isinstance(prop.value, ex.Draw)
+        )
+    except MissionError:
+        return True
 
 
 def _of_scene(mission: model.Mission, instance: Instance) -> Iterator[TrialFault]:

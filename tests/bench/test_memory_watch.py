@@ -41,7 +41,7 @@ def test_the_peak_stays_and_is_told_for_each_episode(child: int, monkeypatch: py
     watch = memory_watch.MemoryWatch()
     assert watch.in_words(4) == "", "nothing was measured yet"
     with watch.watching():
-        until = time.monotonic() + 10.0
+        until = time.monotonic() + 120.0  # a loaded machine looks late
         while watch.peak_mb == 0.0 and time.monotonic() < until:
             time.sleep(0.01)
     assert watch.peak_mb >= CHILD_MB
