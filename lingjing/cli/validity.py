@@ -13,7 +13,7 @@ from lingjing.cli.process import ending_at_second_interrupt, say
 from lingjing.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from lingjing.bench.planning import SuiteCell
     from lingjing.bench.rows import SuiteRow
@@ -33,7 +33,10 @@ def add_validity(parser: ArgumentParser) -> None:
     parser.add_argument("-j", "--jobs", metavar="N", type=int, default=1, help="play N episodes at a time (default 1)")
     parser.add_argument("--limit", metavar="N", type=int, help="only the first N seeds of each study")
     parser.add_argument("--hours", metavar="H", type=float, help="begin no episode after H hours")
-    parser.add_argument("--parts", metavar="NAME", nargs="+", help="play only these parts, such as reference")
+    parser.add_argument("--parts", metavar="NAME", nargs="+", help="play only these parts or studies")
+    parser.add_argument(
+        "--entrants", metavar="NAME", nargs="+", default=(), help="play only these entrants of the parts"
+    )
     parser.add_argument("--program", metavar="FILE", type=Path, help="a program of your own (default: the shipped one)")
     parser.add_argument("--strict", action="store_true", help="walls around all policies, and none may be missing")
     parser.add_argument("--keep", action="store_true", help="keep every trace, for `lingjing bench audit`")
@@ -63,7 +66,7 @@ def play_validity(args: argparse.Namespace) -> int:
     file = read_program(args.program)
     with trusting(()):
         planned = plan_program(file, PluginHost(), strict=args.strict)
-        chosen = _chosen(planned, args.parts or ())
+        chosen = _chosen(planned, args.parts or (), args.entrants)
         code = code_sha256(path for plan in planned for path in plan.plan.files)
         folder: Path = args.output or RUNS / "bench" / f"{file.program.name}-{code[:12]}"
         if args.check:
@@ -73,16 +76,36 @@ def play_validity(args: argparse.Namespace) -> int:
             return _open_and_play(file, planned, chosen, folder, args)
 
 
-def _chosen(planned: Sequence[Planned], names: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of the studies to play; all without names. Raises `UsageError` for an unknown part."""
+def _chosen(planned: Sequence[Planned], names: Sequence[str], entrants: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of the studies to play: those of these parts with these entrants; all without names.
+
+    Raises `UsageError` for an unknown part or entrant, and if none of the parts has these entrants.
+    """
+    from lingjing.bench.validity.studies import PlannedPart
+
+    _check_names("--parts", names, (name for plan in planned for name in (_part_of(plan), plan.name)), "parts")
+    parts = [plan for plan in planned if isinstance(plan, PlannedPart)]
+    _check_names("--entrants", entrants, (name for part in parts for name in part.sees), "entrants")
+    chosen = [plan for plan in planned if not names or {_part_of(plan), plan.name} & set(names)]
+    if entrants:
+        chosen = [plan for plan in chosen if isinstance(plan, PlannedPart) and set(plan.sees) & set(entrants)]
+    if not chosen:
+        raise UsageError(
+            f"--entrants {' '.join(entrants)}: no part of --parts has them",
+            hint="leave --parts out to play them in every part that has them",
+        )
+    return tuple(plan.name for plan in chosen)
+
+
+def _check_names(option: str, names: Sequence[str], known: Iterable[str], kind: str) -> None:
+    """Raise `UsageError` for a name that the program does not have."""
     from lingjing.suggest import did_you_mean
 
-    parts = {plan.name: _part_of(plan) for plan in planned}
+    all_known = dict.fromkeys(known)
     for name in names:
-        if name not in parts.values():
-            hint = did_you_mean(name, dict.fromkeys(parts.values()), "parts")
-            raise UsageError(f"--parts {name}: the program has no such part", hint=hint)
-    return tuple(study for study, part in parts.items() if not names or part in names)
+        if name not in all_known:
+            hint = did_you_mean(name, all_known, kind)
+            raise UsageError(f"{option} {name}: the program has no such {kind.removesuffix('s')}", hint=hint)
 
 
 def _part_of(plan: Planned) -> str:
@@ -109,7 +132,7 @@ def _say_size(
     for plan in planned:
         if plan.name not in chosen:
             continue
-        episodes = planned_cells(plan, args.limit)
+        episodes = planned_cells(plan, args.limit, args.entrants)
         left = [cell for cell, seed in episodes if _key(plan, cell, seed) not in done]
         hours = durations.hours(left, args.jobs)
         whole, whole_h = whole + len(left), whole_h + hours
@@ -151,8 +174,9 @@ def _open_and_play(
 
     executor = LocalExecutor(args.jobs)
     with open_studies(
-        planned, folder, executor, strict=args.strict, keep=args.keep, other_code=args.other_code
-    ) as studies:
+        planned, folder, executor, strict=args.strict, keep=args.keep, other_code=args.other_code,
+        entrants=args.entrants,
+    ) as studies:  # fmt: skip
         rows = [row for study in studies for row in study.run.results.rows]
         rounds = Rounds(
             [study for study in studies if study.planned.name in names],

@@ -6,7 +6,7 @@ adversaries. Both leave the playing to `SuiteRun`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -150,19 +150,27 @@ def _planned_adversaries(
     return PlannedAdversaries(declared, matrix, plan_of(matrix, host, "strict" if strict else "yes", USUAL))
 
 
-def planned_cells(planned: Planned, limit: int | None = None) -> list[tuple[SuiteCell, int]]:
-    """Return the cell and the seed of each episode of a study, `limit` seeds at most.
+def planned_cells(
+    planned: Planned, limit: int | None = None, entrants: Collection[str] = ()
+) -> list[tuple[SuiteCell, int]]:
+    """Return the cell and the seed of each episode of a study, `limit` seeds at most; of these entrants of a part
+    alone, if some are named.
 
     The worst adversary of a column is not known beforehand: the first one of the column stands for it.
     """
     cells = planned.plan.cells
     if isinstance(planned, PlannedPart):
+        cells = _of_entrants(cells, entrants)
         return [(cell, seed) for seed in planned.part.seeds[:limit] for cell in cells]
     declared = planned.declared
     choice = range(declared.selection)[:limit]
     fresh = range(FIRST_FRESH, FIRST_FRESH + declared.fresh)[: limit if len(choice) == declared.selection else 0]
     worst = {column_of(cell): cell for cell in reversed(cells)}.values()
     return [(cell, seed) for seed in choice for cell in cells] + [(cell, seed) for seed in fresh for cell in worst]
+
+
+def _of_entrants(cells: Sequence[SuiteCell], entrants: Collection[str]) -> tuple[SuiteCell, ...]:
+    return tuple(cell for cell in cells if not entrants or cell.player.name in entrants)
 
 
 class Study(Protocol):
@@ -196,6 +204,8 @@ class PartStudy:
 
     planned: PlannedPart
     run: SuiteRun
+    entrants: Collection[str] = ()
+    """The names of the entrants to play; all if there are none."""
 
     @property
     def size(self) -> int:
@@ -204,7 +214,7 @@ class PartStudy:
 
     def due(self, count: int) -> list[SuiteEpisode]:
         """Return the episodes of the first `count` seeds that are still to be played."""
-        return self.run.due(self.planned.part.seeds[:count], self.planned.plan.cells)
+        return self.run.due(self.planned.part.seeds[:count], _of_entrants(self.planned.plan.cells, self.entrants))
 
     def left(self, count: int) -> list[SuiteCell]:
         """Return the cell of each of these episodes."""
@@ -259,10 +269,11 @@ class AdversaryStudy:
 @contextmanager
 def open_studies(
     planned: Sequence[Planned], folder: Path, executor: Executor, *, strict: bool = False, keep: bool = False,
-    other_code: bool = False, reading: bool = False,
+    other_code: bool = False, reading: bool = False, entrants: Collection[str] = (),
 ) -> Iterator[tuple[Study, ...]]:  # fmt: skip
     """Yield the studies in folders below `folder`, which are made and locked. `strict`: every wall must stand.
-    `reading`: nothing will be played, so that rows of another version may stand there.
+    `reading`: nothing will be played, so that rows of another version may stand there. `entrants`: only these entrants
+    of the parts are due; all if none is named.
 
     Raises `UsageError` before anything is played if a folder cannot be written, or holds rows that may not stand beside
     new ones, as `lingjing bench` does.
@@ -281,7 +292,7 @@ def open_studies(
                 run.isolate = "strict" if strict else "foreign"
                 run.salt = str(make_salt(results.folder).absolute()) if plan.part.compares == "redrawn" else ""
                 run.policy_seed = plan.part.policy_seed
-                studies.append(PartStudy(plan, run))
+                studies.append(PartStudy(plan, run, entrants))
             if not reading:
                 run.check_split(plan.plan.cells)
                 run.check_resumable(other_code=other_code)
