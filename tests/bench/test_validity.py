@@ -149,6 +149,9 @@ def test_names_of_missions_policies_and_tiers_are_told_at_once(place: Path, caps
     ("more", "message"),
     [
         (("--parts", "referense"), "--parts referense: the program has no such part"),
+        (("--parts", "reference-tier2"), "--parts reference-tier2: the program has no such part"),
+        (("--entrants", "orakle"), "--entrants orakle: the program has no such entrant"),
+        (("--parts", "redrawn", "--entrants", "idle"), "--entrants idle: no part of --parts has them"),
         (("--hours", "0"), "--hours 0: must be a number of hours above 0"),
         (("--hours", "nan"), "--hours nan: must be a number of hours above 0"),
         (("--limit", "0"), "--limit 0: must be at least 1"),
@@ -195,6 +198,22 @@ def test_the_limit_and_the_parts_select(place: Path, tasks: AnsweringExecutor, c
     assert {(cell.study, cell.seeds, cell.planned) for cell in record.cells} == {
         ("redrawn-tier1", "0-1", 2), ("reference-tier0", "0", 3), ("reference-tier1", "0", 3),
     }  # fmt: skip
+
+
+def test_single_entrants_and_single_studies_are_played_first(
+    place: Path, tasks: AnsweringExecutor, capsys: Capture
+) -> None:
+    chosen = ("--entrants", "oracle", "--parts", "reference-tier1")
+    assert run_command(command(place, "--check", *chosen)) == ExitCode.OK
+    assert "reference-tier1: 1 entrant in 1 column: 3 episodes, 3 to play" in capsys.readouterr().err
+    assert run_command(command(place, *chosen)) == ExitCode.OK
+    assert order(tasks) == [("reference-tier1", 0), ("reference-tier1", 1), ("reference-tier1", 2)]
+    record = read_record(place / "out" / "validity.json")
+    assert {(cell.entrant, cell.seeds) for cell in record.cells if cell.seeds} == {("oracle", "0-2")}
+    capsys.readouterr()
+    assert run_command(command(place)) == ExitCode.OK
+    assert capsys.readouterr().err.startswith("11 episodes to play"), "the others follow, none is played twice"
+    assert len(tasks.tasks) == 14 == len({(str(task.folder), task.seed) for task in tasks.tasks})
 
 
 def test_no_episode_begins_after_the_hours(
