@@ -213,7 +213,7 @@ def test_single_entrants_and_single_studies_are_played_first(
     capsys.readouterr()
     assert run_command(command(place)) == ExitCode.OK
     assert capsys.readouterr().err.startswith("11 episodes to play"), "the others follow, none is played twice"
-    assert len(tasks.tasks) == 14 == len({(str(task.folder), task.seed) for task in tasks.tasks})
+    assert len(tasks.tasks) == 14 == len({task.folder for task in tasks.tasks})
 
 
 def test_no_episode_begins_after_the_hours(
