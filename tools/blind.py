@@ -3,7 +3,8 @@
 `tools/blind.py draw FOLDER` draws `PER_CLASS` crops of each class at the distances of its mission, in the frames of the
 mission's camera and in native pixels, and writes them with numbers in random order. `join` puts them on sheets. A judge
 looks at the sheets and writes one class for each number, a line each: `17 steam`. `blind.py score ANSWERS` prints the
-confusion matrix. The order follows from `ORDER`, so the key is computed and never stored.
+confusion matrix. The order follows from `--order`, so the key is computed and never stored; another judge gets sheets
+of another order and of other `--seeds`.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from lingjing.scene.city import City
 from lingjing.trace.records import BodyState, Box, CameraPose
 
 PER_CLASS, SEEDS, ORDER = 40, (2101, 2102), 2026
-"""Crops of each class, seeds of the instances, and the seed of their order."""
+"""Crops of each class, usual seeds of the instances, and usual seed of their order."""
 CROP_PX, CELL_PX, COLUMNS, ROWS = 128, 176, 8, 5
 """Least side of a crop in the frame; side of a cell, columns and rows of a sheet."""
 LEAST_PX, TRIES = 60, 12
@@ -88,26 +89,28 @@ SUBJECTS = {
 """Classes by the name that a judge writes."""
 
 
-def order() -> list[tuple[str, int]]:
-    """Return class and number within the class of each crop, in the order of the sheets."""
+def order(seed: int = ORDER) -> list[tuple[str, int]]:
+    """Return class and number within the class of each crop, in the order of the sheets that a seed gives."""
     crops = [(name, k) for name, subject in SUBJECTS.items() for k in range(subject.crops)]
-    random.Random(ORDER).shuffle(crops)
+    random.Random(seed).shuffle(crops)
     return crops
 
 
 class Artist:
-    """A studio with the instances of `SEEDS`."""
+    """A studio with the instances of some seeds."""
 
-    def __init__(self) -> None:
+    def __init__(self, seeds: Sequence[int] = SEEDS) -> None:
         self.studio = Studio()
+        self.seeds = tuple(seeds)
 
     def crops(self, name: str) -> Iterator[Image.Image]:
         """Yield the crops of a class."""
-        subject, chance = SUBJECTS[name], random.Random(name)
-        for seed in SEEDS:
+        subject = SUBJECTS[name]
+        chance = random.Random(name if self.seeds == SEEDS else f"{name} {self.seeds}")
+        for seed in self.seeds:
             bare = instantiate(sheets.load_mission(ROOT / "scenarios" / f"{subject.mission}.ljs"), seed=seed)
             city = self.studio.host.scene(bare.scene.kind).build(bare.scene)
-            instance, many = anchor(bare, city), subject.crops // len(SEEDS)
+            instance, many = anchor(bare, city), subject.crops // len(self.seeds)
             sets = self._sets(subject, instance, city, chance)
             views = (self._views(subject, instance, city, *some, chance) for some in sets)
             yield from islice(chain.from_iterable(views), many)
@@ -118,7 +121,7 @@ class Artist:
         """Yield entities, the one in the middle, and the crops of it that are wanted."""
         known = [e for e in instance.entities if e.group == subject.target or e.id == subject.target]
         sample = known[0] if known else instance.entities[0]
-        half = subject.crops // len(SEEDS)
+        half = subject.crops // len(self.seeds)
         if subject.target:
             for target in known * 2:
                 yield known, target, -(-half // len(known))
@@ -250,10 +253,10 @@ def cropped(rgb: np.ndarray, box: Box | None, pose: CameraPose, place: tuple[flo
     return picture.resize((CELL_PX, CELL_PX), Image.Resampling.BICUBIC, box=(left, top, left + side, top + side))
 
 
-def draw(folder: Path, names: Sequence[str]) -> None:
-    """Write the crops of classes, named by their numbers alone."""
+def draw(folder: Path, names: Sequence[str], seed: int = ORDER, seeds: Sequence[int] = SEEDS) -> None:
+    """Write the crops of classes, named by their numbers in an order alone."""
     folder.mkdir(parents=True, exist_ok=True)
-    artist, numbers = Artist(), {key: number for number, key in enumerate(order())}
+    artist, numbers = Artist(seeds), {key: number for number, key in enumerate(order(seed))}
     for name in names or SUBJECTS:
         for k, crop in enumerate(artist.crops(name)):
             crop.save(folder / f"{numbers[name, k]:03d}.png")
@@ -272,9 +275,9 @@ def join(folder: Path) -> None:
         sheet.save(folder / f"sheet-{first // (COLUMNS * ROWS):02d}.png")
 
 
-def score(answers: Path) -> None:
+def score(answers: Path, seed: int = ORDER) -> None:
     """Print the confusion matrix of a judge's answers: rows are classes, columns answers."""
-    key = order()
+    key = order(seed)
     counts: Counter[tuple[str, str]] = Counter()
     for line in answers.read_text(encoding="utf-8").splitlines():
         number, _, answer = line.strip().partition(" ")
@@ -296,13 +299,15 @@ def main(arguments: Sequence[str]) -> None:
     parser.add_argument("step", choices=("draw", "join", "score"))
     parser.add_argument("path", type=Path)
     parser.add_argument("--classes", nargs="+", choices=SUBJECTS, default=[], help="draw these classes alone")
+    parser.add_argument("--order", type=int, default=ORDER, help=f"the seed of the order (default {ORDER})")
+    parser.add_argument("--seeds", type=int, nargs=2, default=SEEDS, help="the seeds of the instances")
     options = parser.parse_args(arguments)
     if options.step == "draw":
-        draw(options.path, options.classes)
+        draw(options.path, options.classes, options.order, options.seeds)
     elif options.step == "join":
         join(options.path)
     else:
-        score(options.path)
+        score(options.path, options.order)
 
 
 if __name__ == "__main__":
