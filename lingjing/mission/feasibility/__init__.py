@@ -15,7 +15,9 @@ Modules in control-flow order:
 - `refutation`: all checks of one tree of needs, with those of messages and assignments.
 - `steps`, `truths`: macro-steps at which a condition may hold or certainly holds. `condition_values`, `over_time`,
   `comparisons`, `readings`: values, functions over time, comparisons and whole conditions in this form.
-  `milestones`: the earliest moments of the facts that they wait for. `deadlines`: success after the episode's end.
+- `moments`: the earliest moments of the facts that they wait for. `arrivals`: commands and motion. `presence`: events,
+  and targets that appear and vanish. `reports`: pictures and messages. `milestones`: interactions, rules and
+  assignments, and so all facts. `deadlines`: success after the episode's end.
 - `start`: missions that are won or lost at the start. `wide`, `order`: hints, not proofs: satellite pictures much
   wider than the scene, stages that wait for each other.
 
