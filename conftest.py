@@ -42,10 +42,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: item.path not in slow)
 
 
+def pytest_collection() -> None:
+    """Collect no garbage while tests are collected: almost all objects remain, and walking them takes 1.5 s."""
+    gc.disable()
+
+
 def pytest_collection_finish() -> None:
     """Keep the collected tests out of garbage collections. They are half a million objects, and a collection that walks
     them takes a quarter of a second.
     """
+    gc.enable()
     gc.collect()
     gc.freeze()
 

@@ -154,7 +154,9 @@ def test_the_player_takes_the_encoding_of_the_suites_and_no_other_model() -> Non
 
 @pytest.mark.parametrize("name", [pytest.param("bi", marks=pytest.mark.thorough), "upr"])
 def test_the_requests_suffice_to_win(name: str, tmp_path: Path) -> None:
-    result = lingjing.run(mission_file(name), seed=1, policy="sighted-reader", out=tmp_path / "run")
+    result = lingjing.run(
+        mission_file(name), seed=1, policy="sighted-reader", overview=False, world="inline", out=tmp_path / "run"
+    )
     values = metrics(read_trace(result.trace))
     assert result.success, (result.reason, result.scr)
     assert (values.json_compliance, values.substitutions, values.box_convention_errors) == (1.0, 0, 0)

@@ -11,9 +11,8 @@ have.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
 from typing import Protocol
-
-import msgspec
 
 from lingjing.mission.instance import Entity
 from lingjing.mission.vocabulary import CLEARED, DORMANT
@@ -26,7 +25,8 @@ WAITING = "waiting"
 """Status of a target without another nature."""
 
 
-class TargetNature(msgspec.Struct, frozen=True):
+@dataclass(frozen=True, slots=True)
+class TargetNature:
     """The behaviour of a target without interaction."""
 
     word: str = WAITING
@@ -82,7 +82,8 @@ class PlayedInteraction(Protocol):
     def own(self) -> str: ...  # noqa: D102
 
 
-class TargetTraits(msgspec.Struct, frozen=True):
+@dataclass(frozen=True, slots=True)
+class TargetTraits:
     """The facts about a target that decide its nature."""
 
     states: Collection[str]

@@ -46,8 +46,7 @@ class Blames(Drives):
 
 class BuildHangs(Drives):
     def build(self):
-        while True:
-            pass
+        time.sleep(3600)
 
 
 class BuildExits(Drives):

@@ -338,7 +338,10 @@ class {name}:
 """
 
 HARMFUL = {
-    "endless": ("while True: pass", "policy `{file}` was not loaded within 2 s; correct what its file or its class"),
+    "endless": (
+        "import time; time.sleep(3600)",
+        "policy `{file}` was not loaded within 2 s; correct what its file or its class",
+    ),
     "exits": ("import os; os._exit(0)", "policy `{file}` could not be loaded: its process ended (exit code 0)"),
     "closes": ("import os; os.closerange(0, 4096)", "policy `{file}` could not be loaded: its process "),
     "raises": ("raise RuntimeError('on\\npurpose')", "{file}:1: RuntimeError: on"),

@@ -35,7 +35,7 @@ PATIENCE_S = 300.0
 
 def played(folder: Path, policy: str, ticks: int = 24) -> Trace:
     short = shortened(mission_file("ssr"), ticks)
-    options: dict[str, Any] = {"seed": 1, "mode": "star", "overview": False}
+    options: dict[str, Any] = {"seed": 1, "mode": "star", "settings": {"uavs": 1, "victims": 2}, "overview": False}
     return read_trace(run(short, policy=f"{ERRING}:{policy}", out=folder, **options).trace)
 
 
@@ -197,7 +197,7 @@ def test_a_budget_that_does_not_suffice_is_said(lost: Trace) -> None:
 
 @pytest.mark.parametrize(
     ("policy", "words"),
-    [("Moody", "policy of `scout[1]` makes another decision"), ("Threaded", "run 5 more threads")],
+    [("Moody", "policy of `scout[1]` makes another decision"), ("Threaded", "run 3 more threads")],
 )
 def test_what_cannot_be_run_again_says_so(policy: str, words: str, tmp_path: Path) -> None:
     trace = played(tmp_path / "episode", policy, ticks=4.0)

@@ -16,7 +16,7 @@ import shapely
 
 import lingjing
 from lingjing.mission.frames import from_geodetic
-from lingjing.testing import mission_file, placed, run_command
+from lingjing.testing import mission_file, placed, run_command, shortened
 
 pytestmark = pytest.mark.slow
 FORMATS = {"glb": "city.glb", "geojson": "city.geojson", "sumo": "city.net.xml", "mjcf": "city.xml"}
@@ -128,7 +128,8 @@ def test_trimesh_reads_the_gltf_with_y_up(city: Any, files: dict[str, Path]) -> 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("run") / "ssr"
-    lingjing.run("ssr", policy="random", out=folder, overview=False, world="inline", blank_pictures=True)
+    mission = shortened("ssr", 8)
+    lingjing.run(mission, policy="random", out=folder, overview=False, world="inline", blank_pictures=True)
     return folder
 
 

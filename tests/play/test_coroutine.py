@@ -24,7 +24,7 @@ async def test_two_episodes_at_a_time_are_those_of_run(tmp_path: Path) -> None:
         nonlocal beats
         while True:
             beats += 1
-            await asyncio.sleep(0)
+            await asyncio.sleep(0.01)
 
     beating = asyncio.create_task(beat())
     first, second = await asyncio.gather(

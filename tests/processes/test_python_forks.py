@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from lingjing.processes.fork_client import ForkServer
-from tools.python_forks import WORKERS, forked_starts, run_python, start_piped, true_starts
+from tools.python_forks import WORKERS, PipedFork, forked_starts, run_python, true_starts
 
 BOATS = Path(__file__).parents[1] / "cli" / "boats.ljs"
 LINGJING = (sys.executable, "-m", "lingjing.cli.main")
@@ -141,14 +141,14 @@ def _wait_for_end(pid: int) -> None:
 def test_a_piped_fork_gives_lines_then_both_outputs_and_the_exit_code(tmp_path: Path) -> None:
     long = "x" * 200_000  # more than a pipe holds
     code = f"import sys; print('begun', flush=True); print('{long}'); print('{long}', file=sys.stderr); sys.exit(3)"
-    process = start_piped([sys.executable, "-c", code], cwd=tmp_path)
+    process = PipedFork([sys.executable, "-c", code], cwd=tmp_path)
     assert process.stdout.readline() == "begun\n"
     assert process.communicate(60.0) == (f"{long}\n", f"{long}\n")
     assert process.returncode == process.poll() == 3
 
 
 def test_a_piped_fork_is_waited_for_and_killed() -> None:
-    process = start_piped([sys.executable, "-c", "import time; time.sleep(600)"])
+    process = PipedFork([sys.executable, "-c", "import time; time.sleep(600)"])
     with pytest.raises(subprocess.TimeoutExpired):
         process.communicate(0.1)
     assert process.poll() is None

@@ -11,7 +11,7 @@ import pytest
 
 from lingjing import Trace
 from lingjing import read as read_trace
-from tools.python_forks import PipedFork, start_piped
+from tools.python_forks import PipedFork
 
 WAIT_S = 120
 
@@ -42,7 +42,7 @@ def serve(tmp_path: Path) -> Iterator[Serve]:
             sys.executable, "-m", "lingjing.cli.main", "serve", "--airsim", *options,
             "--port", "0", "--once", "--pace", "wait", "--world", "inline", "-o", str(folder),
         ]  # fmt: skip
-        process = start_piped(command, cwd=tmp_path)
+        process = PipedFork(command, cwd=tmp_path)
         started.append(process)
         assert process.stdout is not None
         line = process.stdout.readline().strip()

@@ -16,8 +16,7 @@ A *layout* is the text of a printed statement. `{field}` or `{field:form}` stand
 from __future__ import annotations
 
 import re
-
-import msgspec
+from dataclasses import dataclass, field
 
 from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.keys import PropertyKeys
@@ -47,7 +46,8 @@ _RULE_WORDS = {
 _PIECE = re.compile(r"\[|\]|\s+|(?:[a-z_]+:)?[^\s\[\]]+")
 
 
-class PatternElement(msgspec.Struct, frozen=True):
+@dataclass(frozen=True, slots=True)
+class PatternElement:
     """One symbol of a pattern."""
 
     symbol: str
@@ -64,7 +64,8 @@ class PatternElement(msgspec.Struct, frozen=True):
         return (self.word,) if self.word else _RULE_WORDS.get(self.symbol, ())
 
 
-class Form(msgspec.Struct, frozen=True):
+@dataclass(frozen=True, slots=True)
+class Form:
     """One way to write a statement after its keyword."""
 
     pattern: str
@@ -109,7 +110,8 @@ def _element(piece: str, group: int) -> PatternElement:
     return PatternElement(symbol.upper(), label, symbol, group)
 
 
-class NamePlace(msgspec.Struct, frozen=True):
+@dataclass(frozen=True, slots=True)
+class NamePlace:
     """The meaning of the names in one field of a statement."""
 
     declares: str = ""
@@ -128,7 +130,8 @@ class NamePlace(msgspec.Struct, frozen=True):
     """The declarations that completion proposes, where these are other than all names of `spaces`."""
 
 
-class Layout(msgspec.Struct, frozen=True):
+@dataclass(frozen=True, slots=True)
+class Layout:
     """The text of a printed statement."""
 
     head: str
@@ -139,7 +142,8 @@ class Layout(msgspec.Struct, frozen=True):
     """A field and the template of items in which the field is true; ("", "") if all items have one template."""
 
 
-class StatementKind(msgspec.Struct, frozen=True):
+@dataclass(frozen=True, slots=True)
+class StatementKind:
     """One kind of statement, by its keyword."""
 
     keyword: str
@@ -154,12 +158,12 @@ class StatementKind(msgspec.Struct, frozen=True):
     """A statement that parses, for documentation."""
     doc: str
     """Its meaning in one clause, without a full stop."""
-    names: dict[str, NamePlace] = {}
+    names: dict[str, NamePlace] = field(default_factory=dict)
     """Field, or word of a clause → the meaning of the names in it. A field `name` without an entry declares a name in
     the space of the keyword."""
     has_own_words: bool = False
     """True if the words of its patterns, other than those of other statements, are names everywhere else."""
-    keys: PropertyKeys = {}
+    keys: PropertyKeys = field(default_factory=dict)
     """The properties of its block. Those of scenes, assets, targets and types depend on more."""
     part: str = ""
     """Field of `lingjing.mission.model.Mission` that holds what it declares; empty if it is a part of another

@@ -6,13 +6,13 @@ takes 1 ms instead of lark's import (65 ms) and table construction (100 ms and m
 
 from __future__ import annotations
 
-import os
+from pathlib import Path
 
 import msgspec
 
 from lingjing.decoding import from_msgpack
 
-FILE = os.path.join(os.path.dirname(__file__), "ljs.tables")  # noqa: PTH118, PTH120 - pathlib is not imported cold
+FILE = Path(__file__).with_name("ljs.tables")
 """Path of the tables."""
 
 
@@ -44,5 +44,4 @@ class Tables(msgspec.Struct, frozen=True, array_like=True):
 
 def load_tables() -> Tables:
     """Load the tables of the grammar."""
-    with open(FILE, "rb") as file:  # noqa: PTH123 - as above
-        return from_msgpack(file.read(), Tables)
+    return from_msgpack(FILE.read_bytes(), Tables)

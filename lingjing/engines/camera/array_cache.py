@@ -75,9 +75,17 @@ def cached_array(name: str, make: Callable[[], npt.NDArray[Element]]) -> npt.NDA
 
 def cache_key(content: str) -> str:
     """Return the hash of content, code and libraries."""
+    return hashlib.sha256("\n".join((content, _code_sha256(), *_libraries())).encode()).hexdigest()[:40]
+
+
+@cache
+def _libraries() -> tuple[str, ...]:
+    """Return the versions and the chosen code of the libraries. Reading them anew takes 20 ms for each key."""
     fingerprint = runtime_fingerprint()
-    libraries = [f"{name} {version(name)}" for name in _COMPUTING] + [f"{name} {fingerprint[name]}" for name in _CHOSEN]
-    return hashlib.sha256("\n".join((content, _code_sha256(), *libraries)).encode()).hexdigest()[:40]
+    return (
+        *(f"{name} {version(name)}" for name in _COMPUTING),
+        *(f"{name} {fingerprint[name]}" for name in _CHOSEN),
+    )
 
 
 @cache

@@ -114,17 +114,18 @@ def check_can_be_hit(case: BodyCase) -> None:
     down = Command(id="c0-1", tick=0, sender=_PROBE, resource=_PROBE, verb="setDestination",
                    arguments={"x": x, "y": y, "z": middle_m})  # fmt: skip
     engine = PluginHost().engine(probe.engine).factory()
-    met: list[tuple[str, ...]] = []
+    hit = False
     try:
         engine.reset(EngineSpec(engine=probe.engine, instance=instance, owns=(_PROBE,)), case.city, 1)
         engine.submit((down,))
         step_s = instance.clock.sync_s
         for number in range(1, round(_SECONDS / step_s) + 1):
             boundary = engine.advance(number * step_s, (lifted,))
-            met += [event.entities for event in boundary.events if event.kind == COLLIDED]
+            met = [event.entities for event in boundary.events if event.kind == COLLIDED]
+            if hit := any(case.entity.id in entities for entities in met):
+                break
     finally:
         engine.close()
-    hit = any(case.entity.id in entities for entities in met)
     require(hit, f"a multirotor comes down on `{case.entity.id}` and does not collide with it")
 
 

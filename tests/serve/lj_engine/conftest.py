@@ -18,7 +18,7 @@ import pytest
 
 from lingjing import Trace
 from lingjing import read as read_trace
-from tools.python_forks import PipedFork, start_piped
+from tools.python_forks import PipedFork
 
 websockets: Any = pytest.importorskip("websockets.sync.client", reason="websockets is not installed")
 
@@ -103,7 +103,7 @@ def serve(tmp_path: Path) -> Iterator[Serve]:
             "--port", "0", "--world", "inline", "--patience", "90", "-o", str(folder),
             *(() if mission else ("--policy", "pilot.py:Pilot")), *options,
         ]  # fmt: skip
-        process = start_piped(command, cwd=tmp_path)
+        process = PipedFork(command, cwd=tmp_path)
         started.append(process)
         assert process.stdout is not None
         line = process.stdout.readline().strip()

@@ -15,7 +15,7 @@ import pytest
 import lingjing
 from lingjing.testing import run_command
 from tests.serve.lj_engine.conftest import WAIT_S, Backend, ReferenceClient, Serve
-from tools.python_forks import start_piped
+from tools.python_forks import PipedFork
 
 NORTH = '{0: ("setDestination", {"x": 306.6, "y": -500.0, "z": 20.0})}'
 
@@ -52,7 +52,7 @@ def test_a_client_of_each_profile_flies_a_mission_and_the_trace_replays_without_
 def test_two_of_our_processes_play_a_mission_with_the_digest_of_the_local_run(serve: Serve, tmp_path: Path) -> None:
     served = serve("--world", "process", verbs=NORTH, uavs=2)
     command = [sys.executable, "-m", "lingjing.cli.main", "engine", "--connect", served.url(), "--once"]
-    engine = start_piped(command, cwd=tmp_path)
+    engine = PipedFork(command, cwd=tmp_path)
     trace = served.finish()
     _, text = engine.communicate(timeout=WAIT_S)
     assert engine.returncode == 0, text

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from websockets.sync.server import serve as listen
 
-from tools.python_forks import PipedFork, start_piped
+from tools.python_forks import PipedFork
 
 WAIT_S = 120.0
 
@@ -84,7 +84,7 @@ def dial(tmp_path: Path) -> Iterator[Dial]:
         backend = ReferenceBackend()
         url = f"ws://127.0.0.1:{backend.port}/ws/LJ-ENGINE/{address}"
         command = [sys.executable, "-m", "lingjing.cli.main", "engine", "--connect", url, "--once", *options]
-        process = start_piped(command, cwd=tmp_path)
+        process = PipedFork(command, cwd=tmp_path)
         running.append((backend, process))
         assert backend.connected.wait(WAIT_S)
         assert backend.path == f"/ws/LJ-ENGINE/{address}"
@@ -272,7 +272,7 @@ def test_a_backend_that_sends_nonsense_gets_errors_in_acknowledgements(dial: Dia
 def test_a_backend_that_goes_away_in_an_episode_is_named(tmp_path: Path) -> None:
     backend = ReferenceBackend()
     url = f"ws://127.0.0.1:{backend.port}/ws/LJ-ENGINE/airsim"
-    process = start_piped([sys.executable, "-m", "lingjing.cli.main", "engine", "--connect", url])
+    process = PipedFork([sys.executable, "-m", "lingjing.cli.main", "engine", "--connect", url])
     assert backend.connected.wait(WAIT_S)
     backend.ask("resetScenario", scenario=scenario())
     backend.close()
