@@ -6,12 +6,12 @@ Installed beside this project, that package hides the whole of it or overwrites 
 
 from __future__ import annotations
 
+import os
 import sys
 from importlib.util import find_spec
-from pathlib import Path
 from types import ModuleType
 
-_OWN = Path(__file__).resolve().with_name("lingjing")
+_OWN = os.path.join(os.path.dirname(os.path.realpath(__file__)), "lingjing")  # noqa: PTH118, PTH120 - a cold start
 _USAGE = 2
 _INTERRUPTED = 130
 
@@ -41,7 +41,7 @@ def _stranger() -> str:
     spec = find_spec("lingjing")
     if spec is None or spec.origin is None:
         return f"the package `lingjing` has lost its `__init__.py`: {_OWN}"
-    if Path(spec.origin).resolve() != _OWN / "__init__.py":
+    if os.path.realpath(spec.origin) != os.path.join(_OWN, "__init__.py"):  # noqa: PTH118 - a cold start
         return f"another package `lingjing` hides this project's: {spec.origin}"
     import lingjing
 
@@ -53,7 +53,7 @@ def _stranger() -> str:
 def _advice(is_hidden: bool) -> str:
     """The lines that mend it. A package without an `__init__.py`, of this project's folder, stands in for the other."""
     own = ModuleType("lingjing")
-    own.__path__ = [str(_OWN)]
+    own.__path__ = [_OWN]
     sys.modules["lingjing"] = own
     from lingjing.installation import repair_advice
 

@@ -1,14 +1,15 @@
 """Mutate missions: what validates must begin. Counts the mutants that are refused at their start or first tick.
 
-`python -m benchmarks.mutated_missions [--count 1000] [--seed 1] [--seeds 1] [--real]` takes the shipped missions and
-the examples, and changes one to three things in the text of each: a number, a place, a name (for another one of the
-file), a count, a shape, or a statement that is left out. Mutants that the check of the text refuses are counted and
-left. Each other one is drawn and placed in its city for each seed of `--seeds`, and plays one tick without a decision;
-with `--real` its camera too, and otherwise a stand-in for that engine.
+`python -m benchmarks.mutated_missions [--count 1000] [--seed 1] [--seeds 1] [--skip 0] [--real]` takes the shipped
+missions and the examples, and changes one to three things in the text of each: a number, a place, a name (for another
+one of the file), a count, a shape, or a statement that is left out. Mutants that the check of the text refuses are
+counted and left. Each other one is drawn and placed in its city for each seed of `--seeds`, and plays one tick without
+a decision; with `--real` its camera too, and otherwise a stand-in for that engine.
 
 A refusal is classified: `text` if `validate` could have known it, `place` if only the built city shows it, which
 `validate --deep` reports, `engine` if an engine refuses to begin, and `bug` for an exception that is no error of a
-mission. The refused mutants are written to `--keep FOLDER`.
+mission. The refused mutants are written to `--keep FOLDER`. An interrupt prints the table so far; `--skip N` continues
+after the first N valid mutants, which are then made and not played.
 """
 
 from __future__ import annotations
@@ -126,9 +127,31 @@ def refusal(mission: Mission, seed: int, *, real: bool) -> tuple[str, str]:
     return "", ""
 
 
-def study(count: int, seed: int, seeds: range, keep: Path | None, *, real: bool) -> bool:
+def study(count: int, seed: int, seeds: range, keep: Path | None, *, skip: int = 0, real: bool) -> bool:
     """Mutate, check and play; print the table. True if no mutant ends with a bug."""
-    rng, tally, messages = random.Random(seed), collections.Counter[str](), collections.Counter[str]()
+    tally, messages = collections.Counter[str](), collections.Counter[str]()
+    try:
+        _study(count, random.Random(seed), seeds, keep, tally, messages, skip=skip, real=real)
+    except KeyboardInterrupt:
+        print("interrupted")
+    print(", ".join(f"{name} {number}" for name, number in tally.most_common()))
+    for words, number in messages.most_common():
+        print(f"{number:4d} {words}")
+    return not tally["bug"]
+
+
+def _study(
+    count: int,
+    rng: random.Random,
+    seeds: range,
+    keep: Path | None,
+    tally: collections.Counter[str],
+    messages: collections.Counter[str],
+    *,
+    skip: int,
+    real: bool,
+) -> None:
+    """Count the results in `tally`, and the messages of refused mutants in `messages`."""
     texts = {file: file.read_text(encoding="utf-8") for file in files()}
     valid = 0
     while valid < count:
@@ -148,8 +171,9 @@ def study(count: int, seed: int, seeds: range, keep: Path | None, *, real: bool)
             tally["refused by validate"] += 1
             continue
         valid += 1
-        if mission is not None:
+        if mission is not None and valid > skip:
             kind, message = _first(mission, seeds, real=real)
+            tally["played"] += 1
         if kind:
             tally[kind] += 1
             messages[f"{kind}: {file.stem}: {message.splitlines()[0][:160]}"] += 1
@@ -158,10 +182,6 @@ def study(count: int, seed: int, seeds: range, keep: Path | None, *, real: bool)
                 (keep / f"{kind}-{valid}-{file.name}").write_text(text, encoding="utf-8")
         if valid % 100 == 0:
             print(f"{valid} valid: {dict(tally)}", file=sys.stderr, flush=True)
-    print(f"valid {valid}, " + ", ".join(f"{name} {number}" for name, number in tally.most_common()))
-    for words, number in messages.most_common():
-        print(f"{number:4d} {words}")
-    return not tally["bug"]
 
 
 def _first(mission: Mission, seeds: range, *, real: bool) -> tuple[str, str]:
@@ -182,12 +202,13 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=1000, help="valid mutants")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--seeds", type=int, default=1, help="seeds 0 to N-1 of each mutant")
+    parser.add_argument("--skip", type=int, default=0, help="valid mutants that are made and not played")
     parser.add_argument("--real", action="store_true", help="play with the camera, too")
     parser.add_argument("--keep", type=Path, help="folder for refused mutants")
     arguments = parser.parse_args()
-    return (
-        0 if study(arguments.count, arguments.seed, range(arguments.seeds), arguments.keep, real=arguments.real) else 1
-    )
+    seeds, keep = range(arguments.seeds), arguments.keep
+    clean = study(arguments.count, arguments.seed, seeds, keep, skip=arguments.skip, real=arguments.real)
+    return 0 if clean else 1
 
 
 if __name__ == "__main__":

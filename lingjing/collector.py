@@ -1,7 +1,7 @@
-"""Pauses of the garbage collector while trees are built or records are read.
+"""Pauses of the garbage collector while modules are imported, trees are built or records are read.
 
-Neither has reference cycles. The search for cycles costs a fifth of the time of a tree, and 40 % of that of hundreds of
-thousands of records.
+Trees and records have no reference cycles, and modules stay. The search for cycles costs a fifth of the time of a tree,
+and 40 % of that of hundreds of thousands of records.
 """
 
 from __future__ import annotations

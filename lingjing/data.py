@@ -9,17 +9,21 @@ from __future__ import annotations
 
 import contextlib
 import os
-from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-_PACKAGE = Path(__file__).resolve().parent
-_PACKAGED = _PACKAGE / "_data"
+if TYPE_CHECKING:
+    from pathlib import Path  # it takes 4 ms of a cold start
+
+# ruff: noqa: PTH112, PTH118, PTH120
+
+_PACKAGE = os.path.dirname(os.path.realpath(__file__))
+_PACKAGED = os.path.join(_PACKAGE, "_data")
 _FOLDERS = {
-    "std": Path("scenarios", "std"),
-    "scenarios": Path("scenarios"),
-    "schemas": Path("schemas"),
-    "suites": Path("suites"),
-    "errors": Path("docs", "errors"),
+    "std": ("scenarios", "std"),
+    "scenarios": ("scenarios",),
+    "schemas": ("schemas",),
+    "suites": ("suites",),
+    "errors": ("docs", "errors"),
 }
 
 
@@ -30,9 +34,16 @@ def data_path(*parts: str) -> Path:
     The packaged copy has precedence over the repository's folder. The path need not exist. Raises `KeyError` for an
     unknown first part.
     """
+    from pathlib import Path
+
     kind, *rest = parts
-    root = _PACKAGED if _PACKAGED.is_dir() else _PACKAGE.parent
-    return root.joinpath(_FOLDERS[kind], *rest)
+    return Path(data_folder(kind), *rest)
+
+
+def data_folder(kind: str) -> str:
+    """Return the folder of one kind of shipped data; see `data_path`."""
+    root = _PACKAGED if os.path.isdir(_PACKAGED) else os.path.dirname(_PACKAGE)
+    return os.path.join(root, *_FOLDERS[kind])
 
 
 CACHE_OFF = "LINGJING_NO_CACHE"
@@ -72,7 +83,7 @@ def _user_cache_folder() -> str:
     """
     base = os.environ.get("XDG_CACHE_HOME", "")
     own = base if os.path.isabs(base) else os.path.expanduser("~/.cache")  # noqa: PTH111, PTH117 - a cold start
-    return os.path.join(own, "lingjing")  # noqa: PTH118
+    return os.path.join(own, "lingjing")
 
 
 def choose_cache() -> CacheChoice:
@@ -95,13 +106,13 @@ def kept_path(*parts: str) -> str:
     use.
     """
     folder = cache_folder()
-    own = os.path.join(_user_cache_folder(), *parts)  # noqa: PTH118 - a cold start
-    return own if os.path.exists(own) else os.path.join(folder, *parts)  # noqa: PTH110, PTH118
+    own = os.path.join(_user_cache_folder(), *parts)
+    return own if os.path.exists(own) else os.path.join(folder, *parts)  # noqa: PTH110
 
 
 def write_fault(folder: str) -> str:
     """Return the reason for which a cache folder, existing or to be made, is not writable; "" if it is."""
-    places = (folder, *(os.path.join(folder, kind) for kind in CACHE_KINDS))  # noqa: PTH118 - a cold start
+    places = (folder, *(os.path.join(folder, kind) for kind in CACHE_KINDS))
     try:
         faults = (_write_fault(place) for place in dict.fromkeys(map(_existing, places)))
         return next(filter(None, faults), "")
@@ -112,7 +123,7 @@ def write_fault(folder: str) -> str:
 def _existing(place: str) -> str:
     """Return a path, or its nearest existing ancestor."""
     while not os.path.lexists(place):
-        above = os.path.dirname(place) or "."  # noqa: PTH120
+        above = os.path.dirname(place) or "."
         if above == place:  # a working folder that was removed, or a disk that fails
             break
         place = above
@@ -120,7 +131,7 @@ def _existing(place: str) -> str:
 
 
 def _write_fault(place: str) -> str:
-    if not os.path.isdir(place):  # noqa: PTH112
+    if not os.path.isdir(place):
         return f"`{place}` is no folder"
     state = os.statvfs(place)
     if state.f_flag & os.ST_RDONLY:
@@ -138,7 +149,7 @@ def _temporary_cache() -> str:
     import tempfile
 
     try:
-        base = os.path.join(tempfile.gettempdir(), f"lingjing-cache-{os.geteuid()}")  # noqa: PTH118 - as above
+        base = os.path.join(tempfile.gettempdir(), f"lingjing-cache-{os.geteuid()}")
         for folder in (base, *(f"{base}-{number}" for number in range(1, 10))):
             with contextlib.suppress(FileExistsError):
                 os.mkdir(folder, 0o700)  # noqa: PTH102

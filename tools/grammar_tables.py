@@ -16,7 +16,7 @@ from lark.lexer import Lexer
 
 from lingjing.dsl.syntax.tables import FILE, Reduction, Tables
 
-GRAMMAR = FILE.with_name("ljs.lark")
+GRAMMAR = Path(FILE).with_name("ljs.lark")
 
 
 class NoLexer(Lexer):
@@ -73,7 +73,7 @@ def _rule(rule: Any) -> Reduction:
 
 def main() -> None:
     """Write the tables to the file in the arguments, by default the one that the parser reads."""
-    (Path(sys.argv[1]) if len(sys.argv) > 1 else FILE).write_bytes(tables())
+    (Path(sys.argv[1]) if len(sys.argv) > 1 else Path(FILE)).write_bytes(tables())
 
 
 if __name__ == "__main__":

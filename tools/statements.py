@@ -19,7 +19,7 @@ from lingjing.dsl.syntax.tables import FILE
 from lingjing.dsl.syntax.tokens import INNER, OWN_WORDS
 
 ROOT = Path(__file__).parents[1]
-GRAMMAR = FILE.with_name("ljs.lark")
+GRAMMAR = Path(FILE).with_name("ljs.lark")
 PAGE = ROOT / "docs" / "statements.md"
 _ALTERNATIVES = re.compile(r"(written by tools/statements\.py\nitem: ).*?(\n    // -- end of)", re.DOTALL)
 _WORDS = re.compile(r"(the words below are written by tools/statements\.py\n).*\Z", re.DOTALL)

@@ -9,7 +9,7 @@ import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from types import TracebackType
+from types import ModuleType, TracebackType
 from typing import TYPE_CHECKING, NamedTuple
 
 from lingjing.cli.process import (
@@ -19,6 +19,7 @@ from lingjing.cli.process import (
     say_error,
     silence_stdout,
 )
+from lingjing.collector import collector_at_rest
 from lingjing.errors import ExitCode, LingjingError, UsageError
 from lingjing.file_names import check_name
 from lingjing.processes.signals import blocked_signals, ignore_interrupts, terminated_as_interrupted
@@ -170,6 +171,24 @@ def _was_interrupt(error: BaseException | None) -> bool:
 
 def _dispatch(arguments: list[str]) -> int:
     chosen = next((verb for verb in VERBS if verb.name == _first_word(arguments)), None)
+    with collector_at_rest():  # its searches would take a tenth of the start, and modules stay anyway
+        parser, module = _parser_of(chosen, arguments)
+        args = parser.parse_args(arguments)
+    if args.version:
+        return _print_version()
+    if chosen is None or module is None:
+        parser.print_help(sys.stderr)
+        return ExitCode.USAGE
+    if chosen.computes and chosen.name != "doctor":  # doctor reports the cache among its findings
+        from lingjing.cli.files import check_cache
+
+        check_cache()
+    handler = vars(args).get("handler") or module.handler  # the handler of an action, or of the verb
+    return int(handler(args))
+
+
+def _parser_of(chosen: _CommandVerb | None, arguments: list[str]) -> tuple[ArgumentParser, ModuleType | None]:
+    """Return the parser with the options of the chosen verb, and the verb's module."""
     parser, subparsers = _empty_parser()
     if chosen is not None and chosen.computes:
         from lingjing.numerics import pin
@@ -185,20 +204,7 @@ def _dispatch(arguments: list[str]) -> int:
         if verb is chosen and module is not None:
             declared.description = module.__doc__
             module.add_options(declared)
-    args = parser.parse_args(arguments)
-    if args.version:
-        return _print_version()
-    if module is None:
-        parser.print_help(sys.stderr)
-        return ExitCode.USAGE
-    if (
-        chosen is not None and chosen.computes and chosen.name != "doctor"
-    ):  # doctor reports the cache among its findings
-        from lingjing.cli.files import check_cache
-
-        check_cache()
-    handler = vars(args).get("handler") or module.handler  # the handler of an action, or of the verb
-    return int(handler(args))
+    return parser, module
 
 
 def _empty_parser() -> tuple[ArgumentParser, _Subparsers]:

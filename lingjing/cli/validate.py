@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lingjing.cli.arguments import parse_seeds
 from lingjing.cli.process import say_error
+from lingjing.collector import collector_at_rest
 from lingjing.errors import ExitCode, MissionError, UsageError, hint_of
 from lingjing.terminal import visible, write_data, write_styled
 
@@ -111,20 +112,21 @@ def _summary_of_valid(files: list[str], diagnostics: list[Diagnostic]) -> str:
 
 
 def _check(path: str, args: argparse.Namespace) -> _Checked:
-    from lingjing.dsl.loading.load import is_document, source_of
-    from lingjing.dsl.loading.shipped import find_mission
+    with collector_at_rest():
+        from lingjing.dsl.loading.load import is_document, source_of
+        from lingjing.dsl.loading.shipped import mission_file
 
-    mission_file = str(find_mission(path))
-    if _fixes(args) and mission_file != path and not args.diff:
+    file = mission_file(path)
+    if _fixes(args) and file != path and not args.diff:
         raise UsageError(
             f"`{path}` is a shipped mission, which --fix does not change", hint="copy it and name the copy"
         )
-    source = source_of(mission_file)
+    source = source_of(file)
     as_text = args.output_format == "text"
     if is_document(source):
         return _check_document(source, as_text=as_text)
     if _fixes(args) or args.diff:
-        return _fix(mission_file, source, args)
+        return _fix(file, source, args)
     if not args.no_cache:
         from lingjing.dsl.loading.cache import cached_warnings
 
@@ -143,14 +145,14 @@ def _deep(path: str, args: argparse.Namespace, seeds: tuple[int, ...], checked: 
     """Add the findings of the built city to the result of a file."""
     from lingjing.cli.progress import CountProgress
     from lingjing.dsl.loading.load import load_mission, source_of
-    from lingjing.dsl.loading.shipped import find_mission
+    from lingjing.dsl.loading.shipped import mission_file
     from lingjing.mission.diagnostics import Diagnostic
     from lingjing.numerics import pin
 
     pin()
     from lingjing.play.deep_check import deep_check
 
-    file = str(find_mission(path))
+    file = mission_file(path)
     mission, source = load_mission(file), source_of(file)
     with CountProgress(f"placing {mission.name}") as progress:
         findings = deep_check(mission, seeds, progress)

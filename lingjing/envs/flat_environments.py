@@ -20,7 +20,7 @@ from lingjing.envs.choices import Sight
 from lingjing.envs.environments import LARGEST_SEED, codecs, info_of, mission_of, reach_of, valid_seed
 from lingjing.envs.flat import Actions, Entry, FlatCodec, Vector
 from lingjing.envs.map_picture import MapWindow, map_picture
-from lingjing.envs.shaping import DistancePotential, shaped
+from lingjing.envs.shaping import TargetPotential, shaped
 from lingjing.envs.stepping import Motion, SteppedEpisodes
 from lingjing.errors import UsageError
 from lingjing.kernel.step import Published
@@ -106,7 +106,7 @@ class FlatParallelEnv(ParallelEnv, EzPickle):  # type: ignore[misc] # the packag
         self.state_space = spaces.Box(-1.0, 1.0, (len(_STATE) * len(instance.entities) + 2,), np.float32)
         self._most = min(instance.budget.ticks, max_cycles or instance.budget.ticks)
         self._shaping, self._discount = shaping, discount
-        self._potential = DistancePotential(instance, self._reach_m)
+        self._potential = TargetPotential(instance, self._reach_m)
         self._before = self._score = 0.0
         self._random = np.random.default_rng(0)
         self._sights: dict[str, Sight] = {}
@@ -139,7 +139,7 @@ class FlatParallelEnv(ParallelEnv, EzPickle):  # type: ignore[misc] # the packag
         published = self._game.begin(number, self._played())
         self._potential.restart()
         self._score = published.evaluation.reward
-        self._before = self._potential.of(_states(published))
+        self._before = self._potential.of(_states(published), published.record.frames)
         return self._observe(published), self._infos(published)
 
     def step(
@@ -232,7 +232,7 @@ class FlatParallelEnv(ParallelEnv, EzPickle):  # type: ignore[misc] # the packag
 
     def _reward(self, published: Published, ended: bool) -> float:
         self._potential.note(published.record.stages)
-        after = self._potential.of(_states(published))
+        after = self._potential.of(_states(published), published.record.frames)
         gained = published.evaluation.reward - self._score
         gained += self._shaping * shaped(self._before, after, self._discount, ended=ended)
         self._score, self._before = published.evaluation.reward, after

@@ -11,14 +11,18 @@ import math
 from collections.abc import Iterable, Mapping
 
 from lingjing.mission.instance import Instance
-from lingjing.trace.records import BodyState, StageChange
+from lingjing.trace.records import BodyState, FrameInfo, StageChange
 
 
-class DistancePotential:
-    """The potential of a state: minus the mean distance of the open targets from the nearest asset.
+class TargetPotential:
+    """The potential of a boundary: minus the mean over the targets of half the distance and half the unseen ones.
 
-    Distances are in units of `reach_m`, at most 1 each; a target that has completed the last stage counts 0. The
-    potential lies in [-1, 0]. It is computed from the truth, as a reward may be: no observation holds it.
+    A target that has completed the last stage counts 0. An open target counts (d + u) / 2. d is its horizontal distance
+    from the nearest asset, in units of `reach_m`, at most 1. u is 0 if a picture of the boundary shows it, else 1. The
+    potential lies in [-1, 0]. It is computed from the truth, as a reward may be: no observation holds the distance.
+
+    The distance is horizontal, as `distance_xy` in the missions: with height included, an aircraft would gain by
+    descending, and a low camera sees little.
     """
 
     def __init__(self, instance: Instance, reach_m: float) -> None:
@@ -36,17 +40,18 @@ class DistancePotential:
         """Take over the stages of a boundary."""
         self._done |= {change.subject for change in changes if change.stage == self._last}
 
-    def of(self, states: Mapping[str, BodyState]) -> float:
-        """Return the potential of the states at a boundary."""
-        assets = [states[name].position for name in self._assets if name in states]
+    def of(self, states: Mapping[str, BodyState], frames: Iterable[FrameInfo]) -> float:
+        """Return the potential of a boundary with these states and pictures."""
+        assets = [states[name].position[:2] for name in self._assets if name in states]
         if not assets or not self._targets:
             return 0.0
-        far = [
-            min(1.0, min(math.dist(states[name].position, asset) for asset in assets) / self._reach_m)
-            for name in self._targets
-            if name not in self._done and name in states
-        ]
-        return -sum(far) / len(self._targets)
+        seen = {box.entity for frame in frames for box in frame.boxes}
+        total = 0.0
+        for name in self._targets:
+            if name in states and name not in self._done:
+                far_m = min(math.dist(states[name].position[:2], asset) for asset in assets)
+                total += min(1.0, far_m / self._reach_m) / 2.0 + (0.0 if name in seen else 0.5)
+        return -total / len(self._targets)
 
 
 def shaped(before: float, after: float, discount: float, *, ended: bool) -> float:
@@ -54,4 +59,4 @@ def shaped(before: float, after: float, discount: float, *, ended: bool) -> floa
     return discount * (0.0 if ended else after) - before
 
 
-__all__ = ["DistancePotential", "shaped"]
+__all__ = ["TargetPotential", "shaped"]

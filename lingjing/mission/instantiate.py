@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Mapping
+from collections.abc import Set as AbstractSet
+from typing import NamedTuple
 
 import msgspec
 
@@ -37,11 +39,11 @@ from lingjing.mission.evaluate import (
 )
 from lingjing.mission.expression_text import spell
 from lingjing.mission.instance import Budget, Cell, Clock, Entity, Instance, Option, Region, SceneSpec, Weather
-from lingjing.mission.instance_entities import at_path, datum, entities, holds, member_ids, single
+from lingjing.mission.instance_entities import DrawnGroup, at_path, datum, entities, holds, member_ids, single
 from lingjing.mission.interactions import unrestricted_unlocks
 from lingjing.mission.kinds import SEA_M, scene_kind
 from lingjing.mission.languages import ORIGINAL, in_language
-from lingjing.mission.requirements import repeated_draws, unmet
+from lingjing.mission.requirements import Requirements
 from lingjing.mission.seeding import integer, redrawn_path
 from lingjing.mission.tiers import RESERVED_SWITCHES, reserved_switch_error, with_tier
 from lingjing.mission.values import as_number, is_finite
@@ -64,31 +66,40 @@ def instantiate(
     settings: Mapping[str, float] | None = None,
     tier: int = 0,
     language: str = ORIGINAL,
+    is_chosen: bool = False,
 ) -> Instance:
     """Apply seed, mode, tier, language and settings (SI values by parameter name, over those of the tier) to a mission.
 
     Equal arguments give equal instances in every process. If the draws do not meet a requirement, those on which it
-    depends are drawn anew, at most `REDRAWS` times. Raises `UsageError` with all errors of mode and settings (faults at
-    `mode`, `tier`, `language` and `settings.NAME`), `MissionError` if the mission cannot be evaluated or a requirement
-    is not met.
+    depends are drawn anew, at most `REDRAWS` times. `is_chosen`: the alternatives are in place and the switches folded
+    for this mode and these settings (`with_alternatives`). Raises `UsageError` with all errors of mode and settings
+    (faults at `mode`, `tier`, `language` and `settings.NAME`), `MissionError` if the mission cannot be evaluated or a
+    requirement is not met.
     """
     mission = in_language(mission, language)
     redraws: dict[str, int] = {}
     hidden_redraws: dict[str, int] = {}
     settings = with_tier(mission, tier, choose_mode(mission, mode), settings or {}) if tier else settings
+    requirements = Requirements(mission)
+    drawn = _drawn(mission, seed, mode, settings or {}, redraws, hidden_redraws, is_chosen=is_chosen)
     for repetition in itertools.count():
-        instance = _instance(mission, seed, mode, settings or {}, tier, redraws, hidden_redraws)
+        scope = drawn.whole_scope
         with at_path(f"{mission.name}/require"):
-            requirement = unmet(mission, instance)
+            requirement = requirements.unmet(drawn.members, scope)
             if requirement is None:
                 break
-            repeated = repeated_draws(mission, requirement.condition)
+            repeated = requirements.repeated_draws(requirement)
             names = repeated.names - set(settings or ())
             if not names or repetition == REDRAWS:
                 with at_path(f"{mission.name}/require/{1 + mission.requirements.index(requirement)}"):
                     raise _unmet_error(requirement, seed, sorted(names), hidden_only=repeated.hidden_only)
             counts = hidden_redraws if repeated.hidden_only else redraws
             counts |= {name: counts.get(name, 0) + 1 for name in names}
+        if names.isdisjoint(parameter.name for parameter in mission.parameters):
+            drawn = _drawn_again(drawn, seed, names, redraws, hidden_redraws)
+        else:
+            drawn = _drawn(mission, seed, mode, settings or {}, redraws, hidden_redraws, is_chosen=is_chosen)
+    instance = _instance(drawn, scope, seed, tier)
     return instance if language == ORIGINAL else msgspec.structs.replace(instance, language=language)
 
 
@@ -102,21 +113,46 @@ def _unmet_error(requirement: model.Requirement, seed: int, names: list[str], *,
     return MissionError(message, hint=f"widen what is drawn, or loosen the requirement{others if hidden_only else ''}")
 
 
-def _instance(
+class _Drawn(NamedTuple):
+    """The part of an instance that requirements read."""
+
+    mission: model.Mission
+    """With its alternatives in place."""
+    scope: Scope
+    """Params, mode, tick, the ids of all groups, and the regions that depend on no drawn place."""
+    scene: SceneSpec
+    clock: Clock
+    groups: dict[str, DrawnGroup]
+    """The existing groups, in the order of their declarations."""
+
+    @property
+    def members(self) -> tuple[Entity, ...]:
+        """All entities."""
+        return tuple(entity for group in self.groups.values() for entity in group.members)
+
+    @property
+    def whole_scope(self) -> Scope:
+        """The scope with the regions around entities. Raises `MissionError` if one has no outline."""
+        return msgspec.structs.replace(self.scope, areas=_areas(self.mission, self.scope, self.members))
+
+
+def _drawn(
     mission: model.Mission,
     seed: int,
     mode: str | None,
     settings: Mapping[str, float],
-    tier: int,
     redraws: Mapping[str, int],
     hidden_redraws: Mapping[str, int],
-) -> Instance:
-    """The instance with the draws of some names repeated: name → the number of discarded draws, and of those that are
+    *,
+    is_chosen: bool,
+) -> _Drawn:
+    """The draws, with those of some names repeated: name → the number of discarded draws, and of those that are
     discarded for the hidden values alone."""
     repeated = {name: redraws.get(name, 0) + hidden_redraws.get(name, 0) for name in {*redraws, *hidden_redraws}}
     chosen, values = choose_settings(mission, mode, settings, seed, repeated)
     scope = Scope(parameters=values, mode=chosen)
-    mission = with_alternatives(mission, scope)
+    if not is_chosen:
+        mission = with_alternatives(mission, scope)
     clock = _clock(mission, scope)
     scope = msgspec.structs.replace(scope, tick_s=clock.tick_s)
     areas = _areas(mission, scope)
@@ -124,8 +160,27 @@ def _instance(
     scope = msgspec.structs.replace(scope, members=_members(mission, scope))
     instance_rules.check_members(mission, scope)
     scope = msgspec.structs.replace(scope, areas=areas)
-    members, redrawn = _entities(mission, scope, seed, scene.datum_m, redraws, hidden_redraws)
-    scope = msgspec.structs.replace(scope, areas=_areas(mission, scope, members))
+    groups = _groups(mission, scope, seed, scene.datum_m, redraws, hidden_redraws)
+    return _Drawn(mission, scope, scene, clock, groups)
+
+
+def _drawn_again(
+    drawn: _Drawn,
+    seed: int,
+    names: AbstractSet[str],
+    redraws: Mapping[str, int],
+    hidden_redraws: Mapping[str, int],
+) -> _Drawn:
+    """The draws with those of some groups repeated. No group depends on the places of others."""
+    mission = msgspec.structs.replace(
+        drawn.mission, groups=tuple(group for group in drawn.mission.groups if group.name in names)
+    )
+    groups = _groups(mission, drawn.scope, seed, drawn.scene.datum_m, redraws, hidden_redraws)
+    return drawn._replace(groups=drawn.groups | groups)
+
+
+def _instance(drawn: _Drawn, scope: Scope, seed: int, tier: int) -> Instance:
+    mission, members = drawn.mission, drawn.members
     agents = instance_agents.agents(mission, scope)
     fill = PromptFiller(mission, scope, members)
     instance = Instance(
@@ -134,9 +189,9 @@ def _instance(
         goal=fill(mission.goal),
         seed=seed,
         tier=tier,
-        settings=_shown_settings(mission, values),
-        scene=scene,
-        clock=clock,
+        settings=_shown_settings(mission, scope.parameters),
+        scene=drawn.scene,
+        clock=drawn.clock,
         budget=_budget(mission, scope),
         weather=_weather(mission, scope, seed),
         regions=tuple(_region(region, scope) for region in mission.regions),
@@ -159,7 +214,7 @@ def _instance(
             mission, scope, seed, lambda properties: _weather(mission, scope, seed, properties)
         ),
         reveals=instance_rules.reveals(mission, scope),
-        redrawn=redrawn,
+        redrawn=tuple(name for group in drawn.groups.values() for name in group.anew),
         hidden_settings=tuple(param.name for param in mission.parameters if param.hidden),
     )
     with at_path(f"{mission.name}/stages"):
@@ -437,18 +492,21 @@ def _members(mission: model.Mission, scope: Scope) -> dict[str, tuple[str, ...]]
     return ids
 
 
-def _entities(
+def _groups(
     mission: model.Mission,
     scope: Scope,
     seed: int,
     datum_m: float,
     redraws: Mapping[str, int],
     hidden_redraws: Mapping[str, int],
-) -> tuple[tuple[Entity, ...], tuple[str, ...]]:
-    """All entities, and `group.property` of what was drawn anew for want of room."""
+) -> dict[str, DrawnGroup]:
+    """The existing groups with their members."""
     dormant = instance_rules.dormant(mission, scope) if mission.events else frozenset()
-    drawn = [
-        entities(
+    groups = {}
+    for group in mission.groups:
+        if group.name not in scope.members:
+            continue
+        drawn = entities(
             group,
             scope,
             mission=mission.name,
@@ -458,12 +516,9 @@ def _entities(
             redraw=redraws.get(group.name, 0),
             hidden_redraw=hidden_redraws.get(group.name, 0),
         )
-        for group in mission.groups
-        if group.name in scope.members
-    ]
-    members = (entity for group in drawn for entity in group.members)
-    placed = tuple(msgspec.structs.replace(e, dormant=True) if e.id in dormant else e for e in members)
-    return placed, tuple(name for group in drawn for name in group.anew)
+        members = (msgspec.structs.replace(e, dormant=True) if e.id in dormant else e for e in drawn.members)
+        groups[group.name] = drawn._replace(members=tuple(members))
+    return groups
 
 
 def _number(value: Value, name: str) -> float:

@@ -14,7 +14,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from functools import cache
-from importlib.resources import files
 from types import MappingProxyType
 
 import msgspec
@@ -59,6 +58,10 @@ class Phrases:
 @cache
 def phrases(language: str, package: str) -> Phrases:
     """Return the texts that a package writes in a language; English if it has no catalogue of it."""
+    if language == ORIGINAL:
+        return Phrases()
+    from importlib.resources import files  # takes 3 ms of a cold start
+
     file = files(package) / f"phrases.{language}.json"
     catalogue: Mapping[str, str] = from_json(file.read_bytes()) if file.is_file() else _NONE
     return Phrases(language, catalogue)

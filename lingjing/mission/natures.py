@@ -11,8 +11,9 @@ have.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass
 from typing import Protocol
+
+import msgspec
 
 from lingjing.mission.instance import Entity
 from lingjing.mission.vocabulary import CLEARED, DORMANT
@@ -25,8 +26,7 @@ WAITING = "waiting"
 """Status of a target without another nature."""
 
 
-@dataclass(frozen=True, slots=True)
-class TargetNature:
+class TargetNature(msgspec.Struct, frozen=True):
     """The behaviour of a target without interaction."""
 
     word: str = WAITING
@@ -82,8 +82,7 @@ class PlayedInteraction(Protocol):
     def own(self) -> str: ...  # noqa: D102
 
 
-@dataclass(frozen=True, slots=True)
-class TargetTraits:
+class TargetTraits(msgspec.Struct, frozen=True):
     """The facts about a target that decide its nature."""
 
     states: Collection[str]

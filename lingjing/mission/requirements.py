@@ -1,39 +1,56 @@
 """Requirements: conditions that the draws of a seed must meet, `require distance_xy(a, b) >= 100 m because "…"`.
 
-A requirement reads declared places and properties, params and the sizes of groups. `unmet` finds the first one that an
-instance does not meet, and `repeated_draws` the draws that it depends on, which are then drawn anew (ADR 0042). If it
-reads a hidden value, the hidden draws alone are repeated: a public value that was drawn anew would tell something about
-the hidden one (ADR 0045).
+A requirement reads declared places and properties, params and the sizes of groups. `Requirements.unmet` finds the first
+one that drawn members do not meet, and `repeated_draws` the draws that it depends on, which are then drawn anew (ADR
+0042). If it reads a hidden value, the hidden draws alone are repeated: a public value that was drawn anew would tell
+something about the hidden one (ADR 0045).
 """
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from typing import NamedTuple
 
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
 from lingjing.mission import model, operations
-from lingjing.mission.evaluate import Area, Members, Place, Scope, Value
+from lingjing.mission.evaluate import Members, Place, Scope, Value
 from lingjing.mission.fold import Composite, Literal, Meaning, meaning
 from lingjing.mission.functions import operation
-from lingjing.mission.instance import Entity, Instance
+from lingjing.mission.instance import Entity
 from lingjing.mission.values import as_flag, as_whole, is_number
 
 
-def unmet(mission: model.Mission, instance: Instance) -> model.Requirement | None:
-    """The first requirement that an instance does not meet; None if it meets all.
+class Requirements:
+    """The requirements of a mission, compiled once for all of its draws."""
 
-    Raises `MissionError` for a requirement without a value.
-    """
-    world = _Draws(instance)
-    for requirement in mission.requirements:
-        if not as_flag(meaning(requirement.condition, _SEMANTICS)({}, world)):
-            return requirement
-    return None
+    def __init__(self, mission: model.Mission) -> None:
+        self._mission = mission
+        self._meanings: list[Meaning] = []
+        self._repeated: dict[int, RepeatedDraws] = {}
+
+    def unmet(self, members: Iterable[Entity], scope: Scope) -> model.Requirement | None:
+        """The first requirement that drawn members do not meet; None if they meet all. `scope` has the params, the mode
+        and the regions.
+
+        Raises `MissionError` for a requirement without a value.
+        """
+        world = _Draws(members, scope)
+        for place, requirement in enumerate(self._mission.requirements):
+            if place == len(self._meanings):
+                self._meanings.append(meaning(requirement.condition, _SEMANTICS))
+            if not as_flag(self._meanings[place]({}, world)):
+                return requirement
+        return None
+
+    def repeated_draws(self, requirement: model.Requirement) -> RepeatedDraws:
+        """The draws that are repeated until a requirement of the mission holds."""
+        if id(requirement) not in self._repeated:
+            self._repeated[id(requirement)] = repeated_draws(self._mission, requirement.condition)
+        return self._repeated[id(requirement)]
 
 
 class RepeatedDraws(NamedTuple):
@@ -50,25 +67,25 @@ class RepeatedDraws(NamedTuple):
 def repeated_draws(mission: model.Mission, condition: ex.Expr) -> RepeatedDraws:
     """The draws on which a condition depends, directly or through other declarations."""
     hidden = next(_hidden_reads(mission, condition), "")
-    names = _depended(mission, condition)
+    names = depended(mission, (condition,))
     secret = frozenset(name for name in names if hidden and _draws(mission, name, hidden_only=True))
     return RepeatedDraws(secret or frozenset(n for n in names if _draws(mission, n)), hidden, bool(secret))
 
 
 def is_decided(mission: model.Mission, condition: ex.Expr, placed: AbstractSet[str]) -> bool:
     """True if a condition depends on a group with placed members and on nothing that is drawn: it restricts no draw."""
-    return not placed.isdisjoint(_depended(mission, condition)) and not repeated_draws(mission, condition).names
+    return not placed.isdisjoint(depended(mission, (condition,))) and not repeated_draws(mission, condition).names
 
 
-def _depended(mission: model.Mission, condition: ex.Expr) -> frozenset[str]:
-    """The names of all declarations on which a condition depends."""
+def depended(mission: model.Mission, conditions: Iterable[ex.Expr]) -> frozenset[str]:
+    """The names of all params, regions and groups on which conditions depend, directly or through others."""
     values = {param.name: (param.default,) for param in mission.parameters}
     values |= {region.name: (region.shape,) for region in mission.regions}
     for group in mission.groups:
         counts = () if group.count is None else (group.count,)
         values[group.name] = (*counts, *(prop.value for prop in group.properties))
     reached: set[str] = set()
-    queue = list(_referred(condition))
+    queue = [name for condition in conditions for name in _referred(condition)]
     while queue:
         name = queue.pop()
         if name in values and name not in reached:
@@ -130,15 +147,15 @@ def _referred(expr: ex.Expr) -> Iterator[str]:
 class _Draws:
     """The drawn values of an instance; an `EvaluationContext` of `lingjing.mission.values`."""
 
-    def __init__(self, instance: Instance) -> None:
+    def __init__(self, members: Iterable[Entity], scope: Scope) -> None:
         self.groups: dict[str, tuple[Entity, ...]] = {}
-        for entity in instance.entities:
+        for entity in members:
             self.groups[entity.group] = (*self.groups.get(entity.group, ()), entity)
         self.scope = Scope(
-            parameters=instance.settings,
-            mode=instance.mode,
-            areas={region.name: Area(region.polygon) for region in instance.regions if region.polygon},
-            tick_s=instance.clock.tick_s,
+            parameters=scope.parameters,
+            mode=scope.mode,
+            areas={name: area for name, area in scope.areas.items() if area.polygon},
+            tick_s=scope.tick_s,
         )
 
     def place(self, value: Value) -> Place | None:

@@ -11,6 +11,7 @@ import itertools
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
 import msgspec
 
@@ -25,6 +26,7 @@ from lingjing.mission.instance import Instance
 from lingjing.mission.instance_entities import DRAWN_MOST, FARTHEST_M, NodeError, count_of, holds
 from lingjing.mission.instantiate import instantiate, parameters
 from lingjing.mission.kinds import engine_kind, lacks, reach_m, scene_faults, spoken
+from lingjing.mission.requirements import depended
 from lingjing.mission.tiers import setting_number, settings_of_tier
 
 _MAX_MEMBERS = 2_000
@@ -75,7 +77,8 @@ def trial(mission: model.Mission) -> tuple[TrialFault, ...]:
 
 
 def _in_mode(mission: model.Mission, mode: str) -> Iterator[TrialFault]:
-    default_faults = tuple(_with_settings(mission, mode, {}, _MAX_FAULTS))
+    further: list[_Draws] = []
+    default_faults = tuple(_with_settings(mission, mode, {}, further, _MAX_FAULTS))
     yield from default_faults
     reported: set[tuple[str, str]] = set()
     tried = [_values(mission, mode, {})]
@@ -85,7 +88,7 @@ def _in_mode(mission: model.Mission, mode: str) -> Iterator[TrialFault]:
             continue
         tried.append(values)
         chosen = ", ".join(f"{name} = {value:g}" for name, value in settings.items())
-        for fault in _with_settings(mission, mode, settings):
+        for fault in _with_settings(mission, mode, settings, further):
             if (
                 fault.code,
                 fault.path,
@@ -103,10 +106,10 @@ def _values(mission: model.Mission, mode: str, settings: Mapping[str, float]) ->
 
 
 def _with_settings(
-    mission: model.Mission, mode: str, settings: Mapping[str, float], most: int = 1
+    mission: model.Mission, mode: str, settings: Mapping[str, float], further: list[_Draws], most: int = 1
 ) -> Iterator[TrialFault]:
     """Errors with these settings. A declaration with an error is left out and the rest tried again, until `most` errors
-    are reported."""
+    are reported. `further`: the draws of which further seeds were tried in this mode."""
     try:
         entities, agents = _sizes(mission, mode, settings)
         if entities > DRAWN_MOST and any(group.cameras for group in mission.groups):
@@ -119,13 +122,13 @@ def _with_settings(
         yield TrialFault("LJ0507", error.path, error.message, hint_of(error))
         rest = _without(mission, error.path) if most > 1 else None
         if rest is not None:
-            yield from _with_settings(rest, mode, settings, most - 1)
+            yield from _with_settings(rest, mode, settings, further, most - 1)
     except LingjingError as error:
         yield TrialFault("LJ0507", mission.name, str(error), hint_of(error))
     else:
         yield from _of_draws(mission, instance)
         yield from _of_scene(mission, instance)
-        yield from _of_further_seeds(mission, instance, settings)
+        yield from _of_further_seeds(mission, instance, settings, further)
 
 
 def _without(mission: model.Mission, path: str) -> model.Mission | None:
@@ -217,12 +220,26 @@ def _of_draws(mission: model.Mission, instance: Instance) -> Iterator[TrialFault
                 yield TrialFault("LJ0507", f"{mission.name}/{group.name}/position", message, hint)
 
 
+class _Draws(NamedTuple):
+    """The draws of some settings that can fail. Equal ones fail with the same seeds."""
+
+    requirements: tuple[model.Requirement, ...]
+    """Those that the switches leave open."""
+    declarations: tuple[model.Parameter | model.RegionDeclaration | model.Group, ...]
+    """The crowded groups, and all declarations on which these groups and the requirements depend."""
+    values: tuple[float, ...]
+    """The values of the params among the declarations, then the sizes of the groups."""
+
+
 def _of_further_seeds(
-    mission: model.Mission, instance: Instance, settings: Mapping[str, float]
+    mission: model.Mission, instance: Instance, settings: Mapping[str, float], tried: list[_Draws]
 ) -> Iterator[TrialFault]:
-    """The error of the first further seed without an instance, if a draw can fail."""
-    if not mission.requirements and not _is_crowded(mission, instance, settings):
+    """The error of the first further seed without an instance, if a draw can fail. Draws that were `tried` with other
+    settings are left out."""
+    draws = _draws(mission, instance, settings)
+    if draws is None or draws in tried:
         return
+    tried.append(draws)
     for seed in _FURTHER_SEEDS:
         try:
             instantiate(mission, seed=seed, mode=instance.mode, settings=settings)
@@ -233,17 +250,35 @@ def _of_further_seeds(
             return
 
 
-def _is_crowded(mission: model.Mission, instance: Instance, settings: Mapping[str, float]) -> bool:
+def _draws(mission: model.Mission, instance: Instance, settings: Mapping[str, float]) -> _Draws | None:
+    """The draws that can fail with these settings; None if there are none."""
+    values = parameters(mission, instance.mode, settings)
+    areas = {region.name: Area(region.polygon) for region in instance.regions if region.polygon}
+    scope = Scope(parameters=values, mode=instance.mode, areas=areas, tick_s=instance.clock.tick_s)
+    chosen = with_alternatives(mission, scope)
+    requirements = tuple(each for each in chosen.requirements if each.condition != ex.Flag(True))
+    counts = Counter(entity.group for entity in instance.entities)
+    crowded = [group for group in chosen.groups if _is_crowded(group, scope, counts[group.name])]
+    if not requirements and not crowded:
+        return None
+    names = depended(
+        chosen, (*(each.condition for each in requirements), *(ex.Ref(each.name, "group") for each in crowded))
+    )
+    params = tuple(each for each in chosen.parameters if each.name in names)
+    groups = tuple(each for each in chosen.groups if each.name in names)
+    return _Draws(
+        requirements,
+        (*params, *(each for each in chosen.regions if each.name in names), *groups),
+        (*(values[param.name] for param in params), *(float(counts[group.name]) for group in groups)),
+    )
+
+
+def _is_crowded(group: model.Group, scope: Scope, count: int) -> bool:
     """True if the places of a group need so much of their room that a seed may have none for them, or if their room
     depends on more than the declarations."""
-    areas = {region.name: Area(region.polygon) for region in instance.regions if region.polygon}
-    values = parameters(mission, instance.mode, settings)
-    scope = Scope(parameters=values, mode=instance.mode, areas=areas, tick_s=instance.clock.tick_s)
-    counts = Counter(entity.group for entity in instance.entities)
     try:
         return any(
-            crowding(prop.value, scope, counts[group.name]) >= _CROWDED
-            for group in with_alternatives(mission, scope).groups
+            crowding(prop.value, scope, count) >= _CROWDED
             for prop in group.properties
             if isinstance(prop.value, ex.Draw)
         )

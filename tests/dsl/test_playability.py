@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
@@ -97,6 +98,36 @@ def test_a_requirement_that_seed_0_meets_is_tried_with_further_seeds() -> None:
     (error,) = [item for item in compile_text(text).diagnostics if item.severity == "error"]
     assert error.code == "LJ0507" and "seed 1 meets the requirement in none of" in error.message
     assert text.splitlines()[error.span.line - 1].lstrip().startswith("require forall")
+
+
+NEAREST = "  sweep far over reach in [60 m, 90 m]\n  param reach = 60 m in 10 m..500 m\n"
+OTHER = "  sweep wide over other in [1, 2, 3]\n  param other = 1 in 1..3\n"
+
+
+@pytest.mark.parametrize(("added", "instances"), [("", 10), (OTHER, 12), (NEAREST, 20)])
+def test_further_seeds_are_tried_once_for_equal_draws(
+    added: str, instances: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ten seeds for the default settings. Other settings have seed 0 alone, unless the requirement reads them."""
+    seeds: list[int] = []
+
+    def counted(mission: object, *, seed: int = 0, **options: Any) -> Instance:
+        seeds.append(seed)
+        return instantiate(mission, seed=seed, **options)
+
+    monkeypatch.setattr("lingjing.mission.trial.instantiate", counted)
+    text = CASTAWAYS.replace("  mode ", f"{added}  mode ", 1)
+    if added == NEAREST:
+        text = text.replace("uniform(60 m, 120 m)", "uniform(reach, reach + 10 m)")
+    assert not [item for item in compile_text(text).diagnostics if item.severity == "error"]
+    assert len(seeds) == instances
+
+
+def test_an_error_of_further_seeds_names_its_settings() -> None:
+    text = CASTAWAYS.replace("  mode ", f"{NEAREST.replace('90 m', '150 m')}  mode ", 1)
+    text = text.replace("uniform(60 m, 120 m)", "uniform(reach, reach + 10 m)")
+    (error,) = [item for item in compile_text(text).diagnostics if item.severity == "error"]
+    assert error.message.startswith("with reach = 150, seed 5 meets the requirement in none of")
 
 
 def test_a_side_of_an_or_may_name_a_member_that_is_not_there(small: str) -> None:

@@ -6,7 +6,10 @@ Each test skips if its package is not installed, and `test_every_learner_is_inst
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
+import json
+from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -91,6 +94,31 @@ def test_supersuit_makes_all_agents_one_vector_for_ppo(actions: str) -> None:
     assert vector.num_envs == 4
     sb3.PPO("MlpPolicy", vector, n_steps=8, batch_size=8, n_epochs=1, device="cpu").learn(64)
     vector.close()
+
+
+def test_the_example_trains_evaluates_and_stores(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for package in ("sb3_contrib", "matplotlib"):
+        pytest.importorskip(package)
+    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "examples")
+    example = importlib.import_module("learn_bridge")
+    env = example.Inspection()
+    env.reset(seed=1)
+    listed = {name for name, allowed in zip(env._flat.choices, env.action_masks(), strict=True) if allowed}
+    assert {"uav.takeoff/1", "uav.setDestination/east"} <= listed
+    assert all(name.startswith(example.DECISIONS) for name in listed)
+    ended, ticks = False, 0
+    while not ended:
+        _, _, ended, truncated, _ = env.step(env._flat.choices.index("uav.takeoff/1"))
+        ticks += 1
+        assert not truncated
+    assert ticks == 60
+    monkeypatch.setattr(example, "UNSEEN", range(1_000_000, 1_000_002))
+    monkeypatch.setattr("sys.argv", ["learn_bridge.py", "--seeds", "1", "--steps", "64", "--out", str(tmp_path)])
+    example.main()
+    results = json.loads((tmp_path / "results.json").read_text())
+    assert [run["seed"] for run in results["runs"]] == [1]
+    assert results["runs"][0]["unseen"]["full"]["episodes"] == results["random"]["coarse"]["episodes"] == 2
+    assert (tmp_path / "curve.png").stat().st_size > 1000
 
 
 def test_supersuit_stacks_and_clips() -> None:

@@ -245,7 +245,7 @@ def test_a_fault_is_told_of_the_kind_that_says_it(acme: Path) -> None:
 
 
 def test_the_built_in_file_is_held_to_the_same_meaning() -> None:
-    document = kinds.joined(json.loads(kinds._BUILTIN.read_text("utf-8")))
+    document = kinds.joined(json.loads(Path(kinds._BUILTIN).read_text("utf-8")))
     assert list(kinds_file._value_faults(document, KindsFile())) == []
 
 

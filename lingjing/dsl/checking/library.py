@@ -12,9 +12,8 @@ folder; a symbolic link that does counts as missing.
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
-from lingjing.data import data_path
+from lingjing.data import data_folder
 from lingjing.errors import PluginError
 
 DEEPEST = 8
@@ -29,7 +28,7 @@ SHIPPED = ("std", "scenarios")
 
 def shipped_folder(first: str) -> str:
     """The folder of the files with this first word, one of `SHIPPED`."""
-    return str(data_path(first))
+    return data_folder(first)
 
 
 def folder_of(path: str) -> str | None:
@@ -49,8 +48,8 @@ def find_file(path: tuple[str, ...], folder: str | None = None) -> str | None:
     folder = _folder(path[0])
     if folder is None:
         return None
-    file = Path(folder, *path[1:-1], f"{path[-1]}.ljs")
-    return str(file) if file.is_file() else None
+    file = os.path.join(folder, *path[1:-1], f"{path[-1]}.ljs")  # noqa: PTH118 - pathlib is not imported cold
+    return file if os.path.isfile(file) else None  # noqa: PTH113
 
 
 def known_paths(first: str, beside: str | None = None) -> list[str]:
@@ -76,14 +75,14 @@ def _folder(first: str) -> str | None:
 
 
 def _beside(folder: str, path: tuple[str, ...]) -> str | None:
-    file = os.path.realpath(Path(folder, *path[:-1], f"{path[-1]}.ljs"))
+    file = os.path.realpath(os.path.join(folder, *path[:-1], f"{path[-1]}.ljs"))  # noqa: PTH118
     inside = file.startswith(folder.rstrip(os.sep) + os.sep)
-    return file if inside and Path(file).is_file() else None
+    return file if inside and os.path.isfile(file) else None  # noqa: PTH113
 
 
 def _files(folder: str) -> list[str]:
     try:
-        return sorted(file.stem for file in Path(folder).iterdir() if file.suffix == ".ljs")
+        return sorted(name[:-4] for name in os.listdir(folder) if name[1:].endswith(".ljs"))  # noqa: PTH208
     except OSError:
         return []
 

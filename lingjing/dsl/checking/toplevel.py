@@ -6,7 +6,6 @@ import os
 import re
 from collections.abc import Iterator
 from functools import lru_cache
-from pathlib import Path
 
 from lingjing.dsl.checking import library
 from lingjing.dsl.checking.blocks import BlockReader
@@ -71,7 +70,7 @@ def load_library(file: str, chain: tuple[str, ...] = (), files: Files | None = N
     files = files or Files()
     known = files.libraries.get(file)
     if known is None:
-        stat = Path(file).stat()
+        stat = os.stat(file)  # noqa: PTH116 - pathlib is not imported cold
         good = _good(file, stat.st_mtime_ns, stat.st_size)
         known = good[0] if good else check_library(read_source(file), chain, files)
         if not good and not known[1]:

@@ -11,6 +11,7 @@ import itertools
 
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.syntax import tree as s
+from lingjing.mission.conditions.outline import Outlines
 from lingjing.mission.diagnostics import Related, Severity
 from lingjing.mission.feasibility import Proof, prove, unproved
 from lingjing.mission.feasibility.order import circular_stages
@@ -23,7 +24,9 @@ _Place = tuple[int, int]
 
 def report_infeasibility(mission: Mission, tree: s.File, report: Reporter) -> None:
     """Report every proof that the mission cannot be won, and every hint."""
-    proofs, hints = prove(mission), (*too_wide(mission), *won_at_start(mission), *circular_stages(mission))
+    outlines = Outlines(mission)
+    proofs = prove(mission, outlines)
+    hints = (*too_wide(mission), *won_at_start(outlines), *circular_stages(mission))
     notes = unproved(mission)
     node = next((item for item in tree.items if isinstance(item, s.MissionBlock)), None)
     if not (proofs or hints or notes) or node is None:

@@ -6,18 +6,19 @@ import os
 import re
 import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lingjing.dsl.compilation import Compilation
 from lingjing.dsl.diagnostics.render import render_text, summary
 from lingjing.dsl.loading.cache import compile_cached
-from lingjing.dsl.loading.shipped import find_mission
+from lingjing.dsl.loading.shipped import mission_file
 from lingjing.dsl.source.text import SourceText, read_source, read_stream
 from lingjing.errors import MissionError, UsageError
 from lingjing.mission.model import Mission
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from lingjing.mission.diagnostics import Diagnostic
 
 STDIN = "-"
@@ -42,7 +43,7 @@ def load_mission(path: str | os.PathLike[str]) -> Mission:
 
 def load_with_notes(path: str) -> tuple[Mission, tuple[str, ...]]:
     """Load the mission of a file or of a shipped name. For a document, also return notes on its interpretation."""
-    source = source_of(str(find_mission(path)))
+    source = source_of(mission_file(path))
     if is_document(source):
         mission, notes = read_document(source)
         _check_winnable(mission, source)
@@ -66,6 +67,8 @@ def is_document(source: SourceText) -> bool:
 
 def read_document(source: SourceText) -> tuple[Mission, tuple[str, ...]]:
     """The mission of a `mission.json` or a `resetScenario` document, and notes."""
+    from pathlib import Path  # it takes 4 ms of a cold start
+
     from lingjing.mission.document import read
 
     return read(source.text, source.path, templates_beside(Path(source.path).parent))

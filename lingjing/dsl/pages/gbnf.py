@@ -11,6 +11,7 @@ out.
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 from lingjing.dsl.syntax.tables import FILE
 from lingjing.dsl.syntax.tokens import AFTER_SUBJECT, INNER, OWN_WORDS, STATEMENTS, SYMBOLS
@@ -44,7 +45,7 @@ _FIXED = {
 def gbnf() -> str:
     """Return the grammar; its first rule is `root`."""
     text = "\n".join(
-        line for line in FILE.with_name("ljs.lark").read_text(encoding="utf-8").splitlines()
+        line for line in Path(FILE).with_name("ljs.lark").read_text(encoding="utf-8").splitlines()
         if not line.lstrip().startswith(("//", "%"))
     )  # fmt: skip
     rules = {name: _alternatives(body) for name, body in _RULE.findall(text)}

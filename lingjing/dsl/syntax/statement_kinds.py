@@ -16,7 +16,8 @@ A *layout* is the text of a printed statement. `{field}` or `{field:form}` stand
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+
+import msgspec
 
 from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.keys import PropertyKeys
@@ -46,8 +47,7 @@ _RULE_WORDS = {
 _PIECE = re.compile(r"\[|\]|\s+|(?:[a-z_]+:)?[^\s\[\]]+")
 
 
-@dataclass(frozen=True, slots=True)
-class PatternElement:
+class PatternElement(msgspec.Struct, frozen=True):
     """One symbol of a pattern."""
 
     symbol: str
@@ -64,8 +64,7 @@ class PatternElement:
         return (self.word,) if self.word else _RULE_WORDS.get(self.symbol, ())
 
 
-@dataclass(frozen=True, slots=True)
-class Form:
+class Form(msgspec.Struct, frozen=True):
     """One way to write a statement after its keyword."""
 
     pattern: str
@@ -110,8 +109,7 @@ def _element(piece: str, group: int) -> PatternElement:
     return PatternElement(symbol.upper(), label, symbol, group)
 
 
-@dataclass(frozen=True, slots=True)
-class NamePlace:
+class NamePlace(msgspec.Struct, frozen=True):
     """The meaning of the names in one field of a statement."""
 
     declares: str = ""
@@ -130,8 +128,7 @@ class NamePlace:
     """The declarations that completion proposes, where these are other than all names of `spaces`."""
 
 
-@dataclass(frozen=True, slots=True)
-class Layout:
+class Layout(msgspec.Struct, frozen=True):
     """The text of a printed statement."""
 
     head: str
@@ -142,8 +139,7 @@ class Layout:
     """A field and the template of items in which the field is true; ("", "") if all items have one template."""
 
 
-@dataclass(frozen=True, slots=True)
-class StatementKind:
+class StatementKind(msgspec.Struct, frozen=True):
     """One kind of statement, by its keyword."""
 
     keyword: str
@@ -158,12 +154,12 @@ class StatementKind:
     """A statement that parses, for documentation."""
     doc: str
     """Its meaning in one clause, without a full stop."""
-    names: dict[str, NamePlace] = field(default_factory=dict)
+    names: dict[str, NamePlace] = {}
     """Field, or word of a clause → the meaning of the names in it. A field `name` without an entry declares a name in
     the space of the keyword."""
     has_own_words: bool = False
     """True if the words of its patterns, other than those of other statements, are names everywhere else."""
-    keys: PropertyKeys = field(default_factory=dict)
+    keys: PropertyKeys = {}
     """The properties of its block. Those of scenes, assets, targets and types depend on more."""
     part: str = ""
     """Field of `lingjing.mission.model.Mission` that holds what it declares; empty if it is a part of another

@@ -6,13 +6,13 @@ takes 1 ms instead of lark's import (65 ms) and table construction (100 ms and m
 
 from __future__ import annotations
 
-from pathlib import Path
+import os
 
 import msgspec
 
 from lingjing.decoding import from_msgpack
 
-FILE = Path(__file__).with_name("ljs.tables")
+FILE = os.path.join(os.path.dirname(__file__), "ljs.tables")  # noqa: PTH118, PTH120 - pathlib is not imported cold
 """Path of the tables."""
 
 
@@ -44,4 +44,5 @@ class Tables(msgspec.Struct, frozen=True, array_like=True):
 
 def load_tables() -> Tables:
     """Load the tables of the grammar."""
-    return from_msgpack(FILE.read_bytes(), Tables)
+    with open(FILE, "rb") as file:  # noqa: PTH123 - as above
+        return from_msgpack(file.read(), Tables)

@@ -149,7 +149,7 @@ def of_mission(
     values = parameters(mission, mode, settings)
     mission = with_alternatives(mission, Scope(parameters=values, mode=mode))
     mission = loosened(mission, wide)
-    instance = instantiate(_without_draws(mission, wide), mode=mode, settings=settings)
+    instance = instantiate(_without_draws(mission, wide), mode=mode, settings=settings, is_chosen=True)
     scope = _scope(instance, _open_regions(mission, wide))
     scope = msgspec.structs.replace(scope, parameters=_known(scope.parameters, wide))
     opened = {group.name: _opened(group, scope, wide) for group in mission.groups if _is_there(group.name, instance)}
@@ -164,6 +164,23 @@ def of_mission(
         wide=wide,
         displaced_m=_displaced_m(mission, instance, wide),
     )
+
+
+class Outlines:
+    """The outlines of one mission, each made once: several checks read those of the default settings."""
+
+    def __init__(self, mission: model.Mission) -> None:
+        self.mission = mission
+        self._made: dict[tuple[str, tuple[tuple[str, float], ...]], Outline] = {}
+
+    def of(self, mode: str, settings: Mapping[str, float] | None = None, wide: Wide | None = None) -> Outline:
+        """`of_mission` of the mission. Those with wide params are made each time."""
+        if wide:
+            return of_mission(self.mission, mode, settings, wide)
+        key = mode, tuple(sorted((settings or {}).items()))
+        if key not in self._made:
+            self._made[key] = of_mission(self.mission, mode, settings)
+        return self._made[key]
 
 
 def _displaced_m(mission: model.Mission, instance: Instance, wide: Wide) -> float:

@@ -15,7 +15,9 @@ Modules in control-flow order:
 - `refutation`: all checks of one tree of needs, with those of messages and assignments.
 - `steps`, `truths`: macro-steps at which a condition may hold or certainly holds. `condition_values`, `over_time`,
   `comparisons`, `readings`: values, functions over time, comparisons and whole conditions in this form.
-  `milestones`: the earliest moments of the facts that they wait for. `deadlines`: success after the episode's end.
+- `moments`: the earliest moments of the facts that they wait for. `arrivals`: commands and motion. `presence`: events,
+  and targets that appear and vanish. `reports`: pictures and messages. `milestones`: interactions, rules and
+  assignments, and so all facts. `deadlines`: success after the episode's end.
 - `start`: missions that are won or lost at the start. `wide`, `order`: hints, not proofs: satellite pictures much
   wider than the scene, stages that wait for each other.
 
@@ -37,7 +39,7 @@ from lingjing.mission import model
 from lingjing.mission.conditions.condition_needs import needs, some_member
 from lingjing.mission.conditions.drawn_params import cases, open_reason
 from lingjing.mission.conditions.needs import Need
-from lingjing.mission.conditions.outline import ENTITIES_MOST, Outline, of_instance, of_mission, too_large
+from lingjing.mission.conditions.outline import ENTITIES_MOST, Outline, Outlines, of_instance, too_large
 from lingjing.mission.evaluate import number
 from lingjing.mission.feasibility.deadlines import deadline
 from lingjing.mission.feasibility.limits import TimeLimit, episode, of_stage
@@ -51,21 +53,23 @@ from lingjing.mission.tiers import settings_of_tier, tiers_of
 __all__ = ["Proof", "prove", "prove_instance", "prove_outline", "unproved"]
 
 
-def prove(mission: model.Mission) -> tuple[Proof, ...]:
+def prove(mission: model.Mission, outlines: Outlines | None = None) -> tuple[Proof, ...]:
     """Proofs that the mission cannot be won at its default settings, or at one of its tiers, for any seed, in at least
     one of its modes. The lowest tier that cannot be won is proved.
 
     A proof is `partly` one if it does not hold in the mission's own mode. The result is empty if nothing is proved, if
-    the mission cannot be evaluated, or if it is too large.
+    the mission cannot be evaluated, or if it is too large. `outlines` of the mission are read and completed.
     """
+    outlines = outlines or Outlines(mission)
     for tier in tiers_of(mission):
-        proofs = _at_tier(mission, tier)
+        proofs = _at_tier(outlines, tier)
         if proofs:
             return proofs
     return ()
 
 
-def _at_tier(mission: model.Mission, tier: int) -> tuple[Proof, ...]:
+def _at_tier(outlines: Outlines, tier: int) -> tuple[Proof, ...]:
+    mission = outlines.mission
     modes = mission.modes.allowed
     modes_of_proof: dict[Proof, list[str]] = {}
     lost: set[str] = set()
@@ -73,7 +77,7 @@ def _at_tier(mission: model.Mission, tier: int) -> tuple[Proof, ...]:
         try:
             if too_large(mission, mode):
                 return ()
-            proofs = _of_every_draw(mission, mode, settings_of_tier(mission, tier, mode))
+            proofs = _of_every_draw(outlines, mode, settings_of_tier(mission, tier, mode))
         except LingjingError:
             continue
         for proof in proofs:
@@ -86,13 +90,14 @@ def _at_tier(mission: model.Mission, tier: int) -> tuple[Proof, ...]:
     return tuple(msgspec.structs.replace(proof, message=f"at tier {tier}, {proof.message}") for proof in proofs)
 
 
-def _of_every_draw(mission: model.Mission, mode: str, settings: Mapping[str, float]) -> tuple[Proof, ...]:
+def _of_every_draw(outlines: Outlines, mode: str, settings: Mapping[str, float]) -> tuple[Proof, ...]:
     """Proofs for each possible value of the drawn params: those of the first case if all have some, else none. The
     `settings` are fixed."""
     first: tuple[Proof, ...] = ()
+    mission = outlines.mission
     for case in cases(mission, mode):
         wide = {name: bounds for name, bounds in (case.wide or {}).items() if name not in settings}
-        proofs = prove_outline(of_mission(mission, mode, {**case.settings, **settings}, wide))
+        proofs = prove_outline(outlines.of(mode, {**case.settings, **settings}, wide))
         # bodies of an imported document are kept apart when the city is there
         kept = tuple(proof for proof in proofs if not (proof.code == OVERLAP and mission.origin.places))
         if not kept:

@@ -13,7 +13,7 @@ from lingjing.errors import LingjingError
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.certain import Knowledge, known, truth
-from lingjing.mission.conditions.outline import Body, Outline, of_mission, too_large
+from lingjing.mission.conditions.outline import Body, Outline, Outlines, too_large
 from lingjing.mission.feasibility.proof import Proof
 from lingjing.mission.functions import operation
 from lingjing.mission.intervals import Estimate, exactly
@@ -35,10 +35,10 @@ _WON = _Hint("LJ0510", "require a state that agents must bring about")
 _LOST = _Hint("LJ0511", "use a condition that does not hold yet: `now > …`, or the result of an action")
 
 
-def won_at_start(mission: model.Mission) -> tuple[Proof, ...]:
+def won_at_start(outlines: Outlines) -> tuple[Proof, ...]:
     """A hint at the success condition if it holds at the start in every seed, with the modes."""
     message = "success holds at the start, before any agent acts: the mission is won without an action"
-    return _hints(mission, lambda start: (("success", message),) if start.success() else (), _WON)
+    return _hints(outlines, lambda start: (("success", message),) if start.success() else (), _WON)
 
 
 def lost_at_boundary_0(outline: Outline) -> list[Proof]:
@@ -47,13 +47,14 @@ def lost_at_boundary_0(outline: Outline) -> list[Proof]:
 
 
 def _hints(
-    mission: model.Mission, messages_of: Callable[[_StartKnowledge], Iterable[tuple[str, str]]], of: _Hint
+    outlines: Outlines, messages_of: Callable[[_StartKnowledge], Iterable[tuple[str, str]]], of: _Hint
 ) -> tuple[Proof, ...]:
+    mission = outlines.mission
     modes_of_message: dict[tuple[str, str], list[str]] = {}
     for mode in mission.modes.allowed:
         try:
             if not too_large(mission, mode):
-                for at_message in messages_of(_StartKnowledge(of_mission(mission, mode))):
+                for at_message in messages_of(_StartKnowledge(outlines.of(mode))):
                     modes_of_message.setdefault(at_message, []).append(mode)
         except LingjingError:
             continue
