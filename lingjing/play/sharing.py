@@ -7,10 +7,7 @@ not built in are left to each episode.
 from __future__ import annotations
 
 import contextlib
-import sys
-from collections.abc import Iterator
 from importlib import import_module
-from pathlib import Path
 
 import msgspec
 import PIL.Image
@@ -48,8 +45,7 @@ class SharedStart(msgspec.Struct, frozen=True):
 def share(text: str) -> None:
     """Prepare and keep the city and the caches that the episodes of a `SharedStart` (JSON text) use."""
     versions()
-    with _working_folder_first():
-        hold_entries()
+    hold_entries()
     for name in RECORDS:
         container_schema(name)
     PIL.Image.preinit()
@@ -74,16 +70,6 @@ def share(text: str) -> None:
     if start.repeated:
         with contextlib.suppress(LingjingError):  # a plug-in's engine, or a fault that each episode reports
             _announce(options, instance, placed, city, host)
-
-
-@contextlib.contextmanager
-def _working_folder_first() -> Iterator[None]:
-    """Put the working folder first on Python's path, as `python -m` does."""
-    sys.path.insert(0, str(Path.cwd()))
-    try:
-        yield
-    finally:
-        del sys.path[0]
 
 
 def _announce(options: PlayOptions, instance: Instance, placed: Instance, city: City, host: PluginHost) -> None:

@@ -95,7 +95,10 @@ def become_function(request: StartFunction, ends: Sequence[int], output: int, pa
 
 
 def become_module(request: RunModule, descriptors: Sequence[int], server: int, parent: int) -> NoReturn:
-    """Run a module as `python -m` does, and end the process.
+    """Run a module as `python -P -m` does, and end the process.
+
+    The working folder is not on Python's path: it may hold files of an entrant, and one called `shapely.py` would be
+    imported here, without walls, in the place of the installed package.
 
     `descriptors`: the standard streams, then those of `request.further`. `server`: the socket through which the module
     sends requests to the fork server.
@@ -106,7 +109,6 @@ def become_module(request: RunModule, descriptors: Sequence[int], server: int, p
         _set_surroundings(request.surroundings)
         named = zip(("--fork-server", *request.further), (server, *descriptors[3:]), strict=True)
         sys.argv = [request.module, *request.arguments, *(str(word) for pair in named for word in pair)]
-        sys.path.insert(0, os.fsdecode(request.surroundings.folder))  # as `python -m` has it
         if "numpy.random" in sys.modules:
             sys.modules["numpy.random"].seed()  # a fork would go on with the stream of its original
         code = _run(request.module)

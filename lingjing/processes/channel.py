@@ -64,8 +64,8 @@ class Packet:
 class Channel:
     """One end of a socket pair.
 
-    `most_bytes` is for an untrusted process at the other end: a longer packet, or a packet with its payload in a
-    memory, closes the channel.
+    `most_bytes` is for an untrusted process at the other end: a longer packet, or one with descriptors, closes the
+    channel. The kernel closes such descriptors, so that they do not use up those of this process.
     """
 
     def __init__(self, end: socket.socket, most_bytes: int | None = None) -> None:
@@ -155,6 +155,8 @@ class Channel:
         length, count, in_memory = _HEADER.unpack(self._header)
         if self._most_bytes is not None and (length > self._most_bytes or in_memory):
             raise ChannelClosedError(f"a packet has {length} bytes, at most {self._most_bytes} are allowed")
+        if self._most_bytes is not None and count:
+            raise ChannelClosedError(f"a packet has {count} descriptors, and none are allowed")
         if self._payload is None:
             self._payload, self._filled = bytearray(length), 0
         while self._filled < length:
@@ -172,6 +174,11 @@ class Channel:
     def _read_header(self, size: int) -> bytes:
         # Descriptors travel with a packet's first byte and are made close-on-exec as they arrive.
         flags = socket.MSG_CMSG_CLOEXEC
+        if self._most_bytes is not None:
+            data = self._socket.recv(size)
+            if not data:
+                raise ChannelClosedError("the other end closed")
+            return data
         data, descriptors, _, _ = socket.recv_fds(self._socket, size, MAX_DESCRIPTORS, flags)
         self._descriptors += descriptors
         if not data:

@@ -213,7 +213,7 @@ class ForkServer:
         streams: tuple[int, int, int],
         further: Mapping[str, int] | None = None,
     ) -> ForkedProcess:
-        """Run `python -m module arguments` with these descriptors as its standard streams.
+        """Run `python -P -m module arguments` with these descriptors as its standard streams.
 
         `further` are descriptors that the process receives as well, by the option that names each. It has the working
         folder and the environment of this process, and receives SIGTERM when the server ends.

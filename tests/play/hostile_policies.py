@@ -2,15 +2,21 @@
 
 import asyncio
 import ctypes
+import gc
 import os
 import random
 import re
 import signal
+import socket
+import struct
 import subprocess
 import sys
 import threading
 import time
+from array import array
+from contextlib import suppress
 
+import msgspec
 import numpy as np
 
 from lingjing.plugins.policy import Action, Decision, Outgoing
@@ -88,6 +94,40 @@ class Raw(Steady):
             except OSError:
                 continue
         return Decision()
+
+
+class Deep(Steady):
+    """Sends a million lists in each other, past its host, which would refuse them."""
+
+    async def act(self, observation, inbox):
+        decision = {"thought": "", "messages": [{"kind": "report", "body": {"text": None}}]}
+        whole = msgspec.msgpack.encode({"type": "DecisionMade", "decision": decision})
+        _send(whole[:-1] + b"\x91" * 1_000_000 + b"\xc0")
+        return Decision()
+
+
+class Descriptors(Steady):
+    """Sends many descriptors with each byte of a packet, on both of its channels."""
+
+    async def act(self, observation, inbox):
+        null = os.open(os.devnull, os.O_RDONLY)
+        rights = [(socket.SOL_SOCKET, socket.SCM_RIGHTS, array("i", [null] * 50))]
+        for end in _ends():
+            for byte in struct.pack("<QB?", 10, 250, False)[:-1]:
+                with suppress(OSError):
+                    end.sendmsg([bytes([byte])], rights)
+        return Decision()
+
+
+def _ends():
+    host = next(item for item in gc.get_objects() if type(item).__name__ == "_PolicyHost")
+    return [socket.socket(fileno=os.dup(channel.fileno())) for channel in (host._channel, host._calls)]
+
+
+def _send(payload):
+    end = _ends()[0]
+    end.setblocking(True)
+    end.sendall(struct.pack("<QB?", len(payload), 0, False) + payload)
 
 
 class Huge(Steady):

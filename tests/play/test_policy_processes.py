@@ -65,6 +65,8 @@ WORDS = {
     "Wrong": ("malformed", "a lock cannot stand in a decision"),
     "NoDecision": ("malformed", "`act` returned function, not a Decision"),
     "Raw": ("policy_error", "its process sent an invalid answer, or closed its channel"),
+    "Deep": ("policy_error", "its process sent an invalid answer, or closed its channel"),
+    "Descriptors": ("policy_error", "its process sent an invalid answer, or closed its channel"),
     "Huge": ("malformed", r"the decision has \d+ bytes, at most 1000000"),
     "Flood": ("", "printed"),
     "Forks": ("", "forked"),

@@ -31,7 +31,7 @@ from lingjing.processes.walls.offer import check_strict
 from lingjing.processes.walls.readable import installed_files, modules_of
 from lingjing.processes.walls.report import Guard, WallReport, broken_promises
 from tests.play.test_policy_processes import write_mission
-from tests.play.walled_attacks import ATTACKS
+from tests.play.walled_attacks import ATTACKS, CHANNELS
 from tests.play.walled_child import WalledRun
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="walls are made of Linux's own parts")
@@ -148,7 +148,7 @@ def test_an_attack_wins_without_walls_and_fails_behind_them(unwalled: Run, walle
 
 def test_agents_of_one_policy_have_no_channel_beside_the_bus(unwalled: Run, walled: Run) -> None:
     """A module-global board is none under `lingjing run` at all: each agent has a process of its own."""
-    others = dict.fromkeys(("file", "lock", "socket", "memory"), True)
+    others = dict.fromkeys(CHANNELS, True)
     assert unwalled.channels[1] == {"board": False, **others}
     assert walled.channels[1] == dict.fromkeys(("board", *others), False)
 

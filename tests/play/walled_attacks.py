@@ -23,12 +23,17 @@ import threading
 import time
 from pathlib import Path
 
+import numpy as np
+
 from lingjing.plugins.policy import Decision
 
 BOARD = []
 """A whiteboard of all agents with policies in one process."""
 
 _library = ctypes.CDLL(None, use_errno=True)
+
+FUTEX = {"x86_64": 202, "aarch64": 98}.get(os.uname().machine, -1)
+"""The number of the system call."""
 
 ATTACKS = {}
 
@@ -292,6 +297,23 @@ def private_memory(config):
 
 
 @attack
+def growing_memory(config):
+    grows_down = 0x100  # counts as a stack
+    return found(len(mmap.mmap(-1, 600 << 20, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS | grows_down)))
+
+
+@attack
+def deep_stack(config):
+    resource.setrlimit(resource.RLIMIT_STACK, (600 << 20, resource.getrlimit(resource.RLIMIT_STACK)[1]))
+    return found("600 MB")
+
+
+@attack
+def tables_of_addresses(config):
+    return found(len(mmap.mmap(-1, 1 << 40, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS, prot=mmap.PROT_READ)))
+
+
+@attack
 def shared_memory(config):
     return found(len(mmap.mmap(-1, 600 << 20)))
 
@@ -331,6 +353,69 @@ def many_descriptors(config):
     finally:
         for descriptor in kept:
             os.close(descriptor)
+
+
+# -- marks on files that other agents see, without a write
+
+
+@attack
+def pages_that_were_read(config):
+    with open(json.__file__, "rb") as file:
+        return found(os.preadv(file.fileno(), [bytearray(1)], 0, os.RWF_NOWAIT))
+
+
+@attack
+def pages_in_memory(config):
+    with open(json.__file__, "rb") as file, mmap.mmap(file.fileno(), 0, prot=mmap.PROT_READ) as pages:
+        start = np.frombuffer(pages, np.uint8).ctypes.data
+        return found(system("mincore", ctypes.c_void_p(start), ctypes.c_size_t(1), bytearray_of(1)) == 0)
+
+
+@attack
+def newer_calls(config):
+    """`cachestat` of Linux 6.5, which counts the pages of a file in memory."""
+    with open(json.__file__, "rb") as file:
+        place = (ctypes.c_uint64 * 2)(0, 4096)
+        return found(system("syscall", 451, file.fileno(), place, (ctypes.c_uint64 * 5)(), 0) == 0)
+
+
+@attack
+def time_of_a_device(config):
+    os.utime(os.devnull)
+    return found("touched")
+
+
+@attack
+def waiter_at_a_file(config):
+    waiter = Waiter(word=1)
+    waiter.begin()
+    return found(waiter.wake())
+
+
+class Waiter:
+    """A thread that waits at a word of a module's file, and the search for such a thread by another process."""
+
+    def __init__(self, word=0):
+        with open(json.__file__, "rb") as file:
+            self.page = mmap.mmap(file.fileno(), 8, prot=mmap.PROT_READ)
+        self.value = struct.unpack("2I", self.page[:8])[word]
+        self.address = ctypes.c_void_p(np.frombuffer(self.page, np.uint8).ctypes.data + 4 * word)
+
+    def begin(self):
+        threading.Thread(target=self._wait, daemon=True).start()
+        time.sleep(0.2)
+
+    def _wait(self):
+        limit = (ctypes.c_long * 2)(60, 0)
+        _library.syscall(FUTEX, self.address, 0, self.value, limit, None, 0)  # `FUTEX_WAIT`
+
+    def wake(self):
+        """Wake a waiter (`FUTEX_WAKE`), and return their number."""
+        return system("syscall", FUTEX, self.address, 1, 1, None, None, 0)
+
+
+def bytearray_of(size):
+    return (ctypes.c_char * size)()
 
 
 # -- out of the walls
@@ -442,6 +527,10 @@ class Thief:
 # -- channels between agents and between episodes
 
 
+CHANNELS = ("file", "lock", "socket", "memory", "waiter", "device")
+"""The ways of `Writer` and `Reader` beside the board."""
+
+
 class Writer:
     """Leaves a mark in every way that it knows, and holds it."""
 
@@ -450,7 +539,7 @@ class Writer:
         self.kept = []
 
     async def reset(self, brief):
-        pass
+        self.begun_s = time.time()
 
     def _file(self):
         path = Path(tempfile.gettempdir()) / f"{self.config['mark']}-left"
@@ -468,9 +557,17 @@ class Writer:
     def _memory(self):
         self.kept.append(system("shmget", self.config["shm_key"] + 1, 4096, 0o1666))
 
+    def _waiter(self):
+        if not any(isinstance(kept, Waiter) for kept in self.kept):
+            self.kept.append(Waiter())
+            self.kept[-1].begin()
+
+    def _device(self):
+        os.utime(os.devnull)
+
     async def act(self, observation, inbox):
         BOARD.append("mark")
-        for leave in (self._file, self._lock, self._socket, self._memory):
+        for leave in (self._file, self._lock, self._socket, self._memory, self._waiter, self._device):
             with contextlib.suppress(OSError):
                 leave()
         return Decision(thought="written")
@@ -498,9 +595,15 @@ class Reader(Writer):
     def _memory(self):
         return system("shmget", self.config["shm_key"] + 1, 4096, 0) >= 0
 
+    def _waiter(self):
+        return Waiter().wake() > 0
+
+    def _device(self):
+        return os.stat(os.devnull).st_mtime > self.begun_s
+
     async def act(self, observation, inbox):
         results = {"board": bool(BOARD)}
-        for name in ("file", "lock", "socket", "memory"):
+        for name in CHANNELS:
             try:
                 results[name] = getattr(self, f"_{name}")()
             except OSError:

@@ -23,7 +23,7 @@ def told() -> None:
         json.dumps(
             {
                 "arguments": sys.argv[2:-2],
-                "path": sys.path[0],
+                "path": sys.path,
                 "folder": os.getcwd(),
                 "mark": os.environ.get("MARK", ""),
                 "threads_of_openmp": os.environ.get("OMP_NUM_THREADS", ""),

@@ -120,6 +120,25 @@ def test_a_process_that_is_not_trusted_sends_little_and_no_memory(in_memory: boo
     assert len(set(os.listdir("/proc/self/fd")) - before) == 0
 
 
+def test_a_process_that_is_not_trusted_uses_up_no_descriptors() -> None:
+    """Each byte of a header can bring 250 of them, before the packet is whole and can be refused."""
+    ours, theirs = socket.socketpair()
+    channel = Channel(ours, most_bytes=100)
+    before = set(os.listdir("/proc/self/fd"))
+    rights = [(socket.SOL_SOCKET, socket.SCM_RIGHTS, array("i", [theirs.fileno()] * 50))]
+    header = HEADER.pack(4, 250, False)
+    for at in range(len(header)):
+        theirs.sendmsg([header[at : at + 1]], rights)
+        if at < len(header) - 1:
+            with pytest.raises(TimeoutError):
+                channel.receive(WallDeadline(0.0))
+        assert set(os.listdir("/proc/self/fd")) == before
+    with pytest.raises(ChannelClosedError, match="250 descriptors"):
+        channel.receive(WallDeadline(10.0))
+    channel.close()
+    theirs.close()
+
+
 def test_a_descriptor_that_is_no_memory_ends_the_channel(ends: tuple[Channel, Channel]) -> None:
     _, theirs = ends
     ours = socket.socket(fileno=os.dup(ends[0].fileno()))

@@ -130,7 +130,7 @@ class PolicyProcess:
             answer = self._received()
             if answer is None:
                 self._serve_calls()
-        except (ChannelClosedError, msgspec.MsgspecError) as error:
+        except (ChannelClosedError, msgspec.MsgspecError, RecursionError) as error:  # the last for 1,000 nested lists
             if self._ends_by_itself():
                 raise self._error_of_end() from error
             self.end()

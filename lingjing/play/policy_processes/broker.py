@@ -105,7 +105,7 @@ class _Broker:
                 self._take(_REQUESTS.decode(self._policy.receive(WallDeadline(0.0)).payload))
         except TimeoutError:
             return
-        except (ChannelClosedError, msgspec.MsgspecError, OSError):
+        except (ChannelClosedError, msgspec.MsgspecError, RecursionError, OSError):
             self._hang_up()
 
     def _take(self, request: BrokerRequest) -> None:

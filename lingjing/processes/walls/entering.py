@@ -27,6 +27,11 @@ _MOST_THREADS = 64
 _MOST_DESCRIPTORS = 512
 """The most open files. Chosen: pictures need one each for a moment."""
 
+_MOST_STACK = 64 << 20
+"""The most memory of the first thread's stack, bytes, which RLIMIT_DATA does not count. Chosen: 8 times the usual."""
+_MOST_ADDRESSES = 256 << 30
+"""The most address space, bytes. Chosen: the kernel's tables of it are 512 MB at most, and libraries reserve less."""
+
 _SET_DUMPABLE, _DROP_BOUNDING, _AMBIENT, _CLEAR_AMBIENT = 4, 24, 47, 4
 """`PR_SET_DUMPABLE`, `PR_CAPBSET_DROP`, `PR_CAP_AMBIENT`, `PR_CAP_AMBIENT_CLEAR_ALL` of linux/prctl.h."""
 _CAPABILITY_VERSION = 0x20080522
@@ -158,13 +163,16 @@ def _limit(walls: Walls, *, threads: bool) -> None:
         resource.RLIMIT_MEMLOCK: 0,
         resource.RLIMIT_MSGQUEUE: 0,
         resource.RLIMIT_CORE: 0,
+        resource.RLIMIT_STACK: _MOST_STACK,
+        resource.RLIMIT_AS: _MOST_ADDRESSES,
     }
     if threads:
         limits[resource.RLIMIT_NPROC] = _MOST_THREADS
     for kind, value in limits.items():
-        _, most = resource.getrlimit(kind)
+        usual, most = resource.getrlimit(kind)
         value = value if most == resource.RLIM_INFINITY else min(value, most)
-        resource.setrlimit(kind, (value, value))
+        is_lower = kind == resource.RLIMIT_STACK and 0 <= usual < value
+        resource.setrlimit(kind, (usual if is_lower else value, value))
 
 
 def _drop_capabilities() -> None:

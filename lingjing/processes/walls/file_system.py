@@ -29,8 +29,8 @@ _NO_SET_USER_ID, _NO_DEVICES, _NO_PROGRAMS = 0x2, 0x4, 0x8
 _DETACH = 0x2
 """`MNT_DETACH` of umount2(2)."""
 
-_READ_ONLY, _FILES_ONLY = 0x1, 0x2 | 0x4
-"""`MOUNT_ATTR_RDONLY`; `MOUNT_ATTR_NOSUID | MOUNT_ATTR_NODEV` of linux/mount.h."""
+_READ_ONLY, _NO_USER_ID, _FILES_ONLY = 0x1, 0x2, 0x2 | 0x4
+"""`MOUNT_ATTR_RDONLY`; `MOUNT_ATTR_NOSUID`; `MOUNT_ATTR_NOSUID | MOUNT_ATTR_NODEV` of linux/mount.h."""
 _WITHOUT_PATH, _WHOLE_TREE, _CLONE, _FROM_DESCRIPTOR = 0x1000, 0x8000, 0x1, 0x4
 """`AT_EMPTY_PATH`, `AT_RECURSIVE`, `OPEN_TREE_CLONE`, `MOVE_MOUNT_F_EMPTY_PATH`."""
 _HERE = -100
@@ -62,7 +62,8 @@ def enter_own_root(readable: Iterable[str], folder: str) -> None:
     _mount(None, "/", None, _RECURSIVE | _PRIVATE)
     named = [(path, os.path.realpath(path)) for path in map(os.path.abspath, readable)]
     trees = [(path, _copied(path, _READ_ONLY | _FILES_ONLY)) for path in outermost(real for _, real in named)]
-    trees += [(path, _copied(path, 0x2)) for path in _DEVICES]  # a device is none on a mount without devices
+    # A device is none on a mount without devices. It can be written to on a read-only one, and keeps its times there.
+    trees += [(path, _copied(path, _READ_ONLY | _NO_USER_ID)) for path in _DEVICES]
     _mount("lingjing", _PLACE, "tmpfs", _NO_SET_USER_ID | _NO_DEVICES, "size=4m,mode=755")
     os.chdir(_PLACE)
     os.makedirs(SCRATCH[1:], exist_ok=True)  # noqa: PTH103 - relative to a root that is not entered yet

@@ -1,9 +1,12 @@
 """The filter of system calls behind walls (seccomp(2), a classic BPF program).
 
 Every call is allowed except those that reach other processes, make processes or sockets, mount, or leave a mark that
-another process can read without a file: locks, leases and watches on files that several agents can read would be a
-channel between agents which the message bus does not see. A lock on a file reports success and locks nothing, because
-no other process uses the scratch folder.
+another process can read without a file. Several agents can read one file, such as a module of the standard library. A
+lock, a lease, a watch, a waiter or a page in memory of it would be a channel between agents which the message bus does
+not see. A lock reports success and locks nothing, because no other process uses the scratch folder. Advice about the
+pages of a file reports success and does nothing.
+
+A call that is newer than this list does not exist behind walls: `setxattrat` of Linux 6.13 would pass a list of names.
 """
 
 from __future__ import annotations
@@ -18,9 +21,6 @@ from lingjing.processes.walls.system_calls import number_of, prctl
 _AUDIT_ARCHITECTURE = {"x86_64": 0xC000003E, "aarch64": 0xC00000B7}
 """`AUDIT_ARCH_…` of linux/audit.h: seccomp reports it for each call."""
 
-_FIRST_X32 = 0x40000000
-"""The bit of system calls of the x32 interface of x86-64 (`__X32_SYSCALL_BIT`)."""
-
 _DENIED = (
     # other processes
     "ptrace", "process_vm_readv", "process_vm_writev", "process_madvise", "process_mrelease", "kcmp", "pidfd_open",
@@ -29,6 +29,7 @@ _DENIED = (
     # namespaces and mounts
     "unshare", "setns", "mount", "umount2", "pivot_root", "chroot", "open_tree", "move_mount", "fsopen", "fsconfig",
     "fsmount", "fspick", "mount_setattr", "name_to_handle_at", "open_by_handle_at", "mknod", "mknodat", "quotactl",
+    "quotactl_fd",
     # memory, messages and keys outside of the file system
     "keyctl", "add_key", "request_key", "shmget", "shmat", "shmctl", "semget", "semop", "semtimedop", "semctl",
     "msgget", "msgsnd", "msgrcv", "msgctl", "mq_open", "mq_unlink", "memfd_create", "memfd_secret",
@@ -37,6 +38,8 @@ _DENIED = (
     "io_uring_register",
     # watches on files
     "fanotify_init", "fanotify_mark", "inotify_init", "inotify_init1", "inotify_add_watch",
+    # the pages of a file in memory
+    "mincore", "io_setup",
     # processes and programs
     "fork", "vfork", "execve", "execveat",
     # the kernel
@@ -45,7 +48,7 @@ _DENIED = (
 """Calls that fail with EPERM."""
 
 _MARKS = (
-    "chmod", "fchmod", "fchmodat", "fchmodat2", "chown", "fchown", "lchown", "fchownat", "utime", "utimes", "futimesat",
+    "chmod", "fchmod", "fchmodat", "chown", "fchown", "lchown", "fchownat", "utime", "utimes", "futimesat",
     "utimensat", "setxattr", "lsetxattr", "fsetxattr", "removexattr", "lremovexattr", "fremovexattr",
 )  # fmt: skip
 """Calls that change a file without writing to it. Landlock does not cover them; read-only mounts do."""
@@ -59,8 +62,21 @@ _OWN_PROCESS_ONLY = (
 _CLONE_THREAD = 0x00010000
 """`CLONE_THREAD` of linux/sched.h: clone(2) makes a thread and no process."""
 
-_MAP_SHARED_ANONYMOUS = 0x21
-"""`MAP_SHARED | MAP_ANONYMOUS` of mman.h: such memory does not count for RLIMIT_DATA (getrlimit(2))."""
+_UNCOUNTED_MEMORY = (0x21, 0x100)
+"""`MAP_SHARED | MAP_ANONYMOUS` and `MAP_GROWSDOWN` of mman.h: RLIMIT_DATA does not count such memory (getrlimit(2))."""
+
+_FIRST_UNKNOWN = 450
+"""The first call that is newer than `_DENIED`, on both processors: `set_mempolicy_home_node` of Linux 5.17."""
+
+_CACHED_ONLY = 0x8
+"""`RWF_NOWAIT` of linux/fs.h: read only pages that are in memory."""
+
+_WAITS = (0, 6, 8, 9, 11, 13)
+"""`FUTEX_WAIT`, `FUTEX_LOCK_PI`, `FUTEX_TRYLOCK_PI`, `FUTEX_WAIT_BITSET`, `FUTEX_WAIT_REQUEUE_PI`, `FUTEX_LOCK_PI2` of
+linux/futex.h without `FUTEX_PRIVATE_FLAG`. Such a waiter can wait at a page of a file, where another process finds it.
+The C library so waits for the end of a thread, and asks again after EAGAIN (`pthread_join`)."""
+_FUTEX_OPERATION = 0xFF
+"""The bits of a futex operation with its flag of privacy, without that of the clock."""
 
 _PRETENDED_FCNTL = (6, 7, 37, 38)
 """`F_SETLK`, `F_SETLKW`, `F_OFD_SETLK`, `F_OFD_SETLKW` of fcntl.h."""
@@ -122,17 +138,21 @@ def _program(architecture: int, own_pid: int, further: tuple[str, ...]) -> list[
         (_EQUAL, 1, 0, architecture),
         _return(_KILL),
         _load(_NUMBER_AT),
-        (_GREATER_OR_EQUAL, 0, 1, _FIRST_X32),
+        (_GREATER_OR_EQUAL, 0, 1, _FIRST_UNKNOWN),  # those of x32 too
         _return(_ERROR | errno.ENOSYS),
     ]
     for name in (*_DENIED, *further):
         program += _block(name, [_return(_ERROR | errno.EPERM)])
-    program += _block("clone3", [_return(_ERROR | errno.ENOSYS)])  # its flags are in memory: the C library uses clone
-    program += _block("flock", [_return(_ERROR)])
+    for name in ("clone3", "futex_waitv"):  # their flags are in memory, and the C library needs neither
+        program += _block(name, [_return(_ERROR | errno.ENOSYS)])
+    for name in ("flock", "fadvise64"):
+        program += _block(name, [_return(_ERROR)])
     thread = [_load(_ARGUMENTS_AT), (_AND, 0, 0, _CLONE_THREAD), (_EQUAL, 0, 1, _CLONE_THREAD), _return(_ALLOW)]
     program += _block("clone", [*thread, _return(_ERROR | errno.EPERM)])
-    shared = [_load(_argument_at(3)), (_AND, 0, 0, _MAP_SHARED_ANONYMOUS), (_EQUAL, 0, 1, _MAP_SHARED_ANONYMOUS)]
-    program += _block("mmap", [*shared, _return(_ERROR | errno.EPERM), _return(_ALLOW)])
+    program += _block("mmap", [*_by_bits(3, _UNCOUNTED_MEMORY, _ERROR | errno.EPERM), _return(_ALLOW)])
+    program += _block("preadv2", [*_by_bits(5, (_CACHED_ONLY,), _ERROR | errno.EOPNOTSUPP), _return(_ALLOW)])
+    waits = [part for wait in _WAITS for part in ((_EQUAL, 0, 1, wait), _return(_ERROR | errno.EAGAIN))]
+    program += _block("futex", [_load(_argument_at(1)), (_AND, 0, 0, _FUTEX_OPERATION), *waits, _return(_ALLOW)])
     program += _block("fcntl", _by_argument(1, _PRETENDED_FCNTL, _ERROR, _DENIED_FCNTL, _ERROR | errno.EPERM, _ALLOW))
     program += _block("ioctl", _by_argument(1, (), _ALLOW, _DENIED_IOCTL, _ERROR | errno.EPERM, _ALLOW))
     for name in _OWN_PROCESS_ONLY:
@@ -155,6 +175,15 @@ def _by_argument(
         for value in values:
             body += [(_EQUAL, 0, 1, value), _return(value_result)]
     return [*body, _return(otherwise)]
+
+
+def _by_bits(place: int, sets: tuple[int, ...], result: int) -> list[Instruction]:
+    """Return instructions that return `result` if the argument at `place` has all bits of one of the sets."""
+    return [
+        part
+        for bits in sets
+        for part in (_load(_argument_at(place)), (_AND, 0, 0, bits), (_EQUAL, 0, 1, bits), _return(result))
+    ]
 
 
 def _argument_at(place: int) -> int:
