@@ -18,7 +18,6 @@ An episode that the infrastructure lost three times counts as a win, the worst c
 
 from __future__ import annotations
 
-import os
 import secrets
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -38,6 +37,7 @@ from lingjing.errors import UsageError
 from lingjing.mission.tiers import USUAL
 from lingjing.plugins.host import PluginHost
 from lingjing.suggest import did_you_mean
+from lingjing.whole_files import written_whole
 
 SUITE = "adversaries"
 """The name of the shipped matrix."""
@@ -178,18 +178,23 @@ def column_of(cell: SuiteCell) -> str:
     return f"{cell.column.mission}-{cell.column.mode}"
 
 
-def make_salt(folder: Path) -> Path:
+def make_salt(folder: Path, rows: Iterable[SuiteRow] = ()) -> Path:
     """Return the salt file of a results folder, made at random and readable for its owner alone if there is none.
 
-    Raises `UsageError` if it cannot be written.
+    `rows`: those of the folder. Raises `UsageError` if the file cannot be written, or has drawn rows and is gone.
     """
     file = folder / SALT
+    if file.exists():
+        return file
+    if drawn := sum(bool(row.split_sha256) for row in rows):
+        raise UsageError(
+            f"the salt file `{file}` is missing: it has drawn {drawn} row{'s' * (drawn != 1)} there",
+            hint="put it back, or choose another folder with -o",
+        )
     try:
-        descriptor = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-        with os.fdopen(descriptor, "w", encoding="ascii") as text:
-            text.write(f"{secrets.token_hex(32)}\n")
-    except FileExistsError:
-        pass
+        with written_whole(file) as partial:
+            partial.chmod(0o600)
+            partial.write_text(f"{secrets.token_hex(32)}\n", encoding="ascii")
     except OSError as error:
         raise UsageError(f"cannot write `{file}`: {error.strerror}", hint="choose another folder with -o") from error
     return file

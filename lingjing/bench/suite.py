@@ -303,7 +303,7 @@ def faults_of(error: ValidationError, whole: type[SuitePart], parts: Mapping[str
             "."
         )
         if problem["type"] == "too_short" and any(
-            other["loc"][:-1] == problem["loc"] for other in problems if other is not problem
+            other is not problem and other["loc"][: len(problem["loc"])] == problem["loc"] for other in problems
         ):
             continue  # it is too short because its content is wrong, which is reported
         if problem["type"] == "extra_forbidden":

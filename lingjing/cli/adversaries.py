@@ -66,7 +66,7 @@ def play_adversaries(args: argparse.Namespace) -> int:
         plan = plan_of(matrix, PluginHost(), isolate)
         code = code_sha256(plan.files)
         with open_results(args.output or default_folder(plan, code)) as results:
-            salt = make_salt(results.folder)
+            salt = make_salt(results.folder, results.rows)
             run = SuiteRun(plan, results, code, LocalExecutor(args.jobs), keep=args.keep, isolate=isolate,
                            salt=str(salt.absolute()))  # fmt: skip
             run.check_split(plan.cells)

@@ -142,7 +142,7 @@ def _say_size(
             f"{_counted(columns, 'column')}: "
             f"{_counted(len(episodes), 'episode')}, {len(left):,} to play, about {hours:.1f} h"
         )
-    say(f"{_counted(whole, 'episode')} to play, about {whole_h:.0f} h with -j {args.jobs}; results in {folder}")
+    say(f"{_counted(whole, 'episode')} to play, about {whole_h:.1f} h with -j {args.jobs}; results in {folder}")
 
 
 def _counted(number: int, noun: str) -> str:

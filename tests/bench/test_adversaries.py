@@ -29,7 +29,15 @@ from lingjing.bench.adversaries import (
 )
 from lingjing.errors import ExitCode, UsageError
 from lingjing.testing import PluginHost, compiled, run_command, shipped_missions
-from tests.bench.suite_kit import AnsweringExecutor, EpisodeTask, SuitePlan, SuiteRun, answered, open_results
+from tests.bench.suite_kit import (
+    AnsweringExecutor,
+    EpisodeTask,
+    SuitePlan,
+    SuiteRun,
+    answered,
+    made_row,
+    open_results,
+)
 
 Capture = pytest.CaptureFixture[str]
 
@@ -187,6 +195,15 @@ def test_the_salt_is_secret_and_stays(tmp_path: Path) -> None:
     assert make_salt(tmp_path).read_text() == before and len(before) == 65
     with pytest.raises(UsageError, match="cannot write"):
         make_salt(tmp_path / "absent")
+
+
+def test_a_salt_that_has_drawn_rows_is_not_made_anew(tmp_path: Path) -> None:
+    public, sealed = made_row(), msgspec.structs.replace(made_row(), split_sha256="ab" * 32)
+    assert make_salt(tmp_path, [public]).exists()
+    make_salt(tmp_path).unlink()
+    with pytest.raises(UsageError, match="is missing: it has drawn 2 rows there"):
+        make_salt(tmp_path, [public, sealed, sealed])
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_wrong_names_are_told() -> None:

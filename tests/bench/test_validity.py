@@ -121,6 +121,7 @@ def test_all_errors_of_a_program_are_told_at_once(place: Path, capsys: Capture) 
     (place / "tiny.toml").write_text(text.replace('[[parts]]\nname = "redrawn"', '[[parts]]\nname = "adversaries"'))
     assert run_command(command(place, "--check")) == ExitCode.USAGE
     errors = capsys.readouterr().err
+    assert "tuple should have" not in errors, "a part with a fault does not lack"
     for part in (
         "rounds: must grow", "parts[0].seeds: is 0", "parts[0].entrants[1].sees: ", "did you mean `nothing`?",
         "parts[0].entrants[1].speed: ", "parts[1].name: `adversaries` is the name of the study",
@@ -246,12 +247,12 @@ def test_hours_are_said_beforehand_and_learn_from_the_rows(
     assert run_command(command(place, "--check", "-j", "2")) == ExitCode.OK
     errors = capsys.readouterr().err
     assert "reference-tier0: 2 entrants in 1 column: 6 episodes, 6 to play, about 3.0 h" in errors
-    assert "14 episodes to play, about 7 h with -j 2" in errors
+    assert "14 episodes to play, about 7.0 h with -j 2" in errors
     assert not (place / "out").exists() and not tasks.tasks
     assert run_command(command(place, "--limit", "1")) == ExitCode.OK
     capsys.readouterr()
     assert run_command(command(place, "--check")) == ExitCode.OK
-    assert "9 episodes to play, about 0 h with -j 1" in capsys.readouterr().err
+    assert "9 episodes to play, about 0.0 h with -j 1" in capsys.readouterr().err
 
 
 def test_runs_of_policies_with_free_calls_are_not_kept(place: Path, tasks: AnsweringExecutor) -> None:

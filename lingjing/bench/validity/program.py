@@ -91,7 +91,9 @@ class Program(SuitePart):
     rounds: tuple[Annotated[int, Field(ge=1)], ...] = Field(
         (3, 10, 20, 40, 100), min_length=1, strict=False, description="seeds of each study played after each round"
     )
-    seconds: dict[str, float] = Field({}, description="measured seconds of an episode by column")
+    seconds: dict[str, Annotated[float, Field(gt=0)]] = Field(
+        {}, description="measured seconds of an episode by column"
+    )
     parts: tuple[ProgramPart, ...] = Field(min_length=1, strict=False, description="the questions")
     adversaries: ProgramAdversaries | None = Field(None, description="the study of the worst adversaries")
 

@@ -15,6 +15,7 @@ from typing import Any, Protocol
 
 from lingjing.bench.adversaries import (
     FIRST_FRESH,
+    SALT,
     AdversaryMatrix,
     AdversaryRun,
     chosen,
@@ -24,7 +25,7 @@ from lingjing.bench.adversaries import (
     read_matrix,
 )
 from lingjing.bench.executors import Executor
-from lingjing.bench.folder import open_results
+from lingjing.bench.folder import ResultsFolder, open_results
 from lingjing.bench.money import is_paid
 from lingjing.bench.planning import Isolation, SuiteCell, SuitePlan, plan_document
 from lingjing.bench.rows import code_sha256
@@ -286,17 +287,24 @@ def open_studies(
             run = SuiteRun(plan.plan, results, code, executor, keep=keep, keeps_calls=False)
             if isinstance(plan, PlannedAdversaries):
                 run.isolate = "strict" if strict else "yes"
-                run.salt = str(make_salt(results.folder).absolute())
+                run.salt = _salt_of(results, reading=reading)
                 studies.append(AdversaryStudy(plan, run))
             else:
                 run.isolate = "strict" if strict else "foreign"
-                run.salt = str(make_salt(results.folder).absolute()) if plan.part.compares == "redrawn" else ""
+                run.salt = _salt_of(results, reading=reading) if plan.part.compares == "redrawn" else ""
                 run.policy_seed = plan.part.policy_seed
                 studies.append(PartStudy(plan, run, entrants))
             if not reading:
                 run.check_split(plan.plan.cells)
                 run.check_resumable(other_code=other_code)
         yield tuple(studies)
+
+
+def _salt_of(results: ResultsFolder, *, reading: bool) -> str:
+    """Return the path of a folder's salt, which is made unless the folder is only read; "" without a salt."""
+    if reading and not (results.folder / SALT).exists():
+        return ""
+    return str(make_salt(results.folder, results.rows).absolute())
 
 
 __all__ = [
