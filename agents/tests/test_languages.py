@@ -151,13 +151,31 @@ def test_the_request_only_player_refuses_requests_that_it_cannot_read() -> None:
 
 
 def test_a_language_that_a_mission_lacks_is_one_clear_message() -> None:
+    with pytest.raises(lingjing.UsageError, match="mission 'queue' has no texts in 'zh'") as failed:
+        testing.instantiate(lingjing.compile(mission_file("queue")), seed=1, language="zh")
+    assert "`goal zh" in failed.value.faults[0].hint
     mission = lingjing.compile(mission_file("ssr"))
-    with pytest.raises(lingjing.UsageError, match="mission 'ssr' has no texts in 'fr'"):
-        testing.instantiate(mission, seed=1, language="fr")
     agents = tuple(msgspec.structs.replace(agent, prompts={"fr": "Cherche."}) for agent in mission.agents)
     french = msgspec.structs.replace(mission, goals={"fr": "Trouver chaque personne."}, agents=agents)
-    with pytest.raises(lingjing.UsageError, match="written in en and zh alone"):
-        testing.instantiate(french, seed=1, language="fr")
+    for each in (mission, french):  # texts of a mission do not help where the program writes none
+        with pytest.raises(lingjing.UsageError, match="written in en and zh alone") as failed:
+            testing.instantiate(each, seed=1, language="fr")
+        assert failed.value.faults[0].hint == "play in en or zh"
+
+
+@pytest.mark.parametrize("code", ["ZH", "zh-CN", "zh_CN.UTF-8", " zh"])
+def test_other_ways_to_write_a_code_lead_to_it(code: str) -> None:
+    with pytest.raises(lingjing.UsageError) as failed:
+        testing.instantiate(lingjing.compile(mission_file("ssr")), seed=1, language=code)
+    assert failed.value.faults[0].hint == "did you mean `zh`?"
+
+
+@pytest.mark.parametrize("line", [["bench", "main-lite", "--check"], ["models", "check", "gpt-5.4"]])
+def test_a_language_without_sentences_is_refused_once_for_all_missions(
+    line: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert testing.run_command([*line, "--language", "fr"]) == 2
+    assert capsys.readouterr().err.count("written in en and zh alone") == 1
 
 
 @pytest.mark.parametrize("column", COLUMNS)

@@ -89,7 +89,9 @@ class PictureCheck:
 
 def check_column(column: Column, arguments: Mapping[str, GivenOption], max_cost: float | None) -> ColumnCheck:
     """Make the first request of a column, in a folder that is removed. Raises the errors of `lingjing.run`."""
-    options = PlayOptions(mission=str(column.path), mode=column.mode, tier=column.tier, overview=False)
+    options = PlayOptions(
+        mission=str(column.path), mode=column.mode, tier=column.tier, language=column.language, overview=False
+    )
     mission = compiled(options)
     agent = _watcher(instantiate(mission, seed=0, mode=column.mode, tier=column.tier))
     options = msgspec.structs.replace(

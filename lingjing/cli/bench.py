@@ -184,10 +184,13 @@ def _play(args: argparse.Namespace) -> int:
     from lingjing.bench.rows import code_sha256
     from lingjing.bench.running import SuiteRun
     from lingjing.bench.suite import find_suite
+    from lingjing.mission.languages import check_written
     from lingjing.plugins.host import PluginHost
 
     warn_of_broken_plugins()
     path = find_suite(args.suite)
+    if args.language is not None:
+        check_written(args.language)
     if is_attribution_suite(path):
         return measure(path, args)
     if args.method:

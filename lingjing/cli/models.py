@@ -25,6 +25,7 @@ def add_options(parser: ArgumentParser) -> None:
     check = actions.add_parser("check", help="check a model with a few real requests", description=_check.__doc__)
     check.add_argument("model", metavar="NAME", help="a known model, or any name with --policy-arg base_url=URL")
     check.add_argument("--columns", metavar="COLUMN", nargs="+", help="such as ssr-star (default: all twelve)")
+    check.add_argument("--language", metavar="CODE", default="en", help="language of the requests: en (default), zh, …")
     check.add_argument("--policy-arg", metavar="K=V", action="append", default=[], help="an option of `react`")
     check.add_argument("--max-cost", metavar="USD", help="the greatest cost of one column's request")
     check.set_defaults(handler=_check)
@@ -51,17 +52,21 @@ def _check(args: argparse.Namespace) -> int:
     from lingjing.bench.suite import find_suite, read_document
     from lingjing.dsl.loading.load import load_mission
     from lingjing.dsl.loading.shipped import find_mission
+    from lingjing.mission.languages import check_written, in_language
     from lingjing.mission.tiers import USUAL, tiers_of
     from lingjing.plugins.host import PluginHost
 
+    check_written(args.language)
     models = PluginHost().models
     arguments = {**parse_pairs("--policy-arg", args.policy_arg), "model": args.model}
     if args.model not in models and not {"base_url", "base_url_env", "models", "client"} & {*arguments}:
         hint = did_you_mean(args.model, models, "models") or "give its address: --policy-arg base_url=URL"
         raise UsageError(f"there is no model `{args.model}`", hint=hint)
     missions = [Path(find_mission(name)) for name in read_document(find_suite("main"))["missions"]]
-    tiers = {mission.name: USUAL for mission in map(load_mission, missions) if USUAL in tiers_of(mission)}
-    known: dict[str, Column] = {f"{column.mission}-{column.mode}": column for column in columns(missions, tiers=tiers)}
+    loaded = [in_language(load_mission(path), args.language) for path in missions]
+    tiers = {mission.name: USUAL for mission in loaded if USUAL in tiers_of(mission)}
+    each = columns(missions, tiers=tiers, language=args.language)
+    known: dict[str, Column] = {f"{column.mission}-{column.mode}": column for column in each}
     for name in args.columns or ():
         if name not in known:
             raise UsageError(f"there is no column `{name}`", hint=did_you_mean(name, known, "columns"))

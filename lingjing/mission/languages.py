@@ -89,20 +89,26 @@ def in_language(mission: model.Mission, language: str) -> model.Mission:
     """
     if language == ORIGINAL:
         return mission
+    check_written(language)
     own = languages_of(mission)
     if language not in own:
         message = f"mission '{mission.name}' has no texts in '{language}'"
         if language in mission.goals:
             message += f" for the prompt of {', '.join(f'`{name}`' for name in _without(mission, language))}"
-        adding = f'; `goal {language} "…"` and prompts add it' if is_code(language) else ""
-        raise _unknown(message, f"it has {', '.join(own)}{adding}")
-    if language not in WRITTEN:
-        message = f"rules and requests are written in {' and '.join(WRITTEN)} alone, and not in '{language}'"
-        raise _unknown(message, f"play in {' or '.join(WRITTEN)}")
+        raise _unknown(message, f'it has {", ".join(own)}; `goal {language} "…"` and prompts add it')
     agents = tuple(
         msgspec.structs.replace(agent, prompt=agent.prompts.get(language, agent.prompt)) for agent in mission.agents
     )
     return msgspec.structs.replace(mission, goal=mission.goals[language], agents=agents)
+
+
+def check_written(language: str) -> None:
+    """Raise `UsageError` with a fault at `language` for a language in which the program writes no sentences."""
+    if language in WRITTEN:
+        return
+    short = re.split(r"[-_.]", language.strip().lower())[0]
+    hint = f"did you mean `{short}`?" if short in WRITTEN else f"play in {' or '.join(WRITTEN)}"
+    raise _unknown(f"rules and requests are written in {' and '.join(WRITTEN)} alone, and not in '{language}'", hint)
 
 
 def _unknown(message: str, hint: str) -> UsageError:

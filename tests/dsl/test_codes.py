@@ -58,6 +58,7 @@ CASES = [
     ("LJ0127", '"Find everybody."', '"Find everybody."\n  goal zh "Find {uavs}."', 8, 11, "has `{uavs}` besides"),
     ("LJ0127", '"Find everybody."', '"Find {uavs}."\n  goal zh "Find them."', 8, 11, "lacks `{uavs}`"),
     ("LJ0127", '"Find everybody."', '"Find everybody."\n  goal chinese "Find."', 8, 8, "no code of another language"),
+    ("LJ0127", '"Find everybody."', '"Find everybody."\n  goal zh " "', 8, 11, "the goal in `zh` is empty"),
     ("LJ0127", '"Find everybody."', '"Find everybody."\n  goal en "Find."', 8, 8, "`en` is no code of another"),
     ("LJ0127", "observes boat.*,", 'prompt "Go."\n    prompt zh "Go."\n    observes boat.*,', 29, 12, "no text in"),
     ("LJ0201", "heading = 30 deg", "heading = boat", 26, 67, "an angle is due"),

@@ -55,9 +55,9 @@ def test_texts_of_other_languages_are_printed_again(small: str, tmp_path: Path) 
 
 
 def test_run_tells_the_languages_that_a_mission_has(tmp_path: Path) -> None:
-    with pytest.raises(lingjing.UsageError, match="no texts in 'fr'") as error:
-        lingjing.run("ssr", policy="idle", language="fr", overview=False, out=tmp_path / "run")
-    assert error.value.hint and "it has en, zh" in error.value.hint
+    with pytest.raises(lingjing.UsageError, match="mission 'queue' has no texts in 'zh'") as error:
+        lingjing.run("queue", policy="idle", language="zh", overview=False, out=tmp_path / "run")
+    assert error.value.hint and "it has en;" in error.value.hint
 
 
 @pytest.mark.parametrize(

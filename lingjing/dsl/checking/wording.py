@@ -65,6 +65,9 @@ class WordingChecker(DeclarationChecker):
             elif original is None:
                 hint = f'add `{node.keyword} "…"` in English'
                 self.report.at("LJ0127", node.language, f"there is no {node.keyword} to translate", hint)
+            elif original.text.value.strip() and not node.text.value.strip():
+                hint = "write the whole text in it, or remove this line"
+                self.report.at("LJ0127", node.text, f"the {node.keyword} in `{code}` is empty", hint)
             else:
                 self._same_holes(original, node)
                 texts[code] = self.text(node, environment)
