@@ -103,6 +103,10 @@ mission trial "Trial" {{
 }}
 """
 
+AT_HOME = "distance_xy(bus, home) <= 30 m"
+LASTING = """adjudicate stayed(d: corner) { when held(distance_xy(bus, d) <= 30 m, 25 s) }
+  adjudicate rested(d: home) { when held(distance_xy(bus, d) <= 30 m, 25 s) }"""
+
 
 @pytest.mark.parametrize(
     ("success", "rules"),
@@ -114,6 +118,8 @@ mission trial "Trial" {{
         ("stop.status == empty or bus.seats >= 9", ""),
         ("f.heat <= 0", "unlock extinguish(x: f) when home.beds <= 46"),
         ("emitted(extinguish, f) and distance_xy(bus, home) <= 30 m", ""),
+        (f"{AT_HOME} and before(distance_xy(bus, corner) <= 30 m, {AT_HOME})", ""),
+        ("stayed(corner) and rested(home)", LASTING),
     ],
 )
 def test_one_bus_reaches_each_kind_of_goal(success: str, rules: str, tmp_path: Path) -> None:

@@ -165,3 +165,36 @@ def test_what_no_goal_covers_is_open_with_the_reason() -> None:
 def test_an_alternative_that_declared_values_rule_out_is_left_out() -> None:
     leaf = only("f[1].heat <= 0 or (f[2].heat <= 0 and bus.seats >= 9)")
     assert isinstance(leaf, LevelGoal) and leaf.entities == ("f[1]",)
+
+
+@pytest.mark.parametrize(
+    ("success", "first", "then"),
+    [
+        ("bus in yard and before(distance_xy(bus, home) <= 30 m, bus in yard)", "home", ""),
+        ("before(distance_xy(bus, home) <= 30 m, bus in yard) and (bus in yard or stop.waiting == 0)", "home", ""),
+        ("before(bus in yard, distance_xy(bus, home) <= 30 m) and there()", "", "home"),
+    ],
+)
+def test_what_is_to_be_true_later_comes_behind_what_is_to_be_true_first(success: str, first: str, then: str) -> None:
+    goal = goal_of(success, "adjudicate there() { when distance_xy(bus, home) <= 30 m }")
+    (ordered,) = ordered_goals(goal)
+    reached = [leaf for leaf in (ordered.first, ordered.then) if isinstance(leaf, ReachGoal)]
+    assert [leaf.entity for leaf in reached] == [first, then]
+    assert any(leaf == ordered.first for leaf in parts_of(goal))  # the first is a goal of its own, too
+
+
+def test_what_success_does_not_want_is_no_goal_of_an_order() -> None:
+    assert not ordered_goals(goal_of("before(bus in yard, distance_xy(bus, home) <= 30 m) and stop.waiting == 0"))
+
+
+def parts_of(goal: Goal) -> list[Goal]:
+    match goal:
+        case Alternatives(parts=parts):
+            return [goal, *(inner for part in parts for inner in parts_of(part))]
+        case Judged(part=part):
+            return [goal, *parts_of(part)]
+    return [goal]
+
+
+def ordered_goals(goal: Goal) -> list[Ordered]:
+    return [part for part in parts_of(goal) if isinstance(part, Ordered) and isinstance(part.then, ReachGoal)]

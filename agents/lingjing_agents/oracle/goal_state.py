@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from functools import cached_property
 
+import msgspec
+
 from lingjing.plugins.tasks import (
     Alternatives,
     AssignGoal,
@@ -20,6 +22,7 @@ from lingjing.plugins.tasks import (
     ReachGoal,
     ReportGoal,
     StatusGoal,
+    leaves_of,
 )
 from lingjing_agents.ground_plane import GroundPoint, inside
 from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState
@@ -53,6 +56,11 @@ class GoalState:
         """The ids of the bodies that some agent commands."""
         return frozenset(name for agent in self._plan.instance.agents for name in agent.commands)
 
+    @cached_property
+    def _lasting(self) -> frozenset[str]:
+        """The rules whose event comes only after a condition has been true for some time: a body must stay there."""
+        return frozenset(rule.name for rule in self._plan.instance.rules if _calls(rule.condition, "held"))
+
     def wanted(self) -> tuple[LeafGoal, ...]:
         """The unmet leaves to work towards now: of alternatives the ones with a way, the nearest first."""
         return tuple(dict.fromkeys(self._wanted(self._plan.goals)))
@@ -83,8 +91,8 @@ class GoalState:
             case Alternatives(least=least, parts=parts):
                 return sum(map(self.met, parts)) >= least
             case Judged(rule=rule, entities=ids, part=part):
-                held = any(name == rule and set(ids) <= set(about) for name, about in self._truth.known.achieved)
-                return held or self.met(part)
+                achieved = any(name == rule and set(ids) <= set(about) for name, about in self._truth.known.achieved)
+                return achieved or (self.met(part) and rule not in self._lasting)
             case Ordered(then=then):
                 return self.met(then)
         return self._leaf_met(goal)
@@ -130,7 +138,7 @@ class GoalState:
                     self._unlocked.add(id(goal))
                 return self._wanted(then if id(goal) in self._unlocked else first)
             case Judged(part=part):
-                return self._wanted(part)
+                return self._wanted(part) or [leaf for leaf in leaves_of(part) if isinstance(leaf, ReachGoal)]
         return [goal]
 
     def _cost(self, goal: Goal) -> tuple[int, float]:
@@ -194,6 +202,16 @@ class GoalState:
         spec = next((spec for spec in self._plan.instance.inspections if spec.name == name), None)
         route = self._truth.routes.get(spec.asset) if spec is not None else None
         return route is not None and len(self._truth.known.inspected.get(name, ())) >= len(route.waypoints)
+
+
+def _calls(expression: object, function: str) -> bool:
+    """Return whether an expression calls a function."""
+    if isinstance(expression, tuple):
+        return any(_calls(part, function) for part in expression)
+    if not isinstance(expression, msgspec.Struct):
+        return False
+    named = getattr(expression, "function", "") == function
+    return named or any(_calls(getattr(expression, name), function) for name in expression.__struct_fields__)
 
 
 def middle(outline: tuple[GroundPoint, ...]) -> GroundPoint:

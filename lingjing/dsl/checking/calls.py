@@ -292,6 +292,11 @@ class CallChecker:
         known = self.scope.interactions()
         if isinstance(node, s.Name) and node.text in known:
             return TypedExpression(ex.Symbol(node.text), Type("interaction"))
+        if isinstance(node, s.Name) and node.text in self.scope.messages:
+            message = f"`{node.text}` is a kind of messages, and no event of the world"
+            hint = f"read its messages: `count(true for m in {node.text})`, `exists m in {node.text}: …`"
+            self.report.at("LJ0201", node, message, hint)
+            return UNKNOWN
         if isinstance(node, s.Name):
             return UNKNOWN if self.scope.incomplete else self.of.unknown_name(node, list(known), "no interaction")
         quoted = node.value if isinstance(node, s.TextLiteral) and node.value in known else None

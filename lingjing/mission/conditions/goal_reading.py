@@ -8,6 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from collections.abc import Set as AbstractSet
+
+import msgspec
 
 from lingjing.mission import expression as ex
 from lingjing.mission.certain import truth
@@ -16,6 +19,7 @@ from lingjing.mission.conditions.goals import (
     Alternatives,
     Goal,
     Judged,
+    LeafGoal,
     LevelGoal,
     OpenGoal,
     Ordered,
@@ -24,6 +28,7 @@ from lingjing.mission.conditions.goals import (
     StatusGoal,
     every,
     is_never,
+    leaves_of,
     some,
 )
 from lingjing.mission.conditions.leaf_goals import LeafReader, Names
@@ -40,7 +45,8 @@ _MIRRORED: Mapping[str, str] = {"<": ">", "<=": ">=", ">": "<", ">=": "<=", "=="
 
 def goals(instance: Instance) -> Goal:
     """The goals of an instance's success."""
-    return _GoalReader(instance).part(instance.success, {}, "success")
+    reader = _GoalReader(instance)
+    return reader.in_order(reader.part(instance.success, {}, "success"))
 
 
 class _GoalReader:
@@ -56,6 +62,16 @@ class _GoalReader:
         self._kinds = {message.kind for message in instance.messages}
         self._open: list[str] = []
         self._left = _MAX_PARTS
+        self._before: list[tuple[Goal, Goal]] = []
+        """The goals of the conditions of each `before(…, …)`."""
+
+    def in_order(self, goal: Goal) -> Goal:
+        """The goal, with what must be true later in each `before(…, …)` behind what must be true first."""
+        for first, second in self._before:
+            sooner = {_without_place(leaf) for leaf in leaves_of(first)}
+            later = {_without_place(leaf) for leaf in leaves_of(second)} - sooner
+            goal = _behind(goal, later, first)
+        return goal
 
     def part(self, expr: ex.Expr, names: Names, at: str) -> Goal:
         """The goal of a condition or a part of it."""
@@ -77,8 +93,10 @@ class _GoalReader:
                 return self.part(condition, names, at)
             case ex.Call(function="within", arguments=(first, second, _)):
                 return _ordered(self.part(first, names, at), self.part(second, names, at))
-            case ex.Call(function="before", arguments=(first, _)):
-                return self.part(first, names, at)
+            case ex.Call(function="before", arguments=(first, second)):
+                goal = self.part(first, names, at)
+                self._before.append((goal, self.part(second, names, at)))
+                return goal
         return self._leaf(expr, names, at)
 
     def _negated(self, expr: ex.Expr, names: Names, at: str) -> Goal:
@@ -255,6 +273,22 @@ def _never(expr: ex.Expr, at: str, reason: str) -> OpenGoal:
 
 def _ordered(first: Goal, then: Goal) -> Goal:
     return then if first == MET else Ordered(first=first, then=then)
+
+
+def _without_place(leaf: LeafGoal) -> LeafGoal:
+    """The leaf without its place in the text: equal leaves of two conditions are one goal."""
+    return msgspec.structs.replace(leaf, at="", text="")
+
+
+def _behind(goal: Goal, later: AbstractSet[LeafGoal], first: Goal) -> Goal:
+    """The goal with each of the leaves `later` behind the goal `first`."""
+    match goal:
+        case Alternatives(parts=parts):
+            return msgspec.structs.replace(goal, parts=tuple(_behind(part, later, first) for part in parts))
+        case Ordered(then=then) | Judged(part=then):
+            name = "then" if isinstance(goal, Ordered) else "part"
+            return msgspec.structs.replace(goal, **{name: _behind(then, later, first)})
+    return _ordered(first, goal) if _without_place(goal) in later else goal
 
 
 def _domains(rule: Rule) -> set[str]:
