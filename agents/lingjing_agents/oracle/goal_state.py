@@ -58,7 +58,7 @@ class GoalState:
 
     @cached_property
     def _lasting(self) -> frozenset[str]:
-        """The rules whose event comes only after a condition has been true for some time: a body must stay there."""
+        """The rules with `held(…)`: a body stays where their conditions are true, until their events come."""
         return frozenset(rule.name for rule in self._plan.instance.rules if _calls(rule.condition, "held"))
 
     def wanted(self) -> tuple[LeafGoal, ...]:

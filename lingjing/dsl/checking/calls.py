@@ -45,8 +45,29 @@ class CallChecker:
             self._all_arguments(node, environment)
             right_name = CALLS.get(name)
             hint = f"write `{right_name}`" if right_name else FOREIGN_FUNCTIONS.get(name, "")
+            if name in self.scope.interactions():
+                self.report.at(
+                    "LJ0101",
+                    node.function,
+                    f"`{name}` is an interaction and no function",
+                    f"write `emitted({name}, …)`",
+                )
+                return UNKNOWN
             known = [*self.scope.rules] if right_name else [*FUNCTIONS, *self.scope.rules]
             return self.of.unknown_name(node.function, known, "no function", hint, right_name)
+        first = node.arguments[0].value if node.arguments else None
+        if (
+            name in ("held", "within")
+            and isinstance(first, s.NumberLiteral)
+            and len(node.arguments) == len(signature.parameters)
+        ):
+            self._all_arguments(node, environment)
+            conditions = ", ".join("ab"[: TEMPORAL[name]])
+            written = self.report.source.text[first.start : first.end]
+            self.report.at(
+                "LJ0201", first, f"the time of `{name}` comes last", f"write `{name}({conditions}, {written})`"
+            )
+            return UNKNOWN
         if signature.where == "rule" and not environment.rule:
             self._misplaced(node, f"`{name}(…)` is known only while the mission runs", "use it in a rule")
             return UNKNOWN

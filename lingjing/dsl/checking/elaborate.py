@@ -347,7 +347,7 @@ class Elaborator(ExpressionChecker):
         if foreign is FIELDS and name.text in _DECLARED:
             self.report.at("LJ0102", name, message, f"declare it in the block of {owner}: `{_DECLARED[name.text]}`")
             return UNKNOWN
-        if right_name is not None:
+        if right_name is not None and right_name.partition(".")[0] in known:
             self.report.at("LJ0102", name, message, f"write `{right_name}`", replace=right_name)
         else:
             self.report.unknown("LJ0102", name, message, known)
@@ -521,6 +521,9 @@ class Elaborator(ExpressionChecker):
         if isinstance(node.left, s.BinaryExpr) and left.type == FLAG:
             middle = self.report.source.text[node.left.right.start : node.left.right.end]
             hint = f"a comparison has two sides: write `… and {middle} {node.operator} …`"
+        for part, other in ((node.left, right), (node.right, left)):
+            if isinstance(part, s.TextLiteral) and other.type.kind == "quantity":
+                hint = "a number stands without quotes, with its unit: `50 %`, `20 m`"
         self.report.at(code, node, f"`{node.operator}` cannot compare {ours} with {theirs}", hint)
         return UNKNOWN
 

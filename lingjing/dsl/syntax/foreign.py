@@ -55,6 +55,9 @@ STATEMENTS: dict[str, str] = {
     **dict.fromkeys(("time", "timing"), "clock"),
     **dict.fromkeys(("sequence", "seq", "in_order"), "serial"),
     **dict.fromkeys(("terminate", "abort"), "failure"),
+    **dict.fromkeys(("block", "shut", "barricade"), "close"),
+    **dict.fromkeys(("unblock", "unclose", "open"), "reopen"),
+    **dict.fromkeys(("complete", "completed", "finished", "satisfied"), "done"),
     "version": "ljs",
 }
 """Word that begins a statement elsewhere → the keyword."""
@@ -177,6 +180,7 @@ FIELDS: dict[str, str] = {
     **dict.fromkeys(("yaw", "bearing", "direction"), "heading"),
     **dict.fromkeys(("state", "condition"), "status"),
     "vel": "velocity",
+    **dict.fromkeys(("battery_level", "battery_percent", "battery_pct", "charge", "soc", "energy"), "battery"),
 }
 """Field of an entity elsewhere → the field."""
 AXES: dict[str, str] = {"altitude": "elevation", "alt": "elevation", "height": "elevation", "up": "elevation"}
