@@ -11,17 +11,18 @@ import itertools
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from collections.abc import Set as AbstractSet
 from typing import NamedTuple
 
 import msgspec
 
 from lingjing.errors import LingjingError, MissionError, hint_of
-from lingjing.mission import elements, model
+from lingjing.mission import elements, geometry2d, model
 from lingjing.mission import expression as ex
 from lingjing.mission.alternatives import with_alternatives
 from lingjing.mission.conditions.spread import places
-from lingjing.mission.draws import crowding
-from lingjing.mission.evaluate import Area, Scope
+from lingjing.mission.draws import crowding, line_of, outline
+from lingjing.mission.evaluate import Area, Scope, number
 from lingjing.mission.instance import Instance
 from lingjing.mission.instance_entities import DRAWN_MOST, FARTHEST_M, NodeError, count_of, holds
 from lingjing.mission.instantiate import instantiate, parameters
@@ -38,6 +39,10 @@ tried once."""
 
 _FURTHER_SEEDS = range(1, 10)
 """Seeds that are tried besides 0 where a draw can fail (chosen: those that are played first)."""
+
+_MOST_FURTHER = 40_000
+"""The most members that are drawn with further seeds in one mode (chosen: some 4 s). A sweep of many values of a large
+mission is tried with seed 0 alone beyond them."""
 
 _CROWDED = 0.4
 """The share of its room from which on a draw of places can fail (chosen: below the 0.7 at which it fails in a large
@@ -236,6 +241,9 @@ def _of_further_seeds(
 ) -> Iterator[TrialFault]:
     """The error of the first further seed without an instance, if a draw can fail. Draws that were `tried` with other
     settings are left out."""
+    members = len(instance.entities) * len(_FURTHER_SEEDS)
+    if tried and members * (1 + len(tried)) > _MOST_FURTHER:
+        return
     draws = _draws(mission, instance, settings)
     if draws is None or draws in tried:
         return
@@ -258,7 +266,12 @@ def _draws(mission: model.Mission, instance: Instance, settings: Mapping[str, fl
     chosen = with_alternatives(mission, scope)
     requirements = tuple(each for each in chosen.requirements if each.condition != ex.Flag(True))
     counts = Counter(entity.group for entity in instance.entities)
-    crowded = [group for group in chosen.groups if _is_crowded(group, scope, counts[group.name])]
+    varying = {each.name for each in chosen.parameters if isinstance(each.default, ex.Draw)}
+    crowded = [
+        group
+        for group in chosen.groups
+        if counts[group.name] and (_varies(chosen, group, varying) or _is_crowded(group, scope, counts[group.name]))
+    ]
     if not requirements and not crowded:
         return None
     names = depended(
@@ -273,17 +286,41 @@ def _draws(mission: model.Mission, instance: Instance, settings: Mapping[str, fl
     )
 
 
+def _varies(mission: model.Mission, group: model.Group, varying: AbstractSet[str]) -> bool:
+    """True if a group's places have a distance between them, and their number, room or distance depends on a param that
+    each seed draws (`varying`): then seed 0 does not show how crowded they can be."""
+    draws = [prop.value for prop in group.properties if isinstance(prop.value, ex.Draw)]
+    is_apart = any(name == "apart" for draw in draws for name, _ in draw.named)
+    return is_apart and bool(varying) and bool(depended(mission, (ex.Ref(group.name, "group"),)) & varying)
+
+
 def _is_crowded(group: model.Group, scope: Scope, count: int) -> bool:
     """True if the places of a group need so much of their room that a seed may have none for them, or if their room
     depends on more than the declarations."""
     try:
         return any(
-            crowding(prop.value, scope, count) >= _CROWDED
+            max(crowding(prop.value, scope, count), _tightness(prop.value, scope, count)) >= _CROWDED
             for prop in group.properties
             if isinstance(prop.value, ex.Draw)
         )
     except MissionError:
         return True
+
+
+def _tightness(expr: ex.Draw, scope: Scope, count: int) -> float:
+    """As `crowding`, of the room without its margin `clear`, and of the extent of a line that turns back beside itself;
+    0 if the places have no distance between them."""
+    named = {name: number(value, scope) for name, value in expr.named if name in ("apart", "clear")}
+    apart, clear = named.get("apart", 0.0), named.get("clear", 0.0)
+    if count < 2 or apart <= 0.0:
+        return 0.0
+    if expr.distribution == "sites_along":
+        west, south, east, north = geometry2d.bounds(line_of(expr, scope))
+        return count * apart / max(math.dist((west, south), (east, north)) - 2.0 * clear, 1e-9)
+    if not (polygon := outline(expr, scope)):
+        return 0.0
+    edge_m = sum(math.dist(a, b) for a, b in itertools.pairwise((*polygon, *polygon[:1])))
+    return count * apart**2 / max(abs(geometry2d.signed_area(polygon)) - clear * edge_m, 1e-9)
 
 
 def _of_scene(mission: model.Mission, instance: Instance) -> Iterator[TrialFault]:

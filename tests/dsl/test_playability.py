@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 import msgspec
@@ -91,6 +92,42 @@ def test_crowded_places_are_drawn_with_further_seeds(places: str, fits: bool) ->
     assert [item.code for item in errors] == ([] if fits else ["LJ0507"])
     assert fits or "apart do not fit" in errors[0].message
     assert fits or "along" in places or "with seed " in errors[0].message
+
+
+@pytest.mark.parametrize(
+    ("people", "places"),
+    [
+        ("integer(1, 14)", "sites(search, apart >= 95 m)"),
+        ("integer(3, 3)", f"sites_along([{', '.join(['(-50 m, -1300 m), (50 m, -1300 m)'] * 5)}], apart >= 45 m)"),
+    ],
+    ids=["a number that each seed draws", "a line that turns back"],
+)
+def test_places_that_seed_0_does_not_show_to_be_crowded_are_drawn_with_further_seeds(people: str, places: str) -> None:
+    text = "\n".join(line for line in CASTAWAYS.splitlines() if not line.lstrip().startswith("require"))
+    text = text.replace("sites(search, apart >= 40 m)", places).replace("integer(2, 4)", people)
+    (error,) = [item for item in compile_text(text).diagnostics if item.severity == "error"]
+    assert error.code == "LJ0507" and "with seed " in error.message and "do not fit" in error.message
+
+
+def test_further_seeds_of_a_large_mission_are_drawn_for_its_first_settings(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[tuple[int, float]] = []
+    make = resolve_name("lingjing.mission.trial:instantiate")
+
+    def noted(mission: object, **options: Any) -> Instance:
+        drawn.append((options.get("seed", 0), options["settings"].get("people", 0.0)))
+        instance: Instance = make(mission, **options)
+        return instance
+
+    monkeypatch.setattr("lingjing.mission.trial.instantiate", noted)
+    text = "\n".join(line for line in CASTAWAYS.splitlines() if not line.lstrip().startswith("require"))
+    text = text.replace("hidden people ~ integer(2, 4)", "people = 4 in 1..9").replace("apart >= 40 m", "apart >= 95 m")
+    text = text.replace("  mode broadcast\n", "  mode broadcast\n  sweep crowd over people in [5, 6]\n")
+    for most, further in ((40_000, {5.0, 6.0}), (110, {5.0}), (0, set())):
+        drawn.clear()
+        monkeypatch.setattr("lingjing.mission.trial._MOST_FURTHER", most)
+        assert compile_text(text).diagnostics == ()
+        assert {people for seed, people in drawn if seed and people} == further
+        assert {seed for seed, people in drawn if not people} == set(range(10)), "the usual setting is always tried"
 
 
 def test_a_requirement_that_seed_0_meets_is_tried_with_further_seeds() -> None:
