@@ -130,6 +130,16 @@ def test_further_seeds_of_a_large_mission_are_drawn_for_its_first_settings(monke
         assert {seed for seed, people in drawn if not people} == set(range(10)), "the usual setting is always tried"
 
 
+@pytest.mark.parametrize(("clear_m", "fits"), [(112, True), (118, False)])
+def test_places_with_a_wide_edge_are_drawn_with_further_seeds(clear_m: int, fits: bool) -> None:
+    places = f"sites(search, apart >= 40 m, clear >= {clear_m} m)"
+    text = CASTAWAYS.replace("sites(search, apart >= 40 m)", places).replace("integer(2, 4)", "integer(4, 4)")
+    errors = [
+        item for item in compile_text(text.replace("  require", "  # require")).diagnostics if item.code == "LJ0507"
+    ]
+    assert [error.message[:14] for error in errors] == ([] if fits else ["with seed 7, 4"])
+
+
 def test_a_requirement_that_seed_0_meets_is_tried_with_further_seeds() -> None:
     text = CASTAWAYS.replace("uniform(60 m, 120 m)", "uniform(60 m, 270 m)")
     (error,) = [item for item in compile_text(text).diagnostics if item.severity == "error"]
