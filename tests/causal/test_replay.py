@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
@@ -29,7 +30,8 @@ def search(tmp_path_factory: pytest.TempPathFactory) -> Trace:
     """Nine ticks of a sea search by an oracle, with pictures."""
     short = shortened(mission_file("ssr"), 9)
     folder = tmp_path_factory.mktemp("search") / "episode"
-    return read_trace(run(short, policy="oracle", seed=1, out=folder, world="inline", overview=False).trace)
+    options: dict[str, Any] = {"seed": 1, "settings": {"uavs": 1}, "world": "inline", "overview": False}
+    return read_trace(run(short, policy="oracle", out=folder, **options).trace)
 
 
 def forged(trace: Trace, tick: int, **changes: object) -> Trace:
