@@ -29,6 +29,7 @@ from lingjing.mission.instantiate import instantiate, parameters
 from lingjing.mission.kinds import engine_kind, lacks, reach_m, scene_faults, spoken
 from lingjing.mission.requirements import depended
 from lingjing.mission.tiers import setting_number, settings_of_tier
+from lingjing.sums import total
 
 _MAX_MEMBERS = 2_000
 """A mission with more entities or agents is not tried (chosen)."""
@@ -319,7 +320,7 @@ def _tightness(expr: ex.Draw, scope: Scope, count: int) -> float:
         return count * apart / max(math.dist((west, south), (east, north)) - 2.0 * clear, 1e-9)
     if not (polygon := outline(expr, scope)):
         return 0.0
-    edge_m = sum(math.dist(a, b) for a, b in itertools.pairwise((*polygon, *polygon[:1])))
+    edge_m = total(math.dist(a, b) for a, b in itertools.pairwise((*polygon, *polygon[:1])))
     return count * apart**2 / max(abs(geometry2d.signed_area(polygon)) - clear * edge_m, 1e-9)
 
 

@@ -28,6 +28,7 @@ HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE / "injector"))
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(HERE / "injector"), os.environ.get("PYTHONPATH", "")]))
 
+sys.modules.pop("sitecustomize", None)  # Debian's Python has one of its own, which is loaded by now
 import sitecustomize as injector  # noqa: E402 - the folder above
 
 from lingjing import pin  # noqa: E402

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+
+import msgspec
 
 from lingjing.engines.city.arrivals import PeopleQueue, rates
 from lingjing.engines.city.goods import DUST, first_amounts
@@ -170,7 +172,7 @@ def target_of(entity: Entity, body: TargetBody, seed: int) -> CityTarget:
 def entity_nature(entity: Entity) -> TargetNature:
     """Return the nature of a target, with its own first status word if it declares one."""
     nature, word = nature_of(traits_of(entity)), entity.properties.get("status")
-    return replace(nature, word=word) if isinstance(word, str) else nature
+    return msgspec.structs.replace(nature, word=word) if isinstance(word, str) else nature
 
 
 def _levels(entity: Entity, nature: TargetNature, possible: dict[str, InteractionSpec]) -> dict[str, Level]:
