@@ -153,6 +153,23 @@ def test_dogs_begin_on_free_ground_near_their_targets(grid_city: City) -> None:
             assert min(dist(dog.position[:2], goal.position[:2]) for dog in dogs) < 420.0
 
 
+def test_a_dog_stands_clear_of_the_vehicle_that_parks_at_its_stop(grid_city: City) -> None:
+    """A vehicle parks beside its lane: it would push a dog that stands there, and block its way."""
+    for instance in instances("ld", grid_city):
+        at = {entity.id: entity.position[:2] for entity in instance.entities}
+        assert 6.0 <= dist(at["dog"], at["stop_node"]) <= 40.0
+
+
+def test_a_district_of_slow_streets_is_chosen_where_no_other_one_fits(
+    grid_city: City, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("lingjing.scene.siting.areas.MOST_DRIVE_S", 0.0)
+    assert anchor(instantiate(found("cd", grid_city), seed=20), grid_city).scene.kind == "map"
+    monkeypatch.setattr("lingjing.scene.siting.areas.LONGEST_DRIVE_S", 0.0)
+    with pytest.raises(MissionError, match=r"connected roads, reached within 0 s on average"):
+        found("cd", grid_city)
+
+
 def test_the_fracture_is_over_water_and_the_inspection_begins_on_land(grid_city: City) -> None:
     footing = Footing(grid_city)
     for instance in instances("bi", grid_city):

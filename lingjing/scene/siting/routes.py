@@ -55,6 +55,9 @@ MOST_BESIDE, MOST_PAIRS, LEAST_PAIRS = 3, 12, 2
 """Most second jams for one first jam, and bounds of the number of pairs (chosen)."""
 TRIED = 40
 """Most starts that are examined for one goal, and goals for one start (chosen)."""
+CLEAR_OF_STOP_M, BESIDE_STOP_M = 6.0, 14.0
+"""Least and usual greatest distance of a dog from the stop, metres (chosen: a vehicle of 6 m parks beside its lane
+there, and should not stand between the dog and its ground)."""
 STOP_M = 60.0
 """Farthest road from the middle of a compound's side at which a delivery vehicle stops, metres (chosen)."""
 WALK_M = 30.0
@@ -520,7 +523,7 @@ def _about(start: RoadSpot, layout: Layout) -> Any:
 
 
 def _with_dog_at_stop(layout: Layout, view: CityView, placed: Placement, goal: RoadSpot) -> Placement:
-    """The same placement with the dog beside the stop, if it reaches its own place from there."""
+    """The same placement with the dog beside the stop, on the side of its ground, if it reaches its own place there."""
     (dogs,) = layout.assets("quadruped")[:1]
     dog = placed.places[dogs.name][0]
     box = _box([goal.place, (dog[0], dog[1])], 40.0)
@@ -531,7 +534,9 @@ def _with_dog_at_stop(layout: Layout, view: CityView, placed: Placement, goal: R
         return placed
     reached = grid.lengths_from(cell, 120.0)
     footing = Footing(view.city)
-    near = sorted(reached, key=lambda c: (dist(grid.place(c), goal.place), c))
+    away = {c: dist(grid.place(c), goal.place) for c in reached}
+    clear = [c for c in reached if away[c] >= CLEAR_OF_STOP_M]
+    near = sorted(clear, key=lambda c: (max(away[c], BESIDE_STOP_M), reached[c], c))
     spot = next((grid.place(c) for c in near[:400] if footing.is_clear(*grid.place(c), 0.8, off_road=True)), None)
     return placed if spot is None else replace(placed, places={**placed.places, dogs.name: (spot,)})
 
