@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 from lingjing_agents.react.pictures import in_words
-from lingjing_agents.react.standing import MOST, standing
+from lingjing_agents.react.standing import MOST, _top_m, standing
 from lingjing_agents.reader.request_text import depth_from
 
 from agents.tests.agent_kit import brief, picture
@@ -86,3 +86,11 @@ def test_waves_have_no_ground_and_keep_the_table_of_depths() -> None:
 def test_bare_ground_says_nothing() -> None:
     described = in_words(_view(()), brief("scout[1]", "broadcast"))
     assert not {"standing", "depth_m"} & described.keys()
+
+
+def test_a_box_in_a_gap_of_which_the_picture_shows_nothing_is_as_high_as_the_things_beside_it() -> None:
+    """Behind a tower a gap of two metres is hidden: a rectangle for it had no top, and its agent lost the turn."""
+    tops = np.full((6, 8), -np.inf)
+    tops[:, :3], tops[:, 5:] = 40.0, 25.0
+    assert _top_m(tops, (3, 0, 5, 6)) == 40.0
+    assert _top_m(tops, (5, 0, 8, 6)) == 25.0

@@ -86,12 +86,22 @@ def standing(picture: Picture) -> Standing | None:
             break
     boxes.sort(key=lambda box: (-(box[2] - box[0]) * (box[3] - box[1]), box))
     rectangles = tuple(
-        (west + x0, south + y0, west + x1, south + y1, round(float(tops[y0:y1, x0:x1].max())))
+        (west + x0, south + y0, west + x1, south + y1, round(_top_m(tops, (x0, y0, x1, y1))))
         for x0, y0, x1, y1 in boxes[:MOST]
     )
     middle = np.array(picture.pose.position[:2])
     posts = sorted(_posts(occupied, (west, south)), key=lambda post: (float(np.hypot(*(middle - post))), post))
     return Standing(ground_m, rectangles, max(0, len(boxes) - MOST), tuple(sorted(posts[:MOST_POSTS])))
+
+
+def _top_m(tops: FloatArray, box: tuple[int, int, int, int]) -> float:
+    """Return the elevation of the top in a box of cells. A box in a gap between two things, of which the picture shows
+    no point, has that of the things."""
+    x0, y0, x1, y1 = box
+    top_m = float(tops[y0:y1, x0:x1].max())
+    if math.isfinite(top_m):
+        return top_m
+    return float(tops[max(y0 - GAP_CELLS, 0) : y1 + GAP_CELLS, max(x0 - GAP_CELLS, 0) : x1 + GAP_CELLS].max())
 
 
 def _posts(occupied: MaskArray, corner: tuple[int, int]) -> list[tuple[int, int]]:
