@@ -223,14 +223,14 @@ def test_two_drones_fly_at_once_and_a_reset_begins_another_episode(serve: Serve)
         task.join()
     before = seconds(client)
     both = [
-        client.moveToPositionAsync(-20, 0, -8, 5, vehicle_name="Drone1"),
-        client.moveToPositionAsync(20, 0, -8, 5, vehicle_name="Drone2"),
+        client.moveToPositionAsync(-40, 0, -8, 5, vehicle_name="Drone1"),
+        client.moveToPositionAsync(40, 0, -8, 5, vehicle_name="Drone2"),
     ]
     for task in both:
         task.join()
-    assert seconds(client) - before < 10.0, "both fly in the same time"
-    assert place(client, "Drone1")[0] == pytest.approx(-20.0, abs=1.0)
-    assert place(client, "Drone2")[0] == pytest.approx(20.0, abs=1.0)
+    assert seconds(client) - before < 16.0, "both fly in the same time: one after the other would take 20 s"
+    assert place(client, "Drone1")[0] == pytest.approx(-40.0, abs=1.0)
+    assert place(client, "Drone2")[0] == pytest.approx(40.0, abs=1.0)
     client.reset()
     assert place(client, "Drone1") == (0.0, 0.0, 0.0)
     assert not client.isApiControlEnabled("Drone1")
