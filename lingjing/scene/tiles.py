@@ -103,6 +103,26 @@ class Tiles:
         return (self._source.load(key) for key in self.keys)
 
 
+def buildings_within(city: City, bounds: Extent) -> tuple[Building, ...]:
+    """Return the buildings that reach into a rectangle (west, south, east, north; metres), of a city in memory or in a
+    folder, in the order of their tiles.
+
+    Raises `UsageError` if the city's folder is missing or damaged.
+    """
+    west, south, east, north = bounds
+    radius_m = hypot(east - west, north - south) / 2.0
+    near = Tiles(city).near((west + east) / 2.0, (south + north) / 2.0, radius_m)
+    return tuple(building for tile in near for building in tile.buildings if _reaches(building, bounds))
+
+
+def _reaches(building: Building, bounds: Extent) -> bool:
+    """Return whether the bounds of a building's outline meet a rectangle."""
+    eastings, northings = zip(*building.polygon, strict=True)
+    west, south, east, north = bounds
+    meets = min(eastings) <= east and max(eastings) >= west and min(northings) <= north and max(northings) >= south
+    return bool(meets)
+
+
 def partition(pieces: Pieces, tile_m: float) -> dict[TileKey, Tile]:
     """Group the pieces by the square of their first point, in key order. Waters and lands are left out."""
     groups: dict[TileKey, dict[str, list[Piece]]] = {}

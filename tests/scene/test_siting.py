@@ -20,6 +20,7 @@ from lingjing.scene.footing import Footing
 from lingjing.scene.lines import project
 from lingjing.scene.osm.build import Options, build
 from lingjing.scene.road_map import read_road_map
+from lingjing.scene.siting.city_view import CityView
 from lingjing.scene.siting.sited import sited, with_city_option
 from lingjing.testing import compile_text, compiled, mission_file
 from tests.missions.test_mission_routes import planned_in
@@ -30,8 +31,11 @@ BLOCK = 110
 STREETS = range(-440, 441, BLOCK)
 
 
-def grid_town() -> Map:
-    """Blocks of houses and flats on two-way streets, works with a pipeline in the east, a river with a bridge."""
+def grid_town(flats: str = "12", towers: str = "") -> Map:
+    """Blocks of houses and flats on two-way streets, works with a pipeline in the east, a river with a bridge.
+
+    `flats` is the height of the flats in metres, `towers` that of the flats in the south-west, if it is another one.
+    """
     made = Map(half_m=620.0)
     for x in STREETS:
         made.way([(x, y) for y in STREETS], {"highway": "residential", "name": f"Street {x}"})
@@ -45,7 +49,8 @@ def grid_town() -> Map:
         for i, j in itertools.product(range(3), range(2)):
             tags = {"building": "house", "height": "7", "roof:shape": "gabled"}
             if (i + j) % 2:
-                tags = {"building": "apartments", "height": "12", "roof:shape": "flat"}
+                height = towers if towers and x < -100 and y < -100 else flats
+                tags = {"building": "apartments", "height": height, "roof:shape": "flat"}
             made.way(square(x + 14 + 28 * i, y + 15 + 52 * j, 16, 22), tags)
     made.way([(x, 520) for x in range(-600, 601, 100)], {"waterway": "river", "width": "90"})
     made.way([(0, 440), (0, 460)], {"highway": "residential"})
@@ -59,6 +64,12 @@ def grid_town() -> Map:
 def grid_city(tmp_path_factory: pytest.TempPathFactory) -> City:
     folder = tmp_path_factory.mktemp("grid")
     return build(grid_town().write(folder / "grid.osm"), Options(), folder / "city").city
+
+
+@pytest.fixture(scope="module")
+def town_of_towers(tmp_path_factory: pytest.TempPathFactory) -> City:
+    folder = tmp_path_factory.mktemp("towers")
+    return build(grid_town(towers="180").write(folder / "grid.osm"), Options(), folder / "city").city
 
 
 @lru_cache
@@ -110,7 +121,6 @@ def test_vehicles_stand_on_roads_that_lead_everywhere_and_back(grid_city: City) 
 
 
 def test_every_pair_of_jams_leaves_a_way_to_the_goal(grid_city: City) -> None:
-    from lingjing.scene.siting.city_view import CityView
     from lingjing.scene.siting.routes import BLOCKED_M, LONGEST_AROUND_M, Router
 
     router = Router(CityView(grid_city))
@@ -168,6 +178,32 @@ def test_a_district_of_slow_streets_is_chosen_where_no_other_one_fits(
     monkeypatch.setattr("lingjing.scene.siting.areas.LONGEST_DRIVE_S", 0.0)
     with pytest.raises(MissionError, match=r"connected roads, reached within 0 s on average"):
         found("cd", grid_city)
+
+
+def test_the_ways_around_jams_of_the_road_engine_have_no_waypoint_in_a_jam(grid_city: City) -> None:
+    """The engine avoids the streets at a jam; a waypoint within the jam's radius on the next street is never clear."""
+    for instance in instances("ld", grid_city):
+        with planned_in(grid_city, instance, instance.seed, whole=True) as plan:
+            jams = [entity for entity in instance.entities if entity.group == "jam"]
+            assert jams and plan.met(plan.routes[-1]) is None
+            for jam in jams:
+                nearest = min(dist(point[:2], jam.position[:2]) for point in plan.routes[-1].waypoints)
+                assert jam.blocked_m is not None and nearest > jam.blocked_m
+
+
+def test_no_district_with_roofs_above_the_altitude_band_is_chosen(town_of_towers: City) -> None:
+    roofs = [building.top_m for building in CityView(town_of_towers).buildings if building.roof_m == 0.0]
+    assert max(roofs) > 160.0 > min(roofs)
+    for seed in range(20, 26):
+        instance = anchor(instantiate(found("ufr", town_of_towers), seed=seed), town_of_towers)
+        fires = [entity for entity in instance.entities if entity.group == "fire"]
+        assert fires and all(fire.position[2] < 150.0 for fire in fires)
+
+
+def test_a_city_of_towers_alone_is_refused_for_flights_over_roofs(tmp_path: Path) -> None:
+    city = build(grid_town("180").write(tmp_path / "towers.osm"), Options(), tmp_path / "city").city
+    with pytest.raises(MissionError, match="no flat roof above 150 m"):
+        found("ufr", city)
 
 
 def test_the_fracture_is_over_water_and_the_inspection_begins_on_land(grid_city: City) -> None:

@@ -12,7 +12,7 @@ from lingjing.errors import UsageError
 from lingjing.scene.city import Bridge, Building, City, Lane, PaintedArea, Pieces, Prop, Road, Water
 from lingjing.scene.cutting import cut
 from lingjing.scene.store import read_store, write_store
-from lingjing.scene.tiles import TILED, Tiles
+from lingjing.scene.tiles import TILED, Tiles, buildings_within
 
 FRAME = City(id="squares", origin=(31.0, 121.5), bounds=(-1000.0, -1000.0, 1000.0, 1000.0), tile_m=250.0)
 
@@ -74,6 +74,14 @@ def test_pieces_that_project_from_their_square_are_found(tmp_path: Path) -> None
         assert tiles.keys == ((0, 0),)
         assert [tile.key for tile in tiles.near(690.0, 40.0, 5.0)] == [(0, 0)]
         assert tiles.near(690.0, 400.0, 5.0) == ()
+
+
+def test_buildings_within_a_rectangle_are_those_that_reach_into_it(tmp_path: Path) -> None:
+    for city in both(tmp_path):
+        # Blocks of 20 m begin at 25 m and 125 m, so a rectangle from 40 m to 125 m touches two in each direction.
+        got = {building.id for building in buildings_within(city, (40.0, 40.0, 125.0, 125.0))}
+        assert got == {"b-25-25", "b-25-125", "b-125-25", "b-125-125"}
+        assert buildings_within(city, (46.0, 46.0, 124.0, 124.0)) == ()
 
 
 def test_few_tiles_are_held(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from lingjing.plugins.policy import (
     DEAD,
@@ -19,14 +20,16 @@ from lingjing.plugins.policy import (
     Route,
     Vector,
 )
+from lingjing.plugins.terrain import buildings_within
 from lingjing_agents.capability import CLEAR, INSPECT, JAMMED, has_verb, nadir_camera, photo, rated, straight_to
 from lingjing_agents.flight_levels import FlightLevels, crowded, overhead
-from lingjing_agents.ground_plane import GroundPoint, distance_to_segment_m
+from lingjing_agents.ground_plane import GroundPoint, GroundRectangle, distance_to_segment_m
 from lingjing_agents.oracle.ability import Ability
 from lingjing_agents.oracle.composing import MessageComposer
 from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState
 from lingjing_agents.oracle.reporting import ReportAbility
 from lingjing_agents.oracle.routes import another_way, is_blocked, jams_on, segment
+from lingjing_agents.paths.between_towers import TowerPaths
 from lingjing_agents.paths.visiting_order import shares, shortest
 
 ABOVE_M = 40.0
@@ -36,6 +39,8 @@ view.
 
 NEAR_M = 8.0
 """Distance in metres at which an aircraft counts as arrived. Chosen."""
+AREA_M = 1000.0
+"""Distance in metres around the bodies and targets of an instance within which buildings count. Chosen."""
 OVER_ROOFS_M = 15.0
 """Margin above roofs in metres. Chosen."""
 STRAIGHT_M = 12.0
@@ -59,7 +64,9 @@ class AircraftControl:
 
     def __init__(self, body: Resource, plan: InstanceIndex) -> None:
         self.body, self._plan = body, plan
-        self._tallest: float | None = None
+        self._buildings: tuple[tuple[Sequence[GroundPoint], float], ...] | None = None
+        self._tallest = -math.inf
+        self._towers: TowerPaths | None = None
         self._layers: FlightLevels | None = None
         self._waited = 0
         self.camera: CameraSpec | None = nadir_camera(body) if has_verb(body, PHOTO) else None
@@ -67,21 +74,29 @@ class AircraftControl:
     def altitude(self, truth: PrivilegedState, place: GroundPoint, target_m: float, above_m: float = ABOVE_M) -> float:
         """Return the elevation for a view of a target.
 
-        It lies in the aircraft's band and above all roofs; if the band does not allow that, above the roofs on the way.
+        It lies in the aircraft's band and above all roofs; if the band does not allow that, above the roofs on the way,
+        or at the top of the band between higher ones.
         """
         low, high = rated(self.body, "band_low_m", 0.0), rated(self.body, "band_high_m", math.inf)
+        towers = self._between(truth)
         roofs = self._roofs(truth)
-        if roofs + OVER_ROOFS_M > high:
-            roofs = _highest(truth, truth.place(self.body.id), place)
+        if towers is not None:
+            roofs = towers.highest_m(truth.place(self.body.id), place, _REACH_M)
         if self._layers is None:
             fleet = [body.id for body in self._plan.bodies(self._plan.entities[self.body.id].engine)]
             self._layers = FlightLevels(fleet.index(self.body.id), len(fleet), low, high)
         return self._layers.level(min(max(low, target_m + above_m, roofs + OVER_ROOFS_M), high))
 
+    def free(self, truth: PrivilegedState, place: GroundPoint, z: float) -> GroundPoint:
+        """Return a place, or the nearest one beside the buildings that stand there at an elevation."""
+        towers = self._between(truth)
+        return place if towers is None else towers.free(place, z)
+
     def to(self, truth: PrivilegedState, x: float, y: float, z: float) -> Action | None:
         """Return the next command of a flight to a place, or None to wait.
 
-        Near roofs or other pads the aircraft first climbs vertically, as soon as no other one is overhead.
+        Near roofs or other pads the aircraft first climbs vertically, as soon as no other one is overhead. It flies
+        around the buildings that are higher than its altitude band.
         """
         here = truth.states[self.body.id].position
         others = self._others(truth)
@@ -90,7 +105,10 @@ class AircraftControl:
                 self._waited += 1
                 return None
             return self._straight_to(*here[:2], z)
-        roofs = _highest(truth, here[:2], (x, y))
+        towers = self._between(truth)
+        if towers is not None:
+            x, y = towers.next_place(here[:2], towers.free((x, y), z), z)
+        roofs = self._highest(truth, here[:2], (x, y))
         if here[2] + _STEEP_M < z and here[2] < roofs + _CLEAR_M:
             x, y = here[:2]
             z = min(z, roofs + OVER_ROOFS_M)
@@ -108,13 +126,37 @@ class AircraftControl:
         others = (body.id for body in fleet if body.id != self.body.id)
         return [truth.states[name].position for name in others if _alive(truth, name)]
 
+    def _between(self, truth: PrivilegedState) -> TowerPaths | None:
+        """Return the ways between the buildings of a city that has some above the altitude band; None elsewhere."""
+        if self._roofs(truth) + OVER_ROOFS_M <= rated(self.body, "band_high_m", math.inf):
+            return None
+        if self._towers is None:
+            self._towers = TowerPaths(self._built(truth))
+        return self._towers
+
     def _roofs(self, truth: PrivilegedState) -> float:
-        """Return the top of the highest building in metres."""
-        if self._tallest is None:
-            city = truth.known.city
-            tops = [building.top_m for building in city.buildings] if city is not None else []
-            self._tallest = max(tops, default=truth.brief.water_level_m)
+        """Return the elevation in metres of the highest roof around the instance; the datum without a building."""
+        self._built(truth)
         return self._tallest
+
+    def _built(self, truth: PrivilegedState) -> tuple[tuple[Sequence[GroundPoint], float], ...]:
+        """Return the outline and the elevation of the top of the buildings around the instance."""
+        if self._buildings is None:
+            city, places = truth.known.city, [entity.position[:2] for entity in self._plan.instance.entities]
+            area = GroundRectangle.around(places, AREA_M)
+            bounds = area.west, area.south, area.east, area.north
+            built = buildings_within(city, bounds) if city is not None and places else ()
+            self._buildings = tuple((building.polygon, building.top_m) for building in built)
+            self._tallest = max((top_m for _, top_m in self._buildings), default=truth.brief.water_level_m)
+        return self._buildings
+
+    def _highest(self, truth: PrivilegedState, start: GroundPoint, end: GroundPoint) -> float:
+        """Return the top in metres of the highest building near a straight line; the datum without one."""
+        highest = truth.brief.water_level_m
+        for outline, top_m in self._built(truth):
+            if top_m > highest and distance_to_segment_m(outline[0], start, end) <= _REACH_M:
+                highest = top_m
+        return highest
 
     def photo(self) -> Action | None:
         """Return the command for a picture straight down, or None without a camera."""
@@ -173,6 +215,7 @@ class _SearchAbility(Ability):
         tries = self._tries.get(target, 0)
         above = ABOVE_M * 0.6**tries
         z = self._aircraft.altitude(truth, (x, y), state.position[2], above)
+        x, y = self._aircraft.free(truth, (x, y), z)
         if math.dist(body.position, (x, y, z)) <= NEAR_M:
             self._tries[target] = tries + 1
             return self._aircraft.photo() if looking else None
@@ -337,17 +380,6 @@ def aircraft_abilities(
 def _alive(truth: PrivilegedState, name: str) -> bool:
     state = truth.state(name)
     return state is not None and state.status not in (DEAD, DORMANT)
-
-
-def _highest(truth: PrivilegedState, start: GroundPoint, end: GroundPoint) -> float:
-    """Return the top in metres of the highest building near a straight line; the datum without one."""
-    city = truth.known.city
-    highest = truth.brief.water_level_m
-    for building in city.buildings if city is not None else ():
-        x, y = building.polygon[0]
-        if building.top_m > highest and distance_to_segment_m((x, y), start, end) <= _REACH_M:
-            highest = building.top_m
-    return highest
 
 
 _REACH_M = 60.0

@@ -27,6 +27,8 @@ NEAR_ROAD_M = 25.0
 """Largest distance of a roof from a road, metres: a fire truck reaches 30 m."""
 LEAST_ROOFS = 8
 """Least number of such roofs in a district (chosen: six fires, and room for a draw)."""
+LOOK_DOWN_M = 10.0
+"""Least height of the top of an altitude band over the flat roofs of a district, metres (chosen)."""
 ROOF_M2 = 60.0
 """Smallest roof that counts, square metres (chosen)."""
 APART_M = 10.0
@@ -67,11 +69,16 @@ def area_need(layout: Layout, view: CityView) -> str:
     road_km = sum(segment.length_m for segment in view.segments) / 1000.0
     if layout.on("roof"):
         return (
-            f"an area of {least} with {LEAST_ROOFS} flat roofs within {NEAR_ROAD_M:g} m of connected roads "
-            f"(it has {len(_roofs(view))} such roofs and {road_km:.1f} km of connected roads)"
+            f"an area of {least} with {LEAST_ROOFS} flat roofs within {NEAR_ROAD_M:g} m of connected roads"
+            f"{_below(layout)} (it has {len(_roofs(view))} flat roofs at roads and {road_km:.1f} km of connected roads)"
         )
     driven = f", reached within {LONGEST_DRIVE_S:g} s on average," if layout.assets("road") else ""
     return f"an area of {least} with {LEAST_ROAD_M:g} m of connected roads{driven} (it has {road_km:.1f} km)"
+
+
+def _below(layout: Layout) -> str:
+    """Return the bound on the roofs of a district, as a part of its need."""
+    return f", and no flat roof above {layout.ceiling_m - LOOK_DOWN_M:g} m" if layout.ceiling_m < inf else ""
 
 
 def placed(layout: Layout, view: CityView, origin: Vector2, middle: Vector2, scale: float) -> Placement:
@@ -146,10 +153,13 @@ def _ranked(layout: Layout, view: CityView, size: Vector2) -> Iterator[tuple[flo
     roofs = np.array(_roofs(view)) if layout.on("roof") else None
     if roofs is not None and not len(roofs):
         return
+    high = np.array(_high_roofs(view, layout.ceiling_m - LOOK_DOWN_M) if layout.on("roof") else ())
     for x in _grid(west + size[0] / 2, east - size[0] / 2):
         for y in _grid(south + size[1] / 2, north - size[1] / 2):
             length = float(roads[_near(roads, x, y, size), 2].sum())
             score = length if roofs is None else float(_near(roofs, x, y, size).sum())
+            if len(high) and _near(high, x, y, size).any():
+                continue
             if length >= LEAST_ROAD_M and (roofs is None or score >= LEAST_ROOFS):
                 yield round(score), (round(x, 2), round(y, 2))
 
@@ -186,6 +196,12 @@ def _roofs(view: CityView) -> list[Vector2]:
             if len(tree.query(shape, predicate="dwithin", distance=NEAR_ROAD_M / 2.0)):
                 roofs.append((shape.centroid.x, shape.centroid.y))
     return roofs
+
+
+def _high_roofs(view: CityView, above_m: float) -> list[Vector2]:
+    """The corners of buildings with flat roofs above an elevation, which the flying assets could not look down on."""
+    high = (building for building in view.buildings if building.roof_m == 0.0 and building.top_m > above_m)
+    return [corner for building in high for corner in building.polygon]
 
 
 def _stops(segment: RoadSegment, near: Vector2) -> Iterator[tuple[Vector2, float]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import inf
 
 from lingjing.mission import expression as ex
 from lingjing.mission.evaluate import Scope, number
@@ -48,6 +49,12 @@ class Layout:
     def assets(self, engine: str) -> tuple[Group, ...]:
         """The assets of an engine."""
         return tuple(g for g in self.mission.groups if g.role == "asset" and g.engine == engine)
+
+    @property
+    def ceiling_m(self) -> float:
+        """The elevation up to which all flying assets may fly, metres; inf without one."""
+        tops = (entity.properties.get("band_high_m") for entity in self.instance.entities if entity.role == "asset")
+        return min((float(top) for top in tops if isinstance(top, int | float)), default=inf)
 
     def starts(self, group: Group) -> tuple[Vector2, ...]:
         """The places that a group declares, metres; none for drawn ones."""

@@ -38,6 +38,8 @@ BEFORE_M = 24.0
 """Distance of a jam before the turn that it stands at, metres (chosen: on one arm of the crossing)."""
 BLOCKED_M = 21.0
 """Radius within which a jam closes roads, metres."""
+AVOIDED_M = 10.0
+"""Radius around a jam within which the road engine avoids streets when another route is requested, metres."""
 JAMS_APART_M = 90.0
 """Least distance between listed places of jams, metres (chosen)."""
 MOST_JAMS, LEAST_JAMS = 7, 2
@@ -341,11 +343,21 @@ def _is_turn(router: Router, way: Way, stop: RoadSpot) -> bool:
 
 
 def _is_passable(router: Router, start: RoadSpot, goals: Sequence[RoadSpot], jams: Sequence[RoadSpot]) -> bool:
-    avoid = frozenset().union(*(router.near(jam.place, BLOCKED_M) for jam in jams))
+    """Return whether the road engine's way around some jams to each goal is short enough and passes none of them.
+
+    The engine avoids the streets at a jam alone. A way past the next crossing can still lie within the jam's radius,
+    and its waypoint there is never clear.
+    """
+    avoid, blocked = (_segments_at(router, jams, radius_m) for radius_m in (AVOIDED_M, BLOCKED_M))
     ways = (router.way(start, goal, avoid) for goal in goals)
-    return start.segment not in avoid and all(
-        way is not None and way.length_m <= LONGEST_AROUND_M and way.segments[-1] not in avoid for way in ways
+    return start.segment not in blocked and all(
+        way is not None and way.length_m <= LONGEST_AROUND_M and blocked.isdisjoint(way.segments) for way in ways
     )
+
+
+def _segments_at(router: Router, jams: Sequence[RoadSpot], radius_m: float) -> frozenset[str]:
+    """The segments within a distance of any of some jams."""
+    return frozenset[str]().union(*(router.near(jam.place, radius_m) for jam in jams))
 
 
 # -- jams that are drawn along streets
@@ -405,8 +417,7 @@ def _slower(router: Router, start: RoadSpot, goal: RoadSpot, way: Way, jams: Seq
     """The way around jams, if there is one and every way that is about as fast as a known one has the last of them."""
     if not _is_passable(router, start, (goal,), jams):
         return None
-    avoid = frozenset().union(*(router.near(jam.place, BLOCKED_M) for jam in jams))
-    around = router.way(start, goal, avoid)
+    around = router.way(start, goal, _segments_at(router, jams, AVOIDED_M))
     return around if around is not None and around.time_s >= way.time_s + MARGIN_S else None
 
 

@@ -1,0 +1,64 @@
+"""Flights between towers: straight where they may be, around walls, and to free places."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from lingjing_agents.paths.between_towers import MARGIN_M, TowerPaths
+
+WALL = ((-10.0, -200.0), (10.0, -200.0), (10.0, 50.0), (-10.0, 50.0))
+"""A wall across the straight way, open in the north."""
+COURT = ((300.0, 0.0), (340.0, 0.0), (340.0, 40.0), (300.0, 40.0))
+
+
+@pytest.fixture
+def towers() -> TowerPaths:
+    return TowerPaths([(WALL, 100.0), (COURT, 30.0)])
+
+
+def flown(towers: TowerPaths, here: tuple[float, float], goal: tuple[float, float], z_m: float):
+    """The corners of a flight to its end."""
+    places = [here]
+    while math.dist(places[-1], goal) > 1.0:
+        places.append(towers.next_place(places[-1], goal, z_m))
+        assert len(places) < 12, places
+    return places
+
+
+def test_a_flight_above_the_roofs_is_straight(towers: TowerPaths) -> None:
+    assert towers.next_place((-100.0, 0.0), (100.0, 0.0), 106.0) == (100.0, 0.0)
+    assert towers.next_place((-100.0, 100.0), (100.0, 100.0), 40.0) == (100.0, 100.0)
+
+
+def test_a_flight_below_a_roof_leads_around_the_building_with_a_margin(towers: TowerPaths) -> None:
+    import shapely
+
+    line = shapely.LineString(flown(towers, (-100.0, 0.0), (100.0, 0.0), 40.0))
+    assert line.distance(shapely.Polygon(WALL)) >= MARGIN_M - 0.5
+    assert 220.0 < line.length < 300.0
+
+
+def test_a_place_in_a_building_is_replaced_by_the_nearest_free_one(towers: TowerPaths) -> None:
+    assert towers.free((0.0, 0.0), 120.0) == (0.0, 0.0)
+    x, y = towers.free((2.0, 0.0), 40.0)
+    assert 10.0 + MARGIN_M < x < 11.0 + MARGIN_M and y == pytest.approx(0.0)
+    assert towers.free((320.0, 20.0), 40.0) == (320.0, 20.0)
+
+
+def test_an_aircraft_beside_a_wall_leaves_it_and_one_that_is_walled_in_flies_straight(towers: TowerPaths) -> None:
+    beside = flown(towers, (-12.0, 0.0), (100.0, 0.0), 40.0)
+    assert math.dist(beside[1], (-22.5, 0.0)) < 1e-6 and len(beside) < 8
+    assert towers.next_place((-20.0, 0.0), (100.0, 0.0), 40.0)[1] > 50.0
+    ring = [((-60.0, -60.0), (60.0, -60.0), (60.0, -50.0), (-60.0, -50.0)),
+            ((-60.0, 50.0), (60.0, 50.0), (60.0, 60.0), (-60.0, 60.0)),
+            ((-60.0, -60.0), (-50.0, -60.0), (-50.0, 60.0), (-60.0, 60.0)),
+            ((50.0, -60.0), (60.0, -60.0), (60.0, 60.0), (50.0, 60.0))]  # fmt: skip
+    closed = TowerPaths((side, 90.0) for side in ring)
+    assert closed.next_place((0.0, 0.0), (200.0, 0.0), 40.0) == (200.0, 0.0)
+
+
+def test_the_highest_roof_is_that_of_the_buildings_near_the_line(towers: TowerPaths) -> None:
+    assert towers.highest_m((-100.0, 0.0), (100.0, 0.0), 60.0) == 100.0
+    assert towers.highest_m((200.0, 100.0), (400.0, 100.0), 70.0) == 30.0
+    assert towers.highest_m((200.0, 100.0), (400.0, 100.0), 50.0) == -math.inf
