@@ -99,8 +99,7 @@ def instantiate(
             drawn = _drawn_again(drawn, seed, names, redraws, hidden_redraws)
         else:
             drawn = _drawn(mission, seed, mode, settings or {}, redraws, hidden_redraws, is_chosen=is_chosen)
-    instance = _instance(drawn, scope, seed, tier)
-    return instance if language == ORIGINAL else msgspec.structs.replace(instance, language=language)
+    return _instance(drawn, scope, seed, tier, language)
 
 
 def _unmet_error(requirement: model.Requirement, seed: int, names: list[str], *, hidden_only: bool) -> MissionError:
@@ -179,14 +178,15 @@ def _drawn_again(
     return drawn._replace(groups=drawn.groups | groups)
 
 
-def _instance(drawn: _Drawn, scope: Scope, seed: int, tier: int) -> Instance:
+def _instance(drawn: _Drawn, scope: Scope, seed: int, tier: int, language: str) -> Instance:
     mission, members = drawn.mission, drawn.members
     agents = instance_agents.agents(mission, scope)
-    fill = PromptFiller(mission, scope, members)
+    fill = PromptFiller(mission, scope, members, language)
     instance = Instance(
         mission=mission.name,
         title=mission.title,
         goal=fill(mission.goal),
+        language=language,
         seed=seed,
         tier=tier,
         settings=_shown_settings(mission, scope.parameters),

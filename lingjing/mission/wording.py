@@ -16,6 +16,7 @@ from lingjing.mission import model
 from lingjing.mission.evaluate import Scope
 from lingjing.mission.expression import Number
 from lingjing.mission.instance import AgentSpec, Datum, Entity
+from lingjing.mission.languages import ORIGINAL, Phrases, phrases
 from lingjing.mission.units import field_named, si_value, unit_behind
 
 HOLE = re.compile(r"\{\{|\}\}|\{([^{}\n]*)\}")
@@ -58,8 +59,8 @@ def shown_point(place: tuple[float, ...]) -> str:
     return f"({place[0]:g}, {place[1]:g})"
 
 
-def shown_field(entity: Entity, field: str) -> str | None:
-    """A public field of an entity in words; None if it has no field of that name."""
+def shown_field(entity: Entity, field: str, words: Phrases) -> str | None:
+    """A public field of an entity in the words of a language; None if it has no field of that name."""
     if field == "position":
         return shown_point(entity.position)
     if field == "heading":
@@ -70,7 +71,8 @@ def shown_field(entity: Entity, field: str) -> str | None:
     low, high = field_named(f"{field}_low", known), field_named(f"{field}_high", known)
     if low is None or high is None:
         return None
-    return f"{shown_datum(known[low])} to {shown_datum(known[high], unit_behind(f'{field}_high', high))}"
+    upper = shown_datum(known[high], unit_behind(f"{field}_high", high))
+    return words("{low} to {high}", low=shown_datum(known[low]), high=upper)
 
 
 def shown_datum(value: Datum, unit: str = "") -> str:
@@ -88,8 +90,11 @@ def shown_datum(value: Datum, unit: str = "") -> str:
 class PromptFiller:
     """Fills the placeholders in one instance's goal and prompts. A placeholder of a hidden value stays as it is."""
 
-    def __init__(self, mission: model.Mission, scope: Scope, entities: tuple[Entity, ...]) -> None:
+    def __init__(
+        self, mission: model.Mission, scope: Scope, entities: tuple[Entity, ...], language: str = ORIGINAL
+    ) -> None:
         self._mission = mission
+        self._words = phrases(language, "lingjing.mission")
         self._scope = scope
         self._entities = {entity.id: entity for entity in entities}
         self._units = {param.name: _unit(param) for param in mission.parameters}
@@ -134,7 +139,7 @@ class PromptFiller:
         entity = self._entities[entity_id]
         if any(name == field or name.startswith(f"{field}_") for name in entity.hidden):
             return None
-        return shown_field(entity, field)
+        return shown_field(entity, field, self._words)
 
 
 def _unit(param: model.Parameter) -> tuple[str, float]:

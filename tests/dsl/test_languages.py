@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import lingjing
-from lingjing.testing import compile_text, instantiate, run_command
+from lingjing.testing import compile_text, compiled, instantiate, run_command
 
 AGENT = "agent skipper as rescuer controls boat { observes boat.*, events }"
 GOAL = 'goal "Find everybody."'
@@ -29,6 +29,12 @@ def test_an_episode_has_the_texts_of_its_language_with_their_holes_filled(small:
     prompts = [{agent.name: agent.prompt for agent in each.agents}["skipper"] for each in (english, chinese)]
     assert prompts == ["Steer boat.", "操控 boat。"]
     assert english.entities == chinese.entities, "the language decides nothing else"
+
+
+def test_a_range_in_a_prompt_has_the_words_of_its_language() -> None:
+    prompts = [instantiate(compiled("upr"), language=language).agents[0].prompt for language in ("en", "zh")]
+    assert ["12 to 60 m" in prompts[0], "12 至 60 m" in prompts[1]] == [True, True]
+    assert "{uav.band}" not in prompts[0] + prompts[1] and " to " not in prompts[1]
 
 
 @pytest.mark.parametrize(
