@@ -52,9 +52,9 @@ def _paints(name: str, colours: Sequence[LinearRgb]) -> tuple[Palette, ...]:
 
 
 def _trucks() -> tuple[Palette, ...]:
-    cabs: tuple[LinearRgb, ...] = ((0.72, 0.72, 0.70), (0.55, 0.05, 0.04), (0.06, 0.16, 0.36), (0.70, 0.70, 0.68),
-                                   (0.72, 0.50, 0.06))  # fmt: skip
-    boxes: tuple[LinearRgb, ...] = ((0.72, 0.72, 0.70), (0.70, 0.70, 0.68), (0.71, 0.71, 0.69), (0.66, 0.60, 0.48),
+    cabs: tuple[LinearRgb, ...] = ((0.74, 0.74, 0.73), (0.70, 0.70, 0.68), (0.50, 0.56, 0.64), (0.52, 0.53, 0.55),
+                                   (0.70, 0.65, 0.52))  # fmt: skip
+    boxes: tuple[LinearRgb, ...] = ((0.72, 0.72, 0.70), (0.70, 0.70, 0.68), (0.71, 0.71, 0.69), (0.70, 0.68, 0.62),
                                     (0.70, 0.70, 0.69))  # fmt: skip
     return tuple((("paint", cab), ("cargo", box)) for cab, box in zip(cabs, boxes, strict=True))
 
