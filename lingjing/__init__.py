@@ -19,6 +19,7 @@ Modules that all share:
 - `data`: the place of shipped files; `kept_files`: files of the cache; `whole_files`: atomic writes
 - `notebook_tables`: tables of notebooks
 - `file_names`: names that are not UTF-8
+- `patterns`: regular expressions that are compiled at their first use; `digests`: SHA-256 without OpenSSL
 - `builtin`: the built-in plug-in, which declares the engines, scenes, evaluators and types that ship
 - `installation`: the distributions and their extras; `installed_plugins`: plug-ins of other distributions
 - `refusals`: errors of the operating system; `system_hints`: their ways out; `terminal`: text that is safe to print

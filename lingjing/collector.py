@@ -21,3 +21,15 @@ def collector_at_rest() -> Iterator[None]:
     finally:
         if collects:
             gc.enable()
+
+
+@contextmanager
+def collector_at_work() -> Iterator[None]:
+    """Enable the collector inside a pause, for a long part of it."""
+    collects = gc.isenabled()
+    gc.enable()
+    try:
+        yield
+    finally:
+        if not collects:
+            gc.disable()

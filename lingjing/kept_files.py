@@ -8,7 +8,6 @@ This module imports nothing slow, because a cold start imports it.
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import os
 import time
 
@@ -26,9 +25,11 @@ _HALF_WRITTEN = ".new-"
 
 def read_kept(path: str) -> memoryview | None:
     """Return the content of a file, or None if its checksum is wrong. Raises `OSError` if it cannot be read."""
+    from hashlib import sha256
+
     with open(path, "rb") as file:  # noqa: PTH123 - a cold start
         data = memoryview(file.read())
-        if hashlib.sha256(data[_CHECKSUM:]).digest() != data[:_CHECKSUM]:
+        if sha256(data[_CHECKSUM:]).digest() != data[:_CHECKSUM]:
             return None
         if time.time() - os.fstat(file.fileno()).st_mtime > READ_AGAIN_S:
             with contextlib.suppress(OSError):
@@ -39,13 +40,14 @@ def read_kept(path: str) -> memoryview | None:
 def write_kept(path: str, data: bytes) -> None:
     """Write a file atomically, and make its folder. Raises `OSError` if that fails."""
     import tempfile
+    from hashlib import sha256
 
     folder = os.path.dirname(path)  # noqa: PTH120
     os.makedirs(folder, exist_ok=True)  # noqa: PTH103
     handle, temporary = tempfile.mkstemp(dir=folder, prefix=_HALF_WRITTEN)
     try:
         with os.fdopen(handle, "wb") as file:
-            file.write(hashlib.sha256(data).digest())
+            file.write(sha256(data).digest())
             file.write(data)
         os.replace(temporary, path)  # noqa: PTH105
     except BaseException:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 from importlib import import_module
 from types import ModuleType, TracebackType
 from typing import TYPE_CHECKING, NamedTuple
@@ -48,6 +49,8 @@ class _CommandVerb(NamedTuple):
     """Its line in `lingjing --help`."""
     computes: bool = False
     """True if the verb loads numerical libraries. Their threads are pinned before its module is imported."""
+    is_brief: bool = False
+    """True if the collector rests until the end: its first search would take a fiftieth of the whole."""
 
 
 VERBS = (
@@ -67,7 +70,7 @@ VERBS = (
     _CommandVerb("film", "make a film of an episode, MP4 or GIF", computes=True),
     _CommandVerb("metrics", "compute the paper's metrics of traces"),
     _CommandVerb("report", "make the paper's figures from your own runs", computes=True),
-    _CommandVerb("validate", "report every error of mission files"),
+    _CommandVerb("validate", "report every error of mission files", is_brief=True),
     _CommandVerb("test", "run the expectations of missions: who wins, what is infeasible", computes=True),
     _CommandVerb("explain", "explain an error code"),
     _CommandVerb("compile", "write the typed mission graph as JSON"),
@@ -106,9 +109,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     open_streams()
     # pydantic searches all installed distributions for plug-ins of its own, and raises if one has broken metadata.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
-    code = _guarded(sys.argv[1:])
-    ignore_interrupts()
-    return end_despite_threads(code)
+    arguments = sys.argv[1:]
+    chosen = _chosen(arguments)
+    with collector_at_rest() if chosen is not None and chosen.is_brief else nullcontext():
+        code = _guarded(arguments)
+        ignore_interrupts()
+        return end_despite_threads(code, at_once=chosen is None or not chosen.computes)
 
 
 def _guarded(arguments: list[str]) -> int:
@@ -170,7 +176,7 @@ def _was_interrupt(error: BaseException | None) -> bool:
 
 
 def _dispatch(arguments: list[str]) -> int:
-    chosen = next((verb for verb in VERBS if verb.name == _first_word(arguments)), None)
+    chosen = _chosen(arguments)
     with collector_at_rest():  # its searches would take a tenth of the start, and modules stay anyway
         parser, module = _parser_of(chosen, arguments)
         args = parser.parse_args(arguments)
@@ -195,8 +201,7 @@ def _parser_of(chosen: _CommandVerb | None, arguments: list[str]) -> tuple[Argum
 
         pin()
     if chosen is not None:
-        with blocked_signals():  # msgspec 0.22 may crash the process later if its import is interrupted
-            import_module("msgspec")
+        _import_msgspec()
     module = import_module(f"lingjing.cli.{chosen.name}") if chosen else None
     shown = (chosen,) if chosen is not None and arguments[0] == chosen.name else VERBS
     for verb in shown:  # if the command line begins with a verb, no message names the other verbs
@@ -205,6 +210,22 @@ def _parser_of(chosen: _CommandVerb | None, arguments: list[str]) -> tuple[Argum
             declared.description = module.__doc__
             module.add_options(declared)
     return parser, module
+
+
+def _import_msgspec() -> None:
+    """Import msgspec without `typing_extensions`, of which it uses two names that `typing` has too: with it come
+    `inspect`, `ast` and `dis`, a twentieth of a cold `lingjing validate`.
+    """
+    modules: dict[str, ModuleType | None] = sys.modules  # type: ignore[assignment]
+    hides = "typing_extensions" not in modules
+    if hides:
+        modules["typing_extensions"] = None  # an import of it raises `ImportError`
+    try:
+        with blocked_signals():  # msgspec 0.22 may crash the process later if its import is interrupted
+            import_module("msgspec")
+    finally:
+        if hides:
+            del modules["typing_extensions"]
 
 
 def _empty_parser() -> tuple[ArgumentParser, _Subparsers]:
@@ -228,6 +249,10 @@ def complete_parser() -> ArgumentParser:
         module = import_module(f"lingjing.cli.{verb.name}")
         module.add_options(subparsers.add_parser(verb.name, help=verb.summary))
     return parser
+
+
+def _chosen(arguments: Sequence[str]) -> _CommandVerb | None:
+    return next((verb for verb in VERBS if verb.name == _first_word(arguments)), None)
 
 
 def _first_word(arguments: Sequence[str]) -> str:

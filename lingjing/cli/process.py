@@ -5,6 +5,7 @@ Every verb loads this module, so it imports little.
 
 from __future__ import annotations
 
+import atexit
 import os
 import sys
 from collections.abc import Iterator
@@ -42,10 +43,15 @@ def _report_second_interrupt() -> None:
     say("interrupted twice: everything was ended at once")
 
 
-def end_despite_threads(code: int) -> int:
-    """Return `code`. If other threads run, which could delay the interpreter's end, end the process with it."""
+def end_despite_threads(code: int, *, at_once: bool = False) -> int:
+    """Return `code`. If other threads run, which could delay the interpreter's end, end the process with it.
+
+    `at_once`: end it in any case, unless something waits for the interpreter's end. To take its modules apart costs a
+    twentieth of a cold `lingjing validate`.
+    """
     threads = sys.modules.get("threading")
-    if threads is None or threads.active_count() == 1:
+    is_awaited = atexit._ncallbacks() or sys.getprofile() or sys.gettrace()
+    if (threads is None or threads.active_count() == 1) and (is_awaited or not at_once):
         return code
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):

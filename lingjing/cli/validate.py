@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import gc
 import os
 import sys
 from typing import TYPE_CHECKING, NamedTuple
 
 from lingjing.cli.arguments import parse_seeds
 from lingjing.cli.process import say_error
-from lingjing.collector import collector_at_rest
+from lingjing.collector import collector_at_work
 from lingjing.errors import ExitCode, MissionError, UsageError, hint_of
 from lingjing.terminal import visible, write_data, write_styled
 
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
     from lingjing.dsl.source.text import SourceText
     from lingjing.mission.diagnostics import Diagnostic, Span
     from lingjing.mission.model import Mission
+
+_COLLECTED_FILES = 16
+"""Files after which the collector, which rests otherwise, runs once (chosen)."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -56,11 +60,14 @@ def handler(args: argparse.Namespace) -> int:
     seeds = parse_seeds(args.seeds or "0-9") if args.deep else ()
     diagnostics: list[Diagnostic] = []
     unreadable = wrong = 0
-    for path in args.files:
+    for number, path in enumerate(args.files, 1):
+        if number % _COLLECTED_FILES == 0:
+            gc.collect()
         try:
             checked = _check(path, args)
             if seeds and not any(item.severity == "error" for item in checked.diagnostics):
-                checked = _deep(path, args, seeds, checked)
+                with collector_at_work():
+                    checked = _deep(path, args, seeds, checked)
         except UsageError as error:
             unreadable += 1
             say_error(error)
@@ -112,9 +119,8 @@ def _summary_of_valid(files: list[str], diagnostics: list[Diagnostic]) -> str:
 
 
 def _check(path: str, args: argparse.Namespace) -> _Checked:
-    with collector_at_rest():
-        from lingjing.dsl.loading.load import is_document, source_of
-        from lingjing.dsl.loading.shipped import mission_file
+    from lingjing.dsl.loading.load import is_document, source_of
+    from lingjing.dsl.loading.shipped import mission_file
 
     file = mission_file(path)
     if _fixes(args) and file != path and not args.diff:

@@ -26,7 +26,8 @@ Modules in control-flow order:
   `requirements`: conditions that the draws of a seed must meet.
 - `appearance`: colours, shapes and models of bodies.
 - `vocabulary`: words that several packages must spell alike. `spec_schema`: JSON Schemas of action and message specs.
-- `geometry2d`, `grid`, `spacing`: polygons, search cells cut from them, and points with a minimum distance.
+- `geometry2d`, `grid`, `spacing`: polygons, search cells cut from them, and points with a minimum distance. `geos`:
+  buffers without shapely.
 - `footprint`: the ground area of bodies at their start, and whether it is free.
 - `clock`: the relation of tick and macro-step.
 - `instance`: the concrete episode. `instantiate` makes it of its parts: `instance_entities`, `instance_agents` (with

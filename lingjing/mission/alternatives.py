@@ -37,7 +37,7 @@ def with_alternatives(mission: model.Mission, scope: Scope) -> model.Mission:
     )
     if not switches:
         return _chosen(mission, scope)
-    return _chosen(_without_impossible_failure(_with_switches(_Identity(mission), switches)), scope)
+    return _chosen(_without_impossible_failure(_with_switches(Identity(mission), switches)), scope)
 
 
 def at_tier(mission: model.Mission, tier: int = 0) -> model.Mission:
@@ -51,7 +51,7 @@ def at_tier(mission: model.Mission, tier: int = 0) -> model.Mission:
     if not defaults:
         return mission
     switches = tuple((name, chosen[name] != 0.0 if name in chosen else value) for name, value in defaults.items())
-    folded = _without_absent(_with_switches(_Identity(mission), switches))
+    folded = _without_absent(_with_switches(Identity(mission), switches))
     return _without_impossible_failure(_settled(folded))
 
 
@@ -186,7 +186,7 @@ def _is_of_members(channel: model.Channel, agent: model.Agent) -> bool:
 # -- folding of switches
 
 
-class _Identity:
+class Identity:
     """A key of a cache: equal keys hold the same object. The hash of a mission would walk it as the folding does."""
 
     def __init__(self, mission: model.Mission) -> None:
@@ -196,11 +196,11 @@ class _Identity:
         return id(self.mission)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Identity) and other.mission is self.mission
+        return isinstance(other, Identity) and other.mission is self.mission
 
 
 @lru_cache(8)  # a check makes about twelve instances of a mission, with two or three combinations of switches
-def _with_switches(key: _Identity, switches: tuple[tuple[str, bool], ...]) -> model.Mission:
+def _with_switches(key: Identity, switches: tuple[tuple[str, bool], ...]) -> model.Mission:
     """The mission with these switches folded into its conditions."""
     values = dict(switches)
     return _rebuilt(key.mission, lambda expr: _folded(expr, values))

@@ -9,8 +9,8 @@ Invariants: every tree is finite and immutable; `Draw` appears only at the root 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Literal
+from collections.abc import Callable, Iterator
+from typing import Any, Literal
 
 import msgspec
 
@@ -167,24 +167,24 @@ Expr = (
 
 def children(expr: Expr) -> tuple[Expr, ...]:
     """The direct sub-expressions."""
-    match expr:
-        case Index(base=base, index=index):
-            return base, index
-        case Attr(base=base):
-            return (base,)
-        case Point(items=items) | Sequence(items=items):
-            return items
-        case Range(low=low, high=high):
-            return low, high
-        case Call(arguments=arguments, named=named) | Draw(arguments=arguments, named=named):
-            return (*arguments, *(value for _, value in named))
-        case Unary(operand=operand):
-            return (operand,)
-        case Binary(left=left, right=right):
-            return left, right
-        case Quantified(body=body) | Aggregate(body=body):
-            return (body,)
-    return ()
+    inner = _CHILDREN.get(type(expr))
+    return () if inner is None else inner(expr)
+
+
+_CHILDREN: dict[type, Callable[[Any], tuple[Expr, ...]]] = {
+    Index: lambda expr: (expr.base, expr.index),
+    Attr: lambda expr: (expr.base,),
+    Point: lambda expr: expr.items,
+    Sequence: lambda expr: expr.items,
+    Range: lambda expr: (expr.low, expr.high),
+    Call: lambda expr: (*expr.arguments, *(value for _, value in expr.named)),
+    Draw: lambda expr: (*expr.arguments, *(value for _, value in expr.named)),
+    Unary: lambda expr: (expr.operand,),
+    Binary: lambda expr: (expr.left, expr.right),
+    Quantified: lambda expr: (expr.body,),
+    Aggregate: lambda expr: (expr.body,),
+}
+"""Kind of an expression → its direct sub-expressions, in reading order. The others have none."""
 
 
 def parts(expr: Expr) -> tuple[Expr, ...]:

@@ -64,15 +64,18 @@ class Semantics(Protocol):
         ...
 
 
+_LITERALS = (Number, Text, Flag, Symbol)
+
+
 def meaning(node: Expr, semantics: Semantics) -> Meaning:
     """The meaning of an expression under a semantics."""
-    if isinstance(node, Number | Text | Flag | Symbol):
+    if isinstance(node, _LITERALS):
         return semantics.literal(node)
     if isinstance(node, Ref):
         return semantics.name(node)
     if isinstance(node, Attr):
         return semantics.field(node, meaning(node.base, semantics))
-    if isinstance(node, Quantified | Aggregate):
+    if isinstance(node, (Quantified, Aggregate)):
         return semantics.over(node, meaning(node.body, semantics))
     return semantics.apply(node, tuple(meaning(child, semantics) for child in children(node)))
 

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from typing import Any
 
 from lingjing.errors import MissionError
+from lingjing.mission.geos import buffer_outline
 
 Vector2 = tuple[float, float]
 Polygon = tuple[Vector2, ...]
@@ -21,6 +22,9 @@ Extent = tuple[float, float, float, float]
 
 _CIRCLE_VERTICES = 64
 """Vertices of a circle (chosen)."""
+
+_SEGMENTS = 8
+"""Segments of a quarter of a buffer's round corner (chosen)."""
 
 
 def signed_area(polygon: Sequence[Vector2]) -> float:
@@ -192,10 +196,14 @@ def buffered(points: Sequence[Vector2], distance: float, *, closed: bool) -> Pol
     Round corners have 8 segments a quarter; coordinates are rounded to millimetres. Raises `MissionError` if nothing or
     several pieces are left. shapely is imported here, because few missions need it.
     """
+    outline = buffer_outline(points, distance, closed=closed, segments=_SEGMENTS)
+    if outline is not None and len(outline) <= MOST_CORNERS:
+        return _rounded(outline)
     import shapely
 
     shape = shapely.Polygon(points) if closed else shapely.LineString(points)
-    return _outline(shape.buffer(distance, quad_segs=8, cap_style="flat" if not closed else "round"), "buffer")
+    cap = "round" if closed else "flat"
+    return _outline(shape.buffer(distance, quad_segs=_SEGMENTS, cap_style=cap), "buffer")
 
 
 def united(polygons: Sequence[Sequence[Vector2]]) -> Polygon:
@@ -214,7 +222,12 @@ def _outline(shape: Any, what: str) -> Polygon:
     tolerance = _FIRST_TOLERANCE_M
     while len(shape.exterior.coords) > MOST_CORNERS:
         shape, tolerance = shape.simplify(tolerance), 2 * tolerance
-    return normalised([(round(x, 3), round(y, 3)) for x, y in shape.exterior.coords])
+    return _rounded(shape.exterior.coords)
+
+
+def _rounded(outline: Iterable[Vector2]) -> Polygon:
+    """The polygon of an outline, to millimetres."""
+    return normalised([(round(x, 3), round(y, 3)) for x, y in outline])
 
 
 def _chain(points: Sequence[Vector2]) -> list[Vector2]:

@@ -135,6 +135,9 @@ def member_ids(name: str, count: ex.Expr | None, scope: Scope) -> tuple[str, ...
     return tuple(f"{name}[{k}]" for k in range(1, count_of(count, scope) + 1))
 
 
+_LITERALS = (ex.Number, ex.Symbol, ex.Text, ex.Flag)
+
+
 class DrawnGroup(NamedTuple):
     """The members of a group, and what was drawn anew for them."""
 
@@ -334,7 +337,7 @@ def _values(group: model.Group, prop: model.Property, scope: Scope, *, seed: int
     with at_path(path):
         if isinstance(prop.value, ex.Draw):
             return draw(prop.value, scope, seed=seed, path=path, count=count)
-        if isinstance(prop.value, ex.Number | ex.Symbol | ex.Text | ex.Flag):  # the same for every member
+        if isinstance(prop.value, _LITERALS):  # the same for every member
             return Drawn((evaluate(prop.value, scope),) * count)
         members = range(1, count + 1)
         return Drawn(tuple(evaluate(prop.value, scope.binding(group.index, float(k))) for k in members))

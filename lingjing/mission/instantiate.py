@@ -43,7 +43,7 @@ from lingjing.mission.instance_entities import DrawnGroup, at_path, datum, entit
 from lingjing.mission.interactions import unrestricted_unlocks
 from lingjing.mission.kinds import SEA_M, scene_kind
 from lingjing.mission.languages import ORIGINAL, in_language
-from lingjing.mission.requirements import Requirements
+from lingjing.mission.requirements import requirements_of
 from lingjing.mission.seeding import integer, redrawn_path
 from lingjing.mission.tiers import RESERVED_SWITCHES, reserved_switch_error, with_tier
 from lingjing.mission.values import as_number, is_finite
@@ -80,7 +80,7 @@ def instantiate(
     redraws: dict[str, int] = {}
     hidden_redraws: dict[str, int] = {}
     settings = with_tier(mission, tier, choose_mode(mission, mode), settings or {}) if tier else settings
-    requirements = Requirements(mission)
+    requirements = requirements_of(mission)
     drawn = _drawn(mission, seed, mode, settings or {}, redraws, hidden_redraws, is_chosen=is_chosen)
     for repetition in itertools.count():
         scope = drawn.whole_scope

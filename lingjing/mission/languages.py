@@ -21,6 +21,7 @@ import msgspec
 from lingjing.decoding import from_json
 from lingjing.errors import Fault, UsageError
 from lingjing.mission import model
+from lingjing.patterns import pattern
 
 ORIGINAL = "en"
 """The language of texts without a code."""
@@ -29,7 +30,7 @@ WRITTEN = ("en", "zh")
 """The languages of the sentences that the program itself writes. A mission may have others; its episodes cannot be
 played in them."""
 
-_CODE = re.compile(r"[a-z]{2,3}")
+_CODE = pattern(r"[a-z]{2,3}")
 """Codes of ISO 639."""
 
 _NONE: Mapping[str, str] = MappingProxyType({})

@@ -12,11 +12,13 @@ import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
+from functools import lru_cache
 from typing import NamedTuple
 
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
 from lingjing.mission import model, operations
+from lingjing.mission.alternatives import Identity
 from lingjing.mission.evaluate import Members, Place, Scope, Value
 from lingjing.mission.fold import Composite, Literal, Meaning, meaning
 from lingjing.mission.functions import operation
@@ -25,11 +27,11 @@ from lingjing.mission.values import as_flag, as_whole, is_number
 
 
 class Requirements:
-    """The requirements of a mission, compiled once for all of its draws."""
+    """The requirements of a mission, compiled at their first use."""
 
     def __init__(self, mission: model.Mission) -> None:
         self._mission = mission
-        self._meanings: list[Meaning] = []
+        self._meanings: dict[int, Meaning] = {}
         self._repeated: dict[int, RepeatedDraws] = {}
 
     def unmet(self, members: Iterable[Entity], scope: Scope) -> model.Requirement | None:
@@ -40,8 +42,8 @@ class Requirements:
         """
         world = _Draws(members, scope)
         for place, requirement in enumerate(self._mission.requirements):
-            if place == len(self._meanings):
-                self._meanings.append(meaning(requirement.condition, _SEMANTICS))
+            if place not in self._meanings:
+                self._meanings[place] = meaning(requirement.condition, _SEMANTICS)
             if not as_flag(self._meanings[place]({}, world)):
                 return requirement
         return None
@@ -51,6 +53,16 @@ class Requirements:
         if id(requirement) not in self._repeated:
             self._repeated[id(requirement)] = repeated_draws(self._mission, requirement.condition)
         return self._repeated[id(requirement)]
+
+
+def requirements_of(mission: model.Mission) -> Requirements:
+    """The requirements of a mission, compiled once for all of its instances."""
+    return _requirements(Identity(mission))
+
+
+@lru_cache(8)  # a check makes a dozen instances and more of one mission
+def _requirements(key: Identity) -> Requirements:
+    return Requirements(key.mission)
 
 
 class RepeatedDraws(NamedTuple):

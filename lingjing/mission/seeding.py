@@ -8,9 +8,10 @@ and its libraries. Engines that draw millions of numbers use `generator`.
 
 from __future__ import annotations
 
-import hashlib
 import math
 from typing import TYPE_CHECKING
+
+from lingjing.digests import sha256
 
 if TYPE_CHECKING:
     import numpy as np
@@ -23,7 +24,7 @@ _MANTISSA = 2.0**-53
 
 def digest(seed: int, path: str) -> bytes:
     """The 32-byte key of the stream `path` under `seed`."""
-    return hashlib.sha256(f"{seed}\n{path}".encode("utf-8", "surrogatepass")).digest()
+    return sha256(f"{seed}\n{path}".encode("utf-8", "surrogatepass")).digest()
 
 
 def integer(seed: int, path: str, bits: int = 53) -> int:
@@ -60,7 +61,7 @@ class Stream:
     def word(self) -> int:
         """The next 64 bits."""
         if not self._words:
-            block = hashlib.sha256(self._key + self._block.to_bytes(8, "big")).digest()
+            block = sha256(self._key + self._block.to_bytes(8, "big")).digest()
             self._block += 1
             self._words = [int.from_bytes(block[8 * k : 8 * k + 8], "big") for k in reversed(range(_WORDS))]
         return self._words.pop()

@@ -10,8 +10,9 @@ from lingjing.mission.expression import Expr, Number
 from lingjing.mission.model import Mission
 from lingjing.mission.tiers import RESERVED_SWITCHES, reserved_switch_error
 from lingjing.mission.units import NONE, Dimension, dimension_name, unit_of
+from lingjing.patterns import pattern
 
-_QUANTITY = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)", re.ASCII)
+_QUANTITY = pattern(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)", re.ASCII)
 """A number, then its unit."""
 SWITCH_WORDS = {"true": 1.0, "on": 1.0, "1": 1.0, "false": 0.0, "off": 0.0, "0": 0.0}
 """The words for the values of a switch."""

@@ -7,11 +7,12 @@ a dimension of their own, in degrees. Other values are in SI base units, data in
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection
 from functools import lru_cache
 
 import msgspec
+
+from lingjing.patterns import pattern
 
 Dimension = tuple[int, int, int, int, int, int, int, int]
 
@@ -137,7 +138,7 @@ UNITS: dict[str, Unit] = {
 }
 """The simple units. Compounds are written without spaces: `m/s`, `km/h`, `m/s^2`, `deg/s`, `kB/s`."""
 
-_FACTOR = re.compile(r"([^\W\d]+|[%°])(?:\^?(-?\d))?")
+_FACTOR = pattern(r"([^\W\d]+|[%°])(?:\^?(-?\d))?")
 """A unit with its exponent."""
 
 

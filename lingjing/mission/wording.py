@@ -18,10 +18,11 @@ from lingjing.mission.expression import Number
 from lingjing.mission.instance import AgentSpec, Datum, Entity
 from lingjing.mission.languages import ORIGINAL, Phrases, phrases
 from lingjing.mission.units import field_named, si_value, unit_behind
+from lingjing.patterns import pattern
 
-HOLE = re.compile(r"\{\{|\}\}|\{([^{}\n]*)\}")
+HOLE = pattern(r"\{\{|\}\}|\{([^{}\n]*)\}")
 """A doubled brace, or a placeholder with its content as group 1."""
-PATH = re.compile(r"\s*(?P<name>[^\W\d]\w*)(?:\[\s*(?P<index>\w+)\s*\])?(?:\.(?P<field>[^\W\d]\w*))?\s*")
+PATH = pattern(r"\s*(?P<name>[^\W\d]\w*)(?:\[\s*(?P<index>\w+)\s*\])?(?:\.(?P<field>[^\W\d]\w*))?\s*")
 """The content of a placeholder: name, index and field."""
 
 

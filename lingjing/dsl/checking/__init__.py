@@ -6,7 +6,8 @@ declaration that hides it to the place that reads it.
 
 The modules in control-flow order:
 
-- `library`: the files that `use` names. `toplevel`: the top of a file. `inherit`: the statements that `extends` adds.
+- `library`: the files that `use` names. `kept_libraries`: the checked standard library, from a file.
+- `toplevel`: the top of a file. `inherit`: the statements that `extends` adds.
 - `values`: checked expressions. `keys`: the properties that a block may have.
 - `scope`: the tables of declared names. `typenames`: types in words.
 - `unknown`: names without a declaration. `shipped_names`: the names that the standard library declares.

@@ -7,11 +7,11 @@ reported and left out; the rest is checked.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from functools import partial
 from typing import Any, TypeVar
 
+from lingjing.digests import sha256
 from lingjing.dsl.checking.agents import AgentChecker
 from lingjing.dsl.checking.conduct import ConductChecker
 from lingjing.dsl.checking.events import EventChecker
@@ -366,7 +366,7 @@ def _hidden_count(scope: SymbolTables) -> int:
 
 def _origin(source: SourceText) -> model.Origin:
     name = source.path.replace("\\", "/").rsplit("/", 1)[-1]
-    return model.Origin(file=name, sha256=hashlib.sha256(source.text.encode("utf-8", "surrogatepass")).hexdigest())
+    return model.Origin(file=name, sha256=sha256(source.text.encode("utf-8", "surrogatepass")).hexdigest())
 
 
 def _ceilings(nodes: list[s.Param]) -> dict[str, float]:

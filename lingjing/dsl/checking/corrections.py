@@ -5,14 +5,13 @@ Each function looks at the syntax of a faulty value and gives the right text, or
 
 from __future__ import annotations
 
-import re
-
 from lingjing.dsl.source.text import SourceText
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission.functions import Type
 from lingjing.mission.units import NONE, dimension_unit, unit_of
+from lingjing.patterns import pattern
 
-_QUANTITY = re.compile(r"-?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?(?:[ \t]*(?P<unit>[^\W\d_%°][^\s\d]*|[%°]))?")
+_QUANTITY = pattern(r"-?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?(?:[ \t]*(?P<unit>[^\W\d_%°][^\s\d]*|[%°]))?")
 _TEXTUAL = ("name", "status", "flag", "interaction", "entity", "group", "region")
 """Kinds of values that a text in quotes may have been meant as."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Literal
 
 import msgspec
@@ -90,7 +91,7 @@ class Library(msgspec.Struct, frozen=True):
     """The declarations of one file, by name."""
 
     path: str
-    declared: dict[str, Declaration]
+    declared: Mapping[str, Declaration]
 
     @property
     def types(self) -> dict[str, TypeDecl]:

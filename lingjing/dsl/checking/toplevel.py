@@ -12,6 +12,7 @@ from lingjing.dsl.checking.blocks import BlockReader
 from lingjing.dsl.checking.elaborate import Elaborator
 from lingjing.dsl.checking.entities import EntityChecker
 from lingjing.dsl.checking.interactions import InteractionChecker
+from lingjing.dsl.checking.kept_libraries import kept_library
 from lingjing.dsl.checking.scope import Declaration, Library, MissionDecl, SymbolTables, TypeDecl
 from lingjing.dsl.checking.settings import SettingsChecker
 from lingjing.dsl.checking.types import TypeChecker
@@ -72,11 +73,16 @@ def load_library(file: str, chain: tuple[str, ...] = (), files: Files | None = N
     if known is None:
         stat = os.stat(file)  # noqa: PTH116 - pathlib is not imported cold
         good = _good(file, stat.st_mtime_ns, stat.st_size)
-        known = good[0] if good else check_library(read_source(file), chain, files)
+        known = good[0] if good else _kept(file) or check_library(read_source(file), chain, files)
         if not good and not known[1]:
             good.append(known)
         files.libraries[file] = known
     return known
+
+
+def _kept(file: str) -> Loaded | None:
+    library = kept_library(file)
+    return None if library is None else (library, ())
 
 
 @lru_cache(maxsize=128)

@@ -20,6 +20,7 @@ from lingjing.dsl.source.reporter import Change, Reporter
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission.diagnostics import Related, Span
 from lingjing.mission.functions import ANY, NAME, Type
+from lingjing.patterns import pattern
 from lingjing.suggest import did_you_mean, nearest
 
 _MOST_RELATED = 5
@@ -36,8 +37,8 @@ _LOOKED_FOR_AS = {
 }
 """Keyword of a declaration → the kinds in `UnknownUse.what` that it can declare. The others declare values."""
 _HEADS = {
-    **{word: re.compile(rf"{word} +\w") for word in ("message", "adjudicate", "stage", *_DECLARES_VALUES)},
-    "agent": re.compile(r"agent +\w+ *(\[[^\]]*\])? *as +(?!controls\b|when\b)\w"),
+    **{word: pattern(rf"{word} +\w") for word in ("message", "adjudicate", "stage", *_DECLARES_VALUES)},
+    "agent": pattern(r"agent +\w+ *(\[[^\]]*\])? *as +(?!controls\b|when\b)\w"),
 }
 """Keyword → pattern of a declaration with a complete name."""
 _FROM_LIBRARIES = ("no asset type", "no target type", "no type", "no message record", "no interaction")

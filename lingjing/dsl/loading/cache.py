@@ -11,9 +11,7 @@ permission means no cache.
 
 from __future__ import annotations
 
-import hashlib
 import os
-import re
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -21,10 +19,12 @@ import msgspec
 
 from lingjing.data import cache_folder, cache_is_off
 from lingjing.decoding import from_msgpack
+from lingjing.digests import sha256
 from lingjing.dsl.source.text import SourceText, read_source
 from lingjing.errors import PluginError, UsageError
 from lingjing.kept_files import prune, read_kept, write_kept
 from lingjing.mission.diagnostics import Diagnostic
+from lingjing.patterns import pattern
 
 if TYPE_CHECKING:
     from lingjing.dsl.compilation import Compilation
@@ -39,7 +39,7 @@ MOST_BYTES = 1 << 28
 LARGEST_ENTRY = 16 * 1024 * 1024
 """Most bytes of one entry (chosen). A larger mission is compiled each time."""
 
-_USE = re.compile(r"\buse\b[ \t]*(?P<dot>\.?)[ \t]*(?P<path>[^\W\d]\w*(?:[ \t]*\.[ \t]*[^\W\d]\w*)*)")
+_USE = pattern(r"\buse\b[ \t]*(?P<dot>\.?)[ \t]*(?P<path>[^\W\d]\w*(?:[ \t]*\.[ \t]*[^\W\d]\w*)*)")
 """A `use` in a text. It also matches in comments, which only adds a dependency."""
 
 
@@ -125,7 +125,7 @@ def _entry(source: SourceText) -> CacheEntry | None:
 
 
 def _file(source: SourceText) -> str:
-    digest = hashlib.sha256(FORMAT)
+    digest = sha256(FORMAT)
     for part in (_compiler(), source.path, source.text):
         data = part.encode("utf-8", "surrogatepass")
         digest.update(b"%d\0" % len(data) + data)
@@ -163,5 +163,5 @@ def _libraries(source: SourceText) -> Iterator[tuple[str, str]]:
                 continue
             seen.add(file)
             read = read_source(file)
-            yield file, hashlib.sha256(read.text.encode("utf-8", "surrogatepass")).hexdigest()
+            yield file, sha256(read.text.encode("utf-8", "surrogatepass")).hexdigest()
             waiting.append((read.text, file))

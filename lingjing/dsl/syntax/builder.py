@@ -9,7 +9,6 @@ depth is limited here, so that no later phase recurses too deeply.
 # ruff: noqa: D102 - the docstring of a reduction is its rule in ljs.lark
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from functools import cache
 from typing import Any, TypeVar
@@ -19,11 +18,12 @@ from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.statements import STATEMENTS
 from lingjing.dsl.syntax.tokens import Token
 from lingjing.mission.functions import RANKS
+from lingjing.patterns import pattern
 
 DEEPEST = 120
 """Most levels of an expression's tree (chosen): the longest rule of the project's missions has eight."""
 
-_ESCAPE = re.compile(r"\\(.)")
+_ESCAPE = pattern(r"\\(.)")
 _ESCAPES = {"n": "\n", "t": "\t"}
 T = TypeVar("T")
 Arguments = list[s.CallArgument]

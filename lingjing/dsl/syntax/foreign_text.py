@@ -14,8 +14,9 @@ from lingjing.dsl.syntax.foreign import BLANKS, GUESSED, QUOTES, SIGNS, UNSEEN
 from lingjing.dsl.syntax.statements import KINDS
 from lingjing.dsl.syntax.tokens import INNER, STATEMENTS, SYMBOLS, Token
 from lingjing.mission.diagnostics import Related
+from lingjing.patterns import pattern
 
-_UNSEEN = re.compile(f"[{UNSEEN}]")
+_UNSEEN = pattern(f"[{UNSEEN}]")
 _PLAIN = {
     **{
         ord(sign): plain
@@ -29,25 +30,26 @@ _PLAIN = {
     },
 }
 """Characters of other keyboards that one plain character replaces."""
-_ODD = re.compile(f"[{re.escape(''.join(map(chr, _PLAIN)))}]")
+_PLAIN_SIGNS = "".join(map(chr, _PLAIN))
+_ODD = pattern(f"[{re.escape(_PLAIN_SIGNS)}]")
 _MOST_RELATED = 5
 """Most places that an error lists (chosen)."""
-_COMMENT = re.compile(r"(?P<mark>//+|--+|/\*+)[ \t]?(?P<rest>[^\r\n]*)")
-_COMMENT_REST = re.compile(r"[^\r\n]*")
-_ENDS_LINE = re.compile(r"[ \t]*(?:\}|#|[\r\n]|$)")
-_SIGN = re.compile(r"[ \t]*(?P<sign>:(?!=)|=(?![=<>]))[ \t]*")
-_BRACKET = re.compile(r"[ \t]*(?:[:=][ \t]*)?(?P<open>[\[{(])")
-_KEY = re.compile(r"[ \t]*(?P<sign>[:=])")
-_PLAIN_NAME = re.compile(r"[^\W\d]\w*")
-_PATH = re.compile(r"\"\.?[a-z_]\w*(?:\.\w+)*\"")
-_PYTHON_IMPORT = re.compile(r"[ \t]+(?P<path>\.?\w+(?:\.\w+)*)[ \t]+import[ \t]+(?P<names>\*|\w+(?:[ \t]*,[ \t]*\w+)*)")
-_TIMES = re.compile(r"(?P<rows>\d+)[xX](?P<columns>\d+)")
-_GROUPED = re.compile(r"\d{1,3}(?:_\d{3})+(?:\.\d+)?")
-_TIMES_NUMBER = re.compile(r"[ \t]*(?P<number>\d+)(?![\w.])")
-_PDDL = re.compile(r"\?\w+\s+-\s+\w+|\(\s*\w+\s+\?\w")
-_YAML_TEXT = re.compile(r"[ \t]*:[ \t]*[|>][-+]?[ \t]*\n(?P<indent>[ \t]+)(?P<lines>[^\n]*(?:\n(?P=indent)[^\n]*)*)")
-_MORE = re.compile(r"(?:[ \t]*,[ \t]*-?\d[\w.]*[ \t]*[^\W\d_]*){1,2}(?=[ \t]*(?:[\r\n}]|$))")
-_LINE_END = re.compile(r"[\r\n]")
+_COMMENT = pattern(r"(?P<mark>//+|--+|/\*+)[ \t]?(?P<rest>[^\r\n]*)")
+_COMMENT_REST = pattern(r"[^\r\n]*")
+_ENDS_LINE = pattern(r"[ \t]*(?:\}|#|[\r\n]|$)")
+_SIGN = pattern(r"[ \t]*(?P<sign>:(?!=)|=(?![=<>]))[ \t]*")
+_BRACKET = pattern(r"[ \t]*(?:[:=][ \t]*)?(?P<open>[\[{(])")
+_KEY = pattern(r"[ \t]*(?P<sign>[:=])")
+_PLAIN_NAME = pattern(r"[^\W\d]\w*")
+_PATH = pattern(r"\"\.?[a-z_]\w*(?:\.\w+)*\"")
+_PYTHON_IMPORT = pattern(r"[ \t]+(?P<path>\.?\w+(?:\.\w+)*)[ \t]+import[ \t]+(?P<names>\*|\w+(?:[ \t]*,[ \t]*\w+)*)")
+_TIMES = pattern(r"(?P<rows>\d+)[xX](?P<columns>\d+)")
+_GROUPED = pattern(r"\d{1,3}(?:_\d{3})+(?:\.\d+)?")
+_TIMES_NUMBER = pattern(r"[ \t]*(?P<number>\d+)(?![\w.])")
+_PDDL = pattern(r"\?\w+\s+-\s+\w+|\(\s*\w+\s+\?\w")
+_YAML_TEXT = pattern(r"[ \t]*:[ \t]*[|>][-+]?[ \t]*\n(?P<indent>[ \t]+)(?P<lines>[^\n]*(?:\n(?P=indent)[^\n]*)*)")
+_MORE = pattern(r"(?:[ \t]*,[ \t]*-?\d[\w.]*[ \t]*[^\W\d_]*){1,2}(?=[ \t]*(?:[\r\n}]|$))")
+_LINE_END = pattern(r"[\r\n]")
 _FARTHEST = 4000
 """Most characters in which the other end of a bracket or a text is searched (chosen)."""
 _MOST_PLACES = 1000
@@ -100,6 +102,8 @@ class ForeignText:
 
     def _report_signs(self, original: str) -> None:
         """Report the blanks and signs of another keyboard outside of texts and comments: one error with all places."""
+        if not any(sign in original for sign in _PLAIN_SIGNS):
+            return
         texts = [(token.start, token.end) for token in self.tokens if token.type == "STRING"]
         places: list[int] = []
         for match in _ODD.finditer(original):

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import re
 
-_BLANK = re.compile(r"[ \t]*")
-_NEXT_CODE = re.compile(r"(?:[ \t]*(?:\#[^\r\n]*)?[\r\n])*(?P<depth>[ \t]*)(?=[^\s\#])")
-_OPENED = re.compile(r"^(?P<outside>[ \t]*)[^\s\#][^\r\n]*[{:][ \t]*[\r\n]+(?P<inside>[ \t]*)(?=[^\s}])", re.MULTILINE)
+from lingjing.patterns import pattern
+
+_BLANK = pattern(r"[ \t]*")
+_NEXT_CODE = pattern(r"(?:[ \t]*(?:\#[^\r\n]*)?[\r\n])*(?P<depth>[ \t]*)(?=[^\s\#])")
+_OPENED = pattern(r"^(?P<outside>[ \t]*)[^\s\#][^\r\n]*[{:][ \t]*[\r\n]+(?P<inside>[ \t]*)(?=[^\s}])", re.MULTILINE)
 
 
 class Indentation:

@@ -32,6 +32,7 @@ from lingjing.dsl.syntax.tokens import (
     Token,
 )
 from lingjing.mission.diagnostics import Related
+from lingjing.patterns import pattern
 from lingjing.suggest import is_certain, nearest
 
 DEEPEST = 64
@@ -46,7 +47,7 @@ _DIGITS = r"\d+(?!\d)"
 wrongly (it takes the dot of `1..3`)."""
 _MARKS = "\u0300-\u036f\u1ab0-\u1aff\u1dc0-\u1dff\u20d0-\u20ff\u3099\u309a\ufe20-\ufe2f"
 """Combining marks. Letters written apart from their accents (NFD) are the same letters; names are stored in NFC."""
-MASTER = re.compile(
+MASTER = pattern(
     rf"""
     (?P<WORD>[^\W\d][\w{_MARKS}]*)
   | (?P<NUMBER>{_DIGITS}(?:\.{_DIGITS}|(?!\.\d))(?:[eE][+-]?{_DIGITS}|(?![eE][+-]?\d))(?!\w*\d)(?:{_UNIT})?)
@@ -64,37 +65,38 @@ MASTER = re.compile(
     re.VERBOSE | re.DOTALL,
 )
 
-_NUMBERS = re.compile(rf"-?{_DIGITS}(?:\.{_DIGITS})?(?:{_UNIT})?")
-_UNITS = re.compile(_UNIT)
-_COMMENT_LINES = re.compile(r"[ \t]*\#[^\r\n]*[\r\n](?:[ \t\r\n]*[\r\n])?")
+_NUMBERS = pattern(rf"-?{_DIGITS}(?:\.{_DIGITS})?(?:{_UNIT})?")
+_UNITS = pattern(_UNIT)
+_COMMENT_LINES = pattern(r"[ \t]*\#[^\r\n]*[\r\n](?:[ \t\r\n]*[\r\n])?")
 """A comment on its own line, and the blank lines after it. It matches one comment at a time: the pattern matcher keeps
 half a kilobyte for each repetition of a group, so a file of line ends alone took gigabytes."""
 _QUOTE = f'["{re.escape("".join(QUOTES))}]'
-_STATEMENT_FOLLOWS = re.compile(rf"[ \t]+(?:[^\W\d]|{_QUOTE}|\{{|-?\d|\.[^\W\d])|[ \t]*\{{")
-_HEADER_FOLLOWS = re.compile(rf"[ \t]+(?:[^\W\d]|{_QUOTE})|[ \t]*\{{")
-_NAME_FOLLOWS = re.compile(r"[ \t]*(?:=(?!=)|~|:|<=)")
-_INNER_IS_NAME = re.compile(r"[ \t]*(?:=(?!=)|~|:)")
-_NEXT_ITEM = re.compile(
+_STATEMENT_FOLLOWS = pattern(rf"[ \t]+(?:[^\W\d]|{_QUOTE}|\{{|-?\d|\.[^\W\d])|[ \t]*\{{")
+_HEADER_FOLLOWS = pattern(rf"[ \t]+(?:[^\W\d]|{_QUOTE})|[ \t]*\{{")
+_NAME_FOLLOWS = pattern(r"[ \t]*(?:=(?!=)|~|:|<=)")
+_INNER_IS_NAME = pattern(r"[ \t]*(?:=(?!=)|~|:)")
+_NEXT_ITEM = pattern(
     r"[ \t\r\n]*(?:\#[^\r\n]*[ \t\r\n]*){0,1000}(?:(?P<close>\})|(?P<word>[^\W\d]\w*)(?P<after>[ \t]*(?:=(?!=)|~)?))"
 )
-_SUBJECT_FOLLOWS = re.compile(
+_SUBJECT_FOLLOWS = pattern(
     r"[ \t\r\n]*(?:\#[^\r\n]*[ \t\r\n]*){0,1000}(?:[^\W\d]\w*|\"[^\"\r\n]*\")[ \t]+(?:"
     + "|".join(AFTER_SUBJECT)
     + r")\b(?![ \t]*=)"
 )
 """The beginning of a statement with a subject before its keyword."""
-_CONTINUES = re.compile(r"[ \t]*(?:(?:and|or)\b|->|<->)")
-_STARTS = re.compile(r"[ \t]*(?:(?P<word>[^\W\d]\w*)|\})")
-_SEA_LEVEL = re.compile(r"[ \t]+level\b")
-_BLOCK_FOLLOWS = re.compile(r"[ \t]*\{")
+_CONTINUES = pattern(r"[ \t]*(?:(?:and|or)\b|->|<->)")
+_STARTS = pattern(r"[ \t]*(?:(?P<word>[^\W\d]\w*)|\})")
+_SEA_LEVEL = pattern(r"[ \t]+level\b")
+_BLOCK_FOLLOWS = pattern(r"[ \t]*\{")
 _BLOCK_KEYWORDS = tuple([word for word, kind in KINDS.items() if kind.is_section])
 """Keywords that may stand directly before `{`."""
 _TEXT_KEYWORDS = frozenset([word for word, kind in KINDS.items() if kind.is_text])
 """Keywords directly before a text."""
 _TEXT_TOKENS = frozenset([KINDS[word].token for word in _TEXT_KEYWORDS])
-_DRAWN = re.compile(r"[ \t]*~")
+_DRAWN = pattern(r"[ \t]*~")
 _BEFORE_STATEMENTS = frozenset(("NL", "LBRACE", "HIDDEN", "OVERRIDE", "SEP"))
-_BIDI = re.compile("[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+_BIDI = "\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069"
+"""Signs that change the reading direction."""
 _HEADER_TOKENS = 24
 """Most tokens of a statement in which its first token is searched at a sign (chosen)."""
 OPERANDS = frozenset(("NAME", "NUMBER", "QUANTITY", "STRING", "RPAR", "RSQB", "RSET", "TRUE", "FALSE"))
@@ -176,7 +178,9 @@ class Lexer(ForeignText):
         self.previous = kind
 
     def _refuse_bidi(self) -> None:
-        for match in _BIDI.finditer(self.text, self.start):
+        if self.text.isascii() or not any(sign in self.text for sign in _BIDI):
+            return
+        for match in re.compile(f"[{_BIDI}]").finditer(self.text, self.start):
             code = f"U+{ord(match[0]):04X}"
             line = self.text.rfind("\n", 0, match.start()) + 1
             outside = self.text.count('"', line, match.start()) % 2 == 0
@@ -753,9 +757,9 @@ class Lexer(ForeignText):
         return self.tokens
 
 
-_LONG_REST = re.compile(r'[ \t]*\r?\n[^"]*?\n[ \t]*(?P<quotes>"{1,3})[ \t]*(?=[\r\n])')
-_LINES = re.compile(r"(?P<line>[^\r\n]*)(?:\r\n|\n|\r)(?:[ \t]*(?:\r\n|\n|\r))*(?P<depth>[ \t]*)(?=\S)")
-_NEXT_LINE = re.compile(r"[}\s]*?(?:\#[^\r\n]*)?(?P<lines>[\r\n]+)")
+_LONG_REST = pattern(r'[ \t]*\r?\n[^"]*?\n[ \t]*(?P<quotes>"{1,3})[ \t]*(?=[\r\n])')
+_LINES = pattern(r"(?P<line>[^\r\n]*)(?:\r\n|\n|\r)(?:[ \t]*(?:\r\n|\n|\r))*(?P<depth>[ \t]*)(?=\S)")
+_NEXT_LINE = pattern(r"[}\s]*?(?:\#[^\r\n]*)?(?P<lines>[\r\n]+)")
 _OF_MISSIONS = frozenset(word for word, kind in KINDS.items() if "mission" in kind.within and FILE not in kind.within)
 """Keywords of statements that stand in a mission, and not at the top of a file."""
 _BLOCKS_OF_SUBJECTS = frozenset(place for word, kind in KINDS.items() if kind.has_subject for place in kind.within)

@@ -16,6 +16,7 @@ A *layout* is the text of a printed statement. `{field}` or `{field:form}` stand
 from __future__ import annotations
 
 import re
+from functools import cache
 
 import msgspec
 
@@ -85,6 +86,7 @@ class Form(msgspec.Struct, frozen=True):
         return _elements(self.subject)
 
 
+@cache
 def _elements(pattern: str) -> tuple[PatternElement, ...]:
     elements: list[PatternElement] = []
     group = groups = 0

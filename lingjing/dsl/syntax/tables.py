@@ -45,4 +45,6 @@ class Tables(msgspec.Struct, frozen=True, array_like=True):
 def load_tables() -> Tables:
     """Load the tables of the grammar."""
     with open(FILE, "rb") as file:  # noqa: PTH123 - as above
-        return from_msgpack(file.read(), Tables)
+        start, end, states, rules = from_msgpack(file.read())
+    # without a typed decoder: to describe the types to it takes longer than this
+    return Tables(start, end, tuple(states), tuple(Reduction(*rule[:3], *map(tuple, rule[3:])) for rule in rules))

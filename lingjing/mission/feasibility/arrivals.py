@@ -7,6 +7,7 @@ place, at the top speeds of all bodies concerned.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import msgspec
 
@@ -21,6 +22,7 @@ from lingjing.mission.feasibility.steps import NEVER
 from lingjing.mission.feasibility.truths import (
     AT_ONCE,
     YES,
+    Extent,
     Extents,
     Moment,
     Quantity,
@@ -257,16 +259,27 @@ class Arrivals(Moments):
         reach = radius + places.loose_m + (self.knowledge.reach_m(goal) if goal is not None else 0.0)
         if math.isinf(reach):
             return None
-        for key, bounds in self._steady.items():
-            if len(key) > 1 and key[1] == body.id and self._bars(key, bounds, places, reach):
+        for key, bounds in self._of_body(self._steady, body.id):
+            if self._bars(key, bounds, places, reach):
                 return self._never(f"a hard constraint on {in_words(key)} keeps `{body.id}` away", "LJ0614")
         carriers = (self.outline.bodies[name].speed_mps for name in body.aboard)
         speed = max((body.speed_mps, *carriers))
         last_tick_m = speed * self.outline.instance.clock.tick_s + _loose_m(body)
-        for key, bounds in self._before_end.items():
-            if len(key) > 1 and key[1] == body.id and self._bars(key, bounds, places, reach + last_tick_m):
+        for key, bounds in self._of_body(self._before_end, body.id):
+            if self._bars(key, bounds, places, reach + last_tick_m):
                 return Moment(NEVER, self._barred(key))
         return None
+
+    def _of_body(self, extents: Extents, body: str) -> Sequence[tuple[Quantity, Extent]]:
+        """The bounds about the place of a body, in their order."""
+        known = self._by_body.get(id(extents))
+        if known is None or known[0] is not extents:
+            of: dict[object, list[tuple[Quantity, Extent]]] = {}
+            for key, bounds in extents.items():
+                if len(key) > 1 and (key[0] == "in" or key[0] in AXIS_NAMES[:2]):
+                    of.setdefault(key[1], []).append((key, bounds))
+            known = self._by_body[id(extents)] = extents, of
+        return known[1].get(body, ())
 
     def _bars(self, key: Quantity, bounds: Bounds | frozenset[str], places: PossiblePlaces, reach: float) -> bool:
         if key[0] in AXIS_NAMES[:2] and isinstance(bounds, Bounds):

@@ -27,6 +27,7 @@ from lingjing.mission.feasibility.steps import NEVER, StepClock, step_clock
 from lingjing.mission.feasibility.truths import (
     AT_ONCE,
     YES,
+    Extent,
     Extents,
     Moment,
     Quantity,
@@ -79,6 +80,8 @@ class Moments(World):
         self._marks = 0
         self._steady: Extents = {}
         self._before_end: Extents = {}
+        self._by_body: dict[int, tuple[Extents, dict[object, list[tuple[Quantity, Extent]]]]] = {}
+        """By the number of an object of bounds: the object, and its bounds on the place of each body."""
         self._steady = self._extents_of_constraints()
         self._before_end = self._extents_before_failure()
 
