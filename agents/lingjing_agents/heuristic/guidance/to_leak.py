@@ -1,4 +1,5 @@
-"""The guiding pilot's rules: find the leak from above, report it, then guide a walker without a camera to it.
+"""The guiding pilot's rules: find a leak from above, report it, guide a walker without a camera to it, and go on to the
+next one.
 
 The pilot flies over the narrowest region until a picture shows a leak, descends for a nearer picture, reports, and
 sends one step at a time: a turn or a walk, around the obstacles in its depth pictures. Adjudication gives no feedback
@@ -9,6 +10,7 @@ so each must be worth it.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import ClassVar
@@ -39,7 +41,7 @@ from lingjing_agents.ground_plane import (
     lattice,
     position_in,
 )
-from lingjing_agents.heuristic.events import view_of
+from lingjing_agents.heuristic.events import EventLog, view_of
 from lingjing_agents.heuristic.sightings import name_in
 from lingjing_agents.heuristic.target_types import Detectors
 from lingjing_agents.paths.kept_path import KeptPath
@@ -80,6 +82,9 @@ EVEN_M = 0.1
 AXIS_M, AXIS_STEP_M = 6.0, 0.5
 """Distance in metres around a detection within which the axis of the line is sought, and spacing of the tried points.
 The spray ends up to 9 m from the pipe (`perception.pipe_leaks`), and its box is centred within half of that. Chosen."""
+
+SAME_M = 12.0
+"""Distance in metres within which two detections are one leak. Chosen: spray reaches 9 m from the pipe."""
 
 EYE_M = 0.33
 """Height of a guided dog's body above the ground in metres."""
@@ -140,6 +145,9 @@ class LeakGuidance:
         self._walked = False
         self._step: tuple[int, GroundPoint, float, str, float] | None = None
         self._tries, self._arrived = 0, -1
+        self._events = EventLog("seal")
+        self._sealed: list[GroundPoint] = []
+        self._others: list[Vector] = []
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
         """Process pictures and messages, send guidance, fly."""
@@ -149,6 +157,8 @@ class LeakGuidance:
             return Decision()
         if dog is not None and dog.position is not None:
             self._ground, self._dog_at = dog.position[2] - EYE_M, dog.position[:2]
+        if self._events.fresh_rescues(observation.events) and self._leak is not None:
+            self._go_on(self._leak)
         messages: tuple[Outgoing, ...] = ()
         for picture in observation.pictures:
             if picture.entity == self._body.id and picture.camera == self._camera.name:
@@ -158,6 +168,15 @@ class LeakGuidance:
             messages += self._lead(observation, dog)
         command = None if own.busy else self._fly(observation, own, dog)
         return Decision(command=command, messages=messages)
+
+    def _go_on(self, leak: _BelievedLeak) -> None:
+        """Leave a sealed leak for another one that pictures have shown, or for the search."""
+        self._sealed.append(leak.place[:2])
+        self._others = [place for place in self._others if not _is_near(place, self._sealed)]
+        self._leak = _BelievedLeak(self._others.pop(0)) if self._others else None
+        self._goal, self._step, self._flights, self._walked = None, None, 0, False
+        self._tries, self._arrived = 0, -1
+        self._mapped.clear()
 
     # -- pictures and reports
 
@@ -173,7 +192,9 @@ class LeakGuidance:
             if self._leak is not None and not self._leak.trusted and self._leak.reported_tick < 0:
                 self._leak = None  # the nearer picture shows no leak
             return ()
-        leak = finds[0]
+        self._note_others(finds)
+        mine = finds if self._leak is None else [find for find in finds if _is_near(find.place, [self._leak.place[:2]])]
+        leak = (mine or finds)[0]
         near = picture.pose.position[2] - self._ground < CLOSER_M + 4.0
         if self._leak is None or not self._leak.trusted:
             reported_tick, reports = (
@@ -185,6 +206,13 @@ class LeakGuidance:
         if self._leak.trusted or observation.tick - self._leak.reported_tick < ANSWER_TICKS:
             return ()
         return self._say(picture, leak, observation.tick)
+
+    def _note_others(self, finds: list[PipeLeak]) -> None:
+        """Store the places of leaks beside the one that the pilot works on."""
+        known = [self._leak.place[:2] if self._leak is not None else finds[0].place[:2]]
+        for find in finds:
+            if not _is_near(find.place, [*known, *(place[:2] for place in self._others)]):
+                self._others.append(find.place)
 
     def _leaks(self, picture: Picture) -> tuple[PipeLeak, ...]:
         """Return the leaks in a picture: those of the detector, or of the colour rule."""
@@ -200,7 +228,8 @@ class LeakGuidance:
 
     def _plausible(self, leak: PipeLeak) -> bool:
         whole = leak.box[0] > 0.003 and leak.box[1] > 0.003 and leak.box[2] < 0.997 and leak.box[3] < 0.997
-        return whole and leak.confidence >= SURE and (not self._line or inside(self._line, leak.place[:2]))
+        new = not _is_near(leak.place, self._sealed)
+        return whole and new and leak.confidence >= SURE and (not self._line or inside(self._line, leak.place[:2]))
 
     def _say(self, picture: Picture, leak: PipeLeak, tick: int) -> tuple[Outgoing, ...]:
         assert self._leak is not None
@@ -340,6 +369,11 @@ class LeakGuidance:
             return photo(self._body, self._camera)
         self._flights += 1
         return fly(self._body, *goal)
+
+
+def _is_near(place: Vector, others: Iterable[GroundPoint]) -> bool:
+    """Return whether a detection is at one of some places."""
+    return any(math.dist(place[:2], other) <= SAME_M for other in others)
 
 
 def _followers(brief: Brief) -> list[Peer]:
