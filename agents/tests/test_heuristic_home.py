@@ -9,7 +9,7 @@ from lingjing_agents.ground_plane import GroundRectangle
 from lingjing_agents.heuristic.guidance.to_building import BuildingGuidance
 from lingjing_agents.heuristic.policy import rules_for
 from lingjing_agents.heuristic.route_coordinator import RouteCoordinator
-from lingjing_agents.paths.fewest_commands import OpenGround, fewest_commands, ground_of
+from lingjing_agents.paths.fewest_commands import OpenGround, PointsFromAbove, fewest_commands, ground_of
 from lingjing_agents.perception.building_walls import ColouredPoints, find_walls, reference_signature
 
 from agents.tests.agent_kit import (
@@ -125,7 +125,7 @@ def test_crowns_of_trees_close_their_stems_alone_and_buildings_all_their_ground(
         from_above(50.0, 46.0).pose, "nadir", "uav",
     ), 0.0, AROUND)  # fmt: skip
     assert above is not None
-    ground = ground_of(above.points, AROUND, (50.0, 10.0))
+    ground = ground_of([PointsFromAbove(above.over, above.points)], AROUND, (50.0, 10.0))
     free = [(50.5, 27.0), (48.3, 20.3), (60.0, 40.0), (22.0, 26.0)]
     shut = [(50.5, 22.5), (25.0, 66.0), (22.0, 21.0)]
     for place, closed in [*((place, False) for place in free), *((place, True) for place in shut)]:
@@ -147,6 +147,40 @@ def test_the_way_of_fewest_commands_goes_through_the_gap_and_stops_near_the_goal
     closed[98:102] = True
     assert fewest_commands(OpenGround(bounds, closed), bounds, start, 0.0, goal, 9.0, 25.0) == ()
     assert fewest_commands(ground, bounds, goal, 0.0, goal, 9.0, 25.0) == ()
+
+
+def block(west: float, south: float, east: float, north: float, top: float) -> np.ndarray:
+    """Return points (n, 3) of a block's top, half a metre apart."""
+    x, y = np.meshgrid(np.arange(west, east, 0.5), np.arange(south, north, 0.5))
+    return np.stack([x.ravel(), y.ravel(), np.full(x.size, top)], axis=1)
+
+
+def test_what_stands_on_a_place_is_read_in_the_picture_from_nearest_above():
+    bounds = GroundRectangle(0.0, 0.0, 60.0, 60.0)
+    level = block(0.0, 0.0, 60.0, 60.0, 0.0)
+    aside = PointsFromAbove((30.0, 0.0), np.vstack([level, block(20.0, 20.0, 40.0, 45.0, 16.0)]))  # house and tree
+    above = PointsFromAbove((30.0, 40.0), np.vstack([level, block(20.0, 20.0, 40.0, 34.0, 16.0)]))
+    beside_it = np.array([(50.0, 40.0)])
+    for views, is_open in (((aside,), False), ((above, aside), True), ((aside, above), True)):
+        ground = ground_of(views, bounds, (10.0, 40.0))
+        assert ground.open_lines((10.0, 40.0), beside_it).tolist() == [is_open]
+        assert ground.open_lines((10.0, 25.0), np.array([(50.0, 25.0)])).tolist() == [False]
+    # The nearest one shows no ground here.
+    hidden = PointsFromAbove((30.0, 40.0), above.points[above.points[:, 1] < 38.0])
+    assert ground_of((hidden, aside), bounds, (10.0, 40.0)).open_lines((10.0, 40.0), beside_it).tolist() == [False]
+
+
+def test_a_path_leads_along_a_passage_between_two_rows_of_the_lattice():
+    bounds = GroundRectangle(0.0, 0.0, 100.0, 100.0)
+    closed = np.zeros((200, 200), bool)
+    closed[60:114, 20:180] = True  # a block from y 30 to 57
+    closed[118:160, 20:180] = True  # and one from y 59: a passage of 2 m, between the lattice's rows at 56 and 60
+    ground, start, goal = OpenGround(bounds, closed), (5.0, 20.0), (50.0, 58.0)
+    way = fewest_commands(ground, bounds, start, 0.0, goal, 3.0, 25.0)
+    assert way, "a passage without a corner"
+    assert 57.0 <= way[-1][1] <= 59.0
+    for a, b in zip((start, *way), way, strict=False):
+        assert ground.open_lines(a, np.array([b])).all()
 
 
 MESSAGES = (

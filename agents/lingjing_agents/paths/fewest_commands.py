@@ -2,13 +2,15 @@
 
 Each leg costs a turn and a step per so many metres, so a few long legs are better than a short path with many corners.
 Obstacles are known from points of depth pictures: buildings and low objects block their ground, crowns of trees only
-the area around their trunks.
+the area around their trunks. What stands on a place is read in the picture from nearest above it. Pictures from aside
+show leaning walls and hide ground, and where they are told as rectangles, a tree beside a house becomes a part of it.
 """
 
 from __future__ import annotations
 
 import heapq
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,17 +59,21 @@ class OpenGround:
         return is_open
 
 
-def ground_of(points: FloatArray, bounds: GroundRectangle, here: GroundPoint) -> OpenGround:
-    """Return the grid of obstacles from points (n, 3; east, north, metres above the ground). The walker's own place is
-    free.
-    """
+@dataclass(frozen=True, slots=True)
+class PointsFromAbove:
+    """The points of one picture from above."""
+
+    over: GroundPoint
+    """The place below the camera."""
+    points: FloatArray
+    """(n, 3): east, north, metres above the ground."""
+
+
+def ground_of(views: Sequence[PointsFromAbove], bounds: GroundRectangle, here: GroundPoint) -> OpenGround:
+    """Return the grid of obstacles in pictures from above. The walker's own place is free."""
     cv2 = opencv()
-    columns = math.ceil((bounds.east - bounds.west) / CELL_M)
-    rows = math.ceil((bounds.north - bounds.south) / CELL_M)
-    column = np.clip(((points[:, 0] - bounds.west) / CELL_M).astype(np.int64), 0, columns - 1)
-    row = np.clip(((points[:, 1] - bounds.south) / CELL_M).astype(np.int64), 0, rows - 1)
-    tops = np.zeros((rows, columns))
-    np.maximum.at(tops, (row, column), points[:, 2])
+    tops = _tops(views, bounds)
+    rows, columns = tops.shape
     building = cv2.morphologyEx((tops > STOREY_M).astype(np.uint8), cv2.MORPH_OPEN, _disc(LARGE_M))
     building = cv2.dilate(building, _disc(2.0))
     crowns = ((tops > UNDER_M) & (building == 0)).astype(np.uint8)
@@ -80,6 +86,25 @@ def ground_of(points: FloatArray, bounds: GroundRectangle, here: GroundPoint) ->
     away = np.hypot(*np.meshgrid(np.arange(columns) - (here[0] - bounds.west) / CELL_M,
                                  np.arange(rows) - (here[1] - bounds.south) / CELL_M))  # fmt: skip
     return OpenGround(bounds, (standing > 0) & (away > 2.5 / CELL_M))
+
+
+def _tops(views: Sequence[PointsFromAbove], bounds: GroundRectangle) -> FloatArray:
+    """Return the height of the top in each cell in metres, by the view from nearest above that has points there; 0
+    without one."""
+    columns = math.ceil((bounds.east - bounds.west) / CELL_M)
+    rows = math.ceil((bounds.north - bounds.south) / CELL_M)
+    east, north = np.meshgrid(bounds.west + (np.arange(columns) + 0.5) * CELL_M,
+                              bounds.south + (np.arange(rows) + 0.5) * CELL_M)  # fmt: skip
+    tops, nearest = np.zeros((rows, columns)), np.full((rows, columns), np.inf)
+    for view in views:
+        column = np.clip(((view.points[:, 0] - bounds.west) / CELL_M).astype(np.int64), 0, columns - 1)
+        row = np.clip(((view.points[:, 1] - bounds.south) / CELL_M).astype(np.int64), 0, rows - 1)
+        seen = np.full((rows, columns), -np.inf)
+        np.maximum.at(seen, (row, column), view.points[:, 2])
+        away = np.hypot(east - view.over[0], north - view.over[1])
+        is_nearest = np.isfinite(seen) & (away < nearest)
+        tops[is_nearest], nearest[is_nearest] = np.maximum(seen[is_nearest], 0.0), away[is_nearest]
+    return tops
 
 
 def fewest_commands(
@@ -130,15 +155,30 @@ def _turns(heading_deg: float, bearing: float) -> int:
 
 
 def _nodes(ground: OpenGround, within: GroundRectangle, here: GroundPoint) -> FloatArray:
-    """Return the start and all free points of a lattice, (n, 2)."""
+    """Return the start and the possible corners, (n, 2): the points of a lattice. In the square of a closed one, the
+    free place farthest from obstacles: else a passage narrower than the lattice would have no corner.
+    """
     bounds = ground.bounds
-    east = np.arange(within.west, within.east, NODES_M)
-    north = np.arange(within.south, within.north, NODES_M)
-    lattice = np.stack(np.meshgrid(east, north), axis=-1).reshape(-1, 2)
     rows, columns = ground.closed.shape
-    row = np.minimum(((lattice[:, 1] - bounds.south) / CELL_M).astype(np.int64), rows - 1)
-    column = np.minimum(((lattice[:, 0] - bounds.west) / CELL_M).astype(np.int64), columns - 1)
-    return np.vstack([np.array([here]), lattice[~ground.closed[row, column]]])
+    clear = opencv().distanceTransform((~ground.closed).astype(np.uint8), opencv().DIST_L2, 5)
+    nodes = [here]
+
+    def cell(metres: float, low: float, count: int) -> int:
+        return min(max(int((metres - low) / CELL_M), 0), count - 1)
+
+    for north in np.arange(within.south, within.north, NODES_M).tolist():
+        for east in np.arange(within.west, within.east, NODES_M).tolist():
+            if not ground.closed[cell(north, bounds.south, rows), cell(east, bounds.west, columns)]:
+                nodes.append((east, north))
+                continue
+            low, high = (cell(north + side, bounds.south, rows) for side in (-NODES_M / 2, NODES_M / 2))
+            left, right = (cell(east + side, bounds.west, columns) for side in (-NODES_M / 2, NODES_M / 2))
+            square = clear[low:high, left:right]
+            if square.size and square.max() > 0.0:
+                row, column = divmod(int(square.argmax()), square.shape[1])
+                place = bounds.west + (left + column + 0.5) * CELL_M, bounds.south + (low + row + 0.5) * CELL_M
+                nodes.append(place)
+    return np.array(nodes)
 
 
 def _traced(nodes: FloatArray, came: dict[int, int], index: int) -> tuple[GroundPoint, ...]:

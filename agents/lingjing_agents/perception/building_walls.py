@@ -92,6 +92,8 @@ class ColouredPoints:
     """(n, 3): east, north, height above the ground, in metres."""
     colours: ByteImage
     """(n, 3): red, green, blue, 0 to 255."""
+    over: GroundPoint
+    """The place below the camera."""
 
     @staticmethod
     def of(picture: Picture, ground_m: float, bounds: GroundRectangle) -> ColouredPoints | None:
@@ -105,7 +107,7 @@ class ColouredPoints:
             return None  # some depth is infinite: the picture shows the horizon
         x, y = points[:, 0], points[:, 1]
         inside = (x > bounds.west) & (x < bounds.east) & (y > bounds.south) & (y < bounds.north)
-        return ColouredPoints(points[inside], rows[inside])
+        return ColouredPoints(points[inside], rows[inside], picture.pose.position[:2])
 
 
 def signature(pixels: ByteImage) -> ColourSpread:

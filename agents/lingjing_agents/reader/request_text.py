@@ -384,19 +384,26 @@ def _depth_of_standing(described: dict[str, Any], pose: CameraPose) -> np.ndarra
         pixels = [world_to_pixel(pose, (x, y, elevation)) for x, y in corners]
         if any(pixel is None for pixel in pixels):
             continue
-        mask = np.zeros(depth.shape, np.uint8)
-        opencv().fillConvexPoly(mask, np.array([pixel[:2] for pixel in pixels if pixel]).round().astype(np.int32), 1)
-        inside = mask > 0
-        depth[inside] = _plane_depth(pose, elevation)[inside]
+        outline = np.array([pixel[:2] for pixel in pixels if pixel]).round().astype(np.int32)
+        (left, top), (right, bottom) = np.maximum((outline.min(axis=0), outline.max(axis=0) + 1), 0)
+        part = depth[top:bottom, left:right]
+        mask = np.zeros(part.shape, np.uint8)
+        if mask.size:
+            opencv().fillConvexPoly(mask, outline - (left, top), 1)
+            shown = _plane_depth(pose, elevation, (slice(left, right), slice(top, bottom)))
+            part[mask > 0] = shown[mask > 0]
     return depth
 
 
-def _plane_depth(pose: CameraPose, elevation_m: float) -> np.ndarray:
-    """Return the depth image (height, width; m) of a horizontal plane; infinite where a pixel does not show it."""
+def _plane_depth(
+    pose: CameraPose, elevation_m: float, part: tuple[slice, slice] = (slice(None), slice(None))
+) -> np.ndarray:
+    """Return the depth image (height, width; m) of a horizontal plane, or a part of it (columns, rows); infinite where
+    a pixel does not show the plane."""
     right, down, forward = camera_axes(pose)
     focal = focal_px(pose)
-    u = (np.arange(pose.width) + 0.5 - pose.width / 2.0) / focal
-    v = (np.arange(pose.height) + 0.5 - pose.height / 2.0) / focal
+    u = ((np.arange(pose.width) + 0.5 - pose.width / 2.0) / focal)[part[0]]
+    v = ((np.arange(pose.height) + 0.5 - pose.height / 2.0) / focal)[part[1]]
     fall = forward[2] + u[None, :] * right[2] + v[:, None] * down[2]  # of the ray, for each metre of depth
     below: np.ndarray = np.where(fall < -1e-3, (elevation_m - pose.position[2]) / np.minimum(fall, -1e-3), np.inf)
     return below

@@ -7,5 +7,5 @@
 - `step_executor`: has no camera and carries out guided steps
 
 They share `movement` (from a goal to the next turn or step, over `paths`) and `seen_ground` (the photographed ground
-and the next place for a picture).
+and the next place for a picture). `timely_stages` reads how near to every place a searcher must come in time.
 """

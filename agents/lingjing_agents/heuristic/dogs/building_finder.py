@@ -2,7 +2,8 @@
 
 Each picture adds to a map of possible positions of the facade: columns that resemble it add evidence along their
 bearing, at about the distance that their height implies. The dog walks to the best position and explores where nothing
-has been seen yet. It removes positions that it has reached without arriving.
+has been seen yet. It removes positions that it has reached without arriving. Where a rule ends the mission unless the
+dog is near the building in time, it explores the places first that it has not been that near to.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from lingjing_agents.capability import centimetres, photo, sends, sighting
 from lingjing_agents.ground_plane import GroundPoint, GroundRectangle, inside, position_in
 from lingjing_agents.heuristic.dogs.movement import EYE_M, DogMovement
 from lingjing_agents.heuristic.dogs.seen_ground import SeenGround
+from lingjing_agents.heuristic.dogs.timely_stages import timely_distances_m
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.sightings import name_in
 from lingjing_agents.heuristic.target_types import Detector, Detectors, building_class
@@ -62,8 +64,13 @@ VIEWS_M, VIEW_WORTH = (85.0, 55.0, 35.0), 24
 worth a tick. Chosen: buildings are large, and ticks are limited.
 """
 
-WORTH_GOING = 0.7
-"""Least score of a position for an approach. Chosen."""
+FAR_SAMPLES = 8
+"""Samples of the region that the dog has not been near to in time, from which on they are worth a walk. Chosen."""
+
+WORTH_GOING, WORTH_GLIMPSE = 0.7, 0.15
+"""Least score of a position for an approach: by resemblance, and by a detector, which names no other building, so that
+a `SLIVER` in one picture is enough. Chosen.
+"""
 HELD = 1.25
 """Factor by which another position must be better before the goal changes. Chosen."""
 
@@ -133,8 +140,11 @@ class BuildingFinder:
         self._led_tick = 0
         self._ground, self._entrance = where_to_look(brief, here)
         self._movement = DogMovement(body, ObstacleGrid(GroundRectangle.around((*self._ground, here), MARGIN_M)))
-        self._seen_ground = SeenGround((self._ground,) if self._ground else (), VIEWS_M, VIEW_WORTH)
+        grounds = (self._ground,) if self._ground else ()
+        self._seen_ground = SeenGround(grounds, VIEWS_M, VIEW_WORTH)
+        self._far_grounds = tuple(SeenGround(grounds, (near_m,)) for near_m in timely_distances_m(brief))
         self._belief = Belief(self._ground)
+        self._far: SeenGround | None = None
         self._goal: GroundPoint | None = None
         self._patience = 0
         self._snaps = camera.capture == "on_request"
@@ -155,6 +165,8 @@ class BuildingFinder:
             if picture.entity == self._body.id and picture.camera == self._camera.name:
                 messages += self._see(picture)
         self._belief.strike(here, ARRIVAL_M)
+        for ground in self._far_grounds:
+            ground.come_to(here)
         if any(receipt.reason in NOT_YET for receipt in inbox.receipts):
             self._waits = PATIENCE_TICKS
         interacted = any(len(event.entities) > 1 for event in observation.events)
@@ -254,7 +266,7 @@ class BuildingFinder:
             self._entrance = None
         best, score = self._belief.best(here)
         known = self._goal is not None and self._belief.at(self._goal) * HELD >= score and self._patience > 0
-        if best is not None and score >= WORTH_GOING:
+        if best is not None and score >= (WORTH_GOING if self._detector is None else WORTH_GLIMPSE):
             if not known:
                 self._goal, self._patience = best, 10 + int(3 * math.dist(here, best) / self._movement.longest_m)
             assert self._goal is not None
@@ -292,11 +304,14 @@ class BuildingFinder:
         turn = self._seen_ground.best_turn(here, own.heading_deg, self._camera.hfov_deg / 2.0)
         if turn:
             return self._movement.turn(turn)
-        if self._goal is None or math.dist(here, self._goal) < 8.0 or self._patience <= 0:
+        is_near = self._goal is not None and self._far is not None and self._goal not in self._far.unseen
+        if self._goal is None or is_near or math.dist(here, self._goal) < 8.0 or self._patience <= 0:
             if self._goal is not None and self._patience <= 0:
-                self._seen_ground.refuse(self._goal)
-            self._goal = self._seen_ground.next_place(here, (), self._in_the_open(here))
+                self._refuse(self._goal)
+            self._far = next((ground for ground in self._far_grounds if len(ground.unseen) >= FAR_SAMPLES), None)
+            self._goal = (self._far or self._seen_ground).next_place(here, (), self._in_the_open(here))
             if self._goal is None:
+                self._far = None
                 self._seen_ground.next_pass()
                 self._goal = self._seen_ground.next_place(here, ())
             self._patience = 8 + int(2.5 * math.dist(here, self._goal or here) / self._movement.longest_m)
@@ -305,9 +320,14 @@ class BuildingFinder:
             return None
         action = self._movement.towards(own, self._goal, reach_m=7.0)
         if action is None:
-            self._seen_ground.refuse(self._goal)
+            self._refuse(self._goal)
             self._goal = None
         return action
+
+    def _refuse(self, place: GroundPoint) -> None:
+        """Explore another place than this one, which cannot be reached."""
+        for ground in (*self._far_grounds, self._seen_ground):
+            ground.refuse(place)
 
     def _in_the_open(self, here: GroundPoint) -> Callable[[GroundPoint], bool]:
         """Return a function that tests whether a place is reachable in the open, by the skylines seen from about

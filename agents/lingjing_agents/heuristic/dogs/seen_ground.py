@@ -79,6 +79,10 @@ class SeenGround:
         """
         self.unseen = {place for place in self.unseen if math.dist(place, here) > min(self.far_m, OTHERS_M)}
 
+    def come_to(self, here: GroundPoint) -> None:
+        """Mark the samples within the length of a view, where nearness counts and no picture."""
+        self.unseen = {place for place in self.unseen if math.dist(place, here) > self.far_m}
+
     def refuse(self, place: GroundPoint) -> None:
         """Mark a place as unreachable."""
         self.refused.add(place)

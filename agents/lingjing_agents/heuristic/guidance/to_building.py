@@ -12,8 +12,6 @@ import math
 from dataclasses import dataclass
 from types import MappingProxyType
 
-import numpy as np
-
 from lingjing.plugins.geometry import bearing_deg, box_to_plane, offset_xy, turn_deg
 from lingjing.plugins.policy import Brief, Datum, EntityView, MessageSpec, Observation, Outgoing, Peer, Picture
 from lingjing_agents.capability import compose, sends
@@ -21,7 +19,7 @@ from lingjing_agents.ground_plane import GroundPoint, GroundRectangle, inside
 from lingjing_agents.heuristic.dogs.building_finder import FACE, WALK
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.target_types import Detector, Detectors, building_class
-from lingjing_agents.paths.fewest_commands import fewest_commands, ground_of
+from lingjing_agents.paths.fewest_commands import PointsFromAbove, fewest_commands, ground_of
 from lingjing_agents.perception.building_walls import (
     BuildingWall,
     ColouredPoints,
@@ -211,7 +209,8 @@ class BuildingGuidance:
         if not self._views:
             return ()
         here = follower.position[:2]
-        ground = ground_of(np.concatenate([view.points for view in self._views]), self._bounds, here)
+        views = [PointsFromAbove(view.over, view.points) for view in self._views]
+        ground = ground_of(views, self._bounds, here)
         return fewest_commands(ground, self._path_bounds, here, follower.heading_deg or 0.0, goal, within_m, LONGEST_M)
 
     def _send_to(self, follower: EntityView, wall: BuildingWall, *, nearer: bool) -> tuple[Outgoing, ...]:
