@@ -170,6 +170,19 @@ def test_what_stands_on_a_place_is_read_in_the_picture_from_nearest_above():
     assert ground_of((hidden, aside), bounds, (10.0, 40.0)).open_lines((10.0, 40.0), beside_it).tolist() == [False]
 
 
+def test_what_is_long_and_narrow_closes_its_ground_and_is_no_crown():
+    bounds = GroundRectangle(0.0, 0.0, 60.0, 60.0)
+    level, fence, crown = (
+        block(0.0, 0.0, 60.0, 60.0, 0.0),
+        block(20.0, 20.0, 22.5, 34.0, 8.0),
+        block(40.0, 20.0, 45.0, 25.0, 8.0),
+    )
+    ground = ground_of([PointsFromAbove((30.0, 30.0), np.vstack([level, fence, crown]))], bounds, (10.0, 10.0))
+    for y in (22.0, 27.0, 33.0):
+        assert ground.open_lines((10.0, y), np.array([(30.0, y)])).tolist() == [False]
+    assert ground.open_lines((38.0, 20.3), np.array([(50.0, 20.3)])).tolist() == [True]
+
+
 def test_a_path_leads_along_a_passage_between_two_rows_of_the_lattice():
     bounds = GroundRectangle(0.0, 0.0, 100.0, 100.0)
     closed = np.zeros((200, 200), bool)

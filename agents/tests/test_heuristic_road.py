@@ -179,10 +179,10 @@ def shot_by_uav(tick: int, place=(0.0, 0.0, 120.0)):
     return dataclasses.replace(picture(place, tick=tick), entity="uav")
 
 
-def inspector(monkeypatch, queues=()):
+def inspector(monkeypatch, queues=(), jams=0.0):
     """Return the rules after the picture of the first waypoint, with their decision on it."""
     monkeypatch.setattr(inspecting, "find_queues", lambda rgb, pose, level, line: queues)
-    rules = RouteInspector(told("eye", UAV, messages=INSPECTION), UAV)
+    rules = RouteInspector(told("eye", UAV, messages=INSPECTION, settings={"jams": jams}), UAV)
     start = view("uav", (0.0, 0.0, 120.0))
     photo = rules.act(observe("eye", 2, start), inspecting_orders(*ROUTE)).command
     assert photo is not None
@@ -195,6 +195,36 @@ def test_an_inspector_says_clear_and_goes_on_to_the_next_waypoint(monkeypatch):
     assert [note.body["state"] for note in decision.messages] == ["clear"]
     assert decision.command is not None
     assert decision.command.arguments == {"x": 203.0, "y": 0.0, "z": 120.0}  # past it as far as the leg after needs
+
+
+def test_a_leg_of_more_than_a_tick_is_photographed_in_its_middle_as_long_as_a_jam_may_be_there(monkeypatch):
+    rules, decision = inspector(monkeypatch, jams=1.0)
+    assert decision.command is not None
+    assert decision.command.arguments == {"x": 100.0, "y": 0.0, "z": 120.0}
+    over = view("uav", (100.0, 0.0, 120.0))
+    photo = rules.act(observe("eye", 4, over), Inbox()).command
+    assert photo is not None
+    assert photo.verb == "takePhoto"
+    jam = VehicleQueue((0.4, 0.2, 0.5, 0.8), 0.8, (120.0, 1.0), 5)
+    monkeypatch.setattr(inspecting, "find_queues", lambda rgb, pose, level, line: (jam,))
+    seen = rules.act(observe("eye", 5, over, pictures=(shot_by_uav(5, (100.0, 0.0, 120.0)),)), Inbox())
+    progress, report = seen.messages
+    assert (progress.body["state"], progress.body["position"]) == ("jammed", (120.0, 1.0, 0.0))
+    assert report.body["position"] == (120.0, 1.0, 0.0)
+    last = 5 + inspecting.WAIT_TICKS
+    on = rules.act(observe("eye", last, over), Inbox()).command  # without another route, to the end of this leg
+    assert on is not None
+    assert on.arguments["x"] == pytest.approx(200.0, abs=23.0)
+
+
+def test_a_middle_without_a_jam_is_not_reported(monkeypatch):
+    rules, _ = inspector(monkeypatch, jams=1.0)
+    over = view("uav", (100.0, 0.0, 120.0))
+    rules.act(observe("eye", 4, over), Inbox())
+    on = rules.act(observe("eye", 5, over, pictures=(shot_by_uav(5, (100.0, 0.0, 120.0)),)), Inbox())
+    assert on.messages == ()
+    assert on.command is not None
+    assert on.command.arguments["x"] == pytest.approx(200.0, abs=23.0)
 
 
 def test_an_inspector_tells_a_jam_with_its_box_and_place(monkeypatch):

@@ -135,15 +135,18 @@ class RouteInspector:
         if orders:
             self._route, self._next, self._tries, self._wait_until = orders, 0, 0, 0
             self._aim = self._near = None
-            self._middles = self._middles_of(orders) if self._is_exact and self._unnamed > 0 else {}
+            self._middles = self._middles_of(orders) if self._unnamed > 0 else {}
 
-    @staticmethod
-    def _middles_of(route: list[GroundPoint]) -> dict[int, GroundPoint]:
-        """Return the middles of long legs by the index of the waypoint at their end."""
+    def _middles_of(self, route: list[GroundPoint]) -> dict[int, GroundPoint]:
+        """Return the middles of long legs by the index of the waypoint at their end.
+
+        Where places of jams need not be exact, these are the legs of more than one tick, on which a stop costs least.
+        """
+        long_m = LONG_LEG_M if self._is_exact else self._reach_m + SLACK_M
         return {
             number: ((a[0] + b[0]) / 2.0, (a[1] + b[1]) / 2.0)
             for number, (a, b) in enumerate(pairwise(route), 1)
-            if math.dist(a, b) > LONG_LEG_M
+            if math.dist(a, b) > long_m
         }
 
     def _ordered(self, inbox: Inbox, task: str) -> list[GroundPoint]:
@@ -160,12 +163,18 @@ class RouteInspector:
         place = self._route[self._next]
         if self._is_exact:
             return self._look_exactly(picture, tick)
-        if math.dist(picture.pose.position[:2], place) > SLACK_M + REACHED_M:
+        middle = self._middles.pop(self._next, None)
+        if middle is None and math.dist(picture.pose.position[:2], place) > SLACK_M + REACHED_M:
             return ()
+        self._extra_flights = MOST_FLIGHTS
         jams = [queue for queue in self._queues(picture) if queue.confidence >= SURE]
-        number, self._next, self._tries = self._next + 1, self._next + 1, 0
+        if middle is not None and not jams:
+            return ()
+        number, self._tries = self._next + 1, 0
+        self._next += middle is None
         if not jams:
             return self._say(CLEAR, number, place)
+        self._unnamed -= 1
         return self._say_jammed(picture, tick, number, jams[0].place, jams[0].box, jams[0].confidence)
 
     def _look_exactly(self, picture: Picture, tick: int) -> tuple[Outgoing, ...]:

@@ -77,8 +77,8 @@ def ground_of(views: Sequence[PointsFromAbove], bounds: GroundRectangle, here: G
     building = cv2.morphologyEx((tops > STOREY_M).astype(np.uint8), cv2.MORPH_OPEN, _disc(LARGE_M))
     building = cv2.dilate(building, _disc(2.0))
     crowns = ((tops > UNDER_M) & (building == 0)).astype(np.uint8)
-    _, _, _, middles = cv2.connectedComponentsWithStats(crowns)
-    crowns = cv2.erode(crowns, _disc(CROWN_M))
+    _, labels, measures, middles = cv2.connectedComponentsWithStats(crowns)
+    crowns = cv2.erode(crowns, _disc(CROWN_M)) | _long_and_narrow(measures)[labels].astype(np.uint8)
     stems = np.minimum(np.round(middles[1:]).astype(np.int64), (columns - 1, rows - 1))
     crowns[stems[:, 1], stems[:, 0]] = 1
     low = ((tops > STEP_OVER_M) & (tops <= UNDER_M)).astype(np.uint8)
@@ -86,6 +86,16 @@ def ground_of(views: Sequence[PointsFromAbove], bounds: GroundRectangle, here: G
     away = np.hypot(*np.meshgrid(np.arange(columns) - (here[0] - bounds.west) / CELL_M,
                                  np.arange(rows) - (here[1] - bounds.south) / CELL_M))  # fmt: skip
     return OpenGround(bounds, (standing > 0) & (away > 2.5 / CELL_M))
+
+
+def _long_and_narrow(measures: np.ndarray) -> MaskArray:
+    """Return for each component of OpenCV's measures whether it is longer than a building is wide, and on average
+    narrower than a crown: a high fence, or parked cars under a lamp."""
+    cv2 = opencv()
+    sides_m = measures[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1) * CELL_M
+    narrow: MaskArray = measures[:, cv2.CC_STAT_AREA] * CELL_M**2 < CROWN_M * sides_m
+    is_fence: MaskArray = narrow & (sides_m > LARGE_M) & (np.arange(len(measures)) > 0)  # 0 is the ground
+    return is_fence
 
 
 def _tops(views: Sequence[PointsFromAbove], bounds: GroundRectangle) -> FloatArray:
