@@ -1,8 +1,8 @@
 """The stored record of the studies: `validity.json` beside this file, shown in docs/validity.md and the README.
 
 `python -m benchmarks.validity DIR --write` makes the record of the rows in a folder of `lingjing bench validity`,
-stores it, and writes its tables into both pages. Without DIR it takes the stored record, without `--write` it only
-compares.
+stores it with the rows (`validity-rows`), and writes its tables into both pages. A copy of the stored rows is a folder
+that the same command continues. Without DIR it takes the stored record, without `--write` it only compares.
 
 Exit codes: 0 the pages show the record, or were written; 1 a page differs from the record; 2 there is no such record.
 """
@@ -11,10 +11,13 @@ from __future__ import annotations
 
 import argparse
 import re
+import shutil
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from lingjing.bench.adversaries import SALT
+from lingjing.bench.folder import RESULTS
 from lingjing.bench.validity.pages import NO_MODEL, readme_rows, tables
 from lingjing.bench.validity.program import read_program
 from lingjing.bench.validity.record import RECORD, ValidityRecord, encode_record, read_record, record_of_folder
@@ -23,6 +26,10 @@ from lingjing.plugins.host import PluginHost
 
 ROOT = Path(__file__).parents[1]
 STORE = Path(__file__).with_name(RECORD)
+ROWS = Path("benchmarks") / "validity-rows"
+"""The folder of the stored rows, one folder for each study, below the root."""
+KEPT = (RESULTS, "salt", SALT)
+"""The files of a study that are stored: its rows, and the salts that draw the players' chances and its instances."""
 PAGE, README = Path("docs/validity.md"), Path("README.md")
 BEGIN, END = "<!-- tables: python -m benchmarks.validity -->", "<!-- end of the tables -->"
 """The lines around the tables of the page."""
@@ -53,8 +60,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     wanted = written(ROOT, record)
     differing = [path for path, content in wanted.items() if not path.is_file() or path.read_bytes() != content]
+    if args.folder is not None:
+        rows = rows_of(args.folder)
+        differing += [path for path, content in rows.items() if not path.is_file() or path.read_bytes() != content]
+        wanted |= rows
+        if args.write and rows:
+            shutil.rmtree(ROOT / ROWS, ignore_errors=True)  # studies that the folder does not hold
+            differing = list(dict.fromkeys((*differing, *rows)))
     for path in differing:
         if args.write:
+            path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(wanted[path])
         print(f"{path.relative_to(ROOT)}: {'written' if args.write else 'differs from the record'}")
     return int(bool(differing) and not args.write)
@@ -68,6 +83,13 @@ def written(root: Path, record: ValidityRecord) -> dict[Path, bytes]:
         page: page_with(page.read_text(encoding="utf-8"), record).encode(),
         readme: readme_with(readme.read_text(encoding="utf-8"), record).encode(),
     }
+
+
+def rows_of(folder: Path) -> dict[Path, bytes]:
+    """Return the files of the stored rows with their contents, of the studies in a results folder that have rows."""
+    studies = sorted(file.parent for file in folder.glob(f"*/{RESULTS}"))
+    files = (study / name for study in studies for name in KEPT if (study / name).is_file())
+    return {ROOT / ROWS / file.parent.name / file.name: file.read_bytes() for file in files}
 
 
 def stored_record() -> ValidityRecord | None:

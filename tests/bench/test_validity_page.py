@@ -11,7 +11,10 @@ import pytest
 
 import lingjing
 from benchmarks import validity
+from lingjing.bench.validity.program import read_program
+from lingjing.bench.validity.record import record_of_folder
 from lingjing.errors import ExitCode
+from lingjing.plugins.host import PluginHost
 from lingjing.testing import run_command
 from tests.bench import test_published_flaws
 from tests.bench.suite_kit import RESULTS, encode_rows, read_results
@@ -25,6 +28,15 @@ def test_it_shows_the_stored_record() -> None:
     assert validity.page_with(PAGE, record) == PAGE, "write it: python -m benchmarks.validity --write"
     assert (validity.NOTHING in PAGE) is (record is None)
     assert validity.NO_MODEL in PAGE and "never by number" in PAGE
+
+
+def test_the_stored_rows_give_the_stored_record(tmp_path: Path) -> None:
+    """The rows behind the tables can be checked and continued. The page says so where they are missing."""
+    stored = ROOT / validity.ROWS
+    assert stored.is_dir() is ("The rows of this sitting were not kept" not in PAGE)
+    if stored.is_dir():
+        rows = shutil.copytree(stored, tmp_path / "rows")
+        assert record_of_folder(read_program(), rows, PluginHost()) == validity.stored_record()
 
 
 def test_each_class_of_flaws_has_its_tests() -> None:
@@ -107,6 +119,10 @@ def test_the_script_stores_the_rows_and_writes_both_pages(
     assert "|queue-broadcast|2/2|–|0/2|–|\n|queue-star|2/2|–|0/2|–|\n" in readme
     assert len(readme.split()) < 500
     assert validity.main([]) == validity.main(line) == 0, "the pages agree with the stored record and with the rows"
+    continued = shutil.copytree(root / validity.ROWS, root / "continued")
+    assert [file.name for file in sorted(continued.iterdir())] == ["reference-tier0"]
+    again = ["bench", "validity", "--program", str(root / "tiny.toml"), "-o", str(continued), "--check"]
+    assert run_command(again) == ExitCode.OK and "0 episodes to play" in capsys.readouterr().err
     (root / validity.PAGE).write_text(page.replace("(2/2)", "(2/3)"))
     assert validity.main([]) == 1
 
