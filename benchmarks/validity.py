@@ -53,8 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--write", action="store_true", help="store the record and write the pages")
     args = parser.parse_args(arguments)
     try:
-        program = read_program(args.program)
-        record = read_record(STORE) if args.folder is None else record_of_folder(program, args.folder, PluginHost())
+        record = read_record(STORE) if args.folder is None else record_of(args.folder, args.program)
     except UsageError as error:
         print(f"error: {error}\nhint: {hint_of(error)}", file=sys.stderr)
         return 2
@@ -83,6 +82,11 @@ def written(root: Path, record: ValidityRecord) -> dict[Path, bytes]:
         page: page_with(page.read_text(encoding="utf-8"), record).encode(),
         readme: readme_with(readme.read_text(encoding="utf-8"), record).encode(),
     }
+
+
+def record_of(folder: Path, program: Path | None = None) -> ValidityRecord:
+    """Return the record of the rows in a results folder. Raises `UsageError` if it holds no studies of the program."""
+    return record_of_folder(read_program(program), folder, PluginHost())
 
 
 def rows_of(folder: Path) -> dict[Path, bytes]:

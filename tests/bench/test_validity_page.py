@@ -11,10 +11,7 @@ import pytest
 
 import lingjing
 from benchmarks import validity
-from lingjing.bench.validity.program import read_program
-from lingjing.bench.validity.record import record_of_folder
 from lingjing.errors import ExitCode
-from lingjing.plugins.host import PluginHost
 from lingjing.testing import run_command
 from tests.bench import test_published_flaws
 from tests.bench.suite_kit import RESULTS, encode_rows, read_results
@@ -36,7 +33,7 @@ def test_the_stored_rows_give_the_stored_record(tmp_path: Path) -> None:
     assert stored.is_dir() is ("The rows of this sitting were not kept" not in PAGE)
     if stored.is_dir():
         rows = shutil.copytree(stored, tmp_path / "rows")
-        assert record_of_folder(read_program(), rows, PluginHost()) == validity.stored_record()
+        assert validity.record_of(rows) == validity.stored_record()
 
 
 def test_each_class_of_flaws_has_its_tests() -> None:
