@@ -129,8 +129,10 @@ LINES = {
 def kinds(folder: Path) -> None:
     """Compare the time for 1,000 and 10,000 declarations of each kind, and fit a power law above the start."""
     head = FRAME.replace("use std.air { quadrotor }", "use std.air { quadrotor }\nuse std.sea { person_in_water }")
-    start = statistics.median(cost(validate(SSR))[0] for _ in range(3))
     first = "  asset a0 : quadrotor { position = (1 m, 1 m, 10 m) }\n"
+    bare = folder / "bare.ljs"
+    bare.write_text(head + first + END)
+    start = statistics.median(cost(validate(bare))[0] for _ in range(3))
     print("| declarations | 1,000, CPU s | 10,000, CPU s | exponent above the start |")
     print("| --- | --- | --- | --- |")
     for kind, line in LINES.items():
@@ -147,7 +149,9 @@ def kinds(folder: Path) -> None:
 
 def scaling(folder: Path, sizes: tuple[int, ...]) -> None:
     """Compare explicit assets with time and memory, and fit a power law to the part above the start."""
-    start = statistics.median(cost(validate(SSR))[0] for _ in range(3))
+    bare = folder / "bare.ljs"
+    bare.write_text(mission(1, rich=True))
+    start = statistics.median(cost(validate(bare))[0] for _ in range(3))
     print("| assets | MB of text | CPU s | peak MB |")
     print("| --- | --- | --- | --- |")
     seconds = []

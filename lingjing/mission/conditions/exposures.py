@@ -19,7 +19,7 @@ from typing import NamedTuple
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.conditions.declarations import Declarations, Group, group_names, of_mission
-from lingjing.mission.conditions.public_values import References, public_values
+from lingjing.mission.conditions.public_values import CONSTANT, References, public_values
 from lingjing.mission.conditions.reads import Reader
 from lingjing.mission.conditions.taint import PLACE, propagate
 from lingjing.mission.natures import PEOPLE
@@ -70,7 +70,7 @@ def _values(mission: model.Mission, of: Declarations) -> Iterator[Exposure]:
     """Public declarations that are computed from hidden values."""
     reader = Reader(of)
     for name, sink, value in public_values(mission):
-        if value is None or isinstance(value, ex.Number | ex.Flag | ex.Text | ex.Symbol):
+        if value is None or isinstance(value, CONSTANT):
             continue
         read = (each for part in _read_parts(value) for each in reader.value(part, {}).quantities)
         hidden = next((each for each in read if each.hidden), None)

@@ -9,6 +9,7 @@ list with the fields of the model.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from types import NoneType
 from typing import NamedTuple, Protocol
 
 from lingjing.mission import expression as ex
@@ -31,8 +32,12 @@ class PublicValue(NamedTuple):
     value: ex.Expr | References | None
 
 
+CONSTANT = (NoneType, ex.Number, ex.Flag, ex.Text, ex.Symbol)
+"""Values that read nothing; None stands for one that a declaration leaves out."""
+
+
 def public_values(mission: model.Mission) -> Iterator[PublicValue]:
-    """Every public value, declaration by declaration; None for a value that a declaration leaves out."""
+    """Every public value that may read others, declaration by declaration, and some that are `CONSTANT`."""
     for param in mission.parameters:
         if not param.hidden:
             yield PublicValue(param.name, f"the param `{param.name}`", param.default)
@@ -62,7 +67,7 @@ class _Guarded(Protocol):
 
 
 def _all(name: str, sink: str, values: Iterable[ex.Expr | None]) -> Iterator[PublicValue]:
-    return (PublicValue(name, sink, value) for value in values)
+    return (PublicValue(name, sink, value) for value in values if not isinstance(value, CONSTANT))
 
 
 def _of_group(group: model.Group) -> Iterator[PublicValue]:
@@ -76,7 +81,9 @@ def _of_group(group: model.Group) -> Iterator[PublicValue]:
         yield from _all(name, f"the camera `{camera.name}` of `{name}`", (camera.width, camera.height, camera.hfov))
     for verb in group.verbs:
         for each in verb.arguments:
-            yield from _all(name, f"the bound of the action `{verb.name}`", (each.minimum, each.maximum, each.default))
+            for bound in (each.minimum, each.maximum, each.default):
+                if not isinstance(bound, CONSTANT):  # as nearly all are, of each verb of each of many assets
+                    yield PublicValue(name, f"the bound of the action `{verb.name}`", bound)
     for spec in group.interactions:
         yield from _all(name, f"the interaction `{spec.name}` of `{name}`", (spec.within, spec.lasting, spec.aboard))
     if group.behaviour is not None:
