@@ -183,6 +183,24 @@ def test_what_is_long_and_narrow_closes_its_ground_and_is_no_crown():
     assert ground.open_lines((38.0, 20.3), np.array([(50.0, 20.3)])).tolist() == [True]
 
 
+def test_a_path_leads_around_a_crown_unless_that_is_far():
+    bounds = GroundRectangle(0.0, 0.0, 100.0, 60.0)
+    level, crown = block(0.0, 0.0, 100.0, 60.0, 0.0), block(47.0, 10.0, 53.0, 17.0, 3.0)
+    near_wall, start, goal = block(0.0, 14.5, 44.0, 60.0, 1.5), (20.0, 11.5), (80.0, 11.5)
+    ways = {}
+    for name, blocks in (
+        ("open", ()),
+        ("walled", (block(44.0, 17.0, 100.0, 60.0, 1.5), block(0.0, 0.0, 100.0, 8.5, 1.5))),
+    ):
+        views = [PointsFromAbove((50.0, 30.0), np.vstack([level, crown, near_wall, *blocks]))]
+        ground = ground_of(views, bounds, start)
+        way = fewest_commands(ground, bounds, start, 90.0, goal, 3.0, 25.0)
+        assert way
+        ways[name] = [bool(ground.hidden_lines(a, np.array([b]))[0]) for a, b in zip((start, *way), way, strict=False)]
+    assert not any(ways["open"])
+    assert any(ways["walled"])
+
+
 def test_a_path_leads_along_a_passage_between_two_rows_of_the_lattice():
     bounds = GroundRectangle(0.0, 0.0, 100.0, 100.0)
     closed = np.zeros((200, 200), bool)

@@ -152,6 +152,24 @@ def test_a_jam_asks_for_one_more_route_as_long_as_the_limit_allows():
     assert [note.kind for note in spent.messages] == []
 
 
+def test_another_route_is_awaited_after_a_jam_at_the_last_waypoint():
+    def after_the_jam() -> RouteCoordinator:
+        boss = RouteCoordinator(told("boss", messages=INSPECTION))
+        boss.act(routed(1), Inbox())
+        for number, place in enumerate(ROUTE[:-1], 1):
+            boss.act(routed(2), Inbox(messages=(inspected(number, "clear", place, 2),)))
+        jam = boss.act(routed(3), Inbox(messages=(inspected(len(ROUTE), "jammed", (370.0, 0.0, 0.0), 3),)))
+        assert [note.kind for note in jam.messages] == ["jammed"]
+        return boss
+
+    other = ((0.0, 0.0, 0.0), (0.0, 100.0, 0.0), (400.0, 0.0, 0.0))
+    again = after_the_jam().act(routed(4, route=other), Inbox())
+    assert orders(again, "inspect") == [("eye", place) for place in other]
+    boss = after_the_jam()
+    driven = [orders(boss.act(routed(tick), Inbox()), "drive") for tick in range(4, 8)]
+    assert driven == [[], [], [("driver[1]", ROUTE[-1])], []]  # without another one it drives the old one
+
+
 @pytest.mark.parametrize("task", ["drive", "arrive"])
 def test_a_driver_waits_for_its_order_and_insists_when_refused(task):
     driver = RouteDriver(told("driver", van(), messages=INSPECTION), van())

@@ -40,6 +40,8 @@ REPEAT_TICKS = 4
 """Ticks after which an order to the driver is repeated. Chosen."""
 SILENCE_TICKS = 10
 """Ticks without a report of the inspector after which its orders are repeated. Chosen."""
+OTHER_ROUTE_TICKS = 3
+"""Ticks for which a requested route is awaited before the present one is driven. Chosen: messages take one."""
 SAME_JAM_M = 60.0
 """Distance in metres within which two reported jams count as one. Chosen."""
 EXACT_JAM_M = 25.0
@@ -66,6 +68,7 @@ class RouteCoordinator:
         self._replans_left = min(limits, default=math.inf)
         self._route: tuple[GroundPosition, ...] = ()
         self._ordered_tick = self._heard_tick = self._drive_tick = -1
+        self._asked_tick = -1
         self._told: set[int] = set()
         self._asked: list[GroundPoint] = []
         self._arrived = False
@@ -145,6 +148,8 @@ class RouteCoordinator:
     def _have_driven(self, tick: int) -> tuple[Outgoing, ...]:
         if self._order is None or (self._drive_tick >= 0 and tick - self._drive_tick < REPEAT_TICKS):
             return ()
+        if self._asked_tick >= 0 and tick - self._asked_tick < OTHER_ROUTE_TICKS:
+            return ()  # the jam was at the last waypoint, and another route may come
         self._drive_tick = tick
         return (self._send(self._driver, DRIVE, self._route[-1]),)
 
@@ -160,6 +165,7 @@ class RouteCoordinator:
         if any(math.dist(place, before) < same_m for before in self._asked):
             return ()  # the new route passes the same jam: there is no way around it
         self._replans_left -= 1
+        self._asked_tick = tick
         self._asked.append(place)
         body: dict[str, Datum] = {
             "waypoint": len(self._told),

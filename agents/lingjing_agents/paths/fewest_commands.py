@@ -2,8 +2,9 @@
 
 Each leg costs a turn and a step per so many metres, so a few long legs are better than a short path with many corners.
 Obstacles are known from points of depth pictures: buildings and low objects block their ground, crowns of trees only
-the area around their trunks. What stands on a place is read in the picture from nearest above it. Pictures from aside
-show leaning walls and hide ground, and where they are told as rectangles, a tree beside a house becomes a part of it.
+the area around their trunks. The ground below the rest of a crown is hidden, and a car may stand there, so a leg across
+it costs more. What stands on a place is read in the picture from nearest above it. Pictures from aside show leaning
+walls and hide ground, and where they are told as rectangles, a tree beside a house becomes a part of it.
 """
 
 from __future__ import annotations
@@ -38,6 +39,11 @@ METRE = 0.012
 """Cost of a metre in commands, so that the shorter of two paths with equal commands is preferred. Chosen."""
 
 
+HIDDEN = 2.5
+"""Cost of a leg across hidden ground in commands. Chosen: a collision costs about five, and every second crown beside a
+street hides a car."""
+
+
 @dataclass(frozen=True, slots=True)
 class OpenGround:
     """A grid of closed cells."""
@@ -46,17 +52,26 @@ class OpenGround:
     """The area of the grid."""
     closed: MaskArray
     """(rows, columns), True for closed cells; rows from the south, columns from the west."""
+    hidden: MaskArray | None = None
+    """The same for cells below crowns, or None."""
 
     def open_lines(self, here: GroundPoint, ends: FloatArray) -> MaskArray:
         """Return for each of `ends` (n, 2) whether the straight line from `here` is free, as (n,)."""
+        is_open: MaskArray = np.logical_not(self._met(self.closed, here, ends))
+        return is_open
+
+    def hidden_lines(self, here: GroundPoint, ends: FloatArray) -> MaskArray:
+        """Return for each of `ends` (n, 2) whether the straight line from `here` crosses hidden ground, as (n,)."""
+        return np.zeros(len(ends), bool) if self.hidden is None else self._met(self.hidden, here, ends)
+
+    def _met(self, cells: MaskArray, here: GroundPoint, ends: FloatArray) -> MaskArray:
         count = max(2, math.ceil(float(np.hypot(*(ends - here).T).max()) / CELL_M)) if len(ends) else 2
         share = np.linspace(0.0, 1.0, count)[None, :]
         column = ((here[0] + share * (ends[:, :1] - here[0]) - self.bounds.west) / CELL_M).astype(np.int64)
         row = ((here[1] + share * (ends[:, 1:] - here[1]) - self.bounds.south) / CELL_M).astype(np.int64)
-        rows, columns = self.closed.shape
-        met = self.closed[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)]
-        is_open: MaskArray = np.logical_not(met.any(axis=1))
-        return is_open
+        rows, columns = cells.shape
+        crossed: MaskArray = cells[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)]
+        return np.asarray(crossed.any(axis=1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +93,7 @@ def ground_of(views: Sequence[PointsFromAbove], bounds: GroundRectangle, here: G
     building = cv2.dilate(building, _disc(2.0))
     crowns = ((tops > UNDER_M) & (building == 0)).astype(np.uint8)
     _, labels, measures, middles = cv2.connectedComponentsWithStats(crowns)
+    hidden = cv2.dilate(crowns, _disc(2.0 * BESIDE_M)) > 0
     crowns = cv2.erode(crowns, _disc(CROWN_M)) | _long_and_narrow(measures)[labels].astype(np.uint8)
     stems = np.minimum(np.round(middles[1:]).astype(np.int64), (columns - 1, rows - 1))
     crowns[stems[:, 1], stems[:, 0]] = 1
@@ -85,7 +101,7 @@ def ground_of(views: Sequence[PointsFromAbove], bounds: GroundRectangle, here: G
     standing = cv2.dilate(building | crowns | low, _disc(2.0 * BESIDE_M))
     away = np.hypot(*np.meshgrid(np.arange(columns) - (here[0] - bounds.west) / CELL_M,
                                  np.arange(rows) - (here[1] - bounds.south) / CELL_M))  # fmt: skip
-    return OpenGround(bounds, (standing > 0) & (away > 2.5 / CELL_M))
+    return OpenGround(bounds, (standing > 0) & (away > 2.5 / CELL_M), hidden)
 
 
 def _long_and_narrow(measures: np.ndarray) -> MaskArray:
@@ -149,10 +165,13 @@ def fewest_commands(
         at = float(nodes[index, 0]), float(nodes[index, 1])
         length = np.hypot(nodes[:, 0] - at[0], nodes[:, 1] - at[1])
         near = np.flatnonzero(~done & (length <= LEG_M) & (cost + 1.0 < best))
-        for other in near[ground.open_lines(at, nodes[near])].tolist():
+        near = near[ground.open_lines(at, nodes[near])]
+        for other, is_hidden in zip(near.tolist(), ground.hidden_lines(at, nodes[near]).tolist(), strict=True):
             bearing = bearing_deg(at, (float(nodes[other, 0]), float(nodes[other, 1])))
             run = float(length[other])
-            total = cost + _turns(facing[index], bearing) + math.ceil(run / longest_m) + METRE * run
+            total = (
+                cost + _turns(facing[index], bearing) + math.ceil(run / longest_m) + METRE * run + HIDDEN * is_hidden
+            )
             if total < best[other]:
                 best[other], came[other], facing[other] = total, index, bearing
                 heapq.heappush(queue, (total, other))

@@ -101,6 +101,9 @@ CROWN_M, TREE_M = 10.0, 2.2
 """Longest side of a crown, and height from which on a small block is a tree, in metres: a dog walks under its crown,
 and `TREE_CORE` of its sides stands in the way. Chosen."""
 
+BELOW_CROWN_M = 3.0
+"""Assumed height of a crown's rim in metres: a dog passes below it, unless a car stands there. Chosen."""
+
 POST_M = 4.0
 """Assumed height of a post in metres. Chosen."""
 
@@ -377,22 +380,35 @@ def _depth_of_standing(described: dict[str, Any], pose: CameraPose) -> np.ndarra
     blocks = [*posts, *described["west_south_east_north_top_m"]]
     for west, south, east, north, top in sorted(blocks, key=lambda block: block[4]):
         elevation = max(float(top), ground_m + LOWEST_M)
-        is_tree = max(east - west, north - south) <= CROWN_M and elevation > ground_m + TREE_M
-        x, y, share = (west + east) / 2.0, (south + north) / 2.0, (TREE_CORE if is_tree else 1.0) / 2.0
-        wide, deep = share * (east - west), share * (north - south)
-        corners = ((x - wide, y - deep), (x + wide, y - deep), (x + wide, y + deep), (x - wide, y + deep))
-        pixels = [world_to_pixel(pose, (x, y, elevation)) for x, y in corners]
-        if any(pixel is None for pixel in pixels):
+        if max(east - west, north - south) > CROWN_M or elevation <= ground_m + TREE_M:
+            _paint(depth, pose, (west, south, east, north), elevation)
             continue
-        outline = np.array([pixel[:2] for pixel in pixels if pixel]).round().astype(np.int32)
-        (left, top), (right, bottom) = np.maximum((outline.min(axis=0), outline.max(axis=0) + 1), 0)
-        part = depth[top:bottom, left:right]
-        mask = np.zeros(part.shape, np.uint8)
-        if mask.size:
-            opencv().fillConvexPoly(mask, outline - (left, top), 1)
-            shown = _plane_depth(pose, elevation, (slice(left, right), slice(top, bottom)))
-            part[mask > 0] = shown[mask > 0]
+        _paint(depth, pose, (west, south, east, north), min(elevation, ground_m + BELOW_CROWN_M))
+        x, y, wide, deep = (
+            (west + east) / 2.0,
+            (south + north) / 2.0,
+            TREE_CORE * (east - west),
+            TREE_CORE * (north - south),
+        )
+        _paint(depth, pose, (x - wide / 2.0, y - deep / 2.0, x + wide / 2.0, y + deep / 2.0), elevation)
     return depth
+
+
+def _paint(depth: np.ndarray, pose: CameraPose, sides: tuple[float, float, float, float], elevation_m: float) -> None:
+    """Draw the top of a block into a depth image; `sides` are west, south, east and north."""
+    west, south, east, north = sides
+    corners = ((west, south), (east, south), (east, north), (west, north))
+    pixels = [world_to_pixel(pose, (x, y, elevation_m)) for x, y in corners]
+    if any(pixel is None for pixel in pixels):
+        return
+    outline = np.array([pixel[:2] for pixel in pixels if pixel]).round().astype(np.int32)
+    (left, top), (right, bottom) = np.maximum((outline.min(axis=0), outline.max(axis=0) + 1), 0)
+    part = depth[top:bottom, left:right]
+    if part.size:
+        mask = np.zeros(part.shape, np.uint8)
+        opencv().fillConvexPoly(mask, outline - (left, top), 1)
+        shown = _plane_depth(pose, elevation_m, (slice(left, right), slice(top, bottom)))
+        part[mask > 0] = shown[mask > 0]
 
 
 def _plane_depth(

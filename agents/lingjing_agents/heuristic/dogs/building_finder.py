@@ -284,7 +284,7 @@ class BuildingFinder:
                     return self._movement.turn(off)
                 self._led = self._led[1:]
                 return photo(self._body, self._camera)
-            action = self._movement.towards(own, place, reach_m=ORDERED_M)
+            action = self._movement.towards(own, place, reach_m=ORDERED_M, is_corner=len(self._led) > 1)
             if action is not None:
                 return action
             self._led = self._led[1:]

@@ -93,8 +93,13 @@ class DogMovement:
             distance, other = min(same)
             self.map.wall(other, between(other, place, 1.0 + BEYOND_M / distance))
 
-    def towards(self, own: EntityView, goal: GroundPoint, *, reach_m: float = 1.0) -> Action | None:
-        """Return the next command on the way to within `reach_m` of `goal`; None on arrival or without a path."""
+    def towards(
+        self, own: EntityView, goal: GroundPoint, *, reach_m: float = 1.0, is_corner: bool = False
+    ) -> Action | None:
+        """Return the next command on the way to within `reach_m` of `goal`; None on arrival or without a path.
+
+        A step ends short of the goal, unless the path has a corner there: a turn before the corner meets obstacles.
+        """
         if own.position is None or own.heading_deg is None:
             return None
         here = own.position[:2]
@@ -102,7 +107,7 @@ class DogMovement:
         if not way:
             return None
         corner, last = way[0], len(way) == 1
-        distance = math.dist(here, corner) - (reach_m * 0.5 if last else 0.0)
+        distance = math.dist(here, corner) - (reach_m * 0.5 if last and not is_corner else 0.0)
         return self.step(own, bearing_deg(here, corner), max(distance, self.shortest_m))
 
     def step(self, own: EntityView, bearing: float, distance_m: float) -> Action:
