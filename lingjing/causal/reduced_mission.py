@@ -23,6 +23,7 @@ from lingjing.mission.alternatives import with_alternatives
 from lingjing.mission.evaluate import Scope
 from lingjing.mission.instance import Datum, Entity, Instance, MessageSpec
 from lingjing.mission.instance_entities import holds
+from lingjing.mission.tiers import without_settings
 from lingjing.mission.vocabulary import EVERYONE
 
 PartKind = Literal["target", "agent", "asset", "event", "message"]
@@ -235,6 +236,7 @@ def _reduced(mission: model.Mission, instance: Instance, kept: _Kept) -> model.M
     return replace(
         mission,
         parameters=tuple(_parameter(item, lowered) for item in mission.parameters),
+        tiers=without_settings(mission.tiers, lowered),
         groups=tuple(_group_as_written(item, mission, lowered) for item in groups),
         agents=tuple(_agent_as_written(item, mission, lowered) for item in agents),
         authorities=tuple(item for item in mission.authorities if item.role in roles and stands(item.resource)),

@@ -9,7 +9,9 @@ itself. Results of different tiers are never compared (ADR 0049).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
+
+import msgspec
 
 from lingjing.errors import Fault, UsageError
 from lingjing.mission import model
@@ -47,6 +49,14 @@ def settings_of_tier(mission: model.Mission, tier: int, mode: str) -> dict[str, 
     if declared is None:
         raise _undeclared(mission, tier)
     return {setting.name: setting_value(setting, Scope(mode=mode)) for setting in declared.settings}
+
+
+def without_settings(tiers: Iterable[model.Tier], names: Collection[str]) -> tuple[model.Tier, ...]:
+    """The tiers without their values for some params: those that count members with written places."""
+    return tuple(
+        msgspec.structs.replace(tier, settings=tuple(each for each in tier.settings if each.name not in names))
+        for tier in tiers
+    )
 
 
 def setting_value(setting: model.Setting, scope: Scope) -> float:

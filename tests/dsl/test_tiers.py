@@ -262,10 +262,20 @@ def test_each_switch_of_the_nine_missions_can_be_set_alone(name: str) -> None:
     (tier,) = compiled.tiers
     base = instantiate(compiled, seed=1)
     switches = {each.name for each in compiled.parameters if each.is_switch}
-    assert {setting.name for setting in tier.settings} == switches - {"life"}
+    numbers = {"leaks", "guidance_steps"} if name == "upr" else set()
+    assert {setting.name for setting in tier.settings} == switches - {"life"} | numbers
     for name in switches:
         alone = instantiate(compiled, seed=1, settings={name: 1.0})
         assert alone != base and alone.settings[name] == 1.0
+
+
+def test_a_document_that_places_its_targets_has_as_many_in_every_tier() -> None:
+    """Tier 1 of `upr` has two leaks, and the document says where its one leak is."""
+    document = lingjing.compile(Path(lingjing.__file__).parents[1] / "scenarios" / "reset" / "upr-001.json")
+    for tier in (0, 1):
+        instance = instantiate(document, seed=1, tier=tier)
+        assert [entity.id for entity in instance.entities if entity.group == "leak"] == ["leak[1]"]
+        assert instance.settings["guidance_steps"] == (30.0 if tier else 20.0)
 
 
 def test_a_limit_of_no_claim_by_a_param_is_an_error() -> None:

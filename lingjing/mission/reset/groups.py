@@ -28,6 +28,7 @@ from lingjing.mission.reset.frame import (
 )
 from lingjing.mission.reset.shapes import Coordinates, Equipment, HiddenPlace, Satellite
 from lingjing.mission.reset.template import fleet_of
+from lingjing.mission.tiers import without_settings
 
 _MOST = 1e9
 """Upper bound of every measure of a hidden place (chosen)."""
@@ -287,13 +288,14 @@ def _with_measures(
 def _with_count(mission: model.Mission, group: model.Group, count: int, parsed: Parsed, where: str) -> model.Mission:
     """The mission with the group's count: as the default of its parameter, or the count itself.
 
-    If the document exceeds the parameter's upper bound, the bound is raised, with a note. If the template cannot place
-    further members (no `spread`), the parameter is bounded by the document's count.
+    It holds in every tier. If the document exceeds the parameter's upper bound, the bound is raised, with a note. If
+    the template cannot place further members (no `spread`), the parameter is bounded by the document's count.
     """
     parameter = _count_parameter(mission, group)
     if parameter is None:
         return _with_group(mission, msgspec.structs.replace(group, count=ex.Number(float(count))))
     name, bounds = parameter.name, parameter.bounds
+    mission = msgspec.structs.replace(mission, tiers=without_settings(mission.tiers, {name}))
     if isinstance(bounds, ex.Range) and isinstance(bounds.low, ex.Number) and isinstance(bounds.high, ex.Number):
         if count < bounds.low.value:
             message = f"holds {count}, mission '{mission.name}' needs at least {bounds.low.value:g}"
