@@ -4,7 +4,7 @@ Each leg costs a turn and a step per so many metres, so a few long legs are bett
 Obstacles are known from points of depth pictures: buildings and low objects block their ground, crowns of trees only
 the area around their trunks. The ground below the rest of a crown is hidden, and a car may stand there, so a leg across
 it costs more. What stands on a place is read in the picture from nearest above it. Pictures from aside show leaning
-walls and hide ground, and where they are told as rectangles, a tree beside a house becomes a part of it.
+walls and hide ground, and where a request describes them as rectangles, a tree beside a house becomes a part of it.
 """
 
 from __future__ import annotations
