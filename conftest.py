@@ -1,6 +1,6 @@
-"""What holds for every test: hypotheses are tried with the same examples everywhere and without a clock, for what a
-loaded machine takes longer for is not wrong; and signals are heard, even in tests that a shell runs in its background
-or under `nohup`, where its children ignore them. Numerical libraries are pinned before anything loads them.
+"""Settings for every test. Hypothesis tries the same examples everywhere and without a time limit, because a loaded
+machine is slow without being wrong. Signals are delivered, even in tests that a shell runs in its background or under
+`nohup`, where its children ignore them. Numerical libraries are pinned before anything loads them.
 Compiled modules are kept: the suite starts a thousand interpreters, and without its `.pyc` files each compiles 400
 modules, one second of CPU.
 

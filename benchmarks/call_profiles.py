@@ -44,7 +44,8 @@ THOUGHT = (
     "The last receipt says that the command is still running, so that no other one can begin before it has ended. "
     "I report what I see, keep to my cell, and look at the next one at the following tick. "
 )
-"""Three sentences, as the prompt asks for at most: 290 letters. The rules of `heuristic` write none. Chosen."""
+"""The reasoning of an answer, 290 letters: three sentences, the most that the prompt permits. Chosen, because the rules
+of `heuristic` write no reasoning."""
 
 PLAN = ("finish the cell where I am and take a picture of it", "report every find once, then go to the next cell")
 """The lines that the model keeps. Chosen."""

@@ -44,7 +44,7 @@ FLIGHT, FLIGHTS = 40, 3
 
 
 class MujocoTown(MujocoCamera):
-    """The same triangles as static geoms: one for each material of a tile, one for each prop."""
+    """MuJoCo's renderer of the same triangles as static geoms: one for each material of a tile, one for each prop."""
 
     def __init__(self, city: City, placed: Instance) -> None:
         super().__init__(near=0.001, far=20.0)
@@ -187,7 +187,7 @@ def memory_mb() -> float:
     for line in Path("/proc/self/status").read_text().splitlines():
         if line.startswith("VmRSS"):
             return int(line.split()[1]) / 1024
-    raise RuntimeError("this system does not tell the memory of a process")
+    raise RuntimeError("the memory of a process cannot be read on this system")
 
 
 def main() -> None:

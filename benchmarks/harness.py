@@ -78,7 +78,7 @@ class Measured(ReactPolicy):
 
 
 class Looking(Measured):
-    """The same with a picture requested and received at every turn."""
+    """A `Measured` policy that requests and receives a picture at every turn."""
 
     options = ReactOptions
     calls = True

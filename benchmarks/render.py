@@ -38,7 +38,7 @@ def at_sea() -> tuple[Entity, ...]:
 
 
 class MujocoBay(MujocoCamera):
-    """The same scene as geoms of one static model."""
+    """MuJoCo's renderer of the same scene as geoms of one static model."""
 
     def __init__(self, city: City, placed: Instance) -> None:
         super().__init__(near=0.0004, far=40.0)

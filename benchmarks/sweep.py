@@ -8,7 +8,7 @@ ALTITUDE_M = 100.0
 
 
 class SweepPolicy:
-    """The same flight with and without pictures."""
+    """A policy that flies the same way with and without pictures."""
 
     def __init__(self, pictures: str = "yes") -> None:
         self.pictures = pictures == "yes"

@@ -15,9 +15,9 @@ from lingjing.system_hints import ACCESS, LACKING, MEMORY, PROCESSES, UNWRITABLE
 def refusal_of(error: BaseException) -> LingjingError | None:
     """Return the error to report for an error of the operating system; None for any other."""
     if isinstance(error, MemoryError):
-        return InfrastructureError("the system has not enough memory", hint=MEMORY)
+        return InfrastructureError("the system does not have enough memory", hint=MEMORY)
     if isinstance(error, RuntimeError) and "start new thread" in str(error):
-        return InfrastructureError("the system starts no more threads", hint=PROCESSES)
+        return InfrastructureError("the system cannot start more threads", hint=PROCESSES)
     if isinstance(error, FileNotFoundError) and "No usable temporary directory" in str(error):  # `tempfile`'s words
         return UsageError("no folder for temporary files can be written", hint="set TMPDIR to a folder with room")
     if not isinstance(error, OSError):

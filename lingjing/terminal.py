@@ -81,7 +81,7 @@ class Visible(io.TextIOWrapper):
 
 
 class _Unguarded:
-    """The same stream without escapes, for a library that draws."""
+    """A view of a `Visible` stream that escapes nothing, for a library that draws."""
 
     def __init__(self, stream: Visible) -> None:
         self._stream = stream

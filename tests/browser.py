@@ -22,7 +22,7 @@ FLAGS = (
 )
 PATIENCE_MS = 120_000
 FAULTS = "Content Security Policy", "Failed to load resource"
-"""What the console says of a page that is not whole."""
+"""Console messages that show an incomplete page."""
 
 
 def skip_without_a_browser() -> None:
@@ -62,5 +62,5 @@ def opened(browser: Any, url: str, **options: Any) -> Iterator[Any]:
 
 
 def is_foreign(url: str, home: str) -> bool:
-    """Whether an address is neither of the page's own place nor data of its own."""
+    """True if an address is neither below the page's own address nor data of the page."""
     return not url.startswith((home, "data:", "blob:"))

@@ -1,4 +1,4 @@
-"""What tests of several packages need: small worlds for engines (an open sea, a quay with a tower), and processes."""
+"""Fixtures of several packages: small worlds for engines (an open sea, a quay with a tower), and processes."""
 
 from __future__ import annotations
 

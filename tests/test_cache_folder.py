@@ -54,7 +54,7 @@ def test_a_relative_folder_is_ignored(home: Path, monkeypatch) -> None:
 
 @pytest.mark.slow
 def test_a_plan_is_drawn_without_stray_lines_where_a_file_is_in_the_way(home: Path, tmp_path: Path) -> None:
-    """The bug: Matplotlib looks for its folder at the same place, and said in four lines that it has none."""
+    """Regression: Matplotlib looks for its folder at the same place, and printed four lines about a missing folder."""
     a_file(home)
     call = [sys.executable, "-m", "lingjing.cli.main", "scene", "draw", "upr", "-o", str(tmp_path / "plan.png")]
     done = subprocess.run(call, capture_output=True, text=True, check=True)

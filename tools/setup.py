@@ -107,8 +107,8 @@ PLAYING_ENVIRONMENT = replace(
     without_dependencies=WITHOUT_DEPENDENCIES[:1],
     stamp_name="playing.stamp",
 )
-"""The same folder with what plays the shipped missions: a newcomer's first mission starts after half of the time.
-`make setup`, and each target that develops, adds the rest."""
+"""The environment in `.venv` with only the packages that play the shipped missions: a newcomer's first mission starts
+after half of the time. `make setup`, and each target for developers, adds the rest."""
 MODEL = ROOT / "requirements-model.txt"
 MODEL_ENVIRONMENT = VirtualEnvironment(
     folder=ROOT / ".venv-model",

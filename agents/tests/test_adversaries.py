@@ -158,7 +158,7 @@ def test_the_id_reader_takes_numbered_things_of_no_team_and_the_order_of_names()
 
 
 def test_the_whiteboard_passes_messages_beside_the_bus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """In one process, or over files that both can read; behind walls neither is shared."""
+    """Agents pass messages in one process, or over files that both can read; isolated agents share neither."""
     monkeypatch.setattr(messages.tempfile, "gettempdir", lambda: str(tmp_path))
 
     async def play(*, shared_memory: bool) -> tuple[Decision, Recorded]:

@@ -73,10 +73,10 @@ TOO_LONG = {
     "a gzip bomb": once(BOMB),
     "an endless stream": endless(CHUNKED, CHUNK),
     "an endless answer to the end of the connection": endless(b"HTTP/1.1 200 OK\r\n\r\n", b" " * BLOCK),
-    "brotli, which was not asked for": once(answered("200 OK", b"\x0b" * 9, "content-encoding: br")),
+    "brotli, which was not requested": once(answered("200 OK", b"\x0b" * 9, "content-encoding: br")),
     "a zstd bomb": once(answered("200 OK", ZSTD_BOMB, "content-encoding: zstd")),
     "gzip in gzip": once(answered("200 OK", BOMB[:BLOCK], "content-encoding: gzip, gzip")),
-    "deflate, which was not asked for": once(answered("200 OK", b"x", "content-encoding: deflate")),
+    "deflate, which was not requested": once(answered("200 OK", b"x", "content-encoding: deflate")),
     "what is no gzip": once(answered("200 OK", b"{}", "content-encoding: gzip")),
     "an endless header": endless(b"HTTP/1.1 200 OK\r\n", b"x: " + b"y" * 1000 + b"\r\n"),
     "a header without an end": endless(b"HTTP/1.1 200 OK\r\nx: ", b"y" * BLOCK),
@@ -99,7 +99,7 @@ TOO_LONG = {
     "HTTP/1.0 that is cut off": once(b"HTTP/1.0 200 OK\r\n\r\n" + GOOD[:30]),
     "HTTP/1.0 that is shorter than it says": once(b"HTTP/1.0 200 OK\r\ncontent-length: 999\r\n\r\n" + GOOD),
     "another protocol": once(b"HTTP/1.1 101 Switching Protocols\r\nupgrade: h2c\r\n\r\n" + GOOD),
-    "an event stream, which was not asked for": once(answered("200 OK", b"data: " + GOOD + b"\n\ndata: [DONE]\n\n")),
+    "an event stream, which was not requested": once(answered("200 OK", b"data: " + GOOD + b"\n\ndata: [DONE]\n\n")),
     "half a character": once(answered("200 OK", b'{"choices":[{"message":{"content":"\xe4"}}]}')),
 }
 

@@ -36,7 +36,7 @@ class Counting:
     """A model that counts its concurrent calls and stores their times."""
 
     def __init__(self, tokens: int = 0, together: int = 0) -> None:
-        """With `together`, the first answers wait for this number of concurrent calls."""
+        """Create a client. If `together` is not 0, the first answers wait for this number of concurrent calls."""
         self.now = self.most = 0
         self.together = together
         self.times: list[float] = []
@@ -171,7 +171,7 @@ def test_what_others_may_write_is_not_trusted(tmp_path) -> None:
     LimitedClient(Counting(), service(concurrency=1), "u")
     (folder,) = tmp_path.glob("lingjing-turns-*")
     folder.chmod(0o777)
-    with pytest.raises(UsageError, match="not a folder of this user alone"):
+    with pytest.raises(UsageError, match="is not private to this user"):
         LimitedClient(Counting(), service(concurrency=1), "u")
 
 

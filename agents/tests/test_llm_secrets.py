@@ -1,4 +1,4 @@
-"""No text of a service, a library or an exception carries a key or a password out of a client."""
+"""Tests that no text of a service, a library or an exception carries a key or a password out of a client."""
 
 import html
 import json

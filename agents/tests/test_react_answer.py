@@ -1,4 +1,4 @@
-"""Where a step is found in what models say around it."""
+"""Tests that a step is read from an answer with other text around it."""
 
 import json
 

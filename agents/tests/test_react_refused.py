@@ -17,7 +17,7 @@ async def mind(url: str, **arguments: str) -> ReactPolicy:
 
 
 async def ended(policy: ReactPolicy, ticks: int) -> list[type[Exception] | None]:
-    """What became of each tick."""
+    """Return the type of the error at each tick, or None."""
     found: list[type[Exception] | None] = []
     for tick in range(ticks):
         try:

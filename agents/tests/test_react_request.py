@@ -1,7 +1,7 @@
-"""What `react` tells a model, read in every column of the benchmark against the instance that is played.
+"""The requests of `react` to a model, compared in every column of the benchmark with the instance that is played.
 
-The kernel's own projector, validator and router make what is compared: no number is written down here that the mission
-or the kernel holds.
+The kernel's own projector, validator and router make the expected values, so that no number of the mission or the
+kernel is repeated here.
 """
 
 import base64
@@ -43,7 +43,7 @@ ROOF_M = 42.0
 _PAIR = re.compile(r"(?=(?<![\d.])(-?\d+(?:\.\d+)?), ?(-?\d+(?:\.\d+)?)(?![\d.]))")
 """Two numbers beside each other, as places are written; each number may begin one pair and end another."""
 _NAMED = re.compile(r"\b[a-z]+[A-Z]\w*|(?<=`)\w+(?=`)")
-"""What a prompt calls by its name: a verb, a kind of message."""
+"""The names in a prompt: verbs and kinds of messages."""
 
 
 @cache
@@ -145,7 +145,7 @@ _TOLD: dict[tuple[str, str], list[Told]] = {}
 
 
 async def told(column: str, agent: AgentSpec) -> list[Told]:
-    """What the agent's model is told at boundaries 0 and 3; asked once for all tests."""
+    """Return the requests to the agent's model at boundaries 0 and 3, which are made once for all tests."""
     if (column, agent.id) not in _TOLD:
         _TOLD[column, agent.id] = await _asked(column, agent)
     return _TOLD[column, agent.id]
@@ -262,7 +262,7 @@ class Asked(NamedTuple):
 
 
 def _clipped(validator: CommandValidator, registry: Registry, asked: Asked, value: float) -> tuple[float, bool]:
-    """What the kernel makes of an argument's value, and whether it says that it was clipped."""
+    """Return the value that the kernel admits for an argument, and True if the receipt reports a clipped value."""
     entity = next(one for one in validator._instance.entities if one.id == asked.resource)
     spec = next(one for one in entity.verbs if one.name == asked.verb)
     arguments = {

@@ -191,7 +191,7 @@ class Metrics(msgspec.Struct, frozen=True, kw_only=True):
     visible pixels, so no report can match them and they are not missed ([ADR
     0012](adr/0012-targets-too-faint-to-see.md))."""
     stages: Annotated[tuple[StageMetric, ...], "outcome"] = ()
-    """For each stage, the number of subjects that completed it and the number required."""
+    """The number of subjects that completed each stage, and the number required."""
     last_mile: Annotated[int | None, "outcome"] = None
     """Number of stages S1 to S5 of last-mile delivery that were done in a row: aerial inspection, report of the route's
     ends, report of the places that the vehicle passes, arrival at the stop, the target house. N/A in other missions. A

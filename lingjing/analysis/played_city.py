@@ -15,7 +15,7 @@ from lingjing.trace.surroundings import NO_SURROUNDINGS, Surroundings
 UNCREDITED = ("", "procedural")
 """Attributions of cities that need no credit."""
 _MODELS = " · models: "
-"""Between the map's and the models' part of an attribution."""
+"""Separator of the map's and the models' part of an attribution."""
 
 
 def city_of(trace: Trace) -> City | None:

@@ -105,7 +105,7 @@ class _TargetEvents:
     executors_needed: dict[str, int]
     """Number of executors by target. A target that is not listed needs one."""
     assigned: dict[str, dict[str, str]] = field(default_factory=dict)
-    """For each target, the sender of the assignment by assignee."""
+    """Target → assignee → sender of the assignment."""
     completed: set[str] = field(default_factory=set)
     """Completed targets."""
     inside: AbstractSet[_Presence] = _EMPTY
@@ -117,7 +117,7 @@ class _TargetEvents:
     """Targets that any request has assigned."""
     events: int = 0
     repeated: int = 0
-    """Repeated events by the paper's words."""
+    """Number of repeated events, by the definition in the paper."""
     counted: int = 0
     """Events that the excess rate counts."""
     excess: int = 0
@@ -283,7 +283,7 @@ class Assignments:
             )
             for group in dict.fromkeys(served.group for served in self.radii)
         )
-        """For each group, its targets and the radii of its executors."""
+        """The targets of each group, and the radii of its executors."""
         self.serving = frozenset((served.executor, served.group) for served in self.radii)
         """Pairs of an executor and a group that it serves."""
         self.bodies = frozenset(self.groups) | {served.executor for served in self.radii}

@@ -36,11 +36,11 @@ class Coverage(msgspec.Struct, frozen=True, kw_only=True):
     share: float
     """The covered share of the region's area, 0 to 1."""
     positions: int
-    """All drawn positions."""
+    """Number of drawn positions."""
     inside: int
-    """Those in the region."""
+    """Number of drawn positions in the region."""
     distinct: int
-    """Different ones in the region, to the centimetre."""
+    """Number of different positions in the region, compared to the centimetre."""
 
     @property
     def spreads(self) -> bool:
@@ -70,7 +70,9 @@ def cover(mission: model.Mission, expectation: model.SpreadExpectation, settings
         drawn += list(_drawn(mission, instance))
     if len(drawn) < LEAST_POSITIONS:
         hint = "name more seeds" if drawn else "draw one with `position ~ sites(…)`"
-        raise MissionError(f"the seeds draw {len(drawn)} positions, {LEAST_POSITIONS} are due at least", hint=hint)
+        raise MissionError(
+            f"the seeds draw {len(drawn)} positions, and at least {LEAST_POSITIONS} are needed", hint=hint
+        )
     inside = [point for point in drawn if contains(outline, *point)]
     return Coverage(
         share=_share(outline, inside, 3 if len(drawn) >= _FINE else 2),

@@ -21,7 +21,7 @@ from lingjing.errors import LingjingError
 PLAYER = "sighted-reader"
 """The policy with the true boxes of its requests."""
 SHARE = "withheld"
-"""Its option: the share of boxes that it does not get."""
+"""The option of `PLAYER`: the share of the true boxes that are withheld from it, 0 to 1."""
 PERCEPTION = "perception"
 """The capability tag of missions that need visual perception."""
 REQUIRED = 50.0

@@ -75,7 +75,7 @@ class PromptCandidate(msgspec.Struct, frozen=True, kw_only=True):
     """A prompt with its results."""
 
     number: int
-    """0: the prompt that the search began with."""
+    """Number of the candidate; 0 for the prompt that the search began with."""
     text: str
     episodes: tuple[PromptEpisode, ...] = ()
     fault: str = ""

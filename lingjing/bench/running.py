@@ -182,7 +182,7 @@ class SuiteRun:
     def check_split(self, cells: Sequence[SuiteCell]) -> None:
         """Raise `UsageError` if the salt is not usable, or if a foreign policy could read it."""
         if self.salt and self.split_sha256 and self.isolate == "no" and any(cell.player.foreign for cell in cells):
-            raise UsageError("a policy without walls can read the salt", hint="remove --no-isolate")
+            raise UsageError("a policy that is not isolated can read the salt", hint="remove --no-isolate")
         others = sorted({row.split_sha256 for row in self.results.rows} - {self.split_sha256})
         if others:
             salts = " and ".join(f"the salt {other[:16]}…" if other else "public seeds" for other in others)

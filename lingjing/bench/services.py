@@ -40,7 +40,7 @@ class EntrantServices:
     """Receives a line about each pause."""
     sleep: Callable[[float], None] = time.sleep
     _down: dict[str, SuiteCell] = field(default_factory=dict)
-    """By entrant with a service that is down: one of its cells."""
+    """Entrant with a service that is down → one of its cells."""
     _waited_s: float = 0.0
 
     def note(self, cell: SuiteCell, report: EpisodeReport) -> None:

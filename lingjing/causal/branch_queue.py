@@ -33,7 +33,7 @@ class _Running:
     key: bytes
     """The encoded plan."""
     channel: Channel
-    """This process's end of its channel."""
+    """The end of the worker's channel that this process holds."""
     answer: bytes | bytearray = b""
     """Its encoded result; empty until it arrives."""
     pid: int = 0

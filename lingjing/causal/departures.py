@@ -35,7 +35,7 @@ class Departures:
         self.pairs = {(cast("Faculty", faculty), agent): tuple(ticks) for (faculty, agent), ticks in ordered}
         self.in_trace = dict(self.pairs)
         self.masked: set[AgentFaculty] = set()
-        """Those that depart nowhere in the trace."""
+        """Pairs that do not depart anywhere in the trace."""
         self._agreed = agreed
         self._since: dict[AgentFaculty, int] = {}
 

@@ -47,7 +47,7 @@ def plant_faults(args: argparse.Namespace) -> int:
     from lingjing.bench.planting import Planting, PlantingPlan
 
     if min(args.most, args.tries, args.jobs) < 1 or (args.plays is not None and args.plays < 0):
-        raise UsageError("--most, --tries and -j are 1 or more, --plays 0 or more")
+        raise UsageError("--most, --tries and -j must be 1 or more, --plays 0 or more")
     known = {column.name: column for column in columns(shipped())}
     unknown = [name for name in args.columns or () if name not in known]
     if unknown:

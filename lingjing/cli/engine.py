@@ -66,7 +66,7 @@ def _period(text: str | None) -> float | None:
     except ValueError:
         seconds = 0.0
     if not 0.01 <= seconds <= 3600:
-        raise UsageError(f"--telemetry {text}: a period is 0.01 to 3600 seconds", hint="--telemetry 0.5")
+        raise UsageError(f"--telemetry {text}: must be a period of 0.01 to 3600 seconds", hint="--telemetry 0.5")
     return seconds
 
 

@@ -138,7 +138,7 @@ def _export(args: argparse.Namespace) -> int:
 def _check_numbers(args: argparse.Namespace) -> None:
     check_counts(("-j", args.jobs), ("--most", args.most))
     if not 0 <= args.validation < 1:
-        raise UsageError(f"--validation {args.validation:g}: a share from 0 to below 1")
+        raise UsageError(f"--validation {args.validation:g}: must be a share from 0 to below 1")
 
 
 def _check_seeds(seeds: set[int], held_out: str) -> None:

@@ -213,8 +213,9 @@ def _parser_of(chosen: _CommandVerb | None, arguments: list[str]) -> tuple[Argum
 
 
 def _import_msgspec() -> None:
-    """Import msgspec without `typing_extensions`, of which it uses two names that `typing` has too: with it come
-    `inspect`, `ast` and `dis`, a twentieth of a cold `lingjing validate`.
+    """Import msgspec without `typing_extensions`, of which it uses two names that `typing` has too.
+
+    That module imports `inspect`, `ast` and `dis`, which take a twentieth of a cold `lingjing validate`.
     """
     modules: dict[str, ModuleType | None] = sys.modules  # type: ignore[assignment]
     hides = "typing_extensions" not in modules

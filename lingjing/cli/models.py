@@ -74,7 +74,7 @@ def _check(args: argparse.Namespace) -> int:
     chosen = [known[name] for name in args.columns or known]
     picture = check_picture(arguments)
     if picture.failure:
-        raise UsageError(f"`{args.model}` gives no answer: {picture.failure}", hint="see its address, key and name")
+        raise UsageError(f"`{args.model}` does not answer: {picture.failure}", hint="check its address, key and name")
     listed = models[args.model].image_tokens if args.model in models else None
     counted = "the service does not count" if picture.tokens is None else f"{picture.tokens:,} tokens"
     print(f"a picture of 1920 x 1080: {counted}{'' if listed is None else f' (the list says {listed:,})'}")

@@ -139,7 +139,7 @@ def _free_flight(args: argparse.Namespace) -> Mission:
         raise UsageError(f"--camera {args.camera}: a size is WIDTHxHEIGHT", hint="--camera 640x360")
     width, height = (parse_whole("--camera", size, 4096) for size in sizes)
     if drones == 0 or minutes == 0 or width == 0 or height == 0:
-        raise UsageError("--drones, --minutes and --camera are at least 1", hint="leave them out for the defaults")
+        raise UsageError("--drones, --minutes and --camera must be at least 1", hint="leave them out for the defaults")
     text = free_flight(args.scene, drones, width, height, minutes)
     with tempfile.TemporaryDirectory(prefix="lingjing-") as folder:
         path = Path(folder) / "free_flight.ljs"

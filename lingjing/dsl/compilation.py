@@ -20,7 +20,7 @@ class Compilation(msgspec.Struct, frozen=True):
     mission: Mission | None
     """The compiled mission; None if the file has an error or holds types only."""
     diagnostics: tuple[Diagnostic, ...]
-    """In source order."""
+    """The diagnostics, in source order."""
     source: SourceText
 
 

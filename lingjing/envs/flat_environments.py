@@ -376,13 +376,13 @@ def _listed(names: Mapping[str, object]) -> str:
 
 def _check(max_cycles: int | None, shaping: float, discount: float, render_mode: str | None) -> None:
     if max_cycles is not None and max_cycles < 1:
-        raise UsageError(f"max_cycles={max_cycles}", hint="an episode has at least one tick")
+        raise UsageError(f"max_cycles={max_cycles} must be at least 1", hint="an episode has at least one tick")
     if not (np.isfinite(shaping) and shaping >= 0.0):
-        raise UsageError(f"shaping={shaping}", hint="a weight of 0 or more; 0 leaves the shaping out")
+        raise UsageError(f"shaping={shaping} must be 0 or more", hint="0 leaves the shaping out")
     if not 0.0 <= discount <= 1.0:
-        raise UsageError(f"discount={discount}", hint="a discount lies between 0 and 1")
+        raise UsageError(f"discount={discount} is out of range", hint="a discount lies between 0 and 1")
     if render_mode not in (None, "rgb_array", "human"):
-        raise UsageError(f"render_mode={render_mode!r}", hint='the modes are None, "rgb_array" and "human"')
+        raise UsageError(f"there is no render_mode={render_mode!r}", hint='the modes are None, "rgb_array" and "human"')
     if render_mode == "human":
         MapWindow.check()
 

@@ -38,7 +38,7 @@ COARSE_ENGINES = frozenset({"multirotor", "vessel", "road", "city"})
 """The engines with the option `motion`."""
 
 WANTED_ENGINES = frozenset({"road", "city"})
-"""Those that may take part although they own no entity."""
+"""Engines that may take part although they own no entity."""
 
 COARSE_SYNC_S = 1.0
 """Macro-step with coarse motion, seconds (chosen): two steps of the slowest engine."""
@@ -61,9 +61,11 @@ class SteppedEpisodes:
         motion: Motion = "full",
     ) -> None:
         if world not in ("process", "inline"):
-            raise UsageError(f"world={world!r}", hint='engines run in "process" or "inline"')
+            raise UsageError(f"there is no world={world!r}", hint='engines run in "process" or "inline"')
         if motion not in MOTIONS:
-            raise UsageError(f"motion={motion!r}", hint=nearest_or(str(motion), MOTIONS, 'it is "full" or "coarse"'))
+            raise UsageError(
+                f"there is no motion={motion!r}", hint=nearest_or(str(motion), MOTIONS, 'it is "full" or "coarse"')
+            )
         self._host = PluginHost()
         self._mission = sited_mission(mission, "", self._host)
         self._mode, self._settings, self._tier = mode, dict(settings), tier

@@ -31,7 +31,7 @@ def flat_vector_env(mission: Mission | str, num_envs: int = 2, **options: Any) -
     Raises `UsageError` for fewer than one world, and outside of Linux.
     """
     if num_envs < 1:
-        raise UsageError(f"num_envs={num_envs}", hint="a vector environment has at least one world")
+        raise UsageError(f"num_envs={num_envs} must be at least 1", hint="a vector environment has at least one world")
     if sys.platform != "linux":
         raise UsageError("worlds are forked on Linux (or WSL2) alone", hint="use `gymnasium.vector.SyncVectorEnv`")
     template = FlatEnv(mission, **{"world": "inline", **options})

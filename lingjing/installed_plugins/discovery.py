@@ -114,7 +114,7 @@ class InstalledPlugins(NamedTuple):
     """The installed plug-ins."""
 
     own: tuple[EntryPoint, ...]
-    """This project's plug-ins."""
+    """The plug-ins of this project."""
     strangers: tuple[LoadablePlugin, ...]
     """The foreign plug-ins that have passed their trial."""
     faults: tuple[PluginFault, ...]

@@ -55,7 +55,7 @@ or None if nothing outside the policy confirms that its infrastructure is gone.
 
 
 def no_outage(agent: str, error: InfrastructureError) -> InfrastructureError | None:
-    """The check for callers that know nothing of the policies' services: every error is the policy's own failure."""
+    """The check for callers without access to the policies' services: every error is the policy's own failure."""
     return None
 
 

@@ -176,7 +176,7 @@ class MessageRouter:
         unreachable_links: Sequence[tuple[str, str]],
         tally: Tally | None,
     ) -> tuple[tuple[Envelope, ...], Receipt]:
-        """As `_expanded`, within the counted budgets and allowances."""
+        """Return the envelopes and the receipt of `_expanded`; a used-up budget or allowance rejects the message."""
         edges, receipt = self._expanded(candidate, frames, unreachable_links)
         if tally is None or receipt.status != "accepted":
             return edges, receipt

@@ -70,7 +70,7 @@ class RuntimeContext:
         return self.groups.get(name, ())
 
     def fresh(self, name: str) -> tuple[Entity, ...] | tuple[Report, ...]:
-        """As `domain`, but only with the reports that arrived at this boundary."""
+        """Return the members of a group, or the reports of a message kind that arrived at this boundary."""
         if name not in self.kinds:
             return self.groups.get(name, ())
         tick = self.registry.tick

@@ -1,9 +1,10 @@
-"""The mission's own events: at a time, or when a condition holds; what they change; when they are undone.
+"""The mission's own events: they occur at a time or when a condition holds, change the world, and may be undone.
 
 After a boundary was adjudicated, each event is examined once, in the order of `Instance.events`. An event that is in
-force is undone if its `until` holds. Otherwise it occurs: at its tick, or at the first boundary at which its condition
-holds. An event with a pause may occur again, the pause after its last change. No event changes twice at one boundary,
-so that events which trigger each other end. A condition sees the events that were examined before it.
+force is undone if its `until` holds. Any other event occurs at its tick, or at the first boundary at which its
+condition holds. An event with a pause may occur again after the pause, which begins at its last change. No event
+changes twice at one boundary, so that events which trigger each other end. A condition sees the events that were
+examined before it.
 
 The changes are in force from that boundary on. They are recorded as task events with the event's name. They belong to
 the mission, not to an engine, so `emitted` in a rule never matches them, whatever an interaction is called.

@@ -139,7 +139,7 @@ class Projector:
         return (*mounted, *reference_views(self._instance, agent))
 
     def _knows_place(self, agent: AgentSpec, name: str) -> bool:
-        """Return whether an agent observes an entity's place, or none does: a prompt or the goal tells it then."""
+        """True if an agent observes an entity's place, or no agent does: then a prompt or the goal states the place."""
         observers = [
             each.id
             for each in self._instance.agents

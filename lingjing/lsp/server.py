@@ -270,7 +270,7 @@ async def references(server: Server, params: lsp.ReferenceParams) -> list[lsp.Lo
 
 
 async def highlight(server: Server, params: lsp.DocumentHighlightParams) -> list[lsp.DocumentHighlight]:
-    """The same places, for highlighting."""
+    """Every place in the file with the same meaning as the name under the cursor, for highlighting."""
     analysis = server.analysis(params.text_document.uri)
     positions = server.positions(analysis.source)
     occurrence = await server.off_loop(lambda: analysis.names.at(_offset(positions, params.position)))

@@ -70,7 +70,7 @@ class Diagnostic(msgspec.Struct, frozen=True):
     hint: str = ""
     """The way out; "" if there is none to give."""
     severity: Severity = "error"
-    """Only an `error` prevents compilation."""
+    """The severity. Only an `error` prevents compilation."""
     related: tuple[Related, ...] = ()
     fix: Fix | None = None
 

@@ -66,7 +66,7 @@ class Scope(msgspec.Struct, frozen=True):
     """Entity id → its position, as far as it is known."""
 
     def binding(self, name: str, value: float) -> Scope:
-        """The same scope with one more index variable."""
+        """Return this scope with one more index variable."""
         return msgspec.structs.replace(self, names={**self.names, name: value})
 
     def refer(self, ref: ex.Ref) -> Value:

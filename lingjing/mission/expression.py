@@ -23,7 +23,7 @@ class Number(_Node, frozen=True):
     """A quantity."""
 
     value: float
-    """In SI base units (metre, second, kilogram, …); angles in degrees."""
+    """The number in SI base units (metre, second, kilogram, …); angles in degrees."""
     unit: str = ""
     """The unit as the author wrote it; "" for a number without unit."""
 

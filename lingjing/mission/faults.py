@@ -151,7 +151,7 @@ def _worded(error: ValidationError) -> str:
 
 
 def _either(words: Iterable[str]) -> str:
-    """`a, b or c`."""
+    """Return the words as `a, b or c`."""
     *most, last = dict.fromkeys(words)
     return f"{', '.join(most)} or {last}" if most else last
 

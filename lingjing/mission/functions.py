@@ -72,7 +72,7 @@ class Type(msgspec.Struct, frozen=True):
 
     kind: Kind
     dimension: Dimension | None = None
-    """For quantities and ranges; None for any."""
+    """The dimension of a quantity or range; None for any."""
     item: Kind | None = None
     """Kind of a list's items; None for any."""
     of: str = ""

@@ -48,13 +48,17 @@ class Budget(Record, frozen=True, kw_only=True):
 
     ticks: int
     policy_s: float
-    """Here and in the next two fields: wall-clock limit of a barrier, seconds."""
+    """Wall-clock limit of the barrier of the policies, seconds."""
     engine_s: float
+    """Wall-clock limit of the barrier of the engines, seconds."""
     capture_s: float
+    """Wall-clock limit of the barrier of the pictures, seconds."""
     tokens: int | None = None
-    """Here and in the next two fields: the limit of all policies together; None for no limit."""
+    """Model tokens of all policies together; None for no limit."""
     money_usd: float | None = None
+    """US dollars of all policies together; None for no limit."""
     messages: int | None = None
+    """Messages of all policies together; None for no limit."""
 
 
 class Allowance(Record, frozen=True, kw_only=True):
@@ -81,7 +85,7 @@ class Weather(Record, frozen=True, kw_only=True):
     cloud: float = 0.2
     """Covered share of the sky, 0..1."""
     rain: float = 0.0
-    """From 0 (dry) to 1 (downpour)."""
+    """Intensity of rain, 0 (dry) to 1 (downpour)."""
     sun_azimuth_deg: float = 150.0
     sun_elevation_deg: float = 45.0
     ice: float = 0.0
@@ -192,7 +196,7 @@ class BehaviourSpec(Record, frozen=True, kw_only=True):
     of: tuple[str, ...] = ()
     """Ids of the bodies that it flees from or follows."""
     distance_m: float = 0.0
-    """It flees from bodies that are nearer, and follows one that is farther away."""
+    """Distance below which the target flees from a body, and above which it follows one, metres."""
     region: str = ""
     """The region that it wanders in."""
 
@@ -442,7 +446,7 @@ class EventSpec(Record, frozen=True, kw_only=True):
 
     name: str
     tick: int | None = None
-    """None for an event that a condition triggers."""
+    """The decision tick at which the event occurs; None for an event that a condition triggers."""
     condition: Expr | None = None
     """The condition that triggers it; None for an event at a time."""
     until: Expr | None = None

@@ -116,7 +116,7 @@ class _Drawn(NamedTuple):
     """The part of an instance that requirements read."""
 
     mission: model.Mission
-    """With its alternatives in place."""
+    """The mission with its alternatives in place."""
     scope: Scope
     """Params, mode, tick, the ids of all groups, and the regions that depend on no drawn place."""
     scene: SceneSpec

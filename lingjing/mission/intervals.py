@@ -43,50 +43,50 @@ def exactly(value: float) -> Bounds:
 
 
 def negative(value: Bounds) -> Bounds:
-    """`-x`."""
+    """Return the bounds of `-x`."""
     return Bounds(-value.high, -value.low)
 
 
 def plus(left: Bounds, right: Bounds) -> Bounds:
-    """`a + b`."""
+    """Return the bounds of `a + b`."""
     return Bounds(left.low + right.low, left.high + right.high)
 
 
 def minus(left: Bounds, right: Bounds) -> Bounds:
-    """`a - b`."""
+    """Return the bounds of `a - b`."""
     return Bounds(left.low - right.high, left.high - right.low)
 
 
 def times(left: Bounds, right: Bounds) -> Bounds:
-    """`a * b`."""
+    """Return the bounds of `a * b`."""
     products = [a * b for a, b in itertools.product(left, right)]
     return ANYTHING if any(map(math.isnan, products)) else Bounds(min(products), max(products))
 
 
 def over(left: Bounds, right: Bounds) -> Bounds:
-    """`a / b`; anything if b may be zero."""
+    """Return the bounds of `a / b`; anything if b may be zero."""
     if right.low <= 0.0 <= right.high:
         return ANYTHING
     return times(left, Bounds(1.0 / right.high, 1.0 / right.low))
 
 
 def least(*values: Bounds) -> Bounds:
-    """`min(a, b)`."""
+    """Return the bounds of `min(a, b)`."""
     return Bounds(min(value.low for value in values), min(value.high for value in values))
 
 
 def greatest(*values: Bounds) -> Bounds:
-    """`max(a, b)`."""
+    """Return the bounds of `max(a, b)`."""
     return Bounds(max(value.low for value in values), max(value.high for value in values))
 
 
 def total(*values: Bounds) -> Bounds:
-    """`sum(… for x in group)`."""
+    """Return the bounds of `sum(… for x in group)`."""
     return Bounds(math.fsum(value.low for value in values), math.fsum(value.high for value in values))
 
 
 def magnitude(value: Bounds) -> Bounds:
-    """`abs(x)`."""
+    """Return the bounds of `abs(x)`."""
     ends = abs(value.low), abs(value.high)
     return Bounds(0.0 if value.low <= 0.0 <= value.high else min(ends), max(ends))
 
@@ -117,47 +117,47 @@ def monotone(function: Callable[[float], float]) -> Callable[[Bounds], Bounds]:
 
 
 def less(left: Bounds, right: Bounds) -> bool | None:
-    """`a < b`."""
+    """Return the truth of `a < b`."""
     return True if left.high < right.low else False if left.low >= right.high else None
 
 
 def at_most(left: Bounds, right: Bounds) -> bool | None:
-    """`a <= b`."""
+    """Return the truth of `a <= b`."""
     return True if left.high <= right.low else False if left.low > right.high else None
 
 
 def more(left: Bounds, right: Bounds) -> bool | None:
-    """`a > b`."""
+    """Return the truth of `a > b`."""
     return less(right, left)
 
 
 def at_least(left: Bounds, right: Bounds) -> bool | None:
-    """`a >= b`."""
+    """Return the truth of `a >= b`."""
     return at_most(right, left)
 
 
 def same(left: Bounds, right: Bounds) -> bool | None:
-    """`a == b`."""
+    """Return the truth of `a == b`."""
     if left.high < right.low or left.low > right.high:
         return False
     return True if left.exact and left == right else None
 
 
 def different(left: Bounds, right: Bounds) -> bool | None:
-    """`a != b`."""
+    """Return the truth of `a != b`."""
     equal = same(left, right)
     return None if equal is None else not equal
 
 
 def both(left: bool | None, right: bool | None) -> bool | None:
-    """`a and b`."""
+    """Return the truth of `a and b`."""
     if left is False or right is False:
         return False
     return None if left is None or right is None else True
 
 
 def either(left: bool | None, right: bool | None) -> bool | None:
-    """`a or b`."""
+    """Return the truth of `a or b`."""
     if left is True or right is True:
         return True
     return None if left is None or right is None else False

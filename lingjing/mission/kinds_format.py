@@ -96,7 +96,7 @@ class VerbKind(_Record, frozen=True, kw_only=True):
     motion: VerbMotion = ""
     """The kind of motion of the body."""
     doc: str = ""
-    """The same in words, for policies that choose among verbs."""
+    """The effect of the verb in words, for policies that choose among verbs."""
     least: dict[str, float] = {}
     """Argument → the smallest value that the engine admits."""
     above_start: tuple[str, ...] = ()

@@ -86,9 +86,11 @@ class BudgetDeclaration(Record, frozen=True, kw_only=True):
     ticks: Expr
     """Committed ticks."""
     policy: Expr
-    """Here and in the next two fields: wall-clock deadline of a barrier, seconds."""
+    """Wall-clock limit of the barrier of the policies, seconds."""
     engine: Expr
+    """Wall-clock limit of the barrier of the engines, seconds."""
     capture: Expr
+    """Wall-clock limit of the barrier of the pictures, seconds."""
     tokens: Expr | None = None
     """Model tokens of all policies together; None for no limit."""
     money: Expr | None = None
@@ -285,9 +287,11 @@ class BodyPart(Record, frozen=True, kw_only=True):
     width_m: float
     height_m: float
     ahead_m: float = 0.0
-    """Here and in the next two fields: position of its middle relative to the body's position, metres."""
+    """Position of its middle ahead of the body's position, metres; negative behind it."""
     right_m: float = 0.0
+    """Position of its middle to the right of the body's position, metres."""
     above_m: float = 0.0
+    """Position of its middle above the body's position, metres."""
     heading_deg: float = 0.0
     """Clockwise from the body's heading, degrees."""
     colour: str = "grey"

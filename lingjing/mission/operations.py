@@ -38,12 +38,12 @@ Function = Callable[..., Value]
 
 
 def negative(context: EvaluationContext, value: Value) -> Value:
-    """`-x`."""
+    """Return the value of `-x`."""
     return -as_number(value)
 
 
 def inverse(context: EvaluationContext, value: Value) -> Value:
-    """`not x`."""
+    """Return the value of `not x`."""
     return not as_flag(value)
 
 
@@ -88,17 +88,17 @@ more, at_least = _ordering(operator.gt), _ordering(operator.ge)
 
 
 def same(context: EvaluationContext, left: Value, right: Value) -> Value:
-    """`a == b`."""
+    """Return the value of `a == b`."""
     return bool(left == right)
 
 
 def different(context: EvaluationContext, left: Value, right: Value) -> Value:
-    """`a != b`."""
+    """Return the value of `a != b`."""
     return bool(left != right)
 
 
 def within(context: EvaluationContext, item: Value, whole: Value) -> Value:
-    """`x in low..high`, `place in region`, `name in { a, b }`."""
+    """Return the value of `x in low..high`, `place in region`, `name in { a, b }`."""
     if isinstance(whole, Interval) and is_number(item):
         return whole.low <= item <= whole.high
     if isinstance(whole, Area) and (place := context.place(item)) is not None:
@@ -119,12 +119,12 @@ def point(context: EvaluationContext, *items: Value) -> Value:
 
 
 def listed(context: EvaluationContext, *items: Value) -> Value:
-    """`[a, b]`."""
+    """Return the value of `[a, b]`."""
     return items
 
 
 def interval(context: EvaluationContext, low: Value, high: Value) -> Value:
-    """`low..high`."""
+    """Return the value of `low..high`."""
     least, most = as_number(low), as_number(high)
     if least > most:
         raise MissionError(f"the range {least:g}..{most:g} is empty", hint="write the lower end first")
@@ -132,7 +132,7 @@ def interval(context: EvaluationContext, low: Value, high: Value) -> Value:
 
 
 def member(context: EvaluationContext, items: Value, index: Value) -> Value:
-    """`uav[2]`, counted from 1."""
+    """Return the value of `uav[2]`, counted from 1."""
     position = as_whole(index)
     match items:
         case Members(ids=ids) if 1 <= position <= len(ids):
@@ -170,7 +170,7 @@ def field(value: Value, name: str) -> Value:
 
 
 def polygon(context: EvaluationContext, *corners: Value) -> Value:
-    """`polygon(corner, …)`, or of one list of corners."""
+    """Return the value of `polygon(corner, …)`, or of one list of corners."""
     if len(corners) == 1 and isinstance(corners[0], tuple):
         corners = corners[0]
     outline: list[geometry2d.Vector2] = []
@@ -182,7 +182,7 @@ def polygon(context: EvaluationContext, *corners: Value) -> Value:
 
 
 def circle(context: EvaluationContext, centre: Value, reach: Value) -> Value:
-    """`circle(centre, radius)`."""
+    """Return the value of `circle(centre, radius)`."""
     place = context.place(centre)
     if place is None or not is_number(reach) or not reach > 0:
         raise MissionError("circle(centre, radius) takes a point and a length above 0")

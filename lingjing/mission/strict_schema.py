@@ -7,8 +7,8 @@ from typing import Any
 
 
 def strict_schema(schema: Any) -> Any:
-    """The same schema without OpenAPI's `discriminator`, and with every required name declared in its alternative. The
-    tag of each alternative is an enum of one value already."""
+    """Return the schema without OpenAPI's `discriminator`, and with every required name declared in its alternative.
+    The tag of each alternative is an enum of one value already."""
     if isinstance(schema, list):
         return [strict_schema(item) for item in schema]
     if not isinstance(schema, dict):

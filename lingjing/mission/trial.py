@@ -230,7 +230,7 @@ class _Draws(NamedTuple):
     """The draws of some settings that can fail. Equal ones fail with the same seeds."""
 
     requirements: tuple[model.Requirement, ...]
-    """Those that the switches leave open."""
+    """The requirements that the switches leave open."""
     declarations: tuple[model.Parameter | model.RegionDeclaration | model.Group, ...]
     """The crowded groups, and all declarations on which these groups and the requirements depend."""
     values: tuple[float, ...]
@@ -309,8 +309,11 @@ def _is_crowded(group: model.Group, scope: Scope, count: int) -> bool:
 
 
 def _tightness(expr: ex.Draw, scope: Scope, count: int) -> float:
-    """As `crowding`, of the room without its margin `clear`, and of the extent of a line that turns back beside itself;
-    0 if the places have no distance between them."""
+    """Return the share that `count` places fill of the room less its margin `clear`, like `crowding`.
+
+    For a line that turns back beside itself the room is the diagonal of its bounding box. The share is 0 if the places
+    need no distance between them.
+    """
     named = {name: number(value, scope) for name, value in expr.named if name in ("apart", "clear")}
     apart, clear = named.get("apart", 0.0), named.get("clear", 0.0)
     if count < 2 or apart <= 0.0:

@@ -75,7 +75,7 @@ NAMED = (
 BY_DIMENSION = {entry.dimension: entry for entry in NAMED}
 """The entry of each named dimension."""
 BY_NAME = {entry.name: entry for entry in NAMED}
-"""The same entries by name."""
+"""The entries of the named dimensions, by name."""
 _SUFFIXES = tuple(sorted((entry.suffix for entry in NAMED if entry.suffix), key=len, reverse=True))
 
 LARGEST = 1e15

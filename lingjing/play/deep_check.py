@@ -1,6 +1,6 @@
 """`deep_check`: whether the instances of a mission have their places in the built city, for several seeds and modes.
 
-The check of a text knows no city. This one draws each instance, builds its city and places its entities, as an episode
+The check of a text has no city. This check draws each instance, builds its city and places its entities, as an episode
 does before its engines start. It needs the scene's plug-in and its maps.
 """
 

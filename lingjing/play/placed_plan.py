@@ -56,7 +56,7 @@ def lettered(words: str) -> Iterator[tuple[str, ...]]:
     from matplotlib import rc_context
 
     with rc_context({"font.family": families(words)}), warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph .* missing from font")  # the notes say it
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")  # the notes report it instead
         yield note_of_boxes(words)
 
 

@@ -136,7 +136,7 @@ class CallEstimate(msgspec.Struct, frozen=True, kw_only=True):
     full: CallSum = CallSum()
     """The calls of an episode that uses all of its ticks."""
     most: CallSum = CallSum()
-    """Upper bound: each agent is asked at each tick, with all repairs, full requests and the longest answers."""
+    """Upper bound: one call for each agent at each tick, with all repairs, full requests and the longest answers."""
     ticks: float = 0.0
     """Ticks of the usual episode. The calls of one tick are made at once."""
     work_s: float = 0.0

@@ -161,7 +161,7 @@ class _Parameters(PluginOptions, arbitrary_types_allowed=True):
 
 
 class _AnyParameters(_Parameters, extra="allow"):
-    """Those of a factory that takes `**others`."""
+    """The options of a factory that takes `**others`."""
 
 
 def _parameters(factory: Callable[..., object]) -> Mapping[str, inspect.Parameter]:

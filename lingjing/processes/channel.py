@@ -162,7 +162,7 @@ class Channel:
         while self._filled < length:
             got = self._socket.recv_into(memoryview(self._payload)[self._filled :])
             if not got:
-                raise ChannelClosedError("the other end closed in mid-packet")
+                raise ChannelClosedError("the other end closed within a packet")
             self._filled += got
         packet = Packet(self._payload, tuple(self._descriptors))
         self._header, self._payload, self._descriptors = bytearray(), None, []

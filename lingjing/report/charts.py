@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from lingjing.report.painting import Canvas
 
 FEW = 3
-"""Up to this many series of bars share one legend; more have their names beside each bar, since more colours are hard
+"""Most series of bars that share one legend; more have their names beside each bar, since more colours are hard
 to tell apart."""
 
 MARKER_SIZE = 9.0

@@ -35,7 +35,7 @@ DARK: Mapping[str, str] = {
     "s0": "#5ab4f0", "s1": "#ff9a52", "s2": "#3fcfa0", "s3": "#e58bd0", "s4": "#e0bc4a", "s5": "#9ad7ff",
     "s6": "#b4bcc6", "s7": "#f08da8",
 }  # fmt: skip
-"""The same tones on a dark page."""
+"""Tones on a dark page."""
 
 MARKERS = ("o", "s", "^", "D", "X")
 """Markers of matplotlib for series, in turn: circle, square, triangle, diamond, cross."""

@@ -57,8 +57,8 @@ class BoundedEstimate(NamedTuple):
 
 
 MANY = 500
-"""Above this many episodes the interval of a pooled rate is that of its linearisation. It agrees with the bootstrap's
-to a tenth of a percentage point, and takes a thousandth of the time (measured)."""
+"""Number of episodes above which the interval of a pooled rate is that of its linearisation. It agrees with the
+bootstrap's to a tenth of a percentage point, and takes a thousandth of the time (measured)."""
 
 _Z = 1.959963984540054
 """The standard normal quantile at 0.975."""

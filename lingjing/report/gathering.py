@@ -86,7 +86,7 @@ def gather(
     )
     if not (evidence.episodes or evidence.searches or evidence.probes or evidence.twins):
         hint = "; ".join(left_out) or "`lingjing run` and `lingjing bench` play some"
-        raise UsageError("there is no episode to report: none of what was found counts", hint=hint)
+        raise UsageError("there is no episode to report: nothing at these places counts", hint=hint)
     return evidence
 
 

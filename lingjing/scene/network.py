@@ -139,7 +139,7 @@ def build_network(
     crashes.
     """
     if not edges:
-        raise UsageError("a road network without streets", hint="give at least one edge")
+        raise UsageError("the road network has no streets", hint="give at least one edge")
     node_file, edge_file = _node_xml(nodes), _edge_xml(nodes, edges)
     key = _digest("streets", repr(origin), node_file, edge_file, *_STREET_OPTIONS)
 
@@ -154,7 +154,7 @@ def build_network(
 def moved_streets(
     nodes: Sequence[StreetNode], edges: Sequence[StreetEdge], by: Vector2
 ) -> tuple[Sequence[StreetNode], Sequence[StreetEdge]]:
-    """The same streets, translated by `by` metres (east, north)."""
+    """Return the streets, translated by `by` metres (east, north)."""
     if by == (0.0, 0.0):
         return nodes, edges
     east, north = by

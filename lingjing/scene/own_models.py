@@ -44,7 +44,7 @@ LEAST_TRIANGLES = 60
 MOST_PIXELS = 4096 * 4096
 """Most pixels of a texture (chosen)."""
 KEPT = 16
-"""Models in memory (chosen)."""
+"""Number of models that are kept in memory (chosen)."""
 
 Rows = npt.NDArray[np.float32]
 """Triangles as the camera draws them: rows of position, normal, linear colour and gloss, three a triangle."""

@@ -28,7 +28,7 @@ class PictureWeather(msgspec.Struct, frozen=True, kw_only=True):
 
     visibility_m: float | None = None
     rain: float | None = None
-    """From 0 (dry) to 1 (downpour). It falls as snow from 30 % of ice on."""
+    """Intensity of rain, 0 (dry) to 1 (downpour). It falls as snow if `ice` is 30 % or more."""
     ice: float | None = None
     """Cover of snow, 0 to 1."""
     cloud: float | None = None

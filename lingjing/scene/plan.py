@@ -73,8 +73,9 @@ class PlanMarker:
 
     name: str
     east: float
-    """Here and in the next field: its place, metres."""
+    """East coordinate of the body, metres."""
     north: float
+    """North coordinate of the body, metres."""
     role: Literal["asset", "target"]
     hidden: bool = False
     """True if agents do not know its place."""

@@ -59,7 +59,7 @@ class TileIndex(msgspec.Struct, frozen=True, array_like=True):
     keys: tuple[TileKey, ...]
     """Keys in order."""
     extents: tuple[Extent, ...]
-    """For each key its square, enlarged by the bounds of its pieces: west, south, east, north; metres."""
+    """The square of each key, enlarged by the bounds of its pieces: west, south, east, north; metres."""
 
 
 class Tiles:

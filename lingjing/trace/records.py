@@ -310,7 +310,7 @@ class FrameInfo(TraceRecord, frozen=True, kw_only=True):
     """Things without an entity that can be taken for a target: vehicles of the traffic, passers-by, buoys, flotsam,
     parked cars, lamps and other furniture. `entity` is empty. Touching things of one class share a box."""
     sha256: str = ""
-    """SHA-256 (hex) of the stored JPEG."""
+    """SHA-256 (hex) of the stored JPEG; "" if no picture was stored."""
     channels_sha256: str = ""
     """SHA-256 (hex) of the raw depth, class ids and instance numbers; "" if there are none."""
     instance_ids: dict[str, int] = {}
@@ -406,7 +406,7 @@ class CellView(TraceRecord, frozen=True, kw_only=True):
     visited_by: str | None = None
     """The entity that took the photograph. None if there is none."""
     seen: float | None = None
-    """Share of the cell's ground that pictures of all agents have shown, 0 to 1. None unless the mission tells it."""
+    """Share of the cell's ground that pictures of all agents have shown, 0 to 1. None if it is hidden."""
 
 
 class EventView(TraceRecord, frozen=True, kw_only=True):

@@ -76,7 +76,9 @@ def show(
     Raises `UsageError` for a report without a trace, a height of 0 or less, and a path that holds no trace.
     """
     if height_px <= 0:
-        raise UsageError(f"height_px={height_px}", hint=f"the height of the player in pixels, such as {HEIGHT_PX}")
+        raise UsageError(
+            f"height_px={height_px} is not a height", hint=f"the height of the player in pixels, such as {HEIGHT_PX}"
+        )
     if isinstance(episode, Trace):
         return InlineEpisode(episode, truth, height_px)
     path = fspath(episode) if isinstance(episode, str | PathLike) else episode.trace

@@ -120,7 +120,7 @@ def test_what_cannot_be_evaluated_is_one_clear_error(run: Run) -> None:
     assert code == ExitCode.MISSION
     assert "  error: no policy is called `orakel`" in lines
     assert any("hint: did you mean `oracle`?" in line for line in lines)
-    assert "  error: the seeds draw 3 positions, 8 are due at least" in lines
+    assert "  error: the seeds draw 3 positions, and at least 8 are needed" in lines
     assert any(line.startswith("  error: there is no policy file") for line in lines)
     assert lines[-1].startswith("3 errors, 1 passed in ")
 

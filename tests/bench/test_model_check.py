@@ -82,7 +82,7 @@ def test_the_convention_of_a_box_is_told_in_words(answer: str, convention: str) 
     ("arguments", "words"),
     [
         (("models", "check", "gpt-5.55"), "did you mean"),
-        (("models", "check", "mine", "--policy-arg", "base_url=http://127.0.0.1:9/v1"), "`mine` gives no answer"),
+        (("models", "check", "mine", "--policy-arg", "base_url=http://127.0.0.1:9/v1"), "`mine` does not answer"),
         (("models", "check", "gpt-5.5", "--columns", "bi-star"), "there is no column `bi-star`"),
     ],
 )

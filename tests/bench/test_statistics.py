@@ -69,7 +69,7 @@ def test_mcnemar_is_the_exact_binomial_over_pairs_that_differ() -> None:
 
 
 def test_wilsons_interval_is_the_closed_form() -> None:
-    """Wilson (1927), as the interval was computed before it came from SciPy: published tables keep their digits."""
+    """SciPy's interval equals the formula of Wilson (1927) that computed it before, so published tables stay equal."""
     z = 1.959963984540054  # the standard normal quantile at 0.975
     drawn = np.random.default_rng(1)
     counts = [*range(1, 30), *(int(count) for count in drawn.integers(30, 400, 40)), 10_000, 1_000_000]

@@ -32,8 +32,8 @@ def refused(number: int, name: str | None = None) -> OSError:
             ExitCode.USAGE,
             "no folder for temporary files can be written",
         ),
-        (MemoryError(), ExitCode.INFRASTRUCTURE, "the system has not enough memory"),
-        (RuntimeError("can't start new thread"), ExitCode.INFRASTRUCTURE, "the system starts no more threads"),
+        (MemoryError(), ExitCode.INFRASTRUCTURE, "the system does not have enough memory"),
+        (RuntimeError("can't start new thread"), ExitCode.INFRASTRUCTURE, "the system cannot start more threads"),
     ],
 )
 def test_a_refusal_is_no_bug(

@@ -21,7 +21,7 @@ from lingjing.scene.districts.options import plan
 from lingjing.testing import compile_file, compile_text, instantiate, mission_file
 
 FAR = "subset([(0 m, 2 m), (1 m, 2 m), ({}, 0 m), (3 m, 2 m), (4 m, 2 m), (5 m, 2 m)])"
-"""Places of which one, which seed 0 does not draw, may be too far."""
+"""Possible places, one of which may be too far; seed 0 does not draw that place."""
 
 # what is replaced in the small mission, by what, code, line, column, a part of the message
 CASES = [

@@ -105,8 +105,8 @@ _FORK_SERVER = "lingjing.processes.fork_server"
 
 
 def fork_server_or_program(*arguments: object) -> int:
-    """In the place of `subprocess._fork_exec`: a fork server begins as a fork of this process, which has imported all
-    it needs; any other program as ever."""
+    """Start a program in place of `subprocess._fork_exec`. A fork server begins as a fork of this process, which has
+    imported all it needs; any other program starts as usual."""
     words = [os.fsdecode(word) for word in arguments[0]]  # type: ignore[attr-defined]
     if _FORK_SERVER not in words:
         return int(_fork_exec(*arguments))

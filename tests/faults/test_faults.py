@@ -1,5 +1,8 @@
-"""Episodes and suites in which one call of the system fails, each in turn: an exit code that says so, a message with a
-way out, nothing left running, nothing half written, every trace readable."""
+"""Episodes and suites in which one system call fails, each in turn.
+
+Each must give the exit code of the failure and a message with a hint, and leave no running process, no half-written
+file and only readable traces.
+"""
 
 from __future__ import annotations
 

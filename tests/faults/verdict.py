@@ -25,7 +25,7 @@ LOSS = "replaced by doing nothing"
 """The words of output and reports for lost turns of a policy."""
 
 WAYS_OUT = ("hint: ", "see `lingjing ", *{hint_of_system(OSError(number, "")) or "hint: " for number in errorcode})
-"""The words of a way out. That of a fault among several stands in its line, without `hint: `."""
+"""The beginnings of hints. The hint of a fault among several stands in its line, without `hint: `."""
 
 HALF_WRITTEN = (".partial", ".new-", ".tmp")
 

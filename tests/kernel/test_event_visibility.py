@@ -185,7 +185,7 @@ def test_an_unlock_over_a_hidden_value_shows_neither_in_events_nor_in_the_status
 @pytest.mark.parametrize("tier", [0, 1])
 @pytest.mark.parametrize("name", ["bi", "vdn", "ld", "idf", "upr", "ufr", "cr", "ssr", "cd"])
 def test_no_agent_of_a_shipped_mission_is_told_whether_a_report_matched(name: str, tier: int) -> None:
-    """Prompt P1 says so, for every column alike."""
+    """Prompt P1 promises this for every column."""
     mission = lingjing.compile(mission_file(name))
     for mode in mission.modes.allowed:
         of = instantiate(mission, seed=1, mode=mode, tier=tier)

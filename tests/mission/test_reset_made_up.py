@@ -383,7 +383,7 @@ def test_uavs_over_a_plateau_fly_over_its_ground() -> None:
 
 @pytest.mark.parametrize("number", ["10", "11", "16"])
 def test_it_is_played(number: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The heuristic wins; the notes are told again. The longest document is in `tests/episodes`."""
+    """The heuristic wins, and the notes are printed again. The longest document is in `tests/episodes`."""
     arguments = ["run", str(FILES[number]), "--seed", "1", "--no-overview", "-o", str(tmp_path / "out")]
     assert run_command(arguments) == ExitCode.OK
     output = capsys.readouterr()

@@ -18,7 +18,8 @@ from tests.mission.over_time_cases import WINNABLE
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 FILES = sorted((*SCENARIOS.glob("*.ljs"), *SCENARIOS.glob("examples/*.ljs")))
 REDRAWN = "castaways"
-"""Its requirement discards draws. A document keeps the places and params, and draws the drift from the first stream."""
+"""A mission with a requirement that discards draws. A document keeps the places and params, and draws the drift from
+the first stream."""
 
 
 def written(source: Path, emitted: str, target: Path, *options: str) -> str:

@@ -207,7 +207,7 @@ def test_deep_heights_of_older_documents() -> None:
 def test_both_spellings_of_a_place_tie_the_origin() -> None:
     whole = document({"goalFirePosition": [_in_degrees(0.0, 100.0)]}, drones=1, cars=1)
     whole["scenario"]["equipmentList"]["droneEntityList"][0]["data"] |= _in_degrees(10.0, 0.0) | {"alt": 0.0}
-    instance, _ = play(whole)  # which is at (10, 0) m by its centimetres, and by its degrees then
+    instance, _ = play(whole)  # the drone is at (10, 0) m both by its centimetres and by its degrees
     assert at(instance, "fire") == [pytest.approx((0.0, 100.0), abs=1.0)]
 
 

@@ -1,4 +1,4 @@
-"""The compiled sea rescue through this package: mission.json, instances, the paper's Listing, and the way back."""
+"""The compiled sea rescue in all its forms: mission.json, instances, the paper's Listing, and back to a mission."""
 
 import json
 from pathlib import Path

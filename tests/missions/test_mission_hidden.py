@@ -134,7 +134,7 @@ def told(observation: Observation, inbox: Inbox) -> bytes:
 
 
 def inputs(name: str, mode: str, instance: Instance, privileged: frozenset[str] = frozenset()):
-    """Everything that agents are told in an episode of some ticks: briefs, inputs, their digests."""
+    """Return everything that agents receive in an episode of some ticks: briefs, inputs, their digests."""
     with kit.playing(name, mode, real=ENGINES, instance=instance, privileged=privileged) as play:
         for _ in range(TICKS.get(name, 4)):
             play.do(busy(play))
@@ -202,7 +202,7 @@ def test_digests_of_inputs_are_the_same(name, mode):
 
 @columns
 def test_a_policy_that_is_declared_so_sees_the_truth_and_nobody_else_sees_more(name, mode):
-    """The oracle's presence: one agent is told where things are; for the others nothing changes."""
+    """In an episode with one oracle, this agent receives the true places; nothing changes for the others."""
     first, second = pair(name, mode)
     oracle = first.agents[0].id
     told_one, told_other = (first_boundary(name, mode, one, frozenset({oracle})) for one in (first, second))
@@ -241,7 +241,7 @@ def test_a_city_delivery_hides_nothing():
 
 
 def test_a_true_report_looks_like_a_false_one():
-    """The very same report is true in one world and not in the other: the trace knows, and no agent is told."""
+    """The same report is true in one world and false in the other; the trace records this, and no agent receives it."""
     first, second = (kit.still(one) for one in pair("ufr", "broadcast"))
     place = next(entity for entity in first.entities if entity.id == "fire[1]").position[:2]
     seen = []

@@ -87,7 +87,7 @@ def test_a_count_without_a_box_that_matches_is_none():
 
 
 def test_how_long_the_queues_are_is_hidden_and_seeded():
-    """Policies are told where the shops are; how many people wait there they must see."""
+    """The brief gives the places of the shops, and not the number of waiting people, which only pictures show."""
     drawn = set()
     for seed in range(6):
         instance, _ = kit.staged("queue", None, seed)

@@ -1,4 +1,4 @@
-"""Reports of episodes that nobody played."""
+"""Made-up reports of episodes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Why an episode ended is said: in its outcome, its result, and to whoever reads the summary."""
+"""The reason for the end of an episode stands in its outcome, its result and the printed summary."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What chooses code by processor is pinned where outcomes are decided, or the promise is withdrawn by name."""
+"""Libraries that choose code by processor are pinned where they decide outcomes, or the report names the risk."""
 
 import json
 import os
@@ -114,8 +114,10 @@ print(hashlib.sha256(value.tobytes()).hexdigest())
 
 @needs_avx2
 def test_without_the_pins_a_network_answers_otherwise():
-    """What a perceptron of the dog's size answers in 32 bits: it decides the next step, and a walk grows its last bit.
-    (The dog's own is summed in 64 bits, and an episode of its engines does not differ any more.)"""
+    """The output of a perceptron of the dog's size in 32 bits differs in its last bit, which a walk amplifies.
+
+    (The dog's own perceptron is summed in 64 bits, so that episodes of its engine do not differ.)
+    """
     pinned = {python("-c", _PRODUCTS, "pin", OPENBLAS_CORETYPE=kernel).stdout for kernel in KERNELS}
     free = {python("-c", _PRODUCTS, OPENBLAS_CORETYPE=kernel).stdout for kernel in KERNELS if runs_here(kernel)}
     assert len(pinned) == 1

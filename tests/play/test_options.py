@@ -1,4 +1,4 @@
-"""The options of an episode: one value for the command line, Python, workers and studies, with all its faults told."""
+"""The options of an episode: one value for the command line, Python, workers and studies; every fault is reported."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ FIVE_LAYERS = (
     "no role or agent is called `cook` in 'ssr'",
     "no evaluator is called `judge`",
 )
-"""What `WRONG` options are told, each by what checks it."""
+"""The message about each option in `WRONG`, from the check that fails."""
 
 WRONG = {
     "mode": "mesh",

@@ -1,4 +1,4 @@
-"""Policies by file: what is accepted and what the author is told."""
+"""Policies by file: the accepted files, and the error messages for the author."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a policy does to its process, or from it, touches nothing but itself (`lingjing run`, real processes)."""
+"""A policy that attacks its process, or others from it, harms only itself (`lingjing run`, real processes)."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ WORDS = {
     "Hog": ("policy_error", r"MemoryError \(hostile_policies.py:\d+\)"),
     "Ambient": ("", r"[\d.e-]+ [\d.e-]+ -?\d+ \[.*\]"),
 }
-"""What each attack comes to at every turn: the reason, and its detail or the thought."""
+"""The result of each attack at every turn: the reason, and its detail or the thought."""
 
 LATE = {
     "Regex": ("late", "late"),
@@ -85,7 +85,7 @@ LATE = {
     "Await": ("late", "turn 2"),
     "Finaliser": ("kept", "late"),
 }
-"""What a policy that takes too long comes to at its first two turns: a late answer, or the thought."""
+"""The results of a policy that takes too long at its first two turns: a late answer, or the thought."""
 
 
 @dataclass(frozen=True)

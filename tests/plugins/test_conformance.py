@@ -651,7 +651,7 @@ class Dropping(Painter):
 
 
 class Counting(Painter):
-    """Paints how often it was told where things are, and has that for a key."""
+    """A renderer that paints the number of received states, and uses the number as the key of its cache."""
 
     told = 0
 

@@ -1,4 +1,4 @@
-"""`lingjing.plugins` is the contract alone: what it exports is said, and it knows no shipped type and no mission."""
+"""`lingjing.plugins` is the contract alone: its exports are listed, and it names no shipped type and no mission."""
 
 from __future__ import annotations
 

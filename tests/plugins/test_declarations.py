@@ -1,4 +1,4 @@
-"""What plug-ins return from their hooks and what their scenes build: each mistake names the plug-in and the hook."""
+"""Wrong results of hooks and scenes of plug-ins: each error names the plug-in and the hook."""
 
 from __future__ import annotations
 

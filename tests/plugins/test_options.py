@@ -1,4 +1,4 @@
-"""Declared options: what is listed of them, what is read, and that every fault is told at once."""
+"""Declared options: their listing, their reading, and the report of all faults at once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a mission announces: the weather at a time, who is there at a time; and which engines that calls up."""
+"""The schedule of a mission: the weather and the present entities at a time, and the engines that they need."""
 
 import msgspec
 import pytest

@@ -1,4 +1,4 @@
-"""A package of types that the project has never heard of: they are drawn, painted, looked out of and run into."""
+"""A package of types that the project does not know: its bodies are drawn, rendered, carry cameras and collide."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Run by a fork server, as `python -m` would: `told` says what it finds, `worlds` plays on workers of the server."""
+"""A module that a fork server runs like `python -m`: `told` prints its surroundings, `worlds` plays on workers."""
 
 import itertools
 import json
@@ -40,7 +40,7 @@ def told() -> None:
 
 
 def worlds() -> None:
-    """Play twice on the server's workers and once in this process; tell whether all is the same, and by whom."""
+    """Play twice on the server's workers and once in this process; print the comparison and the process ids."""
     import tests.kernel.world_toys as toys
     from lingjing.testing.worlds import open_world
     from tests.kernel.test_world_process import TOYS, opened, pids, played

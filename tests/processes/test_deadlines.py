@@ -1,4 +1,4 @@
-"""Deadlines in a worker's own time: what it waits for a processor is nobody's; what it sleeps and spins is its own.
+"""Deadlines in a worker's own time: a wait for a processor does not count; sleeping and spinning do.
 
 The queue is real: the worker and spinning processes share one processor. Nothing here asserts how long anything takes.
 """
@@ -157,7 +157,7 @@ def test_making_the_camera_ready_is_part_of_no_budget(kind):
 
 
 def test_a_slow_remote_engine_is_blamed_and_nobody_else(world, monkeypatch):
-    """What the caller's own engines take is not the world process's, which is asked in between."""
+    """The time of the caller's own engines does not count for the world process, which is called in between."""
     usual = toys.Toy.advance
 
     def slow(self, until, mirrors):

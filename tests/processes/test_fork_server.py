@@ -1,4 +1,4 @@
-"""Modules and workers as forks of one process: as if each had been started anew, and nobody is left behind."""
+"""Modules and workers as forks of one process: each behaves like a new process, and no process is left behind."""
 
 import json
 import os
@@ -105,7 +105,7 @@ def test_many_episodes_leave_nothing_open(server: ForkServer, tmp_path: Path) ->
 
 
 def held(pid: int) -> tuple[int, dict[str, int]]:
-    """How many children a process has, and how many descriptors of processes and sockets beside its streams."""
+    """Return the number of child processes, and of descriptors of processes and sockets beside the streams."""
     kinds: Counter[str] = Counter()
     for entry in Path(f"/proc/{pid}/fd").iterdir():
         with suppress(OSError):  # closed meanwhile

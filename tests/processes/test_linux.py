@@ -1,4 +1,4 @@
-"""The system calls, and that they stand in `lingjing.processes` alone."""
+"""Tests of the system calls, which only `lingjing.processes` may make."""
 
 import ast
 import os

@@ -18,6 +18,6 @@ def skip_without_node() -> None:
 
 
 def node(script: str, *arguments: object) -> str:
-    """What a script of this folder prints. Raises `subprocess.CalledProcessError`."""
+    """Return the output of a script of this folder. Raises `subprocess.CalledProcessError`."""
     command = ["node", str(HERE / script), *map(str, arguments)]
     return subprocess.run(command, check=True, capture_output=True, text=True, timeout=600).stdout

@@ -69,7 +69,7 @@ def test_episodes_that_were_cut_short_are_in_no_rate_and_in_a_note(runs: Path, t
     result = gather([runs, tmp_path])
     assert result.episodes == 2
     assert str(cut) in result.left_out[0] and "cut short" in result.left_out[0] and "damaged" in result.left_out[0]
-    with pytest.raises(UsageError, match="none of what was found counts") as error:
+    with pytest.raises(UsageError, match="nothing at these places counts") as error:
         gather([cut])
     assert str(cut) in error.value.hint
 

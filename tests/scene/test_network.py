@@ -99,7 +99,7 @@ def test_streets_that_make_no_net_are_refused_with_netconverts_words():
     nodes, edges = cross()
     with pytest.raises(UsageError, match="nowhere"):
         build_network(nodes, [*edges, StreetEdge(id="x", start="c", end="nowhere")])
-    with pytest.raises(UsageError, match="without streets"):
+    with pytest.raises(UsageError, match="has no streets"):
         build_network(nodes, [])
 
 

@@ -277,7 +277,7 @@ def test_the_error_for_ways_without_places_names_the_query(tmp_path: Path) -> No
     ],
 )
 def test_an_answer_that_overpass_cut_off_is_an_error(tmp_path: Path, remark: str) -> None:
-    with pytest.raises(UsageError, match="is not whole, Overpass stopped before its end: ") as caught:
+    with pytest.raises(UsageError, match="is incomplete: Overpass stopped before its end: ") as caught:
         reading(tmp_path, f"{NODES}<remark> {remark} </remark>")
     assert "download again" in caught.value.hint
 

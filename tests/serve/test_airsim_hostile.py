@@ -49,11 +49,11 @@ def test_frames_that_break_the_protocol_end_their_connection_alone(serve: Serve)
     assert good.call("ping") == [1, 1, None, True]
     for data, message in (
         (b"\xc1", "no MessagePack"),
-        (b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n", "a frame is a request"),
-        (msgpack.packb([1, 7, None, None]), "a frame is a request"),
+        (b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n", "a frame must be a request"),
+        (msgpack.packb([1, 7, None, None]), "a frame must be a request"),
         (msgpack.packb([0, -1, "ping", []]), "32 bits"),
-        (msgpack.packb([0, 1, 5, []]), "is a name"),
-        (msgpack.packb([0, 1, "ping", {}]), "are an array"),
+        (msgpack.packb([0, 1, 5, []]), "must be a name"),
+        (msgpack.packb([0, 1, "ping", {}]), "must be an array"),
         (b"\xdd\xff\xff\xff\xff", "no MessagePack"),
         (b"\x91" * 5000, "no MessagePack"),
     ):
@@ -167,7 +167,7 @@ def test_a_token_guards_the_server(serve: Serve, tmp_path: Path) -> None:
         (["--airsim", "--scene", "atlantis"], "there is no city `atlantis`"),
         (["--airsim", "--scene", "bay", "--tick", "33"], "a tick of 33 ms is not served"),
         (["--airsim", "--scene", "bay", "--camera", "big"], "a size is WIDTHxHEIGHT"),
-        (["--airsim", "--scene", "bay", "--drones", "0"], "are at least 1"),
+        (["--airsim", "--scene", "bay", "--drones", "0"], "must be at least 1"),
         (["--airsim", "--scene", "bay", "--host", "0.0.0.0"], "can be reached from a network"),
         (["--airsim", "--scene", "bay", "--token-file", "/nowhere"], "cannot read /nowhere"),
         (["--airsim", "no_such_mission"], "no_such_mission"),

@@ -118,7 +118,8 @@ class SeedGuesser:
 class Shadow:
     """A second world of a known instance, which draws the pictures of the policy again with their true boxes.
 
-    Its bodies move without commands: what drifts here drifts there. Bodies of the team stand where they are observed.
+    Its bodies move without commands, so that drifting bodies drift alike in both worlds. Bodies of the team stand where
+    they are observed.
     """
 
     def __init__(self, instance: Instance, city: Any) -> None:

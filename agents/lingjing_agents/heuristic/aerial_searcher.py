@@ -320,7 +320,7 @@ class AerialSearcher:
         """Take over a cell of the busiest team mate and announce it, in a broadcast topology. Return whether one was
         taken over.
 
-        Of two claims that of the first name holds. In a star topology the hub decides.
+        If two searchers claim the same cell, the claim of the first name holds. In a star topology the hub decides.
         """
         cell = self._sweep.claim() if self._brief.hub is None else None
         if cell is None or self._assignment is None:

@@ -45,7 +45,8 @@ OTHER_ROUTE_TICKS = 3
 SAME_JAM_M = 60.0
 """Distance in metres within which two reported jams count as one. Chosen."""
 EXACT_JAM_M = 25.0
-"""The same distance where places of jams must be exact, and jams may be near each other. Chosen."""
+"""Distance in metres within which two jams count as one if reported places must be exact: jams may be near each
+other. Chosen."""
 SPARE_MOVES, MOST_LOOKS = 4, 8
 """Moves that are kept for start and drive, and largest number of pictures of the last stretch. Chosen."""
 LOOKING_TICKS = 10

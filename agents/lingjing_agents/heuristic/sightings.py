@@ -24,7 +24,7 @@ class Sighting:
     time_s: float
     """Simulated time of the position in seconds."""
     confidence: float
-    """From 0 to 1."""
+    """Confidence of the detection, 0 to 1."""
     cell: str | None = None
     """The search cell, if known."""
     state: SightingState = "open"

@@ -231,7 +231,9 @@ class BrokeredModel(AskedModel):
 
     async def forward(self, tick: int, raw: RawRequest, deadline: CallDeadline) -> CallResult:
         """Raises `UsageError`: the broker builds every request itself."""
-        raise UsageError("a whole request cannot pass the walls", hint="play this policy without --isolate")
+        raise UsageError(
+            "an isolated policy cannot build a whole request itself", hint="play this policy without --isolate"
+        )
 
 
 def open_model(options: ModelOptions, calls: ModelCalls) -> AskedModel:

@@ -159,7 +159,7 @@ def _own_folder() -> Path:
     _make(folder)
     status = folder.lstat()
     if status.st_uid != os.getuid() or status.st_mode & 0o077 or folder.is_symlink():
-        raise UsageError(f"`{folder}` is not a folder of this user alone", hint="remove it, or set XDG_RUNTIME_DIR")
+        raise UsageError(f"`{folder}` is not private to this user", hint="remove it, or set XDG_RUNTIME_DIR")
     return folder
 
 

@@ -99,7 +99,7 @@ async def exchange(request: httpx.Request, timeout_s: float | None) -> HttpAnswe
             body = await _read(response)
         except zlib.error as error:
             raise UnreadableAnswerError(
-                f"the service's answer is not the gzip that it is said to be: {error}"
+                f"the service's answer is declared as gzip and cannot be unpacked: {error}"
             ) from error
         finally:
             await response.aclose()
@@ -162,6 +162,6 @@ def _unpacker(encoding: str) -> Callable[[bytes, int], bytes]:
     if packed in ("", "identity"):
         return lambda chunk, most: chunk[:most]
     if packed not in ("gzip", "x-gzip"):
-        raise UnreadableAnswerError(f"the service's answer is packed as {packed[:40]}, which was not asked for")
+        raise UnreadableAnswerError(f"the service's answer has the encoding {packed[:40]}, which was not requested")
     unpacker = zlib.decompressobj(_GZIP)
     return lambda chunk, most: b"" if unpacker.eof else unpacker.decompress(chunk, most)

@@ -119,10 +119,10 @@ class _DriverAbility(Ability):
 
 
 class _ClaimAbility(Ability):
-    """Commands a body of another agent that this agent may command, when it has no task itself.
+    """Commands a body of another agent, if this agent may command it and has no task of its own.
 
-    It sends the body where its driver would. The first command of a boundary is admitted; later ones are rejected as
-    conflicts.
+    The command is the one that the body's driver would send. Of several commands to the body at one boundary the
+    kernel admits the first and rejects the others as conflicts.
     """
 
     def __init__(self, course: _TargetApproach) -> None:

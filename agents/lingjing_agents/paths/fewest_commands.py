@@ -53,7 +53,7 @@ class OpenGround:
     closed: MaskArray
     """(rows, columns), True for closed cells; rows from the south, columns from the west."""
     hidden: MaskArray | None = None
-    """The same for cells below crowns, or None."""
+    """(rows, columns), True for cells below crowns; None if crowns are unknown."""
 
     def open_lines(self, here: GroundPoint, ends: FloatArray) -> MaskArray:
         """Return for each of `ends` (n, 2) whether the straight line from `here` is free, as (n,)."""

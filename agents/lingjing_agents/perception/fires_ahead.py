@@ -52,7 +52,7 @@ class FireAhead:
     place: GroundPoint
     """Estimated east and north in metres."""
     confidence: float
-    """From 0 to 1."""
+    """Confidence of the detection, 0 to 1."""
 
 
 def find_fires_ahead(rgb: ByteImage, pose: CameraPose, ground_m: float = 0.0) -> tuple[FireAhead, ...]:

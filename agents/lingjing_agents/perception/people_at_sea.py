@@ -93,7 +93,7 @@ class FoundBox:
     box: ImageBox
     """Normalised x0, y0, x1, y1; origin top left."""
     confidence: float
-    """From 0 to 1."""
+    """Confidence of the detection, 0 to 1."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -49,7 +49,7 @@ class PeopleLine:
     people: int
     """The number of people."""
     confidence: float
-    """From 0 to 1."""
+    """Confidence of the detection, 0 to 1."""
 
 
 def find_line(rgb: ByteImage, pose: CameraPose, head: GroundPoint, level_m: float) -> PeopleLine | None:

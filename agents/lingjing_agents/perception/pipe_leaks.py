@@ -57,7 +57,7 @@ class PipeLeak:
     place: Vector
     """The position of the clamp in metres."""
     confidence: float
-    """From 0 to 1."""
+    """Confidence of the detection, 0 to 1."""
 
 
 def find_leaks(rgb: ByteImage, pose: CameraPose, ground_m: float) -> tuple[PipeLeak, ...]:

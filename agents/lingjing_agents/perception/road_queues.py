@@ -49,7 +49,7 @@ class VehicleQueue:
     box: ImageBox
     """Normalised x0, y0, x1, y1."""
     confidence: float
-    """From 0 to 1."""
+    """Confidence of the detection, 0 to 1."""
     place: GroundPoint
     """East and north of its centre in metres."""
     vehicles: int

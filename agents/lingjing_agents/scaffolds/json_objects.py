@@ -22,7 +22,7 @@ def first_object(text: str) -> Mapping[str, object]:
 
 
 def plain(text: str, letters: int) -> str:
-    """Return a text in one line, cut to `letters`. Half characters, which UTF-8 cannot hold, become `?`."""
+    """Return a text in one line, cut to `letters`. Lone surrogates, which UTF-8 cannot encode, become `?`."""
     return " ".join(text.split())[:letters].encode("utf-8", "replace").decode()
 
 

@@ -37,7 +37,7 @@ class ProbedFrame(msgspec.Struct, frozen=True, kw_only=True):
     said: bool
     """True if the detector reports a target."""
     twin_said: bool | None = None
-    """The same on the twin; None without a twin."""
+    """True if the detector reports a target on the twin; None without a twin."""
     unanswered: int = 0
     """Number of missing answers (0 to 2)."""
     hits: int = 0

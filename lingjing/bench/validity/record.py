@@ -60,9 +60,9 @@ class RecordedCell(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
     seeds: str = ""
     """The seeds with a counted result, as ranges."""
     won: str = ""
-    """Those of them that were won."""
+    """The seeds in `seeds` of won episodes, as ranges."""
     lost: str = ""
-    """The seeds of episodes that the infrastructure has lost."""
+    """The seeds of episodes without a result because of an infrastructure error, as ranges."""
 
 
 class RecordedAdversary(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):

@@ -62,9 +62,9 @@ class Rounds:
     durations: Durations
     jobs: int
     limit: int | None = None
-    """Only so many seeds of each study; None: all."""
+    """Largest number of seeds of each study; None for all seeds."""
     hours: float | None = None
-    """No episode begins later; None: all are played."""
+    """Hours after which no further episode begins; None for no limit."""
     tell: Callable[[SuiteRow, float], None] = field(default=lambda row, left_h: None)
     """Receives each new row, and the hours that are left."""
     is_out_of_time: bool = False

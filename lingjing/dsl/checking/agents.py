@@ -45,7 +45,7 @@ class AgentChecker(DeclarationChecker):
         self.scope.roles.setdefault(node.role.text, self.report.span(node.role.start, node.role.end))
 
     def agent(self, node: s.AgentBlock) -> model.Agent:
-        """`agent name[i in 1..n] as role controls … { observes … }`."""
+        """Check the statement `agent name[i in 1..n] as role controls … { observes … }`."""
         count, index = self.entities.count(node.index)
         environment = STATIC.binding(index, NUMBER) if node.index is not None else STATIC
         controls = tuple(self._controlled(part, environment) for part in node.controls)
@@ -120,7 +120,7 @@ class AgentChecker(DeclarationChecker):
         self.scope.messages[node.name.text] = (record, self.report.span(node.name.start, node.name.end))
 
     def message(self, node: s.MessageLine) -> model.MessageKind | None:
-        """`message kind : record from roles to roles`."""
+        """Check the statement `message kind : record from roles to roles`."""
         for name in node.senders:
             self.role(name)
         everyone = any(name.text == EVERYONE for name in node.recipients)
@@ -142,7 +142,7 @@ class AgentChecker(DeclarationChecker):
         )
 
     def reveal(self, node: s.RevealLine) -> model.Reveal | None:
-        """`reveal image(target) to role when …`."""
+        """Check the statement `reveal image(target) to role when …`."""
         guard = self.settings.guard(node.guard)
         if node.what.text != "image":
             self.report.at("LJ0109", node.what, f"`{node.what.text}` cannot be revealed", "only an `image` can")

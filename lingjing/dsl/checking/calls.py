@@ -65,7 +65,7 @@ class CallChecker:
             conditions = ", ".join("ab"[: TEMPORAL[name]])
             written = self.report.source.text[first.start : first.end]
             self.report.at(
-                "LJ0201", first, f"the time of `{name}` comes last", f"write `{name}({conditions}, {written})`"
+                "LJ0201", first, f"the time of `{name}` must come last", f"write `{name}({conditions}, {written})`"
             )
             return UNKNOWN
         if signature.where == "rule" and not environment.rule:

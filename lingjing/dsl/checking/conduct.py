@@ -43,7 +43,7 @@ class ConductChecker(DeclarationChecker):
         return self.limit(node, in_stage=True)
 
     def limit(self, node: s.LimitLine, *, in_stage: bool = False) -> model.Limit | None:
-        """`limit moves <= 50 counts dog.forward, guide`."""
+        """Check the statement `limit moves <= 50 counts dog.forward, guide`."""
         most = self.of.expect(node.most, STATIC, NUMBER, f"the limit `{node.name.text}`")
         self.blocks.leak(most.taint, node.most, f"the limit `{node.name.text}`")
         constant = self.of.constant(most.ir)
@@ -66,7 +66,7 @@ class ConductChecker(DeclarationChecker):
         return model.Limit(name=node.name.text, most=most.ir, counts=kept, when=guard)
 
     def permit(self, node: s.PermitLine) -> model.Permit | None:
-        """`permit van.setDestination when …`."""
+        """Check the statement `permit van.setDestination when …`."""
         channel = node.resource
         resource, verb = self._command(channel, "`permit`")
         condition = self.of.expect(node.condition, RULE, FLAG, "`when`")
@@ -75,14 +75,14 @@ class ConductChecker(DeclarationChecker):
         return model.Permit(resource=resource.ir, verb=verb, condition=condition.ir)
 
     def declassified(self, node: s.DeclassifyLine) -> tuple[model.Declassification, ...]:
-        """`declassify end, dog.forward because "…"`."""
+        """Check the statement `declassify end, dog.forward because "…"`."""
         reason = node.reason.value.strip()
         if not reason:
             self.report.at("LJ0106", node.reason, "a declassification needs a reason", "say why agents may know it")
         return tuple(model.Declassification(what=declassified_name(item), reason=reason) for item in node.what)
 
     def constraint(self, node: s.ConstraintBlock) -> model.Constraint | None:
-        """`constraint hard name per v in group { always … }`."""
+        """Check the statement `constraint hard name per v in group { always … }`."""
         if node.kind.text not in CONSTRAINT_KINDS:
             message = f"a constraint is hard or soft, not `{node.kind.text}`"
             self.report.unknown("LJ0109", node.kind, message, CONSTRAINT_KINDS)
@@ -117,7 +117,7 @@ class ConductChecker(DeclarationChecker):
         )
 
     def inspection(self, node: s.InspectionBlock) -> model.Inspection | None:
-        """`inspection name of asset by inspectors { within = …, replan = … }`."""
+        """Check the statement `inspection name of asset by inspectors { within = …, replan = … }`."""
         what = f"the inspection `{node.name.text}`"
         entries = self.blocks.read(node.block, KINDS["inspection"].keys, what, owner=node.name)
         asset = self.asset(node.asset, "after `of`")
@@ -176,7 +176,7 @@ class ConductChecker(DeclarationChecker):
         return None if resource is None else model.Counted(kind="command", resource=resource.ir, name=verb)
 
     def _command(self, channel: s.ObservedChannel, what: str) -> tuple[TypedExpression | None, str]:
-        """`dog.forward`, `dog.*` or `dog`: the resource and the verb, "" for all of them."""
+        """Check `dog.forward`, `dog.*` or `dog`. Return the resource and the verb, "" for all verbs."""
         node = channel.source
         if channel.everything or not isinstance(node, s.FieldExpr):
             return self.asset(node, f"after {what}"), ""

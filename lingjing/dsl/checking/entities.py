@@ -131,7 +131,7 @@ class EntityChecker(DeclarationChecker):
         return place.taint if place is not None else ()
 
     def entity(self, node: s.EntityBlock) -> model.Group | None:
-        """`asset uav[1..n] : quadrotor { … }`."""
+        """Check the statement `asset uav[1..n] : quadrotor { … }`."""
         decl = self.scope.types.get(node.type.text) if node.type else None
         if decl is not None and decl.role != node.keyword:
             decl = None
@@ -337,7 +337,7 @@ class EntityChecker(DeclarationChecker):
         items = entry.value.ir.items if isinstance(entry.value.ir, ex.Sequence) else ()
         if count is None and len(items) > 1:
             place = entry.node.value
-            self.report.at("LJ0206", place, f"`{node.name.text}` is one, it has one label")
+            self.report.at("LJ0206", place, f"`{node.name.text}` is a single entity and has one label")
         return tuple(item.value for item in items if isinstance(item, ex.Text))
 
 

@@ -105,7 +105,7 @@ class EquipmentChecker(DeclarationChecker):
         return tuple(verbs.values())
 
     def _bounded(self, item: s.PropertyLine, verb: model.Verb) -> model.Verb:
-        """`forward <= 50 m`, `forward in 5 m..25 m`, `forward = 10 m in 5 m..25 m`: the verb's first argument."""
+        """Check bounds of a verb's first argument: `forward <= 50 m`, `forward in 5 m..25 m`, `forward = 10 m in …`."""
         first = verb.arguments[0] if verb.arguments else None
         if item.relation == "~" or item.hidden or item.state or item.guard:
             self.report(

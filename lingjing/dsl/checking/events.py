@@ -56,7 +56,7 @@ class EventChecker(DeclarationChecker):
                 )
 
     def event(self, node: s.EventBlock) -> model.EventDeclaration | None:
-        """`event name at 12 tick { … }`, `event name at ~ uniform(5 tick, 20 tick) { … }`."""
+        """Check the statement `event name at 12 tick { … }`, `event name at ~ uniform(5 tick, 20 tick) { … }`."""
         at = None if node.at is None else self._time(node, node.at)
         condition = self._condition(node.condition, "`when`")
         until = self._condition(node.until, "`until`")

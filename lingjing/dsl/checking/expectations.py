@@ -33,7 +33,7 @@ class ExpectationChecker(DeclarationChecker):
         self.studies = studies
 
     def expect(self, node: s.ExpectBlock) -> tuple[model.Expectation, ...]:
-        """`expect { … }`. Returns the correct expectations."""
+        """Check the statement `expect { … }`. Returns the correct expectations."""
         results: list[model.Expectation | None] = []
         with self.of.without_clock():
             for item in node.block.items:

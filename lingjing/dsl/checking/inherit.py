@@ -225,7 +225,7 @@ def _key(item: s.Statement) -> tuple[str, str] | None:
 
 
 def _dotted(node: s.Expression) -> str:
-    """`dog.forward`; "" for an expression that is no path of names, so that no two of them are equal."""
+    """Return the text of a path of names, such as `dog.forward`; "" for any other expression, which equals no other."""
     if isinstance(node, s.FieldExpr):
         return f"{_dotted(node.base)}.{node.name.text}"
     return node.text if isinstance(node, s.Name) else ""

@@ -27,7 +27,7 @@ class PropertyEntry(msgspec.Struct, frozen=True):
 
     @property
     def relation(self) -> str:
-        """`=`, `~` or `<=`."""
+        """The relation between key and value: `=`, `~` or `<=`."""
         return self.node.relation
 
 

@@ -72,7 +72,7 @@ def _report_needless(node: s.MissionBlock, needed: set[str], report: Reporter) -
 
 
 def declassified_name(channel: s.ObservedChannel) -> str:
-    """`dog.forward`, `dog.*`, `fence` or `end`, as it is written."""
+    """Return the declassified item as it is written: `dog.forward`, `dog.*`, `fence` or `end`."""
     return _dotted(channel.source) + (".*" if channel.everything else "")
 
 

@@ -49,7 +49,7 @@ class RuleChecker(DeclarationChecker):
         self.scope.stages[node.name.text] = (variable, self.report.span(node.name.start, node.name.end))
 
     def rule(self, node: s.RuleBlock) -> model.Rule | None:
-        """`adjudicate name(…) { when … }`."""
+        """Check the statement `adjudicate name(…) { when … }`."""
         parameters, environment = self._parameters(node.parameters)
         condition = self.only_condition(node.block, "when", f"the rule `{node.name.text}`", node.name)
         if condition is None:
@@ -66,7 +66,7 @@ class RuleChecker(DeclarationChecker):
         )
 
     def unlock(self, node: s.UnlockLine) -> model.Unlock | None:
-        """`unlock interaction(v: group) when …`."""
+        """Check the statement `unlock interaction(v: group) when …`."""
         interactions = self.scope.interactions()
         name = node.name
         if name.text not in interactions and not self.scope.incomplete:
@@ -80,7 +80,10 @@ class RuleChecker(DeclarationChecker):
         return model.Unlock(interaction=name.text, parameters=parameters, condition=value.ir)
 
     def stage(self, node: s.StageBlock, limit: Callable[[s.LimitLine], model.Limit | None]) -> model.Stage | None:
-        """`stage name per v in group { done when …, ticks <= 40, weight = 2 }`. `limit` checks the limits inside."""
+        """Check the statement `stage name per v in group { done when …, ticks <= 40, weight = 2 }`.
+
+        `limit` checks the limits inside.
+        """
         environment = self.per(node.variable, node.domain)
         what = f"the stage `{node.name.text}`"
         others = (s.Condition, s.LimitLine)
@@ -130,7 +133,7 @@ class RuleChecker(DeclarationChecker):
         return model.Requirement(condition=value.ir, reason=node.reason.value)
 
     def outcome(self, node: s.OutcomeLine) -> ex.Expr:
-        """`success when …`, `failure when …`."""
+        """Check the statement `success when …`, `failure when …`."""
         return self.of.expect(node.condition, RULE, FLAG, f"`{node.keyword} when`").ir
 
     def unlocked_once(self, nodes: list[s.UnlockLine]) -> None:

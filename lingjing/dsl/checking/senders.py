@@ -21,7 +21,7 @@ def is_sending(value: TypedExpression) -> bool:
 def sender_side(
     of: ExpressionChecker, sending: TypedExpression, node: s.Expression, environment: Environment
 ) -> TypedExpression:
-    """The other side of a comparison with a sender or its role: an agent or a role, or a list of them."""
+    """Check the other side of a comparison with a sender or its role: an agent or a role, or a list of them."""
     if isinstance(node, s.List | s.NameSet):
         items = node.items if isinstance(node, s.List) else node.names
         checked = [sender_side(of, sending, item, environment) for item in items]

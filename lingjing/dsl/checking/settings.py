@@ -84,7 +84,7 @@ class SettingsChecker(DeclarationChecker):
         self.report.declared_twice(name, f"`{name.text}`", first.span)
 
     def scene(self, node: s.SceneBlock) -> model.Scene:
-        """`scene kind { … }`."""
+        """Check the statement `scene kind { … }`."""
         keys = scene_keys(node.kind.text)
         plain, guarded = split_guarded(node.block)
         entries = self.blocks.read(plain, keys, "`scene`")
@@ -93,7 +93,7 @@ class SettingsChecker(DeclarationChecker):
         return model.Scene(kind=node.kind.text, options=_lowered(entries), alternatives=alternatives)
 
     def clock(self, node: s.SettingsBlock) -> model.ClockDeclaration | None:
-        """`clock { tick = …, sync = … }`. The tick must be a multiple of the macro-step."""
+        """Check the statement `clock { tick = …, sync = … }`. The tick must be a multiple of the macro-step."""
         with self.of.without_clock():
             entries = self.blocks.read(node.block, KINDS["clock"].keys, "`clock`", owner=node)
         if len(entries) < 2:
@@ -108,7 +108,7 @@ class SettingsChecker(DeclarationChecker):
         return model.ClockDeclaration(tick=tick.value.ir, sync=sync.value.ir)
 
     def budget(self, node: s.SettingsBlock) -> model.BudgetDeclaration | None:
-        """`budget { ticks <= …, … }`. Missing deadlines are the paper's."""
+        """Check the statement `budget { ticks <= …, … }`. Missing deadlines get the values of the paper."""
         entries = self.blocks.read(node.block, KINDS["budget"].keys, "`budget`", owner=node)
         if "ticks" not in entries:
             return None
@@ -120,13 +120,13 @@ class SettingsChecker(DeclarationChecker):
         return model.BudgetDeclaration(ticks=entries["ticks"].value.ir, **limits, **spent)
 
     def allowance(self, node: s.SettingsBlock) -> model.AllowanceDeclaration:
-        """`budget { tokens <= …, money <= …, messages <= … }` of one agent."""
+        """Check `budget { tokens <= …, money <= …, messages <= … }` of one agent."""
         keys = {name: KINDS["budget"].keys[name] for name in ALLOWANCES}
         entries = self.blocks.read(node.block, keys, "an agent's `budget`", owner=node)
         return model.AllowanceDeclaration(**{name: entry.value.ir for name, entry in entries.items()})
 
     def weather(self, node: s.SettingsBlock) -> tuple[model.Property, ...]:
-        """`weather { … }`, or `weather storm { … }`: a preset with changes, without its alternatives."""
+        """Check `weather { … }`, or `weather storm { … }`: a preset with changes, without its alternatives."""
         entries = self.blocks.read(split_guarded(node.block)[0], KINDS["weather"].keys, "`weather`")
         return _lowered({**self._preset(node.preset), **entries})
 
@@ -157,7 +157,7 @@ class SettingsChecker(DeclarationChecker):
         return tuple(made)
 
     def mode(self, node: s.ModeLine) -> model.Modes | None:
-        """`mode default in { … }`."""
+        """Check the statement `mode default in { … }`."""
         names = [name.text for name in node.allowed.names]
         for position, name in enumerate(node.allowed.names):
             if name.text not in MODES:
@@ -181,12 +181,12 @@ class SettingsChecker(DeclarationChecker):
         return model.Modes(default=node.default.text, allowed=tuple(dict.fromkeys(names)))
 
     def param(self, node: s.Param) -> model.Parameter | None:
-        """`param name = default in low..high`."""
+        """Check the statement `param name = default in low..high`."""
         with self.of.without_clock():
             return self._param(node)
 
     def _drawn_param(self, node: s.Param) -> model.Parameter | None:
-        """`param name ~ integer(2, 5)`."""
+        """Check the statement `param name ~ integer(2, 5)`."""
         if isinstance(node.value, s.BinaryExpr) and node.value.operator == "in":
             place = node.value
             hint, edits = "leave the bounds out", ((place.left.end, place.right.end, ""),)
@@ -242,7 +242,7 @@ class SettingsChecker(DeclarationChecker):
         return inside.left, s.Broken(low.start, high.end)
 
     def region(self, node: s.RegionLine) -> model.RegionDeclaration | None:
-        """`region name = polygon(…)`."""
+        """Check the statement `region name = polygon(…)`."""
         shape = self.of.expect(node.shape, STATIC, REGION, f"the region `{node.name.text}`")
         taint = (*shape.taint, self.of.step(f"region `{node.name.text}`", node.name)) if shape.taint else ()
         span = self.report.span(node.name.start, node.name.end)
@@ -253,7 +253,7 @@ class SettingsChecker(DeclarationChecker):
         return model.RegionDeclaration(name=node.name.text, shape=shape.ir, hidden=bool(taint))
 
     def grid(self, node: s.GridBlock) -> model.Grid | None:
-        """`grid name over region { … }`."""
+        """Check the statement `grid name over region { … }`."""
         region = self.scope.symbols.get(node.region.text)
         if region is None or region.kind != "region":
             regions = [name for name, symbol in self.scope.symbols.items() if symbol.kind == "region"]
@@ -276,7 +276,10 @@ class SettingsChecker(DeclarationChecker):
         )
 
     def comms(self, node: s.SettingsBlock) -> model.Comms:
-        """`comms { … }`. The only possible condition of a hub is `mode == star`, because only star mode has a hub."""
+        """Check the statement `comms { … }`.
+
+        The only possible condition of a hub is `mode == star`, because only star mode has a hub.
+        """
         entries = self.blocks.read(node.block, KINDS["comms"].keys, "`comms`")
         hub = entries.get("hub")
         name = None

@@ -92,9 +92,9 @@ def _spelled(node: s.Expression) -> Iterator[str]:
 def status_side(
     of: ExpressionChecker, status: TypedExpression, node: s.Expression, environment: Environment
 ) -> TypedExpression:
-    """The other side of a comparison with a status: a word, a list of words, or a value of a run that is a word.
+    """Check the other side of a comparison with a status: a word, a list of words, or a value of a run that is a word.
 
-    Reports a word that the entity never has, and what is no word at all.
+    Reports a word that the entity never has, and a value that is not a word.
     """
     known = status_words(of.scope.groups[status.type.of])
     if isinstance(node, s.List | s.NameSet):

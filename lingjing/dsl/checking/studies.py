@@ -30,7 +30,7 @@ class StudyChecker(DeclarationChecker):
         self.tiers: dict[int, s.NumberLiteral] = {}
 
     def sweep(self, node: s.SweepLine) -> model.Sweep | None:
-        """`sweep name over param in [values], … when …`."""
+        """Check the statement `sweep name over param in [values], … when …`."""
         self.report.once(self.seen, node.name, "the sweep")
         with self.of.without_clock():
             axes = [self._axis(axis) for axis in node.axes]
@@ -176,7 +176,7 @@ class StudyChecker(DeclarationChecker):
     def _items(self, node: s.Expression, ir: ex.Expr) -> tuple[ex.Expr, ...] | None:
         if isinstance(ir, ex.Sequence):
             if not ir.items:
-                self.report.at("LJ0206", node, "a sweep over nothing")
+                self.report.at("LJ0206", node, "the sweep has no values")
             return ir.items or None
         assert isinstance(ir, ex.Range)
         low, high = self.of.constant(ir.low), self.of.constant(ir.high)

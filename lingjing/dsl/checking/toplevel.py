@@ -157,7 +157,7 @@ class FileChecker:
             self.report.at(
                 "LJ0117",
                 number,
-                f"this is version {number.value:g} of the language, known are 1 to {LANGUAGE_VERSION}",
+                f"the file is in version {number.value:g} of the language; versions 1 to {LANGUAGE_VERSION} are known",
                 "install a newer lingjing-sim"
                 if number.value > LANGUAGE_VERSION
                 else f"write `ljs {LANGUAGE_VERSION}`",

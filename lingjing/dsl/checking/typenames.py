@@ -32,7 +32,7 @@ def dimension_of(quantity: Type) -> Dimension:
 
 
 def word(typed: Type) -> str:
-    """A type as a noun: `length`, `bare number`, `range of lengths`, `position`."""
+    """Return the type as a noun: `length`, `bare number`, `range of lengths`, `position`."""
     if typed.kind == "quantity":
         if typed.dimension is None:
             return "quantity"
@@ -60,12 +60,12 @@ def word(typed: Type) -> str:
 
 
 def with_article(typed: Type) -> str:
-    """`a length`, `an angle`."""
+    """Return the type as a noun with its article: `a length`, `an angle`."""
     return articles.with_article(word(typed))
 
 
 def of_type(typed: Type, of: str) -> Type:
-    """The same kind of type with the detail `of`."""
+    """Return a type of the same kind, with the detail `of`."""
     return Type(typed.kind, typed.dimension, typed.item, of)
 
 

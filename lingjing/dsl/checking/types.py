@@ -150,7 +150,7 @@ class TypeChecker(DeclarationChecker):
         return WeatherDecl(name.text, entries, self.report.span(name.start, name.end))
 
     def record(self, node: s.RecordBlock) -> RecordDecl | None:
-        """`record name : category { fields }`."""
+        """Check the statement `record name : category { fields }`."""
         category = node.category
         if category.text not in CATEGORIES:
             self.report.unknown("LJ0109", category, f"no category of messages is called `{category.text}`", CATEGORIES)

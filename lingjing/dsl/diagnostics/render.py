@@ -94,7 +94,7 @@ def _snippet(span: Span, source: SourceText, margin: str, paint: type[_Plain], c
 
 
 def _cut(text: str, start: int, end: int) -> tuple[str, int, int]:
-    """At most `WIDEST` characters around the marked part, and the new offsets of the mark."""
+    """Return at most `WIDEST` characters around the marked part, and the new offsets of the mark."""
     if len(text) <= WIDEST:
         return text, start, min(end, len(text))
     left = max(0, min(start - WIDEST // 4, len(text) - WIDEST))

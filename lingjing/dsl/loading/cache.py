@@ -61,7 +61,7 @@ def cached_warnings(source: SourceText) -> tuple[Diagnostic, ...] | None:
 
 
 def compile_cached(source: SourceText) -> Compilation:
-    """Like `compile_source`, from the cache if possible; a result without errors is stored."""
+    """Compile a source as `compile_source` does, from the cache if possible. A result without errors is stored."""
     from lingjing.dsl.compilation import Compilation, compile_source
 
     entry = _entry(source)

@@ -248,7 +248,7 @@ class Printer:
                 yield f"{name} = {self.text(value)}"
 
     def camera(self, camera: model.Camera) -> str:
-        """`camera name { … }`."""
+        """Return the text of `camera name { … }`."""
         lines = [] if camera.view == camera.name else [f"view = {camera.view}"]
         lines.append(f"size = {self.text(camera.width, SUM)} by {self.text(camera.height, SUM)}")
         lines.append(f"hfov = {self.text(camera.hfov)}")
@@ -263,7 +263,7 @@ class Printer:
         return f"actions {{ {', '.join(lines)} }}" if lines else "actions {}"
 
     def _bound(self, verb: model.Verb, due: model.Verb | None) -> str:
-        """` <= 50 m`, ` in 5 m..25 m`, ` = 10 m in 5 m..25 m`: the difference of the first argument from the type's."""
+        """Return the bound of a verb's first argument, such as ` <= 50 m`; "" if it equals the bound of the type."""
         if verb == due or not verb.arguments:
             return ""
         first, typed = verb.arguments[0], due.arguments[0] if due and due.arguments else None

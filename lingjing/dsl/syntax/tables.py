@@ -37,7 +37,7 @@ class Tables(msgspec.Struct, frozen=True, array_like=True):
     end: int
     """Number of the accepting state."""
     states: tuple[dict[str, int], ...]
-    """For each state: symbol → next state if >= 0, else `~rule`."""
+    """The table of each state: symbol → next state if >= 0, else `~rule`."""
     rules: tuple[Reduction, ...]
     """The reductions."""
 

@@ -81,13 +81,13 @@ class Mode(NamedTuple):
     """A variant of a material's program: the switches of its shaders."""
 
     wet: bool
-    """Rain on the surfaces."""
+    """True if surfaces are wet with rain."""
     night: bool
-    """After dark."""
+    """True after dark."""
     sunlit: bool
-    """Within the reach of the shadow map."""
+    """True within the reach of the shadow map."""
     mapped: bool = False
-    """The ground shows the painted map."""
+    """True if the ground shows the painted map."""
     averted: bool = False
     """Turned away from the sun."""
     even: bool = False

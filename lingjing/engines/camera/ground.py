@@ -56,7 +56,7 @@ BURIED_M = 3.0
 """Distance behind the slope of a higher land from which lower land below it cannot show, metres (chosen)."""
 
 SHORE_REACH_M = 160.0
-"""Distance to land up to which the shore map tells it, metres (chosen)."""
+"""Largest distance to land that the shore map holds, metres (chosen)."""
 
 FLAT_M = 0.3
 """Height up to which a land of a town belongs to its even ground, metres (chosen)."""

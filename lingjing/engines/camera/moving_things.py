@@ -32,9 +32,9 @@ class MovingThings:
     marks: npt.NDArray[np.void]
     """Marks on the water."""
     billboards: npt.NDArray[np.void]
-    """Rows of `BILLBOARD`."""
+    """Sprites that face the camera, (n,) rows of the data type `BILLBOARD`."""
     decals: npt.NDArray[np.void]
-    """Rows of `DECAL`."""
+    """Marks on the ground, (n,) rows of the data type `DECAL`."""
 
 
 def stage(

@@ -44,7 +44,7 @@ class Look(NamedTuple):
     rows: Rows
     """The instances."""
     dull: bool
-    """True if they are drawn without gloss."""
+    """True if the instances are drawn without gloss."""
 
 
 class MergedProps:

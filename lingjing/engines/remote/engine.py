@@ -40,7 +40,7 @@ class RemoteSettings(msgspec.Struct, frozen=True, kw_only=True):
     every_sync: bool = False
     """True to send offsets and request poses at every macro-step; else at decision boundaries."""
     asks: bool = True
-    """True if a session of the profile `script` is asked for observations; else its last pose is held."""
+    """True if observations are requested from a session of the profile `script`; else its last pose is held."""
     reply_s: float = 5.0
     """Deadline of acknowledgements of resets and observations, wall-clock seconds: that of the paper's system."""
     act_s: float = 3.0

@@ -87,8 +87,8 @@ class EngineGroup:
         self._schedule.update(occurrences)
 
     def submit(self, commands: Sequence[Command]) -> dict[str, Receipt]:
-        """Submit each engine's commands. Return the valid admission receipts by command id; missing ones are left
-        out.
+        """Submit each engine's commands. Return the valid admission receipts by command id, without the commands for
+        which an engine returned none.
         """
         admitted: dict[str, Receipt] = {}
         for member in self._members:

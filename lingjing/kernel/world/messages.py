@@ -102,7 +102,8 @@ class Ready(WorkerMessage, frozen=True, kw_only=True):
     problems: tuple[str, ...] = ()
     """Errors of engines of the episode before that failed to close."""
     runtime: dict[str, str] = {}
-    """After a `Reset`, the runtime fingerprint of the process (`lingjing.numerics.runtime_fingerprint`)."""
+    """The runtime fingerprint of the process (`lingjing.numerics.runtime_fingerprint`) in the answer to a `Reset`,
+    otherwise empty."""
 
 
 class Stepped(WorkerMessage, frozen=True, kw_only=True):

@@ -207,7 +207,7 @@ def _any(parts: tuple[Need, ...]) -> Need:
 
 
 def _mentioned(parts: tuple[Need, ...]) -> Need:
-    """No requirement, but with the leaves of these parts for `mentions`."""
+    """Return an empty requirement with the leaves of these parts, which `mentions` reads."""
     named = tuple(part for part in parts if part != NOTHING)
     return AtLeast(0, named) if named else NOTHING
 
@@ -275,7 +275,7 @@ def _applied(node: Composite, operands: tuple[Meaning, ...]) -> Meaning:
 
 
 def _sole(bodies: tuple[Body, ...], name: str) -> Value:
-    """The one member of a group; a name of no group stands for itself."""
+    """Return the single member of a group; a name that is no group's is returned as it is."""
     return bodies[0] if len(bodies) == 1 else None if bodies else name
 
 

@@ -123,7 +123,7 @@ class OpenGoal(GoalLeaf, frozen=True, kw_only=True):
 
 
 class Alternatives(Record, frozen=True, kw_only=True):
-    """At least `least` of the parts must be met: all of them for `and`, one for `or`."""
+    """A goal of which at least `least` of the parts must be met: all of them for `and`, one for `or`."""
 
     least: int
     parts: tuple[Goal, ...] = ()

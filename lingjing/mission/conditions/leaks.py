@@ -101,7 +101,7 @@ def every_leak(mission: model.Mission, survey: Survey) -> Iterator[Leak]:
 def _load_leaks(survey: Survey) -> Iterator[Leak]:
     """Interactions that change the mass on board of an asset and are secret or move a secret amount.
 
-    One that is told to all agents tells when it is performed, but no amount.
+    If all agents receive the events of an interaction, they reveal its time and no amount.
     """
     of, own = survey.declarations, roots(survey.declarations)
     shown: set[str] = set()

@@ -76,7 +76,7 @@ class Impossible(msgspec.Struct, frozen=True):
 
 
 class AtLeast(msgspec.Struct, frozen=True):
-    """At least `least` of the parts must be met; 0 for no requirement."""
+    """A requirement that at least `least` of its parts are met; 0 for no requirement."""
 
     least: int
     parts: tuple[Need, ...]
@@ -86,7 +86,7 @@ NeedLeaf = VisitNeed | ReportNeed | PictureNeed | Handover | Supply | Performed 
 Need = NeedLeaf | AtLeast
 
 NOTHING = AtLeast(0, ())
-"""No requirement, or none that this package models."""
+"""The empty requirement: also the value for a condition that this package does not model."""
 
 
 def mandatory(need: Need) -> list[NeedLeaf]:

@@ -225,7 +225,7 @@ def too_large(mission: model.Mission, mode: str) -> bool:
 
 
 _Opened = tuple[PossiblePlaces | None, dict[str, Bounds]]
-"""For a group: the possible places of its members if they are drawn, and the bounds of its drawn numbers."""
+"""The possible places of a group's members if they are drawn, else None, and the bounds of its drawn numbers."""
 
 
 def _outline(
@@ -381,8 +381,8 @@ _ZERO = ex.Number(0.0)
 
 
 def _without_draws(mission: model.Mission, wide: Wide) -> model.Mission:
-    """The same mission with a constant in place of every draw: to instantiate it needs no random numbers and cannot
-    fail by chance. Of a place that reads a wide param the elevation stays."""
+    """Return the mission with a constant in place of every draw: its instantiation needs no random numbers and cannot
+    fail by chance. A place that reads a wide param keeps its elevation."""
     return msgspec.structs.replace(
         mission,
         requirements=(),

@@ -191,7 +191,7 @@ def _ordered(node: ex.Binary, left: Value, right: Value, on: World, *, strict: b
 
 
 def _compared_counts(left: Value, right: Value, on: World, *, strict: bool) -> Truth | None:
-    """The same for a number of conditions, messages or events; None for other values."""
+    """Return the truth of a comparison with a number of conditions, messages or events; None for other values."""
     match left, right:
         case _, Tally():
             counted = _counted(right, bounds_of(left).low, on, strict=strict)
@@ -215,7 +215,7 @@ def _end(number: float, strict: bool, towards: int) -> float:
 
 
 def _counted(tally: Tally, least: float, on: World, *, strict: bool) -> Truth:
-    """At least `least` of the conditions hold, or more than that."""
+    """Return the truth of "at least `least` of the conditions hold", or of "more than `least`" if `strict`."""
     if not math.isfinite(least):
         return unknown(on.clock)
     number = math.floor(least) + 1 if strict else math.ceil(least)

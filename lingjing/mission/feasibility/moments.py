@@ -81,7 +81,7 @@ class Moments(World):
         self._steady: Extents = {}
         self._before_end: Extents = {}
         self._by_body: dict[int, tuple[Extents, dict[object, list[tuple[Quantity, Extent]]]]] = {}
-        """By the number of an object of bounds: the object, and its bounds on the place of each body."""
+        """`id` of an object of bounds → the object, and its bounds on the place of each body."""
         self._steady = self._extents_of_constraints()
         self._before_end = self._extents_before_failure()
 

@@ -116,7 +116,10 @@ def before(node: ex.Call, sooner: Truth, later: Truth, names: Mapping[str, Value
 
 
 def times(occurrences: Occurrences, least: Bounds, *, strict: bool, on: World) -> Truth:
-    """At least `least` times, or more than that. `least` runs from the easiest to the hardest number."""
+    """Return the truth of "at least `least` occurrences", or of "more than `least`" if `strict`.
+
+    `least` is an interval from the easiest to the hardest number.
+    """
     easy, hard = least.low, least.high
     if not math.isfinite(easy):
         return unknown(on.clock) if easy < 0 else constant(False, on.clock)

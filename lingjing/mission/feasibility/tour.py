@@ -15,7 +15,7 @@ from lingjing.mission.feasibility.proof import Proof, both, exceeds, spelled
 from lingjing.mission.feasibility.travel import meeting, movers_of
 
 _MAX_EXACT_STOPS = 8
-"""Up to this many stops of one vehicle, the shortest order is computed exactly; beyond, a spanning tree is the lower
+"""Most stops of one vehicle for which the shortest order is computed exactly; beyond, a spanning tree is the lower
 bound (chosen for run time, which doubles with each stop)."""
 
 _MAX_STOPS = 100

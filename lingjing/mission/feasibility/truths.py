@@ -49,9 +49,9 @@ class Moment(msgspec.Struct, frozen=True):
     """The first macro-step at which a fact may have happened."""
 
     step: int
-    """`NEVER` if it cannot happen."""
+    """Number of the macro-step from the start; `NEVER` if the fact cannot happen."""
     reason: Reason | None = None
-    """None if nothing delays it."""
+    """The reason for the delay; None if nothing delays the fact."""
 
 
 AT_ONCE = Moment(0)
@@ -102,9 +102,9 @@ class Truth(msgspec.Struct, frozen=True):
     ends: Reason | None = None
     """The reason why `may` ends early."""
     choices: tuple[Choice, ...] = ()
-    """Conditions of members of which some hold when it is true."""
+    """Conditions of members, of which some hold while the condition is true."""
     denials: tuple[Choice, ...] = ()
-    """The same when it is false."""
+    """Conditions of members, of which some hold while the condition is false."""
 
 
 def unknown(clock: StepClock) -> Truth:
@@ -133,13 +133,13 @@ def lasting(extents: Extents) -> Extents:
 
 
 def opposite(truth: Truth, clock: StepClock) -> Truth:
-    """`not x`."""
+    """Return the truth of `not x`."""
     may, must = clock.other(truth.must), clock.other(truth.may)
     return Truth(may, must, truth.if_false, truth.if_true, choices=truth.denials, denials=truth.choices)
 
 
 def conjunction(parts: Iterable[Truth], clock: StepClock) -> Truth:
-    """`a and b`."""
+    """Return the truth of `a and b`."""
     whole: Truth | None = None
     for part in parts:
         whole = part if whole is None else _both(whole, part)
@@ -147,7 +147,7 @@ def conjunction(parts: Iterable[Truth], clock: StepClock) -> Truth:
 
 
 def disjunction(parts: Iterable[Truth], clock: StepClock) -> Truth:
-    """`a or b`."""
+    """Return the truth of `a or b`."""
     whole: Truth | None = None
     for part in parts:
         whole = part if whole is None else _either(whole, part)

@@ -36,7 +36,7 @@ def too_wide(mission: model.Mission) -> tuple[Proof, ...]:
 
 
 def _too_wide_of(outline: Outline) -> tuple[Proof, ...]:
-    """The same hints for an outline."""
+    """Return the hints of `too_wide` for the outline of a mission."""
     extent = extent_m(outline.instance.scene)
     if extent is None:
         return ()

@@ -106,7 +106,7 @@ class GraphBuilder:
         return next((f"{kind}:{name}" for kind in kinds if f"{kind}:{name}" in self._nodes), None)
 
     def need(self, name: str, what: str, *kinds: NodeKind) -> str:
-        """Like `find`. Raises `MissionError` naming `what` if there is none."""
+        """Return the node of `find`. Raises a `MissionError` that names `what` if there is none."""
         identity = self.find(name, *kinds)
         if identity is None:
             raise MissionError(

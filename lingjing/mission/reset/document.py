@@ -196,8 +196,8 @@ def _unwrap(value: object) -> tuple[object, tuple[str, ...]]:
 
 
 def _without_nulls(root: object) -> object:
-    """The same values without fields that are null. Works in place and iteratively, because documents may nest
-    deeply."""
+    """Remove all fields that are null and return the document. Works in place and iteratively, because documents may
+    nest deeply."""
     stack = [root]
     while stack:
         value = stack.pop()

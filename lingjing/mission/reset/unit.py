@@ -34,7 +34,7 @@ _HIGHEST_M = 6_000.0
 """Largest plausible height of entities, metres (chosen)."""
 
 CROWDED_M = 10.0
-"""If all places lie this near to X = Y = 0 as centimetres, they may be metres (chosen)."""
+"""Distance in metres from X = Y = 0: if all places read as centimetres lie within it, they may be metres (chosen)."""
 
 _WIDTH_M = {"multirotor": 0.9, "quadruped": 0.32, "road": 1.8, "vessel": 2.7, "plane": 8.2}
 """The narrowest side of a body, by its engine, metres (`scenarios/std`): two nearer bodies overlap."""

@@ -191,7 +191,7 @@ class PolicyProcess:
         if not isinstance(answer, WallsBuilt):
             return answer
         if self._walls is None or self.wall_report is not None:
-            raise ChannelClosedError("a report of walls out of turn")
+            raise ChannelClosedError("an unexpected report of walls")
         self.wall_report = answer.report
         if self._walls.strict:
             check_strict(answer.report)

@@ -113,7 +113,7 @@ class _Broker:
             if request.number in self._tasks:
                 self._tasks[request.number].cancel()
         elif request.number in self._tasks or len(self._tasks) >= MOST_QUESTIONS:
-            raise ChannelClosedError("a question out of turn")
+            raise ChannelClosedError("an unexpected question")
         else:
             self._tasks[request.number] = asyncio.ensure_future(self._answer(request))
 

@@ -187,7 +187,7 @@ class _PolicyHost:
             case ActPolicy():
                 return await self._act(queued.request, queued.descriptors)
             case _:
-                raise ChannelClosedError("a request out of turn")
+                raise ChannelClosedError("an unexpected request")
 
     @property
     def _playing(self) -> Policy:

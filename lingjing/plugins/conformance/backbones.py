@@ -55,7 +55,7 @@ class BackboneCase:
         except ModelError as error:
             return error
         except Exception as error:
-            raise ConformanceError(f"complete: {one_line(error)}; a ModelError is due") from error
+            raise ConformanceError(f"complete: {one_line(error)}; it must raise a ModelError") from error
 
 
 def check_backbone(

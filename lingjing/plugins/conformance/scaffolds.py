@@ -145,7 +145,7 @@ def _parsed(parse: Callable[[str], ModelStep], text: str) -> ModelStep | None:
     except StepError:
         return None
     except Exception as error:
-        raise ConformanceError(f"parser.parse: {text!r}: {one_line(error)}; a StepError is due") from error
+        raise ConformanceError(f"parser.parse: {text!r}: {one_line(error)}; it must raise a StepError") from error
     return step
 
 

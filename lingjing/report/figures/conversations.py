@@ -38,7 +38,7 @@ SHOWN_MESSAGES = 12
 """Messages of an episode in its table, which a reader takes in at a glance."""
 
 FEW = 3
-"""Up to this many recipients of a message are named, more are counted."""
+"""Most recipients of a message that are named; if there are more, their number is shown (chosen)."""
 
 BODY_LENGTH = 160
 """Characters of a message's body in the table: two lines on a desk."""

@@ -33,7 +33,8 @@ _VALUES: dict[str, Access] = {
 """Value of an access key → access of public traffic."""
 
 _RANK: tuple[Access, ...] = ("open", "destination", "closed")
-"""From the most to the least permissive. The most permissive value of a list (`agricultural;destination`) counts."""
+"""Accesses from the most to the least permissive. The most permissive value of a list
+(`agricultural;destination`) counts."""
 
 
 def access(tags: Mapping[str, str], keys: Sequence[str], direction: str = "") -> Access | None:

@@ -47,7 +47,7 @@ def _stored(folder: Path) -> City:
         city = read_store(folder.absolute())
         if intact_city(folder.absolute()) is None:
             raise UsageError(
-                f"the city in `{folder}` is damaged: its files are not those that were written",
+                f"the city in `{folder}` is damaged: its files have changed since they were written",
                 hint="build it again: lingjing scene build",
             )
         return city

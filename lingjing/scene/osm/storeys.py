@@ -83,7 +83,8 @@ TALLEST = ((1_000.0, 9.0), (10_000.0, 12.0), (50_000.0, 16.5), (200_000.0, 27.0)
 """Inhabitants of a settlement → metres; the walls of 99 % of its buildings are lower (chosen)."""
 
 UNKNOWN_M = 18.0
-"""The same for a place of unknown size, metres: six storeys of flats, the most without a lift (chosen)."""
+"""Height of the walls of ordinary buildings in a place of unknown size, metres: six storeys of flats, the most
+without a lift (chosen)."""
 
 HOUSES_M2 = 200.0
 """Median footprint up to which a town consists of houses, square metres (chosen: a detached house
@@ -109,7 +110,7 @@ STOREY_M2 = 40.0
 SMALL_M2 = 400.0
 """Footprint below which drawn storeys are limited by `STOREY_M2`, square metres (chosen)."""
 SMALL_INFERRED_M2 = 160.0
-"""The same for storeys inferred from neighbours, square metres (chosen)."""
+"""Footprint below which storeys inferred from neighbours are limited by `STOREY_M2`, square metres (chosen)."""
 
 SLENDER = 14.0
 """Greatest height of a building over `BuildingSite.deep_m` (chosen): 7 for a square tower's side."""

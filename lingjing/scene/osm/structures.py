@@ -34,7 +34,7 @@ GAP_M = 0.06
 """Widest gap between lanes that is closed, metres (chosen): a wider one is no rounding error."""
 
 FACING_M = 0.045
-"""The same towards the opposite direction of a street, metres: netconvert rounds its bends separately, up to 4 cm
+"""Widening of the lane beside the opposite direction, metres: netconvert rounds bends separately, up to 4 cm
 apart."""
 
 PIER_TOP_M = 0.3

@@ -180,7 +180,7 @@ def _drowns(face: Any, features: Features) -> bool:
 
 
 def _votes(coast: list[Any], faces: list[Any]) -> list[float]:
-    """For each face: metres of coast with the face on the water side, minus metres with it on the land side."""
+    """Return for each face the metres of coast that have it on their water side, less those on their land side."""
     import shapely
 
     tree = shapely.STRtree(faces)

@@ -154,7 +154,7 @@ class _Handler:
         cut = next((text for text in self._remarks if _CUT.search(text)), "")
         if cut:
             raise UsageError(
-                f"`{self._source.path}` is not whole, Overpass stopped before its end: {cut[:200]}",
+                f"`{self._source.path}` is incomplete: Overpass stopped before its end: {cut[:200]}",
                 hint="ask for a smaller part, or with a longer [timeout:…] and more [maxsize:…], and download again",
             )
         self._collector.notes += [f"the map's server remarks: {text[:200]}" for text in self._remarks if text]
@@ -236,14 +236,14 @@ class _Handler:
     # -- the file's own
 
     def _start_bounds(self, attributes: _Attributes) -> None:
-        """The part that the file covers. Inside an item the element is Overpass's statement about that item, and
-        ignored.
+        """Store the area that the file covers, from `<bounds>`. Inside an item the element is Overpass's statement
+        about that item, and is ignored.
         """
         if not self._kind:
             self._add_box([attributes.get(key, "") for key in ("minlon", "minlat", "maxlon", "maxlat")])
 
     def _start_bound(self, attributes: _Attributes) -> None:
-        """The same in the form of Osmosis: south, west, north, east."""
+        """Store the area that the file covers, from Osmosis's `<bound>`: south, west, north, east."""
         sides = attributes.get("box", "").split(",")
         if not self._kind and len(sides) == 4:
             self._add_box([sides[1], sides[0], sides[3], sides[2]])

@@ -534,7 +534,7 @@ def _about(start: RoadSpot, layout: Layout) -> Any:
 
 
 def _with_dog_at_stop(layout: Layout, view: CityView, placed: Placement, goal: RoadSpot) -> Placement:
-    """The same placement with the dog beside the stop, on the side of its ground, if it reaches its own place there."""
+    """Return the placement with the dog beside the stop, on the side of its ground, if it can walk to its own place."""
     (dogs,) = layout.assets("quadruped")[:1]
     dog = placed.places[dogs.name][0]
     box = _box([goal.place, (dog[0], dog[1])], 40.0)

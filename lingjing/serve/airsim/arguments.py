@@ -46,7 +46,7 @@ class Arguments:
         return self._number(name, self._take(name))
 
     def seconds(self, name: str) -> float:
-        """Read a time-out or a duration, at least 0; a larger one than `LARGEST` counts as that (AirSim's is 3e38)."""
+        """Read a time-out or a duration, at least 0 s and limited to `LARGEST` (AirSim's default is 3e38)."""
         value = self._take(name)
         if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
             raise self._wrong(name, "a number", value)

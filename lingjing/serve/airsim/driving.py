@@ -31,7 +31,7 @@ class Controls:
     steering: float = 0.0
     """-1 (left) to 1 (right)."""
     brake: float = 0.0
-    """0 to 1."""
+    """Position of the brake, 0 to 1."""
     handbrake: bool = False
     is_manual_gear: bool = False
     manual_gear: int = 0

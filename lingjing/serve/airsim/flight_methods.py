@@ -226,7 +226,7 @@ def _named(context: Context, arguments: Arguments) -> Vehicle:
 def _heading(arguments: Arguments) -> Heading:
     drivetrain = arguments.number("drivetrain")
     if drivetrain not in (0.0, 1.0):
-        raise CallError("`drivetrain` is 0 (MaxDegreeOfFreedom) or 1 (ForwardOnly)")
+        raise CallError("`drivetrain` must be 0 (MaxDegreeOfFreedom) or 1 (ForwardOnly)")
     return Heading(arguments.yaw_mode("yaw_mode"), forward=drivetrain == 1.0)
 
 

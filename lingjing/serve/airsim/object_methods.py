@@ -46,7 +46,7 @@ def _filter(context: Context, arguments: Arguments, *before: str) -> tuple[Detec
 def _add_name(context: Context, call: Call, arguments: Arguments) -> None:
     chosen, (name,) = _filter(context, arguments, "mesh_name")
     if len(chosen.names) >= _MOST_FILTERS or len(name) > _LONGEST_PATTERN:
-        raise CallError(f"a filter has at most {_MOST_FILTERS} names of at most {_LONGEST_PATTERN} letters")
+        raise CallError(f"a filter may have at most {_MOST_FILTERS} names of at most {_LONGEST_PATTERN} letters")
     chosen.names.append(name.lower())
 
 
@@ -166,7 +166,7 @@ def _matcher(name: str, *, is_pattern: bool) -> Any:
     if not is_pattern:
         return lambda other: other.lower() == plain_name(name).lower()
     if len(name) > _LONGEST_PATTERN or re.search(r"[+*}]\)?[+*{]|\\[1-9]", name):
-        raise CallError("`mesh_name` is a short pattern without nested repetitions")
+        raise CallError("`mesh_name` must be a short pattern without nested repetitions")
     try:
         return re.compile(name, re.IGNORECASE).fullmatch
     except re.error as error:

@@ -58,7 +58,7 @@ class FrameReader:
         try:
             self._unpacker.feed(data)
         except msgpack.BufferFull:
-            raise ProtocolError(f"a frame may have {MOST_BYTES:,} bytes") from None
+            raise ProtocolError(f"a frame may have at most {MOST_BYTES:,} bytes") from None
         while True:
             try:
                 frame = next(self._unpacker)
@@ -77,18 +77,18 @@ def response(number: int, error: str | None, result: object) -> bytes:
 
 def _request(frame: object) -> Request:
     if not isinstance(frame, list) or not frame:
-        raise ProtocolError("a frame is a request: [0, id, method, arguments]")
+        raise ProtocolError("a frame must be a request: [0, id, method, arguments]")
     kind = frame[0]
     if kind == _REQUEST and type(kind) is int and len(frame) == 4:
         number, method, arguments = frame[1:]
         if type(number) is not int or not 0 <= number <= _MOST_ID:
-            raise ProtocolError("the id of a request is a whole number of 32 bits")
+            raise ProtocolError("the id of a request must be a whole number of 32 bits")
     elif kind == _NOTIFICATION and type(kind) is int and len(frame) == 3:
         number, (method, arguments) = None, frame[1:]
     else:
-        raise ProtocolError("a frame is a request: [0, id, method, arguments]")
+        raise ProtocolError("a frame must be a request: [0, id, method, arguments]")
     if not isinstance(method, str) or len(method) > _LONGEST_METHOD or not method.isprintable():
-        raise ProtocolError(f"the method of a request is a name of at most {_LONGEST_METHOD} letters")
+        raise ProtocolError(f"the method of a request must be a name of at most {_LONGEST_METHOD} letters")
     if not isinstance(arguments, list):
-        raise ProtocolError("the arguments of a request are an array")
+        raise ProtocolError("the arguments of a request must be an array")
     return Request(number, method, arguments)

@@ -58,7 +58,7 @@ class Vehicle:
         """Name for clients: the entity's id without brackets."""
         self.pilot = Pilot(entity.id)
         self.driver = Driver(entity.id)
-        """The driver of a car; that of a multirotor does nothing, and the pilot of a car does nothing."""
+        """The driver of a car. A multirotor has an idle driver, and a car has an idle pilot."""
         self.start = body.position
         """Place at boundary 0, (east, north, up): the origin of its own frame."""
         self.controlled = self.armed = False

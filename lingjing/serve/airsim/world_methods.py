@@ -127,7 +127,7 @@ def _objects(context: Context, call: Call, arguments: Arguments) -> list[str]:
     pattern = arguments.text("name_regex", ".*")
     arguments.end()
     if len(pattern) > _LONGEST_PATTERN or re.search(r"[+*}]\)?[+*{]|\\[1-9]", pattern):
-        raise CallError("`name_regex` is a short pattern without nested repetitions")
+        raise CallError("`name_regex` must be a short pattern without nested repetitions")
     try:
         matcher = re.compile(pattern)
     except re.error as error:

@@ -54,7 +54,7 @@ class HostedEngines:
             raise UsageError(f"the engine `{call.engine}` is not hosted here")
         city = self._built(call.instance.scene)
         if content_sha256(city) != call.city_sha256:
-            raise UsageError("the city differs from that of the backend: its map, plug-in or version is another one")
+            raise UsageError("the city differs from that of the backend: compare the map, the plug-in and the version")
         earlier = self._engines.pop(call.engine, None)
         if earlier is not None:
             earlier.close()

@@ -72,7 +72,7 @@ class Hub:
     # -- sessions
 
     def join(self, session: Session) -> str:
-        """Add a session; the earlier one of its key is told and closed. Returns the refusal; "" if it is admitted."""
+        """Add a session. An earlier session with its key is closed. Returns the reason of a refusal, or ""."""
         with self.news:
             earlier = self.sessions.get(session.key)
             if earlier is not None and session.key in self.held and not earlier.lost:
@@ -105,7 +105,7 @@ class Hub:
             return tuple(key for key, session in self.sessions.items() if not session.lost)
 
     def link(self, engine: str, key: str, *, paced: bool) -> LiveLink:
-        """Return a link of an engine to a session. `paced`: mission time passes as the wall clock."""
+        """Return a link of an engine to the session `key`. `paced`: mission time passes as fast as wall-clock time."""
         with self.news:
             session = self.sessions.get(key)
             if session is None:

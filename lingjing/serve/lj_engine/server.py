@@ -209,9 +209,9 @@ class _UploadRequest(http.server.BaseHTTPRequestHandler):
             raise UploadError(HTTPStatus.NOT_FOUND, f"pictures are posted to {UPLOAD_PATH}")
         length = headers.get("Content-Length", "")
         if not length.isascii() or not length.isdigit():
-            raise UploadError(HTTPStatus.LENGTH_REQUIRED, "an upload has a Content-Length")
+            raise UploadError(HTTPStatus.LENGTH_REQUIRED, "an upload must have a Content-Length")
         if len(length) > 9 or int(length) > MOST_BYTES:
-            raise UploadError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"an upload has at most {MOST_BYTES} bytes")
+            raise UploadError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"an upload may have at most {MOST_BYTES} bytes")
         if headers.get("Expect", "").lower() == "100-continue":
             self.send_response_only(HTTPStatus.CONTINUE)
             self.end_headers()
@@ -227,7 +227,7 @@ class _UploadRequest(http.server.BaseHTTPRequestHandler):
                 raise UploadError(HTTPStatus.BAD_REQUEST, "the body is shorter than its Content-Length")
             body += part
             if time.monotonic() > until:
-                raise UploadError(HTTPStatus.REQUEST_TIMEOUT, f"an upload takes at most {_UPLOAD_S:g} s")
+                raise UploadError(HTTPStatus.REQUEST_TIMEOUT, f"an upload may take at most {_UPLOAD_S:g} s")
         return bytes(body)
 
     def _answer(self, status: HTTPStatus, content: object) -> None:

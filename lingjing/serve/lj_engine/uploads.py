@@ -46,7 +46,7 @@ class Upload(NamedTuple):
 def read_upload(content_type: str, body: bytes) -> Upload:
     """Return the picture of a request's body. Raises `UploadError`."""
     if not content_type.lower().startswith("multipart/form-data"):
-        raise UploadError(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "an upload is multipart/form-data")
+        raise UploadError(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "an upload must be multipart/form-data")
     if not content_type.isascii() or not content_type.isprintable():
         raise UploadError(HTTPStatus.BAD_REQUEST, "the Content-Type is malformed")
     head = f"MIME-Version: 1.0\r\nContent-Type: {content_type}\r\n\r\n".encode()
@@ -57,7 +57,7 @@ def read_upload(content_type: str, body: bytes) -> Upload:
     file: bytes | None = None
     for number, part in enumerate(message.iter_parts()):
         if number >= _MOST_FIELDS:
-            raise UploadError(HTTPStatus.BAD_REQUEST, f"an upload has at most {_MOST_FIELDS} fields")
+            raise UploadError(HTTPStatus.BAD_REQUEST, f"an upload may have at most {_MOST_FIELDS} fields")
         name = part.get_param("name", header="content-disposition")
         content = part.get_payload(decode=True)
         if not isinstance(name, str) or not isinstance(content, bytes):
@@ -65,7 +65,7 @@ def read_upload(content_type: str, body: bytes) -> Upload:
         filename = part.get_filename()
         if filename is not None or name == _FILE_FIELD:
             if file is not None:
-                raise UploadError(HTTPStatus.BAD_REQUEST, "an upload has one file")
+                raise UploadError(HTTPStatus.BAD_REQUEST, "an upload must have one file")
             _check_name(filename or "")
             file = content
         elif len(content) > _MOST_FIELD_BYTES:

@@ -23,7 +23,7 @@ from tests.serve.lj_engine.test_backend import NORTH, post, red_picture
 
 
 class Paused(ReferenceClient):
-    """A client that stops in the middle of an episode until it is told to go on."""
+    """A client that stops in the middle of an episode until the test lets it continue."""
 
     go_on = False
     reached = False

@@ -114,7 +114,7 @@ SITTING = Pose({**both("leg", 86.0, 6.0), **both("knee", -84.0), **both("arm", 2
 LYING = Pose({"pelvis": (90.0, 0.0, 0.0), "leg_left": (22.0, 6.0, 0.0), "knee_left": (-40.0, 0.0, 0.0),
               "arm_right": (0.0, 58.0, 0.0), "elbow_right": (25.0, 0.0, 0.0), "arm_left": (10.0, 24.0, 0.0),
               "elbow_left": (70.0, 0.0, 0.0), "head": (0.0, 0.0, 24.0)})  # fmt: skip
-"""On the back, one leg drawn up."""
+"""The pose of a person lying on the back with one leg drawn up."""
 ON_MOTORCYCLE = Pose({"pelvis": (-14.0, 0.0, 0.0), "spine": (-8.0, 0.0, 0.0), "head": (18.0, 0.0, 0.0),
                       **both("leg", 84.0, 13.0), **both("knee", -92.0), **both("foot", 12.0),
                       **both("arm", 66.0, 9.0), **both("elbow", 26.0)})  # fmt: skip
