@@ -29,17 +29,15 @@ def kept() -> bytes:
 
 def checked(file: Path, files: Files) -> tuple[Library, tuple[str, ...]]:
     """Return a library and the names of the files that it uses, directly or through others."""
-    used: set[str] = set()
     for name in _USE.findall(file.read_text(encoding="utf-8")):
-        _, further = checked(file.with_name(f"{name}.ljs"), files)
-        used.update((f"{name}.ljs", *further))
+        checked(file.with_name(f"{name}.ljs"), files)
     path = str(file)
     if path not in files.libraries:  # checked here, because `load_library` would read the file that is written anew
         files.libraries[path] = check_library(read_source(path), (), files)
     library, faults = files.libraries[path]
     if faults:
         raise SystemExit(f"{file}: {faults[0].message}")
-    return library, tuple(sorted(used))
+    return library, tuple(Path(used).name for used in library.uses)
 
 
 def main() -> None:

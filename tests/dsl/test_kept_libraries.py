@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib.util
+import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
@@ -26,7 +28,7 @@ def test_the_shipped_tables_are_those_of_the_libraries() -> None:
 @pytest.mark.parametrize("file", LIBRARIES, ids=lambda file: file.stem)
 def test_a_kept_library_is_the_checked_one(file: Path) -> None:
     kept, (checked, _) = kept_library(str(file)), TOOL.checked(file, TOOL.Files())
-    assert kept is not None and kept.path == checked.path
+    assert kept is not None and kept.path == checked.path and kept.uses == checked.uses
     assert list(kept.declared) == list(checked.declared)
     for name, declared in checked.declared.items():
         assert type(kept.declared[name]) is type(declared)
@@ -54,6 +56,30 @@ def test_a_library_outside_of_the_standard_library_is_not_kept(tmp_path: Path) -
     own = tmp_path / "air.ljs"
     own.write_bytes(LIBRARIES[0].read_bytes())
     assert kept_library(str(own)) is None
+
+
+def _other_class(tables: bytes) -> bytes:
+    return tables.replace(b"\xa8TypeDecl", b"\xa8TypeDeck", 1)
+
+
+def _other_field(tables: bytes) -> bytes:
+    return tables.replace(b"\xa6engine", b"\xa6motors", 1)
+
+
+@pytest.mark.parametrize(
+    "damage", [lambda _: b"", lambda tables: tables[:-100], lambda _: b"\x92\x91\x01\x80", _other_class, _other_field],
+    ids=["empty", "truncated", "other form", "other class", "other field"],
+)  # fmt: skip
+def test_damaged_tables_and_those_of_other_classes_do_not_count(
+    damage: Callable[[bytes], bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tables = Path(TOOL.FILE).read_bytes()
+    assert damage(tables) != tables
+    (tmp_path / "std.tables").write_bytes(damage(tables))
+    module = sys.modules[kept_library.__module__]
+    monkeypatch.setattr(module, "FILE", str(tmp_path / "std.tables"))
+    monkeypatch.setattr(module, "_tables", module._tables.__wrapped__)
+    assert kept_library(str(LIBRARIES[0])) is None
 
 
 def test_an_error_names_a_declaration_that_was_not_made() -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lingjing.errors import PluginError
-from lingjing.testing import compile_text
+from lingjing.testing import compile_file, compile_text
 
 
 @pytest.fixture
@@ -53,6 +53,18 @@ def test_libraries_that_use_each_other(acme: Path, small: str) -> None:
     (acme / "two.ljs").write_text("ljs 1\nuse acme.one\n")
     (diagnostic,) = compile_text(small.replace("use std.air", "use acme.one\nuse std.air")).diagnostics
     assert diagnostic.code == "LJ0119"
+
+
+def test_a_change_of_a_library_reaches_those_that_use_it_through_another(tmp_path: Path) -> None:
+    (tmp_path / "one.ljs").write_text("ljs 2\nuse std.air { quadrotor }\nasset small : quadrotor { }\n")
+    (tmp_path / "two.ljs").write_text("ljs 2\nuse .one { small }\nasset tiny : small { }\n")
+    mission = tmp_path / "three.ljs"
+    mission.write_text("ljs 2\nuse .two { tiny }\nasset own : tiny { }\n")
+    assert compile_file(str(mission)).diagnostics == ()
+    (tmp_path / "one.ljs").write_text("ljs 2\nuse std.air { quadrotor }\nasset other : quadrotor { }\n")
+    assert [each.code for each in compile_file(str(mission)).diagnostics] == ["LJ0119"]
+    (tmp_path / "one.ljs").unlink()
+    assert [each.code for each in compile_file(str(mission)).diagnostics] == ["LJ0119"]
 
 
 def test_a_type_that_is_not_imported_is_named(small: str) -> None:

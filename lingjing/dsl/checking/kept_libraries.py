@@ -2,7 +2,8 @@
 
 To parse and check the libraries of one mission took a sixth of a cold `lingjing validate`, and they seldom change.
 `tools/library_tables.py` writes the file; a test compares it with what checking gives. A library counts only while its
-text, and that of each library that it uses, is the one that was checked; otherwise it is checked again.
+text, and that of each library that it uses, is the one that was checked; otherwise it is checked again. So it is if the
+file is damaged or was written by a version with other classes, such as after an upgrade that was interrupted.
 
 The file is msgpack. A value without parts stands for itself. Another one is a list that begins with its kind: `_TUPLE`,
 `_DICT`, `_FILE` for the path of a file of the library, or from `_FIRST` on the number of a *shape*: a class and the
@@ -49,12 +50,8 @@ def kept_library(file: str) -> Library | None:
             return None
     except OSError:
         return None
-    return Library(
-        file,
-        _Declarations(
-            declared, _Reader(tuple(_shape(module, name, *fields) for module, name, *fields in shapes), folder)
-        ),
-    )
+    uses = tuple(os.path.join(folder, need) for need in needs)
+    return Library(file, _Declarations(declared, _Reader(shapes, folder)), uses)
 
 
 def tables(libraries: Iterable[tuple[Library, tuple[str, ...]]]) -> bytes:
@@ -71,15 +68,21 @@ def tables(libraries: Iterable[tuple[Library, tuple[str, ...]]]) -> bytes:
 # -- private
 
 
+_Shape = tuple[type[msgspec.Struct], tuple[str, ...]]
+"""A class, and the names of some of its fields."""
+_Written = tuple[str, tuple[str, ...], dict[str, Any]]
+"""A library as it is written: its digest, the files that it uses, and its declarations."""
+
+
 @cache
-def _tables() -> tuple[list[list[str]], dict[str, Any]]:
-    """Each shape as module, class and fields; for each file its digest, what it uses, and its declarations."""
+def _tables() -> tuple[tuple[_Shape, ...], dict[str, _Written]]:
+    """The shapes, and the libraries by file; none if the file is missing, damaged or of other classes."""
     try:
         with open(FILE, "rb") as file:
-            shapes, libraries = from_msgpack(file.read())
-    except OSError:
-        return [], {}
-    return shapes, libraries
+            shapes, libraries = from_msgpack(file.read(), tuple[list[tuple[str, ...]], dict[str, _Written]])
+        return tuple(_shape(*shape) for shape in shapes), libraries
+    except (OSError, msgspec.DecodeError, LookupError, AttributeError, TypeError):
+        return (), {}
 
 
 def _digest(folder: str, names: Iterable[str]) -> str:
@@ -91,9 +94,16 @@ def _digest(folder: str, names: Iterable[str]) -> str:
     return digest.hexdigest()
 
 
-@cache
-def _shape(module: str, name: str, *fields: str) -> tuple[type, tuple[str, ...]]:
-    return getattr(sys.modules[module], name), fields
+def _shape(module: str, name: str, *fields: str) -> _Shape:
+    """The shape with these names. Raises `LookupError` or `AttributeError` without the class, and `TypeError` if the
+    class has no such field, or further ones without a default."""
+    made: type[msgspec.Struct] = getattr(sys.modules[module], name)
+    own, defaults = made.__struct_fields__, made.__struct_defaults__
+    optional = {field for field, default in zip(reversed(own), reversed(defaults), strict=False)
+                if default is not msgspec.NODEFAULT}  # fmt: skip
+    if not set(own) - optional <= set(fields) <= set(own):
+        raise TypeError(f"{name} has other fields")
+    return made, fields
 
 
 class _Declarations(Mapping[str, Declaration]):
@@ -120,7 +130,7 @@ class _Declarations(Mapping[str, Declaration]):
 class _Reader:
     """Values from their written form. `folder`: that of the library's files."""
 
-    def __init__(self, shapes: tuple[tuple[type, tuple[str, ...]], ...], folder: str) -> None:
+    def __init__(self, shapes: tuple[_Shape, ...], folder: str) -> None:
         self.shapes = shapes
         self.folder = folder
 

@@ -92,6 +92,8 @@ class Library(msgspec.Struct, frozen=True):
 
     path: str
     declared: Mapping[str, Declaration]
+    uses: tuple[str, ...] = ()
+    """The files that it uses, directly or through others, sorted."""
 
     @property
     def types(self) -> dict[str, TypeDecl]:

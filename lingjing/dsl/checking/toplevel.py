@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
 
 from lingjing.dsl.checking import library
@@ -30,18 +30,29 @@ three."""
 
 Loaded = tuple[Library, tuple[Diagnostic, ...]]
 """The declarations of a library file, and its diagnostics."""
+_Stamp = tuple[int, int]
+"""Time of a file's last change in nanoseconds, and its size in bytes."""
 
 
 class Files:
     """The files that one compilation reads. Each is checked once, however many paths lead to it."""
 
-    __slots__ = ("bases", "libraries")
+    __slots__ = ("_stamps", "bases", "libraries")
 
     def __init__(self) -> None:
         self.libraries: dict[str, Loaded] = {}
         """Checked libraries by file."""
         self.bases: dict[str, tuple[Diagnostic, ...] | None] = {}
         """Errors of missions that others extend, by file; None while the mission is being checked."""
+        self._stamps: dict[str, _Stamp] = {}
+
+    def stamp(self, file: str) -> _Stamp:
+        """The version of a file at the first call, which comes before the file is read. Raises `OSError`."""
+        known = self._stamps.get(file)
+        if known is None:
+            stat = os.stat(file)  # noqa: PTH116 - pathlib is not imported cold
+            known = self._stamps[file] = stat.st_mtime_ns, stat.st_size
+        return known
 
 
 def check_library(source: SourceText, chain: tuple[str, ...], files: Files) -> Loaded:
@@ -58,24 +69,25 @@ def check_library(source: SourceText, chain: tuple[str, ...], files: Files) -> L
         if isinstance(item, s.MissionBlock):
             span = report.span(item.name.start, item.name.end)
             own.setdefault(item.name.text, MissionDecl(item.name.text, source.path, span))
-    return Library(source.path, own), tuple(report.diagnostics)
+    return Library(source.path, own, tuple(sorted(file.used))), tuple(report.diagnostics)
 
 
 def load_library(file: str, chain: tuple[str, ...] = (), files: Files | None = None) -> Loaded:
     """Return the declarations of a library file and its diagnostics.
 
     `chain`: files that led here. `files`: files that the compilation has read. A library without errors is cached
-    across compilations: it cannot lead back to a file of `chain`, or it would lead to itself. Errors may depend on
-    `chain`, so they are not cached.
+    across compilations while it and the files that it uses are unchanged: it cannot lead back to a file of `chain`, or
+    it would lead to itself. Errors may depend on `chain`, so they are not cached.
     """
     files = files or Files()
     known = files.libraries.get(file)
     if known is None:
-        stat = os.stat(file)  # noqa: PTH116 - pathlib is not imported cold
-        good = _good(file, stat.st_mtime_ns, stat.st_size)
-        known = good[0] if good else _kept(file) or check_library(read_source(file), chain, files)
-        if not good and not known[1]:
-            good.append(known)
+        good = _good(file, *files.stamp(file))
+        known = next((loaded for loaded, used in good if _is_current(used, files)), None)
+        if known is None:
+            known = _kept(file) or check_library(read_source(file), chain, files)
+            if not known[1]:
+                good[:] = [(known, {used: files.stamp(used) for used in known[0].uses})]
         files.libraries[file] = known
     return known
 
@@ -86,9 +98,17 @@ def _kept(file: str) -> Loaded | None:
 
 
 @lru_cache(maxsize=128)
-def _good(_file: str, _modified: int, _size: int) -> list[Loaded]:
-    """The cache entry of a library file in this version: a list with the library, once it was read without errors."""
+def _good(_file: str, _modified: int, _size: int) -> list[tuple[Loaded, dict[str, _Stamp]]]:
+    """The cache entry of a library file in this version: a list with the library and the versions of the files that it
+    uses, once it was read without errors."""
     return []
+
+
+def _is_current(used: Mapping[str, _Stamp], files: Files) -> bool:
+    try:
+        return all(files.stamp(file) == stamp for file, stamp in used.items())
+    except OSError:
+        return False
 
 
 class FileChecker:
@@ -106,6 +126,8 @@ class FileChecker:
         self.types = TypeChecker(self.blocks)
         self.interactions = InteractionChecker(self.blocks)
         self.own: dict[str, Declaration] = {}
+        self.used: set[str] = set()
+        """The library files that it uses, directly or through others."""
 
     def declarations(self, tree: s.File, path: str | None = None) -> None:
         """Check everything except the mission. `path`: the file of the tree, if it is not the reporter's."""
@@ -185,6 +207,7 @@ class FileChecker:
             self.report("LJ0120", start, end, message, "let fewer files use each other")
             return
         used, faults = load_library(file, self.chain, self.files)
+        self.used.update((file, *used.uses))
         first = next((fault for fault in faults if fault.severity == "error"), None)
         if first is not None:
             self.report(
