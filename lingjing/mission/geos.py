@@ -44,18 +44,25 @@ def buffer_outline(points: Sequence[Vector2], distance: float, *, closed: bool, 
     import ctypes
 
     context = ctypes.c_void_p(geos.GEOS_init_r())
-    shape = _shape(geos, context, [*points, points[0]] if closed and points[0] != points[-1] else points, closed)
-    if shape.value is None:
-        return None
-    params = ctypes.c_void_p(geos.GEOSBufferParams_create_r(context))
-    geos.GEOSBufferParams_setQuadrantSegments_r(context, params, segments)
-    geos.GEOSBufferParams_setEndCapStyle_r(context, params, _ROUND if closed else _FLAT)
-    geos.GEOSBufferParams_setJoinStyle_r(context, params, _ROUND)
-    geos.GEOSBufferParams_setMitreLimit_r(context, params, ctypes.c_double(_MITRE_LIMIT))
-    grown = ctypes.c_void_p(geos.GEOSBufferWithParams_r(context, shape, params, ctypes.c_double(distance)))
-    return (
-        _outline(geos, context, grown) if grown.value is not None else None
-    )  # the memory of a few regions is left to the process
+    shape = params = grown = ctypes.c_void_p()
+    try:
+        shape = _shape(geos, context, [*points, points[0]] if closed and points[0] != points[-1] else points, closed)
+        if shape.value is None:
+            return None
+        params = ctypes.c_void_p(geos.GEOSBufferParams_create_r(context))
+        geos.GEOSBufferParams_setQuadrantSegments_r(context, params, segments)
+        geos.GEOSBufferParams_setEndCapStyle_r(context, params, _ROUND if closed else _FLAT)
+        geos.GEOSBufferParams_setJoinStyle_r(context, params, _ROUND)
+        geos.GEOSBufferParams_setMitreLimit_r(context, params, ctypes.c_double(_MITRE_LIMIT))
+        grown = ctypes.c_void_p(geos.GEOSBufferWithParams_r(context, shape, params, ctypes.c_double(distance)))
+        return _outline(geos, context, grown) if grown.value is not None else None
+    finally:
+        for geometry in (shape, grown):
+            if geometry.value is not None:
+                geos.GEOSGeom_destroy_r(context, geometry)
+        if params.value is not None:
+            geos.GEOSBufferParams_destroy_r(context, params)
+        geos.GEOS_finish_r(context)
 
 
 # -- private
@@ -63,7 +70,8 @@ def buffer_outline(points: Sequence[Vector2], distance: float, *, closed: bool, 
 
 @cache
 def _library() -> Any:
-    """The library beside the installed shapely, by ctypes; None if it is not there."""
+    """The library beside the installed shapely, by ctypes; None if it is not there, or if there are several: the one
+    that shapely loads is not known then."""
     from importlib.util import find_spec
 
     spec = find_spec("shapely")
@@ -73,11 +81,11 @@ def _library() -> Any:
     try:
         import ctypes
 
-        name = next(name for name in sorted(os.listdir(folder)) if name.startswith("libgeos_c"))  # noqa: PTH208
+        (name,) = (name for name in os.listdir(folder) if name.startswith("libgeos_c"))  # noqa: PTH208
         geos = ctypes.CDLL(os.path.join(folder, name))  # noqa: PTH118
         for function in _POINTERS:
             getattr(geos, function).restype = ctypes.c_void_p
-    except (ImportError, OSError, StopIteration, AttributeError):
+    except (ImportError, OSError, ValueError, AttributeError):
         return None
     return geos
 
