@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 import math
+import random
 
+import numpy as np
 import pytest
+from lingjing_agents.paths import between_towers
 from lingjing_agents.paths.between_towers import MARGIN_M, TowerPaths
+from lingjing_agents.paths.grid_search import NEIGHBOURS, cheapest_path
 
 WALL = ((-10.0, -200.0), (10.0, -200.0), (10.0, 50.0), (-10.0, 50.0))
 """A wall across the straight way, open in the north."""
 COURT = ((300.0, 0.0), (340.0, 0.0), (340.0, 40.0), (300.0, 40.0))
+RING = [((-60.0, -60.0), (60.0, -60.0), (60.0, -50.0), (-60.0, -50.0)),
+        ((-60.0, 50.0), (60.0, 50.0), (60.0, 60.0), (-60.0, 60.0)),
+        ((-60.0, -60.0), (-50.0, -60.0), (-50.0, 60.0), (-60.0, 60.0)),
+        ((50.0, -60.0), (60.0, -60.0), (60.0, 60.0), (50.0, 60.0))]  # fmt: skip
+"""Four walls around a court."""
 
 
 @pytest.fixture
@@ -50,11 +59,7 @@ def test_an_aircraft_beside_a_wall_leaves_it_and_one_that_is_walled_in_flies_str
     beside = flown(towers, (-12.0, 0.0), (100.0, 0.0), 40.0)
     assert math.dist(beside[1], (-22.5, 0.0)) < 1e-6 and len(beside) < 8
     assert towers.next_place((-20.0, 0.0), (100.0, 0.0), 40.0)[1] > 50.0
-    ring = [((-60.0, -60.0), (60.0, -60.0), (60.0, -50.0), (-60.0, -50.0)),
-            ((-60.0, 50.0), (60.0, 50.0), (60.0, 60.0), (-60.0, 60.0)),
-            ((-60.0, -60.0), (-50.0, -60.0), (-50.0, 60.0), (-60.0, 60.0)),
-            ((50.0, -60.0), (60.0, -60.0), (60.0, 60.0), (50.0, 60.0))]  # fmt: skip
-    closed = TowerPaths((side, 90.0) for side in ring)
+    closed = TowerPaths((side, 90.0) for side in RING)
     assert closed.next_place((0.0, 0.0), (200.0, 0.0), 40.0) == (200.0, 0.0)
 
 
@@ -62,3 +67,30 @@ def test_the_highest_roof_is_that_of_the_buildings_near_the_line(towers: TowerPa
     assert towers.highest_m((-100.0, 0.0), (100.0, 0.0), 60.0) == 100.0
     assert towers.highest_m((200.0, 100.0), (400.0, 100.0), 70.0) == 30.0
     assert towers.highest_m((200.0, 100.0), (400.0, 100.0), 50.0) == -math.inf
+
+
+def test_a_walled_goal_far_away_needs_no_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The search would visit half a million cells, for each command."""
+    closed = TowerPaths((side, 90.0) for side in RING)
+    monkeypatch.setattr(between_towers, "cheapest_path", None)
+    assert closed.next_place((-2000.0, -2000.0), (0.0, 0.0), 40.0) == (0.0, 0.0)
+
+
+def test_cells_connect_where_a_path_leads() -> None:
+    chance, connected = random.Random(5), 0
+    for _ in range(400):
+        rows, columns = chance.randint(3, 12), chance.randint(3, 12)
+        closed = np.array([[chance.random() < 0.55 for _ in range(columns)] for _ in range(rows)])
+        start, *ends = ((chance.randrange(rows), chance.randrange(columns)) for _ in range(chance.randint(2, 4)))
+
+        def steps(cell: tuple[int, int]):
+            for row, column, length in NEIGHBOURS:
+                other = cell[0] + row, cell[1] + column
+                if 0 <= other[0] < rows and 0 <= other[1] < columns and not closed[other]:  # noqa: B023
+                    yield other, length
+
+        path = cheapest_path(start, steps, lambda _: 0.0, ends.__contains__)
+        if start not in ends:
+            assert between_towers._connects(closed, start, ends) is bool(path)
+            connected += bool(path)
+    assert 100 < connected < 300

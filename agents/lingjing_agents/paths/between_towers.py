@@ -14,6 +14,8 @@ from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.paths.grid_search import NEIGHBOURS, GridCell, cheapest_path, straightened
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
     from shapely.geometry.base import BaseGeometry
 
 MARGIN_M = 12.0
@@ -113,6 +115,14 @@ def _path(walls: BaseGeometry, here: GroundPoint, goal: GroundPoint) -> list[Gro
     def cell_of(place: GroundPoint) -> GridCell:
         return math.floor((place[1] - south) / CELL_M), math.floor((place[0] - west) / CELL_M)
 
+    def left(cell: GridCell) -> float:
+        return math.dist(centre(cell), goal)
+
+    row, column = cell_of(goal)
+    ends = [(row + i, column + j) for i in (-1, 0, 1) for j in (-1, 0, 1) if left((row + i, column + j)) <= CELL_M]
+    if not _connects(closed, cell_of(here), ends):
+        return []
+
     def steps(cell: GridCell) -> Iterator[tuple[GridCell, float]]:
         for row, column, length in NEIGHBOURS:
             other = cell[0] + row, cell[1] + column
@@ -121,10 +131,32 @@ def _path(walls: BaseGeometry, here: GroundPoint, goal: GroundPoint) -> list[Gro
             if not closed[other]:
                 yield other, length * CELL_M
 
-    def left(cell: GridCell) -> float:
-        return math.dist(centre(cell), goal)
-
     cells = cheapest_path(cell_of(here), steps, left, lambda cell: left(cell) <= CELL_M)
     if not cells:
         return []
     return straightened([here, *map(centre, cells), goal], lambda start, end: _is_clear(walls, start, end))
+
+
+def _connects(closed: NDArray[np.bool_], start: GridCell, ends: Sequence[GridCell]) -> bool:
+    """Return whether open cells lead from a cell, open or not, to an open one of others.
+
+    Both sides grow in turn, the one with fewer cells at its rim first. Without this check, the search for the cheapest
+    path visits every cell around a walled court before it returns without one: 21 s for a court 2.8 km away.
+    """
+    import numpy as np
+
+    width = closed.shape[1] + 2
+    marks = np.pad(closed, 1, constant_values=True).astype(np.int8).ravel()  # 0 open, 1 closed, 2 and 3 reached
+    offsets = np.array([row * width + column for row, column, _ in NEIGHBOURS])
+    first, *last = ((row + 1) * width + column + 1 for row, column in (start, *ends))
+    rims = {2: np.array([first]), 3: np.array([end for end in last if not marks[end]], dtype=int)}
+    for side, rim in rims.items():
+        marks[rim] = side
+    while all(rim.size for rim in rims.values()):
+        side = min(rims, key=lambda side: rims[side].size)
+        beside = np.unique(rims[side][:, None] + offsets)
+        if (marks[beside] == 5 - side).any():
+            return True
+        rims[side] = beside[marks[beside] == 0]
+        marks[rims[side]] = side
+    return False
