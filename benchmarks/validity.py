@@ -13,14 +13,23 @@ import argparse
 import re
 import shutil
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from lingjing.bench.adversaries import SALT
-from lingjing.bench.folder import RESULTS
+from lingjing.bench.evidence import AUDIT
+from lingjing.bench.folder import RESULTS, ResultsFolder, write_whole
+from lingjing.bench.parquet import encode_rows, read_rows
 from lingjing.bench.validity.pages import NO_MODEL, readme_rows, tables
 from lingjing.bench.validity.program import read_program
-from lingjing.bench.validity.record import RECORD, ValidityRecord, encode_record, read_record, record_of_folder
+from lingjing.bench.validity.record import (
+    RECORD,
+    ValidityRecord,
+    encode_record,
+    make_record,
+    read_record,
+    reading_studies,
+)
 from lingjing.errors import UsageError, hint_of
 from lingjing.plugins.host import PluginHost
 
@@ -28,8 +37,9 @@ ROOT = Path(__file__).parents[1]
 STORE = Path(__file__).with_name(RECORD)
 ROWS = Path("benchmarks") / "validity-rows"
 """The folder of the stored rows, one folder for each study, below the root."""
-KEPT = (RESULTS, "salt", SALT)
-"""The files of a study that are stored: its rows, and the salts that draw the players' chances and its instances."""
+BESIDE = ("salt", SALT, AUDIT)
+"""The files of a study that are stored beside its rows: the salts that draw the players' chances and its instances, and
+the audit."""
 PAGE, README = Path("docs/validity.md"), Path("README.md")
 BEGIN, END = "<!-- tables: python -m benchmarks.validity -->", "<!-- end of the tables -->"
 """The lines around the tables of the page."""
@@ -52,24 +62,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--program", metavar="FILE", type=Path, help="a program of your own (default: the shipped one)")
     parser.add_argument("--write", action="store_true", help="store the record and write the pages")
     args = parser.parse_args(arguments)
+    rows: dict[Path, bytes] = {}
     try:
-        record = read_record(STORE) if args.folder is None else record_of(args.folder, args.program)
+        if args.folder is None:
+            record = read_record(STORE)
+        else:
+            record, rows = record_and_rows(args.folder, args.program)
     except UsageError as error:
         print(f"error: {error}\nhint: {hint_of(error)}", file=sys.stderr)
         return 2
     wanted = written(ROOT, record)
     differing = [path for path, content in wanted.items() if not path.is_file() or path.read_bytes() != content]
-    if args.folder is not None:
-        rows = rows_of(args.folder)
-        differing += [path for path, content in rows.items() if not path.is_file() or path.read_bytes() != content]
-        wanted |= rows
-        if args.write and rows:
-            shutil.rmtree(ROOT / ROWS, ignore_errors=True)  # studies that the folder does not hold
-            differing = list(dict.fromkeys((*differing, *rows)))
-    for path in differing:
+    if args.write:
+        for path in differing:
+            write_whole(path, wanted[path])
+    if rows and rows != stored_rows():
+        differing.append(ROOT / ROWS)
         if args.write:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(wanted[path])
+            store_rows(rows)
+    for path in differing:
         print(f"{path.relative_to(ROOT)}: {'written' if args.write else 'differs from the record'}")
     return int(bool(differing) and not args.write)
 
@@ -84,16 +95,51 @@ def written(root: Path, record: ValidityRecord) -> dict[Path, bytes]:
     }
 
 
-def record_of(folder: Path, program: Path | None = None) -> ValidityRecord:
-    """Return the record of the rows in a results folder. Raises `UsageError` if it holds no studies of the program."""
-    return record_of_folder(read_program(program), folder, PluginHost())
+def record_and_rows(folder: Path, program: Path | None = None) -> tuple[ValidityRecord, dict[Path, bytes]]:
+    """Return the record of a results folder, and the files of its rows by their paths below `ROWS`.
+
+    Both are of the same moment. A study that a command was killed in has rows in single files; they are joined here.
+    Raises `UsageError` if the folder holds no studies of the program.
+    """
+    file = read_program(program)
+    with reading_studies(file, folder, PluginHost()) as studies:
+        record = make_record(file.program.name, studies)
+        played = [study.run.results for study in studies if study.run.results.rows]
+        rows = {Path(each.folder.name, RESULTS): _joined(each) for each in played}
+        for each in played:
+            for beside in (each.folder / name for name in BESIDE):
+                if beside.is_file():
+                    rows[Path(each.folder.name, beside.name)] = beside.read_bytes()
+    return record, rows
 
 
-def rows_of(folder: Path) -> dict[Path, bytes]:
-    """Return the files of the stored rows with their contents, of the studies in a results folder that have rows."""
-    studies = sorted(file.parent for file in folder.glob(f"*/{RESULTS}"))
-    files = (study / name for study in studies for name in KEPT if (study / name).is_file())
-    return {ROOT / ROWS / file.parent.name / file.name: file.read_bytes() for file in files}
+def stored_rows() -> dict[Path, bytes]:
+    """Return the files of the stored rows by their paths below `ROWS`."""
+    files = (file for file in (ROOT / ROWS).glob("*/*") if file.name in (RESULTS, *BESIDE))
+    return {file.relative_to(ROOT / ROWS): file.read_bytes() for file in files}
+
+
+def store_rows(rows: Mapping[Path, bytes]) -> None:
+    """Replace the stored rows as a whole. A kill leaves the old ones or the new ones, at worst under another name."""
+    place = ROOT / ROWS
+    new, old = (place.with_name(f"{place.name}.{word}") for word in ("new", "old"))
+    shutil.rmtree(new, ignore_errors=True)
+    for path, content in rows.items():
+        (new / path).parent.mkdir(parents=True, exist_ok=True)
+        write_whole(new / path, content)
+    if place.is_dir():
+        shutil.rmtree(old, ignore_errors=True)
+        place.rename(old)
+    new.rename(place)
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def _joined(results: ResultsFolder) -> bytes:
+    """Return the file of all rows of a study: its own one if that has them all."""
+    whole = results.folder / RESULTS
+    if whole.is_file() and {row.key: row for row in read_rows(whole)} == {row.key: row for row in results.rows}:
+        return whole.read_bytes()
+    return encode_rows(results.rows)
 
 
 def stored_record() -> ValidityRecord | None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from lingjing import EpisodeReport, PlayOptions
-from lingjing.bench.evidence import audit_file, audit_marks, read_audit, row_faults, row_sha256
+from lingjing.bench.evidence import AuditRecord, audit_file, audit_marks, read_audit, row_faults, row_sha256
 from lingjing.bench.folder import RESULTS, ResultsFolder, open_results, read_results
 from lingjing.bench.leaderboard import OPEN, leaderboard, ranking
 from lingjing.bench.money import estimates
@@ -21,8 +21,8 @@ from lingjing.play.parallel import EpisodeTask
 from tests.play.report_kit import blank_metrics, made_report
 
 __all__ = [
-    "OPEN", "RESULTS", "SMALL", "TABLES", "TRIP", "AnsweringExecutor", "EpisodeTask", "ResultsFolder", "Shard",
-    "SuiteCell", "SuiteEpisode", "SuitePlan", "SuiteRow", "SuiteRun", "answered", "audit_file", "audit_marks",
+    "OPEN", "RESULTS", "SMALL", "TABLES", "TRIP", "AnsweringExecutor", "AuditRecord", "EpisodeTask", "ResultsFolder",
+    "Shard", "SuiteCell", "SuiteEpisode", "SuitePlan", "SuiteRow", "SuiteRun", "answered", "audit_file", "audit_marks",
     "encode_rows", "estimates", "find_suite", "leaderboard", "made_row", "make_tables", "open_results", "ranking",
     "read_audit", "read_plan", "read_results", "read_rows", "row_faults", "row_sha256", "shipped_suites",
 ]  # fmt: skip

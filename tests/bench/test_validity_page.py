@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
@@ -14,7 +15,7 @@ from benchmarks import validity
 from lingjing.errors import ExitCode
 from lingjing.testing import run_command
 from tests.bench import test_published_flaws
-from tests.bench.suite_kit import RESULTS, encode_rows, read_results
+from tests.bench.suite_kit import RESULTS, AuditRecord, encode_rows, read_results, row_sha256
 
 ROOT = Path(lingjing.__file__).parents[1]
 PAGE = (ROOT / validity.PAGE).read_text(encoding="utf-8")
@@ -33,7 +34,7 @@ def test_the_stored_rows_give_the_stored_record(tmp_path: Path) -> None:
     assert stored.is_dir() is ("The rows of this sitting were not kept" not in PAGE)
     if stored.is_dir():
         rows = shutil.copytree(stored, tmp_path / "rows")
-        assert validity.record_of(rows) == validity.stored_record()
+        assert validity.record_and_rows(rows)[0] == validity.stored_record()
 
 
 def test_each_class_of_flaws_has_its_tests() -> None:
@@ -122,6 +123,72 @@ def test_the_script_stores_the_rows_and_writes_both_pages(
     assert run_command(again) == ExitCode.OK and "0 episodes to play" in capsys.readouterr().err
     (root / validity.PAGE).write_text(page.replace("(2/2)", "(2/3)"))
     assert validity.main([]) == 1
+
+
+def test_rows_of_a_killed_command_and_the_audit_are_stored_too(root: Path, folder: Path) -> None:
+    """A killed command leaves rows in single files; the stored rows give the stored record all the same."""
+    program, study = root / "tiny.toml", folder / "reference-tier0"
+    rows = read_results(study)
+    (study / RESULTS).write_bytes(encode_rows(rows[:3]))
+    for number, row in enumerate(rows[3:]):
+        (study / "parts" / f"{number:08d}.parquet").write_bytes(encode_rows([row]))
+    confirmed = AuditRecord(rows={row_sha256(row): "checked" for row in rows[:5]})
+    (study / "audit.json").write_bytes(msgspec.json.encode(confirmed))
+    assert validity.main([str(folder), "--program", str(program), "--write"]) == 0
+    copied = shutil.copytree(root / validity.ROWS, root / "copied")
+    assert len(read_results(copied / "reference-tier0")) == len(rows)
+    record, _ = validity.record_and_rows(copied, program)
+    assert record == validity.stored_record()
+    assert [each.audited for each in record.studies] == [5]
+    assert validity.main([str(folder), "--program", str(program)]) == 0
+
+
+def test_stored_rows_are_replaced_as_a_whole(
+    root: Path, folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    line, stored = [str(folder), "--program", str(root / "tiny.toml")], root / validity.ROWS
+    shutil.copytree(folder / "reference-tier0", folder / "of-another-program")
+    assert validity.main([*line, "--write"]) == 0
+    assert [study.name for study in stored.iterdir()] == ["reference-tier0"]
+    (stored / "reference-tier0" / RESULTS).write_bytes(b"old")
+    shutil.copytree(stored / "reference-tier0", stored / "removed")
+    assert validity.main(line) == 1
+    assert capsys.readouterr().out.splitlines()[-1] == "benchmarks/validity-rows: differs from the record"
+    whole, written = validity.write_whole, []
+
+    def killed(file: Path, content: bytes) -> None:
+        written.append(file)
+        if len(written) > 1:
+            raise KeyboardInterrupt
+        whole(file, content)
+
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr(validity, "write_whole", killed)
+        validity.main([*line, "--write"])
+    assert sorted(study.name for study in stored.iterdir()) == ["reference-tier0", "removed"]
+    assert {(study / RESULTS).read_bytes() for study in stored.iterdir()} == {b"old"}
+    assert validity.main([*line, "--write"]) == validity.main(line) == 0
+    assert [study.name for study in stored.iterdir()] == ["reference-tier0"]
+    assert [place.name for place in stored.parent.iterdir() if place.is_dir()] == ["validity-rows"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"suite": "reference-tier1"}, "holds results of the suite `reference-tier1`"),
+        ({"benchmark": "0" * 64}, "are of several versions of the benchmark"),
+        ({"split_sha256": "0" * 64}, "or of several salts"),
+    ],
+)
+def test_rows_that_no_command_puts_together_do_not_reach_the_pages(
+    root: Path, folder: Path, capsys: pytest.CaptureFixture[str], changes: dict[str, Any], message: str
+) -> None:
+    first, *rows = read_results(folder / "reference-tier0")
+    changed = encode_rows([msgspec.structs.replace(first, **changes), *rows])
+    (folder / "reference-tier0" / RESULTS).write_bytes(changed)
+    assert validity.main([str(folder), "--program", str(root / "tiny.toml"), "--write"]) == 2
+    assert message in capsys.readouterr().err
+    assert (root / validity.PAGE).read_text() == PAGE and not (root / validity.ROWS).exists()
 
 
 def test_an_edited_record_does_not_reach_the_pages(root: Path, folder: Path) -> None:

@@ -7,6 +7,7 @@ ranges: `0-2,5`.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
@@ -98,7 +99,11 @@ class ValidityRecord(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def make_record(program: str, studies: Sequence[Study]) -> ValidityRecord:
-    """Return the record of the studies' rows, sorted. Raises `UsageError` for a row that contradicts itself."""
+    """Return the record of the studies' rows, sorted. Raises `UsageError` for a row that contradicts itself or the
+    others of its study.
+    """
+    for study in studies:
+        _check_alike(study)
     check_rows(row for study in studies for row in study.run.results.rows)
     parts = [study for study in studies if isinstance(study, PartStudy)]
     cells = sorted(
@@ -114,10 +119,11 @@ def make_record(program: str, studies: Sequence[Study]) -> ValidityRecord:
     )
 
 
-def record_of_folder(file: ProgramFile, folder: Path, host: PluginHost) -> ValidityRecord:
-    """Return the record of the rows in a results folder. The record that is stored there is not trusted.
+@contextmanager
+def reading_studies(file: ProgramFile, folder: Path, host: PluginHost) -> Iterator[tuple[Study, ...]]:
+    """Yield the studies in a results folder; no command can write to them meanwhile.
 
-    Raises `UsageError` if the folder has no studies, or if a command is writing to it.
+    Raises `UsageError` if the folder has none, or if a command is writing to it.
     """
     planned = plan_program(file, host)
     if not any((folder / plan.name).is_dir() for plan in planned):
@@ -126,7 +132,19 @@ def record_of_folder(file: ProgramFile, folder: Path, host: PluginHost) -> Valid
             hint="name the folder that `lingjing bench validity -o DIR` wrote",
         )
     with open_studies(planned, folder, LocalExecutor(), reading=True) as studies:
-        return make_record(file.program.name, studies)
+        yield studies
+
+
+def _check_alike(study: Study) -> None:
+    """Raise `UsageError` for rows that no command would have put into one folder."""
+    rows, folder = study.run.results.rows, study.run.results.folder
+    hint = "restore the folder: a command never mixes them"
+    for other in sorted({row.suite for row in rows} - {study.run.plan.suite.name}):
+        raise UsageError(f"`{folder}` holds results of the suite `{other}`", hint=hint)
+    if len({(row.benchmark, row.split_sha256) for row in rows}) > 1:
+        raise UsageError(
+            f"the rows in `{folder}` are of several versions of the benchmark, or of several salts", hint=hint
+        )
 
 
 def _recorded(study: Study) -> RecordedStudy:
@@ -238,5 +256,5 @@ def _json(value: object) -> str:
 
 __all__ = [
     "RECORD", "RecordedAdversary", "RecordedCell", "RecordedStudy", "ValidityRecord", "encode_record", "make_record",
-    "ranges", "read_record", "record_of_folder", "seeds_of",
+    "ranges", "read_record", "reading_studies", "seeds_of",
 ]  # fmt: skip
