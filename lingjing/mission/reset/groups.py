@@ -288,13 +288,18 @@ def _with_measures(
 def _with_count(mission: model.Mission, group: model.Group, count: int, parsed: Parsed, where: str) -> model.Mission:
     """The mission with the group's count: as the default of its parameter, or the count itself.
 
-    It holds in every tier. If the document exceeds the parameter's upper bound, the bound is raised, with a note. If
-    the template cannot place further members (no `spread`), the parameter is bounded by the document's count.
+    It holds in every tier, with a note if one sets another. If the document exceeds the parameter's upper bound, the
+    bound is raised, with a note. If the template cannot place further members (no `spread`), the parameter is bounded
+    by the document's count.
     """
     parameter = _count_parameter(mission, group)
     if parameter is None:
         return _with_group(mission, msgspec.structs.replace(group, count=ex.Number(float(count))))
     name, bounds = parameter.name, parameter.bounds
+    for tier in mission.tiers:
+        if any(each.name == name and each.value != ex.Number(float(count)) for each in tier.settings):
+            message = f"what tier {tier.level} of mission '{mission.name}' sets for '{name}' is left out"
+            parsed.notes.append(f"{where}: holds {count} in every tier; {message}")
     mission = msgspec.structs.replace(mission, tiers=without_settings(mission.tiers, {name}))
     if isinstance(bounds, ex.Range) and isinstance(bounds.low, ex.Number) and isinstance(bounds.high, ex.Number):
         if count < bounds.low.value:
