@@ -152,6 +152,22 @@ def test_at_tier_1_the_first_route_has_a_jam_and_the_way_around_it_another_as_su
     assert len(places) >= 2 * min(met)
 
 
+@pytest.mark.parametrize(("name", "place"), [("ufr", "(0 m, -430 m)"), ("cr", "(-120 m, -202 m)")])
+def test_a_vehicle_with_a_drawn_start_is_sited_too(grid_city: City, name: str, place: str) -> None:
+    text = mission_file(name).read_text(encoding="utf-8")
+    drawn = text.replace(f"position = {place}, heading", f"position ~ choice([{place}, (10 m, -202 m)]), heading")
+    assert drawn != text
+    compilation = compile_text(drawn)
+    assert compilation.mission is not None
+    own = sited(with_city_option(compilation.mission, "city"), grid_city, {"folder": ex.Text(value="city")})
+    roads = read_road_map(grid_city.network)
+    for seed in (0, 1):
+        for entity in anchor(instantiate(own, seed=seed), grid_city).entities:
+            if entity.role == "asset" and entity.engine == "road":
+                near = roads.nearest(entity.position[:2])
+                assert near is not None and near.off_m < 3.5
+
+
 def test_dogs_begin_on_free_ground_near_their_targets(grid_city: City) -> None:
     footing = Footing(grid_city)
     for name in ("vdn", "ld", "idf", "upr"):

@@ -121,8 +121,9 @@ def placed(layout: Layout, view: CityView, origin: Vector2, middle: Vector2, sca
 
 
 def _drive_s(layout: Layout, view: CityView, placement: Placement, middle: Vector2, size: Vector2) -> float:
-    """The mean driving time from the vehicles' start to the roads of a district, seconds; 0 without vehicles."""
-    vehicles = layout.assets("road")
+    """The mean driving time from the vehicles' start to the roads of a district, seconds; 0 without vehicles, and
+    if the starts of all are drawn."""
+    vehicles = [group for group in layout.assets("road") if group.name in placement.places]
     if not vehicles or view.roads is None:
         return 0.0
     router = Router(view)

@@ -521,8 +521,11 @@ def _placement(
 
 
 def _about(start: RoadSpot, layout: Layout) -> Any:
+    """The move of places that puts the first one on a road at the start; the middle of the mission if all are drawn."""
     on_road = (group for group in layout.mission.groups if layout.surface(group) == "road")
-    declared = next(places[0] for group in on_road if (places := layout.starts(group)))
+    west, south, east, north = layout.extent()
+    middle = (west + east) / 2.0, (south + north) / 2.0
+    declared = next((places[0] for group in on_road if (places := layout.starts(group))), middle)
 
     def shift(place: Vector2) -> Vector2:
         return (
