@@ -93,7 +93,7 @@ def test_no_text_advises_to_install_another_partys_package() -> None:
     assert ADVICE.search("pip install 'lingjing[road]'") and ADVICE.search("pip install lingjing")
     assert not ADVICE.search("pip install lingjing-sim") and not ADVICE.search("pip install ./lingjing_scout")
     files = [path for folder in SOURCE_FOLDERS for path in (ROOT / folder).rglob("*") if path.is_file()]
-    files = [path for path in files if path.parent.name != "adr"]  # which say what was advised once
+    files = [path for path in files if path.parent.name != "adr"]  # ADRs quote former advice
     texts = {path: path.read_text(encoding="utf-8", errors="replace") for path in (*files, ROOT / "README.md")}
     assert [str(path) for path, text in texts.items() if ADVICE.search(text)] == []
 

@@ -35,6 +35,6 @@ def test_no_builtin_sum_adds_lengths_or_waves(folder: str) -> None:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "sum" and node.args
         if any(isinstance(part, ast.Call) and ast.unparse(part.func) in GEOMETRY for part in ast.walk(node.args[0]))
-        if not any(isinstance(part, ast.Compare) for part in ast.walk(node.args[0]))  # which counts
+        if not any(isinstance(part, ast.Compare) for part in ast.walk(node.args[0]))  # a sum of comparisons counts
     ]
     assert found == []

@@ -253,7 +253,7 @@ def create(environment: VirtualEnvironment) -> None:
     clear = [] if runs(environment.python, "-c", "") else ["--clear"]
     made = subprocess.run([sys.executable, "-m", "venv", *clear, str(environment.folder)], check=False)
     if made.returncode != 0:
-        raise SetupError(FAILED, f"could not create {environment.folder.name}; its message is above")
+        raise SetupError(FAILED, f"could not create {environment.folder.name}; the error message is above")
 
 
 def pip(environment: VirtualEnvironment, arguments: tuple[str, ...]) -> None:
@@ -261,7 +261,7 @@ def pip(environment: VirtualEnvironment, arguments: tuple[str, ...]) -> None:
     options = ("-qq", "--disable-pip-version-check", "--no-input")
     command = [str(environment.python), "-m", "pip", "install", *options, *arguments]
     if subprocess.run(command, check=False).returncode != 0:
-        raise SetupError(FAILED, "pip could not install the packages; its message is above. Run the same again")
+        raise SetupError(FAILED, "pip could not install the packages; the error message is above. Run the same again")
 
 
 def remove(environment: VirtualEnvironment) -> None:
@@ -295,7 +295,7 @@ def apt(packages: list[str]) -> None:
     quiet = {"env": environment, "stdout": subprocess.DEVNULL}
     subprocess.run(["apt-get", "update", "-q"], check=False, **quiet)
     if subprocess.run(install, check=False, **quiet).returncode != 0:
-        raise SetupError(FAILED, f"`{line}` failed; its message is above")
+        raise SetupError(FAILED, f"`{line}` failed; the error message is above")
 
 
 def runs(program: Path, *arguments: str) -> bool:

@@ -89,7 +89,7 @@ def test_what_each_faculty_changes(scout: Brief) -> None:
 
     halted = made("execution", way="halted").command
     assert halted is not None and (halted.verb, halted.resource) == ("stop", "uav[1]")
-    assert made("perception") == ANSWER  # what it is shown is changed, not what it answers
+    assert made("perception") == ANSWER  # the fault changes the input of the model and not its answer
 
 
 def test_a_walker_turns_to_the_other_side() -> None:

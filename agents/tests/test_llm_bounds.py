@@ -148,7 +148,7 @@ async def ask(client: Backbone, seconds: float, tries: int = 1):
 @pytest.mark.parametrize(("what", "client"), cases(TOO_LONG))
 async def test_no_answer_is_read_beyond_its_bound(what: str, client):
     with serve_raw(once(completion("hi"))) as url:
-        assert (await ask(client(url), 600)).text == "hi"  # what is loaded once is loaded now
+        assert (await ask(client(url), 600)).text == "hi"  # loads everything that is loaded only once
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with serve_raw(TOO_LONG[what]) as url, pytest.raises(ModelError) as failure:
         await ask(client(url), 600)

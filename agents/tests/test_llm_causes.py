@@ -52,7 +52,7 @@ def failing(cause: str, times: int, held: list[socket.socket] | None = None) -> 
                         connection.recv(65536)
                         if cause == RESET:
                             connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
-                        else:  # what is still unread at the close would reset the connection: read to the end
+                        else:  # read to the end, because unread bytes at the close would reset the connection
                             connection.sendall(BYTES[cause])
                             connection.shutdown(socket.SHUT_WR)
                             while connection.recv(65536):

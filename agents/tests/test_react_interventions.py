@@ -124,7 +124,7 @@ async def test_a3_sends_the_vehicle_along_the_shortest_way_and_no_aircraft():
     looking = {**NOOP, "command": {"verb": "takePhoto", "arguments": {"camera": "nadir"}, "resource": "uav"}}
     _, command = await asked("inspector", "A3", looking)
     assert command is not None
-    assert command.verb == "takePhoto"  # what is seen and said stays the model's
+    assert command.verb == "takePhoto"  # pictures and messages stay those of the model
 
 
 async def test_missions_without_an_inspected_route_are_as_ever():

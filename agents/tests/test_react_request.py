@@ -206,7 +206,7 @@ async def test_goal_role_task_and_rules_are_those_of_the_mission(column: str):
             assert agent.prompt in request.system
             named = {verb.name for one in instance.entities for verb in one.verbs}
             named |= {message.kind for message in instance.messages}
-            assert set(_NAMED.findall(agent.prompt)) <= named  # what a prompt names can be commanded or sent
+            assert set(_NAMED.findall(agent.prompt)) <= named  # every name in a prompt can be commanded or sent
             assert not re.search(r"-0\.0\b", request.whole)
             for entity in instance.entities:
                 for one in entity.interactions:

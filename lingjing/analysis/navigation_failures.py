@@ -38,7 +38,7 @@ def body_places(trace: Trace) -> Places:
 
 
 def planar_distance(places: Places, body: str, target: str, tick: int) -> float | None:
-    """Return the planar distance of two entities at a boundary, metres; None without one of them."""
+    """Return the planar distance of two entities at a boundary, metres; None if either of them is missing."""
     there = places[tick] if 0 <= tick < len(places) else {}
     here, goal = there.get(body), there.get(target)
     return None if here is None or goal is None else math.dist(here[:2], goal[:2])

@@ -83,7 +83,7 @@ def serve(args: argparse.Namespace, token: str) -> int:
         act_s=min(deadline_s, 3.0),
         patience_s=None if args.patience is None else float(parse_whole("--patience", args.patience, 24 * 3600)),
     )  # fmt: skip
-    serving.check()  # what is wrong is refused before the server listens
+    serving.check()  # reject wrong settings before the server listens
     port = parse_whole("--port", args.port or DEFAULT_PORT, 65_535)
     server = EngineServer(Hub(new_task_id(mission.name)), args.host, port, token)
     say(f"LJ-ENGINE at ws://{args.host}:{server.port}/ws/LJ-ENGINE/ADDRESS; Ctrl-C ends the episode")

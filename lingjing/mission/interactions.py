@@ -18,7 +18,7 @@ from lingjing.mission.units import NONE, dimension_name, unit_of
 from lingjing.mission.vocabulary import ENGINE_EVENTS
 
 UNSAID = Number(value=0.0)
-"""The radius of an interaction without one; a declared radius is greater than zero."""
+"""The radius of an interaction that declares no radius, metres; a declared radius is greater than zero."""
 
 
 class InteractionFault(NamedTuple):

@@ -43,7 +43,7 @@ class Templates:
 
         `server`: the process id of the fork server.
         """
-        key = template, request.argument  # the template holds the world placed (ADR 0028)
+        key = template, request.argument  # with the argument, because a template holds one placed world (ADR 0028)
         make: MakeReady | None = None
         if key not in self.failed:
             make = named_function(template.source)(request.argument, template.key)

@@ -103,7 +103,7 @@ class CallStore:
 
     def close(self) -> None:
         """Merge the write-ahead log into the file and close it. Calls without a result are marked as abandoned."""
-        with self._lock, suppress(sqlite3.Error):  # what is committed stays readable
+        with self._lock, suppress(sqlite3.Error):  # committed rows stay readable
             if self._open:
                 self._open = False
                 self._file.execute("UPDATE call SET result = ? WHERE result IS NULL", (_ABANDONED,))

@@ -39,10 +39,10 @@ STAGE_ROW = 34
 """Height of the row of a stage beside the map, pixels."""
 
 TURN_DEG, TILT_DEG = -28.0, 52.0
-"""Rotation of the view about the vertical, and its angle below the horizon (90: from above)."""
+"""Rotation of the view about the vertical, and its angle below the horizon (90: from above); chosen."""
 
 FRESH_TICKS = 8
-"""Length of the bright end of a trail, ticks."""
+"""Length of the bright end of a trail, ticks (chosen)."""
 SPECK = 6
 """Margin around a box, pixels, so that small objects remain visible."""
 

@@ -308,7 +308,7 @@ def test_all_at_once_may_have_to_begin_later_too() -> None:
     assert result.complete and host.asked.count("all at once") == 2
     text = blame_text(result)
     assert "score 0.00; replacing everything from the first departures on does not win" in text
-    assert "replaced too" not in text  # that of just these two from there on was never tried
+    assert "replaced too" not in text  # the replacement of exactly these two from there on was never tried
 
 
 def test_what_no_replacement_wins_is_said() -> None:

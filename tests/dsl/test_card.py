@@ -44,7 +44,7 @@ def test_the_card_names_every_statement_unit_and_library(card: str) -> None:
     language = (ROOT / "docs" / "language.md").read_text(encoding="utf-8")
     units = re.search(r"^\*\*Units\*\*: (.*?); compounds", language, re.MULTILINE)
     assert units is not None and set(re.findall(r"[^\W\d_]+|[%°]", units[1])) <= words
-    rivals = "std.rivals"  # what resembles targets is for authors of benchmarks, and the card is short
+    rivals = "std.rivals"  # objects that resemble targets are for authors of benchmarks, and the card is short
     assert [path for path in LIBRARIES if f"`{path}`" not in card] == [rivals]
     assert "‹" not in card
 

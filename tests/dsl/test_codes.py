@@ -13,7 +13,7 @@ RAFT = "target raft : person_in_water { interaction rescue { within = 1 m }, int
 HIT = "target wall { engine = city, interaction collided { by = vessel, within = 1 m } }"
 GO = "asset tug : lifeboat { verb go(a: length, a: mass) }"
 
-# code, what is replaced in the small mission, by what, line, column, a part of the message
+# code, replaced text of the small mission, its replacement, line, column, a part of the message
 CASES = [
     ("LJ0001", "delay = 1 tick,", "delay = 1 tick;", 12, 60, "`;` has no meaning"),
     ("LJ0001", "Find everybody", "Find \u202e everybody", 7, 14, "U+202E"),

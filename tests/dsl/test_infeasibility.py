@@ -8,7 +8,7 @@ from lingjing.dsl.diagnostics.codes import CODES
 from lingjing.testing import compile_text
 
 BLIND = "constraint hard blind per u in uav { always not photographed(u) }"
-# code, what is replaced in the small mission, by what, line, column, a part of the message
+# code, replaced text of the small mission, its replacement, line, column, a part of the message
 CASES = [
     ("LJ0601", "-51.8 m", "-2951.8 m", 34, 14, "2,901.8 m at 3.5 m/s at most, margins included, take at least 829 s"),
     ("LJ0601", "ticks <= 60", "ticks <= 2", 34, 14, "the budget is 2 ticks of 10 s = 20 s"),

@@ -47,7 +47,7 @@ mission bus "A bus stop" {
 """
 BOARD = "interaction board { by = road, within = 20 m, gives = riders, up_to = seats, from = people }"
 
-# what stands for the interaction; code, line, column, a part of the message
+# text in place of the interaction; code, line, column, a part of the message
 OF_A_TYPE = [
     ("{ by = rocket, within = 1 m }", "LJ0125", 12, 28, "no known asset has the engine `rocket`"),
     ("{ by = coach, within = 1 m }", "LJ0125", 12, 28, "the engine `coach`"),

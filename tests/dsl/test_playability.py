@@ -23,7 +23,7 @@ from lingjing.testing import compile_file, compile_text, instantiate, mission_fi
 FAR = "subset([(0 m, 2 m), (1 m, 2 m), ({}, 0 m), (3 m, 2 m), (4 m, 2 m), (5 m, 2 m)])"
 """Possible places, one of which may be too far; seed 0 does not draw that place."""
 
-# what is replaced in the small mission, by what, code, line, column, a part of the message
+# replaced text of the small mission, its replacement, code, line, column, a part of the message
 CASES = [
     ("param uavs = 2 in 1..10", "param uavs = 7 in [1, 2]", "LJ0206", 13, 16, "none of the values allowed"),
     ("ticks <= 60", "ticks <= 5.5", "LJ0206", 10, 21, "counts in whole numbers, this is 5.5"),

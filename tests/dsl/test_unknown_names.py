@@ -8,7 +8,7 @@ from lingjing.dsl.diagnostics.fixes import fix_source
 from lingjing.testing import compile_text
 from lingjing.testing.missions import SourceText, compile_source
 
-# what is replaced in the small mission, by what, the name, a part of the hint
+# replaced text of the small mission, its replacement, the name, a part of the hint
 MISSING = [
     ("  param uavs = 2 in 1..10\n", "", "uavs", "declare it: `param uavs = …`"),
     ("as searcher controls", "as seeker controls", "searcher", "declare an agent with it: `agent … as searcher"),

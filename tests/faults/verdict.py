@@ -55,7 +55,10 @@ def _exit_faults(after: Aftermath) -> Iterator[str]:
 
 
 def _file_faults(case: Injection, after: Aftermath, folder: Path) -> Iterator[str]:
-    cleans_up = not case.lasting and case.kind not in ("name", "look")  # what removes files may be what fails
+    cleans_up = not case.lasting and case.kind not in (
+        "name",
+        "look",
+    )  # the failing call may be the one that removes files
     for name in after.left:
         if name.endswith((".mcap", ".mcap.part")):
             yield from _trace_faults(folder / name)

@@ -146,7 +146,7 @@ def test_a_file_that_is_none_is_named(acme: Path, text: str) -> None:
     acme.write_text(text)
     with pytest.raises(PluginError, match=r"inner/kinds\.json does not describe kinds"):
         kinds.described_by("acme")
-    assert kinds.scene_kind("canyon") is None  # which it does not name, so that it may be another plug-in's
+    assert kinds.scene_kind("canyon") is None  # the file does not name it, so it may belong to another plug-in
 
 
 def test_a_kind_that_a_faulty_file_names_is_not_guessed(acme: Path) -> None:

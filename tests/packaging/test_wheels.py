@@ -27,7 +27,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
 
 
 def call(*command: object, cwd: Path, code: int = 0, **variables: str) -> subprocess.CompletedProcess[str]:
-    env = {**os.environ, "PIP_NO_COMPILE": "1", **variables}  # what is imported is compiled then
+    env = {**os.environ, "PIP_NO_COMPILE": "1", **variables}  # modules are compiled when they are imported
     done = subprocess.run([*map(str, command)], cwd=cwd, env=env, capture_output=True, text=True, check=False)
     assert done.returncode == code, f"{command}\n{done.stdout}\n{done.stderr}"
     return done

@@ -71,7 +71,7 @@ PLACES: dict[str, tuple[GroundPoint, ...]] = {
 }  # fmt: skip
 """The places of targets at tier 0 by a word of their class, from the missions' texts; metres."""
 KNOWN_SHARE = 0.7
-"""Probability of a guess at such a place if one is in the picture (chosen: tier 1 has other places)."""
+"""Probability of guessing a place of `PLACES` if one is in the picture (chosen: tier 1 has other places)."""
 NAME_TICKS = 5
 """Ticks between two names of random places, so that the route is planned anew in between (chosen)."""
 ON_ROUTE_M = 40.0

@@ -39,7 +39,7 @@ class PlantedFault(PluginOptions):
     def _fits(self) -> Self:
         if self.way is not None and self.way not in WAYS[self.faculty]:
             known = ", ".join(WAYS[self.faculty])
-            raise ValueError(f"{self.faculty} cannot be `{self.way}`; its ways are {known}")
+            raise ValueError(f"{self.faculty} cannot be `{self.way}`; it can be {known}")
         return self
 
     @property
@@ -62,5 +62,5 @@ class FaultyOptions(PluginOptions):
     @classmethod
     def _one_each(cls, faults: tuple[PlantedFault, ...]) -> tuple[PlantedFault, ...]:
         if len({(fault.agent, fault.faculty) for fault in faults}) < len(faults):
-            raise ValueError("an agent's faculty fails in one way: two faults name the same agent and faculty")
+            raise ValueError("two faults name the same agent and faculty, and a faculty can fail in one way only")
         return faults

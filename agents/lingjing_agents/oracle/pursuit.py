@@ -92,7 +92,7 @@ class Pursuit:
         places_of_stops = {stop.place for stop in shared.values()}
         spare = [leaf for leaf in self._goals.spare() if self._goals.place(leaf) not in places_of_stops]
         self._pair(truth, free, spare, shared)
-        self._pair(truth, free, places, shared, again=True)  # what must hold at the end comes last
+        self._pair(truth, free, places, shared, again=True)  # targets that must hold at the end come last
         return shared
 
     def _pair(

@@ -130,7 +130,7 @@ class ReactOptions(ModelOptions):
         return _builder(self.scaffold, self.scaffold_args)
 
     def fingerprint(self) -> dict[str, str]:
-        """Return the prompt's name and the SHA-256 of its text; the distribution of a scaffold other than `react`."""
+        """Return the prompt's name, the SHA-256 of its text, and the distribution of a scaffold other than `react`."""
         prompt = prompt_text(self.prompt)
         encoding = ENCODINGS.get(self.encoding, {})
         deciding = {**super().fingerprint(), **{name: f"{getattr(self, name)}" for name in encoding}}

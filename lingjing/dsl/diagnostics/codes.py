@@ -86,7 +86,7 @@ CODES: dict[str, str] = {
     "LJ0510": "success holds before any agent acts",
     "LJ0511": "failure holds before any agent acts",
     "LJ0512": "a declaration that changes nothing",
-    # what cannot be won
+    # missions that cannot be won
     "LJ0601": "a place that cannot be reached in time",
     "LJ0602": "no schedule fits the budget",
     "LJ0603": "farther than the batteries last",

@@ -39,7 +39,7 @@ _COURSES = {"forward": 0.0, "right": 90.0, "backward": 180.0, "left": 270.0}
 _OBSERVE = "getObservation"
 _ACT = "executeAction"
 _TAKEOFF_M = 10.0
-"""Altitude of a `takeoff` without one, metres: that of our own engine."""
+"""Altitude of a `takeoff` that gives no altitude, metres: that of our own engine."""
 
 
 class ScriptDriver:

@@ -21,7 +21,7 @@ ENTERED = ("residential", "house", "commercial", "office", "school", "public")
 """Uses of buildings that people enter by a door; halls and sheds have gates, which are not modelled."""
 
 SMALLEST_M2 = 20.0
-"""Smallest footprint that gets an entrance without one on the map, square metres (chosen: a garden house has less)."""
+"""Least footprint that gets an entrance if the map has none, square metres (chosen: a garden house has less)."""
 
 WALL_M = 2.6
 """Shortest wall with an entrance, metres: a door with its canopy, as it is drawn."""

@@ -113,7 +113,7 @@ class Driver:
         self._running, self._tried = "", 0
 
     def refused(self, verb: str, reason: str) -> None:
-        """Take note of a refusal: a shorter way ahead is tried; without one the car stays."""
+        """Take note of a refusal. Next, a shorter distance ahead is tried; if there is none, the car stays."""
         if verb == "forward" and self._tried + 1 < len(_AHEAD_M):
             self._tried += 1
             return

@@ -14,7 +14,7 @@ from lingjing.serve.lj_engine.hosted_world import CLIMB_M, HostedWorld, Step
 from lingjing.trace.records import GROUNDED
 
 _FORWARD_M = 50.0
-"""Length of a car's `forward` without one, metres (chosen)."""
+"""Distance of a car's `forward` that gives no distance, metres (chosen)."""
 _TURN_M = 4.0
 """Length of the move by which a multirotor turns, metres: beyond the 3 m below which it keeps its heading."""
 
