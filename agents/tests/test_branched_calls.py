@@ -84,7 +84,7 @@ def test_answers_are_recorded_ones_up_to_the_branch_and_live_beyond_it(
     thoughts = [entry.decision.thought for record in made.boundaries for entry in record.decisions]
     assert thoughts == ["look", "look", "rise", "look"]
     prompt = str(server.requests[-2]["messages"])
-    assert prompt.count("look") > 1  # the model is told what it itself said up to the branch
+    assert prompt.count("look") > 1  # the request repeats the model's own answers up to the branch
 
 
 def test_unsaid_no_model_is_asked_and_without_a_record_nothing_is_branched(

@@ -80,7 +80,7 @@ def test_what_each_faculty_changes(scout: Brief) -> None:
     way = made("waypoint", east_m=5.0, north_m=-7.0)
     assert way.command == Action(verb="setDestination", arguments={"x": 6.0, "y": -5.0, "z": 60.0}, resource="uav[1]")
     assert way.messages == ANSWER.messages
-    assert made("routing") == ANSWER  # it flies: what it is sent to is a waypoint
+    assert made("routing") == ANSWER  # it flies, so its destination is a waypoint
 
     assert made("handoff").messages == (SIGHTING,)
     wrong = made("handoff", way="misaddressed").messages[1]

@@ -103,7 +103,7 @@ def seen(rank: int, tick: int = 1):
 def test_two_counters_share_the_lines_at_levels_of_their_own():
     going = [counter(rank).act(seen(rank), Inbox()).command for rank in (1, 2)]
     places = [(command.arguments["x"], command.arguments["y"]) for command in going]
-    assert places == [SHOPS["shop[3]"][:2], SHOPS["shop[2]"][:2]]  # the nearer of two, and the only one of the second
+    assert places == [SHOPS["shop[3]"][:2], SHOPS["shop[2]"][:2]]  # nearer of two; only one of the other line
     assert abs(going[0].arguments["z"] - going[1].arguments["z"]) >= 2.5
 
 

@@ -336,4 +336,4 @@ def test_who_may_be_guided_waits_walks_the_way_and_looks_at_the_front():
     look = rules.act(observe("courier", 3, facing), Inbox()).command
     assert look is not None
     assert look.verb == "takePhoto"
-    assert rules.act(observe("courier", 4, facing), Inbox()).command is None  # it waits for what is said to that
+    assert rules.act(observe("courier", 4, facing), Inbox()).command is None  # it waits for an answer to the report

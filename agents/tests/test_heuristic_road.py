@@ -167,7 +167,7 @@ def test_another_route_is_awaited_after_a_jam_at_the_last_waypoint():
     assert orders(again, "inspect") == [("eye", place) for place in other]
     boss = after_the_jam()
     driven = [orders(boss.act(routed(tick), Inbox()), "drive") for tick in range(4, 8)]
-    assert driven == [[], [], [("driver[1]", ROUTE[-1])], []]  # without another one it drives the old one
+    assert driven == [[], [], [("driver[1]", ROUTE[-1])], []]  # if there is no other route, it drives the old one
 
 
 @pytest.mark.parametrize("task", ["drive", "arrive"])
@@ -434,7 +434,7 @@ def test_a_planner_gives_each_driver_tours_that_fit_and_the_rest_later():
     assert sum(note.body["load"] for note in first.messages) == pytest.approx(450.0)
     assert {note.body["assignee"] for note in first.messages} == {"driver[1]", "driver[2]"}
     assert rules.act(seen(1, 250.0), Inbox()).messages == ()
-    assert rules.act(seen(6, 0.0), Inbox()).messages != ()  # the van that has not moved is told again
+    assert rules.act(seen(6, 0.0), Inbox()).messages != ()  # the van that has not moved receives the order again
 
 
 DECK = Region(name="deck", polygon=((0.0, -12.0), (600.0, -12.0), (600.0, 12.0), (0.0, 12.0)))

@@ -69,7 +69,7 @@ def test_requests_in_another_language_are_whole_and_have_the_same_numbers_and_co
     read = Phrases.text
 
     def noted(self: Phrases, english: str) -> str:
-        if self.language != "en" and english not in self._catalogue:  # a catalogue's misses are invisible otherwise
+        if self.language != "en" and english not in self._catalogue:  # a missing entry is invisible otherwise
             absent.add(english)
         return read(self, english)
 

@@ -165,7 +165,7 @@ def test_what_ships_is_small_and_is_what_its_record_says() -> None:
         card = json.loads(file.with_suffix(".json").read_text())
         assert card["weights_sha256"] == hashlib.sha256(file.read_bytes()).hexdigest()
         assert card["class"] == file.stem in SCALES
-        assert min(card["seeds"]) >= 2000  # none of an evaluation's
+        assert min(card["seeds"]) >= 2000  # no seed of an evaluation
         assert f"`{file.stem}`" in (WEIGHTS / "CARD.md").read_text()
         assert learned_detector(file.stem) is not None
     assert learned_detector("whale") is None

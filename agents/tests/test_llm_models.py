@@ -59,7 +59,7 @@ def test_the_papers_models_are_listed_in_its_order_and_each_can_be_reached():
         entry = table.models[name]
         assert table.services[entry.service].base_url.startswith("http"), name
         assert entry.images, name
-        assert entry.priced == (name != "qwen3-vl-flash"), name  # of that one no price was to be found
+        assert entry.priced == (name != "qwen3-vl-flash"), name  # no price was published for that model
         assert bool(entry.price_source) == bool(entry.price_in), name
         assert entry.price_source in PluginHost().models[name].summary
         if entry.tier == "open":

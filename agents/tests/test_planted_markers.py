@@ -74,7 +74,7 @@ class EchoingService:
         self.sent.add(sent)
         plain = b64decode(sent.split()[1]).decode() if sent.startswith("Basic") else sent
         words = f"{EVIL} {plain} {sent}"
-        count = sum(agent == match[0] for agent, _ in self.requests)  # by itself: agents ask at once, in any order
+        count = sum(agent == match[0] for agent, _ in self.requests)  # alone: agents call in any order
         if match[0] == "scout[2]" and count % 3 == 2:
             yield answered("401 Unauthorized", json.dumps({"error": words}, ensure_ascii=False).encode(), f"x: {sent}")
             return

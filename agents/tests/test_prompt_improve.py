@@ -62,7 +62,9 @@ def test_a_prompt_is_improved_from_failed_traces(tmp_path: Path, capsys: pytest.
     assert trace.header.fingerprint["react.prompt"].startswith("candidate-0.txt sha256:")
     played = [item for item in server.requests if item["model"] == "player"]
     assert any("Look twice." in item["messages"][0]["content"] for item in played)
-    assert (tmp_path / "P2.txt").read_text().startswith("You are `$agent`, $role: $goal")  # the first of two equals
+    assert (
+        (tmp_path / "P2.txt").read_text().startswith("You are `$agent`, $role: $goal")
+    )  # the first of equal candidates
 
 
 def reviser(url: str, **options: str) -> ModelReviser:

@@ -103,7 +103,7 @@ def test_a_suite_refuses_a_model_that_cannot_be_sent_the_same(tmp_path) -> None:
     for model, words in (("short", "context of 8,192 tokens"), ("narrow", "takes 1 images")):
         with pytest.raises(ValueError, match=words):
             ReactOptions.model_validate({"model": model, "models": str(own), "encoding": "paper"})
-        ReactOptions.model_validate({"model": model, "models": str(own)})  # alone it plays with less
+        ReactOptions.model_validate({"model": model, "models": str(own)})  # without an encoding, less is accepted
 
 
 def test_an_unknown_rule_for_pictures_is_named(tmp_path) -> None:  # type: ignore[no-untyped-def]

@@ -181,7 +181,7 @@ def test_failures_and_time_outs_are_replayed_at_once(tmp_path, mission, deadline
     assert {decision.substituted for decision in made} <= {
         "policy_error",
         "policy_timeout",
-    }  # a refusal may be heard too late
+    }  # the refusal may arrive too late
     assert decisions(played) == decisions(again)
     assert row(played) == row(again)
     waited = [record.decisions[1].policy_wall_s for record in read_trace(again.trace).boundaries[1:]]

@@ -106,7 +106,7 @@ def screen(seed: int, composed: Composed, runner: CheckRunner) -> Certificate:
     repeated = _repeated_draw(mission)
     if repeated:
         return certificate("draws", repeated)
-    path = runner.folder / _sha256(composed) / f"{composed.name}.ljs"  # a runner knows episodes by the path
+    path = runner.folder / _sha256(composed) / f"{composed.name}.ljs"  # a runner identifies episodes by the path
     path.parent.mkdir(exist_ok=True)
     path.write_text(composed.text, encoding="utf-8")
     done: list[CertifiedCheck] = []

@@ -236,7 +236,7 @@ def _service() -> Iterator[tuple[str, _Pending, threading.Event]]:
                 if not result.done():  # a refusal that is not tried again
                     return self._send(400, {"error": {"message": "the sample has ended"}})
                 return self._send(200, _completion(result.result()))
-            except Exception as error:  # noqa: BLE001 - whatever the respondent raised is told to `react`
+            except Exception as error:  # noqa: BLE001 - `react` receives any exception of the respondent
                 return self._send(500, {"error": {"message": f"the respondent failed: {error}"[:2000]}})
 
         def _send(self, status: int, body: object) -> None:

@@ -218,7 +218,7 @@ def _as_rows(estimate: CallEstimate, rows: Sequence[SuiteRow]) -> CallEstimate:
     metrics = [row.report.metrics for row in rows if row.report.metrics is not None]
     usual = CallSum(
         calls=sum(metric.calls for metric in metrics) / len(rows),
-        prompt_tokens=sum(metric.tokens for metric in metrics) / len(rows),  # with those of answers
+        prompt_tokens=sum(metric.tokens for metric in metrics) / len(rows),  # including the tokens of answers
         cost_usd=sum(map(cost_of, rows)) / len(rows),
     )
     return CallEstimate(

@@ -175,7 +175,7 @@ class PromptSearch:
                 candidate = self._played(known, candidate)
                 best = max(
                     best, candidate, key=lambda known_candidate: known_candidate.rank
-                )  # of equal ones the earlier
+                )  # the earlier of equal candidates
             return best
 
     @property

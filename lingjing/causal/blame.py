@@ -226,7 +226,7 @@ class _Search:
             for place, (number, item) in enumerate(questions):
                 won = place < len(played) and played[place].success
                 if won:
-                    best[number] = played[place]  # the last one that wins is that of the smallest windows
+                    best[number] = played[place]  # the last winning plan has the smallest windows
                 narrowings[number].answer(item, self._ticks(ranked[number], played[place]) if won else None)
         branches.short |= bool(cut)
         spans[:NARROWED] = [search.spans() for search in narrowings]

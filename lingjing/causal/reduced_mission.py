@@ -171,7 +171,7 @@ def _in_mode(mission: model.Mission, instance: Instance) -> model.Mission:
         relations=active(mission.relations),
         events=tuple(_at_tick(item, instance) for item in active(mission.events)),
         sweeps=(),
-        expectations=(),  # those of the whole mission need not hold for a part of it
+        expectations=(),  # the expectations of the whole mission need not hold for a part of it
         origin=model.Origin(),
     )  # fmt: skip
 

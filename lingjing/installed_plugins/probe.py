@@ -53,7 +53,7 @@ def main(descriptor: int, name: str, value: str) -> None:
         from lingjing.plugins.hook_faults import load_fault
 
         trial = Trial(load_fault(error))
-    if os.getpid() == myself:  # and no copy that the plug-in has forked
+    if os.getpid() == myself:  # only the probe itself, no process that the plug-in has forked
         end_children(set())  # also those in sessions of their own
         os.write(descriptor, msgspec.json.encode(trial))
     os._exit(0)

@@ -37,7 +37,7 @@ _FOLDER = "trials"
 
 
 class _SlowTrial(msgspec.Struct, frozen=True):
-    """A kept fault: the reason, and its end on the wall clock, seconds."""
+    """The fault of a plug-in that gave no answer, kept for later commands."""
 
     reason: str
     ended_unix_s: float

@@ -42,7 +42,7 @@ class EventVisibility:
         self._unplaced = frozenset(entity.id for entity in instance.entities if "position" in entity.hidden)
         survey = survey_instance(instance, shown=True)
         self._open, self._declarations = survey.open_events, survey.declarations
-        self._withheld: dict[tuple[str, str], frozenset[str]] = {}  # asked for each body in each observation
+        self._withheld: dict[tuple[str, str], frozenset[str]] = {}  # called for each body in each observation
         self._secretive = tuple(
             (target, interaction, frozenset(actor.id for actor in instance.actors(interaction)))
             for target in instance.entities

@@ -165,7 +165,7 @@ class EngineKind(_Record, frozen=True, kw_only=True):
     stays: bool = False
     """True if only wind and current move a body without commands."""
     drift_factor: Annotated[float, msgspec.Meta(ge=1)] | None = None
-    """If set, a body is moved only by its declared `drift`, at most this many times as fast."""
+    """Largest speed as a multiple of the declared `drift`, if only drift moves a body; else None."""
     in_band: bool = False
     """True if a flying body stays within its altitude `band`."""
     overshoot: Annotated[float, msgspec.Meta(ge=1)] | None = None

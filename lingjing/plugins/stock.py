@@ -21,7 +21,7 @@ def booked(mirrors: Iterable[BodyState]) -> Accounts:
     accounts: dict[str, list[float]] = {}
     for state in mirrors:
         if not state.resources:
-            continue  # as of every background mover, and these are many
+            continue  # the usual case: every one of many background movers
         for account, amount in state.resources.items():
             if "@" in account:
                 accounts.setdefault(account, []).append(amount)

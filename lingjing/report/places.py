@@ -82,7 +82,7 @@ def _walk(top: Path, contents: PlaceContents) -> None:
         folders.sort()
         if RESULTS in files or any(here.joinpath(PARTS).glob("*.parquet")):
             contents.results.append(here)
-            folders.clear()  # its rows count, and its traces are those of rows
+            folders.clear()  # its rows count, and its traces belong to these rows
             continue
         if SEARCH in files and any(here.glob("candidate-*.txt")):
             contents.searches.append(here)

@@ -224,7 +224,7 @@ def _check_textures(file: GlbFile) -> None:
 
 def _trimesh() -> Any:
     try:
-        import fast_simplification  # noqa: F401 - asked for here, so that both are missed before work begins
+        import fast_simplification  # noqa: F401 - imported here to report both missing packages before work begins
         import trimesh
     except ImportError as error:
         hint = install_line("models")

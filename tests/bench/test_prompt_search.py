@@ -19,10 +19,10 @@ from tests.bench.suite_kit import EpisodeTask
 from tests.play.report_kit import ABORTED, blank_metrics
 
 WON = {"first": (), "worse": (), "better": (1, 2), "equal": (1, 3), "all": (1, 2, 3), "aborting": (), "dear": ()}
-"""Which seeds a prompt wins."""
+"""The seeds that each prompt wins."""
 
 ABORTING = {("aborting", 2): "the camera ended", ("dear", 1): "money: the limit of $1 does not cover another call"}
-"""Which episodes cannot be played, and why."""
+"""(prompt, seed) of episodes that cannot be played → the reason."""
 
 
 HOLES = "has holes that nothing fills: x"
@@ -132,7 +132,7 @@ def test_a_folder_of_another_search_is_refused(tmp_path: Path, played: list):
 def test_what_a_killed_episode_has_left_is_taken_away(tmp_path: Path, played: list):
     (tmp_path / "candidate-0-2").mkdir()
     (tmp_path / "candidate-0-2" / "trace.mcap.part").write_bytes(b"cut short")
-    search(tmp_path, Reviser("worse")).run("first", 1)  # the player refuses a folder that is there
+    search(tmp_path, Reviser("worse")).run("first", 1)  # the player rejects a folder that exists
 
 
 def test_candidates_are_compared_on_the_same_episodes_or_not_at_all(tmp_path: Path, played: list):

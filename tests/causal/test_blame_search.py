@@ -322,7 +322,7 @@ def test_what_no_replacement_wins_is_said() -> None:
     assert host.asked.count("all at once") == 3  # the last from the middle of the departures on
     assert searched(Lost(WAY, ORDER), branches=3).exhausted
     placebos = searched(Lost(WAY, ORDER), placebos=3).placebos
-    assert placebos is not None and placebos.uninvolved == 3  # however luck may repair what nothing that was tried does
+    assert placebos is not None and placebos.uninvolved == 3  # although a repair by chance remains possible
 
 
 class Hasty(MadeUp):
@@ -388,7 +388,7 @@ def test_what_is_certain_to_be_asked_is_said_ahead() -> None:
     narrowing = [plan for plan, what in requests if what == "which boundaries"]
     assert set(shares) <= host.said_ahead
     unforeseen = set(narrowing[1:]) - host.said_ahead
-    assert len(narrowing) > 3 and len(unforeseen) == 1  # its end depends on what its beginning, played before, replaces
+    assert len(narrowing) > 3 and len(unforeseen) == 1  # its end depends on the replacements at its beginning
 
 
 class Innocent(MadeUp):

@@ -297,7 +297,7 @@ def test_no_process_outlives_its_caller(lost: Trace) -> None:
         host = BranchHost(lost, options)
     host.play([BranchPlan(at=2)])
     group = host._process.pid
-    assert len(members(group)) > 2  # the driver, the camera, the boundaries that are held
+    assert len(members(group)) > 2  # the driver, the camera, the processes of held boundaries
     os.kill(group, signal.SIGKILL)
     wait_for(group, [])
     host.close()

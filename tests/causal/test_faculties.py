@@ -89,7 +89,7 @@ def test_what_is_right_is_said_of_parts_that_there_are(
     assert right_parts(right, right, at) == whole
     assert faculty not in right_parts(wrong, right, at)
     assert right_parts(Decision(), right, at) == set()  # a missing command or message is no part
-    assert right_parts(right, Decision(), at) == reports  # nor is what has nothing beside it, but what a picture shows
+    assert right_parts(right, Decision(), at) == reports  # without a reference, only what a picture shows
 
 
 def test_what_agrees_within_the_tolerances_is_left_as_it_is(sea: Instance) -> None:

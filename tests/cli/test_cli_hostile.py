@@ -120,7 +120,7 @@ def test_a_policy_that_meddles_with_the_output_ends_its_own_episode(short: Path,
 def test_a_killed_command_leaves_no_process(short: Path, request: pytest.FixtureRequest) -> None:
     (short / "plan").write_text("settle stay\n")
     process = subprocess.Popen(line(), cwd=short, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    request.addfinalizer(process.kill)  # of a failure too nothing is left that plays
+    request.addfinalizer(process.kill)  # a failure leaves no playing process either
     while not ((short / "settled").exists() and (short / "settled").read_text().strip()):
         assert process.poll() is None
         time.sleep(0.05)
@@ -129,5 +129,5 @@ def test_a_killed_command_leaves_no_process(short: Path, request: pytest.Fixture
     assert len(below) >= 4  # the fork server, a policy, the engines, and the program that the policy has started
     process.kill()
     process.communicate(timeout=1500)
-    while any(map(runs, below)):  # for ever, if one stayed
+    while any(map(runs, below)):  # loops until the test's time limit if a process stays
         time.sleep(0.05)

@@ -261,7 +261,7 @@ def test_control_c_ends_with_a_partial_trace_and_no_process(endless: Path, tmp_p
     assert answer["reason"] == "interrupted"
     assert Path(tmp_path / answer["trace"]) == part
     assert not (tmp_path / "out" / "trace.mcap").exists()
-    while any(map(is_running, workers)):  # for ever, if one stayed
+    while any(map(is_running, workers)):  # loops until the test's time limit if a process stays
         time.sleep(0.05)
     assert os.listdir(tmp_path / "out") == ["trace.mcap.part"]
 

@@ -50,7 +50,7 @@ def test_the_page_shows_the_episode_and_stays(tmp_path: Path) -> None:
         host, _, rest = url.removeprefix("http://").partition("/")
         connection = http.client.HTTPConnection(host, timeout=300)
         connection.request("GET", f"/follow{rest}")
-        assert b"event: ending" in connection.getresponse().read()  # it comes when the page has been told everything
+        assert b"event: ending" in connection.getresponse().read()  # it is sent after all steps of the page
         connection.close()
         connection.request("GET", f"/page-start{rest}")
         document = json.loads(connection.getresponse().read())

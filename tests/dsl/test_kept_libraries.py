@@ -33,7 +33,7 @@ def test_a_kept_library_is_the_checked_one(file: Path) -> None:
     for name, declared in checked.declared.items():
         assert type(kept.declared[name]) is type(declared)
         assert kept.declared[name] == declared
-        assert msgspec.json.encode(kept.declared[name]) == msgspec.json.encode(declared)  # 1 and 1.0 are equal too
+        assert msgspec.json.encode(kept.declared[name]) == msgspec.json.encode(declared)  # 1 == 1.0 in Python
 
 
 def test_a_changed_library_and_one_that_uses_it_are_checked_anew(

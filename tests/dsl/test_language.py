@@ -25,7 +25,7 @@ use std.sensors { nadir_hd }
 use std.traffic { destination }
 use std.logistics { drop_point, cargo_quadrotor }
 """
-# A statement's beginning → what stands in the mission if an example does not say it itself.
+# Beginning of a statement → the statement of the mission if an example does not have one.
 REST = {
     "goal": 'goal "Go."',
     "scene": "scene coastal { extent = 3000 m }",

@@ -60,7 +60,7 @@ def test_commands_report_a_missing_map(
         'suite = 1\nname = "s"\nmissions = ["m.ljs"]\nseeds = "1"\n[[entrants]]\npolicy = "random"\n'
     )
     message = "there is no `town.osm`"
-    for there in (False, True, False):  # nothing that is kept of an earlier look may count
+    for there in (False, True, False):  # no cached result may be used
         if there:
             Path("town.osm").write_text("<osm/>")
         else:

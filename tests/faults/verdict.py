@@ -58,7 +58,7 @@ def _file_faults(case: Injection, after: Aftermath, folder: Path) -> Iterator[st
     cleans_up = not case.lasting and case.kind not in (
         "name",
         "look",
-    )  # the failing call may be the one that removes files
+    )  # the failing call may remove files
     for name in after.left:
         if name.endswith((".mcap", ".mcap.part")):
             yield from _trace_faults(folder / name)

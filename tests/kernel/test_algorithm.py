@@ -238,7 +238,7 @@ def test_line_25_a_policy_past_its_deadline_is_not_waited_for(monkeypatch):
     over, usual = threading.Event(), PolicyBarrier._wait
 
     def patient(self, name, future, started):
-        if name == "scout[2]":  # whose answer comes at once, however long it may take on this machine
+        if name == "scout[2]":  # its answer comes without waiting, on a slow machine too
             concurrent.futures.wait([future])
         return usual(self, name, future, started)
 

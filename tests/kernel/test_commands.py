@@ -95,7 +95,7 @@ def test_a_rejection_by_the_engine_leaves_the_resource_free():
 def test_arguments_are_clipped_and_the_receipt_says_so():
     record = kernel_at_zero().step(kit.decisions(scout_1=does("hop", distance=80.0))).record
     assert record.commands[0].arguments == {"distance": 50.0}
-    (receipt,) = record.receipts  # one answer: the engine's, which says what was changed
+    (receipt,) = record.receipts  # one receipt, from the engine, with the changed value
     assert (receipt.status, receipt.reason, receipt.by) == ("accepted", "clipped", "glider")
     assert "80 → 50" in receipt.detail
 
@@ -227,7 +227,7 @@ def test_a_photo_needs_an_idle_resource_and_completes_in_its_boundary():
         (12_150.0, -3_120.0, "outside_world"),  # centimetres
         (349_000.0, 3_449_000.0, "outside_world"),  # a UTM grid
         (0.0, -1_500.1, "outside_world"),
-        (0.0, -1_500.0, "unreachable"),  # the city ends at 500 m; a kilometre more is the engine's to judge
+        (0.0, -1_500.0, "unreachable"),  # the city ends at 500 m; the engine decides on places up to a kilometre beyond
         (100.0, 100.0, ""),
     ],
 )

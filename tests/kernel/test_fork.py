@@ -64,4 +64,4 @@ def test_a_fork_that_differs_goes_its_own_way_and_leaves_its_parent_alone(kernel
     branch.world.close()
     control.world.close()
     assert changed[0] != parent[0]
-    assert refused[0] != parent[0]  # the receipt of the refusal is part of the story
+    assert refused[0] != parent[0]  # the fork must also repeat the receipt of the refusal

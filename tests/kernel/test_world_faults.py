@@ -127,12 +127,12 @@ def test_an_abort_leaves_its_trace_no_orphan_and_a_clean_next_episode(world, tmp
     assert message in outcome.detail
     assert outcome.cause == ("" if fault != "kill" else "camera-process" if where == "camera" else "world-process")
     assert not whole
-    # The partial trace has every boundary that was committed, in a chain that holds, and says how it ended.
+    # The partial trace has every committed boundary, a valid chain of digests, and the reason for the end.
     assert [record.tick for record in trace.boundaries] == list(range(outcome.ticks + 1))
     assert verify(trace, pixels=True) is None
     assert trace.outcome == outcome
     assert outcome.digest == trace.boundaries[-1].digest
-    # Nothing of the abort is left: no process of it, and the episode after it is the one before it.
+    # The abort leaves no process, and the next episode equals the one before it.
     deadline = time.monotonic() + 600
     while (left := (children() - before) - set(workers(world))) and time.monotonic() < deadline:
         time.sleep(0.02)

@@ -105,7 +105,7 @@ def test_star_goes_through_the_hub_in_two_ticks(name):
         order = says("assignment", to=(responder,), assignee=responder, task="go", position=place)
         second = play.do({hub: order})
         assert [who for who, box in second.inboxes.items() if box.messages] == [responder]
-        assert second.record.tick - first.record.tick == 1  # said on boundary 1, read by the responder at boundary 3
+        assert second.record.tick - first.record.tick == 1  # sent at boundary 1, received at boundary 3
         assert first.record.tick == 2 and second.record.tick == 3
 
 

@@ -131,7 +131,7 @@ def test_forked_episodes_are_those_of_fresh_processes_and_know_nothing_of_one_an
     assert users == [1, 2], "the worlds of one instance are forks of one holder"
     loaded = {path.name.partition("-")[2]: path.read_text() for path in tmp_path.glob("loaded-*")}
     assert len(loaded) == 4 * 3 + 2, "a process for each agent, and one in each run that reads the declaration"
-    streams = 3 * 3 + 1  # the fresh episode has those of the second
+    streams = 3 * 3 + 1  # the fresh episode has the modules of the second
     assert len(set(loaded.values())) == streams, "global random streams start from policy seed and agent"
     servers = {path.name.partition("-")[2] for path in tmp_path.glob("server-*")}
     assert not servers & set(loaded), "a policy was loaded in the process that episodes are forked from"

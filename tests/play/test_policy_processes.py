@@ -298,7 +298,7 @@ def test_a_killed_run_leaves_no_process(tmp_path: Path) -> None:
     process, mark = interrupted(tmp_path, "Signals")
     process.kill()
     process.communicate()
-    while marked_processes(mark):  # for ever, if it did not hold
+    while marked_processes(mark):  # loops until the test's time limit if it does not hold
         time.sleep(0.02)
 
 

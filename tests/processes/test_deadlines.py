@@ -117,7 +117,7 @@ def test_a_wait_that_goes_on_counts_before_it_is_over(monkeypatch):
     while not lefts or (lefts[-1] > 0.0 and len(lefts) < 50):
         lefts.append(own.left_s())
         toys.time.sleep(0.02)
-    assert len(lefts) == 50  # it was in the queue all the time, as it turned out
+    assert len(lefts) == 50  # it has waited for a processor during the whole time
 
 
 def test_a_sleeper_is_late():

@@ -98,8 +98,8 @@ def test_many_episodes_leave_nothing_open(server: ForkServer, tmp_path: Path) ->
     for _ in range(4):
         play()
     assert open_descriptors() == ours
-    at_rest = (1, {"[pidfd]": 1, "socket": 3})  # the camera process; its end, who told of it, and the caller
-    while (found := held(server.pid)) != at_rest:  # for ever, if something stayed open
+    at_rest = (1, {"[pidfd]": 1, "socket": 3})  # the camera process; its end, the listener of its end, and the caller
+    while (found := held(server.pid)) != at_rest:  # waits until the test's time limit if a descriptor stays open
         assert found[0] >= 1
         time.sleep(0.02)
 

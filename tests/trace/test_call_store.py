@@ -163,7 +163,7 @@ def test_a_call_that_cannot_be_stored_is_an_error(tmp_path: Path, monkeypatch: p
 def test_a_full_disk_is_an_error_and_stored_calls_remain(tmp_path: Path) -> None:
     store = CallStore(tmp_path / CALLS_NAME, EPISODE)
     store.begin("scout", question(0, "hello"), CallResult(text="hi"))
-    store._file.execute("PRAGMA max_page_count = 64")  # SQLite then says what it says of a full disk
+    store._file.execute("PRAGMA max_page_count = 64")  # SQLite then raises the error of a full disk
     with pytest.raises(InfrastructureError, match="full"):
         for tick in range(1, 100):
             store.begin("scout", question(tick, str(tick) * 10_000))

@@ -48,7 +48,7 @@ def test_the_page_receives_the_end_of_a_killed_run(tmp_path: Path, monkeypatch: 
     reader = threading.Thread(target=lambda: events.extend(item for item in served.follow(0) if item[0]))
     reader.start()
     reader.join(3 * live.LEFT_S)
-    assert reader.is_alive() and is_being_written(part_path(path))  # it stands still, and its writer is there
+    assert reader.is_alive() and is_being_written(part_path(path))  # the file does not grow, and its writer still runs
     assert json.loads(served.page_start())["live"] is True
     run.send_signal(signal.SIGKILL)
     run.communicate()

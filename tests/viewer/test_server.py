@@ -176,7 +176,7 @@ def test_a_connection_without_a_request_is_dropped(server: ViewServer) -> None:
     with silent, slow:
         slow.sendall(b"GET /page-start HTTP/1.1\r\nX: ")
         with pytest.raises(OSError):
-            while True:  # single bytes over time are no request either
+            while True:  # single bytes at intervals are no request either
                 slow.sendall(b"x")
                 time.sleep(0.05)
         assert silent.recv(1) == b""

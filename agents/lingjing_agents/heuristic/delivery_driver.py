@@ -72,7 +72,7 @@ class DeliveryDriver:
         late = self._brief.hub is not None and tick >= HUB_PATIENCE_TICKS and not any(self._shares.values())
         if self._planned or (self._brief.hub is not None and not late) or not seen.demands_kg:
             return
-        if set(seen.places) != set(seen.demands_kg):  # places or demands are still to be told
+        if set(seen.places) != set(seen.demands_kg):  # places or demands are not known yet
             return
         assert seen.depot is not None
         plan = tours(seen.depot, seen.places, seen.demands_kg, self._payload)

@@ -184,9 +184,7 @@ def _most(options: ReactOptions, profile: ModelProfile, shape: EpisodeShape, rol
     calls = sum(shape.roles.values()) * shape.ticks * (1 + options.repairs + options.crops)
     images = options.images * (1 if options.tiles == 1 else 1 + options.tiles**2) if profile.traits.images else 0
     shortest = max(role.system / role.calls + role.late_state / role.late_calls for role in roles)
-    whole = shortest + images * profile.pictures.count(
-        FULL_PICTURE
-    )  # the part that is sent even if it exceeds the budget
+    whole = shortest + images * profile.pictures.count(FULL_PICTURE)  # is sent even if it exceeds the budget
     prompt, answer = max(options.request_tokens - options.max_tokens, round(whole)), options.max_tokens
     return CallSum(
         calls=calls, prompt_tokens=calls * prompt, completion_tokens=calls * answer,

@@ -157,4 +157,4 @@ def _checked(call: Callable[[], object]) -> None:
     try:
         call()
     except UsageError as error:
-        raise ValueError(f"cannot be used: {error}") from error  # the hint of the cause is that of the fault
+        raise ValueError(f"cannot be used: {error}") from error  # the fault keeps the hint of its cause

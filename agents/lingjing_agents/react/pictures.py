@@ -115,7 +115,7 @@ def _ground(picture: Picture, brief: Brief) -> dict[str, object]:
     columns, rows = _even(_COLUMNS), _even(_ROWS)
     places = _grid(picture, brief, columns, rows)
     heights = [place[2] for row in places for place in row if place is not None]
-    if heights and max(heights) - min(heights) <= _FLAT_M:  # a plane: fewer points say the same
+    if heights and max(heights) - min(heights) <= _FLAT_M:  # a plane: fewer points describe it fully
         columns = _even(_COARSE_COLUMNS)
         rows = _even(_COARSE_ROWS) if picture.pose.tilt_deg > _AHEAD_DEG else _below_horizon(picture.pose)
         places = _grid(picture, brief, columns, rows)

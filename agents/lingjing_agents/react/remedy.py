@@ -26,7 +26,7 @@ def remedy(error: ModelError, images: tuple[bytes, ...], schema: bytes | None) -
         return "another base_url or model"
     if error.status not in (400, 413, 422):
         return ""
-    text = str(error).lower().partition(": ")[2]  # the words before are not the service's
+    text = str(error).lower().partition(": ")[2]  # the words before it are this package's
     if any(word in text for word in ("image", "picture", "payload")) and any(word in text for word in _TOO_LARGE):
         return "a smaller image_side or lower images, for all models that are compared"
     ways = [

@@ -29,7 +29,7 @@ _SENSORS = {GNSS: ("receiver", "m8"), IMU: ("inertial unit", "bmi088")}
 
 
 class AgentChecker(DeclarationChecker):
-    """A method for each kind of declaration. It returns its part of the graph, or None if it is faulty."""
+    """Checks agents, messages and reveals. A method for each returns its part of the graph, or None if it is faulty."""
 
     def __init__(self, blocks: BlockReader, settings: SettingsChecker, entities: EntityChecker) -> None:
         super().__init__(blocks)

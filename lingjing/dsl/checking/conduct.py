@@ -25,7 +25,7 @@ CLAIMS = "claims"
 
 
 class ConductChecker(DeclarationChecker):
-    """A method for each kind of declaration. It returns its part of the graph, or None if it is faulty."""
+    """Checks constraints of conduct. A method for each kind returns its part of the graph, or None if it is faulty."""
 
     def __init__(self, blocks: BlockReader, settings: SettingsChecker, rules: RuleChecker) -> None:
         super().__init__(blocks)

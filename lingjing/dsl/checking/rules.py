@@ -21,7 +21,7 @@ _REQUIREMENT_HINT = "a requirement reads declared places and properties, params 
 
 
 class RuleChecker(DeclarationChecker):
-    """A method for each kind of declaration. It returns its part of the graph, or None if it is faulty."""
+    """Checks rules and stages. A method for each kind returns its part of the graph, or None if it is faulty."""
 
     def __init__(self, blocks: BlockReader, settings: SettingsChecker) -> None:
         super().__init__(blocks)

@@ -69,7 +69,7 @@ def _option_key(name: str, option: SceneOption, own: bool) -> PropertyKey:
 
 
 class SettingsChecker(DeclarationChecker):
-    """A method for each kind of declaration. It returns its part of the graph, or None if it is faulty."""
+    """Checks settings of a mission. A method for each kind returns its part of the graph, or None if it is faulty."""
 
     def declare(self, name: s.Name, symbol: DeclaredName) -> None:
         """Register a name for expressions. Reports a second declaration, and a name with a built-in meaning."""

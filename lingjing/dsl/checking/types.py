@@ -52,7 +52,7 @@ COMMON_KEYS = (
 
 
 class TypeChecker(DeclarationChecker):
-    """A method for each kind of declaration. It returns the declaration, or None if it is faulty."""
+    """Checks types and records. A method for each kind returns the declaration, or None if it is faulty."""
 
     def __init__(self, blocks: BlockReader) -> None:
         super().__init__(blocks)

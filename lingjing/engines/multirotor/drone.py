@@ -175,7 +175,7 @@ class Drone(Aircraft):
                 self._steered, self._landing = None, True
             return
         if tilted and self._steered is None:
-            self._steered = self.velocity  # so that a set-point of no velocity brakes
+            self._steered = self.velocity  # so that a set-point of velocity 0 brakes
         self._steer((number(command, "east"), number(command, "north"), number(command, "up")), grounded=grounded)
         heading = optional_number(command, "heading")
         if heading is not None:

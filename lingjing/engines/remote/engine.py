@@ -118,7 +118,7 @@ class RemoteEngine:
             request = Request(PROFILES["open_vocab"].reset, fields)
             exchange = self._link.exchange([request], settings.reply_s)
             (reply,) = exchange.replies
-            if reply is None:  # as the paper's system does: again without ids, and on without an acknowledgement
+            if reply is None:  # as the paper's system does: retry without ids, then continue without an acknowledgement
                 again = self._link.exchange([Request(request.command, fields, wants_reply=False)], 0.0)
                 return None, {}, (*exchange.events, *again.events)
             self._check(reply)

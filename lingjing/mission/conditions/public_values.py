@@ -82,7 +82,7 @@ def _of_group(group: model.Group) -> Iterator[PublicValue]:
     for verb in group.verbs:
         for each in verb.arguments:
             for bound in (each.minimum, each.maximum, each.default):
-                if not isinstance(bound, CONSTANT):  # as nearly all are, of each verb of each of many assets
+                if not isinstance(bound, CONSTANT):  # skips constants, which nearly all bounds are
                     yield PublicValue(name, f"the bound of the action `{verb.name}`", bound)
     for spec in group.interactions:
         yield from _all(name, f"the interaction `{spec.name}` of `{name}`", (spec.within, spec.lasting, spec.aboard))

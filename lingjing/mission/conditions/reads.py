@@ -120,7 +120,7 @@ class Reader:
                 for over_time in _over_time_in(expr):  # inside of `count(held(…) for …)`
                     inner = place._replace(necessary=False)
                     yield from self._leaves(over_time, {**names, **_bound_in(expr)}, inner)
-                for call in _rules_in(expr):  # inside of `count(…)` and the like
+                for call in _rules_in(expr):  # inside of `count(…)` and other aggregates
                     yield from self._called(call, {**names, **_bound_in(expr)}, place._replace(necessary=False))
 
     def _leaf(
@@ -341,7 +341,7 @@ class Reader:
             if carrier.role == "asset"
             for cause in _picture_causes(self._of, carrier, "")
         )
-        # The true box of a public target tells nothing but the worth of a report, which is in the trace alone.
+        # The true box of a public target reveals only whether a report matches, which is in the trace alone.
         hidden = group is None or self._hides_place(group)
         owner = group.name if group else ""
         indirect = _is_bound(call.arguments[0])

@@ -121,7 +121,7 @@ def _listed(draw: ex.Draw, scope: Scope) -> tuple[Value, ...]:
     return values[0] if len(values) == 1 and isinstance(values[0], tuple) else values
 
 
-@lru_cache(4096)  # a proof asks for the same few pairs of places again and again
+@lru_cache(4096)  # a proof queries the same few pairs of places many times
 def _between(first: geometry2d.Polygon, second: geometry2d.Polygon) -> float:
     if len(first) == 1 and len(second) == 1:
         return math.dist(first[0], second[0])

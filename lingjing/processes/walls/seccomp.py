@@ -138,7 +138,7 @@ def _program(architecture: int, own_pid: int, further: tuple[str, ...]) -> list[
         (_EQUAL, 1, 0, architecture),
         _return(_KILL),
         _load(_NUMBER_AT),
-        (_GREATER_OR_EQUAL, 0, 1, _FIRST_UNKNOWN),  # those of x32 too
+        (_GREATER_OR_EQUAL, 0, 1, _FIRST_UNKNOWN),  # system calls of x32 too
         _return(_ERROR | errno.ENOSYS),
     ]
     for name in (*_DENIED, *further):

@@ -137,7 +137,7 @@ def build(
     on_phase("writing the city")
     city = write_store(cached or target, light, pieces, {SUMMARY_FILE: encode(summary)})
     if cached is not None and cached != target:
-        city = copy_store(cached, target)  # so that the same map is known again wherever it is asked for
+        city = copy_store(cached, target)  # the city in the cache serves later builds into any folder
     return Built(city, target, summary, cached=False)
 
 

@@ -63,7 +63,7 @@ def _prepare(host: PluginHost, names: tuple[str, ...]) -> None:
     from lingjing.dsl.loading import load  # noqa: F401 - imported for its modules
 
     for name in names:
-        with suppress(InfrastructureError):  # a package is missing; a scenario with its bodies says so
+        with suppress(InfrastructureError):  # a package is missing; a scenario with bodies of its engine reports this
             host.engine(name).factory().close()
 
 

@@ -67,7 +67,7 @@ class EngineServer:
             raise UsageError(f"cannot listen at {host} port {port}: {reason}", hint=hint) from error
         self.port: int = listening.getsockname()[1]
         logging.getLogger("websockets.server").addHandler(logging.NullHandler())
-        logging.getLogger("websockets.server").propagate = False  # broken handshakes are the client's matter
+        logging.getLogger("websockets.server").propagate = False  # the client reports broken handshakes
         self._server = serve(
             self._talk, sock=listening, create_connection=_quiet(ServerConnection), open_timeout=_HANDSHAKE_S,
             process_request=self._admit, compression=None, max_size=MOST_FRAME, server_header=None,

@@ -112,9 +112,7 @@ class FireSearcher:
         polygons = tuple(region.polygon for region in brief.regions if region.polygon)
         corners = tuple(corner for polygon in polygons for corner in polygon)
         self._movement = DogMovement(body, ObstacleGrid(GroundRectangle.around(corners, MARGIN_M)))
-        self._sight = ObstacleGrid(
-            self._movement.map.bounds
-        )  # also holds distant, uncertain walls, because they hide ground
+        self._sight = ObstacleGrid(self._movement.map.bounds)  # with distant, uncertain walls, which hide ground too
         self._seen_ground, self._fires = SeenGround(polygons, visible=self._is_visible), KnownFires()
         self._half_deg = camera.hfov_deg / 2.0
         self._goal: GroundPoint | None = None
