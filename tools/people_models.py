@@ -107,7 +107,7 @@ class Body:
         self.joints: list[Array] = []
 
     def add(self, soup: Soup, bind: Binding) -> None:
-        """Add triangles."""
+        """Add triangles that are bound to joints."""
         first, second, weight = bind(soup.corners.reshape(-1, 3))
         self.soups.append(soup)
         self.joints.append(np.stack([first, second, weight], 1))

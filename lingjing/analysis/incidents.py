@@ -38,7 +38,7 @@ _TOLERANCE_S = 1e-6
 
 
 class Incident(msgspec.Struct, frozen=True, kw_only=True):
-    """One incident."""
+    """A collision, fall or other mishap of a body."""
 
     kind: str
     """`collided`, `battery_empty`, `fuel_empty`, `fell`, `drowned`, or a status without an event that explains it:

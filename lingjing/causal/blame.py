@@ -168,7 +168,7 @@ def _repair_order(repair: _Repair) -> tuple[bool, bool, int, int, int]:
 
 
 class _Search:
-    """One search."""
+    """One search for the causes of a loss."""
 
     def __init__(self, host: BranchHost, options: BlameOptions) -> None:
         self._host = host

@@ -78,7 +78,7 @@ class Candidate:
 
 @dataclass
 class CandidatePlayer:
-    """Plays candidates."""
+    """Plays candidates and logs their verdicts."""
 
     trace: Trace
     signature: FailureSignature

@@ -127,7 +127,7 @@ class _Best:
 
 
 class _Shrinking:
-    """One search."""
+    """One search for a smaller mission that fails alike."""
 
     def __init__(
         self, trace: Trace, mission: Mission, player: CandidatePlayer, signature: FailureSignature, out: Path,

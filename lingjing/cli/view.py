@@ -109,7 +109,9 @@ def _rerun(trace: Trace, args: argparse.Namespace) -> int:
         say_written(path)
         return ExitCode.OK
     if args.no_open:
-        raise UsageError("--rerun opens Rerun's viewer", hint="remove --no-open, or write a file: -o episode.rrd")
+        raise UsageError(
+            "--rerun and --no-open contradict each other", hint="remove --no-open, or write a file: -o episode.rrd"
+        )
     with tempfile.TemporaryDirectory(prefix="lingjing-") as folder:
         path = Path(folder) / "episode.rrd"
         write_rerun(trace, path, truth=args.truth)

@@ -31,7 +31,7 @@ class TemporalCall:
     """One call of a function over time in the conditions of an instance."""
 
     call: Call
-    """The call."""
+    """The call of `held`, `within`, `before` or `count`."""
     key: str
     """Its text, under which `Registry.memory` keeps its past."""
     domains: tuple[tuple[str, str], ...]

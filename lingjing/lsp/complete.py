@@ -24,7 +24,7 @@ from lingjing.mission.units import ANGLE, BY_NAME, NONE, SPEED, UNITS, Dimension
 
 @dataclass(frozen=True, slots=True)
 class CompletionItem:
-    """One proposal."""
+    """A proposal for the text at the cursor."""
 
     label: str
     """The inserted text."""
@@ -214,7 +214,7 @@ class _Completer:
         yield from (CompletionItem(name, "type", "camera preset") for name in self.scope.cameras)
 
     def regions(self) -> Iterator[CompletionItem]:
-        """The regions."""
+        """Yield the regions of the mission."""
         for name, symbol in self.scope.symbols.items():
             if symbol.kind == "region":
                 yield CompletionItem(name, "name", "region")

@@ -44,11 +44,11 @@ class ExpressionWriter:
         return f"{amount} {unit}" if unit else amount
 
     def quoted(self, text: str) -> str:
-        """A text."""
+        """Return a text in quotes."""
         return f'"{text}"'
 
     def name(self, node: ex.Ref) -> str:
-        """A reference."""
+        """Return the name of a reference."""
         return node.name
 
     def field(self, owner: ex.Expr, name: str, names: LocalNames) -> str:

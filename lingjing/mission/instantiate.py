@@ -126,7 +126,7 @@ class _Drawn(NamedTuple):
 
     @property
     def members(self) -> tuple[Entity, ...]:
-        """All entities."""
+        """All entities of the existing groups."""
         return tuple(entity for group in self.groups.values() for entity in group.members)
 
     @property

@@ -44,7 +44,7 @@ class FrameAnswer:
 
 
 class FrameDetector(Protocol):
-    """One detector."""
+    """A detector of targets in single pictures."""
 
     def answer(self, question: FrameQuestion) -> FrameAnswer:
         """Return the answer for a picture. Raises `InfrastructureError` if no picture can be answered."""

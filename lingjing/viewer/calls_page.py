@@ -59,7 +59,7 @@ class CallDecision(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class CallEntry(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One call."""
+    """One model call, as the page shows it."""
 
     agent: str
     tick: int

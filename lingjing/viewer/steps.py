@@ -50,7 +50,7 @@ class PictureView(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class PictureNote(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A picture."""
+    """A picture of a boundary, as the page shows it."""
 
     id: str
     entity: str
@@ -78,7 +78,7 @@ class ReportNote(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class EventNote(msgspec.Struct, frozen=True):
-    """An event."""
+    """An event of a boundary, as the page shows it."""
 
     kind: str
     """`good` (an adjudicated event or a completed stage), `bad` (an incident or a substituted decision) or `plain`."""

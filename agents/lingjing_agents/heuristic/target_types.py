@@ -33,7 +33,7 @@ class TargetType:
     words: tuple[str, ...]
     """Words of which the class's name contains one."""
     find: ColourRule
-    """The detector."""
+    """The function that detects targets of this type by their colour."""
     done: str = ""
     """Beginning of the name of the event that reports a target as served."""
     task: str = ""

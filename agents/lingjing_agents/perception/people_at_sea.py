@@ -88,7 +88,7 @@ LONGEST_M = RULES["length_m"][3]
 
 @dataclass(frozen=True, slots=True)
 class FoundBox:
-    """A detection."""
+    """A detected person, with its box."""
 
     box: ImageBox
     """Normalised x0, y0, x1, y1; origin top left."""

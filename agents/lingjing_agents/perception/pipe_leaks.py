@@ -50,7 +50,7 @@ SPECKS = 1.0
 
 @dataclass(frozen=True, slots=True)
 class PipeLeak:
-    """A leak."""
+    """A detected leak of a pipeline."""
 
     box: ImageBox
     """Normalised x0, y0, x1, y1."""

@@ -179,7 +179,7 @@ class Study(Protocol):
 
     @property
     def planned(self) -> Planned:
-        """Its plan."""
+        """The plan of the study."""
 
     @property
     def run(self) -> SuiteRun:

@@ -107,7 +107,7 @@ class Library(msgspec.Struct, frozen=True):
 
     @property
     def missions(self) -> dict[str, MissionDecl]:
-        """Its missions."""
+        """The missions of the file, by name."""
         return {name: decl for name, decl in self.declared.items() if isinstance(decl, MissionDecl)}
 
 

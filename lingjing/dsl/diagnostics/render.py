@@ -112,7 +112,7 @@ def _counted(number: int, noun: str, several: str = "") -> str:
 
 
 class _Plain:
-    """Plain text."""
+    """Rendering as plain text."""
 
     @staticmethod
     def put(_colour: str, text: str) -> str:
@@ -120,7 +120,7 @@ class _Plain:
 
 
 class _Ansi(_Plain):
-    """ANSI colours."""
+    """Rendering with ANSI colours."""
 
     @staticmethod
     def put(_colour: str, text: str) -> str:

@@ -174,7 +174,7 @@ class Printer:
     # -- settings
 
     def goal(self) -> Iterable[str]:
-        """The goal."""
+        """Yield the lines of the goal."""
         texts = [long_text(self.mission.goal, 4)]
         texts += [f"{language} {long_text(text, 4)}" for language, text in self.mission.goals.items()]
         yield "\n".join(f"goal {text}" for text in texts) + "\n"
@@ -191,7 +191,7 @@ class Printer:
         yield block(f"scene {scene.kind}", options) if options else f"scene {scene.kind}"
 
     def clock(self) -> Iterable[str]:
-        """The clock."""
+        """Yield the lines of the clock."""
         yield block("clock", self._fields(self.mission.clock, "="))
 
     def budget(self) -> Iterable[str]:
@@ -199,13 +199,13 @@ class Printer:
         yield block("budget", self._fields(self.mission.budget, "<="))
 
     def weather(self) -> Iterable[str]:
-        """The weather."""
+        """Yield the lines of the weather."""
         lines = [*self.properties(self.mission.weather), *self.alternatives(self.mission.weather_alternatives)]
         if lines:
             yield block("weather", lines)
 
     def mode(self) -> Iterable[str]:
-        """The modes."""
+        """Yield the line of the modes."""
         modes = self.mission.modes
         if modes.allowed == (modes.default,) and modes.default not in ("star", "broadcast"):
             yield f"mode {modes.default}"
@@ -277,7 +277,7 @@ class Printer:
         return f" = {self.text(first.default, RANGE)}{'' if same else bounds}"
 
     def agents(self) -> Iterable[str]:
-        """Agents."""
+        """Yield the lines of the agents."""
         for agent in self.mission.agents:
             controls = f" controls {', '.join(map(self.text, agent.controls))}" if agent.controls else ""
             head = f"agent {agent.name}{self._count(agent)} as {agent.role}{controls}{self._when(agent.when)}"
@@ -316,7 +316,7 @@ class Printer:
     # -- the course of the episode
 
     def events(self) -> Iterable[str]:
-        """Events."""
+        """Yield the lines of the events."""
         for event in self.mission.events:
             lines = [line for change in event.changes for line in self._change(change)]
             yield block(f"event {event.name}{self._event_head(event)}", lines, spread=len(lines) > 1)
@@ -339,7 +339,7 @@ class Printer:
             yield block(f"tier {tier.level}", lines)
 
     def sweeps(self) -> Iterable[str]:
-        """Sweeps."""
+        """Yield the lines of the sweeps."""
         for sweep in self.mission.sweeps:
             axes = ", ".join(
                 f"{name} in [{', '.join(map(self.text, values))}]"
@@ -411,7 +411,7 @@ class Printer:
         return "\n".join(line.removeprefix("  ") for line in inside.splitlines()[1:-1])
 
     def text(self, node: ex.Expr, rank: int = 0, names: LocalNames | None = None) -> str:
-        """An expression."""
+        """Return the text of an expression."""
         return self.phrases.text(node, rank, names)
 
     def alternatives(self, alternatives: Iterable[model.Alternative]) -> list[str]:

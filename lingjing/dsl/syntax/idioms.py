@@ -14,13 +14,13 @@ LONGEST = 400
 
 
 class Idiom(NamedTuple):
-    """One phrase."""
+    """A phrase of another language or of prose, and its form in this language."""
 
     pattern: re.Pattern[str]
     """Matches in the text of a statement, up to the end of its line."""
     message: str
     hint: str
-    """The way out; groups of the pattern may stand in it by name."""
+    """The hint of the message; groups of the pattern may stand in it by name."""
 
 
 def _idiom(pattern: str, message: str, hint: str) -> Idiom:

@@ -13,7 +13,7 @@ from lingjing.dsl.syntax.statements import KINDS
 
 
 class Token(msgspec.Struct, frozen=True, gc=False):
-    """One token."""
+    """A token of a text: a word, a number, a text or a sign."""
 
     type: str
     """Kind of the token: a key of the grammar."""

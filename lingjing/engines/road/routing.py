@@ -29,7 +29,7 @@ _SAME_EDGE_MARGIN_M = 1.0
 
 @dataclass(frozen=True, slots=True)
 class DrivingWay:
-    """A route."""
+    """A route along edges of the road network."""
 
     edges: tuple[str, ...]
     """Edges from the start's to the goal's."""

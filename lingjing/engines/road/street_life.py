@@ -39,7 +39,7 @@ _COLOURS = (("Gg", "signal_green"), ("yY", "signal_amber"))
 
 @dataclass(slots=True)
 class _Walker:
-    """A pedestrian."""
+    """A pedestrian of the background traffic."""
 
     id: str
     """Id in the simulation."""

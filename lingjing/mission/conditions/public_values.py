@@ -23,7 +23,7 @@ class References(NamedTuple):
 
 
 class PublicValue(NamedTuple):
-    """One value."""
+    """A value of a declaration that agents may learn."""
 
     name: str
     """The declaration that has it."""

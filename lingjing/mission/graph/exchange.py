@@ -77,7 +77,7 @@ class ExchangeNode(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
 
 
 class ExchangeEdge(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, forbid_unknown_fields=True):
-    """One edge."""
+    """An edge between two nodes of the graph."""
 
     source: str
     target: str

@@ -60,7 +60,7 @@ EdgeKind = Literal[
 
 
 class GraphNode(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """One declaration."""
+    """A node of the graph: one declaration of the mission."""
 
     id: str
     kind: NodeKind

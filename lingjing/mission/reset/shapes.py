@@ -236,7 +236,7 @@ def _headings(compass: Mapping[str, float | None], yaw: float | None, place: Coo
 
 
 class Equipment(DocumentPart):
-    """One entity. `heading` and `raw` are compass degrees, `yaw` is Unreal's, here or in `data`."""
+    """One entity of `equipmentList`. `heading` and `raw` are compass degrees, `yaw` is Unreal's, here or in `data`."""
 
     equipment_code: Code = ""
     name: str = ""
@@ -355,7 +355,7 @@ class Lingjing(DocumentPart):
 
 
 class Scenario(DocumentPart):
-    """The scenario."""
+    """The object `scenario` of a document."""
 
     command_type: Literal["resetScenario"] = "resetScenario"
     scene_name: str = ""

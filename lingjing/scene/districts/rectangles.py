@@ -29,7 +29,7 @@ class Rect(NamedTuple):
 
     @property
     def centre(self) -> tuple[float, float]:
-        """The centre."""
+        """The centre of the rectangle, metres."""
         return (self.west + self.east) / 2.0, (self.south + self.north) / 2.0
 
     @property

@@ -29,7 +29,7 @@ JOINT_DEG = 35.0
 
 @dataclass(frozen=True, slots=True)
 class Door:
-    """An entrance."""
+    """An entrance of a building."""
 
     place: Vector2
     """A point 0.3 m in front of it, metres."""
@@ -58,7 +58,7 @@ class CityView:
 
     @cached_property
     def buildings(self) -> tuple[Building, ...]:
-        """All buildings."""
+        """All buildings of the city."""
         return tuple(building for tile in self.tiles for building in tile.buildings)
 
     @cached_property

@@ -50,7 +50,7 @@ class Controls:
 
     @property
     def course(self) -> Course:
-        """The demand."""
+        """The demanded motion of the car."""
         if self.brakes:
             return "stop"
         return "right" if self.steering >= _TURN else "left" if self.steering <= -_TURN else "forward"

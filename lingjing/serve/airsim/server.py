@@ -36,7 +36,7 @@ _FAREWELL_S = 5.0
 
 
 class Client:
-    """One connection."""
+    """The connection of one client."""
 
     def __init__(self, connection: socket.socket, name: str) -> None:
         self.name = name

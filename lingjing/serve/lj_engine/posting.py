@@ -35,7 +35,7 @@ class _NoRedirect(urllib.request.HTTPRedirectHandler):
     """Follows no redirection: it could lead to another host."""
 
     def redirect_request(self, *arguments: object) -> None:
-        """Refuse."""
+        """Follow no redirection."""
         return
 
 

@@ -82,7 +82,7 @@ class _ApproachedWall:
     """The wall that the walker is guided to."""
 
     wall: BuildingWall
-    """The wall."""
+    """The wall that pictures have shown."""
     end: GroundPoint
     """The end of the path."""
     stood: int = 0

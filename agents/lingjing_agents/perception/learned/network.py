@@ -40,7 +40,7 @@ HALO_ROWS = 1 + 1 + 2 + 4
 
 @dataclass(frozen=True, slots=True)
 class IntegerLayer:
-    """One convolution."""
+    """One convolution with integer weights."""
 
     weights: npt.NDArray[np.float32]
     """(taps × channels in, channels out), whole numbers."""
