@@ -19,7 +19,7 @@ import msgspec
 
 from lingjing.dsl.formatting.formatter import format_text
 
-VERSION = 1
+VERSION = 2
 """The version of the composition. Another one gives other missions for the same seeds."""
 
 Engine = Literal["road", "quadruped", "multirotor", "vessel"]
@@ -63,7 +63,7 @@ BODIES = (
         places=("(0 m, 6 m, 0.3 m)", "(8 m, 6 m, 0.3 m)", "(-8 m, 6 m, 0.3 m)"),
     ),
     Body(
-        group="boat", type="lifeboat", use="std.sea", engine="vessel", role="skipper", speed_mps=1.5,
+        group="boat", type="lifeboat", use="std.sea", engine="vessel", role="skipper", speed_mps=2.0,
         actions="moveTo", places=("(80 m, -1050 m)", "(130 m, -1050 m)", "(180 m, -1050 m)"), extra="heading = 0 deg",
     ),
 )  # fmt: skip
@@ -80,6 +80,8 @@ class Errand(msgspec.Struct, frozen=True, kw_only=True):
     """The library of the type; "" for a type that the mission's file declares."""
     declaration: str = ""
     """The properties of a type of its own."""
+    needs_roofs: bool = False
+    """True for targets on flat roofs, which towns of houses with pitched roofs lack."""
 
 
 def _own(name: str, interaction: str, engine: Engine, surface: str, within_m: int, lasting_s: int = 0) -> Errand:
@@ -88,11 +90,16 @@ def _own(name: str, interaction: str, engine: Engine, surface: str, within_m: in
     where = f"on = {surface}, " if surface else ""
     lines = f"engine = city\n  {where}look = none, shape = none\n"
     lines += f"  interaction {interaction} {{ by = {engine}, within = {within_m} m{stay}, told = all }}"
-    return Errand(group=name, interaction=interaction, engine=engine, type=name, declaration=lines)
+    return Errand(
+        group=name, interaction=interaction, engine=engine, type=name, declaration=lines,
+        needs_roofs=surface == "roof",
+    )  # fmt: skip
 
 
 ERRANDS = (
-    Errand(group="fire", interaction="extinguish", engine="road", type="building_fire", use="std.fire"),
+    Errand(
+        group="fire", interaction="extinguish", engine="road", type="building_fire", use="std.fire", needs_roofs=True
+    ),
     Errand(group="stop", interaction="arrive", engine="road", type="destination", use="std.traffic"),
     _own("parcel", "collect", "road", "road", 30),
     _own("patient", "load", "road", "road", 40, 20),
@@ -101,21 +108,33 @@ ERRANDS = (
     _own("valve", "close", "quadruped", "ground", 6),
     _own("sensor", "read", "quadruped", "ground", 8, 10),
     Errand(group="jam", interaction="record", engine="multirotor", type="congestion", use="std.traffic"),
-    _own("roof", "survey", "multirotor", "roof", 40),
-    _own("mast", "scan", "multirotor", "ground", 40, 20),
+    _own("roof", "survey", "multirotor", "roof", 25),
+    _own("mast", "scan", "multirotor", "ground", 25, 20),
     Errand(group="victim", interaction="rescue", engine="vessel", type="person_in_water", use="std.sea"),
-    _own("buoy", "service", "vessel", "", 40, 10),
+    _own("buoy", "service", "vessel", "", 20, 10),
 )
 
 PLANS = ("each", "chain", "return", "meet")
 """The courses of a mission: all errands of one group; a second group that waits for the first; an errand and the way
 back to the start; all bodies at one place."""
 _LAND = ("residential", "industrial", "commercial", "campus", "logistics")
+_WITH_FLAT_ROOFS = ("industrial", "commercial", "campus", "logistics")
 _REACH_M: dict[Engine, tuple[int, int]] = {
-    "road": (120, 220), "quadruped": (25, 60), "multirotor": (80, 200), "vessel": (80, 160)
+    "road": (150, 220), "quadruped": (30, 60), "multirotor": (150, 220), "vessel": (250, 330)
 }  # fmt: skip
-"""Half the side of the region of an engine's targets, least and most (chosen; small, so that episodes are short)."""
-_SLACK = 2.0
+"""Half the side of the region of an engine's targets, least and most, metres (chosen: small, so that episodes are
+short, and large against the reach of the errands, so that random ways rarely pass all targets)."""
+_LEAST_TARGETS: dict[Engine, int] = {"road": 1, "quadruped": 1, "multirotor": 2, "vessel": 2}
+"""Fewest targets of an engine: one target alone is often passed by chance where nothing is in the way."""
+_MEETING_M: dict[Engine, tuple[int, int]] = {
+    "road": (150, 60), "quadruped": (100, 30), "multirotor": (150, 60), "vessel": (250, 60)
+}  # fmt: skip
+"""Distance of the region of a meeting from the start and half its side, metres: no place in it is within the 40 m of a
+meeting from the start."""
+_WATER = (100, -1250)
+"""Centre of the regions at sea, metres; boats begin 200 m north of it."""
+_BOATS = (130, -1050)
+_SLACK = 1.5
 """Budget of ticks over the estimate (chosen)."""
 _LEAST_TICKS = 8
 
@@ -141,6 +160,9 @@ class _Part(msgspec.Struct, frozen=True):
     targets: int
     bodies: int
     half_m: int
+    centre: tuple[int, int]
+    way_m: float
+    """Distance from the start to the centre of the region."""
     hidden: bool
 
     @property
@@ -163,13 +185,31 @@ def compose(seed: int) -> Composed:
         names = {part.errand.group for part in parts}
         fitting = [errand for errand in ERRANDS if errand.engine == body.engine and errand.group not in names]
         hidden = chance.random() < 0.25
-        targets, members = (1, chance.randint(2, 3)) if plan == "meet" else (chance.randint(1, 3), chance.randint(1, 2))
-        half_m = chance.randint(*_REACH_M[body.engine])
-        parts.append(_Part(chance.choice(fitting), body, targets, members, half_m, hidden))
+        least = _LEAST_TARGETS[body.engine]
+        targets, members = (
+            (1, chance.randint(2, 3)) if plan == "meet" else (chance.randint(least, 3), chance.randint(1, 2))
+        )
+        centre, half_m, way_m = _region(chance, plan, body.engine)
+        parts.append(_Part(chance.choice(fitting), body, targets, members, half_m, centre, way_m, hidden))
     if at_sea and len(parts) == 2:  # one fleet serves both groups
         parts[1] = msgspec.structs.replace(parts[1], body=parts[0].body, bodies=parts[0].bodies)
-    scene = "bay" if at_sea else chance.choice(_LAND)
+    towns = _WITH_FLAT_ROOFS if any(part.errand.needs_roofs for part in parts) else _LAND
+    scene = "bay" if at_sea else chance.choice(towns)
     return _Composer(seed, chance, plan, parts, scene).compose()
+
+
+def _region(chance: Random, plan: str, engine: Engine) -> tuple[tuple[int, int], int, float]:
+    """The centre of a region, half its side, and the distance from the start to the centre; metres."""
+    if plan == "meet":
+        away, half = _MEETING_M[engine]
+        east, north = chance.choice(((0, -1), (1, 0), (-1, 0)) if engine == "vessel" else _SIDES)
+        x, y = _BOATS if engine == "vessel" else (0, 0)
+        return (x + away * east, y + away * north), half, away
+    half = chance.randint(*_REACH_M[engine])
+    return (_WATER, half, 200.0) if engine == "vessel" else ((0, 0), half, 0.0)
+
+
+_SIDES = ((0, 1), (0, -1), (1, 0), (-1, 0))
 
 
 class _Composer:
@@ -207,8 +247,9 @@ class _Composer:
         """Ticks for each part in turn: every target's way across its region, shared by the bodies."""
         seconds = 0.0
         for part in self.parts:
-            legs = math.ceil(part.targets / part.bodies) + (self.plan == "return")
-            seconds += (legs * 2.2 * part.half_m + 60.0) / part.body.speed_mps + 30.0 * legs
+            trips = 2 if self.plan == "return" else 1
+            legs = math.ceil(part.targets / part.bodies) + trips - 1
+            seconds += (legs * 2.2 * part.half_m + trips * part.way_m + 60.0) / part.body.speed_mps + 30.0 * legs
         return max(_LEAST_TICKS, math.ceil(_SLACK * seconds / self.tick_s))
 
     # -- the text
@@ -266,11 +307,8 @@ class _Composer:
 
     def _places(self) -> Iterator[str]:
         for part in self.parts:
-            half = part.half_m
-            if self.scene == "bay":
-                corners = f"({100 - half} m, {-900 - half} m), ({100 + half} m, {-900 + half} m)"
-            else:
-                corners = f"({-half} m, {-half} m), ({half} m, {half} m)"
+            half, (x, y) = part.half_m, part.centre
+            corners = f"({x - half} m, {y - half} m), ({x + half} m, {y + half} m)"
             yield f"region {part.region} = box({corners})"
         if self.plan == "return":
             low, high = (

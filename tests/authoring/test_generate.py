@@ -34,6 +34,23 @@ mission generated_small "Small" {
 }
 """
 
+ROOFLESS = """ljs 2
+use std.ground { fire_truck }
+use std.fire { building_fire }
+mission generated_small "Roofless" {
+  goal "Extinguish the fire."
+  scene residential { extent = 500 m, blocks = 2 by 2, height = 6 m..18 m }
+  clock { tick = 20 s, sync = 1 s }
+  budget { ticks <= 8 }
+  region area = box((100 m, 100 m), (130 m, 130 m))
+  target fire : building_fire { position ~ sites(area) }
+  asset truck : fire_truck { position = (0 m, 10 m), actions { setDestination, stop } }
+  agent driver_agent as driver controls truck { observes truck.*, fire.position, events }
+  success when emitted(extinguish, fire)
+  expect { oracle wins for seeds 0, draws spread over area }
+}
+"""
+
 
 def test_composed_missions_validate_and_differ() -> None:
     composed = [compose(seed) for seed in SEEDS]
@@ -67,7 +84,7 @@ def test_a_certificate_names_the_first_test_that_fails() -> None:
         assert screen(0, small(TEXT.replace("~ sites(area)", "= (110 m, -1250 m)")), runner).verdict == "draws"
         won = screen(0, small(TEXT.replace("emitted(rescue, victim)", "now >= 20 s")), runner)
         assert won.verdict == "idle" and "0 of 1 episodes were lost; seed 0: won at tick 1" in won.reason
-        roofless = screen(15, compose(15), runner)
+        roofless = screen(0, small(ROOFLESS), runner)
         assert roofless.verdict == "unplaced" and "no flat roof" in roofless.reason
         late = screen(0, small(TEXT.replace("oracle wins", "oracle wins within 1 ticks")), runner)
         assert late.verdict == "oracle" and [check.state for check in late.checks] == ["passed", "passed", "failed"]
