@@ -402,8 +402,17 @@ class Waiter:
         self.address = ctypes.c_void_p(np.frombuffer(self.page, np.uint8).ctypes.data + 4 * word)
 
     def begin(self):
-        threading.Thread(target=self._wait, daemon=True).start()
-        time.sleep(0.2)
+        """Start the thread, and return when it waits in the kernel."""
+        thread = threading.Thread(target=self._wait, daemon=True)
+        thread.start()
+        state = Path(f"/proc/self/task/{thread.native_id}/syscall")
+        end = time.monotonic() + 10.0
+        waits = f"{FUTEX} {self.address.value:#x} "
+        try:
+            while time.monotonic() < end and not state.read_text().startswith(waits):
+                time.sleep(0.01)
+        except OSError:  # behind walls there may be no such file
+            time.sleep(0.2)
 
     def _wait(self):
         limit = (ctypes.c_long * 2)(60, 0)
@@ -576,6 +585,8 @@ class Writer:
 class Reader(Writer):
     """Looks for the marks of `Writer`."""
 
+    turns = 0
+
     def _file(self):
         return "left" in (Path(tempfile.gettempdir()) / f"{self.config['mark']}-left").read_text()
 
@@ -596,12 +607,14 @@ class Reader(Writer):
         return system("shmget", self.config["shm_key"] + 1, 4096, 0) >= 0
 
     def _waiter(self):
-        return Waiter().wake() > 0
+        # Who wakes a waiter uses it up, and in the first turn the writer may or may not have come before.
+        return self.turns > 1 and Waiter().wake() > 0
 
     def _device(self):
         return os.stat(os.devnull).st_mtime > self.begun_s
 
     async def act(self, observation, inbox):
+        self.turns += 1
         results = {"board": bool(BOARD)}
         for name in CHANNELS:
             try:
