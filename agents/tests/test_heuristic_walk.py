@@ -319,6 +319,22 @@ def test_guidance_ends_where_the_leak_is_in_reach_and_goes_nearer_if_nothing_hap
     assert steps and steps[0] >= 8, "4 m from the leak it waits first"
 
 
+@pytest.mark.parametrize(("middle_m", "first"), [(77.0, "forward"), (70.0, "left")])
+def test_spray_beside_the_leak_is_no_obstacle_and_a_wall_before_it_is(middle_m, first):
+    rules = believing_pilot()
+    led = view("dog", (62.0, 0.0, 0.33), heading=90.0)
+    pose = CameraPose(position=(middle_m, 0.0, 30.0), heading_deg=0.0, tilt_deg=90.0, hfov_deg=84.0, width=192,
+                      height=108)  # fmt: skip
+    depth = np.full((108, 192), 30.0, np.float32)
+    depth[30:82, 88:105] = 26.0  # 4 m high, 4 m from west to east and 13 m from south to north
+    shown = Picture(frame="f", entity="uav[1]", camera="nadir", tick=5, time_s=0.0, pose=pose, depth=depth,
+                    rgb=np.zeros((108, 192, 3), np.uint8))  # fmt: skip
+    rules.act(observe("scout[1]", 5, view("uav[1]", (middle_m, 0.0, 30.0))), FOUND)  # no dog to guide yet
+    own = view("uav[1]", (middle_m, 0.0, 30.0))
+    (step,) = rules.act(observe("scout[1]", 6, own, led, pictures=(shown,)), Inbox()).messages
+    assert step.body["step"] == first
+
+
 def test_a_pilot_without_guidance_left_sends_no_more():
     rules = believing_pilot()
     own, led = view("uav[1]", (60.0, 12.0, 30.0)), view("dog", (50.0, 0.0, 0.33), heading=90.0)
