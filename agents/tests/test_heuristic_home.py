@@ -300,6 +300,7 @@ def test_the_region_is_looked_at_from_the_side_of_the_route_on():
     assert [round(x) for x, _ in places] == [50, 50, 50]
     assert [y for _, y in places] == sorted(y for _, y in places)
     assert places[0][1] == pytest.approx(15.0)
+    assert guide_of("blue").viewpoints((50.0, 5.0), 9) == places[1:], "the end of the route has a picture"
 
 
 @pytest.mark.parametrize(("moves", "looks"), [(50.0, 3), (12.0, 2), (10.0, 1)])

@@ -37,7 +37,7 @@ MARGIN_M = 12.0
 EYE_M = 0.33
 """Height of a walker's body above the ground in metres."""
 
-APART_M, SEEN_M = 40.0, 15.0
+APART_M, SEEN_M = 40.0, 18.0
 """Largest distance in metres between pictures along the region, so that one of them shows each wall at an angle, and
 distance within which a place counts as photographed. Chosen.
 """
@@ -137,8 +137,10 @@ class BuildingGuidance:
         return None
 
     def viewpoints(self, start: GroundPoint, most: int) -> tuple[GroundPoint, ...]:
-        """Return at most `most` places for pictures, on a flight across the region from the side of `start`."""
-        places = viewpoints(self._region, start, most)
+        """Return at most `most` places for pictures, on a flight across the region from the side of `start`, without
+        those near `start`: the aircraft has a picture from there, of the end of the route.
+        """
+        places = tuple(place for place in viewpoints(self._region, start, most) if math.dist(place, start) > SEEN_M)
         if self._unseen is None:
             self._unseen = list(places)
         return places
