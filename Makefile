@@ -4,7 +4,7 @@ BIN := .venv/bin
 STUDY ?= reference -j 2
 # Three workers for two cores: tests wait for deadlines and other processes. With two a sixth of the time was idle
 # (1,150 s of wall clock, 1,930 s of CPU).
-PYTEST := $(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder -q --durations 30
+PYTEST := $(BIN)/python -m pytest -p no:anyio -n 3 --dist loadfile --no-loadscope-reorder -q --durations 30
 
 # Tests start hundreds of processes: without stored bytecode each one compiles all it imports, half a second of CPU.
 export PYTHONDONTWRITEBYTECODE :=

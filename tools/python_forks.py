@@ -41,6 +41,7 @@ from lingjing import run
 from lingjing.causal import branch_host
 from lingjing.cli.main import VERBS
 from lingjing.decoding import from_msgpack
+from lingjing.installed_plugins.entry_points import hold_entries
 from lingjing.kernel.world import launch
 from lingjing.play.parallel import ENGINE_MODULES, PLAYED_WITH, WITH_EXTRAS
 from lingjing.play.policy_processes.preloading import SERVES
@@ -262,8 +263,10 @@ def warm(_argument: str) -> None:
     with tempfile.TemporaryDirectory() as folder:
         run(shortened(mission_file("ssr"), 1), policy="idle", world="inline", overview=False, out=f"{folder}/run")
     Image.init()
+    hold_entries()
     gc.collect()
     gc.freeze()
+    gc.set_threshold(10_000, 10, 10)  # as in the tests' own process
 
 
 def _fork(start: PythonStart, descriptors: Sequence[int], output: int = 2) -> ForkedProcess:

@@ -16,6 +16,7 @@ from lingjing_agents.llm.through_litellm import LitellmClient
 from lingjing_agents.llm.wire import ANSWER_BYTES, pause_s
 
 from agents.tests.hostile_server import BLOCK, answered, completion, gzip_bomb, serve_raw
+from agents.tests.test_llm_secrets import check_that_no_exception_or_log_holds_the_key
 from lingjing.plugins.backbone import Backbone, ChatMessage, ChatRequest, ModelError
 
 ROOM = 400_000
@@ -275,3 +276,9 @@ async def test_a_retry_after_that_is_no_number_is_as_good_as_none(client):
     answers = iter([answered("429 Busy", b"{}", "retry-after: \xb2"), completion("hi")])
     with serve_raw(lambda request: iter([next(answers)])) as url:
         assert (await ask(client(url), 600, tries=2)).text == "hi"
+
+
+@pytest.mark.slow
+async def test_exceptions_their_causes_and_logs_hold_no_key_through_litellm(monkeypatch, caplog, capfd):
+    """This file has loaded litellm anyway; in another one it takes seconds of another process of the tests."""
+    await check_that_no_exception_or_log_holds_the_key("litellm", monkeypatch, caplog, capfd)

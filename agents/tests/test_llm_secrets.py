@@ -132,11 +132,12 @@ def client_arguments(client: str) -> dict[str, str]:
     return {"client": client, "model": "openai/m" if client == "litellm" else "m"}
 
 
-CLIENTS = ["direct", pytest.param("litellm", marks=pytest.mark.slow)]
+async def test_exceptions_their_causes_and_logs_hold_no_key(monkeypatch, caplog, capfd):
+    """`test_llm_bounds.py` has this test through litellm."""
+    await check_that_no_exception_or_log_holds_the_key("direct", monkeypatch, caplog, capfd)
 
 
-@pytest.mark.parametrize("client", CLIENTS)
-async def test_exceptions_their_causes_and_logs_hold_no_key(client, monkeypatch, caplog, capfd):
+async def check_that_no_exception_or_log_holds_the_key(client, monkeypatch, caplog, capfd):
     key = KEY.encode("ascii", "ignore").decode()
     monkeypatch.setenv("SERVICE_KEY", key)
     caplog.set_level(logging.DEBUG)

@@ -11,6 +11,7 @@ Options: `distractors` (floating objects per square kilometre) and `centre` (the
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 from math import cos, hypot, pi, radians, sin
 from random import Random
 
@@ -49,6 +50,9 @@ APRON: Polygon = ((228.0, -676.0), (362.0, -676.0), (362.0, -548.0), (228.0, -54
 WATERSIDE_ROCKS = ((96.0, -628.0), (430.0, -702.0), (470.0, -706.0), (540.0, -692.0), (574.0, -650.0), (580.0, -604.0))
 """Centres about which rocks lie at the waterside."""
 
+KEPT = 8
+"""Cached bays of a process (chosen): episodes of one mission and seed, and the trials of a check, share one."""
+
 AFLOAT: tuple[tuple[str, str, int], ...] = (
     ("buoy", "buoy_orange", 5),
     ("buoy", "buoy_red", 4),
@@ -69,24 +73,29 @@ def build(spec: SceneSpec) -> City:
 
     Objects on land depend on the layout alone and are the same in every episode. Floating objects depend on the seed.
     """
-    level = spec.datum_m
-    density = _density(spec)
+    return _built(spec.datum_m, _density(spec), spec.seed, spec.layout, spec.origin, centre_m(spec))
+
+
+@lru_cache(KEPT, typed=True)
+def _built(
+    level: float, density: float, seed: int, layout: int, origin: tuple[float, float], centre: tuple[float, float]
+) -> City:
+    east, north = centre
     lands = _lands(level)
-    east, north = centre_m(spec)
     city = City(
-        id=f"bay-{spec.seed}",
-        origin=spec.origin,
+        id=f"bay-{seed}",
+        origin=origin,
         bounds=(east - REACH_M, north - REACH_M, east + REACH_M, north + REACH_M),
         datum_m=level,
         waters=(Water(polygon=_box(-REACH_M, -REACH_M, REACH_M, REACH_M), level_m=level),),
         lands=lands,
         solids=tuple(_solids(level)),
         props=(
-            *_harbour(level, stream(spec.seed, "bay/harbour")),
-            *_trees(level, stream(spec.layout, "bay/trees")),
-            *_rocks(level, stream(spec.layout, "bay/rocks")),
-            *_anchored(level, stream(spec.seed, "bay/anchored")),
-            *_afloat(level, density, stream(spec.seed, "bay/afloat")),
+            *_harbour(level, stream(seed, "bay/harbour")),
+            *_trees(level, stream(layout, "bay/trees")),
+            *_rocks(level, stream(layout, "bay/rocks")),
+            *_anchored(level, stream(seed, "bay/anchored")),
+            *_afloat(level, density, stream(seed, "bay/afloat")),
         ),
         attribution="procedural",
     )

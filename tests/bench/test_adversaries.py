@@ -8,7 +8,6 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from scipy.stats import binom
 
 from lingjing.bench.adversaries import (
     FIRST_FRESH,
@@ -52,6 +51,8 @@ def test_the_joint_error_of_all_looks_is_five_per_cent() -> None:
 
 @pytest.mark.parametrize("look", [Look(59, 0), Look(153, 3)])
 def test_one_look_has_the_error_of_the_binomial_distribution(look: Look) -> None:
+    from scipy.stats import binom  # here: loading scipy.stats takes most of a second in each process of the tests
+
     for rate in (0.01, RATE, 0.2):
         assert pass_probability((look,), rate) == pytest.approx(binom.cdf(look.wins, look.played, rate))
     assert pass_probability((look,), RATE) < 0.05

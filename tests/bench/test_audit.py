@@ -32,6 +32,7 @@ from tests.bench.suite_kit import (
     row_faults,
     row_sha256,
 )
+from tools.python_forks import run_python
 
 SUITE = """
 suite = 1
@@ -216,10 +217,12 @@ def test_a_plugin_that_patches_the_evaluator_is_kept_out_and_found(
     reports = {}
     for name, more in (("walled", []), ("open", ["--no-isolate"])):
         command = ["bench", "trips.toml", "--policy", "lazy", "--keep", "-o", name, *more]
-        done = subprocess.run(
-            [sys.executable, "-m", "lingjing.cli.main", *command],
-            cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(site)}, capture_output=True, text=True, check=False,
-        )  # fmt: skip
+        line = [sys.executable, "-m", "lingjing.cli.main", *command]
+        variables = {**os.environ, "PYTHONPATH": str(site)}
+        if more:
+            done = run_python(line, cwd=tmp_path, env=variables)
+        else:  # walls need a fork server that an interpreter has started
+            done = subprocess.run(line, cwd=tmp_path, env=variables, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
         (row,) = read_results(tmp_path / name)
         reports[name] = (

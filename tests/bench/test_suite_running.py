@@ -38,6 +38,7 @@ from tests.bench.suite_kit import (
     read_results,
 )
 from tests.play.report_kit import ABORTED, INTERRUPTED, blank_metrics
+from tools.python_forks import PipedFork, run_python
 
 SEEDS = (0, 1)
 
@@ -319,22 +320,21 @@ def test_killed_again_and_again_it_plays_everything_once(tmp_path: Path) -> None
     command = [sys.executable, "-c", STUDY, "bench", str(suite), "-o", str(folder)]
     root, moments = Path(__file__).parents[2], random.Random(5)
     for _ in range(4):
-        running = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, cwd=root)
-        assert running.stderr is not None
+        running = PipedFork(command, cwd=root)
         for _ in range(moments.randrange(2, 8)):  # killed a few episodes after it began, in the middle of one
             running.stderr.readline()
         time.sleep(moments.uniform(0.0, 0.02))
         running.kill()
         running.communicate()
         assert len({row.key for row in read_results(folder)}) == len(read_results(folder)) > 0
-    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=root)
+    done = run_python(command, cwd=root)
     assert done.returncode == ExitCode.OK, done.stderr
     rows = read_results(folder)
     assert collections.Counter(row.key for row in rows).most_common(1)[0][1] == 1
     assert len(rows) == 2 * 3 * 6
     assert not any((folder / "runs").iterdir()) and not any((folder / "parts").iterdir())
     assert len({row.code for row in rows}) == 1 and len(rows[0].code) == 64
-    again = subprocess.run(command, capture_output=True, text=True, check=False, cwd=root)
+    again = run_python(command, cwd=root)
     assert "small: 36 episodes done, 0 to play" in again.stderr
     assert again.stdout == done.stdout and again.stdout.count("| random | 100 | 100 | 100 | 100 |") == 1
 

@@ -36,11 +36,12 @@ IN_EVERY_RUN = ("bi", "ssr")
 def test_it_starts(column: Column) -> None:
     game = SteppedEpisodes(lingjing.compile(str(column.path)), column.mode, column.settings, "random", "inline")
     try:
-        agents = [agent.id for agent in game.instance(3).agents]
+        instance = game.instance(3)
+        agents = [agent.id for agent in instance.agents]
         game.begin(3, agents)
         for tick in (1, 2):
             assert game.step({agent: Decision() for agent in agents}).record.tick == tick
-        counted = Counter(entity.group for entity in game.instance(3).entities)
+        counted = Counter(entity.group for entity in instance.entities)
         assert GROUPS.get(column.mission, {}).items() <= counted.items()
     finally:
         game.close()

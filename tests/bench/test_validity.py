@@ -7,7 +7,6 @@ import json
 import os
 import re
 import signal
-import subprocess
 import sys
 import time
 from collections import Counter
@@ -26,6 +25,7 @@ from lingjing.decoding import converted
 from lingjing.errors import ExitCode, UsageError
 from lingjing.testing import PluginHost, run_command
 from tests.bench.suite_kit import TRIP, AnsweringExecutor, EpisodeTask, answered, encode_rows, read_results
+from tools.python_forks import PipedFork, run_python
 
 Capture = pytest.CaptureFixture[str]
 
@@ -343,14 +343,14 @@ def test_rows_of_another_benchmark_or_code_are_refused_before_anything_is_played
 def test_a_killed_command_continues(place: Path) -> None:
     """Real episodes, a SIGKILL after the first row, and the same command again."""
     line = [sys.executable, "-m", "lingjing.cli.main", *command(place, "--limit", "1", "--parts", "reference")]
-    first = subprocess.Popen(line, stderr=subprocess.DEVNULL)
+    first = PipedFork(line)
     parts = place / "out" / "reference-tier0" / "parts"
     deadline = time.monotonic() + 120.0
     while not list(parts.glob("*.parquet")) and first.poll() is None and time.monotonic() < deadline:
         time.sleep(0.02)
     first.kill()
     assert first.wait() == -signal.SIGKILL, "it was killed before its end"
-    again = subprocess.run(line, capture_output=True, text=True, check=False)
+    again = run_python(line)
     assert again.returncode == 0, again.stderr
     done = int(re.search(r"^(\d+) episodes to play", again.stderr, re.M)[1])  # type: ignore[index]
     assert 1 <= done < 4

@@ -61,7 +61,7 @@ def line(*arguments: str) -> list[str]:
 
 
 def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(line(*arguments), cwd=folder, capture_output=True, text=True, check=False, timeout=1500)
+    return run_python(line(*arguments), cwd=folder, timeout=1500)
 
 
 def runs(pid: int) -> bool:

@@ -64,10 +64,10 @@ def entity(name: str, kind: str, position: tuple[float, float, float], **more: o
 PICK_UP = InteractionSpec(name="pick_up", by="vessel", within_m=50.0, status="safe", aboard=True)
 
 
-def instance(weather: Weather | None = None) -> Instance:
+def instance(weather: Weather | None = None, size: tuple[int, int] = (960, 540)) -> Instance:
     entities = (
-        entity("uav[1]", "quadrotor", (100.0, -900.0, 96.5), cameras=mounts()),
-        entity("uav[2]", "quadrotor", (310.0, -590.1, 1.1), cameras=mounts()),
+        entity("uav[1]", "quadrotor", (100.0, -900.0, 96.5), cameras=mounts(size)),
+        entity("uav[2]", "quadrotor", (310.0, -590.1, 1.1), cameras=mounts(size)),
         entity("boat", "lifeboat", (120.0, -920.0, LEVEL), heading_deg=30.0),
         entity("victim[1]", "person_in_water", (110.0, -890.0, LEVEL), interactions=(PICK_UP,)),
         entity("victim[2]", "person_in_water", (80.0, -910.0, LEVEL), heading_deg=70.0, interactions=(PICK_UP,)),
@@ -342,7 +342,7 @@ def test_missing_egl_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> No
 @pytest.mark.parametrize("check", ENGINE_CHECKS, ids=lambda check: check.__name__)
 def test_conformance(check: Callable[[EngineCase], None]) -> None:
     plugin = EnginePlugin(name="camera", factory=CameraEngine, place="camera", sensor=True)
-    episode = instance()
+    episode = instance(size=(240, 136))
     check(EngineCase(plugin, episode, city_of(episode.scene), mirrors=tuple(states(episode))))
 
 

@@ -21,6 +21,7 @@ from lingjing.mission.kinds import engine_kind
 from lingjing.play.policy_processes.preloading import policy_host, preload
 from lingjing.testing import PluginHost, run_command
 from tests.installed_plugins.conftest import Site
+from tools.python_forks import run_python
 
 OFFER = """
 from lingjing.plugins.hookspecs import hookimpl
@@ -332,7 +333,7 @@ def test_a_run_that_uses_no_broken_plugin_plays_and_names_it(site: Site, tmp_pat
     mission = Path(__file__).parents[1] / "cli" / "boats.ljs"
     call = [sys.executable, "-m", "lingjing.cli.main", "run", str(mission), "--policy", "random", "--json",
             "--no-overview"]  # fmt: skip
-    done = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=900)
+    done = run_python(call, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["mission"] == "boats"
     for name in ("raises", "ends", "scribbles"):

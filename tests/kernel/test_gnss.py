@@ -23,7 +23,9 @@ mission noisy "By its receiver" {
   clock { tick = 10 s, sync = 500 ms }
   budget { ticks <= 3 }
   region yard = box((90 m, 90 m), (120 m, 120 m))
-  asset uav : quadrotor { position = (0 m, -60 m, 60 m), gnss = m8, camera nadir : nadir_hd { capture = each_tick } }
+  asset uav : quadrotor {
+    position = (0 m, -60 m, 60 m), gnss = m8, camera nadir : nadir_hd { size = 192 by 108, capture = each_tick }
+  }
   agent pilot as pilot controls uav { observes OBSERVED, uav.status, uav.nadir, events }
   success when uav in yard
 }

@@ -268,7 +268,7 @@ def test_the_dog_waits_for_the_van():
         assert play.reasons("courier")[1:] == [("accepted", ""), ("completed", "")]
 
 
-@pytest.mark.parametrize("most", [25.0, 50.0])
+@pytest.mark.parametrize("most", [10.0, 25.0])
 def test_moves_are_counted_over_the_inspector_and_the_driver(most):
     with opened("ld", moves_most=most) as play:
         for _ in range(int(most) + 1):

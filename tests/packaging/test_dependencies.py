@@ -5,6 +5,7 @@ follow the layers.
 from __future__ import annotations
 
 import ast
+import functools
 import re
 import subprocess
 import sys
@@ -26,7 +27,10 @@ def canonical(name: str) -> str:
 
 def imports(path: Path) -> Iterator[str]:
     """Top-level names of every absolute import in a file, wherever it stands."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    statements: list[ast.AST] = [ast.parse(path.read_text(encoding="utf-8"))]
+    for node in statements:  # expressions, which are most of a file, hold no imports
+        for name in ("body", "orelse", "finalbody", "handlers", "cases"):
+            statements += getattr(node, name, ())
         if isinstance(node, ast.Import):
             yield from (alias.name.partition(".")[0] for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
@@ -44,8 +48,12 @@ def foreign(root: Path) -> dict[str, set[str]]:
 
 
 def distributions(names: set[str]) -> set[str]:
-    known = packages_distributions()
+    known = installed()
     return {canonical(BY_NAME.get(name) or known[name][0]) for name in names}
+
+
+installed = functools.cache(packages_distributions)
+"""Import name → distributions. Reading all installed packages takes a second."""
 
 
 def declared(pyproject: Path, *extras: str) -> set[str]:

@@ -14,10 +14,21 @@ if "unpinned" in sys.argv:
     numerics.pins = lambda flags=None: {}
     numerics.worker_environment = dict
 
-from lingjing import Session
+from lingjing import Mission, Session
 from lingjing import read as read_trace
 from lingjing.play import selfcheck
-from lingjing.testing import shortened
+from lingjing.testing import mission_file, shortened
+
+
+def short(folder: Path) -> Mission:
+    """Return six ticks of the sea rescue with small pictures."""
+    text = mission_file("ssr").read_text(encoding="utf-8")
+    for size, small in (("1920 by 1080", "480 by 270"), ("1280 by 720", "320 by 180")):
+        assert size in text
+        text = text.replace(size, small)
+    file = folder / "ssr.ljs"
+    file.write_text(text, encoding="utf-8")
+    return shortened(file, 6)
 
 
 def main() -> None:
@@ -25,7 +36,7 @@ def main() -> None:
         folder, how = Path(name), {"overview": False, "world": sys.argv[1]}
         played = [session.run(selfcheck.MISSION, policy=selfcheck.Scripted, seed=7, out=folder / "a", **how)]
         if "short" not in sys.argv:
-            played.append(session.run(shortened("ssr", 6), policy="heuristic", seed=5, out=folder / "b", **how))
+            played.append(session.run(short(folder), policy="heuristic", seed=5, out=folder / "b", **how))
         print(
             json.dumps(
                 {

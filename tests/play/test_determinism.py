@@ -16,6 +16,7 @@ def short(tmp_path_factory):
     """The sea rescue with five ticks, so that three whole episodes with pictures fit in a test."""
     text = (ROOT / "scenarios" / "ssr.ljs").read_text("utf-8").replace("ticks <= 60", "ticks <= 5")
     text = text.replace("(12.4 m, -1351.8 m)", "(270 m, -920 m)")  # else five ticks are proved too few
+    text = text.replace("1920 by 1080", "480 by 270").replace("1280 by 720", "320 by 180")
     path = tmp_path_factory.mktemp("short") / "ssr.ljs"
     path.write_text(text, "utf-8")
     return path

@@ -230,19 +230,19 @@ def loaded(server: ForkServerClient, names: Mapping[str, str]) -> ProcessBarrier
 
 
 def test_a_constructor_that_never_ends_is_refused(server: ForkServerClient, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(LOAD_VARIABLE, "2")
+    monkeypatch.setenv(LOAD_VARIABLE, "1")
     crew = loaded(server, {"good": "Steady", "slow": "SlowConstructor"})
-    with pytest.raises(UsageError, match=r"hostile_policies.py:SlowConstructor` of `slow` was not loaded within 2 s"):
+    with pytest.raises(UsageError, match=r"hostile_policies.py:SlowConstructor` of `slow` was not loaded within 1 s"):
         crew.load()
 
 
 def test_an_import_that_never_ends_is_refused(
     server: ForkServerClient, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setenv(LOAD_VARIABLE, "2")
+    monkeypatch.setenv(LOAD_VARIABLE, "1")
     file = tmp_path / "endless.py"
     file.write_text("while True:\n    pass\n")
-    with pytest.raises(UsageError, match=r"policy `.*endless.py` was not loaded within 2 s"):
+    with pytest.raises(UsageError, match=r"policy `.*endless.py` was not loaded within 1 s"):
         examine([str(file)], {}, OpenServer(server), whole=True)
     file.write_text("import os\nos._exit(4)\n")
     with pytest.raises(UsageError, match=r"could not be loaded: its process ended \(exit code 4\)"):

@@ -95,7 +95,7 @@ def test_many_episodes_leave_nothing_open(server: ForkServer, tmp_path: Path) ->
 
     play()
     ours = open_descriptors()
-    for _ in range(4):
+    for _ in range(2):
         play()
     assert open_descriptors() == ours
     at_rest = (1, {"[pidfd]": 1, "socket": 3})  # the camera process; its end, the listener of its end, and the caller

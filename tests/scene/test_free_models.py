@@ -7,6 +7,7 @@ import io
 import json
 import re
 import zipfile
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,9 @@ import pytest
 from lingjing.errors import ExitCode
 from lingjing.testing import placed, play, run_command
 
-pytest.importorskip("trimesh", reason="the extra `models` is not installed")
-pytest.importorskip("fast_simplification", reason="the extra `models` is not installed")
+pytestmark = pytest.mark.skipif(
+    not (find_spec("trimesh") and find_spec("fast_simplification")), reason="the extra `models` is not installed"
+)
 
 MODELS = "metadrive/assets/models"
 BY = {"title": "A cone", "author": "Ada", "source": "https://example.org", "license": "CC-BY-4.0 (http://cc)"}

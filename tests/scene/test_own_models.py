@@ -5,7 +5,9 @@ from __future__ import annotations
 import io
 import json
 import struct
+import zlib
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +19,9 @@ from lingjing.errors import UsageError
 from lingjing.testing import compile_text, compiled, instantiate, placed, play, run_command
 from lingjing.trace.records import BodyState
 
-pytest.importorskip("trimesh", reason="the extra `models` is not installed")
-pytest.importorskip("fast_simplification", reason="the extra `models` is not installed")
+pytestmark = pytest.mark.skipif(
+    not (find_spec("trimesh") and find_spec("fast_simplification")), reason="the extra `models` is not installed"
+)
 
 MISSION = """
 ljs 2
@@ -147,6 +150,15 @@ def _without_place(data: bytes) -> bytes:
     return data.replace(first, struct.pack("<3f", float("nan"), 0.0, 0.0), 1)
 
 
+def _with_texture_of(pixels: int) -> bytes:
+    """Return a file with a texture. The texture's header declares a square of this many pixels a side; none is made."""
+    header = b"IHDR" + struct.pack(">2I", 8, 8)
+    data = glb()
+    start = data.index(header)
+    declared = b"IHDR" + struct.pack(">2I", pixels, pixels) + data[start + 12 : start + 17]
+    return data[:start] + declared + struct.pack(">I", zlib.crc32(declared)) + data[start + 21 :]
+
+
 def _flat(document: dict[str, Any]) -> None:
     document["nodes"][0]["scale"] = [0, 0, 0]
 
@@ -184,7 +196,7 @@ BAD = {
             animations=[{"samplers": [{"input": 7, "output": 8}], "channels": [{"sampler": 0, "target": {"node": 0}}]}]
         )
     ),
-    "has a texture that is too large": lambda: glb(picture=(20_000, 20_000)),
+    "has a texture that is too large": lambda: _with_texture_of(20_000),
     "has a corner without a place": lambda: _without_place(glb()),
     "beside its middle": lambda: glb(lambda document: _with_node(document, "mount_front", [9.0, 8.0, -4.0])),
     "another file": lambda: glb(lambda document: document["buffers"][0].update(uri="data.bin")),
