@@ -196,6 +196,17 @@ def test_a_district_of_slow_streets_is_chosen_where_no_other_one_fits(
         found("cd", grid_city)
 
 
+def test_in_a_small_district_as_many_drawn_places_find_room(grid_city: City, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Twenty customers 90 m apart, as declared, do not fit into a third of the declared size."""
+    monkeypatch.setattr("lingjing.scene.siting.areas.SCALES", (0.35,))
+    monkeypatch.setattr("lingjing.scene.siting.areas.LONGEST_DRIVE_S", 1000.0)
+    small = found("cd", grid_city)
+    for seed in range(20):
+        drawn = [each.position for each in instantiate(small, seed=seed).entities if each.id.startswith("point[")]
+        assert len(drawn) == 20
+        assert min(dist(a[:2], b[:2]) for a, b in itertools.combinations(drawn, 2)) >= 0.35 * 90.0 - 0.01
+
+
 def test_the_ways_around_jams_of_the_road_engine_have_no_waypoint_in_a_jam(grid_city: City) -> None:
     """The engine avoids the streets at a jam; a waypoint within the jam's radius on the next street is never clear."""
     for instance in instances("ld", grid_city):

@@ -114,7 +114,7 @@ def placed(layout: Layout, view: CityView, origin: Vector2, middle: Vector2, sca
                 spots.append(spot or shift(start))
                 occupied.append(spots[-1])
             places[group.name] = tuple(spots)
-    return Placement(shift=shift, places=places, headings_deg=headings)
+    return Placement(shift=shift, across=scale, places=places, headings_deg=headings)
 
 
 # -- private

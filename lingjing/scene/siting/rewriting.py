@@ -35,6 +35,9 @@ class Placement:
     """Line of the mission → line in the city, wherever the mission writes it."""
     along: float = 1.0
     """Length of a found line relative to the mission's; distances of draws along it shrink alike."""
+    across: float = 1.0
+    """Size of the district relative to the mission's; the least distances between drawn places shrink alike, so that as
+    many fit into it."""
     places: Mapping[str, tuple[Vector2 | Vector, ...]] = field(default_factory=dict)
     """Group → the places of its members, or the places that they are drawn from. With three numbers, the last is the
     elevation."""
@@ -190,6 +193,12 @@ class _Moving:
             return moved(value)
         if isinstance(value, ex.Draw) and value.distribution == "sites_along" and self._placement.along < 1.0:
             named = tuple((name, _shorter(distance, self._placement.along)) for name, distance in value.named)
+            return msgspec.structs.replace(value, arguments=self.expr(value.arguments, moved), named=named)
+        if isinstance(value, ex.Draw) and value.distribution in ("sites", "subset") and self._placement.across < 1.0:
+            named = tuple(
+                (name, _shorter(distance, self._placement.across) if name == "apart" else distance)
+                for name, distance in value.named
+            )
             return msgspec.structs.replace(value, arguments=self.expr(value.arguments, moved), named=named)
         if isinstance(value, ex.Sequence) and (line := self._line(value)) is not None:
             return line
