@@ -286,7 +286,7 @@ def test_a_wrong_command_line_of_the_backend(
         (["--connect", "ws://127.0.0.1:1/ws/LJ-ENGINE/airsim"], 3, "no backend answers"),
         (["--connect", "ws://127.0.0.1:1/ws/LJ-ENGINE/airsim", "--engine", "city"], 2, "no engine that moves bodies"),
         (["--connect", "ws://127.0.0.1:1/ws/LJ-ENGINE/airsim", "--profile", "x"], 2, "there is no profile"),
-        (["--connect", "ws://127.0.0.1:1/ws/LJ-ENGINE/airsim", "--telemetry", "0"], 2, "a period is"),
+        (["--connect", "ws://127.0.0.1:1/ws/LJ-ENGINE/airsim", "--telemetry", "0"], 2, "must be a period of"),
     ],
 )
 def test_a_wrong_command_line_of_the_engine(
