@@ -131,9 +131,14 @@ _MEETING_M: dict[Engine, tuple[int, int]] = {
 }  # fmt: skip
 """Distance of the region of a meeting from the start and half its side, metres: no place in it is within the 40 m of a
 meeting from the start."""
-_WATER = (100, -1250)
-"""Centre of the regions at sea, metres; boats begin 200 m north of it."""
+_SIDES = ((0, 1), (0, -1), (1, 0), (-1, 0))
+"""Directions from the start to a meeting, east and north."""
+_SEAWARD = ((0, -1), (1, 0), (-1, 0))
+"""Directions from the start of boats to a meeting: land lies north of them."""
 _BOATS = (130, -1050)
+"""Middle of the places where boats begin, metres."""
+_WATER, _TO_WATER_M = (100, -1250), 200.0
+"""Centre of the regions at sea, and its distance from the start of boats, metres."""
 _SLACK = 1.5
 """Budget of ticks over the estimate (chosen)."""
 _LEAST_TICKS = 8
@@ -161,6 +166,7 @@ class _Part(msgspec.Struct, frozen=True):
     bodies: int
     half_m: int
     centre: tuple[int, int]
+    """Centre of the region, metres east and north."""
     way_m: float
     """Distance from the start to the centre of the region."""
     hidden: bool
@@ -202,14 +208,11 @@ def _region(chance: Random, plan: str, engine: Engine) -> tuple[tuple[int, int],
     """The centre of a region, half its side, and the distance from the start to the centre; metres."""
     if plan == "meet":
         away, half = _MEETING_M[engine]
-        east, north = chance.choice(((0, -1), (1, 0), (-1, 0)) if engine == "vessel" else _SIDES)
+        east, north = chance.choice(_SEAWARD if engine == "vessel" else _SIDES)
         x, y = _BOATS if engine == "vessel" else (0, 0)
         return (x + away * east, y + away * north), half, away
     half = chance.randint(*_REACH_M[engine])
-    return (_WATER, half, 200.0) if engine == "vessel" else ((0, 0), half, 0.0)
-
-
-_SIDES = ((0, 1), (0, -1), (1, 0), (-1, 0))
+    return (_WATER, half, _TO_WATER_M) if engine == "vessel" else ((0, 0), half, 0.0)
 
 
 class _Composer:

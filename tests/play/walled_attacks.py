@@ -607,7 +607,7 @@ class Reader(Writer):
         return system("shmget", self.config["shm_key"] + 1, 4096, 0) >= 0
 
     def _waiter(self):
-        # Who wakes a waiter uses it up, and in the first turn the writer may or may not have come before.
+        # A wake uses the waiter up, and in the first turn the writer may not have acted yet.
         return self.turns > 1 and Waiter().wake() > 0
 
     def _device(self):
