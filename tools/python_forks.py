@@ -38,6 +38,8 @@ import msgspec
 from PIL import Image
 
 from lingjing import run
+from lingjing.bench.rows import code_sha256
+from lingjing.bench.version import benchmark_version
 from lingjing.causal import branch_host
 from lingjing.cli.main import VERBS
 from lingjing.decoding import from_msgpack
@@ -262,6 +264,8 @@ def warm(_argument: str) -> None:
     """
     with tempfile.TemporaryDirectory() as folder:
         run(shortened(mission_file("ssr"), 1), policy="idle", world="inline", overview=False, out=f"{folder}/run")
+    benchmark_version(())  # each suite would read all modules, in 1 s
+    code_sha256(())
     Image.init()
     hold_entries()
     gc.collect()

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+import os
+from collections.abc import Iterable, Iterator
+from functools import lru_cache
 from pathlib import Path
 from typing import Literal
 
@@ -175,18 +177,48 @@ def code_sha256(missions: Iterable[Path]) -> str:
     """Return the SHA-256 over everything that decides an episode: the missions, the language's library, and all files
     of the core and of the agents.
     """
+    library = sorted((*data_path("std").glob("*.ljs"), *data_path("scenarios").glob("*.ljs")))  # missions extend others
+    digest = hashlib.sha256(b"".join(path.read_bytes() for path in (*sorted(missions), *library)))
+    digest.update(_hash_of_code(tuple(_code_files())))
+    return digest.hexdigest()
+
+
+_CodeFile = tuple[str, str, int, int]
+"""The place of a file in its package, its path, its size in bytes and the time of its last change in nanoseconds."""
+
+
+def _code_files() -> Iterator[_CodeFile]:
+    """Yield the files of the core and of the agents, those of each folder in order."""
     from importlib.util import find_spec
 
     agents = find_spec("lingjing_agents")
-    roots = [Path(lingjing.__file__).parent, *map(Path, (agents.submodule_search_locations or []) if agents else [])]
-    library = sorted((*data_path("std").glob("*.ljs"), *data_path("scenarios").glob("*.ljs")))  # missions extend others
-    digest = hashlib.sha256(b"".join(path.read_bytes() for path in (*sorted(missions), *library)))
-    for root in roots:
-        for path in sorted(root.rglob("*")):
-            place = path.relative_to(root)
-            if path.is_file() and not {"__pycache__", "_data"} & set(place.parts):
-                digest.update(f"{place}\n".encode() + path.read_bytes())
-    return digest.hexdigest()
+    for root in (lingjing.__path__[0], *((agents.submodule_search_locations or []) if agents else [])):
+        yield from _files_below(root, "")
+
+
+def _files_below(folder: str, place: str) -> Iterator[_CodeFile]:
+    with os.scandir(folder) as entries:
+        ordered = sorted(entries, key=lambda entry: entry.name)
+    for entry in ordered:
+        inside = f"{place}{entry.name}"
+        if entry.is_dir(follow_symlinks=False):
+            if entry.name not in ("__pycache__", "_data"):
+                yield from _files_below(entry.path, f"{inside}/")
+        elif entry.is_file():
+            status = entry.stat()
+            yield inside, entry.path, status.st_size, status.st_mtime_ns
+
+
+@lru_cache(maxsize=1)
+def _hash_of_code(files: tuple[_CodeFile, ...]) -> bytes:
+    """Return the SHA-256 over files. It is kept, because a command asks for it up to ten times and reads 1,100 files
+    for it; a file that was changed since has another size or time.
+    """
+    digest = hashlib.sha256()
+    for place, path, _, _ in files:
+        content = Path(path).read_bytes()
+        digest.update(f"{place} {len(content)}\n".encode() + content)
+    return digest.digest()
 
 
 __all__ = ["RowKey", "RowStanding", "SuiteRow", "code_sha256", "comparable"]

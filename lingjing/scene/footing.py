@@ -5,11 +5,12 @@ It reads a city through its tiles, so it works for large cities too. Elevations 
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from math import cos, hypot, pi, sin
 
 from lingjing.mission.geometry2d import Extent, Polygon, bounds, contains, edge_distance
-from lingjing.scene.city import Building, City, Road, Tile
+from lingjing.scene.city import Building, City, Tile
 from lingjing.scene.lines import project
 from lingjing.scene.tiles import TileKey, Tiles
 
@@ -31,6 +32,48 @@ _TURNS = tuple(turn * pi / 4.0 for turn in range(8))
 RING_M = 1.0
 """Distance between the rings of a search, metres (chosen)."""
 
+_ROUNDING_M = 1e-6
+"""A distance to a line differs by less from the exact one, metres. Chosen; maps are smaller than 100 km."""
+
+
+class _Obstacles:
+    """What blocks a place in one tile, with its bounds: a search compares thousands of places with all of it."""
+
+    def __init__(self, tile: Tile) -> None:
+        self.solids: tuple[tuple[Polygon, Extent], ...] = tuple(
+            (solid.polygon, bounds(solid.polygon))
+            for solid in tile.solids
+            if solid.top_m > STEP_M and solid.base_m < HEAD_M and solid.polygon
+        )
+        self._circles = sorted(
+            (prop.position[0], prop.position[1], BODIES_M[prop.cls] * prop.scale)
+            for prop in tile.props
+            if BODIES_M.get(prop.cls)
+        )
+        """East, north and radius of blocking objects, metres, from west to east."""
+        self._easts = [east for east, _, _ in self._circles]
+        self._widest = max((radius for _, _, radius in self._circles), default=0.0)
+        self._lanes = tuple(
+            (lane.shape, lane.width_m / 2.0, bounds([corner[:2] for corner in lane.shape]))
+            for road in tile.roads
+            if not road.tunnel
+            for lane in road.lanes
+            if lane.kind in ("car", "bus", "closed")
+        )
+
+    def is_at_object(self, x: float, y: float, margin: float) -> bool:
+        """True if a place is in the circle of a blocking object, or nearer to it than `margin`."""
+        reach = self._widest + margin + _ROUNDING_M
+        first, end = bisect_left(self._easts, x - reach), bisect_right(self._easts, x + reach)
+        return any(hypot(east - x, north - y) < radius + margin for east, north, radius in self._circles[first:end])
+
+    def is_on_lane(self, x: float, y: float, margin: float) -> bool:
+        """True if a place is on a lane for vehicles, or nearer to one than `margin`."""
+        return any(
+            _is_near(extent, x, y, half + margin + _ROUNDING_M) and project(shape, x, y).off_m < half + margin
+            for shape, half, extent in self._lanes
+        )
+
 
 class Footing:
     """Ground and obstacles of a city."""
@@ -39,6 +82,7 @@ class Footing:
         self._city = city
         self._tiles = tiles or Tiles(city)
         self._bounded: dict[TileKey, tuple[tuple[Building, Extent], ...]] = {}
+        self._obstacles: dict[TileKey, _Obstacles] = {}
 
     def height(self, x: float, y: float) -> float:
         """Elevation of the surface to stand on: the highest land, kerb or step at a place. The bed of waters is
@@ -59,22 +103,21 @@ class Footing:
         for tile in self._tiles.near(x, y, margin + 7.0):
             if any(True for _ in self._buildings_within(tile, x, y, margin)):
                 return False
+            obstacles = self._obstacles_of(tile)
             if any(
-                solid.top_m > STEP_M and solid.base_m < HEAD_M and _within(solid.polygon, x, y, margin)
-                for solid in tile.solids
+                _is_near(extent, x, y, margin) and _reaches(polygon, x, y, margin)
+                for polygon, extent in obstacles.solids
             ):
                 return False
-            for prop in tile.props:
-                reach = BODIES_M.get(prop.cls)
-                if reach and hypot(prop.position[0] - x, prop.position[1] - y) < reach * prop.scale + margin:
-                    return False
-            if off_road and _on_road(tile.roads, x, y, margin):
+            if obstacles.is_at_object(x, y, margin):
+                return False
+            if off_road and obstacles.is_on_lane(x, y, margin):
                 return False
         return True
 
     def is_road(self, x: float, y: float) -> bool:
         """True if a place is on a lane for vehicles."""
-        return any(_on_road(tile.roads, x, y, 0.0) for tile in self._tiles.near(x, y, 7.0))
+        return any(self._obstacles_of(tile).is_on_lane(x, y, 0.0) for tile in self._tiles.near(x, y, 7.0))
 
     def is_water(self, x: float, y: float) -> bool:
         """True if a place is in the water: inside a body of water, and on no land above its surface."""
@@ -111,11 +154,15 @@ class Footing:
         if bounded is None:
             bounded = tuple((house, bounds(house.polygon)) for house in tile.buildings if house.polygon)
             self._bounded[tile.key] = bounded
-        low_x, high_x, low_y, high_y = x - margin, x + margin, y - margin, y + margin
-        for house, (west, south, east, north) in bounded:
-            is_near = west <= high_x and low_x <= east and south <= high_y and low_y <= north
-            if is_near and _reaches(house.polygon, x, y, margin):
+        for house, extent in bounded:
+            if _is_near(extent, x, y, margin) and _reaches(house.polygon, x, y, margin):
                 yield house
+
+    def _obstacles_of(self, tile: Tile) -> _Obstacles:
+        obstacles = self._obstacles.get(tile.key)
+        if obstacles is None:
+            obstacles = self._obstacles[tile.key] = _Obstacles(tile)
+        return obstacles
 
     def nearest_clear(
         self, x: float, y: float, margin: float, reach_m: float, *, off_road: bool = False,
@@ -156,26 +203,12 @@ def rings(x: float, y: float, reach_m: float) -> Iterator[tuple[float, float]]:
 # -- private
 
 
-def _within(polygon: Polygon, x: float, y: float, margin: float) -> bool:
-    """True if a place is inside a polygon or nearer to it than `margin`. The bounds are tested first, which is
-    cheap."""
-    if all(px < x - margin for px, _ in polygon) or all(px > x + margin for px, _ in polygon):
-        return False
-    if all(py < y - margin for _, py in polygon) or all(py > y + margin for _, py in polygon):
-        return False
-    return _reaches(polygon, x, y, margin)
+def _is_near(extent: Extent, x: float, y: float, margin: float) -> bool:
+    """True if a place is inside bounds, or beside them by at most `margin`."""
+    west, south, east, north = extent
+    return west <= x + margin and x - margin <= east and south <= y + margin and y - margin <= north
 
 
 def _reaches(polygon: Polygon, x: float, y: float, margin: float) -> bool:
     """True if a place is inside a polygon or nearer to it than `margin`."""
     return contains(polygon, x, y) or (margin > 0.0 and edge_distance(polygon, x, y) < margin)
-
-
-def _on_road(roads: Sequence[Road], x: float, y: float, margin: float) -> bool:
-    return any(
-        project(lane.shape, x, y).off_m < lane.width_m / 2.0 + margin
-        for road in roads
-        if not road.tunnel
-        for lane in road.lanes
-        if lane.kind in ("car", "bus", "closed")
-    )

@@ -12,8 +12,10 @@ from pathlib import Path
 import msgspec
 import pytest
 
+import lingjing
 from lingjing.bench.auditing import Auditor
 from lingjing.bench.merging import merge_rows
+from lingjing.bench.rows import code_sha256
 from lingjing.bench.version import benchmark_version
 from lingjing.data import data_path
 from lingjing.errors import ExitCode, UsageError
@@ -319,3 +321,28 @@ def test_an_edit_changes_the_hash_of_a_row() -> None:
     row = made_row()
     assert row_sha256(row) == row_sha256(msgspec.structs.replace(row, attention_iou=0.5))
     assert row_sha256(row) != row_sha256(msgspec.structs.replace(row, wall_s=row.wall_s + 1))
+
+
+def test_the_hash_of_the_code_follows_each_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file is changed without another size, added, renamed and removed; compiled files and data do not count."""
+    monkeypatch.setattr(lingjing, "__path__", [str(tmp_path)])
+    (tmp_path / "part").mkdir()
+    module = tmp_path / "part" / "a.py"
+    module.write_text("a = 1")
+    first = code_sha256(())
+    assert code_sha256(()) == first
+    module.write_text("a = 2")
+    changed = code_sha256(())
+    (tmp_path / "b.txt").write_text("")
+    added = code_sha256(())
+    (tmp_path / "b.txt").rename(tmp_path / "c.txt")
+    renamed = code_sha256(())
+    assert len({first, changed, added, renamed}) == 4
+    (tmp_path / "c.txt").unlink()
+    module.write_text("a = 1")
+    for ignored in ("__pycache__", "_data"):
+        (tmp_path / "part" / ignored).mkdir()
+        (tmp_path / "part" / ignored / "a.pyc").write_text(ignored)
+    (tmp_path / "loop").symlink_to(tmp_path)
+    (tmp_path / "gone").symlink_to(tmp_path / "nothing")
+    assert code_sha256(()) == first

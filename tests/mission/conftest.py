@@ -1,9 +1,11 @@
 """The sea rescue as a mission graph built by hand: the tests of this package need no compiler."""
 
+from collections.abc import Iterator
 from typing import Literal
 
 import pytest
 
+import lingjing
 from lingjing.testing import declarations as m
 from lingjing.testing import expressions as ex
 
@@ -185,3 +187,10 @@ def ssr_mission() -> m.Mission:
 @pytest.fixture(scope="session")
 def ssr() -> m.Mission:
     return ssr_mission()
+
+
+@pytest.fixture(scope="module")
+def session() -> Iterator[lingjing.Session]:
+    """A session whose workers play all episodes of a module: a camera prepares the same city once."""
+    with lingjing.Session() as opened:
+        yield opened

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import lingjing
 from lingjing.testing import compile_text
 from tests.mission.language_cases import Variant
 from tests.mission.over_time_cases import IMPOSSIBLE, WINNABLE
@@ -45,8 +46,8 @@ def test_a_winnable_mission_has_none(variant: Variant) -> None:
 
 
 @pytest.mark.parametrize("name", PLAYED)
-def test_the_oracle_wins_a_winnable_one(name: str, tmp_path: Path) -> None:
+def test_the_oracle_wins_a_winnable_one(name: str, tmp_path: Path, session: lingjing.Session) -> None:
     (variant,) = (each for each in WINNABLE if each.name == name)
-    trace = played(variant, tmp_path)
+    trace = played(variant, tmp_path, session)
     assert trace.outcome is not None and trace.outcome.success
     moments_are_early(trace)

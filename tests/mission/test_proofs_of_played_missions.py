@@ -47,11 +47,11 @@ NAMES = (
 """Variants that the oracle plays; whether it wins or not, its trace is a witness of what can happen when."""
 
 
-def played(variant: Variant, folder: Path) -> Trace:
+def played(variant: Variant, folder: Path, session: lingjing.Session) -> Trace:
     """The trace of one episode of the oracle."""
     file = folder / "mission.ljs"
     file.write_text(variant.text)
-    return read_trace(lingjing.run(str(file), policy="oracle", seed=0, overview=False, out=folder / "run").trace)
+    return read_trace(session.run(str(file), policy="oracle", seed=0, overview=False, out=folder / "run").trace)
 
 
 def moments_are_early(trace: Trace) -> None:
@@ -151,9 +151,9 @@ def with_its_own_times(trace: Trace) -> list[Instance]:
     ]
 
 
-def check(variant: Variant, folder: Path) -> bool:
+def check(variant: Variant, folder: Path, session: lingjing.Session) -> bool:
     """Compare proofs with one played episode. True if it was won."""
-    trace = played(variant, folder)
+    trace = played(variant, folder, session)
     moments_are_early(trace)
     won = trace.outcome is not None and trace.outcome.success
     if won:
@@ -162,9 +162,9 @@ def check(variant: Variant, folder: Path) -> bool:
 
 
 @pytest.fixture(scope="module")
-def trace(tmp_path_factory: pytest.TempPathFactory) -> Trace:
+def trace(tmp_path_factory: pytest.TempPathFactory, session: lingjing.Session) -> Trace:
     """The trace of the base mission, which the oracle wins."""
-    return played(Variant("base"), tmp_path_factory.mktemp("base"))
+    return played(Variant("base"), tmp_path_factory.mktemp("base"), session)
 
 
 @pytest.mark.slow
@@ -229,8 +229,10 @@ def test_nothing_is_proved_of_random_conditions_that_held_in_a_played_episode(tr
 
 @pytest.mark.episodes
 @pytest.mark.parametrize("name", NAMES)
-def test_no_moment_of_a_proof_is_later_than_in_a_played_variant(name: str, tmp_path: Path) -> None:
-    check(next(variant for variant in WINNABLE if variant.name == name), tmp_path)
+def test_no_moment_of_a_proof_is_later_than_in_a_played_variant(
+    name: str, tmp_path: Path, session: lingjing.Session
+) -> None:
+    check(next(variant for variant in WINNABLE if variant.name == name), tmp_path, session)
 
 
 @pytest.mark.episodes

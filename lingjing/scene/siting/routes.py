@@ -99,6 +99,7 @@ class Router:
         assert view.roads is not None
         self.segments = {name: view.roads.segments[name] for name in sorted(view.roads.connected)}
         self._names = list(self.segments)
+        self._kept_steps: dict[str, tuple[tuple[str, float], ...]] = {}
         self._tree = shapely.STRtree([shapely.LineString(self.segments[name].shape) for name in self._names])
 
     def near(self, place: Vector2, reach_m: float) -> frozenset[str]:
@@ -142,14 +143,29 @@ class Router:
                     break
             if cost > most_s:
                 continue
-            for after in self.segments[name].following:
-                if after in self.segments and after not in avoid and after not in done:
-                    step = self.segments[after]
-                    turn = self._crossing_s(name, after)
-                    closed = 900.0 if self.segments[name].through and not step.through else 0.0
-                    more = step.length_m / max(step.speed_mps, 1.0) + turn + closed
+            for after, more in self._steps(name):
+                if after not in avoid and after not in done:
                     heapq.heappush(waiting, (cost + more, after, name))
         return came
+
+    def _steps(self, name: str) -> tuple[tuple[str, float], ...]:
+        """The segments that follow one, with the time over the crossing and along them, seconds. They are kept: siting
+        makes hundreds of searches, which pass each crossing.
+        """
+        steps = self._kept_steps.get(name)
+        if steps is None:
+            here = self.segments[name]
+            known = [(after, self.segments[after]) for after in here.following if after in self.segments]
+            steps = self._kept_steps[name] = tuple(
+                (
+                    after,
+                    step.length_m / max(step.speed_mps, 1.0)
+                    + self._crossing_s(name, after)
+                    + (900.0 if here.through and not step.through else 0.0),
+                )
+                for after, step in known
+            )
+        return steps
 
     def spot(self, segment: str, at_m: float) -> RoadSpot:
         """The place at a length along a segment."""
