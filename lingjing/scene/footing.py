@@ -37,7 +37,7 @@ _ROUNDING_M = 1e-6
 
 
 class _Obstacles:
-    """What blocks a place in one tile, with its bounds: a search compares thousands of places with all of it."""
+    """The obstacles of one tile with their bounds: a search compares thousands of places with them."""
 
     def __init__(self, tile: Tile) -> None:
         self.solids: tuple[tuple[Polygon, Extent], ...] = tuple(

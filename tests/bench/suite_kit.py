@@ -13,7 +13,7 @@ from lingjing.bench.leaderboard import OPEN, leaderboard, ranking
 from lingjing.bench.money import estimates
 from lingjing.bench.parquet import encode_rows, read_rows
 from lingjing.bench.planning import SuiteCell, SuitePlan, read_plan
-from lingjing.bench.rows import SuiteRow
+from lingjing.bench.rows import SuiteRow, code_sha256
 from lingjing.bench.running import Shard, SuiteEpisode, SuiteRun
 from lingjing.bench.suite import find_suite, shipped_suites
 from lingjing.bench.tables import TABLES, make_tables
@@ -23,8 +23,8 @@ from tests.play.report_kit import blank_metrics, made_report
 __all__ = [
     "OPEN", "RESULTS", "SMALL", "TABLES", "TRIP", "AnsweringExecutor", "AuditRecord", "EpisodeTask", "ResultsFolder",
     "Shard", "SuiteCell", "SuiteEpisode", "SuitePlan", "SuiteRow", "SuiteRun", "answered", "audit_file", "audit_marks",
-    "encode_rows", "estimates", "find_suite", "leaderboard", "made_row", "make_tables", "open_results", "ranking",
-    "read_audit", "read_plan", "read_results", "read_rows", "row_faults", "row_sha256", "shipped_suites",
+    "code_sha256", "encode_rows", "estimates", "find_suite", "leaderboard", "made_row", "make_tables", "open_results",
+    "ranking", "read_audit", "read_plan", "read_results", "read_rows", "row_faults", "row_sha256", "shipped_suites",
 ]  # fmt: skip
 
 SMALL = """

@@ -15,7 +15,6 @@ import pytest
 import lingjing
 from lingjing.bench.auditing import Auditor
 from lingjing.bench.merging import merge_rows
-from lingjing.bench.rows import code_sha256
 from lingjing.bench.version import benchmark_version
 from lingjing.data import data_path
 from lingjing.errors import ExitCode, UsageError
@@ -26,6 +25,7 @@ from tests.bench.suite_kit import (
     SuiteRow,
     audit_file,
     audit_marks,
+    code_sha256,
     encode_rows,
     leaderboard,
     made_row,

@@ -191,6 +191,6 @@ def ssr() -> m.Mission:
 
 @pytest.fixture(scope="module")
 def session() -> Iterator[lingjing.Session]:
-    """A session whose workers play all episodes of a module: a camera prepares the same city once."""
+    """A session for all episodes of a module: its camera prepares the same city once."""
     with lingjing.Session() as opened:
         yield opened

@@ -191,15 +191,8 @@ class _Moving:
     def expr(self, value: Any, moved: Callable[[ex.Point], ex.Point]) -> Any:
         if isinstance(value, ex.Point):
             return moved(value)
-        if isinstance(value, ex.Draw) and value.distribution == "sites_along" and self._placement.along < 1.0:
-            named = tuple((name, _shorter(distance, self._placement.along)) for name, distance in value.named)
-            return msgspec.structs.replace(value, arguments=self.expr(value.arguments, moved), named=named)
-        if isinstance(value, ex.Draw) and value.distribution in ("sites", "subset") and self._placement.across < 1.0:
-            named = tuple(
-                (name, _shorter(distance, self._placement.across) if name == "apart" else distance)
-                for name, distance in value.named
-            )
-            return msgspec.structs.replace(value, arguments=self.expr(value.arguments, moved), named=named)
+        if isinstance(value, ex.Draw) and (shrunk := self._shrunk(value)) is not value.named:
+            return msgspec.structs.replace(value, arguments=self.expr(value.arguments, moved), named=shrunk)
         if isinstance(value, ex.Sequence) and (line := self._line(value)) is not None:
             return line
         if isinstance(value, tuple):
@@ -209,6 +202,18 @@ class _Moving:
             same = all(changed[name] is getattr(value, name) for name in changed)
             return value if same else msgspec.structs.replace(value, **changed)
         return value
+
+    def _shrunk(self, draw: ex.Draw) -> tuple[tuple[str, ex.Expr], ...]:
+        """The named arguments of a draw with the distances that a smaller district shortens: along routes all of them,
+        in regions and among places the distance between two.
+        """
+        along = draw.distribution == "sites_along"
+        share = self._placement.along if along else self._placement.across
+        if share >= 1.0 or not (along or draw.distribution in ("sites", "subset")):
+            return draw.named
+        return tuple(
+            (name, _shorter(value, share) if along or name == "apart" else value) for name, value in draw.named
+        )
 
     def _line(self, listed: ex.Sequence) -> ex.Sequence | None:
         written = tuple(point(item) for item in listed.items if isinstance(item, ex.Point))
