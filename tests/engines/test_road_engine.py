@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -491,6 +492,38 @@ def test_traffic_keeps_its_number_and_moves(play: Start, city: City) -> None:
     assert sum(distance > 50.0 for distance in moved) > 30
     assert len({body.kind for body in last.values()}) >= 3
     assert where(played.state) in (pytest.approx((100.0, -1.65)), pytest.approx((100.0, -4.2)))  # made room or not
+
+
+def test_a_vehicle_gets_no_new_route_that_it_would_leave_before_its_next_decision(play: Start) -> None:
+    """It drives on for 0.3 s as it had decided before, past the short street `bc` and its fork. SUMO 1.28 crashed with
+    a vehicle beside its route in a roundabout of Lujiazui.
+    """
+    places = {"a": (0.0, 0.0), "b": (300.0, 0.0), "c": (304.0, 0.0), "d": (600.0, 120.0), "e": (600.0, -120.0)}
+    nodes = [StreetNode(id=name, east=east, north=north, control="priority") for name, (east, north) in places.items()]
+    edges = [StreetEdge(id=pair, start=pair[0], end=pair[1]) for pair in ("ab", "bc", "cd", "ce", "da", "ea")]
+    network = build_network(nodes, edges)
+    fork = City(id="fork", origin=(31.0, 121.5), bounds=(0.0, -120.0, 600.0, 120.0), network=network.path,
+                sha256=network.sha256)  # fmt: skip
+    played = play([vehicle(position=(500.0, 80.0))], fork, traffic=30, sync_s=0.1)
+    traffic, sim = played.engine._traffic, played.engine._sim
+    tried = {True: 0, False: 0}
+    while min(tried.values()) < 3 and played.time_s < 120.0:
+        played.step()
+        for mover in traffic._movers:
+            lane, route = sim.vehicle.getLaneID(mover.id), sim.vehicle.getRoute(mover.id)
+            ahead = route[sim.vehicle.getRouteIndex(mover.id) :]
+            if ahead[:2] != ("ab", "bc") or len(ahead) < 3 or lane == "bc_0":
+                continue
+            left_m = sim.lane.getLength(lane) - sim.vehicle.getLanePosition(mover.id) + sim.lane.getLength("bc_0")
+            is_near = left_m < 0.4 * sim.vehicle.getSpeed(mover.id)
+            if tried[is_near] < 3:
+                tried[is_near] += 1
+                other = "ce" if ahead[2] == "cd" else "cd"
+                assert traffic._reroute(mover, partial(sim.vehicle.changeTarget, mover.id, other)) != is_near
+                now = sim.vehicle.getRoute(mover.id)[sim.vehicle.getRouteIndex(mover.id) :]
+                assert now == (ahead if is_near else ("ab", "bc", other))
+                assert mover.edges == len(sim.vehicle.getRoute(mover.id))
+    assert min(tried.values()) == 3, tried
 
 
 def trip(play: Start, city: City, asset: Entity, traffic: int = 0) -> float:

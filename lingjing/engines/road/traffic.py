@@ -6,8 +6,10 @@ has stood for minutes in a jam starts again elsewhere. Vehicles drive around edg
 
 from __future__ import annotations
 
-from collections.abc import Collection, Container, Iterator
+from collections.abc import Callable, Collection, Container, Iterator
 from dataclasses import dataclass
+from functools import partial
+from itertools import takewhile
 
 from lingjing.engines.road.driving_conditions import DRY_DAY, DrivingConditions
 from lingjing.engines.road.graph import Graph
@@ -210,21 +212,44 @@ class Traffic:
     def _redirect(self, mover: _BackgroundVehicle) -> None:
         vehicles = self._sim.vehicle
         for _ in range(_TRIES):
+            edge = self._draw_edge()
             try:
-                vehicles.changeTarget(mover.id, self._draw_edge())
+                is_new = self._reroute(mover, partial(vehicles.changeTarget, mover.id, edge))
             except SumoError:  # this vehicle has no way there
                 continue
-            mover.edges = len(vehicles.getRoute(mover.id))
-            if mover.edges > _NEARLY_THERE:
+            if is_new and mover.edges > _NEARLY_THERE:
                 return
+
+    def _reroute(self, mover: _BackgroundVehicle, change: Callable[[], None]) -> bool:
+        """Change the route of a vehicle, and return True. The vehicle keeps its route, and False is returned, if it
+        passes the place where the two part before its next decision: until then it drives as it decided before, and
+        SUMO 1.28 crashes with a vehicle beside its route (in short edges of roundabouts).
+        """
+        vehicles = self._sim.vehicle
+        before = self._route_ahead(mover.id)
+        change()
+        after = self._route_ahead(mover.id)
+        common = sum(1 for _ in takewhile(lambda edges: edges[0] == edges[1], zip(before, after, strict=False)))
+        lane, decided_m = vehicles.getLaneID(mover.id), vehicles.getSpeed(mover.id) * (REACTION_S + self._sim.step_s)
+        free_m = self._sim.lane.getLength(lane) - vehicles.getLanePosition(mover.id) if lane else decided_m
+        free_m += sum(self._sim.lane.getLength(f"{edge}_0") for edge in before[1:common])
+        is_possible = free_m >= decided_m or common == len(before)
+        if not is_possible:
+            vehicles.setRoute(mover.id, before)
+        mover.edges = len(vehicles.getRoute(mover.id))
+        return is_possible
+
+    def _route_ahead(self, name: str) -> tuple[str, ...]:
+        """Return the edges of a vehicle's route from the one that it is on, or that it has left into a junction."""
+        route: tuple[str, ...] = self._sim.vehicle.getRoute(name)
+        return route[max(0, self._sim.vehicle.getRouteIndex(name)) :]
 
     def _evade(self, mover: _BackgroundVehicle, blocked: frozenset[str]) -> None:
         vehicles = self._sim.vehicle
         try:
             route = vehicles.getRoute(mover.id)
             if blocked.intersection(route[max(0, vehicles.getRouteIndex(mover.id)) + 1 :]):
-                vehicles.rerouteTraveltime(mover.id)
-                mover.edges = len(vehicles.getRoute(mover.id))
+                self._reroute(mover, partial(vehicles.rerouteTraveltime, mover.id))
         except SumoError:  # there is no way around, or the vehicle is not inserted yet: its route stays
             return
 
