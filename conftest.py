@@ -22,8 +22,6 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
-from hypothesis.internal.conjecture import providers
-from hypothesis.internal.constants_ast import Constants
 
 from lingjing.numerics import pin
 
@@ -38,7 +36,11 @@ for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHU
 
 # Examples follow the test alone. Hypothesis would also take them from the constants of all modules that are imported at
 # the time, which differ with the tests that ran before, and would read 1,100 modules for it (6 s in a fresh clone).
-providers._get_local_constants = Constants
+with contextlib.suppress(ImportError):  # an earlier hypothesis takes none
+    from hypothesis.internal.conjecture import providers
+    from hypothesis.internal.constants_ast import Constants
+
+    providers._get_local_constants = Constants
 
 settings.register_profile("lingjing", deadline=None, derandomize=True, print_blob=True)
 settings.load_profile("lingjing")
@@ -50,6 +52,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: item.path not in slow)
 
 
+_OUTCOMES = (pytest.skip.Exception, pytest.fail.Exception, pytest.xfail.Exception)
+"""Exceptions of pytest that a module may raise as it is imported. They are no subclasses of `Exception`."""
+
+
 def pytest_collection(session: pytest.Session) -> None:
     """Collect no garbage while tests are collected: almost all objects remain, and walking them takes 1.5 s.
 
@@ -57,9 +63,10 @@ def pytest_collection(session: pytest.Session) -> None:
     reads later what the others have compiled.
     """
     gc.disable()
-    if "PYTEST_XDIST_WORKER" in os.environ and session.config.args == session.config.getini("testpaths"):
-        number, count = int(os.environ["PYTEST_XDIST_WORKER"][2:]), int(os.environ["PYTEST_XDIST_WORKER_COUNT"])
-        _import_tests(session.config.rootpath, session.config.args, number / count)
+    number = os.environ.get("PYTEST_XDIST_WORKER", "").removeprefix("gw")
+    if number.isdigit() and session.config.args == session.config.getini("testpaths"):
+        share = int(number) / int(os.environ["PYTEST_XDIST_WORKER_COUNT"])
+        _import_tests(session.config.rootpath, session.config.args, share)
 
 
 def _import_tests(root: Path, folders: list[str], first: float) -> None:
@@ -68,7 +75,7 @@ def _import_tests(root: Path, folders: list[str], first: float) -> None:
     begin = int(len(modules) * first)
     for path in (*modules[begin:], *modules[:begin]):
         if not (path.parent / "__init__.py").exists():  # pytest names modules of packages otherwise
-            with contextlib.suppress(Exception, pytest.skip.Exception):
+            with contextlib.suppress(Exception, *_OUTCOMES):
                 import_module(".".join(path.relative_to(root).with_suffix("").parts))
 
 

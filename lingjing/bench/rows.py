@@ -197,8 +197,11 @@ def _code_files() -> Iterator[_CodeFile]:
 
 
 def _files_below(folder: str, place: str) -> Iterator[_CodeFile]:
-    with os.scandir(folder) as entries:
-        ordered = sorted(entries, key=lambda entry: entry.name)
+    try:
+        with os.scandir(folder) as entries:
+            ordered = sorted(entries, key=lambda entry: entry.name)
+    except OSError:  # a package in an archive, or a folder that may not be read, has no files that can be hashed
+        return
     for entry in ordered:
         inside = f"{place}{entry.name}"
         if entry.is_dir(follow_symlinks=False):

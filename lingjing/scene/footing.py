@@ -58,7 +58,7 @@ class _Obstacles:
             for road in tile.roads
             if not road.tunnel
             for lane in road.lanes
-            if lane.kind in ("car", "bus", "closed")
+            if lane.kind in ("car", "bus", "closed") and lane.shape
         )
 
     def is_at_object(self, x: float, y: float, margin: float) -> bool:

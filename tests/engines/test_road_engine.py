@@ -515,7 +515,7 @@ def test_a_vehicle_gets_no_new_route_that_it_would_leave_before_its_next_decisio
             if ahead[:2] != ("ab", "bc") or len(ahead) < 3 or lane == "bc_0":
                 continue
             left_m = sim.lane.getLength(lane) - sim.vehicle.getLanePosition(mover.id) + sim.lane.getLength("bc_0")
-            is_near = left_m < 0.4 * sim.vehicle.getSpeed(mover.id)
+            is_near = left_m < 0.4 * (sim.vehicle.getSpeed(mover.id) + 0.2 * sim.vehicle.getAccel(mover.id))
             if tried[is_near] < 3:
                 tried[is_near] += 1
                 other = "ce" if ahead[2] == "cd" else "cd"

@@ -230,7 +230,8 @@ class Traffic:
         change()
         after = self._route_ahead(mover.id)
         common = sum(1 for _ in takewhile(lambda edges: edges[0] == edges[1], zip(before, after, strict=False)))
-        lane, decided_m = vehicles.getLaneID(mover.id), vehicles.getSpeed(mover.id) * (REACTION_S + self._sim.step_s)
+        lane, time_s = vehicles.getLaneID(mover.id), REACTION_S + self._sim.step_s
+        decided_m = (vehicles.getSpeed(mover.id) + 0.5 * vehicles.getAccel(mover.id) * time_s) * time_s
         free_m = self._sim.lane.getLength(lane) - vehicles.getLanePosition(mover.id) if lane else decided_m
         free_m += sum(self._sim.lane.getLength(f"{edge}_0") for edge in before[1:common])
         is_possible = free_m >= decided_m or common == len(before)
