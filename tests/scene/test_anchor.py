@@ -20,7 +20,7 @@ from lingjing.mission.footprint import sunk_below_m
 from lingjing.mission.instance import Entity, Instance
 from lingjing.mission.kinds import reach_m
 from lingjing.scene.anchor import anchor
-from lingjing.scene.city import City, Land
+from lingjing.scene.city import City, Land, Lane, Prop, Road, Solid
 from lingjing.scene.districts.palette import WHITE
 from lingjing.scene.footing import Footing
 from lingjing.scene.lines import point_at, project
@@ -392,3 +392,41 @@ def test_regions_made_of_roads_get_outlines() -> None:
     with pytest.raises(MissionError, match="no road named 'Nowhere Lane'") as caught:
         anchor(instantiate(wrong, seed=0), city_of("cr", 0))
     assert "Avenue" in caught.value.hint
+
+
+def yard() -> City:
+    """A lane along the south, two objects of different size in the west, and a step, a wall and a beam in the east."""
+    lane = Lane(id="s_0", shape=((0.0, -50.0, 0.0), (100.0, -50.0, 0.0)), width_m=3.0)
+    foot = Lane(id="s_1", shape=((0.0, -60.0, 0.0), (100.0, -60.0, 0.0)), width_m=2.0, kind="foot")
+    under = Lane(id="t_0", shape=((0.0, 50.0, 0.0), (100.0, 50.0, 0.0)), width_m=3.0)
+    props = [
+        Prop(id=cls, cls=cls, model=cls, position=(x, 0.0, 0.0), scale=scale)
+        for cls, x, scale in (("parked_truck", -80.0, 1.0), ("bench", -50.0, 0.5), ("sign", -30.0, 1.0))
+    ]
+    solids = [
+        Solid(id=name, polygon=((x, 0.0), (x + 4.0, 0.0), (x + 4.0, 4.0), (x, 4.0)), base_m=base, top_m=top)
+        for name, x, base, top in (("step", 20.0, 0.0, 0.4), ("wall", 50.0, 0.0, 3.0), ("beam", 80.0, 2.5, 4.0))
+    ]
+    return City(
+        id="yard", origin=(31.0, 121.5), bounds=(-100.0, -100.0, 120.0, 100.0), props=tuple(props),
+        solids=tuple(solids), roads=(Road(id="s", lanes=(lane, foot)), Road(id="t", lanes=(under,), tunnel=True)),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "margin", "clear", "off_road"),
+    [
+        (50.0, -47.4, 1.0, True, True), (50.0, -47.6, 1.0, True, False),  # on a lane, which alone blocks off the road
+        (50.0, -52.6, 1.0, True, True), (102.4, -50.0, 1.0, True, False), (102.6, -50.0, 1.0, True, True),
+        (50.0, -60.0, 1.0, True, True), (50.0, 50.0, 1.0, True, True),  # a pavement and a tunnel
+        (-75.3, 0.0, 0.0, False, False), (-75.1, 0.0, 0.0, True, True), (-80.0, 5.7, 1.0, False, False),
+        (-80.0, 5.9, 1.0, True, True), (-50.0, 0.9, 0.5, False, False), (-50.0, 1.1, 0.5, True, True),
+        (-30.0, 0.0, 0.0, True, True),  # a sign stands in nobody's way
+        (22.0, 2.0, 1.0, True, True), (82.0, 2.0, 1.0, True, True),  # onto a step, and under a beam
+        (52.0, 2.0, 0.0, False, False), (49.1, 2.0, 1.0, False, False), (48.9, 2.0, 1.0, True, True),
+    ],
+)  # fmt: skip
+def test_a_place_is_clear_of_what_blocks_it(x: float, y: float, margin: float, clear: bool, off_road: bool) -> None:
+    footing = Footing(yard())
+    assert footing.is_clear(x, y, margin) == clear
+    assert footing.is_clear(x, y, margin, off_road=True) == off_road
