@@ -421,7 +421,7 @@ def yard() -> City:
         (50.0, -60.0, 1.0, True, True), (50.0, 50.0, 1.0, True, True),  # a pavement and a tunnel
         (-75.3, 0.0, 0.0, False, False), (-75.1, 0.0, 0.0, True, True), (-80.0, 5.7, 1.0, False, False),
         (-80.0, 5.9, 1.0, True, True), (-50.0, 0.9, 0.5, False, False), (-50.0, 1.1, 0.5, True, True),
-        (-30.0, 0.0, 0.0, True, True),  # a sign stands in nobody's way
+        (-30.0, 0.0, 0.0, True, True),  # a sign blocks nothing
         (22.0, 2.0, 1.0, True, True), (82.0, 2.0, 1.0, True, True),  # onto a step, and under a beam
         (52.0, 2.0, 0.0, False, False), (49.1, 2.0, 1.0, False, False), (48.9, 2.0, 1.0, True, True),
     ],
