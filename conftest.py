@@ -35,7 +35,8 @@ for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHU
         signal.signal(number, usual)
 
 # Examples follow the test alone. Hypothesis would also take them from the constants of all modules that are imported at
-# the time, which differ with the tests that ran before, and would read 1,100 modules for it (6 s in a fresh clone).
+# the time, which differ with the tests that ran before, and would read 1,100 modules for it (10 s in a fresh clone
+# on a busy machine).
 with contextlib.suppress(ImportError):  # an earlier hypothesis takes none
     from hypothesis.internal.conjecture import providers
     from hypothesis.internal.constants_ast import Constants
@@ -59,8 +60,8 @@ _OUTCOMES = (pytest.skip.Exception, pytest.fail.Exception, pytest.xfail.Exceptio
 def pytest_collection(session: pytest.Session) -> None:
     """Collect no garbage while tests are collected: almost all objects remain, and walking them takes 1.5 s.
 
-    In a fresh clone pytest compiles 600 modules of tests, in 9 s of a worker. Each worker begins with other modules and
-    reads later what the others have compiled.
+    In a fresh clone pytest compiles 600 modules of tests, in 14 s on a busy machine. Each worker begins with other
+    modules and reads later what the others have compiled.
     """
     gc.disable()
     number = os.environ.get("PYTEST_XDIST_WORKER", "").removeprefix("gw")

@@ -264,7 +264,7 @@ def warm(_argument: str) -> None:
     """
     with tempfile.TemporaryDirectory() as folder:
         run(shortened(mission_file("ssr"), 1), policy="idle", world="inline", overview=False, out=f"{folder}/run")
-    benchmark_version(())  # each suite would read all modules, in 1 s
+    benchmark_version(())  # each suite would compute both, in 1 s
     code_sha256(())
     Image.init()
     hold_entries()

@@ -214,7 +214,7 @@ def _files_below(folder: str, place: str) -> Iterator[_CodeFile]:
 
 @lru_cache(maxsize=1)
 def _hash_of_code(files: tuple[_CodeFile, ...]) -> bytes:
-    """Return the SHA-256 over files. It is kept, because a command asks for it up to ten times and reads 1,100 files
+    """Return the SHA-256 over files. It is kept, because a command asks for it up to ten times and reads 1,300 files
     for it; a file that was changed since has another size or time.
     """
     digest = hashlib.sha256()

@@ -40,6 +40,9 @@ class _Obstacles:
     """The obstacles of one tile with their bounds: a search compares thousands of places with them."""
 
     def __init__(self, tile: Tile) -> None:
+        self.buildings: tuple[tuple[Building, Extent], ...] = tuple(
+            (house, bounds(house.polygon)) for house in tile.buildings if house.polygon
+        )
         self.solids: tuple[tuple[Polygon, Extent], ...] = tuple(
             (solid.polygon, bounds(solid.polygon))
             for solid in tile.solids
@@ -81,7 +84,6 @@ class Footing:
     def __init__(self, city: City, tiles: Tiles | None = None) -> None:
         self._city = city
         self._tiles = tiles or Tiles(city)
-        self._bounded: dict[TileKey, tuple[tuple[Building, Extent], ...]] = {}
         self._obstacles: dict[TileKey, _Obstacles] = {}
 
     def height(self, x: float, y: float) -> float:
@@ -146,15 +148,8 @@ class Footing:
         return max(tops, default=None)
 
     def _buildings_within(self, tile: Tile, x: float, y: float, margin: float) -> Iterator[Building]:
-        """Yield the buildings of a tile that a place is inside of, or nearer to than `margin`.
-
-        Their bounds are kept: a search compares thousands of places with each building.
-        """
-        bounded = self._bounded.get(tile.key)
-        if bounded is None:
-            bounded = tuple((house, bounds(house.polygon)) for house in tile.buildings if house.polygon)
-            self._bounded[tile.key] = bounded
-        for house, extent in bounded:
+        """Yield the buildings of a tile that a place is inside of, or nearer to than `margin`."""
+        for house, extent in self._obstacles_of(tile).buildings:
             if _is_near(extent, x, y, margin) and _reaches(house.polygon, x, y, margin):
                 yield house
 

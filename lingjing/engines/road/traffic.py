@@ -221,9 +221,11 @@ class Traffic:
                 return
 
     def _reroute(self, mover: _BackgroundVehicle, change: Callable[[], None]) -> bool:
-        """Change the route of a vehicle, and return True. The vehicle keeps its route, and False is returned, if it
-        passes the place where the two part before its next decision: until then it drives as it decided before, and
-        SUMO 1.28 crashes with a vehicle beside its route (in short edges of roundabouts).
+        """Change the route of a vehicle and return True, or keep the old route and return False.
+
+        The old route stays if the vehicle passes the end of the routes' common part before its next decision. Until
+        then it drives as it decided before, and SUMO 1.28 crashes if a vehicle is beside its route (on short edges of
+        roundabouts).
         """
         vehicles = self._sim.vehicle
         before = self._route_ahead(mover.id)
@@ -246,11 +248,9 @@ class Traffic:
         return route[max(0, self._sim.vehicle.getRouteIndex(name)) :]
 
     def _evade(self, mover: _BackgroundVehicle, blocked: frozenset[str]) -> None:
-        vehicles = self._sim.vehicle
         try:
-            route = vehicles.getRoute(mover.id)
-            if blocked.intersection(route[max(0, vehicles.getRouteIndex(mover.id)) + 1 :]):
-                self._reroute(mover, partial(vehicles.rerouteTraveltime, mover.id))
+            if blocked.intersection(self._route_ahead(mover.id)[1:]):
+                self._reroute(mover, partial(self._sim.vehicle.rerouteTraveltime, mover.id))
         except SumoError:  # there is no way around, or the vehicle is not inserted yet: its route stays
             return
 
