@@ -215,6 +215,51 @@ def test_the_introspector_loses_behind_walls(trip: Path, tmp_path: Path) -> None
     assert not report["success"] and report["metrics"]["substitutions"] == 0
 
 
+_NETWORK_KEYS = """
+import contextlib, json, lzma
+from lingjing_agents.adversaries.truth import NETWORKS
+from lingjing.play.placed_plan import place_mission
+from lingjing.scene import network
+from lingjing.testing import compiled, shipped_missions
+
+stored = json.loads(lzma.decompress(NETWORKS.read_bytes()))
+keys = []
+network._version = lambda: stored["version"]
+network._cached = lambda key, *_: keys.append(key) or 1 / 0  # the key is enough: build no city
+for name in shipped_missions():
+    with contextlib.suppress(Exception):
+        place_mission(compiled(name))
+print(len(keys), sorted(set(keys) - set(stored["networks"])))
+"""
+
+
+def test_the_seed_guesser_has_the_road_networks_of_all_shipped_cities(tmp_path: Path) -> None:
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}  # no city is built yet
+    run = [sys.executable, "-c", _NETWORK_KEYS]
+    done = subprocess.run(run, env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout == "9 []\n"
+
+
+@pytest.mark.thorough
+@pytest.mark.skipif(sys.platform != "linux", reason="walls are made of Linux's own parts")
+def test_the_seed_guesser_wins_behind_walls_on_a_public_seed_and_loses_on_a_sealed_split(tmp_path: Path) -> None:
+    from lingjing_agents.adversaries import truth
+
+    salt = tmp_path / "salt"
+    salt.write_text("5" * 64)
+    salt.chmod(0o600)
+    for options, won in (((), True), (("--salt=salt",), False)):
+        done = subprocess.run(
+            [sys.executable, "-m", "lingjing.cli.main", "run", "bi", "--tier=1", "--seed=3", "--isolate", "--json",
+             "--no-overview", f"--output={won}", f"--policy={truth.__file__}:SeedGuesser", *options],
+            cwd=tmp_path, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr[-2000:]
+        report = json.loads(done.stdout)
+        assert report["success"] is won
+        assert report["metrics"]["substitutions"] == 0
+
+
 def test_public_seeds_are_recognised_and_those_of_a_sealed_split_are_not() -> None:
     mission = compiled("upr")
     for seed, known in ((5, True), (2**61 + 5, False)):

@@ -3,7 +3,8 @@
 - `Introspector`: looks for the kernel among the objects and frames of its process, and for the trace that
   another process writes. It then plays like the oracle, or with the true boxes.
 - `SeedGuesser`: draws the instances of public seeds until one agrees with its brief. The drawn world then tells it the
-  true boxes of its own pictures.
+  true boxes of its own pictures. It brings the road networks of the shipped cities, because a policy behind walls
+  cannot start the program that makes them.
 
 Both play blind where they find nothing, so that they win by the truth alone. They break the rule that policies import
 the plug-in contract alone, as an entrant's code may: hence `import_module`.
@@ -13,7 +14,12 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import hashlib
+import json
+import lzma
+import os
 import sys
+import tempfile
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from importlib import import_module
@@ -45,6 +51,10 @@ TIERS = (1, 0)
 """The tiers that it tries."""
 MOST = 4
 """Worlds that it compares, at most (chosen, for their memory)."""
+NETWORKS = Path(__file__).with_name("networks.json.xz")
+"""The road networks of the shipped missions' cities by key, and the version of the program that made them. Written by
+`tools/adversary_networks.py`.
+"""
 COARSE = 8
 """Step in pixels of the comparison of two pictures (chosen)."""
 
@@ -170,9 +180,31 @@ class Shadow:
 def guessed(brief: Brief, seeds: Iterable[int] = range(SEEDS)) -> list[Shadow]:
     """Return the worlds of the seeds that agree with the brief, `MOST` of them."""
     place = import_module("lingjing.play.placed_plan").place_mission
+    prepare_worlds()
     return [
         Shadow(*place(mission, seed=seed, mode=brief.mode, tier=tier)) for mission, tier, seed in agreeing(brief, seeds)
     ]
+
+
+def prepare_worlds() -> None:
+    """Let this process build and draw cities behind walls, where it starts no program and reads no system settings.
+
+    Road networks come from `NETWORKS`. OpenGL finds its driver by a file that this process writes.
+    """
+    folder = Path(tempfile.mkdtemp(prefix="worlds-"))
+    driver = folder / "driver.json"
+    driver.write_text(json.dumps({"file_format_version": "1.0.0", "ICD": {"library_path": "libEGL_mesa.so.0"}}))
+    os.environ["__EGL_VENDOR_LIBRARY_FILENAMES"] = str(driver)
+    network: Any = import_module("lingjing.scene.network")
+    stored = json.loads(lzma.decompress(NETWORKS.read_bytes()))
+
+    def from_store(key: str, *_: Any) -> Any:
+        data = stored["networks"][key].encode()
+        path = folder / f"{key[:40]}.net.xml"
+        path.write_bytes(data)
+        return network.Network(path=str(path), sha256=hashlib.sha256(data).hexdigest())
+
+    network._version, network._cached = (lambda: stored["version"]), from_store
 
 
 def agreeing(brief: Brief, seeds: Iterable[int] = range(SEEDS)) -> list[tuple[Any, int, int]]:
