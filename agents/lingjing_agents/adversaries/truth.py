@@ -178,12 +178,22 @@ class Shadow:
 
 
 def guessed(brief: Brief, seeds: Iterable[int] = range(SEEDS)) -> list[Shadow]:
-    """Return the worlds of the seeds that agree with the brief, `MOST` of them."""
+    """Return the worlds of the seeds that agree with the brief, `MOST` of them.
+
+    With road traffic there is only the first of them, because a process holds one simulation of SUMO.
+    """
     place = import_module("lingjing.play.placed_plan").place_mission
     prepare_worlds()
-    return [
-        Shadow(*place(mission, seed=seed, mode=brief.mode, tier=tier)) for mission, tier, seed in agreeing(brief, seeds)
-    ]
+    worlds: list[Shadow] = []
+    for mission, tier, seed in agreeing(brief, seeds):
+        placed = place(mission, seed=seed, mode=brief.mode, tier=tier)
+        try:
+            worlds.append(Shadow(*placed))
+        except Exception:
+            if not worlds:
+                raise
+            break
+    return worlds
 
 
 def prepare_worlds() -> None:
@@ -195,6 +205,7 @@ def prepare_worlds() -> None:
     driver = folder / "driver.json"
     driver.write_text(json.dumps({"file_format_version": "1.0.0", "ICD": {"library_path": "libEGL_mesa.so.0"}}))
     os.environ["__EGL_VENDOR_LIBRARY_FILENAMES"] = str(driver)
+    os.environ["MUJOCO_GL"] = "disable"  # mujoco would start a program that looks for windows
     network: Any = import_module("lingjing.scene.network")
     stored = json.loads(lzma.decompress(NETWORKS.read_bytes()))
 
