@@ -24,6 +24,6 @@ def test_a_missing_extra_is_named_with_the_command() -> None:
     assert caught.value.hint == "pip install 'eclipse-sumo>=1.24' 'libsumo>=1.24'"
 
 
-def test_a_fault_in_an_engine_is_not_taken_for_a_missing_extra() -> None:
+def test_a_missing_import_of_an_engine_is_not_reported_as_a_missing_extra() -> None:
     with pytest.raises(ModuleNotFoundError), _extra("road", "libsumo"):
         import nosuchpackage  # noqa: F401

@@ -40,20 +40,20 @@ def network() -> Network:
     return build_network(NODES, EDGES)
 
 
-def test_a_folder_that_can_be_made_is_the_users_own(home: Path) -> None:
+def test_the_users_own_folder_is_chosen_if_it_can_be_created(home: Path) -> None:
     assert choose_cache() == (str(home / "lingjing"), "", True)
     assert not home.exists() and not list((home.parent / "tmp").iterdir())
 
 
 def test_a_relative_folder_is_ignored(home: Path, monkeypatch) -> None:
-    """The bug: it meant another folder in each process with a working folder of its own."""
+    """Regression: a relative path named another folder in each process with its own working folder."""
     monkeypatch.setenv("HOME", str(home))
     monkeypatch.setenv("XDG_CACHE_HOME", "caches")
     assert choose_cache().folder == str(home / ".cache" / "lingjing")
 
 
 @pytest.mark.slow
-def test_a_plan_is_drawn_without_stray_lines_where_a_file_is_in_the_way(home: Path, tmp_path: Path) -> None:
+def test_a_plan_is_drawn_with_a_single_note_if_a_file_blocks_the_cache_folder(home: Path, tmp_path: Path) -> None:
     """Regression: Matplotlib looks for its folder at the same place, and printed four lines about a missing folder."""
     a_file(home)
     call = [sys.executable, "-m", "lingjing.cli.main", "scene", "draw", "upr", "-o", str(tmp_path / "plan.png")]
@@ -81,7 +81,7 @@ def a_link_to_nothing(home: Path) -> None:
 
 
 @pytest.mark.parametrize("spoil", [a_file, a_file_within, a_file_of_one_kind, a_link_to_nothing])
-def test_a_temporary_folder_takes_the_place_of_a_file(home: Path, spoil) -> None:
+def test_a_temporary_folder_is_used_if_a_file_blocks_the_cache_folder(home: Path, spoil) -> None:
     spoil(home)
     choice = choose_cache()
     assert (choice.folder, choice.is_usable) == (temporary(home), True) and choice.refused.endswith("is no folder")
@@ -117,7 +117,7 @@ def test_a_full_or_read_only_disk_is_not_written_to(home: Path, monkeypatch, sta
     assert not doctor.check_cache().ok
 
 
-def test_a_folder_of_another_users_is_not_trusted(home: Path, monkeypatch) -> None:
+def test_a_folder_that_another_user_may_change_is_not_used(home: Path, monkeypatch) -> None:
     home.write_text("mine")
     Path(temporary(home)).mkdir()
     Path(temporary(home)).chmod(0o777)
@@ -126,7 +126,7 @@ def test_a_folder_of_another_users_is_not_trusted(home: Path, monkeypatch) -> No
     assert cache_folder() == f"{temporary(home)}-2"
 
 
-def test_what_is_kept_where_nothing_can_be_written_is_still_read(home: Path, monkeypatch) -> None:
+def test_kept_files_on_a_read_only_disk_are_still_read(home: Path, monkeypatch) -> None:
     made = network()
     assert Path(made.path).is_relative_to(home)
     real = os.statvfs
@@ -159,7 +159,7 @@ mission tiny "A city with roads, for two ticks" {
 
 
 @pytest.mark.slow
-def test_several_episodes_play_and_the_folder_is_said_once(home: Path, tmp_path: Path) -> None:
+def test_a_run_of_several_episodes_reports_the_temporary_folder_once(home: Path, tmp_path: Path) -> None:
     home.write_text("mine")
     (tmp_path / "tiny.ljs").write_text(TINY, encoding="utf-8")
     done = run("run", "tiny.ljs", "--policy", "random", "--seeds", "0-1", "-j", "2", "--json", cwd=tmp_path)
@@ -174,7 +174,9 @@ def test_several_episodes_play_and_the_folder_is_said_once(home: Path, tmp_path:
 @pytest.mark.parametrize(
     "verb", [("run", "ssr", "-o", "out"), ("bench", "main", "-o", "out"), ("frames", "export", "x", "-o", "out")]
 )
-def test_without_any_folder_nothing_begins(home: Path, tmp_path: Path, monkeypatch, verb) -> None:
+def test_a_command_fails_before_it_starts_without_a_usable_folder(
+    home: Path, tmp_path: Path, monkeypatch, verb
+) -> None:
     home.write_text("mine")
     monkeypatch.setenv("TMPDIR", str(tmp_path / "tmp"))
     (tmp_path / "sitecustomize.py").write_text(
@@ -202,8 +204,8 @@ def test_another_users_folder_is_not_written(monkeypatch) -> None:
             os.write(theirs, choose_cache().refused.encode())
             os._exit(0)
         os.close(theirs)
-        with open(ours) as said:
-            assert said.read() == f"`{folder}` may not be written"
+        with open(ours) as pipe:
+            assert pipe.read() == f"`{folder}` may not be written"
         os.waitpid(child, 0)
 
 
@@ -223,8 +225,8 @@ def lingjing_scenes():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "code"), [("InfrastructureError", 3), ("UsageError", 2)])
-@pytest.mark.parametrize("several", [(), ("--seeds", "0-1", "-j", "2")], ids=["one", "several"])
-def test_a_hint_arrives_where_it_is_read(
+@pytest.mark.parametrize("several", [(), ("--seeds", "0-1", "-j", "2")], ids=["one episode", "several episodes"])
+def test_the_hint_of_an_error_in_a_worker_process_is_printed_once(
     home: Path, tmp_path: Path, monkeypatch, kind: str, code: int, several
 ) -> None:
     info = tmp_path / "site" / "canyon-1.0.dist-info"

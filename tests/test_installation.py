@@ -51,7 +51,7 @@ NAMES = "[name_of(CORE), version_of(CORE), name_of(AGENTS), version_of(AGENTS), 
 BY_SETUP = "run `make setup` in the checkout of this project"
 
 
-def test_without_metadata_the_names_are_known_and_the_checkout_installs(tmp_path: Path) -> None:
+def test_without_metadata_the_names_are_known_and_make_setup_is_advised(tmp_path: Path) -> None:
     assert answer(tmp_path, NAMES) == ["lingjing-sim", "absent", "lingjing-sim-agents", "absent", BY_SETUP]
 
 
@@ -65,7 +65,7 @@ def test_a_redistribution_has_a_name_of_its_own(tmp_path: Path) -> None:
     assert answer(tmp_path, "requirements('all')") == []
 
 
-def test_metadata_of_an_earlier_name_counts_as_ours_and_its_name_is_not_spoken(tmp_path: Path) -> None:
+def test_metadata_of_an_earlier_name_counts_as_ours_and_is_shown_under_the_present_name(tmp_path: Path) -> None:
     add_metadata(tmp_path, "lingjing", entry_points=BUILTIN, requires=("libsumo; extra == 'road'",))
     assert answer(tmp_path, NAMES)[:2] == ["lingjing-sim", "1.0.0"]
     assert answer(tmp_path, "[[one.name for one in earlier_left()], other_party() is None]") == [["lingjing"], True]
@@ -83,7 +83,7 @@ def test_an_extra_names_its_packages_with_their_bounds() -> None:
     assert requirements("agents") == ()
 
 
-def test_missing_metadata_of_its_own_plugins_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_metadata_of_the_projects_own_plugins_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doctor, "find_entries", lambda group: SimpleNamespace(points=(), broken=()))
     finding = doctor.check_installation()
     assert not finding.ok and "none of this project's engines" in finding.found and finding.advice
@@ -141,7 +141,7 @@ def test_a_plugin_that_requires_an_earlier_name_is_named_with_the_line_to_change
     assert "plug-in `hovercraft` (lingjing-hovercraft) requires `lingjing`" in printed.err and advice in printed.err
 
 
-def test_ours_and_plugins_of_the_present_scaffold_are_not_named() -> None:
+def test_plugins_without_an_earlier_requirement_are_not_reported() -> None:
     assert list(earlier_requirements()) == []
 
 

@@ -1,4 +1,4 @@
-"""Kept files: what is read is what was written, or nothing; the oldest go."""
+"""Kept files: a read returns the written bytes or nothing, and the oldest files are removed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from lingjing.kept_files import READ_AGAIN_S, prune, read_kept, write_kept
 
 
-def test_what_was_written_is_read(tmp_path: Path) -> None:
+def test_written_bytes_are_read_back(tmp_path: Path) -> None:
     file = tmp_path / "deep" / "one"
     write_kept(str(file), b"what is kept")
     read = read_kept(str(file))
@@ -19,7 +19,7 @@ def test_what_was_written_is_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("place", [0, 31, 32, -1])
-def test_a_file_with_a_flipped_bit_or_a_cut_end_is_none(tmp_path: Path, place: int) -> None:
+def test_a_file_with_a_flipped_bit_or_a_cut_end_is_not_read(tmp_path: Path, place: int) -> None:
     file = tmp_path / "one"
     write_kept(str(file), b"what is kept")
     whole = bytearray(file.read_bytes())
@@ -39,14 +39,14 @@ def test_a_read_file_is_marked_as_read(tmp_path: Path) -> None:
     assert file.stat().st_mtime > long_ago + READ_AGAIN_S
 
 
-def test_what_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
+def test_a_failed_write_leaves_no_new_file(tmp_path: Path) -> None:
     (tmp_path / "one").mkdir()
     with pytest.raises(OSError):
         write_kept(str(tmp_path / "one"), b"what is kept")
     assert os.listdir(tmp_path) == ["one"]
 
 
-def test_the_oldest_files_go_when_the_room_is_used_up(tmp_path: Path) -> None:
+def test_the_oldest_files_are_removed_when_the_limit_is_exceeded(tmp_path: Path) -> None:
     for number in range(6):
         file = tmp_path / f"{number}.mesh"
         file.write_bytes(bytes(100))

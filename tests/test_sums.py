@@ -11,7 +11,7 @@ import lingjing
 from lingjing.sums import total
 
 HARD = [1e16, 1.0, -1e16, 0.1, 0.2]
-"""Numbers whose compensated sum, which `sum` gives from Python 3.12 on, is another one."""
+"""Numbers with a compensated sum, as `sum` gives it from Python 3.12 on, that differs from the plain sum."""
 
 SOURCES = Path(lingjing.__file__).parent
 GEOMETRY = {"math.dist", "dist", "hypot", "math.hypot", "math.cos", "math.sin", "math.sqrt", "sqrt"}
@@ -28,7 +28,7 @@ def test_numbers_are_added_from_left_to_right() -> None:
 @pytest.mark.parametrize("folder", ["engines", "kernel", "mission", "scene"])
 def test_no_builtin_sum_adds_lengths_or_waves(folder: str) -> None:
     """A sum over a function with an irrational result is one of floats, and bodies or cities depend on it."""
-    found = [
+    sums = [
         f"{path.relative_to(SOURCES)}:{node.lineno}"
         for path in sorted((SOURCES / folder).rglob("*.py"))
         if "feasibility" not in path.parts  # proofs use bounds with a margin
@@ -37,4 +37,4 @@ def test_no_builtin_sum_adds_lengths_or_waves(folder: str) -> None:
         if any(isinstance(part, ast.Call) and ast.unparse(part.func) in GEOMETRY for part in ast.walk(node.args[0]))
         if not any(isinstance(part, ast.Compare) for part in ast.walk(node.args[0]))  # a sum of comparisons counts
     ]
-    assert found == []
+    assert sums == []

@@ -1,4 +1,4 @@
-"""The adversaries: what each receives and sends, and that it wins where its guard is taken out."""
+"""The adversaries: the inputs and messages of each, and its success where the safeguard against it is off."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def boxes(decision: Decision) -> list[object]:
     return [message.body["box"] for message in decision.messages if "box" in message.body]
 
 
-def test_the_flooder_reports_all_over_a_picture_and_the_blind_one_box_now_and_then() -> None:
+def test_the_flooder_reports_many_boxes_in_each_picture_and_the_blind_player_few() -> None:
     flood, *_ = decided(Flooder(), turn(1, above()))
     assert len(boxes(flood)) >= FLOOD and len(set(boxes(flood))) >= FLOOD
     blind = decided(Blind(), *(turn(tick, above(tick)) for tick in (1, 2, 3)))
@@ -99,7 +99,7 @@ def test_a_guess_has_the_size_of_a_target_and_often_a_known_place() -> None:
     assert 20 <= centred < 40, "the place of the text is in the middle; tier 1 has others"
 
 
-def test_the_event_reader_repeats_the_guess_that_something_followed() -> None:
+def test_the_event_reader_repeats_the_guess_that_an_event_followed() -> None:
     event = EventView(id="t3-1", kind="rescue", tick=3, entities=("boat",))
     turns = turn(1, above(1)), turn(2, above(2)), turn(3, above(3), events=(event,)), turn(4, above(4))
     first, second, third, fourth = (boxes(each)[-1] for each in decided(EventReader(), *turns))
@@ -107,7 +107,7 @@ def test_the_event_reader_repeats_the_guess_that_something_followed() -> None:
     assert third == pytest.approx(second, abs=2e-3) and fourth == pytest.approx(second, abs=2e-3)
 
 
-def test_the_clock_reader_guesses_where_a_turn_took_long(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_clock_reader_guesses_after_a_slow_turn(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = [0.0]
     monkeypatch.setattr(time, "monotonic", lambda: clock[0])
 
@@ -124,7 +124,7 @@ def test_the_clock_reader_guesses_where_a_turn_took_long(monkeypatch: pytest.Mon
     assert counts[6] >= 1 and counts[:6] == [0] * 6 and counts[7] == 0
 
 
-def test_the_mask_reader_finds_what_sticks_out_of_the_depth_picture() -> None:
+def test_the_mask_reader_finds_an_object_that_protrudes_in_the_depth_picture() -> None:
     depth = np.full((1080, 1920), 100.0, np.float32)
     depth[500:514, 900:914] -= 0.4
     player = MaskReader()
@@ -136,14 +136,14 @@ def test_the_mask_reader_finds_what_sticks_out_of_the_depth_picture() -> None:
     assert find(above(), -3.5) == (), "a picture without channels says nothing"
 
 
-def test_a_colour_table_holds_the_colours_of_targets_alone() -> None:
+def test_a_colour_table_holds_only_the_colours_of_targets() -> None:
     rgb = np.full((90, 160, 3), (20, 60, 120), np.uint8)
     rgb[40:50, 70:90] = (220, 90, 30)
     colours = learn([(rgb, [(70 / 160, 40 / 90, 89 / 160, 49 / 90)])])
     assert colours == [int(colour_numbers(np.array([[(220, 90, 30)]], np.uint8))[0, 0])]
 
 
-def test_the_id_reader_takes_numbered_things_of_no_team_and_the_order_of_names() -> None:
+def test_the_id_reader_boxes_targets_by_id_and_guesses_demands_by_the_order_of_names() -> None:
     instance = np.zeros((1080, 1920), np.uint16)
     instance[100:120, 200:240], instance[500:600, 300:400] = 3, 1
     player = IdReader()
@@ -157,7 +157,7 @@ def test_the_id_reader_takes_numbered_things_of_no_team_and_the_order_of_names()
     assert [(each.resources or {}).get("demand") for each in views] == [OTHERS_KG, FIRST_KG, None]
 
 
-def test_the_whiteboard_passes_messages_beside_the_bus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_whiteboard_passes_messages_without_the_bus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Agents pass messages in one process, or over files that both can read; isolated agents share neither."""
     monkeypatch.setattr(messages.tempfile, "gettempdir", lambda: str(tmp_path))
 
@@ -193,7 +193,7 @@ def trip(tmp_path: Path) -> Path:
     return file
 
 
-def test_the_introspector_wins_in_the_players_process(trip: Path, tmp_path: Path) -> None:
+def test_the_introspector_wins_without_walls(trip: Path, tmp_path: Path) -> None:
     for policy, won in ((Introspector, True), ("heuristic", False)):
         report = lingjing.run(trip, policy=policy, world="inline", overview=False, out=tmp_path / f"{won}", seed=3)
         assert report.success is won

@@ -1,4 +1,4 @@
-"""Faults of services and of lists of models are told plainly, and the episode is kept."""
+"""Faults of services and of lists of models are reported plainly, and the episode is kept."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ async def acted(step: Any, **more: str) -> Any:
         return await policy.act(observe("scout[1]", 0), Inbox())
 
 
-async def test_a_thought_in_another_language_is_used_and_other_names_are_listed() -> None:
+async def test_a_chinese_thought_is_accepted_and_chinese_field_names_are_rejected() -> None:
     decision = await acted({**NOOP, "thought": "海面上没有人,等下一张照片。"})
     assert decision.thought == "海面上没有人,等下一张照片。"
     with pytest.raises(NoDecisionError) as refused:
@@ -35,7 +35,7 @@ async def test_a_thought_in_another_language_is_used_and_other_names_are_listed(
         await acted("我看不到任何人。")
 
 
-async def test_a_picture_larger_than_the_service_takes_is_told_with_the_way_out() -> None:
+async def test_the_error_about_a_large_picture_names_the_option_image_side() -> None:
     too_large = Reply(status=413, body='{"error": "image exceeds 1024 x 1024"}')
     with pytest.raises(NoDecisionError, match=r"answered 413.*image exceeds 1024 x 1024.*image_side"):
         await acted(too_large)
@@ -43,13 +43,13 @@ async def test_a_picture_larger_than_the_service_takes_is_told_with_the_way_out(
         await acted(Reply(status=400, body='{"error": "the image is too large: at most 1024 pixels"}'))
 
 
-def test_a_model_of_an_unknown_family_is_sent_the_turns_of_all_others() -> None:
+def test_pictures_of_an_unknown_model_are_counted_by_all_shipped_rules() -> None:
     options = ReactOptions(model="never-heard-of", base_url="http://127.0.0.1:9/v1")
     assert options.profile.pictures == UNKNOWN_PICTURES
     assert options.profile.counted == shipped_picture_rules()
 
 
-def test_a_list_with_an_unknown_family_is_told_with_the_known_ones(tmp_path: Path) -> None:
+def test_an_unknown_picture_rule_in_a_list_of_models_is_reported_with_the_known_rules(tmp_path: Path) -> None:
     file = tmp_path / "models.toml"
     file.write_text('[models.mine]\nservice = "vllm"\nserved = "mine"\npictures = "llava"\n')
     with pytest.raises(UsageError, match=r"mine\.pictures: no rule for pictures is called `llava`; there are: "):
@@ -71,7 +71,7 @@ args = { model = "test-model", base_url = "URL", price_in = 0, price_out = 0, ma
 
 
 @pytest.mark.slow
-def test_a_service_that_changes_its_model_within_a_suite_is_told_and_noted(
+def test_a_service_that_changes_its_model_during_a_suite_is_reported_and_recorded(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "short.ljs").write_text(TRIP)

@@ -55,7 +55,7 @@ def test_a_place_in_a_building_is_replaced_by_the_nearest_free_one(towers: Tower
     assert towers.free((320.0, 20.0), 40.0) == (320.0, 20.0)
 
 
-def test_an_aircraft_beside_a_wall_leaves_it_and_one_that_is_walled_in_flies_straight(towers: TowerPaths) -> None:
+def test_an_aircraft_beside_a_wall_moves_away_and_an_enclosed_aircraft_flies_straight(towers: TowerPaths) -> None:
     beside = flown(towers, (-12.0, 0.0), (100.0, 0.0), 40.0)
     assert math.dist(beside[1], (-22.5, 0.0)) < 1e-6 and len(beside) < 8
     assert towers.next_place((-20.0, 0.0), (100.0, 0.0), 40.0)[1] > 50.0
@@ -69,14 +69,14 @@ def test_the_highest_roof_is_that_of_the_buildings_near_the_line(towers: TowerPa
     assert towers.highest_m((200.0, 100.0), (400.0, 100.0), 50.0) == -math.inf
 
 
-def test_a_walled_goal_far_away_needs_no_search(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_distant_enclosed_goal_needs_no_search(monkeypatch: pytest.MonkeyPatch) -> None:
     """The search would visit half a million cells, for each command."""
     closed = TowerPaths((side, 90.0) for side in RING)
     monkeypatch.setattr(between_towers, "cheapest_path", None)
     assert closed.next_place((-2000.0, -2000.0), (0.0, 0.0), 40.0) == (0.0, 0.0)
 
 
-def test_cells_connect_where_a_path_leads() -> None:
+def test_cells_are_connected_exactly_if_a_path_exists() -> None:
     chance, connected = random.Random(5), 0
     for _ in range(400):
         rows, columns = chance.randint(3, 12), chance.randint(3, 12)

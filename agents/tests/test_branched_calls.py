@@ -68,7 +68,7 @@ def options(trace: Trace, calls: str = "live") -> BranchOptions:
     return BranchOptions(trace=str(trace.path), calls=calls, referenced=())
 
 
-def test_answers_are_recorded_ones_up_to_the_branch_and_live_beyond_it(
+def test_answers_are_recorded_up_to_the_branch_point_and_live_after_it(
     server: ChatServer, seen: Trace, tmp_path: Path
 ) -> None:
     recorded = len(server.requests)
@@ -87,7 +87,7 @@ def test_answers_are_recorded_ones_up_to_the_branch_and_live_beyond_it(
     assert prompt.count("look") > 1  # the request repeats the model's own answers up to the branch
 
 
-def test_unsaid_no_model_is_asked_and_without_a_record_nothing_is_branched(
+def test_a_fork_calls_no_model_without_calls_live_and_fails_without_a_record(
     server: ChatServer, seen: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     recorded = len(server.requests)

@@ -31,7 +31,7 @@ def test_lanes_run_the_way_that_needs_fewer_pictures():
     assert len(plan) == 16
 
 
-def test_no_cells_no_plan():
+def test_a_lattice_without_cells_is_empty():
     assert lattice((), NADIR, 100.0) == ()
 
 
@@ -46,11 +46,11 @@ def test_all_searchers_compute_the_same_fair_partition(uavs: int):
         assert max(loads) - min(loads) <= 3
 
 
-def test_ten_comes_after_two():
+def test_natural_order_puts_ten_after_two():
     assert sorted(["uav[10]", "uav[2]", "uav[1]"], key=natural) == ["uav[1]", "uav[2]", "uav[10]"]
 
 
-def test_what_was_photographed_gains_nothing():
+def test_photographed_ground_has_no_gain():
     seen = CoverageMap(grid())
     assert seen.gain(100.0, -900.0, (100.0, 100.0), 1) == 1.0
     seen.mark(((50.0, -950.0), (150.0, -950.0), (150.0, -850.0), (50.0, -850.0)))
@@ -59,7 +59,7 @@ def test_what_was_photographed_gains_nothing():
     assert 0.3 < seen.gain(150.0, -900.0, (100.0, 100.0), 1) < 0.7
 
 
-def test_a_finished_pass_is_followed_by_one_from_other_places_then_from_lower():
+def test_the_second_pass_has_turned_lanes_and_the_third_flies_lower():
     sweep = SearchPlan(brief(), NADIR, 100.0, 20.0)
     first = sweep.next_waypoint((306.0, -620.0))
     assert first is not None
@@ -90,5 +90,5 @@ def test_a_finished_pass_is_followed_by_one_from_other_places_then_from_lower():
 
 
 @pytest.mark.parametrize(("heading", "off"), [(90, 0), (270, 0), (80, 10), (0, 90), (359, 89), (100, 10), (-90, 0)])
-def test_a_lane_may_be_flown_either_way(heading: float, off: float):
+def test_the_course_error_is_the_same_in_both_directions_of_a_lane(heading: float, off: float):
     assert off_course_deg(90.0, heading) == pytest.approx(off)

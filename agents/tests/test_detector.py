@@ -78,7 +78,7 @@ def count(engine, height: float, sure: float, seeds=SEEDS):
 
 
 @pytest.mark.slow
-def test_from_search_height_most_people_are_found_and_few_others(camera):
+def test_most_people_are_found_from_search_height_with_few_false_positives(camera):
     recall, precision, error_m = count(camera, 100.0, 0.05)
     assert recall >= 0.7
     assert precision >= 0.7
@@ -86,7 +86,7 @@ def test_from_search_height_most_people_are_found_and_few_others(camera):
 
 
 @pytest.mark.slow
-def test_a_second_look_from_lower_down_is_better(camera):
+def test_recall_and_precision_are_higher_from_a_lower_height(camera):
     recall, precision, _ = count(camera, 50.0, 0.3)
     assert recall >= 0.8
     assert precision >= 0.9
@@ -133,7 +133,7 @@ def paint(shape: str) -> np.ndarray:
 
 
 @pytest.mark.parametrize("shape", ["buoy", "tarpaulin", "whitecap"])
-def test_what_is_round_big_or_white_is_nobody(shape: str):
+def test_round_large_or_white_objects_are_not_people(shape: str):
     assert find_people(paint(shape), POSE, LEVEL) == ()
 
 
@@ -146,7 +146,7 @@ def test_a_painted_person_is_boxed_tightly():
 
 
 @pytest.mark.parametrize("far", [(60, 40), (1040, 1850), (500, 1500)])
-def test_a_person_is_found_alike_wherever_else_warm_colours_are(far: tuple[int, int]):
+def test_warm_colours_elsewhere_do_not_change_the_detection_of_a_person(far: tuple[int, int]):
     alone = paint("person")
     beside = alone.copy()
     beside[far[0] : far[0] + 30, far[1] : far[1] + 40] = (230, 180, 60)
@@ -154,12 +154,12 @@ def test_a_person_is_found_alike_wherever_else_warm_colours_are(far: tuple[int, 
 
 
 @pytest.mark.parametrize("cut", ["top", "left", "bottom", "right"])
-def test_who_is_cut_by_the_border_is_not_judged(cut: str):
+def test_a_person_cut_by_the_picture_border_is_not_reported(cut: str):
     shown = {"top": np.s_[499:], "left": np.s_[:, 900:], "bottom": np.s_[:499], "right": np.s_[:, :900]}
     rgb = np.ascontiguousarray(paint("person")[shown[cut]])
     assert find_people(rgb, POSE, LEVEL) == ()
 
 
-def test_under_water_there_is_nothing_to_see():
+def test_a_camera_under_water_detects_nothing():
     below = camera_pose((0.0, 0.0, LEVEL - 1.0), 0.0, NADIR)
     assert find_people(paint("person"), below, LEVEL) == ()

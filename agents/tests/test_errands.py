@@ -14,7 +14,7 @@ RESET = Path(__file__).parents[2] / "scenarios" / "reset"
 
 
 @pytest.mark.parametrize(("mission", "rules"), [("free", PictureTaker), ("goals", GoalFlyer)])
-def test_rules_are_chosen_by_what_wins(mission: str, rules: type) -> None:
+def test_rules_are_chosen_by_the_success_condition(mission: str, rules: type) -> None:
     instance = instantiate(lingjing.compile(RESET / f"{mission}.ljs"))
     for agent in instance.agents:
         chosen = rules_for(brief_of(instance, agent.id, ("quadrotor",)))
@@ -22,7 +22,7 @@ def test_rules_are_chosen_by_what_wins(mission: str, rules: type) -> None:
 
 
 @pytest.mark.parametrize(("mission", "policy"), [("free", "heuristic"), ("goals", "heuristic"), ("goals", "oracle")])
-def test_it_is_won(mission: str, policy: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_mission_is_won(mission: str, policy: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["run", str(RESET / f"{mission}.ljs"), "--policy", policy, "--no-overview", "-o", str(tmp_path / "out")]
     assert run_command(arguments) == ExitCode.OK
     assert "success: yes" in capsys.readouterr().out

@@ -24,20 +24,20 @@ class Constant:
     def __init__(self, answer: Decision) -> None:
         self.answer, self.shown = answer, []
 
-    async def reset(self, given: Brief) -> None:
-        self.given = given
+    async def reset(self, own_brief: Brief) -> None:
+        self.own_brief = own_brief
 
     async def act(self, observation: Observation, inbox: Inbox) -> Decision:
         self.shown.append(observation)
         return self.answer
 
 
-def answers(fault: dict[str, object], answer: Decision, given: Brief, ticks: Sequence[int]) -> list[Decision]:
-    policy = FaultyPolicy(Constant(answer), FaultyOptions(faults=({"agent": given.agent, **fault},)))
+def answers(fault: dict[str, object], answer: Decision, own_brief: Brief, ticks: Sequence[int]) -> list[Decision]:
+    policy = FaultyPolicy(Constant(answer), FaultyOptions(faults=({"agent": own_brief.agent, **fault},)))
 
     async def run() -> list[Decision]:
-        await policy.reset(given)
-        return [await policy.act(observe(given.agent, tick), Inbox()) for tick in ticks]
+        await policy.reset(own_brief)
+        return [await policy.act(observe(own_brief.agent, tick), Inbox()) for tick in ticks]
 
     return asyncio.run(run())
 
@@ -47,7 +47,7 @@ def scout() -> Brief:
     return brief("scout[1]", messages=(sent_by(REPORT, "searcher"), sent_by(ASSIGNMENT, "searcher")))
 
 
-def test_without_faults_it_is_the_policy_that_it_wraps(scout: Brief) -> None:
+def test_a_policy_without_faults_decides_like_the_wrapped_policy(scout: Brief) -> None:
     policy = FaultyPolicy(Constant(ANSWER), FaultyOptions())
     asyncio.run(policy.reset(scout))
     assert asyncio.run(policy.act(observe("scout[1]", 3), Inbox())) == ANSWER
@@ -57,7 +57,7 @@ def test_without_faults_it_is_the_policy_that_it_wraps(scout: Brief) -> None:
         assert build_policy(plugins[f"faulty-{name}"], {"faults": []}) is not None
 
 
-def test_a_fault_acts_from_its_boundary_on_and_as_long_as_it_is_said_to(scout: Brief) -> None:
+def test_a_fault_acts_from_its_boundary_on_for_its_number_of_boundaries(scout: Brief) -> None:
     fault = {"faculty": "execution", "boundary": 2}
     commands = [made.command for made in answers(fault, ANSWER, scout, range(5))]
     assert commands == [FLY, FLY, None, None, None]
@@ -65,11 +65,11 @@ def test_a_fault_acts_from_its_boundary_on_and_as_long_as_it_is_said_to(scout: B
     assert commands == [FLY, FLY, None, FLY, FLY]
 
 
-def test_others_are_not_touched(scout: Brief) -> None:
+def test_a_fault_of_another_agent_changes_nothing(scout: Brief) -> None:
     assert answers({"faculty": "execution", "boundary": 0, "agent": "skipper"}, ANSWER, scout, [0]) == [ANSWER]
 
 
-def test_what_each_faculty_changes(scout: Brief) -> None:
+def test_each_faculty_changes_its_own_part_of_a_decision(scout: Brief) -> None:
     def made(faculty: str, **more: object) -> Decision:
         return answers({"faculty": faculty, "boundary": 0, **more}, ANSWER, scout, [0])[0]
 
@@ -92,14 +92,14 @@ def test_what_each_faculty_changes(scout: Brief) -> None:
     assert made("perception") == ANSWER  # the fault changes the input of the model and not its answer
 
 
-def test_a_walker_turns_to_the_other_side() -> None:
+def test_a_mirrored_routing_fault_turns_a_walker_to_the_other_side() -> None:
     walker = brief("scout[1]", resources=(dog(),))
     left = Decision(command=Action(verb="left", arguments={"angle": 30.0}, resource="dog"))
     (made,) = answers({"faculty": "routing", "way": "mirrored", "boundary": 0}, left, walker, [0])
     assert made.command == Action(verb="right", arguments={"angle": 30.0}, resource="dog")
 
 
-def test_a_blind_agent_is_shown_one_colour_and_keeps_its_depth(scout: Brief) -> None:
+def test_a_perception_fault_shows_a_single_colour_and_keeps_the_depth(scout: Brief) -> None:
     rgb = np.zeros((4, 6, 3), np.uint8)
     rgb[1, 2] = (240, 120, 24)
     seen = picture((0.0, 0.0, 60.0), rgb)
@@ -126,6 +126,6 @@ def test_a_blind_agent_is_shown_one_colour_and_keeps_its_depth(scout: Brief) -> 
         ([{"agent": "a", "faculty": "waypoint", "boundary": n} for n in (0, 1)], "same agent and faculty"),
     ],
 )
-def test_faults_that_mean_nothing_are_refused(faults: list[dict[str, object]], complaint: str) -> None:
+def test_invalid_faults_are_rejected(faults: list[dict[str, object]], complaint: str) -> None:
     with pytest.raises(UsageError, match=complaint):
         build_policy(PluginHost().policies["faulty-oracle"], {"faults": faults})

@@ -1,4 +1,4 @@
-"""Faulty parts and backbones of plug-ins in the policy `react`: an error names the plug-in's thing and its line."""
+"""Faulty parts and backbones of plug-ins in the policy `react`: an error names the plug-in, the part and its line."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ CALLS: dict[str, Callable[[AgentParts], object]] = {
 
 
 @pytest.mark.parametrize("call", CALLS)
-def test_a_part_that_raises_is_named_with_its_scaffold_and_its_line(call: str) -> None:
+def test_the_error_of_a_part_names_its_scaffold_and_its_line(call: str) -> None:
     parts = built(lambda context: AgentParts(Broken(), Broken(), Broken(), Broken()))  # type: ignore[arg-type]
     message = (
         rf"^{OWNER}: {call} raised KeyError: '{call.partition('.')[2]}' \(agents/tests/test_foreign_parts.py:\d+\)"
@@ -92,14 +92,14 @@ class Mute:
 
 
 @pytest.mark.parametrize("call", sorted(CALLS.keys() - {"memory.begin", "memory.record", "parser.schema"}))
-def test_a_part_that_returns_something_else_is_named(call: str) -> None:
+def test_a_part_that_returns_a_wrong_type_is_named(call: str) -> None:
     parts = built(lambda context: AgentParts(Mute(), Mute(), Mute(), Mute()))  # type: ignore[arg-type]
     due = "raised TypeError" if call == "deliberation.think" else "returned a value of type `int`, and a"
     with pytest.raises(PluginError, match=f"^{OWNER}: {call} {due}"):
         CALLS[call](parts)
 
 
-def test_the_parts_of_react_stay_as_they_are_and_a_step_error_passes() -> None:
+def test_the_parts_of_react_are_not_wrapped_and_a_step_error_passes_unchanged() -> None:
     class Strict:
         instructions, schema, extra = "", None, 7
 
@@ -169,7 +169,7 @@ async def played(ticks: int) -> list[BaseException]:
         (lambda: "yes", "returned a value of type `str`, no ModelCompletion"),
     ],
 )
-async def test_a_backbone_that_fails_is_blamed_and_not_the_service(
+async def test_the_error_of_a_failing_backbone_names_the_backbone_and_not_the_service(
     answer: Callable[[], object], problem: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     install(monkeypatch, answer)
@@ -180,7 +180,7 @@ async def test_a_backbone_that_fails_is_blamed_and_not_the_service(
     assert last.hint.startswith("correct the backbone")
 
 
-def test_a_name_of_no_model_of_the_backbone_is_a_usage_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_model_that_the_backbone_does_not_serve_is_a_usage_error(monkeypatch: pytest.MonkeyPatch) -> None:
     install(monkeypatch, lambda: ModelCompletion("{}", "stop"), models=("large-7b", "small-1b"))
     for model, hint in (("larg-7b", "did you mean `large-7b`?"), ("x", "its models: large-7b, small-1b")):
         with pytest.raises(UsageError, match=f"option `client` is `mine`, which serves no model `{model}`") as caught:

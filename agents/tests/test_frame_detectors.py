@@ -20,7 +20,7 @@ SEA = np.full((1080, 1920, 3), (36, 76, 90), np.uint8)
 QUESTION = FrameQuestion("person_in_water", encode_jpeg(SEA), SEA, POSE, -3.5)
 
 
-def test_the_rules_say_no_of_open_water_and_take_no_option() -> None:
+def test_the_rules_detect_nothing_on_open_water_and_accept_no_option() -> None:
     answer = colour_detector({}).answer(QUESTION)
     assert (answer.present, answer.boxes, answer.failure) == (False, (), "")
     with pytest.raises(UsageError, match="size"):
@@ -28,7 +28,7 @@ def test_the_rules_say_no_of_open_water_and_take_no_option() -> None:
 
 
 @pytest.mark.parametrize(
-    ("said", "present", "failed"),
+    ("reply", "present", "failed"),
     [
         ({"present": True}, True, False),
         ('<think>{"present": true} or not?</think> ```json\n{"present": false}\n```', False, False),
@@ -36,8 +36,8 @@ def test_the_rules_say_no_of_open_water_and_take_no_option() -> None:
         ({"present": "yes"}, False, True),
     ],
 )
-def test_a_model_answers_yes_or_no_and_anything_else_is_a_failure(said: object, present: bool, failed: bool) -> None:
-    with serve([Reply(said)]) as server:
+def test_a_model_answers_yes_or_no_and_anything_else_is_a_failure(reply: object, present: bool, failed: bool) -> None:
+    with serve([Reply(reply)]) as server:
         answer = model_detector({"model": "eye", "base_url": server.url}).answer(QUESTION)
     assert (answer.present, bool(answer.failure)) == (present, failed)
     (request,) = server.requests
@@ -47,7 +47,7 @@ def test_a_model_answers_yes_or_no_and_anything_else_is_a_failure(said: object, 
     assert sent == QUESTION.jpeg
 
 
-def test_a_picture_that_is_no_jpeg_is_sent_as_one() -> None:
+def test_a_png_picture_is_sent_as_jpeg() -> None:
     import io
 
     import PIL.Image
@@ -62,7 +62,7 @@ def test_a_picture_that_is_no_jpeg_is_sent_as_one() -> None:
     assert np.abs(decode_jpeg(base64.b64decode(url.partition(",")[2])).astype(int) - SEA).max() <= 3
 
 
-def test_a_service_that_refuses_is_no_answer() -> None:
+def test_an_error_of_the_service_is_a_failure_and_not_an_answer() -> None:
     with serve([Reply(status=400, body="no pictures here")]) as server:
         answer = model_detector({"model": "eye", "base_url": server.url}).answer(QUESTION)
     assert not answer.present

@@ -39,17 +39,17 @@ def picture(people, bearing_deg=70.0, head=(3.0, -2.0), dark=()):
 
 @pytest.mark.parametrize("people", [1, 3, 5, 8, 12, 17])
 @pytest.mark.parametrize("bearing", [0.0, 70.0, 215.0])
-def test_everybody_in_a_line_is_counted(people, bearing):
+def test_every_person_in_a_line_is_counted(people, bearing):
     line = find_line(picture(people, bearing), POSE, (3.0, -2.0), 0.0)
     assert line is not None and line.people == people
 
 
-def test_who_is_as_dark_as_the_ground_is_counted_by_the_room_between_the_others():
+def test_people_of_the_colour_of_the_ground_are_counted_by_the_gap_in_the_line():
     line = find_line(picture(12, dark=(6, 7, 8)), POSE, (3.0, -2.0), 0.0)
     assert line is not None and line.people == 12 and line.confidence < 1.0
 
 
-def test_a_lamp_behind_the_last_one_is_nobody():
+def test_a_lamp_behind_the_last_person_is_not_counted():
     rgb = picture(3)
     ahead = math.sin(math.radians(70.0)), math.cos(math.radians(70.0))
     square(rgb, 3.0 + 6 * STEP_M * ahead[0], -2.0 + 6 * STEP_M * ahead[1], 0.5, (200, 210, 230))
@@ -57,7 +57,7 @@ def test_a_lamp_behind_the_last_one_is_nobody():
     assert line is not None and line.people == 3
 
 
-def test_the_box_holds_all_of_them():
+def test_the_box_contains_the_whole_line():
     line = find_line(picture(8), POSE, (3.0, -2.0), 0.0)
     assert line is not None
     for k in (1, 8):
@@ -68,7 +68,7 @@ def test_the_box_holds_all_of_them():
         assert line.box[0] < u / POSE.width < line.box[2] and line.box[1] < v / POSE.height < line.box[3]
 
 
-def test_where_nobody_stands_there_is_no_line():
+def test_a_picture_without_people_has_no_line():
     assert find_line(picture(0), POSE, (3.0, -2.0), 0.0) is None
     assert find_line(np.zeros((1080, 1920, 3), np.uint8), POSE, (3.0, -2.0), 0.0) is None
 
@@ -100,21 +100,21 @@ def seen(rank: int, tick: int = 1):
     return observe(f"counter[{rank}]", tick, *shops, *dogs, view(f"uav[{rank}]", (0.0, -20.0 + 12.0 * rank, 45.0)))
 
 
-def test_two_counters_share_the_lines_at_levels_of_their_own():
+def test_two_counters_fly_to_different_lines_at_different_levels():
     going = [counter(rank).act(seen(rank), Inbox()).command for rank in (1, 2)]
     places = [(command.arguments["x"], command.arguments["y"]) for command in going]
     assert places == [SHOPS["shop[3]"][:2], SHOPS["shop[2]"][:2]]  # nearer of two; only one of the other line
     assert abs(going[0].arguments["z"] - going[1].arguments["z"]) >= 2.5
 
 
-def test_who_has_no_line_left_lets_the_others_count_for_a_while():
+def test_a_counter_without_an_own_line_waits_before_it_counts_another():
     rules, tally = counter(2), envelope("counter[1]", TALLY, {"people": 5.0, "position": SHOPS["shop[2]"]})
     assert rules.act(seen(2, tick=3), Inbox(messages=(tally,))).command is None
     assert rules.act(seen(2, tick=14), Inbox()).command is None
     assert rules.act(seen(2, tick=15), Inbox()).command is not None
 
 
-def test_what_others_counted_is_not_counted_again_and_the_first_sends_the_nearest_walker():
+def test_counted_lines_are_not_counted_again_and_one_counter_sends_the_nearest_walker():
     tallies = tuple(
         envelope("counter[2]", TALLY, {"people": float(people), "position": place})
         for people, place in zip((3, 5, 12), SHOPS.values(), strict=True)

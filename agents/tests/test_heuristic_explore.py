@@ -54,27 +54,27 @@ def first_goal(of: Brief, detectors: Detectors) -> GroundPoint:
 @pytest.mark.parametrize(
     ("column", "agent", "distances_m"), [("vdn-single", "navigator", (150.0, 90.0)), ("ld-star", "courier", ())]
 )
-def test_distances_of_timely_stages_are_read_from_the_rules(
+def test_distances_of_stages_with_a_time_limit_are_read_from_the_rules(
     column: str, agent: str, distances_m: tuple[float, ...]
 ) -> None:
     (spec,) = (spec for spec in placed(column)[0].agents if spec.id == agent)
     assert timely_distances_m(brief_of(column, spec)) == distances_m
 
 
-def test_ground_is_come_to_within_the_length_of_a_view_on_all_sides():
+def test_arrival_marks_the_ground_within_one_view_length_as_seen():
     ground = SeenGround((WIDE,), (120.0,))
     ground.come_to(HERE)
     assert min(math.dist(place, HERE) for place in ground.unseen) > 120.0
     assert min(math.dist(place, (0.0, 150.0)) for place in ground.unseen) < 12.0
 
 
-def test_a_searcher_first_goes_where_it_would_be_late():
+def test_a_searcher_first_goes_to_the_ground_that_it_might_reach_too_late():
     nothing: Detectors = {"reference_building": lambda picture, ground_m: ()}
     assert math.dist(first_goal(navigator(STAGE), nothing), HERE) > 200.0
     assert math.dist(first_goal(navigator(), nothing), HERE) < 200.0
 
 
-def test_a_glimpse_of_a_detector_is_followed():
+def test_a_searcher_goes_towards_a_detection():
     glimpse: Detectors = {"reference_building": lambda picture, ground_m: (FoundBox((0.9, 0.4, 0.92, 0.45), 1.0),)}
     goal = first_goal(navigator(STAGE), glimpse)
     assert bearing_deg(HERE, goal) == pytest.approx(90.0 + math.degrees(math.atan(0.41 / 0.5)), abs=6.0)

@@ -119,7 +119,7 @@ def without_depth(shown: Picture) -> Picture:
     return Picture(frame="f", entity="uav", camera="nadir", tick=1, time_s=0.0, pose=shown.pose, rgb=shown.rgb)
 
 
-def test_crowns_of_trees_close_their_stems_alone_and_buildings_all_their_ground():
+def test_a_tree_closes_only_the_ground_at_its_stem_and_a_building_all_its_ground():
     above = ColouredPoints.of(picture_of(
         (*HOUSES, ((48.0, 20.0, 2.6), (53.0, 25.0, 7.0), GREEN), ((20.0, 20.0, 0.0), (24.0, 22.0, 1.5), BLUE)),
         from_above(50.0, 46.0).pose, "nadir", "uav",
@@ -155,7 +155,7 @@ def block(west: float, south: float, east: float, north: float, top: float) -> n
     return np.stack([x.ravel(), y.ravel(), np.full(x.size, top)], axis=1)
 
 
-def test_what_stands_on_a_place_is_read_in_the_picture_from_nearest_above():
+def test_obstacles_at_a_place_are_read_from_the_picture_taken_nearest_above_it():
     bounds = GroundRectangle(0.0, 0.0, 60.0, 60.0)
     level = block(0.0, 0.0, 60.0, 60.0, 0.0)
     aside = PointsFromAbove((30.0, 0.0), np.vstack([level, block(20.0, 20.0, 40.0, 45.0, 16.0)]))  # house and tree
@@ -170,7 +170,7 @@ def test_what_stands_on_a_place_is_read_in_the_picture_from_nearest_above():
     assert ground_of((hidden, aside), bounds, (10.0, 40.0)).open_lines((10.0, 40.0), beside_it).tolist() == [False]
 
 
-def test_what_is_long_and_narrow_closes_its_ground_and_is_no_crown():
+def test_a_long_narrow_object_closes_its_ground_and_is_not_a_tree_crown():
     bounds = GroundRectangle(0.0, 0.0, 60.0, 60.0)
     level, fence, crown = (
         block(0.0, 0.0, 60.0, 60.0, 0.0),
@@ -183,7 +183,7 @@ def test_what_is_long_and_narrow_closes_its_ground_and_is_no_crown():
     assert ground.open_lines((38.0, 20.3), np.array([(50.0, 20.3)])).tolist() == [True]
 
 
-def test_a_path_leads_around_a_crown_unless_that_is_far():
+def test_a_path_avoids_a_tree_crown_unless_the_detour_is_long():
     bounds = GroundRectangle(0.0, 0.0, 100.0, 60.0)
     level, crown = block(0.0, 0.0, 100.0, 60.0, 0.0), block(47.0, 10.0, 53.0, 17.0, 3.0)
     near_wall, start, goal = block(0.0, 14.5, 44.0, 60.0, 1.5), (20.0, 11.5), (80.0, 11.5)
@@ -224,7 +224,7 @@ PEERS = (
 )
 
 
-def told(name: str, *resources: Resource):
+def brief_of(name: str, *resources: Resource):
     return msgspec.structs.replace(
         brief(), agent=name, role=name, resources=resources, messages=MESSAGES, cells=(), settings={}, tick_s=20.0,
         ticks=50, peers=tuple(peer for peer in PEERS if peer.id != name), water_level_m=0.0,
@@ -237,7 +237,7 @@ def at(tick: int, *pictures: Picture, walker=(50.0, 10.0, 0.33), heading: float 
 
 
 def guide_of(colour: str) -> BuildingGuidance:
-    guide = BuildingGuidance.of(told("boss"), at(0, REFERENCE[colour]))
+    guide = BuildingGuidance.of(brief_of("boss"), at(0, REFERENCE[colour]))
     assert guide is not None
     return guide
 
@@ -247,17 +247,17 @@ def steps(messages) -> list[tuple[str, tuple[float, float]]]:
 
 
 @pytest.mark.parametrize(("colour", "door"), [("yellow", (25.0, 60.0)), ("blue", (72.0, 60.0))])
-def test_a_walker_is_led_to_the_front_of_the_house_in_the_picture(colour: str, door: tuple[float, float]):
+def test_a_walker_is_guided_to_the_front_of_the_house_in_the_reference_picture(colour: str, door: tuple[float, float]):
     guide = guide_of(colour)
     guide.see(at(1, from_above(50.0, 46.0)))
-    told_steps = steps(guide.lead(at(1), waited=True))
-    assert [step for step, _ in told_steps] == ["walk"] * (len(told_steps) - 1) + ["face"]
-    assert math.dist(told_steps[-2][1], door) <= 9.5
-    assert math.dist(told_steps[-1][1], door) <= 0.7
+    sent_steps = steps(guide.lead(at(1), waited=True))
+    assert [step for step, _ in sent_steps] == ["walk"] * (len(sent_steps) - 1) + ["face"]
+    assert math.dist(sent_steps[-2][1], door) <= 9.5
+    assert math.dist(sent_steps[-1][1], door) <= 0.7
     assert guide.lead(at(2), waited=True) == ()  # it is on its way
 
 
-def test_a_front_that_the_walkers_picture_shows_to_be_another_is_given_up():
+def test_a_facade_is_given_up_if_the_walkers_picture_shows_another_house():
     guide = guide_of("yellow")
     guide.see(at(1, from_above(50.0, 46.0)))
     ((_, first),) = steps(guide.lead(at(1), waited=True))[-1:]
@@ -273,7 +273,7 @@ def shown_at(shown: Picture, here: tuple[float, float]) -> Picture:
     return Picture(frame="f", entity="dog", camera="front", tick=5, time_s=0.0, pose=pose, rgb=shown.rgb)
 
 
-def test_who_stood_in_vain_is_sent_nearer_and_then_elsewhere():
+def test_a_walker_without_success_is_sent_nearer_and_then_to_another_house():
     guide = guide_of("yellow")
     guide.see(at(1, from_above(50.0, 46.0)))
     ways = [steps(guide.lead(at(1), waited=True))]
@@ -286,8 +286,8 @@ def test_who_stood_in_vain_is_sent_nearer_and_then_elsewhere():
     assert math.dist(other, (25.0, 60.0)) > 20.0
 
 
-def test_nobody_is_led_without_a_reference_or_before_a_like_wall_was_seen():
-    assert BuildingGuidance.of(told("boss"), at(0)) is None
+def test_guidance_needs_a_reference_picture_and_a_similar_wall():
+    assert BuildingGuidance.of(brief_of("boss"), at(0)) is None
     guide = guide_of("blue")
     guide.viewpoints((50.0, -5.0), 9)
     far = msgspec.structs.replace(from_above(50.0, 46.0).pose, position=(-20.0, 46.0, 60.0))
@@ -295,7 +295,7 @@ def test_nobody_is_led_without_a_reference_or_before_a_like_wall_was_seen():
     assert guide.lead(at(1), waited=False) == ()
 
 
-def test_the_region_is_looked_at_from_the_side_of_the_route_on():
+def test_viewpoints_in_the_region_start_at_the_side_of_the_route():
     places = guide_of("blue").viewpoints((50.0, -5.0), 9)
     assert [round(x) for x, _ in places] == [50, 50, 50]
     assert [y for _, y in places] == sorted(y for _, y in places)
@@ -304,8 +304,8 @@ def test_the_region_is_looked_at_from_the_side_of_the_route_on():
 
 
 @pytest.mark.parametrize(("moves", "looks"), [(50.0, 3), (12.0, 2), (10.0, 1)])
-def test_a_coordinator_asks_for_the_pictures_after_the_route_that_the_moves_allow(moves: float, looks: int):
-    boss = RouteCoordinator(msgspec.structs.replace(told("boss"), settings={"moves_most": moves}))
+def test_a_coordinator_orders_as_many_pictures_after_the_route_as_the_moves_allow(moves: float, looks: int):
+    boss = RouteCoordinator(msgspec.structs.replace(brief_of("boss"), settings={"moves_most": moves}))
     boss.act(at(0, REFERENCE["blue"]), Inbox())
     van = msgspec.structs.replace(view("van", (0.0, -60.0, 0.0)), route=((50.0, -60.0, 0.0), (50.0, -5.0, 0.0)))
     decision = boss.act(observe("boss", 1, van, view("dog", (50.0, 10.0, 0.33))), Inbox())
@@ -316,8 +316,8 @@ def test_a_coordinator_asks_for_the_pictures_after_the_route_that_the_moves_allo
 DOG = dog(shortest_m=1.0, longest_m=25.0)
 
 
-def test_who_may_be_guided_waits_walks_the_way_and_looks_at_the_front():
-    rules = rules_for(told("courier", DOG))
+def test_a_guided_walker_waits_walks_the_path_and_photographs_the_facade():
+    rules = rules_for(brief_of("courier", DOG))
     assert rules is not None
     start = view("dog", (50.0, 10.0, 0.33), heading=0.0)
     assert rules.act(observe("courier", 0, start, pictures=(REFERENCE["blue"],)), Inbox()).command is None

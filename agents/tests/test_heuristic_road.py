@@ -48,12 +48,12 @@ def spec(kind: str, record: str, category: str, fields: tuple[str, ...], senders
     return MessageSpec(kind=kind, type=record, category=category, fields=made, senders=senders, recipients=("all",))
 
 
-TOLD_JAM = sent_by(JAM, "boss", "eye")
+JAM_REPORT = sent_by(JAM, "boss", "eye")
 ORDER = sent_by(ASSIGNMENT, "boss")
-SAY = sent_by(STATUS, "eye", "driver")
-SEE = sent_by(REPORT, "eye")
+PROGRESS = sent_by(STATUS, "eye", "driver")
+SIGHTING = sent_by(REPORT, "eye")
 TOUR = spec("plan", "tour", "assignment", ("assignee", "stops", "load"), ("boss",))
-LEFT = spec("handover", "delivery", "target_status", ("stop", "delivered", "left"), ("driver",))
+HANDOVER = spec("handover", "delivery", "target_status", ("stop", "delivered", "left"), ("driver",))
 CLAIM = sent_by(ASSIGNMENT, "driver")
 
 UAV = Resource(
@@ -76,7 +76,7 @@ def van(name: str = "van", **properties: float) -> Resource:
     )
 
 
-def told(role: str, *resources: Resource, messages: tuple[MessageSpec, ...], **changes):
+def brief_of(role: str, *resources: Resource, messages: tuple[MessageSpec, ...], **changes):
     others = (
         Peer(id="boss", role="boss", resources=()),
         Peer(id="eye", role="eye", resources=("uav",)),
@@ -93,7 +93,7 @@ def told(role: str, *resources: Resource, messages: tuple[MessageSpec, ...], **c
 
 QUEUE = VehicleQueue((0.4, 0.2, 0.5, 0.8), 0.8, (40.0, 1.0), 5)
 ROUTE = ((0.0, 0.0, 0.0), (200.0, 0.0, 0.0), (400.0, 0.0, 0.0))
-INSPECTION = (TOLD_JAM, ORDER, SAY, SEE)
+INSPECTION = (JAM_REPORT, ORDER, PROGRESS, SIGHTING)
 
 
 def routed(tick: int, route=ROUTE, events=()):
@@ -102,7 +102,7 @@ def routed(tick: int, route=ROUTE, events=()):
 
 
 def inspected(number: int, state: str, place, tick: int):
-    return envelope("eye", SAY, {"task": f"inspect-{number}", "state": state, "position": place}, tick=tick)
+    return envelope("eye", PROGRESS, {"task": f"inspect-{number}", "state": state, "position": place}, tick=tick)
 
 
 def orders(decision, task: str) -> list[tuple[str, tuple[float, ...]]]:
@@ -110,37 +110,42 @@ def orders(decision, task: str) -> list[tuple[str, tuple[float, ...]]]:
     return [(body["assignee"], body["position"]) for body in bodies if body.get("task") == task]
 
 
-def test_rules_follow_from_what_is_said_and_driven():
-    assert isinstance(rules_for(told("boss", messages=INSPECTION)), RouteCoordinator)
-    assert isinstance(rules_for(told("eye", UAV, messages=INSPECTION)), RouteInspector)
-    assert isinstance(rules_for(told("driver", van(), messages=INSPECTION)), RouteDriver)
-    assert isinstance(rules_for(told("driver", van(), messages=(TOUR, LEFT, CLAIM))), DeliveryDriver)
-    assert isinstance(rules_for(told("boss", messages=(TOUR, LEFT, CLAIM))), DeliveryCoordinator)
-    assert isinstance(rules_for(told("eye", UAV, messages=(SEE,), classes=("bridge_fracture",))), BridgeInspector)
+def test_rules_follow_from_the_messages_and_the_body_of_an_agent():
+    assert isinstance(rules_for(brief_of("boss", messages=INSPECTION)), RouteCoordinator)
+    assert isinstance(rules_for(brief_of("eye", UAV, messages=INSPECTION)), RouteInspector)
+    assert isinstance(rules_for(brief_of("driver", van(), messages=INSPECTION)), RouteDriver)
+    assert isinstance(rules_for(brief_of("driver", van(), messages=(TOUR, HANDOVER, CLAIM))), DeliveryDriver)
+    assert isinstance(rules_for(brief_of("boss", messages=(TOUR, HANDOVER, CLAIM))), DeliveryCoordinator)
+    assert isinstance(
+        rules_for(brief_of("eye", UAV, messages=(SIGHTING,), classes=("bridge_fracture",))), BridgeInspector
+    )
 
 
 def test_a_fire_truck_is_no_fire():
-    assert target_type_of(told("eye", messages=(), classes=("fire_truck", "building_fire"))) == (FIRES, "building_fire")
-    assert target_type_of(told("eye", messages=(), classes=("fire_truck",))) is None
-    assert target_type_of(told("eye", messages=(), classes=("person_in_water",))) == (PEOPLE, "person_in_water")
+    assert target_type_of(brief_of("eye", messages=(), classes=("fire_truck", "building_fire"))) == (
+        FIRES,
+        "building_fire",
+    )
+    assert target_type_of(brief_of("eye", messages=(), classes=("fire_truck",))) is None
+    assert target_type_of(brief_of("eye", messages=(), classes=("person_in_water",))) == (PEOPLE, "person_in_water")
 
 
 def test_a_new_route_is_inspected_waypoint_by_waypoint_and_then_driven():
-    boss = RouteCoordinator(told("boss", messages=INSPECTION))
+    boss = RouteCoordinator(brief_of("boss", messages=INSPECTION))
     first = boss.act(routed(1), Inbox())
     assert orders(first, "inspect") == [("eye", place) for place in ROUTE]
     assert boss.act(routed(2), Inbox()).messages == ()
     for number, place in enumerate(ROUTE, 1):
-        told_clear = Inbox(messages=(inspected(number, "clear", place, number + 2),))
-        decision = boss.act(routed(number + 3), told_clear)
+        clear_report = Inbox(messages=(inspected(number, "clear", place, number + 2),))
+        decision = boss.act(routed(number + 3), clear_report)
     assert orders(decision, "drive") == [("driver[1]", ROUTE[-1])]
     over = (EventView(id="e1", kind="arrive", tick=9, entities=("goal", "van")),)
     assert boss.act(routed(9, events=over), Inbox()).messages == ()
     assert boss.act(routed(30), Inbox()).messages == ()
 
 
-def test_a_jam_asks_for_one_more_route_as_long_as_the_limit_allows():
-    boss = RouteCoordinator(told("boss", messages=INSPECTION, settings={"replans_most": 1.0}))
+def test_another_route_is_requested_after_a_jam_while_the_limit_allows():
+    boss = RouteCoordinator(brief_of("boss", messages=INSPECTION, settings={"replans_most": 1.0}))
     boss.act(routed(1), Inbox())
     jam = boss.act(routed(4), Inbox(messages=(inspected(1, "jammed", (30.0, 2.0, 0.0), 3),)))
     (note,) = jam.messages
@@ -154,7 +159,7 @@ def test_a_jam_asks_for_one_more_route_as_long_as_the_limit_allows():
 
 def test_another_route_is_awaited_after_a_jam_at_the_last_waypoint():
     def after_the_jam() -> RouteCoordinator:
-        boss = RouteCoordinator(told("boss", messages=INSPECTION))
+        boss = RouteCoordinator(brief_of("boss", messages=INSPECTION))
         boss.act(routed(1), Inbox())
         for number, place in enumerate(ROUTE[:-1], 1):
             boss.act(routed(2), Inbox(messages=(inspected(number, "clear", place, 2),)))
@@ -171,8 +176,8 @@ def test_another_route_is_awaited_after_a_jam_at_the_last_waypoint():
 
 
 @pytest.mark.parametrize("task", ["drive", "arrive"])
-def test_a_driver_waits_for_its_order_and_insists_when_refused(task):
-    driver = RouteDriver(told("driver", van(), messages=INSPECTION), van())
+def test_a_driver_waits_for_its_order_and_repeats_a_rejected_command(task):
+    driver = RouteDriver(brief_of("driver", van(), messages=INSPECTION), van())
     here = view("van", (0.0, 0.0, 0.0))
     assert driver.act(observe("driver", 1, here), Inbox()).command is None
     order = envelope("boss", ORDER, {"assignee": "driver", "task": task, "position": (300.0, 50.0, 0.0)})
@@ -200,7 +205,7 @@ def shot_by_uav(tick: int, place=(0.0, 0.0, 120.0)):
 def inspector(monkeypatch, queues=(), jams=0.0):
     """Return the rules after the picture of the first waypoint, with their decision on it."""
     monkeypatch.setattr(inspecting, "find_queues", lambda rgb, pose, level, line: queues)
-    rules = RouteInspector(told("eye", UAV, messages=INSPECTION, settings={"jams": jams}), UAV)
+    rules = RouteInspector(brief_of("eye", UAV, messages=INSPECTION, settings={"jams": jams}), UAV)
     start = view("uav", (0.0, 0.0, 120.0))
     photo = rules.act(observe("eye", 2, start), inspecting_orders(*ROUTE)).command
     assert photo is not None
@@ -208,14 +213,14 @@ def inspector(monkeypatch, queues=(), jams=0.0):
     return rules, rules.act(observe("eye", 3, start, pictures=(shot_by_uav(3),)), Inbox())
 
 
-def test_an_inspector_says_clear_and_goes_on_to_the_next_waypoint(monkeypatch):
+def test_an_inspector_reports_a_clear_waypoint_and_flies_to_the_next(monkeypatch):
     _, decision = inspector(monkeypatch)
     assert [note.body["state"] for note in decision.messages] == ["clear"]
     assert decision.command is not None
     assert decision.command.arguments == {"x": 203.0, "y": 0.0, "z": 120.0}  # past it as far as the leg after needs
 
 
-def test_a_leg_of_more_than_a_tick_is_photographed_in_its_middle_as_long_as_a_jam_may_be_there(monkeypatch):
+def test_a_long_leg_is_photographed_in_its_middle_while_a_jam_is_possible(monkeypatch):
     rules, decision = inspector(monkeypatch, jams=1.0)
     assert decision.command is not None
     assert decision.command.arguments == {"x": 100.0, "y": 0.0, "z": 120.0}
@@ -235,7 +240,7 @@ def test_a_leg_of_more_than_a_tick_is_photographed_in_its_middle_as_long_as_a_ja
     assert on.arguments["x"] == pytest.approx(200.0, abs=23.0)
 
 
-def test_a_middle_without_a_jam_is_not_reported(monkeypatch):
+def test_the_middle_of_a_leg_without_a_jam_is_not_reported(monkeypatch):
     rules, _ = inspector(monkeypatch, jams=1.0)
     over = view("uav", (100.0, 0.0, 120.0))
     rules.act(observe("eye", 4, over), Inbox())
@@ -245,7 +250,7 @@ def test_a_middle_without_a_jam_is_not_reported(monkeypatch):
     assert on.command.arguments["x"] == pytest.approx(200.0, abs=23.0)
 
 
-def test_an_inspector_tells_a_jam_with_its_box_and_place(monkeypatch):
+def test_an_inspector_reports_a_jam_with_its_box_and_place(monkeypatch):
     _, decision = inspector(monkeypatch, queues=(QUEUE,))
     progress, report = decision.messages
     assert (progress.body["state"], progress.body["position"]) == ("jammed", (40.0, 1.0, 0.0))
@@ -256,11 +261,11 @@ def test_an_inspector_tells_a_jam_with_its_box_and_place(monkeypatch):
 NAMED = "*named* holds for jam `j`, jammed `r` when the horizontal distance from `r.position` to `j` is at most `12 m`"
 
 
-def test_where_places_must_be_exact_a_second_picture_gives_the_place_of_a_jam(monkeypatch):
+def test_a_second_picture_gives_the_place_of_a_jam_if_places_must_be_exact(monkeypatch):
     """The first one is taken at a waypoint, or in the middle of a long leg; it shows the jam from aside."""
     seen = [RoadBlock((60.0, 0.0), (0.4, 0.2, 0.5, 0.8), 4, certain=False)]
     monkeypatch.setattr(inspecting, "find_blocks", lambda rgb, pose, level, line: tuple(seen))
-    rules = RouteInspector(told("eye", UAV, messages=INSPECTION, rules=(NAMED,), settings={"jams": 1.0}), UAV)
+    rules = RouteInspector(brief_of("eye", UAV, messages=INSPECTION, rules=(NAMED,), settings={"jams": 1.0}), UAV)
     start = view("uav", (0.0, 0.0, 120.0))
     rules.act(observe("eye", 2, start), inspecting_orders(*ROUTE))
     first = rules.act(observe("eye", 3, start, pictures=(shot_by_uav(3),)), Inbox())
@@ -277,7 +282,7 @@ def test_where_places_must_be_exact_a_second_picture_gives_the_place_of_a_jam(mo
     assert rules._middles_of([place[:2] for place in ROUTE]) == {1: (100.0, 0.0), 2: (300.0, 0.0)}
 
 
-def test_where_places_must_be_exact_detected_vehicles_count_instead_of_the_pixels():
+def test_detected_vehicles_replace_the_pixels_if_places_must_be_exact():
     """The picture is grey. Its boxes show two lanes of cars, which meet 20 m beyond the waypoint."""
     shot = shot_by_uav(3)
     boxes = []
@@ -287,15 +292,15 @@ def test_where_places_must_be_exact_detected_vehicles_count_instead_of_the_pixel
             u, v = u / shot.pose.width, v / shot.pose.height
             boxes.append(FoundBox((u - 0.005, v - 0.005, u + 0.005, v + 0.005), 1.0))
     seen = {ANY_VEHICLE: lambda picture, level: tuple(boxes)}
-    rules = RouteInspector(told("eye", UAV, messages=INSPECTION, rules=(NAMED,), settings={"jams": 1.0}), UAV, seen)
+    rules = RouteInspector(brief_of("eye", UAV, messages=INSPECTION, rules=(NAMED,), settings={"jams": 1.0}), UAV, seen)
     start = view("uav", (0.0, 0.0, 120.0))
     rules.act(observe("eye", 2, start), inspecting_orders(*ROUTE))
     over = rules.act(observe("eye", 3, start, pictures=(shot,)), Inbox()).command
     assert over is not None and (over.arguments["x"], over.arguments["y"]) == pytest.approx((20.5, 0.0), abs=1.0)
 
 
-def test_an_inspector_on_the_ground_rises_where_it_stands_before_it_flies_on():
-    rules = RouteInspector(told("eye", UAV, messages=INSPECTION), UAV)
+def test_an_inspector_on_the_ground_climbs_vertically_before_it_flies_on():
+    rules = RouteInspector(brief_of("eye", UAV, messages=INSPECTION), UAV)
     below = view("uav", (-60.0, -10.0, 1.0), status="grounded")
     up = rules.act(observe("eye", 1, below), inspecting_orders(*ROUTE)).command
     assert up is not None
@@ -307,16 +312,16 @@ def test_an_inspector_on_the_ground_rises_where_it_stands_before_it_flies_on():
 
 
 def test_an_inspector_without_orders_rises_and_hovers():
-    rules = RouteInspector(told("eye", UAV, messages=INSPECTION), UAV)
+    rules = RouteInspector(brief_of("eye", UAV, messages=INSPECTION), UAV)
     up = rules.act(observe("eye", 1, view("uav", (5.0, 0.0, 1.0), status="grounded")), Inbox()).command
     assert up is not None
     assert up.arguments == {"x": 5.0, "y": 0.0, "z": 120.0}
     assert rules.act(observe("eye", 2, view("uav", (5.0, 0.0, 120.0))), Inbox()).command is None
 
 
-def test_an_inspector_goes_back_to_the_beginning_and_waits_there_for_the_next_route(monkeypatch):
-    rules, told_jam = inspector(monkeypatch, queues=(QUEUE,))
-    assert told_jam.command is None  # it stands over the first waypoint, where the next route begins too
+def test_an_inspector_returns_to_the_start_after_a_jam_and_waits_for_the_next_route(monkeypatch):
+    rules, decision = inspector(monkeypatch, queues=(QUEUE,))
+    assert decision.command is None  # it stands over the first waypoint, where the next route begins too
     away = rules.act(observe("eye", 4, view("uav", (90.0, 0.0, 120.0))), Inbox()).command
     assert away is not None
     assert away.arguments == {"x": 0.0, "y": 0.0, "z": 120.0}
@@ -327,7 +332,7 @@ def test_an_inspector_goes_back_to_the_beginning_and_waits_there_for_the_next_ro
     assert first.verb == "takePhoto"
 
 
-def test_an_inspector_that_is_given_no_other_route_goes_on_with_the_old_one(monkeypatch):
+def test_an_inspector_that_receives_no_other_route_continues_the_old_route(monkeypatch):
     rules, _ = inspector(monkeypatch, queues=(QUEUE,))
     start = view("uav", (0.0, 0.0, 120.0))
     last = 3 + inspecting.WAIT_TICKS
@@ -341,7 +346,7 @@ def test_an_inspector_that_is_given_no_other_route_goes_on_with_the_old_one(monk
 STOPS = {"p[1]": (300.0, 0.0), "p[2]": (320.0, 60.0), "p[3]": (-200.0, 0.0)}
 
 
-def test_tours_hold_what_a_van_holds_and_split_what_it_does_not():
+def test_a_tour_fits_one_van_and_a_larger_order_is_split():
     plan = tours((0.0, 0.0), STOPS, {"p[1]": 100.0, "p[2]": 100.0, "p[3]": 250.0}, 200.0)
     assert sum(tour.load for tour in plan) == pytest.approx(450.0)
     assert max(tour.load for tour in plan) <= 200.0
@@ -370,11 +375,11 @@ def hauler(hub: str | None = None) -> DeliveryDriver:
     body = van("van[1]", payload_kg=200.0)
     mode = "star" if hub else "broadcast"
     return DeliveryDriver(
-        told("driver", body, messages=(TOUR, LEFT, CLAIM), agent="driver[1]", hub=hub, mode=mode), body
+        brief_of("driver", body, messages=(TOUR, HANDOVER, CLAIM), agent="driver[1]", hub=hub, mode=mode), body
     )
 
 
-def test_without_a_hub_drivers_share_the_tours_out_and_claim_them():
+def test_drivers_without_a_hub_divide_the_tours_and_claim_them():
     decision = hauler().act(town(1, (0.0, 10.0), 200.0, {"p[1]": 100.0, "p[2]": 100.0, "p[3]": 200.0}), Inbox())
     assert decision.command is not None
     assert decision.command.verb == "setDestination"
@@ -383,7 +388,7 @@ def test_without_a_hub_drivers_share_the_tours_out_and_claim_them():
     assert len(decision.messages) == 2
 
 
-def test_a_driver_tells_what_it_left_and_comes_back_to_load():
+def test_a_driver_reports_the_remaining_demand_and_returns_to_load():
     rules = hauler()
     demands = {"p[1]": 200.0, "p[3]": 100.0}
     rules.act(town(1, (0.0, 10.0), 200.0, demands), Inbox())
@@ -394,7 +399,7 @@ def test_a_driver_tells_what_it_left_and_comes_back_to_load():
     assert after.command.arguments == {"x": 0.0, "y": 0.0}
 
 
-def test_under_a_hub_a_driver_follows_the_tour_it_is_given():
+def test_a_driver_under_a_hub_follows_the_assigned_tour():
     rules = hauler("boss")
     demands = {"p[1]": 100.0, "p[3]": 100.0}
     assert rules.act(town(1, (0.0, 10.0), 200.0, demands), Inbox()).command is None
@@ -414,8 +419,8 @@ def test_a_loaded_van_that_waits_before_the_depot_leaves_the_queue():
     assert command.verb == "stop"
 
 
-def test_a_planner_gives_each_driver_tours_that_fit_and_the_rest_later():
-    rules = DeliveryCoordinator(told("boss", messages=(TOUR, LEFT, CLAIM)))
+def test_a_coordinator_assigns_tours_that_fit_and_repeats_them_to_a_van_that_has_not_moved():
+    rules = DeliveryCoordinator(brief_of("boss", messages=(TOUR, HANDOVER, CLAIM)))
     vans = [
         EntityView(id=f"van[{i}]", type="delivery_van", position=(0.0, 8.0 * i, 0.0), resources={"load": 200.0})
         for i in (1, 2)
@@ -454,7 +459,9 @@ def test_a_gap_is_reported_with_its_place_on_the_deck(monkeypatch):
     kind = type(GAPS)(words=GAPS.words, find=lambda rgb, pose, level: finds)
     monkeypatch.setattr(following, "target_type_of", lambda brief: (kind, "bridge_fracture"))
     rules = BridgeInspector(
-        told("eye", UAV, messages=(SEE,), classes=("bridge_fracture",), regions=(DECK,), settings={"altitude": 60.0}),
+        brief_of(
+            "eye", UAV, messages=(SIGHTING,), classes=("bridge_fracture",), regions=(DECK,), settings={"altitude": 60.0}
+        ),
         UAV,
     )
     shot = shot_by_uav(1, (100.0, 0.0, 60.0))
@@ -469,9 +476,11 @@ def test_a_gap_is_reported_with_its_place_on_the_deck(monkeypatch):
 TRUCK = Resource(id="truck", type="fire_truck", embodied=True, verbs=DRIVEN)
 
 
-def test_a_truck_drives_to_a_fire_once_and_hears_that_it_is_out():
-    rules = Rescuer(told("driver", TRUCK, messages=(SEE, SAY), classes=("building_fire",), hub=None), TRUCK)
-    fire = envelope("eye", SEE, {"position": (200.0, 40.0, 10.0), "confidence": 0.9, "class": "building_fire"})
+def test_a_truck_drives_to_a_fire_once_and_reports_that_it_is_out():
+    rules = Rescuer(
+        brief_of("driver", TRUCK, messages=(SIGHTING, PROGRESS), classes=("building_fire",), hub=None), TRUCK
+    )
+    fire = envelope("eye", SIGHTING, {"position": (200.0, 40.0, 10.0), "confidence": 0.9, "class": "building_fire"})
     start = view("truck", (0.0, 0.0, 0.0))
     command = rules.act(observe("driver", 1, start), Inbox(messages=(fire,))).command
     assert command is not None
@@ -483,15 +492,15 @@ def test_a_truck_drives_to_a_fire_once_and_hears_that_it_is_out():
     assert [note.body["state"] for note in decision.messages] == ["rescued"]
 
 
-def test_a_driver_asks_once_for_a_place_that_no_road_leads_to():
-    told_ = told("driver", van(), messages=INSPECTION, classes=("building_fire",), regions=brief().regions)
-    driver = Rescuer(told_, van())
+def test_a_driver_commands_an_unreachable_place_only_once():
+    own_brief = brief_of("driver", van(), messages=INSPECTION, classes=("building_fire",), regions=brief().regions)
+    driver = Rescuer(own_brief, van())
     here = view("van", (0.0, -430.0, 0.0))
     refusal = Receipt(request="c0-1", tick=0, sender="driver", resource="van", status="rejected", reason="unreachable")
     assert driver.act(observe("driver", 0, here), Inbox()).command is not None
     assert driver.act(observe("driver", 1, here), Inbox(receipts=(refusal,))).command is None
     assert driver.act(observe("driver", 2, here), Inbox()).command is None
-    seen = envelope("eye", SEE, {"position": (500.0, -430.0, 0.0), "confidence": 1.0})
+    seen = envelope("eye", SIGHTING, {"position": (500.0, -430.0, 0.0), "confidence": 1.0})
     command = driver.act(observe("driver", 3, here), Inbox(messages=(seen,))).command
     assert command is not None and command.arguments["x"] == 500.0
     assert driver.act(observe("driver", 4, here), Inbox(receipts=(refusal,))).command is None

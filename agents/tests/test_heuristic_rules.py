@@ -37,7 +37,7 @@ def rescued(tick: int) -> tuple[EventView, ...]:
     ("agent", "mode", "kind"),
     [("scout[1]", "broadcast", AerialSearcher), ("skipper", "star", Rescuer), ("commander", "star", SearchCoordinator)],
 )
-def test_rules_follow_from_abilities(agent: str, mode: str, kind: type):
+def test_rules_follow_from_the_agent_and_the_mode(agent: str, mode: str, kind: type):
     assert isinstance(rules_for(brief(agent, mode)), kind)
 
 
@@ -50,7 +50,7 @@ class AircraftControl:
         self.rules = rules_for(brief(agent, mode))
         self.here, self.heading, self.tick, self.agent = (306.0, -620.0, 1.1), 0.0, 0, agent
         self.shots: list[tuple[float, float, float]] = []
-        self.said: list = []
+        self.sent: list = []
 
     def step(self, *inbox, absent=False, busy=False, events=()):
         pictures = ()
@@ -61,7 +61,7 @@ class AircraftControl:
         seen = observe(self.agent, self.tick, own, pictures=pictures, absent=missing, events=events)
         decision = self.rules.act(seen, Inbox(messages=tuple(inbox)))
         self.tick, self.due = self.tick + 1, False
-        self.said.extend(decision.messages)
+        self.sent.extend(decision.messages)
         if decision.command is not None and decision.command.verb == "setDestination":
             there = go(decision)
             self.heading = math.degrees(math.atan2(there[0] - self.here[0], there[1] - self.here[1]))
@@ -74,21 +74,21 @@ class AircraftControl:
     due = False
 
 
-def test_a_searcher_photographs_its_third_of_the_region_and_says_so(monkeypatch):
+def test_a_searcher_photographs_its_third_of_the_region_and_reports_it(monkeypatch):
     flight = AircraftControl(monkeypatch)
     for _ in range(25):
         flight.step()
     first_pass = [shot for shot in flight.shots if abs(shot[2] - 96.5) < 1][:6]
     assert len({(round(x), round(y)) for x, y, _ in first_pass}) == len(first_pass) >= 5
-    searched = {note.body["cell"] for note in flight.said if note.kind == "progress"}
+    searched = {note.body["cell"] for note in flight.sent if note.kind == "progress"}
     assert {"cells-1-1", "cells-2-1", "cells-3-1"} <= searched
 
 
-def test_a_sure_find_is_reported_once_with_its_place(monkeypatch):
+def test_a_confident_detection_is_reported_once_with_its_place(monkeypatch):
     flight = AircraftControl(monkeypatch, finds=lambda height: (FoundBox(CENTRE, 0.9),) if height > 60 else ())
-    while not flight.said:
+    while not flight.sent:
         flight.step()
-    (note,) = flight.said
+    (note,) = flight.sent
     assert note.kind == "detection"
     assert note.body["frame"] == f"f{flight.tick - 1}-uav[1]-nadir"
     shot = flight.shots[-1]
@@ -96,37 +96,37 @@ def test_a_sure_find_is_reported_once_with_its_place(monkeypatch):
     assert note.body["box"] == CENTRE
 
 
-def test_a_doubtful_find_is_looked_at_from_lower_down_first(monkeypatch):
+def test_an_uncertain_detection_is_first_checked_from_a_lower_height(monkeypatch):
     flight = AircraftControl(monkeypatch, finds=lambda height: (FoundBox(CENTRE, 0.2 if height > 60 else 0.7),))
     while not flight.shots:
         flight.step()
     first = flight.shots[0]
     flight.step()
-    assert not [note for note in flight.said if note.kind == "detection"]
+    assert not [note for note in flight.sent if note.kind == "detection"]
     assert flight.here[2] < 60.0
     assert math.dist(flight.here[:2], first[:2]) < 5.0
     flight.step()
     flight.step()
-    assert len([note for note in flight.said if note.kind == "detection"]) == 1
+    assert len([note for note in flight.sent if note.kind == "detection"]) == 1
 
 
-def test_a_doubt_that_vanishes_from_lower_down_is_dropped(monkeypatch):
+def test_an_uncertain_detection_that_is_absent_at_a_lower_height_is_dropped(monkeypatch):
     flight = AircraftControl(monkeypatch, finds=lambda height: (FoundBox(CENTRE, 0.2),) if height > 60 else ())
     for _ in range(8):
         flight.step()
-    assert not [note for note in flight.said if note.kind == "detection"]
+    assert not [note for note in flight.sent if note.kind == "detection"]
 
 
-def test_what_a_peer_has_reported_is_not_reported_again(monkeypatch):
+def test_a_target_that_a_peer_has_reported_is_not_reported_again(monkeypatch):
     flight = AircraftControl(monkeypatch, finds=lambda height: (FoundBox(CENTRE, 0.9),))
     while not flight.shots:
         flight.step()
     x, y, _ = flight.shots[-1]
     flight.step(envelope("scout[2]", REPORT, report(x + 5, y - 5)))
-    assert not [note for note in flight.said if note.kind == "detection"]
+    assert not [note for note in flight.sent if note.kind == "detection"]
 
 
-def test_a_missing_picture_is_asked_for_again(monkeypatch):
+def test_a_missing_picture_is_requested_again(monkeypatch):
     flight = AircraftControl(monkeypatch)
     while not flight.shots:
         flight.step()
@@ -136,14 +136,14 @@ def test_a_missing_picture_is_asked_for_again(monkeypatch):
     assert again.command.verb == "takePhoto"
 
 
-def test_a_busy_or_dead_vehicle_is_left_alone(monkeypatch):
+def test_a_busy_or_dead_vehicle_receives_no_command(monkeypatch):
     flight = AircraftControl(monkeypatch)
     assert flight.step(busy=True).command is None
     dead = observe("scout[1]", 1, view("uav[1]", (0.0, 0.0, -3.5), status="dead"))
     assert flight.rules.act(dead, Inbox()).command is None
 
 
-def test_under_a_hub_a_searcher_waits_for_its_cells_and_then_flies_to_them(monkeypatch):
+def test_a_searcher_under_a_hub_waits_for_its_cells_and_then_flies_to_them(monkeypatch):
     flight = AircraftControl(monkeypatch, mode="star")
     assert flight.step().command is None
     orders = [
@@ -159,7 +159,7 @@ def test_under_a_hub_a_searcher_waits_for_its_cells_and_then_flies_to_them(monke
     assert x > 400.0
 
 
-def test_a_silent_hub_is_not_waited_for_for_ever(monkeypatch):
+def test_a_searcher_waits_three_ticks_for_a_silent_hub(monkeypatch):
     flight = AircraftControl(monkeypatch, mode="star")
     commands = [flight.step().command for _ in range(4)]
     assert commands[:3] == [None] * 3
@@ -175,7 +175,7 @@ def test_searchers_over_one_place_fly_at_different_heights(monkeypatch):
     assert min(b - a for a, b in pairwise(heights)) >= 2.0
 
 
-def test_a_searcher_sends_an_idle_boat_only_after_a_while(monkeypatch):
+def test_a_searcher_sends_an_idle_boat_only_after_a_delay(monkeypatch):
     rules = rules_for(brief("scout[1]"))
     report_inbox = Inbox(messages=(envelope("scout[2]", REPORT, report(100.0, -900.0)),))
     boat = view("boat", (12.4, -1351.8, -3.5), busy=None)
@@ -193,13 +193,13 @@ def sail(rules, tick, here, *inbox, busy=False, events=()):
     return rules.act(seen, Inbox(messages=tuple(inbox)))
 
 
-def test_a_rescuer_closes_in_with_short_hops_while_nothing_is_known():
+def test_a_rescuer_without_reports_approaches_the_region_in_short_legs():
     x, y = go(sail(rules_for(brief("skipper")), 0, (12.4, -1351.8)))
     assert 10.0 < math.dist((x, y), (12.4, -1351.8)) <= 60.1
     assert y > -1351.8
 
 
-def test_a_rescuer_takes_the_nearest_first_and_goes_on_after_each_event():
+def test_a_rescuer_goes_to_the_nearest_report_first_and_to_the_next_after_a_rescue():
     rules = rules_for(brief("skipper"))
     far, near = report(500.0, -800.0), report(50.0, -1000.0)
     first = go(sail(rules, 1, (12.4, -1351.8), envelope("s", REPORT, far), envelope("s", REPORT, near)))
@@ -210,7 +210,7 @@ def test_a_rescuer_takes_the_nearest_first_and_goes_on_after_each_event():
     assert math.dist(go(done), (500.0, -800.0)) < 60.0
 
 
-def test_a_rescuer_gives_up_after_some_patience_and_says_so():
+def test_a_rescuer_gives_up_after_some_ticks_and_reports_it():
     rules = rules_for(brief("skipper"))
     sail(rules, 1, (12.4, -1351.8), envelope("s", REPORT, report(50.0, -1000.0)))
     states = [note.body["state"] for tick in range(14, 20) for note in sail(rules, tick, (60.0, -990.0)).messages]
@@ -224,7 +224,7 @@ def test_a_rescuer_obeys_only_its_own_orders():
     assert math.dist(go(sail(rules, 1, (12.4, -1351.8), other, mine)), (50.0, -1000.0)) < 40.0
 
 
-def test_one_rescue_told_by_two_events_counts_once():
+def test_one_rescue_with_two_events_counts_once():
     rules = rules_for(brief("skipper"))
     sail(
         rules,
@@ -242,7 +242,7 @@ def orders(decision: Decision, task: str) -> list:
     return [note for note in decision.messages if note.body.get("task") == task]
 
 
-def test_a_coordinator_shares_out_every_cell_at_once():
+def test_a_coordinator_assigns_all_cells_at_once():
     rules = rules_for(brief("commander", "star"))
     first = rules.act(observe("commander", 0), Inbox())
     search = orders(first, "search")
@@ -269,7 +269,7 @@ def test_a_coordinator_orders_one_rescue_at_a_time():
     assert math.dist(following.body["position"][:2], order.body["position"][:2]) > 200.0
 
 
-def test_a_coordinator_goes_on_when_the_rescuer_found_nobody():
+def test_a_coordinator_orders_another_rescue_after_a_missed_one():
     rules = rules_for(brief("commander", "star"))
     reports = (envelope("scout[1]", REPORT, report(0.0, -900.0)), envelope("scout[2]", REPORT, report(300.0, -900.0)))
     rules.act(observe("commander", 0), Inbox(messages=reports))
@@ -285,7 +285,7 @@ def test_sightings_drift_with_the_current():
     assert y > -1000.0
 
 
-def test_a_searcher_among_other_pads_climbs_straight_up_and_waits_for_who_is_overhead(monkeypatch):
+def test_a_searcher_among_pads_climbs_vertically_and_waits_for_an_aircraft_overhead(monkeypatch):
     rules = rules_for(brief("scout[1]"))
     own, beside = view("uav[1]", (300.0, -620.0, 1.1), status="grounded"), view("uav[2]", (308.0, -620.0, 1.1))
     assert go(rules.act(observe("scout[1]", 0, own, beside), Inbox()))[:2] == (300.0, -620.0)

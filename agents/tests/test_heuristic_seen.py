@@ -59,7 +59,7 @@ def shoot(engine, mission: str, group: str, seed: int, height: float, heading: f
         yield decode_jpeg(encode_jpeg(frame.rgb)), frame.info.pose, truth
 
 
-def test_every_fire_in_view_is_found_and_no_orange_roof_is_one(camera):
+def test_almost_every_visible_fire_is_found_and_no_orange_roof_is_reported(camera):
     seen = wrong = detected = 0
     for rgb, pose, truth in shoot(camera, "ufr", "fire", 9001, 130.0, None):
         finds = find_fires_from_above(rgb, pose, 0.0)
@@ -114,7 +114,7 @@ def test_a_queue_on_the_route_is_seen_and_an_empty_road_is_clear():
     assert find_queues(rgb, pose, 0.0, ((-11.6, -404.95), (4.95, -208.3), (4.95, -11.6))) == ()
 
 
-def test_a_route_gets_its_corners_back():
+def test_the_missing_corners_of_a_route_are_restored():
     path = corners(((-200.0, -405.0), (-12.0, -405.0), (5.0, -208.0), (5.0, -12.0)))
     assert path[1] == pytest.approx((5.0, -405.0))
     assert path[-1] == (5.0, -12.0)

@@ -79,7 +79,7 @@ class Walked:
     ("wall", "most"),
     [((100.0, 0.0, 101.0, 1.0), 6), ((-10.0, 15.0, 10.0, 18.0), 40), ((-3.0, 12.0, 20.0, 30.0), 60)],
 )
-def test_legs_reach_a_goal_around_walls_they_do_not_know(wall, most):
+def test_a_dog_reaches_a_goal_around_unknown_walls(wall, most):
     world, inbox = Walked(wall), Inbox()
     legs = DogMovement(dog(), ObstacleGrid(GroundRectangle(-40, -40, 60, 60)))
     steps = 0
@@ -94,7 +94,7 @@ def test_legs_reach_a_goal_around_walls_they_do_not_know(wall, most):
     assert steps <= most
 
 
-def test_a_walk_refused_for_water_far_ahead_is_tried_shorter():
+def test_a_walk_rejected_as_unreachable_is_retried_at_half_the_distance():
     legs = DogMovement(dog(), ObstacleGrid())
     own = view("dog", (0.0, 0.0, 0.3))
     first = legs.step(own, 0.0, 10.0)
@@ -104,7 +104,7 @@ def test_a_walk_refused_for_water_far_ahead_is_tried_shorter():
     assert not legs.map.closed
 
 
-def test_a_step_that_was_not_sent_has_met_nothing():
+def test_only_a_step_that_was_sent_can_meet_an_obstacle():
     legs = DogMovement(dog(), ObstacleGrid())
     own = view("dog", (0.0, 0.0, 0.3))
     legs.step(own, 0.0, 10.0)
@@ -123,7 +123,7 @@ def searching() -> FireSearcher:
     return FireSearcher(shared, dog(), EYE)
 
 
-def test_who_stands_where_a_fire_should_be_looks_for_it_all_around():
+def test_a_dog_at_the_place_of_a_reported_fire_looks_in_all_directions():
     rules, heading, looks = searching(), 0.0, []
     pictures, inbox = (), Inbox(messages=(envelope("scout[2]", REPORT, {"position": (50.2, 40.1, 0.0)}),))
     for tick in range(1, 10):
@@ -145,7 +145,7 @@ def test_who_stands_where_a_fire_should_be_looks_for_it_all_around():
     assert looks[:4] == [0.0, 90.0, 180.0, 270.0]
 
 
-def test_a_false_fire_that_is_seen_again_is_tried_for_again_but_shorter():
+def test_a_false_fire_that_is_seen_again_is_reopened_with_half_its_tries():
     fires = KnownFires()
     fire = fires.add((0.0, 10.0), 8.0)
     fire.state, fire.tries = "false", 15
@@ -153,7 +153,7 @@ def test_a_false_fire_that_is_seen_again_is_tried_for_again_but_shorter():
     assert (fire.state, fire.tries, fire.place) == ("open", 7, (0.0, 9.0))
 
 
-def test_a_way_is_kept_until_it_closes():
+def test_a_path_is_kept_until_it_is_blocked():
     known = ObstacleGrid(GroundRectangle(-30, -30, 30, 30))
     for x in range(-9, 10):
         known.close((float(x), 10.0))
@@ -165,7 +165,7 @@ def test_a_way_is_kept_until_it_closes():
     assert way.ahead((0.0, 0.0), (0.0, 20.0), 1.0)[0] != first[0]
 
 
-def test_a_closed_in_walker_forgets_once_for_each_goal():
+def test_an_enclosed_walker_forgets_its_obstacles_once_for_each_goal():
     known = ObstacleGrid(GroundRectangle(-12, -12, 12, 12))
     ring = [(x, y) for x in range(-4, 5) for y in range(-4, 5) if max(abs(x), abs(y)) >= 3]
     for x, y in ring:
@@ -178,7 +178,7 @@ def test_a_closed_in_walker_forgets_once_for_each_goal():
     assert way.ahead((0.0, 0.0), (10.0, 0.0), 1.0) == ()
 
 
-def test_views_count_what_a_picture_would_show():
+def test_turns_and_places_are_chosen_by_the_unseen_ground():
     views = SeenGround((YARD,))
     assert views.best_turn((0.0, 40.0), 90.0, 45.0) == 0.0
     views.see((0.0, 40.0), 90.0, 45.0)
@@ -191,7 +191,7 @@ def test_views_count_what_a_picture_would_show():
     assert east[0] <= 50.0
 
 
-def test_a_fire_seen_from_nearer_moves_and_one_that_is_out_stays_out():
+def test_a_nearer_view_moves_a_fire_and_an_extinguished_fire_stays_out():
     fires = KnownFires()
     far = fires.add((0.0, 60.0), 60.0)
     assert fires.add((3.0, 47.0), 40.0) is far
@@ -201,7 +201,7 @@ def test_a_fire_seen_from_nearer_moves_and_one_that_is_out_stays_out():
     assert fires.add((40.0, 47.0), 12.0) is not far
 
 
-def test_ashes_are_no_new_fire_from_any_side():
+def test_ashes_are_not_a_new_fire_from_any_side():
     fires = KnownFires()
     fires.burnt((0.0, 50.0))
     fires.burnt((2.0, 51.0))
@@ -212,7 +212,7 @@ def test_ashes_are_no_new_fire_from_any_side():
     assert fires.is_behind_ashes((1.0, 49.0), 100.0, 130.0)  # beside it the ashes fill the picture
 
 
-def test_a_wide_box_of_unknown_distance_outweighs_slivers_on_another_bearing():
+def test_wide_boxes_of_unknown_distance_outweigh_narrow_boxes_on_another_bearing():
     belief = Belief(YARD)
     for _ in range(4):
         belief.add((50.0, 5.0), 0.0, 45.0, (FacadeColumn(40.0, math.inf, 0.2),))
@@ -223,7 +223,7 @@ def test_a_wide_box_of_unknown_distance_outweighs_slivers_on_another_bearing():
     assert best is not None and math.dist(best, (50.0, 60.0)) < 12.0
 
 
-def test_belief_crosses_bearings_and_strikes_what_was_visited():
+def test_the_belief_combines_bearings_and_removes_visited_places():
     belief = Belief(YARD)
     goal = (70.0, 50.0)
     for here in ((10.0, 10.0), (60.0, 5.0)):
@@ -237,13 +237,13 @@ def test_belief_crosses_bearings_and_strikes_what_was_visited():
     assert belief.at(goal) == 0.0
 
 
-def test_who_starts_outside_enters_by_the_smallest_region():
+def test_a_walker_outside_enters_by_the_smallest_region():
     outside = brief(regions=(Region(name="yard", polygon=YARD), Region(name="gate", polygon=GATE)), cells=())
     assert where_to_look(outside, (-60.0, 40.0)) == (YARD, (0.0, 40.0))
     assert where_to_look(outside, (50.0, 40.0)) == (YARD, None)
 
 
-def test_an_executor_carries_out_one_step_after_the_other_and_says_how_it_ended():
+def test_an_executor_carries_out_one_step_after_another():
     rules = rules_for(brief("skipper", role="executor", resources=(dog(eyes=False),), cells=(), messages=(STATUS,)))
     assert isinstance(rules, DogRules)
     steps = [("right", 30.0), ("forward", 7.5), ("jump", 1.0)]
@@ -262,7 +262,7 @@ def test_an_executor_carries_out_one_step_after_the_other_and_says_how_it_ended(
     assert last.command is None
 
 
-def test_an_executor_does_not_carry_out_what_another_is_told():
+def test_an_executor_ignores_steps_for_another_agent():
     rules = StepExecutor(brief("skipper", resources=(dog(eyes=False),), cells=()), dog(eyes=False))
     other = envelope("pilot", GUIDANCE, {"assignee": "someone", "step": "forward", "amount": 5.0})
     at = view("dog", (0.0, 0.0, 0.3))
@@ -288,7 +288,7 @@ def test_a_pilot_that_guides_flies_over_the_narrow_region_first():
 LINE = ((0.0, -6.0), (120.0, -6.0), (120.0, 6.0), (0.0, 6.0))
 
 
-def test_a_leak_is_on_the_axis_of_its_line_beside_the_middle_of_its_spray():
+def test_a_leak_near_a_line_is_placed_on_the_axis_of_the_line():
     assert on_the_axis(LINE, (50.2, 3.1)) == pytest.approx((50.2, 0.0), abs=0.6)
     assert on_the_axis((), (50.2, 3.1)) == (50.2, 3.1), "without a line the place stays"
     assert on_the_axis(LINE, (50.0, 40.0)) == (50.0, 40.0), "and far from it too"
@@ -310,7 +310,7 @@ def believing_pilot() -> LeakGuidance:
 FOUND = Inbox(messages=(envelope("scout[2]", REPORT, {"position": (80.0, 0.0, 0.0)}),))
 
 
-def test_guidance_ends_where_the_leak_is_in_reach_and_goes_nearer_if_nothing_happens():
+def test_guidance_pauses_when_the_leak_is_in_reach_and_then_leads_nearer():
     rules = believing_pilot()
     own, beside = view("uav[1]", (60.0, 12.0, 30.0)), view("dog", (76.0, 0.0, 0.33), heading=90.0)
     sent = [rules.act(observe("scout[1]", 5, own, beside), FOUND).messages]
@@ -320,7 +320,7 @@ def test_guidance_ends_where_the_leak_is_in_reach_and_goes_nearer_if_nothing_hap
 
 
 @pytest.mark.parametrize(("middle_m", "first"), [(77.0, "forward"), (70.0, "left")])
-def test_spray_beside_the_leak_is_no_obstacle_and_a_wall_before_it_is(middle_m, first):
+def test_spray_beside_the_leak_is_not_an_obstacle_and_a_wall_before_the_leak_is(middle_m, first):
     rules = believing_pilot()
     led = view("dog", (62.0, 0.0, 0.33), heading=90.0)
     pose = CameraPose(position=(middle_m, 0.0, 30.0), heading_deg=0.0, tilt_deg=90.0, hfov_deg=84.0, width=192,
@@ -335,7 +335,7 @@ def test_spray_beside_the_leak_is_no_obstacle_and_a_wall_before_it_is(middle_m, 
     assert step.body["step"] == first
 
 
-def test_a_pilot_without_guidance_left_sends_no_more():
+def test_a_pilot_sends_no_guidance_after_the_limit_is_reached():
     rules = believing_pilot()
     own, led = view("uav[1]", (60.0, 12.0, 30.0)), view("dog", (50.0, 0.0, 0.33), heading=90.0)
     (step,) = rules.act(observe("scout[1]", 5, own, led), FOUND).messages
@@ -346,7 +346,7 @@ def test_a_pilot_without_guidance_left_sends_no_more():
         assert rules.act(observe("scout[1]", tick, own, led), Inbox()).messages == ()
 
 
-def test_pilots_share_the_line_and_one_without_a_follower_is_believed():
+def test_pilots_divide_the_line_and_use_the_reports_of_other_pilots():
     line = Region(name="line", polygon=((0.0, -3.0), (120.0, -3.0), (120.0, 3.0), (0.0, 3.0)))
     everyone = [Peer(id=f"scout[{k}]", role="pilot", resources=(f"uav[{k}]",)) for k in (1, 2)]
     walker = Peer(id="walker", role="executor", resources=("dog",))
@@ -368,14 +368,14 @@ def test_pilots_share_the_line_and_one_without_a_follower_is_believed():
     assert abs(flown[0].arguments["z"] - flown[1].arguments["z"]) >= 2.5
 
 
-def test_pictures_of_nothing_leave_belief_at_nothing():
+def test_pictures_without_facades_leave_the_belief_at_zero():
     belief = Belief(YARD)
     belief.add((50.0, 40.0), 0.0, 45.0, ())
     assert belief.best((50.0, 40.0))[1] == 0.0
     assert np.isfinite(belief.at((10.0, 10.0)))
 
 
-def test_a_navigator_enters_then_goes_on_where_the_view_is_open():
+def test_a_navigator_walks_through_the_gate_and_then_goes_on():
     navigator = brief("skipper", role="navigator", resources=(dog(longest_m=25.0),), messages=(), cells=(),
                  regions=(Region(name="yard", polygon=YARD), Region(name="gate", polygon=GATE)))  # fmt: skip
     rules = rules_for(navigator)
@@ -400,7 +400,7 @@ def seen(camera: str, here: tuple[float, float], rgb: np.ndarray) -> Picture:
     return Picture(frame="f", entity="dog", camera=camera, tick=0, time_s=0.0, pose=pose, rgb=rgb)
 
 
-def test_a_walker_without_a_reference_goes_where_it_is_told():
+def test_a_walker_without_a_reference_picture_follows_orders():
     walker = brief("skipper", role="courier", resources=(dog(longest_m=25.0),), cells=(), messages=(GUIDANCE,),
                  regions=(Region(name="yard", polygon=YARD),), classes=("delivery_door",))  # fmt: skip
     rules = rules_for(walker)

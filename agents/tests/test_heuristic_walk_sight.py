@@ -64,7 +64,7 @@ def test_near_flames_are_one_fire_half_hidden_by_a_tank():
 
 
 @pytest.mark.parametrize("name", ["walk_facade.jpg", "walk_reference.jpg"])
-def test_no_flames_where_buildings_are_red_and_orange(name: str):
+def test_red_and_orange_buildings_are_not_flames(name: str):
     assert find_fires_ahead(load(name), STREET) == ()
 
 
@@ -88,7 +88,7 @@ def test_a_whole_pipe_has_no_leak():
     assert find_leaks(load("guide_no_leak.jpg"), ABOVE, 0.0) == ()
 
 
-def test_the_white_building_is_found_in_the_sun_from_its_picture_in_the_shade():
+def test_a_sunlit_white_building_is_found_by_a_reference_picture_in_the_shade():
     look = look_of(load("walk_reference.jpg"))
     facades = find_facades(load("walk_facade.jpg"), STREET, look)
     offs = [turn_deg(STREET.heading_deg, facade.bearing_deg) for facade in facades]
@@ -105,7 +105,7 @@ def test_nothing_is_seen_in_the_dark():
     assert find_facades(black, STREET, look) == () and facade_box(black, STREET, look) is None
 
 
-def test_a_wall_behind_a_gap_is_one_box_down_to_the_horizon_and_a_far_one_is_another():
+def test_walls_with_a_small_gap_are_one_box_down_to_the_horizon_without_a_distant_wall():
     pose = msgspec.structs.replace(STREET, tilt_deg=0.0, roll_deg=0.0)
     wall = np.full((720, 1280, 3), (90, 130, 220), np.uint8)
     for left, right, top in ((0, 400, 40), (420, 700, 60), (1000, 1100, 200)):
@@ -117,11 +117,11 @@ def test_a_wall_behind_a_gap_is_one_box_down_to_the_horizon_and_a_far_one_is_ano
     assert box is not None and iou(box, (0.0, 0.06, 0.547, 0.5)) > 0.9
 
 
-def test_depth_from_above_closes_what_stands_and_not_the_follower():
+def test_depth_from_above_closes_obstacles_and_not_the_guided_body():
     pose = CameraPose(position=(0.0, 0.0, 30.0), heading_deg=0.0, tilt_deg=90.0, hfov_deg=84.0, width=192, height=108)
     depth = np.full((108, 192), 30.0, np.float32)
     depth[20:40, 100:140] = 26.0  # a box 4 m high, north-east of the middle
-    depth[52:57, 93:99] = 29.4  # somebody under the camera
+    depth[52:57, 93:99] = 29.4  # a body under the camera
     known = ObstacleGrid()
     close_what_stands(known, heights(depth, pose, 0.0, stride=1), (0.0, 0.0))
     assert (4, 4) in known.closed

@@ -46,7 +46,7 @@ def catalogue(package: str, language: str) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("column", sorted({column.partition("-")[0] for column in COLUMNS}))
-def test_every_mission_has_its_goal_and_prompts_in_all_languages_with_the_same_holes_and_numbers(column: str) -> None:
+def test_goals_and_prompts_have_the_same_placeholders_and_numbers_in_all_languages(column: str) -> None:
     mission = lingjing.compile(mission_file(column))
     assert tuple(mission.goals) == LANGUAGES
     texts = [(mission.goal, mission.goals), *((agent.prompt, agent.prompts) for agent in mission.agents)]
@@ -62,7 +62,7 @@ def test_every_mission_has_its_goal_and_prompts_in_all_languages_with_the_same_h
 
 @pytest.mark.parametrize("tier", [0, 1])
 @pytest.mark.parametrize("column", COLUMNS)
-def test_requests_in_another_language_are_whole_and_have_the_same_numbers_and_contract(
+def test_requests_in_another_language_are_complete_with_the_same_numbers_and_schema(
     column: str, tier: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     absent: set[str] = set()
@@ -133,7 +133,7 @@ def test_shipped_prompts_have_the_same_holes_and_names_in_all_languages(language
         assert set(re.findall(r'"\w+"', other)) == set(re.findall(r'"\w+"', english))
 
 
-async def test_a_request_in_chinese_is_chinese_and_its_answer_is_read_by_the_same_contract() -> None:
+async def test_a_chinese_request_has_chinese_texts_and_a_chinese_answer_is_read() -> None:
     (brief,) = briefs("bi-single", "zh", 1)
     answer = json.dumps({"thought": "先看桥面", "command": None, "messages": []}, ensure_ascii=False)
     with serve([Reply(answer)]) as server:
@@ -145,12 +145,12 @@ async def test_a_request_in_chinese_is_chinese_and_its_answer_is_read_by_the_sam
     assert "沿桥从陆地" in system and "你可以下达的指令" in system and "Find every" not in system
 
 
-def test_the_request_only_player_refuses_requests_that_it_cannot_read() -> None:
+def test_the_request_only_player_rejects_a_language_that_it_cannot_read() -> None:
     with pytest.raises(lingjing.LingjingError, match="reads requests in `en` alone"):
         lingjing.run("bi", policy="reader", language="zh", seed=1, overview=False)
 
 
-def test_a_language_that_a_mission_lacks_is_one_clear_message() -> None:
+def test_a_language_that_a_mission_lacks_is_reported_in_one_message() -> None:
     with pytest.raises(lingjing.UsageError, match="mission 'queue' has no texts in 'zh'") as failed:
         testing.instantiate(lingjing.compile(mission_file("queue")), seed=1, language="zh")
     assert "`goal zh" in failed.value.faults[0].hint
@@ -164,14 +164,14 @@ def test_a_language_that_a_mission_lacks_is_one_clear_message() -> None:
 
 
 @pytest.mark.parametrize("code", ["ZH", "zh-CN", "zh_CN.UTF-8", " zh"])
-def test_other_ways_to_write_a_code_lead_to_it(code: str) -> None:
+def test_other_spellings_of_a_language_code_suggest_the_code(code: str) -> None:
     with pytest.raises(lingjing.UsageError) as failed:
         testing.instantiate(lingjing.compile(mission_file("ssr")), seed=1, language=code)
     assert failed.value.faults[0].hint == "did you mean `zh`?"
 
 
 @pytest.mark.parametrize("line", [["bench", "main-lite", "--check"], ["models", "check", "gpt-5.4"]])
-def test_a_language_without_sentences_is_refused_once_for_all_missions(
+def test_an_unsupported_language_is_rejected_once_for_all_missions(
     line: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert testing.run_command([*line, "--language", "fr"]) == 2
@@ -179,7 +179,7 @@ def test_a_language_without_sentences_is_refused_once_for_all_missions(
 
 
 @pytest.mark.parametrize("column", COLUMNS)
-def test_a_role_is_asked_for_each_report_that_the_rules_read(column: str) -> None:
+def test_the_prompts_request_each_report_that_the_rules_read(column: str) -> None:
     read: set[str] = set()
     requested: set[str] = set()
     for brief in briefs(column, "en", 1):

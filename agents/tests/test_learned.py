@@ -61,13 +61,13 @@ def in_integers(network: IntegerNetwork, picture: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_its_answer_has_the_bits_of_whole_numbers(seed: int) -> None:
+def test_the_network_computes_exactly_the_integer_result(seed: int) -> None:
     picture = np.random.default_rng(seed).integers(0, 256, (50 + seed, 71, 3)).astype(np.uint8)
     network = made_network(seed)
     assert np.array_equal(network.answer(picture), in_integers(network, picture))
 
 
-def test_a_picture_in_bands_is_answered_as_a_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_picture_split_into_bands_has_the_same_answer(monkeypatch: pytest.MonkeyPatch) -> None:
     picture = np.random.default_rng(9).integers(0, 256, (203, 60, 3)).astype(np.uint8)
     network = made_network(9)
     whole = network.answer(picture)
@@ -83,7 +83,7 @@ def test_weights_whose_sums_could_be_rounded_are_refused() -> None:
             IntegerLayer(weights, scale, scale)
 
 
-def test_pictures_are_made_smaller_by_means_of_squares() -> None:
+def test_a_picture_is_reduced_by_averaging_squares_of_pixels() -> None:
     rgb = np.zeros((5, 7, 3), np.uint8)
     rgb[0, 0], rgb[0, 1], rgb[1, 0] = 255, 255, 254
     small = reduced(rgb, 2)
@@ -93,14 +93,14 @@ def test_pictures_are_made_smaller_by_means_of_squares() -> None:
     assert reduced(rgb, 1) is rgb
 
 
-def test_the_scale_follows_from_the_height_and_there_is_none_below_the_ground() -> None:
+def test_the_scale_follows_from_the_height_and_is_absent_below_the_ground() -> None:
     scale = TargetScale(metres_per_px=0.09)
     heights = {100.0: (1,), 50.0: (2,), 25.0: (4,), -1.0: ()}
     assert {h: scale.factors_for(camera_pose((0.0, 0.0, h), 0.0, NADIR), 0.0) for h in heights} == heights
     assert TargetScale(factors=(1, 2)).factors_for(POSE, 500.0) == (1, 2)
 
 
-def test_of_boxes_that_overlap_one_is_left_and_confidence_is_read_off_a_curve() -> None:
+def test_overlapping_boxes_are_reduced_to_one_and_confidence_follows_a_curve() -> None:
     """The network reports a target that reaches 8 px to each side of bright cells."""
     top = np.zeros((1, 5), np.float32)
     top[0, 0] = 1.0
@@ -132,7 +132,7 @@ def test_fires_in_boxes_are_where_the_rules_would_put_them() -> None:
     assert (boxed.box, boxed.confidence) == (ruled.box, 0.8)
 
 
-def test_a_searcher_reports_what_a_trained_detector_finds_and_not_what_the_rules_would() -> None:
+def test_a_searcher_reports_the_detections_of_a_trained_detector_instead_of_the_rules() -> None:
     levels_m = []
 
     def find(seen: Picture, level_m: float) -> tuple[FoundBox, ...]:
@@ -151,13 +151,13 @@ def test_a_searcher_reports_what_a_trained_detector_finds_and_not_what_the_rules
     ).messages == ()  # fmt: skip
 
 
-def test_the_policy_looks_with_every_detector_that_ships() -> None:
+def test_the_policy_uses_every_shipped_detector() -> None:
     policy = build_policy(PluginHost().policy("learned"), {})
     assert set(policy._detectors) == set(learned_detectors()) != set()  # type: ignore[attr-defined]
     assert not PluginHost().policy("learned").privileged
 
 
-def test_what_ships_is_small_and_is_what_its_record_says() -> None:
+def test_shipped_weights_are_small_and_match_their_model_cards() -> None:
     files = [Path(str(each)) for each in WEIGHTS.iterdir() if each.name.endswith(".npz")]
     assert files
     assert sum(each.stat().st_size for each in files) < 5_000_000

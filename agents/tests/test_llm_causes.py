@@ -95,7 +95,7 @@ async def test_a_failure_names_its_cause(cause: str):
 
 
 @pytest.mark.parametrize("cause", [RESET, PLAIN, GZIP, CUT])
-async def test_time_that_ends_first_hides_no_cause(cause: str):
+async def test_an_earlier_deadline_does_not_hide_the_cause(cause: str):
     attempts = Attempts()
     with failing(cause, 1) as url, pytest.raises(ModelError, match=f"within .* s; before that: .*{cause}") as failure:
         await asked(url, EndingDeadline(5.0), attempts, tries=5)
@@ -110,7 +110,7 @@ async def test_a_refused_connection_is_named():
             await asked(f"http://127.0.0.1:{listener.getsockname()[1]}/v1", CallDeadline(600.0), Attempts())
 
 
-async def test_a_policy_gives_up_before_the_kernel_does_and_says_why(monkeypatch: pytest.MonkeyPatch):
+async def test_a_policy_gives_up_before_the_kernel_and_reports_the_cause(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("lingjing_agents.react.policy.CallDeadline", EndingDeadline)
     EndingDeadline.made.clear()
     with failing(RESET, 1) as url:
@@ -121,7 +121,7 @@ async def test_a_policy_gives_up_before_the_kernel_does_and_says_why(monkeypatch
     assert EndingDeadline.made == [9.0]
 
 
-async def test_a_policy_that_is_given_up_records_the_cause():
+async def test_a_cancelled_policy_records_the_cause():
     recorded: list[str] = []
     held: list[socket.socket] = []
 

@@ -51,7 +51,7 @@ async def calls(policy: ReactPolicy, tick: int) -> int:
     return usage.calls
 
 
-async def test_a_known_reasoning_model_is_asked_its_way_at_once():
+async def test_a_known_reasoning_model_receives_its_own_parameters_at_once():
     with serve(strict) as server:
         assert await calls(await mind(server.url, "openai/o3-2025-04-16", max_tokens="4000"), 1) == 1
     (request,) = server.requests
@@ -59,7 +59,7 @@ async def test_a_known_reasoning_model_is_asked_its_way_at_once():
     assert "temperature" not in request
 
 
-async def test_an_unknown_one_is_learnt_once():
+async def test_the_parameters_of_an_unknown_model_are_learnt_once():
     with serve(strict) as server:
         policy = await mind(server.url, "mystery", tries="1")
         assert await calls(policy, 1) == 3
@@ -73,13 +73,13 @@ async def test_an_unknown_one_is_learnt_once():
     ]  # fmt: skip
 
 
-async def test_an_old_server_is_asked_the_old_way():
+async def test_an_old_server_receives_the_old_parameter():
     with serve(lambda request: UNKNOWN if "max_completion_tokens" in request else Reply()) as server:
         assert await calls(await mind(server.url, "gpt-5-mini"), 1) == 2
     assert server.requests[-1]["max_tokens"] == 2048
 
 
-async def test_a_temperature_that_was_asked_for_is_not_dropped():
+async def test_a_temperature_from_the_options_is_not_dropped():
     with serve(strict) as server:
         policy = await mind(server.url, "gpt-5-mini", temperature="0.7")
         with pytest.raises(ReactError, match=r"temperature.*another temperature, or none"):
@@ -88,7 +88,7 @@ async def test_a_temperature_that_was_asked_for_is_not_dropped():
 
 
 @pytest.mark.parametrize("stubborn", [NO_MAX_TOKENS, NO_TEMPERATURE, UNKNOWN])
-async def test_a_service_that_refuses_whatever_is_asked_is_not_asked_for_ever(stubborn: Reply):
+async def test_a_service_that_rejects_every_request_is_called_at_most_three_times(stubborn: Reply):
     with serve([stubborn]) as server:
         policy = await mind(server.url, "mystery")
         with pytest.raises(ReactError):
@@ -96,7 +96,7 @@ async def test_a_service_that_refuses_whatever_is_asked_is_not_asked_for_ever(st
     assert len(server.requests) <= 3
 
 
-async def test_a_value_that_is_too_large_is_told_and_not_renamed():
+async def test_a_parameter_with_too_large_a_value_is_reported_and_not_renamed():
     too_large = openai_refusal("max_tokens", "max_tokens is too large: 9000. This model supports at most 4096.", "")
     with serve([too_large]) as server:
         policy = await mind(server.url, "mystery", max_tokens="9000")
@@ -105,7 +105,7 @@ async def test_a_value_that_is_too_large_is_told_and_not_renamed():
     assert len(server.requests) == 1
 
 
-def test_reasoning_models_by_name():
+def test_reasoning_models_are_recognised_by_name():
     table = read_models()
     for name in ("o1", "o1-mini", "o3", "o3-pro", "o4-mini-2025", "openai/gpt-5", "gpt-5.1-codex"):
         assert not table.traits(name).takes_temperature, name

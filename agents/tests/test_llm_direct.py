@@ -18,7 +18,7 @@ async def ask(url: str, seconds: float = 5.0, tries: int = 5, key: str = ""):
     return answer, attempts.calls
 
 
-async def test_one_good_answer_with_text_tokens_and_what_was_sent():
+async def test_a_good_answer_has_text_and_tokens_and_the_request_is_complete():
     with serve([Reply("hi")]) as server:
         answer, calls = await ask(server.url, key="secret")
     assert (answer.text, answer.finish_reason, answer.prompt_tokens, answer.completion_tokens) == (
@@ -37,7 +37,7 @@ async def test_one_good_answer_with_text_tokens_and_what_was_sent():
     assert image["image_url"]["url"].startswith("data:image/jpeg;base64,/9h")
 
 
-async def test_rate_limit_waits_as_long_as_the_service_says():
+async def test_a_rate_limited_call_waits_as_long_as_the_service_requests():
     elapsed = stopwatch()
     with serve([Reply(status=429, headers={"retry-after": "1"}), Reply("hi")]) as server:
         answer, calls = await ask(server.url)
@@ -65,7 +65,7 @@ async def test_transient_failures_are_tried_again(bad: Reply):
     assert calls == 2
 
 
-async def test_the_last_failure_is_the_one_that_is_told():
+async def test_the_last_failure_is_reported():
     with serve([Reply(status=500)]) as server:
         with pytest.raises(ModelError, match="scripted 500"):
             await ask(server.url, tries=2)
@@ -73,7 +73,7 @@ async def test_the_last_failure_is_the_one_that_is_told():
 
 
 @pytest.mark.parametrize("status", [400, 401, 403, 404, 422])
-async def test_the_users_mistakes_are_not_tried_again(status: int):
+async def test_client_errors_are_not_retried(status: int):
     with serve([Reply(status=status)]) as server:
         with pytest.raises(ModelError, match=f"answered {status}") as failure:
             await ask(server.url)
@@ -89,8 +89,8 @@ async def test_a_slow_service_ends_at_the_deadline():
         assert elapsed() < 600.0
 
 
-async def test_nobody_listens():
-    with socket.socket() as bound:  # bound, so that nobody else takes the port, and not listening
+async def test_a_refused_connection_is_reported_with_its_address():
+    with socket.socket() as bound:  # bound, so that no other process takes the port, and not listening
         bound.bind(("127.0.0.1", 0))
         port = bound.getsockname()[1]
         with pytest.raises(ModelError, match=f"127.0.0.1:{port}"):
@@ -105,17 +105,17 @@ REFUSALS = [
 ]
 
 
-@pytest.mark.parametrize(("body", "status", "asked"), REFUSALS)
-async def test_an_error_that_comes_with_200_is_a_refusal_in_the_services_own_words(body: str, status: int, asked: int):
+@pytest.mark.parametrize(("body", "status", "requests"), REFUSALS)
+async def test_an_error_with_status_200_is_a_refusal_with_the_services_message(body: str, status: int, requests: int):
     """An intermediary that has already sent its status can report a failure only in the body."""
     with serve([Reply(body=body)]) as server:
         with pytest.raises(ModelError, match=f"answered {status}.*no such user") as failure:
             await ask(server.url, tries=2)
-        assert len(server.requests) == asked
+        assert len(server.requests) == requests
     assert (failure.value.status, failure.value.fault, failure.value.billed) == (status, "service", False)
 
 
-async def test_the_text_of_an_answer_in_parts():
+async def test_the_text_parts_of_an_answer_are_joined():
     thinking = '{"type": "thinking", "thinking": [{"type": "text", "text": "hm"}]}'
     parts = f'[{thinking}, {{"type": "text", "text": "h"}}, {{"type": "text", "text": "i"}}]'
     with serve([Reply(body='{"error": null, "choices": [{"message": {"content": ' + parts + "}}]}")]) as server:

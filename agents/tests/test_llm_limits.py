@@ -62,7 +62,7 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path, monkeypatch) -> None:
         limited(Counting(), service(concurrency=1), "http://localhost")
 
 
-async def test_calls_at_a_time_are_limited_over_clients_and_threads() -> None:
+async def test_concurrent_calls_are_limited_across_clients_and_threads() -> None:
     model = Counting(together=3)
 
     def ask() -> None:
@@ -91,7 +91,7 @@ async def test_requests_are_paced() -> None:
         assert at - began >= number * 0.05 - 1e-3
 
 
-async def test_tokens_are_counted_as_they_were_taken() -> None:
+async def test_used_tokens_delay_the_next_calls() -> None:
     model, began = Counting(tokens=1000), time.monotonic()
     client = LimitedClient(model, service(tokens_per_minute=600_000), "u")
     for _ in range(4):
@@ -100,7 +100,7 @@ async def test_tokens_are_counted_as_they_were_taken() -> None:
         assert at - began >= number * 0.1 - 1e-3
 
 
-async def test_other_services_are_not_held_up() -> None:
+async def test_the_limit_of_a_service_does_not_delay_other_services() -> None:
     model = Counting()
     slow = service(requests_per_minute=0.001)
     await LimitedClient(model, slow, "a").complete(REQUEST, 60)
@@ -122,7 +122,7 @@ asyncio.run(LimitedClient(Slow(), service(concurrency=1), "u").complete(REQUEST,
 """
 
 
-async def test_a_turn_of_another_process_is_waited_for_and_freed_by_its_death() -> None:
+async def test_a_call_waits_for_the_turn_of_another_process_until_that_process_dies() -> None:
     model, root = Counting(), Path(__file__).parents[2]
     client = LimitedClient(model, service(concurrency=1), "u")
     with subprocess.Popen([sys.executable, "-c", HOLD], stdout=subprocess.PIPE, cwd=root) as other:
@@ -135,7 +135,7 @@ async def test_a_turn_of_another_process_is_waited_for_and_freed_by_its_death() 
     assert (await client.complete(REQUEST, 3600)).text == "ok"
 
 
-async def test_a_turn_is_given_back_whatever_becomes_of_the_call() -> None:
+async def test_a_turn_is_released_after_a_failed_or_cancelled_call() -> None:
     class Failing:
         async def complete(self, request: ChatRequest, timeout_s: float) -> ModelCompletion:
             raise ModelError("no")
@@ -151,7 +151,7 @@ async def test_a_turn_is_given_back_whatever_becomes_of_the_call() -> None:
     assert (await LimitedClient(Counting(), service(concurrency=1), "u").complete(REQUEST, 3600)).text == "ok"
 
 
-async def test_the_deadline_wins_over_the_limits(tmp_path) -> None:
+async def test_a_call_fails_at_once_if_its_turn_comes_after_the_deadline(tmp_path) -> None:
     with serve([Reply()]) as server:
         own = tmp_path / "own.toml"
         own.write_text(
@@ -167,7 +167,7 @@ async def test_the_deadline_wins_over_the_limits(tmp_path) -> None:
         assert len(server.requests) == 1
 
 
-def test_what_others_may_write_is_not_trusted(tmp_path) -> None:
+def test_a_folder_that_other_users_may_write_is_rejected(tmp_path) -> None:
     LimitedClient(Counting(), service(concurrency=1), "u")
     (folder,) = tmp_path.glob("lingjing-turns-*")
     folder.chmod(0o777)
@@ -175,7 +175,7 @@ def test_what_others_may_write_is_not_trusted(tmp_path) -> None:
         LimitedClient(Counting(), service(concurrency=1), "u")
 
 
-async def test_a_broken_file_of_moments_and_a_clock_that_started_anew_hold_nobody_up(tmp_path) -> None:
+async def test_a_broken_file_of_due_times_or_a_reset_clock_delays_no_call(tmp_path) -> None:
     client = LimitedClient(Counting(), service(requests_per_minute=1000), "u")
     (due,) = [folder / "due" for folder in tmp_path.glob("lingjing-turns-*/*")]
     for text in ("", "{", '{"request": 1e300, "tokens": 1e300}', "[]"):
@@ -183,6 +183,6 @@ async def test_a_broken_file_of_moments_and_a_clock_that_started_anew_hold_nobod
         assert (await client.complete(REQUEST, 600)).text == "ok"
 
 
-def test_without_limits_nothing_is_in_between() -> None:
+def test_a_client_without_limits_is_not_wrapped() -> None:
     model = Counting()
     assert limited(model, service(), "u") is model

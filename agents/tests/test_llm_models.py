@@ -38,9 +38,9 @@ def options(**values: object) -> ModelOptions:
     return read_options(ModelOptions, values, "policy `test`")
 
 
-async def sent(url: str, **given: object) -> dict[str, object]:
+async def sent(url: str, **arguments: object) -> dict[str, object]:
     with serve([Reply()]) as server:
-        model = open_model(options(base_url=server.url, **given), UnrecordedCalls())
+        model = open_model(options(base_url=server.url, **arguments), UnrecordedCalls())
         await model.ask(0, (ChatMessage("user", "hi"),), CallDeadline(20), schema=SCHEMA)
     (request,) = server.requests
     return request
@@ -52,7 +52,7 @@ def own_list(folder: Path, text: str) -> str:
     return str(path)
 
 
-def test_the_papers_models_are_listed_in_its_order_and_each_can_be_reached():
+def test_the_papers_models_are_listed_in_its_order_with_services_and_prices():
     table = read_models()
     assert list(table.models) == PAPER
     for name in PAPER:
@@ -67,7 +67,7 @@ def test_the_papers_models_are_listed_in_its_order_and_each_can_be_reached():
     assert sum(table.models[name].tier == "commercial" for name in PAPER[:12]) == 5
 
 
-def test_suites_and_lists_find_them():
+def test_the_plugins_offer_the_papers_models():
     models = PluginHost().models
     assert set(PAPER) <= models.keys()
     assert models["gpt-5.5"].arguments == {"model": "gpt-5.5"}
@@ -76,7 +76,7 @@ def test_suites_and_lists_find_them():
 
 
 @pytest.mark.parametrize(
-    ("given", "there", "absent"),
+    ("arguments", "present", "absent"),
     [
         (
             {"model": "gpt-5.5"},
@@ -104,13 +104,13 @@ def test_suites_and_lists_find_them():
         ({"model": "mystery", "structured": "none"}, {"max_tokens": 2048}, ["response_format", "tools"]),
     ],
 )
-async def test_each_model_is_asked_its_way(given, there, absent):
-    request = await sent("", **given)
-    assert {name: request.get(name) for name in there} == there
+async def test_each_model_receives_its_own_parameters(arguments, present, absent):
+    request = await sent("", **arguments)
+    assert {name: request.get(name) for name in present} == present
     assert not set(absent) & request.keys()
 
 
-async def test_a_step_can_come_as_a_tools_arguments():
+async def test_a_step_is_read_from_the_arguments_of_a_tool_call():
     reply = completion(Reply())
     step = {"thought": "by a tool", "command": None, "messages": []}
     call = {"id": "1", "type": "function", "function": {"name": "step", "arguments": json.dumps(step)}}
@@ -125,7 +125,7 @@ async def test_a_step_can_come_as_a_tools_arguments():
     assert request["tool_choice"]["function"]["name"] == "step"
 
 
-async def test_arguments_that_are_no_text_are_read_all_the_same():
+async def test_tool_arguments_that_are_an_object_are_read():
     """By the protocol they are JSON as text; some servers send the object itself."""
     reply = completion(Reply())
     step = {"thought": "by a tool", "command": None, "messages": []}
@@ -146,7 +146,7 @@ async def test_arguments_that_are_no_text_are_read_all_the_same():
         (None, 0),
     ],
 )
-async def test_an_answer_is_not_lost_for_a_count_that_cannot_be_and_counts_in_full(usage, counted):
+async def test_an_answer_with_an_impossible_token_count_is_kept_and_counts_in_full(usage, counted):
     reply = completion(Reply("hi")) | {"usage": usage}
     calls = CountedCalls()
     with serve([Reply(body=json.dumps(reply))]) as server:
@@ -168,7 +168,7 @@ class CountedCalls(UnrecordedCalls):
         self.ended.append((request, result))
 
 
-async def test_kept_tokens_have_their_own_price():
+async def test_cached_tokens_have_their_own_price():
     reply = completion(Reply())
     reply["usage"] = {
         "prompt_tokens": 1000, "completion_tokens": 10, "prompt_tokens_details": {"cached_tokens": 900}
@@ -180,7 +180,7 @@ async def test_kept_tokens_have_their_own_price():
     assert model.bill().calls == 0
 
 
-async def test_a_listed_key_goes_to_the_listed_service_and_to_no_other(monkeypatch):
+async def test_the_key_of_a_listed_service_is_not_sent_to_another_service(monkeypatch):
     monkeypatch.setenv("OPENAI_API_KEY", "sk-listed-key-0123456789")
     with serve([Reply()]) as server:
         model = open_model(options(model="gpt-5.5", base_url=server.url), UnrecordedCalls())
@@ -188,7 +188,7 @@ async def test_a_listed_key_goes_to_the_listed_service_and_to_no_other(monkeypat
     assert server.keys == [""]
 
 
-async def test_a_list_of_ones_own_adds_and_replaces(tmp_path, monkeypatch):
+async def test_an_own_list_of_models_adds_and_replaces_entries(tmp_path, monkeypatch):
     monkeypatch.setenv("OWN_KEY", "own-key-0123456789")
     with serve([Reply()]) as server:
         path = own_list(
@@ -218,7 +218,7 @@ async def test_a_list_of_ones_own_adds_and_replaces(tmp_path, monkeypatch):
     assert "another" in read_models().models
 
 
-def test_every_fault_of_a_list_is_told_at_once_with_its_path(tmp_path):
+def test_all_faults_of_a_list_of_models_are_reported_at_once_with_their_paths(tmp_path):
     path = own_list(
         tmp_path,
         """
@@ -259,34 +259,34 @@ def test_every_fault_of_a_list_is_told_at_once_with_its_path(tmp_path):
     assert all(f"{path}: {where}: " in str(caught.value) for where in faults)
 
 
-def test_what_is_wrong_with_the_list_of_the_environment_is_told_as_of_one_that_is_given(tmp_path, monkeypatch):
+def test_a_fault_in_the_environments_list_of_models_is_reported_like_one_in_the_options(tmp_path, monkeypatch):
     path = own_list(tmp_path, "[models.one]\nservice = 'nowhere'\n")
-    told = []
-    for given in ({}, {"models": path}):
-        monkeypatch.setenv("LINGJING_MODELS", "" if given else path)
+    messages = []
+    for arguments in ({}, {"models": path}):
+        monkeypatch.setenv("LINGJING_MODELS", "" if arguments else path)
         with pytest.raises(UsageError, match="no service is called `nowhere`") as caught:
-            options(model="one", **given)
-        told.append(str(caught.value))
-    assert told[0] == told[1] and f"{path}: models.one.service: " in told[0]
+            options(model="one", **arguments)
+        messages.append(str(caught.value))
+    assert messages[0] == messages[1] and f"{path}: models.one.service: " in messages[0]
 
 
 @pytest.mark.parametrize("text", ["models = 3", "[models]\nx = 1", "services = []", "[[models]]"])
-def test_a_list_of_the_wrong_shape_is_told(tmp_path, text):
+def test_a_list_of_models_of_the_wrong_shape_is_reported(tmp_path, text):
     with pytest.raises(UsageError, match=r"an object is due|a list is due"):
         read_models(Path(own_list(tmp_path, text)))
 
 
 @pytest.mark.parametrize(
-    ("data", "said"), [(b"[models", "is not TOML"), (b"\xff", "is not TOML"), (b"a=" + b"[" * 5000, "TOML")]
+    ("data", "error"), [(b"[models", "is not TOML"), (b"\xff", "is not TOML"), (b"a=" + b"[" * 5000, "TOML")]
 )
-def test_what_is_no_toml_is_told(tmp_path, data, said):
+def test_invalid_toml_is_reported(tmp_path, data, error):
     path = tmp_path / "own.toml"
     path.write_bytes(data)
-    with pytest.raises(UsageError, match=said):
+    with pytest.raises(UsageError, match=error):
         read_models(path)
 
 
-def test_what_cannot_be_asked_is_told(tmp_path):
+def test_a_model_that_cannot_be_called_is_reported(tmp_path):
     with pytest.raises(UsageError, match="cannot read the models in"):
         options(model="gpt-5.5", models=str(tmp_path / "missing.toml"))
     with pytest.raises(UsageError, match=r"or a model of the list; did you mean `gpt-5.5`\?$"):
@@ -301,26 +301,26 @@ class Capped(UnrecordedCalls):
     capped = True
 
 
-def test_without_a_price_no_money_is_capped():
-    given = {"model": "qwen3-vl-flash", "base_url": "http://localhost:1/v1"}
+def test_a_limit_of_money_requires_a_price():
+    arguments = {"model": "qwen3-vl-flash", "base_url": "http://localhost:1/v1"}
     with pytest.raises(UsageError, match="the price of `qwen3-vl-flash` is not known"):
-        open_model(options(**given), Capped())
+        open_model(options(**arguments), Capped())
     for more in ({"price_in": 0, "price_out": 0}, {"price_in": 1, "price_out": 2}):
-        assert open_model(options(**given, **more), Capped()).profile.traits.priced
+        assert open_model(options(**arguments, **more), Capped()).profile.traits.priced
 
 
-def test_plugins_lists_the_rest_where_the_own_list_of_models_is_faulty(
+def test_the_command_plugins_lists_the_other_plugins_if_the_own_list_of_models_is_faulty(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
     (tmp_path / "own.toml").write_text("[models.mine]\nserved = 3\nprice_in = 1.0\n")
     monkeypatch.setenv("LINGJING_MODELS", str(tmp_path / "own.toml"))
     assert run_command(["plugins"]) == ExitCode.USAGE
-    told = capsys.readouterr()
-    assert {line.split()[0] for line in told.out.splitlines()} == {
+    printed = capsys.readouterr()
+    assert {line.split()[0] for line in printed.out.splitlines()} == {
         "engine", "policy", "scene", "evaluator", "detector", "backbone", "scaffold", "writer",
     }  # fmt: skip
-    assert "models.mine.service: is missing" in told.err
-    assert "hint: models.toml" in told.err
+    assert "models.mine.service: is missing" in printed.err
+    assert "hint: models.toml" in printed.err
     assert run_command(["plugins", "react"]) == ExitCode.OK
     assert "max_tokens" in capsys.readouterr().out
     assert run_command(["plugins", "gpt-5.5"]) == ExitCode.USAGE

@@ -72,8 +72,8 @@ def readable(text: str) -> Iterator[str]:
         yield text.lower()
 
 
-def told(text: str, secret: str, run: int = RUN + 2) -> str:
-    """Return a substring of the secret that a text contains in any encoding; "" without one."""
+def disclosed(text: str, secret: str, run: int = RUN + 2) -> str:
+    """Return a substring of the secret that a text contains in any encoding; "" if there is none."""
     data, views = secret.encode(), list(readable(text))
     forms = [secret.lower(), data.hex(), *(b64encode(b"?" * at + data).decode()[4:-4].lower() for at in range(3))]
     for form in forms:
@@ -85,21 +85,21 @@ def told(text: str, secret: str, run: int = RUN + 2) -> str:
 
 @pytest.mark.parametrize("secret", [KEY, LOGIN, "sk-proj-0123456789abcdef", "correct horse battery staple"])
 @pytest.mark.parametrize("spelling", SPELLINGS)
-def test_a_secret_is_found_in_every_spelling(spelling: str, secret: str):
+def test_a_secret_is_redacted_in_every_spelling(spelling: str, secret: str):
     text = f"you sent {SPELLINGS[spelling](secret)} to us"
     redacted = Redactor((secret,))(text)
-    assert not told(redacted, secret)
+    assert not disclosed(redacted, secret)
     assert redacted.startswith("you sent ")
     assert redacted.endswith(" to us")
 
 
-def test_short_secrets_are_found_where_they_stand_alone_and_shorter_ones_left():
+def test_short_secrets_are_redacted_only_as_whole_words_and_very_short_ones_never():
     assert Redactor(("EMPTY",))("the key EMPTY is not EMPTYING") == "the key *** is not EMPTYING"
     assert Redactor(("x", ""))('{"x": 1}') == '{"x": 1}'
     assert Redactor(())("http://me:pw@host") == "http://***@host"
 
 
-def test_other_texts_stay_as_they_are():
+def test_texts_without_secrets_are_not_changed():
     redact = Redactor((KEY, LOGIN))
     for text in (json.dumps({"thought": "100 % sure, a&amp;b \\u00e9 %41", "x": [1, 2]}), "", "İstanbul" * 1000):
         assert redact(text) == text
@@ -108,11 +108,11 @@ def test_other_texts_stay_as_they_are():
 @pytest.mark.parametrize(
     "piece", ["x", "%41", "&#65;", "\\u0041", "\\", "%", "&", "://", "://a", "Zq8vT3kX", "é", "%25", "@"]
 )
-def test_a_long_answer_is_searched_in_one_go(piece: str):
+def test_a_long_answer_is_searched_in_linear_time(piece: str):
     """A search with quadratic cost would take an hour and exceed the suite's time limit."""
     key = "Zq8vT3kX9-mWn2bLs77Rx"
     redacted = Redactor((key, LOGIN))(piece * (500_000 // len(piece)) + f" {key} {quote(KEY)} {key[:12]}")
-    assert not told(redacted[-200:], key)
+    assert not disclosed(redacted[-200:], key)
 
 
 def echo(status: str, spell: Callable[[str], str]):
@@ -150,7 +150,7 @@ async def check_that_no_exception_or_log_holds_the_key(client, monkeypatch, capl
     report = "".join(traceback.TracebackException.from_exception(failure.value, capture_locals=False).format())
     assert "wrong key" in report
     for text in (report, _linked(failure.value), caplog.text, *capfd.readouterr()):
-        assert not told(text, key)
+        assert not disclosed(text, key)
     assert caplog.records
 
 
@@ -158,15 +158,15 @@ def _linked(error: BaseException) -> str:
     """Return an exception with all linked exceptions and their attributes."""
     seen, texts, waiting = set(), [], [error]
     while waiting:
-        one = waiting.pop()
-        if id(one) not in seen:
-            seen.add(id(one))
-            texts.append(f"{one!r} {vars(one)}")
-            waiting += [linked for linked in (one.__cause__, one.__context__) if linked is not None]
+        error = waiting.pop()
+        if id(error) not in seen:
+            seen.add(id(error))
+            texts.append(f"{error!r} {vars(error)}")
+            waiting += [linked for linked in (error.__cause__, error.__context__) if linked is not None]
     return "\n".join(texts)
 
 
-async def test_an_answer_that_tells_the_key_is_redacted_too(monkeypatch):
+async def test_a_key_in_the_answer_of_a_model_is_redacted(monkeypatch):
     key = "Zq8vT3kX9-mWn2bLs77Rx"
     monkeypatch.setenv("SERVICE_KEY", key)
     step = {"thought": f"my key is {key}", "command": None, "messages": []}
@@ -176,7 +176,7 @@ async def test_an_answer_that_tells_the_key_is_redacted_too(monkeypatch):
         assert (await policy.act(observe("scout[1]", 1), Inbox())).thought == "my key is ***"
 
 
-async def test_a_login_of_the_environment_is_sent_and_not_told(monkeypatch):
+async def test_a_login_from_the_environment_is_sent_and_not_disclosed(monkeypatch):
     with serve_raw(echo("403 Forbidden", str)) as url:
         monkeypatch.setenv("SERVICE_URL", url.replace("//", f"//{quote(LOGIN, safe=':')}@"))
         policy = react(model="m", base_url_env="SERVICE_URL")
@@ -184,8 +184,8 @@ async def test_a_login_of_the_environment_is_sent_and_not_told(monkeypatch):
         with pytest.raises(NoDecisionError, match="wrong key") as failure:
             await policy.act(observe("scout[1]", 1), Inbox())
     for secret in (LOGIN, PASSWORD):
-        assert not told(str(failure.value), secret)
-        assert not told(repr(vars(policy)), secret)
+        assert not disclosed(str(failure.value), secret)
+        assert not disclosed(repr(vars(policy)), secret)
 
 
 @pytest.mark.parametrize(
@@ -205,15 +205,15 @@ async def test_a_login_of_the_environment_is_sent_and_not_told(monkeypatch):
         ({"base_url_env": "NO_SUCH_URL"}, "NO_SUCH_URL"),
     ],
 )
-def test_secrets_do_not_go_into_arguments(arguments: dict[str, str], says: str):
+def test_secrets_in_arguments_are_rejected_and_not_repeated(arguments: dict[str, str], says: str):
     with pytest.raises(UsageError) as failure:
         react(model="m", **arguments)
     assert says in f"{failure.value} {failure.value.hint}"
-    assert not told(f"{failure.value} {failure.value.hint} {_linked(failure.value)}", PASSWORD, 7)
+    assert not disclosed(f"{failure.value} {failure.value.hint} {_linked(failure.value)}", PASSWORD, 7)
 
 
 @pytest.mark.parametrize("client", ["direct", pytest.param("litellm", marks=pytest.mark.thorough)])
-def test_a_run_against_a_service_that_echoes_its_key_leaves_it_nowhere(client: str, tmp_path: Path):
+def test_a_run_with_a_service_that_echoes_its_key_leaves_no_key_in_its_output(client: str, tmp_path: Path):
     key = "Zq8vT3kX9-mWn2bLs77Rx"
     (tmp_path / "trip.ljs").write_text(MISSION)
     spellings = iter(list(SPELLINGS.values()) * 100)
@@ -240,6 +240,6 @@ def test_a_run_against_a_service_that_echoes_its_key_leaves_it_nowhere(client: s
     stored = [stored.data for path in left if path.suffix == ".part" for stored in scan(path)]
     assert stored
     for text in (done.stdout, done.stderr, *(path.read_bytes().decode("latin-1") for path in left)):
-        assert not told(text, key)
+        assert not disclosed(text, key)
     for data in stored:
-        assert not told(data.decode("latin-1"), key)
+        assert not disclosed(data.decode("latin-1"), key)

@@ -1,4 +1,4 @@
-"""The heuristic tells at its first tick that it has no detector for what it should report."""
+"""The heuristic reports at its first tick that it has no detector for the classes that it should report."""
 
 from __future__ import annotations
 

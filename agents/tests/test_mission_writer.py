@@ -47,22 +47,24 @@ def fenced(text: str) -> Reply:
     return Reply(step=f"Here it is:\n\n```ljs\n{text}```\nIt is small.")
 
 
-def said(server: ChatServer, number: int) -> list[str]:
+def message_texts(server: ChatServer, number: int) -> list[str]:
     """The messages of a request."""
     return [message["content"] for message in server.requests[number]["messages"]]
 
 
-def test_errors_and_failed_expectations_go_back_until_everything_holds(capsys: Capture) -> None:
+def test_errors_and_failed_expectations_are_returned_to_the_model_until_none_is_left(capsys: Capture) -> None:
     with serve([fenced(FAULTY), fenced(WRONG), fenced(GOOD)]) as server:
         assert write(server, "--model-arg", "grammar=grammar") == 0
     captured = capsys.readouterr()
     assert Path("small.ljs").read_text() == GOOD and not Path("small.draft.ljs").exists()
     assert "after 3 answers" in captured.out and "round 2 of 6: 1 of 3 expectations fail" in captured.err
-    system, user = said(server, 0)
+    system, user = message_texts(server, 0)
     assert "# .ljs on one card" in system and user == "Write this mission: a boat saves one person"
-    assert "did you mean `area`?" in said(server, 1)[-1] and said(server, 1)[-2].startswith("Here it is")
-    assert "idle wins for seeds 0\n  failed: 0 of 1 episodes were won" in said(server, 2)[-1]
-    assert len(said(server, 2)) == 4  # only the last answer stays in the conversation
+    assert "did you mean `area`?" in message_texts(server, 1)[-1] and message_texts(server, 1)[-2].startswith(
+        "Here it is"
+    )
+    assert "idle wins for seeds 0\n  failed: 0 of 1 episodes were won" in message_texts(server, 2)[-1]
+    assert len(message_texts(server, 2)) == 4  # only the last answer stays in the conversation
     assert all(request["grammar"].startswith("root ::=") for request in server.requests)
 
 
@@ -73,18 +75,20 @@ def test_an_answer_without_fences_is_read_from_its_first_statement(capsys: Captu
     assert "grammar" not in server.requests[0]
 
 
-def test_a_service_that_never_writes_a_valid_mission_ends_after_the_rounds(capsys: Capture) -> None:
+def test_writing_ends_after_the_last_round_without_a_valid_mission(capsys: Capture) -> None:
     with serve([Reply(step="I cannot do that."), fenced(FAULTY)]) as server:
         assert write(server, "--rounds", "3") == 1
     captured = capsys.readouterr()
     assert len(server.requests) == 3 and not Path("small.ljs").exists()
     assert Path("small.draft.ljs").read_text() == FAULTY
     assert "error: after 3 answers no mission holds" in captured.err and "hint: a larger --rounds" in captured.err
-    assert "no mission. Answer with the whole file" in said(server, 1)[-1]
+    assert "no mission. Answer with the whole file" in message_texts(server, 1)[-1]
 
 
 @pytest.mark.parametrize("death", [Reply(drop=True), Reply(status=500), Reply(body="<html>")])
-def test_a_service_that_dies_is_an_infrastructure_failure_and_the_draft_stays(death: Reply, capsys: Capture) -> None:
+def test_an_outage_of_the_service_is_an_infrastructure_failure_and_the_draft_is_kept(
+    death: Reply, capsys: Capture
+) -> None:
     with serve([fenced(FAULTY), death]) as server:
         assert write(server) == 3
     captured = capsys.readouterr()
@@ -101,7 +105,7 @@ def test_a_service_that_dies_is_an_infrastructure_failure_and_the_draft_stays(de
         ("idle loses", "lacks an expectation that it can be won"),
     ],
 )
-def test_a_stranger_s_expectations_are_bounded(expectations: str, why: str, capsys: Capture) -> None:
+def test_expectations_written_by_a_model_are_limited(expectations: str, why: str, capsys: Capture) -> None:
     with serve([fenced(MISSION.replace("EXPECT", expectations))]) as server:
         assert write(server, "--rounds", "1") == 1
     assert why in capsys.readouterr().out
@@ -111,7 +115,7 @@ def test_long_episodes_and_large_fleets_are_not_played(capsys: Capture) -> None:
     text = GOOD.replace("ticks <= 8", "ticks <= 9000")
     with serve([fenced(text), fenced(text.replace("9000", "9").replace("asset boat", "asset boat[1..99]"))]) as server:
         assert write(server, "--rounds", "2") == 1
-    assert "at most 300 are played" in said(server, 1)[-1]
+    assert "at most 300 are played" in message_texts(server, 1)[-1]
 
 
 def test_the_tokens_are_limited(capsys: Capture) -> None:

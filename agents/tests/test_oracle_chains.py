@@ -29,12 +29,12 @@ mission chain "Chain" {
 """
 
 
-def test_a_task_that_another_one_unlocks_is_known() -> None:
+def test_the_index_holds_the_earlier_task_that_unlocks_a_task() -> None:
     index = InstanceIndex(instantiate(CHAIN))
     assert index.earlier == {("service", "b"): (), ("tow", "w"): (("service", "b"),)}
 
 
-def test_a_boat_serves_first_what_unlocks_the_rest(tmp_path: Path) -> None:
+def test_a_boat_first_does_the_task_that_unlocks_the_other(tmp_path: Path) -> None:
     assert play(CHAIN, tmp_path, policy="oracle", seed=1).report.success
 
 

@@ -44,7 +44,7 @@ def test_each_thought_names_the_goal_and_its_condition(tmp_path: Path) -> None:
             )
 
 
-def test_a_lost_episode_tells_which_condition_had_no_way(tmp_path: Path) -> None:
+def test_a_lost_episode_names_the_condition_that_the_oracle_cannot_work_towards(tmp_path: Path) -> None:
     """Two trucks must part, and no goal of the oracle is to keep a distance."""
     text = (EXAMPLES / "convoy.ljs").read_text(encoding="utf-8")
     success = "success when forall t in truck: distance_xy(t, hospital) <= close"

@@ -84,7 +84,7 @@ class Mind:
         return [f"{message.body['assignee']} {message.body['task']}" for message in messages if message.kind == "order"]
 
 
-def told(kind: str, **body: str | float | Vector) -> Envelope:
+def from_inspector(kind: str, **body: str | float | Vector) -> Envelope:
     return Envelope(
         id="m1", tick=1, sender="inspector", recipient="coordinator", kind=kind, category="target_status",
         body=body, bytes=90, deliver_at=2,
@@ -95,19 +95,19 @@ INSPECTION = ["inspector inspect"] * len(WAYPOINTS)
 
 
 @pytest.mark.parametrize("mode", ["star", "broadcast"])
-def test_whoever_leads_orders_each_inspector_that_somebody_controls(mode: str, tmp_path: Path):
+def test_the_coordinator_orders_each_inspector_that_controls_an_aircraft(mode: str, tmp_path: Path):
     hub = Mind(tmp_path, "coordinator", mode=mode)
     for orders, number in ((hub.orders(2), 4), (hub.orders(3, seen=1), 0), (hub.orders(4, 2, FREE, seen=2), 2)):
         assert [order for order in orders if "inspect" in order] == ["inspector inspect"] * number
 
 
-def test_a_request_for_another_route_is_not_asked_again_by_passing_it_on(tmp_path: Path) -> None:
+def test_the_hub_does_not_repeat_a_request_for_another_route(tmp_path: Path) -> None:
     hub = Mind(tmp_path, "coordinator")
-    request = told("jammed", waypoint=3.0, position=(177.0, -2.0, 0.0))
+    request = from_inspector("jammed", waypoint=3.0, position=(177.0, -2.0, 0.0))
     assert {message.kind for message in hub.act(2, 2, FREE, 4, request).messages} == {"order"}
 
 
-def test_nobody_goes_or_is_sent_into_a_jam_that_another_route_may_avoid(tmp_path: Path) -> None:
+def test_no_vehicle_is_sent_into_a_jam_that_another_route_may_avoid(tmp_path: Path) -> None:
     hub, driver = Mind(tmp_path, "coordinator"), Mind(tmp_path, "driver")
     assert hub.orders(1) == INSPECTION
     assert driver.act(1).command is None
@@ -118,7 +118,7 @@ def test_nobody_goes_or_is_sent_into_a_jam_that_another_route_may_avoid(tmp_path
     assert driver.act(4, 2, FREE).command is not None
 
 
-def test_a_jam_that_the_next_route_passes_too_or_that_nothing_is_done_about_keeps_nobody(tmp_path: Path) -> None:
+def test_a_vehicle_drives_if_the_next_route_has_the_jam_too_or_no_other_route_comes(tmp_path: Path) -> None:
     for later in ((3, 2, WAYPOINTS), (1 + TOO_LONG, 1, WAYPOINTS)):
         hub, driver = Mind(tmp_path, "coordinator"), Mind(tmp_path, "driver")
         assert hub.orders(1) == INSPECTION
@@ -127,7 +127,7 @@ def test_a_jam_that_the_next_route_passes_too_or_that_nothing_is_done_about_keep
         assert driver.act(*later).command is not None
 
 
-def test_a_jam_without_a_radius_blocks_as_far_as_the_engine_lets_it(tmp_path: Path) -> None:
+def test_a_jam_without_a_radius_blocks_within_the_reach_of_the_engine(tmp_path: Path) -> None:
     heap = MISSION.replace("jam : congestion", "jam : heap")
     driver = Mind(tmp_path, "driver", heap)
     assert driver.act(1).command is None
@@ -135,7 +135,7 @@ def test_a_jam_without_a_radius_blocks_as_far_as_the_engine_lets_it(tmp_path: Pa
 
 
 @pytest.mark.parametrize(("lost", "again"), [(0.0, {}), (30.0, {8: ["driver arrive"], 9: ["inspector inspect"]})])
-def test_orders_that_may_have_got_lost_are_given_again(lost: float, again: dict[int, list[str]], tmp_path: Path):
+def test_orders_that_may_be_lost_are_repeated(lost: float, again: dict[int, list[str]], tmp_path: Path):
     hub = Mind(tmp_path, "coordinator", lost=lost)
     assert hub.orders(2, 1, FREE) == [*INSPECTION, "driver arrive"]
     assert hub.orders(3, 1, FREE, seen=3) == []
@@ -145,34 +145,34 @@ def test_orders_that_may_have_got_lost_are_given_again(lost: float, again: dict[
 
 JAM: Vector = (177.0, -2.0, 0.0)
 CLEAR, JAMMED = (
-    told("progress", task="inspect-3", state=state, position=WAYPOINTS[2]) for state in ("clear", "jammed")
+    from_inspector("progress", task="inspect-3", state=state, position=WAYPOINTS[2]) for state in ("clear", "jammed")
 )
-SEEN = told("sighting", **{"class": "congestion"}, position=JAM)
-SEEN_ELSE = told("sighting", **{"class": "destination"}, position=JAM)
-ASKED = told("jammed", waypoint=3.0, position=JAM)
+SEEN = from_inspector("sighting", **{"class": "congestion"}, position=JAM)
+SEEN_OTHER = from_inspector("sighting", **{"class": "destination"}, position=JAM)
+REQUESTED = from_inspector("jammed", waypoint=3.0, position=JAM)
 
 
 @pytest.mark.parametrize("mode", ["star", "broadcast"])
 @pytest.mark.parametrize(
-    ("heard", "asks"),
+    ("received", "asks"),
     [
         ([[CLEAR], [JAMMED], [JAMMED]], [0, 1, 0]),
-        ([[SEEN_ELSE], [SEEN], [JAMMED]], [0, 1, 0]),
-        ([[SEEN, ASKED], [JAMMED]], [0, 0]),
-        ([[ASKED], [SEEN]], [0, 0]),
+        ([[SEEN_OTHER], [SEEN], [JAMMED]], [0, 1, 0]),
+        ([[SEEN, REQUESTED], [JAMMED]], [0, 0]),
+        ([[REQUESTED], [SEEN]], [0, 0]),
     ],
 )
-def test_the_hub_asks_for_another_route_once_because_of_a_jam_and_not_after_who_found_it(
-    mode: str, heard: list[list[Envelope]], asks: list[int], tmp_path: Path
+def test_the_hub_requests_another_route_once_for_a_jam_unless_the_inspector_requested_it(
+    mode: str, received: list[list[Envelope]], asks: list[int], tmp_path: Path
 ) -> None:
     """This holds on the first route and on later ones: a jam that they still pass cannot be avoided."""
     hub = Mind(tmp_path, "coordinator", mode=mode)
-    for tick, (messages, number) in enumerate(zip(heard, asks, strict=True), 2):
+    for tick, (messages, number) in enumerate(zip(received, asks, strict=True), 2):
         sent = hub.act(tick, tick, WAYPOINTS, 3, *messages).messages
         assert [message.kind for message in sent].count("jammed") == number
 
 
-def test_nobody_is_sent_where_a_jam_is_reported_who_can_do_nothing_about_it(tmp_path: Path) -> None:
+def test_no_vehicle_is_sent_while_a_jam_is_reported(tmp_path: Path) -> None:
     """The distance between the reported position and the jam does not matter."""
     reports = MISSION.replace("assignment, status", "assignment, report, status").replace(
         "carries jammed", "carries sighting"
@@ -183,11 +183,13 @@ def test_nobody_is_sent_where_a_jam_is_reported_who_can_do_nothing_about_it(tmp_
     hub = Mind(tmp_path, "coordinator", reports)
     hub.act(1, 2, FREE, 4)
     for cls, orders in (("congestion", []), ("destination", ["driver destination"])):
-        sent = hub.act(2, 2, FREE, 4, told("sighting", **{"class": cls}, position=(-22.7, -47.6, 0.0))).messages
+        sent = hub.act(
+            2, 2, FREE, 4, from_inspector("sighting", **{"class": cls}, position=(-22.7, -47.6, 0.0))
+        ).messages
         assert [f"{message.body['assignee']} {message.body['task']}" for message in sent] == orders
 
 
-def test_an_inspector_calls_no_waypoint_clear_that_lies_in_a_jam(tmp_path: Path) -> None:
+def test_an_inspector_does_not_report_a_waypoint_in_a_jam_as_clear(tmp_path: Path) -> None:
     inspector = Mind(tmp_path, "inspector")
     sent = inspector.act(2, 1, WAYPOINTS, 4).messages
     assert [message.body["task"] for message in sent if message.body["state"] == "clear"] == [
@@ -197,7 +199,7 @@ def test_an_inspector_calls_no_waypoint_clear_that_lies_in_a_jam(tmp_path: Path)
     ]
 
 
-def test_an_inspector_who_may_not_ask_for_another_route_tells_of_the_jam(tmp_path: Path) -> None:
+def test_an_inspector_that_may_not_request_another_route_reports_the_jam(tmp_path: Path) -> None:
     mute = MISSION.replace("from coordinator, inspector to all", "from coordinator to all")
     there = mute.replace("(-120 m, -220 m, 1 m)", "(177 m, -2 m, 60 m)")
     inspector = Mind(tmp_path, "inspector", there)
@@ -225,7 +227,7 @@ def test_each_vehicle_goes_to_the_destination_of_its_own_inspected_route(tmp_pat
 
 
 @pytest.mark.slow
-def test_a_vehicle_that_nothing_forbids_to_go_waits_for_a_route_without_a_jam(tmp_path: Path) -> None:
+def test_a_vehicle_that_may_drive_waits_for_a_route_without_a_jam(tmp_path: Path) -> None:
     file = tmp_path / "convoy.ljs"
     file.write_text(MISSION)
     played = lingjing.run(file, policy="oracle", seed=1, out=tmp_path / "run", overview=False, world="inline")

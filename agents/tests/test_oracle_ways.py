@@ -39,14 +39,14 @@ def ground(*walls: tuple[float, float, float, float], side_m: int = 60) -> Obsta
     return ObstacleMap(0.0, 0.0, 0.5, 1.6, clear)
 
 
-def test_a_way_is_found_however_much_of_the_map_leads_nowhere():
+def test_a_path_is_found_on_a_large_map_with_a_distant_gap():
     """More than 60,000 cells lie before the wall, and its only gap is at the far end."""
     points = find_path(ground((0.0, 150.0, 154.0, 151.0), side_m=160), (2.0, 2.0), (2.0, 158.0), 1.0)
     assert points and math.dist(points[-1], (2.0, 158.0)) <= 1.0
 
 
 @pytest.mark.parametrize(("motion", "is_dog"), [("step", True), ("straight", False), ("route", False)])
-def test_what_turns_and_goes_to_places_by_itself_is_no_dog(motion: VerbMotion, is_dog: bool):
+def test_only_a_body_that_turns_and_steps_walks_like_a_dog(motion: VerbMotion, is_dog: bool):
     turn = VerbSpec(name="left", motion="turn", arguments=(ArgumentSpec(name="angle", unit="deg"),))
     assert walks((turn, VerbSpec(name="go", motion=motion))) is is_dog
 
@@ -67,14 +67,14 @@ def test_a_way_leads_through_the_gap_and_keeps_clear_of_the_wall():
     assert math.dist(way[-1], (55.0, 5.0)) <= 1.0
 
 
-def test_no_way_leads_through_a_closed_wall_and_what_is_shut_is_gone_around():
+def test_no_path_crosses_a_closed_wall_and_a_path_avoids_blocked_places():
     assert find_path(ground((29.0, 0.0, 31.0, 60.0)), (5.0, 5.0), (55.0, 5.0), 1.0) == []
     around = find_path(ground(), (5.0, 30.0), (55.0, 30.0), 1.0, shut=((30.0, 30.0),))
     assert len(around) >= 2
     assert all(math.dist(point, (30.0, 30.0)) >= 1.0 for point in around)
 
 
-def test_the_shortest_tour_is_the_shortest_of_all():
+def test_the_shortest_tour_is_the_minimum_of_all_permutations():
     places = {"a": (10.0, 0.0), "b": (-5.0, 3.0), "c": (20.0, -4.0), "d": (1.0, 9.0)}
 
     def length(order: tuple[str, ...]) -> float:
@@ -83,7 +83,7 @@ def test_the_shortest_tour_is_the_shortest_of_all():
     assert length(shortest((0.0, 0.0), places)) == min(map(length, permutations(places)))
 
 
-def test_each_target_goes_to_whoever_is_there_first():
+def test_each_target_is_assigned_to_the_body_that_reaches_it_first():
     assigned = shares({"w": (0.0, 0.0), "e": (100.0, 0.0)}, ["x", "y", "z"], {"x": (10, 0), "y": (90, 0), "z": (60, 0)})
     assert assigned == {"w": ["x"], "e": ["y", "z"]}
 
@@ -110,7 +110,7 @@ class Van:
 
 
 @pytest.mark.parametrize("vans", [1, 3, 5])
-def test_tours_bring_everything_in_loads_that_a_van_holds_and_split_the_large_order(vans):
+def test_tours_deliver_all_demands_in_loads_that_fit_a_van_and_split_the_large_order(vans):
     demands = {"big": 250.0, **{f"p{n}": 100.0 for n in range(9)}}
     goods = {"takes": "demand", "source": "load", "within_m": 30.0}
     tasks = tuple(Task(name="deliver", by="road", target=name, actors=("road",), **goods) for name in demands)
@@ -126,7 +126,7 @@ def test_tours_bring_everything_in_loads_that_a_van_holds_and_split_the_large_or
     assert len(loads) <= 7
 
 
-def test_a_stock_is_not_taken_for_one_whose_name_begins_alike():
+def test_a_stock_is_not_confused_with_a_stock_of_a_similar_name():
     """`load` is `load_kg`, and not `load_reserve_kg`."""
     van = BodyState(id="van", position=(0.0, 0.0, 0.0), resources={"load_reserve_kg": 9.0, "load_kg": 4.0})
     truth = SimpleNamespace(states={"van": van})

@@ -14,7 +14,7 @@ from agents.tests.agent_kit import ASSIGNMENT, Inbox, brief, envelope, observe, 
 from lingjing.plugins.policy import Brief, Decision, EntityView, Field, MessageSpec, Observation
 
 CLAIM = sent_by(ASSIGNMENT, "searcher")
-LEFT = MessageSpec(
+HANDOVER = MessageSpec(
     kind="handover", type="delivery", category="target_status", senders=("searcher",), recipients=("all",),
     fields=tuple(Field(name=name, type="name") for name in ("stop", "delivered", "left")),
 )  # fmt: skip
@@ -28,22 +28,22 @@ def van(at: tuple[float, float], load: float) -> EntityView:
     )
 
 
-def test_places_without_demands_are_stops_and_not_the_depot() -> None:
+def test_places_without_demands_are_stops_and_are_sent_to_the_other_drivers() -> None:
     points = [EntityView(id=name, type="point", position=(*place, 0.0)) for name, place in PLACES.items()]
     seen = look(observe("driver[1]", 0, van((0.0, 0.0), 200.0), *points, DEPOT))
     assert (seen.places, seen.demands_kg, seen.depot) == (PLACES, {}, (0.0, 0.0))
-    messages = told_orders(brief(messages=(CLAIM, LEFT)), seen)
+    messages = told_orders(brief(messages=(CLAIM, HANDOVER)), seen)
     assert [(message.kind, message.body["task"]) for message in messages] == [
         (CLAIM.kind, "p[1]"),
         (CLAIM.kind, "p[2]"),
     ]
 
 
-def test_demands_without_places_are_told_by_name() -> None:
+def test_demands_without_places_are_sent_by_name() -> None:
     points = [EntityView(id=name, type="point", resources={"demand": 100.0}) for name in PLACES]
     seen = look(observe("driver[2]", 0, van((0.0, 0.0), 200.0), *points, DEPOT))
     assert (seen.places, seen.demands_kg) == ({}, dict.fromkeys(PLACES, 100.0))
-    messages = told_orders(brief(messages=(CLAIM, LEFT)), seen)
+    messages = told_orders(brief(messages=(CLAIM, HANDOVER)), seen)
     assert [message.body for message in messages] == [{"stop": n, "delivered": 0.0, "left": 100.0} for n in PLACES]
 
 
@@ -53,7 +53,7 @@ def book() -> OrderBook:
         envelope("driver[1]", CLAIM, {"assignee": "driver[1]", "task": name, "position": (*place, 0.0)})
         for name, place in PLACES.items()
     ]
-    demands = [envelope("driver[2]", LEFT, {"stop": name, "delivered": 0.0, "left": 100.0}) for name in PLACES]
+    demands = [envelope("driver[2]", HANDOVER, {"stop": name, "delivered": 0.0, "left": 100.0}) for name in PLACES]
     made.learn(Inbox(messages=(*places, *demands)))
     return made
 
@@ -63,7 +63,7 @@ def after(made: OrderBook, at: tuple[float, float], load: float) -> dict[str, fl
     return made.completed(look(observe("driver[3]", 1, own, DEPOT)), own).demands_kg
 
 
-def test_what_is_told_completes_the_view_and_own_deliveries_are_subtracted() -> None:
+def test_received_orders_complete_the_view_and_own_deliveries_are_subtracted() -> None:
     made = book()
     assert after(made, (0.0, 0.0), 200.0) == {"p[1]": 100.0, "p[2]": 100.0}
     assert after(made, (295.0, 0.0), 140.0) == {"p[1]": 40.0, "p[2]": 100.0}
@@ -97,14 +97,14 @@ def received(player: Deaf | Loner | Blind) -> tuple[Recorded, Decision]:
     return inside, asyncio.run(play())
 
 
-def test_the_deaf_and_the_loner_receive_no_message() -> None:
+def test_the_players_deaf_and_loner_receive_no_message() -> None:
     for player in (Deaf(), Loner()):
         inside, _ = received(player)
         assert inside.inbox.messages == () and inside.observation.pictures[0].rgb.any()
     assert inside.brief.hub is None
 
 
-def test_the_blind_receives_black_pictures_and_reports_a_guess() -> None:
+def test_the_player_blind_receives_black_pictures_and_reports_a_guess() -> None:
     inside, decision = received(Blind())
     assert inside.inbox.messages and not inside.observation.pictures[0].rgb.any()
     (guess,) = decision.messages

@@ -32,7 +32,7 @@ def refusing(request: dict[str, Any]) -> Reply:
     return Reply() if request["messages"][0]["content"] == PROBE else Reply(status=500)
 
 
-def test_a_service_that_is_gone_for_the_harness_too_is_an_abort_and_replays_as_one(mission: Path, tmp_path: Path):
+def test_an_outage_that_the_harness_confirms_aborts_the_episode_and_its_replay(mission: Path, tmp_path: Path):
     with serve([Reply(status=401, body='{"error": "the key has expired"}')]) as server:
         played = play(mission, tmp_path / "a", server.url)
         assert PROBE in {request["messages"][0]["content"] for request in server.requests}
@@ -46,7 +46,7 @@ def test_a_service_that_is_gone_for_the_harness_too_is_an_abort_and_replays_as_o
     assert probes[0] == probes[1]
 
 
-def test_a_service_that_refuses_the_policy_alone_is_the_policys_failure(mission: Path, tmp_path: Path):
+def test_a_service_that_rejects_only_the_policy_is_a_failure_of_the_policy(mission: Path, tmp_path: Path):
     with serve(refusing) as server:
         played = play(mission, tmp_path / "a", server.url, {"tries": "1"})
     assert (played.reason, played.ticks) == ("budget", 4)
@@ -67,14 +67,14 @@ class Accuser:
         raise InfrastructureError("money: the limit does not cover another call")
 
 
-def test_a_policy_without_a_service_accuses_none(mission: Path, tmp_path: Path):
+def test_an_infrastructure_error_of_a_policy_without_a_service_aborts_no_episode(mission: Path, tmp_path: Path):
     report = lingjing.run(mission, policy=Accuser, overview=False, world="inline", out=tmp_path / "a")
     assert (report.reason, report.ticks) == ("budget", 4)
     assert report.metrics is not None
     assert report.metrics.substitutions == 8
 
 
-def test_the_limit_of_money_ends_an_episode_whatever_the_policy_makes_of_it(mission: Path, tmp_path: Path):
+def test_the_limit_of_money_aborts_an_episode(mission: Path, tmp_path: Path):
     with serve([Reply()]) as server:
         arguments = {**ARGUMENTS, "price_in": "1000", "price_out": "1000"}
         report = play(mission, tmp_path / "a", server.url, arguments, max_cost=0.001)

@@ -102,7 +102,7 @@ def service() -> Iterator[ChatServer]:
         yield server
 
 
-def test_a_whole_request_passes_with_its_tools_and_pictures_and_comes_back_whole(service: ChatServer) -> None:
+def test_a_request_and_its_answer_pass_completely_with_tools_and_pictures(service: ChatServer) -> None:
     calls = Kept()
     server = serve_models(AskOptions(model="tiny", base_url=service.url, max_tokens=64), calls)
     picture = "data:image/jpeg;base64,/9j/2Q=="
@@ -128,7 +128,7 @@ def test_a_whole_request_passes_with_its_tools_and_pictures_and_comes_back_whole
     server.close()
 
 
-def test_foreign_clients_and_wrong_requests_are_refused_in_words(service: ChatServer) -> None:
+def test_foreign_clients_and_wrong_requests_are_rejected(service: ChatServer) -> None:
     server = serve_models(AskOptions(model="tiny", base_url=service.url), UnrecordedCalls())
     url, key = f"{server.url}/chat/completions", {"authorization": f"Bearer {server.key}"}
     assert httpx.post(url, json={"messages": []}).status_code == 401
@@ -145,7 +145,7 @@ def test_foreign_clients_and_wrong_requests_are_refused_in_words(service: ChatSe
     server.close()
 
 
-def test_a_failure_of_the_service_is_told_and_no_client_tries_again() -> None:
+def test_a_failure_of_the_service_is_reported_with_a_status_that_no_client_retries() -> None:
     with serve([Reply(status=500)]) as service:
         options = AskOptions(model="tiny", base_url=service.url, deadline=2.0)
         server = serve_models(options, UnrecordedCalls())
@@ -159,6 +159,6 @@ def test_a_failure_of_the_service_is_told_and_no_client_tries_again() -> None:
         server.close()
 
 
-def test_wrong_options_are_told_at_once() -> None:
+def test_wrong_options_are_reported_at_once() -> None:
     with pytest.raises(lingjing.UsageError, match="base_url"):
         ask(AskOptions(model="unheard-of"), UnrecordedCalls())

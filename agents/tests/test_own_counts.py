@@ -31,7 +31,7 @@ def test_a_claim_that_is_repeated_counts_once_and_another_box_class_or_route_cou
     assert counts.members()["your_counts"] == {"claims": 4}
 
 
-def test_accepted_commands_are_counted_by_resource_and_those_of_others_are_not() -> None:
+def test_accepted_commands_are_counted_by_resource_without_those_of_other_agents() -> None:
     counts = OwnCounts(brief())
 
     def receipt(request: str, sender: str, status: str, resource: str = "uav[1]") -> Receipt:
@@ -53,7 +53,7 @@ def _accepted(request: str, tick: int, resource: str, status: str = "accepted") 
     return Receipt(request=request, tick=tick, sender="scout[1]", resource=resource, status=status, by="bus")  # type: ignore[arg-type]
 
 
-def test_what_is_left_of_each_limit_is_told_as_if_the_agent_were_alone() -> None:
+def test_the_remainder_of_each_limit_subtracts_only_the_agents_own_use() -> None:
     limits = (
         LimitSpec(name="guidance", most=2, counts=(CountedSpec(kind="message", name="guide"),)),
         LimitSpec(name="moves", most=9, counts=(CountedSpec(kind="command", resource="uav[1]"),)),
@@ -90,7 +90,7 @@ def _orders() -> OwnOrders:
     return OwnOrders(msgspec.structs.replace(brief(), messages=(GUIDE,), peers=(WALKER,)))
 
 
-def test_the_last_order_stays_with_the_way_that_is_left_to_its_position() -> None:
+def test_the_last_order_is_repeated_with_the_distance_left_to_its_position() -> None:
     orders = _orders()
     assert orders.members(observe("scout[1]", 0))["your_last_orders"] == []
     orders.send(Decision(messages=(_guide(7.5, 30.0),)), 4)
@@ -114,7 +114,7 @@ def test_a_rejected_order_is_taken_back() -> None:
     assert (order["sent_at_tick"], order["amount"]) == (4, 7.5)
 
 
-def test_a_large_fleet_gets_its_newest_orders() -> None:
+def test_only_the_newest_orders_of_a_large_fleet_are_listed() -> None:
     orders = _orders()
     for tick in range(30):
         orders.send(Decision(messages=(_guide(1.0, 2.0, f"dog[{tick}]"),)), tick)

@@ -116,7 +116,7 @@ def stored(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.parametrize("secret", [KEY, LOGIN])
-def test_what_is_planted_stays_where_it_belongs(secret: str, tmp_path: Path) -> None:
+def test_planted_markers_leak_into_no_output(secret: str, tmp_path: Path) -> None:
     (tmp_path / "planted.ljs").write_text(MISSION)
     service = EchoingService()
     with serve_raw(service) as url:
@@ -158,7 +158,7 @@ def _nothing_leaks(service: EchoingService, left: dict[str, bytes], shown: str, 
             assert planted.lower() not in text.lower(), (place, planted)
 
     for (agent, _), body in zip(service.requests, bodies, strict=True):
-        # The hidden place is the asset's by design in the east; its north is nobody's.
+        # By design uav[1] is at the hidden place's east. No agent may receive its north.
         assert NORTH.rstrip("0") not in body, agent
         assert "866.4" not in body, agent
         assert (SAID in body) <= (agent in ("leader", "scout[1]")), agent

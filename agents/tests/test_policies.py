@@ -63,8 +63,8 @@ class Shown:
     def __init__(self, plugin: PolicyPlugin, inboxes: list[Inbox]) -> None:
         self._policy, self._inboxes = plugin.factory(), iter(inboxes)
 
-    async def reset(self, given):
-        await self._policy.reset(given)
+    async def reset(self, own_brief):
+        await self._policy.reset(own_brief)
 
     async def act(self, observation, inbox):
         return await self._policy.act(observation, next(self._inboxes))
@@ -96,7 +96,7 @@ def test_random_answers_are_valid_for_many_ticks():
     assert {note.kind for each in decisions for note in each.messages} == {"detection", "assignment", "progress"}
 
 
-def test_random_draws_from_the_briefs_seed_alone():
+def test_the_random_policy_draws_only_from_the_seed_of_its_brief():
     shown = [(observe("scout[1]", tick), Inbox()) for tick in range(20)]
     np.random.seed(1)  # noqa: NPY002 - the global stream must not matter
     first = play(PLUGINS["random"], "scout[1]", "broadcast", shown)
@@ -114,7 +114,7 @@ class Trap:
 
 @pytest.mark.parametrize("name", ["random", "heuristic"])
 @pytest.mark.parametrize(("agent", "mode"), AGENTS)
-def test_unprivileged_policies_never_look_at_the_truth(name: str, agent: str, mode: str):
+def test_unprivileged_policies_never_read_the_ground_truth(name: str, agent: str, mode: str):
     own = "boat" if agent == "skipper" else f"uav[{agent[6:-1]}]"
     shown = [
         (
@@ -130,7 +130,7 @@ def test_unprivileged_policies_never_look_at_the_truth(name: str, agent: str, mo
     assert not PLUGINS[name].privileged
 
 
-def test_the_oracle_is_declared_privileged_and_says_so_when_it_is_kept_in_the_dark():
+def test_the_oracle_is_declared_privileged_and_fails_without_the_ground_truth():
     assert [plugin.name for plugin in PLUGINS.values() if plugin.privileged] == [
         "oracle",
         "sighted-reader",
@@ -140,7 +140,7 @@ def test_the_oracle_is_declared_privileged_and_says_so_when_it_is_kept_in_the_da
         play(PLUGINS["oracle"], "skipper", "broadcast", [(observe("skipper", 0), Inbox())])
 
 
-def test_entry_points_bring_all_five():
+def test_entry_points_provide_the_five_reference_policies():
     assert {"random", "heuristic", "oracle", "react", "scripted"} <= set(PluginHost().policies)
 
 
@@ -149,7 +149,7 @@ def test_an_unknown_argument_is_named():
         build_policy(PLUGINS["heuristic"], {"speed": "9"})
 
 
-def test_scripted_says_its_lines(tmp_path):
+def test_the_scripted_policy_plays_its_script(tmp_path):
     lines = {"scout[1]": {"0": {"command": {"verb": "takeoff"}}, "2": {"thought": "done"}}}
     path = tmp_path / "script.json"
     path.write_text(json.dumps(lines))
@@ -170,7 +170,7 @@ def test_scripted_says_its_lines(tmp_path):
     ("text", "says"),
     [(None, "cannot read the script"), ("[]", "not a script"), ('{"a": {"0": {"x": 1}}}', "not a script")],
 )
-def test_bad_scripts_are_named(tmp_path, text, says):
+def test_invalid_scripts_are_reported(tmp_path, text, says):
     path = tmp_path / "script.json"
     if text is not None:
         path.write_text(text)

@@ -59,7 +59,7 @@ COLUMNS = [
 
 
 @pytest.mark.parametrize(("mission", "mode", "policy"), COLUMNS)
-def test_one_digest_here_and_apart(
+def test_the_digest_is_the_same_in_the_caller_and_in_own_processes(
     mission: str, mode: str, policy: str, apart: Session, here: Session, tmp_path: Path
 ) -> None:
     if mission in ("cd", "ld") and find_spec("libsumo") is None:
@@ -79,7 +79,9 @@ def glance(tmp_path: Path) -> Path:
     return mission
 
 
-def test_a_script_decides_the_same_apart(apart: Session, here: Session, glance: Path, tmp_path: Path) -> None:
+def test_a_script_decides_the_same_in_an_own_process(
+    apart: Session, here: Session, glance: Path, tmp_path: Path
+) -> None:
     script = tmp_path / "script.json"
     commands = {"0": {"command": {"verb": "takeoff"}}, "1": {"command": {"verb": "takePhoto"}}}
     script.write_text(json.dumps({"scout[1]": commands}))
@@ -110,7 +112,7 @@ def asking(apart: Session, glance: Path) -> Iterator[Asking]:
         yield Asking(glance, apart, service.url, stack.close)
 
 
-def test_model_calls_cross_the_border(asking: Asking, tmp_path: Path) -> None:
+def test_recorded_calls_replay_in_the_caller_and_in_own_processes(asking: Asking, tmp_path: Path) -> None:
     """A record that is made in a policy process is replayed in the caller without a service, and vice versa."""
     apart = asking.play(tmp_path / "apart")
     asking.close_service()

@@ -15,7 +15,7 @@ SCENARIO = Path(__file__).parents[2] / "scenarios" / "ssr.ljs"
 
 
 @pytest.mark.slow
-def test_the_heuristic_breaks_no_rule_and_without_its_eyes_it_reports_nobody(tmp_path: Path):
+def test_the_heuristic_breaks_no_rule_and_reports_no_person_in_blank_pictures(tmp_path: Path):
     with Session() as session:
         first = session.run(shortened(SCENARIO, 14), seed=7, out=tmp_path / "seeing", overview=False, world="inline")
         blank = session.run(
@@ -44,7 +44,7 @@ def reports(trace: Trace) -> int:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("policy", [pytest.param("heuristic", marks=pytest.mark.thorough), "oracle"])
-def test_who_starts_from_pads_eight_metres_apart_meets_nobody(policy: str, tmp_path: Path):
+def test_aircraft_that_start_from_pads_eight_metres_apart_do_not_collide(policy: str, tmp_path: Path):
     text = SCENARIO.read_text("utf-8").replace("ticks <= 60", "ticks <= 10").replace("1920 by 1080", "160 by 90")
     (tmp_path / "short.ljs").write_text(text, "utf-8")
     mission = lingjing.compile(tmp_path / "short.ljs")

@@ -74,7 +74,7 @@ def reviser(url: str, **options: str) -> ModelReviser:
 LONGER = "You are $agent. Look twice and then act."
 
 
-def test_a_second_model_that_gives_no_prompt_is_asked_once_more():
+def test_a_reviser_that_returns_no_prompt_is_asked_once_more():
     with serve([Reply("no"), Reply("<prompt>Hello $stranger, look twice and act</prompt>")]) as server:
         revision = reviser(server.url).revise("You are $agent", "TSR 0%", [], [])
     assert revision.text == ""
@@ -103,7 +103,7 @@ def test_a_second_model_that_gives_no_prompt_is_asked_once_more():
         f'  {{"prompt": "{LONGER}"}}',
     ],
 )
-def test_the_prompt_is_found_in_what_weak_models_write(answer: str):
+def test_the_prompt_is_found_in_the_answers_of_weak_models(answer: str):
     assert revised_prompt(CallResult(text=answer, finish_reason="stop"), ["another"]) == f"{LONGER}\n"
 
 
@@ -123,12 +123,12 @@ def test_the_prompt_is_found_in_what_weak_models_write(answer: str):
         (f"<prompt> {LONGER}\n\n</prompt>", "stop", "was tried before, word for word"),
     ],
 )
-def test_an_answer_without_a_new_prompt_is_told_why(answer: str, finish: str, fault: str):
+def test_an_answer_without_a_new_prompt_is_rejected_with_the_reason(answer: str, finish: str, fault: str):
     with pytest.raises(ValueError, match=re.escape(fault)):
         revised_prompt(CallResult(text=answer, finish_reason=finish), ["another", f"{LONGER}\n"])
 
 
-def test_a_reviser_is_told_what_was_tried_and_no_more_than_its_context_takes(tmp_path: Path):
+def test_a_reviser_receives_the_tried_prompts_as_far_as_its_context_allows(tmp_path: Path):
     tried = [TriedPrompt("Fly low at first.", "TSR 10%"), TriedPrompt("", "no prompt: the answer was cut off")]
     failures = ["scout said nothing. " * 40, "boat stood still. " * 40]
     (tmp_path / "models.toml").write_text('[models.small]\nservice = "vllm"\nserved = "small"\ncontext = 3000\n')

@@ -1,4 +1,4 @@
-"""`react` over real HTTP: what it asks, what it accepts, how it repairs, what it bills, how it gives up."""
+"""`react` over real HTTP: its requests, the answers that it accepts, its repairs, bills and deadlines."""
 
 import base64
 import hashlib
@@ -81,13 +81,13 @@ async def test_a_good_step_becomes_a_decision_with_its_bill():
     assert decision.usage.cost_usd == pytest.approx((100 * 2 + 20 * 10) / 1e6)
 
 
-async def test_the_model_is_told_goal_actions_state_messages_and_pictures():
-    heard = envelope("scout[2]", REPORT, {"confidence": 0.5, "class": "person_in_water"})
+async def test_a_request_contains_goal_actions_state_messages_and_pictures():
+    report = envelope("scout[2]", REPORT, {"confidence": 0.5, "class": "person_in_water"})
     rgb = np.full((1080, 1920, 3), 90, np.uint8)
     with serve([Reply()]) as server:
         policy = await mind(server.url, image_side="640")
         seen = observe("scout[1]", 1, HERE, pictures=(picture((306.0, -620.0, 96.5), rgb),))
-        await policy.act(seen, Inbox(messages=(heard,)))
+        await policy.act(seen, Inbox(messages=(report,)))
     system, user = server.requests[0]["messages"]
     assert "Find every person in the water." in system["content"]
     assert "setDestination(x: m, y: m, z: 20 to 160 m)" in system["content"]
@@ -102,7 +102,7 @@ async def test_the_model_is_told_goal_actions_state_messages_and_pictures():
     assert cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR).shape == (360, 640, 3)
 
 
-async def test_text_models_get_no_pictures_and_the_schema_in_words():
+async def test_text_models_receive_no_pictures_and_the_schema_as_text():
     with serve([Reply()]) as server:
         policy = await mind(server.url, vision="no", schema="no")
         await policy.act(observe("scout[1]", 1, HERE, pictures=(picture((0, 0, 96)),)), Inbox())
@@ -170,7 +170,7 @@ async def test_a_slow_model_is_given_up_at_the_policys_own_deadline():
             await policy.act(observe("scout[1]", 1, HERE), Inbox())
 
 
-async def test_a_refused_request_names_the_arguments_to_try():
+async def test_the_error_of_a_rejected_request_names_the_arguments_to_try():
     with serve([Reply(status=400)]) as server:
         policy = await mind(server.url)
         with pytest.raises(ReactError, match=r"vision=no .* schema=no"):
@@ -182,15 +182,15 @@ async def test_history_is_bounded_in_tokens_and_its_beginning_stays_for_many_tic
         policy = await mind(server.url, history_tokens="3000")
         for tick in range(40):
             await policy.act(observe("scout[1]", tick, HERE, pictures=(picture((0, 0, 96), tick=tick),)), Inbox())
-    asked = [request["messages"] for request in server.requests]
-    sizes = [sum(len(json.dumps(turn)) for turn in turns[1:-1]) for turns in asked]
+    requests = [request["messages"] for request in server.requests]
+    sizes = [sum(len(json.dumps(turn)) for turn in turns[1:-1]) for turns in requests]
     assert max(sizes) < 3000 * 3 * 1.2
-    kept = [len(turns) for turns in asked]
+    kept = [len(turns) for turns in requests]
     assert max(kept) > 6
-    again = sum(before[:-1] == after[: len(before) - 1] for before, after in pairwise(asked))
+    again = sum(before[:-1] == after[: len(before) - 1] for before, after in pairwise(requests))
     assert again >= 30  # nearly all requests repeat the beginning of the previous request, which services cache
-    assert all(isinstance(turn["content"], str) for turn in asked[-1][:-1])
-    assert json.loads(asked[-1][-3]["content"])["tick"] == 38
+    assert all(isinstance(turn["content"], str) for turn in requests[-1][:-1])
+    assert json.loads(requests[-1][-3]["content"])["tick"] == 38
 
 
 async def test_a_picture_that_was_reported_stays_in_the_history():
@@ -202,7 +202,7 @@ async def test_a_picture_that_was_reported_stays_in_the_history():
     assert [part["type"] for part in first] == ["text", "image_url"]
 
 
-async def test_a_service_is_never_sent_more_images_than_it_takes(tmp_path: Path):
+async def test_a_service_receives_no_more_images_than_its_limit(tmp_path: Path):
     models = tmp_path / "models.toml"
     models.write_text('[models.narrow]\nservice = "vllm"\nserved = "narrow"\nmost_images = 3\n')
     seen = observe("scout[1]", 1, HERE, pictures=tuple(picture((0, 0, 96), tick=tick) for tick in (1, 1, 1, 1, 1)))
@@ -224,7 +224,7 @@ async def test_reported_pictures_are_kept_as_far_as_there_is_room():
     assert [not isinstance(turn["content"], str) for turn in turns] == [True, True, False, False]
 
 
-async def test_no_history_and_no_memory_if_they_are_switched_off():
+async def test_a_request_has_no_history_and_no_memory_if_both_are_off():
     with serve([Reply({**NOOP, "plan": ["go east"]})]) as server:
         policy = await mind(server.url, history_tokens="0", memory="no")
         for tick in range(3):
@@ -235,7 +235,7 @@ async def test_no_history_and_no_memory_if_they_are_switched_off():
     assert "YOUR MEMORY" not in server.requests[0]["messages"][0]["content"]
 
 
-async def test_commitments_and_plan_are_given_back_until_they_are_rewritten():
+async def test_commitments_and_plan_are_repeated_until_the_model_rewrites_them():
     answers = [{**NOOP, "plan": ["go east", "look"], "commitments": ["cells-1-1 is mine"]}, {**NOOP, "plan": ["look"]}]
     with serve([*map(Reply, answers), Reply()]) as server:
         policy = await mind(server.url, history_tokens="0")
@@ -267,7 +267,7 @@ async def test_a_crop_is_shown_enlarged_and_costs_no_repair():
     assert shown[..., 2].mean() > 240  # all of it is the red part
 
 
-async def test_one_crop_too_many_and_a_picture_that_is_not_there_are_faults():
+async def test_a_crop_beyond_the_limit_or_of_an_unknown_picture_is_a_fault():
     crop = {**NOOP, "crop": {"frame": "f1-uav[1]-nadir", "box": [0.5, 0.5, 0.6, 0.6]}}
     stranger = {**NOOP, "crop": {"frame": "f9", "box": [0.5, 0.5, 0.6, 0.6]}}
     seen = observe("scout[1]", 1, HERE, pictures=(picture((0, 0, 96)),))
@@ -299,9 +299,9 @@ async def test_a_single_pass_takes_no_picture_of_a_searched_cell_and_ends_withou
         assert decision.command is None
         await once.act(observe("scout[1]", 3, here, cells=some), Inbox())
         assert "no cell may be searched again" in server.requests[-1]["messages"][-1]["content"]
-        asked = len(server.requests)
+        calls = len(server.requests)
         quiet = await once.act(observe("scout[1]", 4, here, cells=done), Inbox())
-        assert (quiet.command, quiet.usage, len(server.requests)) == (None, None, asked)
+        assert (quiet.command, quiet.usage, len(server.requests)) == (None, None, calls)
         twice = await mind(server.url, research="1")
         allowed = [
             (await twice.act(observe("scout[1]", tick, here, cells=some), Inbox())).command for tick in range(10)
@@ -309,22 +309,22 @@ async def test_a_single_pass_takes_no_picture_of_a_searched_cell_and_ends_withou
     assert [command is not None for command in allowed] == [True] * len(cells) + [False]
 
 
-async def test_without_second_view_and_grid_they_are_in_no_request():
+async def test_no_request_contains_the_second_view_or_the_grid_if_they_are_off():
     two = msgspec.structs.replace(quadrotor(1), cameras=(NADIR, EYE))
-    told = brief(resources=(two,))
+    own_brief = brief(resources=(two,))
     front = replace(picture((0, 0, 96)), frame="f1-uav[1]-front", camera="front")
     seen = observe("scout[1]", 1, HERE, pictures=(picture((0, 0, 96)), front), cells=(CellView(name="cells-1-1"),))
     with serve([Reply()]) as server:
         for options in ({"second_view": "no", "grid": "no"}, {}):
             policy = react(model="m", base_url=server.url, **options)
-            await policy.reset(told)
+            await policy.reset(own_brief)
             await policy.act(seen, Inbox())
     without, whole = (json.dumps(request["messages"]) for request in server.requests)
     assert "front" in whole and "cells-1-1" in whole
     assert "`front`" not in without and "f1-uav[1]-front" not in without and "cells-1-1" not in without
 
 
-async def test_the_sweep_in_place_of_the_model_asks_nobody():
+async def test_the_sweep_decides_without_a_model_call():
     policy = react(model="m", base_url="http://127.0.0.1:9/v1", decider="sweep")
     await policy.reset(brief())
     decision = await policy.act(observe("scout[1]", 0, HERE), Inbox())
@@ -342,20 +342,20 @@ def test_the_schema_accepts_good_steps_and_refuses_others():
     assert not validator.is_valid({**NOOP, "messages": [{"kind": "detection", "body": {}, "to": []}]})
 
 
-def test_schema_of_an_agent_that_controls_nothing():
+def test_the_schema_of_an_agent_without_bodies_admits_no_command():
     schema = decision_schema(brief("commander", "star"))
     assert schema["properties"]["command"]["anyOf"] == [{"type": "null"}]
     jsonschema.validate(NOOP, schema)
 
 
-def test_fences_and_prose_around_the_object_do_no_harm():
+def test_a_step_is_read_from_between_fences_and_prose():
     text = 'Sure:\n```json\n{"thought": "a } in a \\"string\\"", "command": null, "messages": []}\n```'
     assert read_step(text, StepFormat(brief(), memory=True, crops=False)).decision.thought == 'a } in a "string"'
     with pytest.raises(StepError):
         step_text("nothing here")
 
 
-def test_all_faults_of_a_step_are_told_at_once():
+def test_all_faults_of_a_step_are_reported_at_once():
     step = {
         **NOOP,
         "command": {"verb": "setDestination", "arguments": {"x": "far", "y": 1, "z": 2, "w": 3}, "resource": "uav[1]"},
@@ -392,7 +392,7 @@ def test_wrong_arguments_are_named(arguments: dict[str, str], says: str):
         react(**arguments)
 
 
-def test_every_wrong_option_is_told_at_once():
+def test_every_wrong_option_is_reported_at_once():
     with pytest.raises(UsageError) as caught:
         react(modle="m", client="direct", temperature="3", images="-1", api_key_env="NO_SUCH_KEY_HERE", tries="many")
     wrong = {fault.where for fault in caught.value.faults}
@@ -404,7 +404,7 @@ def test_every_wrong_option_is_told_at_once():
 
 
 @pytest.mark.slow
-async def test_litellm_speaks_to_the_same_server(monkeypatch: pytest.MonkeyPatch):
+async def test_the_litellm_client_works_with_the_same_server(monkeypatch: pytest.MonkeyPatch):
     if find_spec("litellm") is None:  # never import it here: the client sets what its import must find
         pytest.skip("litellm is an optional extra")
     with serve([Reply(status=500), Reply(STEP)]) as server:
@@ -427,12 +427,12 @@ async def test_litellm_speaks_to_the_same_server(monkeypatch: pytest.MonkeyPatch
     assert server.keys[-1] == "Bearer a-key"
 
 
-def test_the_prompt_has_the_weather_and_an_observation_what_it_has_become() -> None:
+def test_the_prompt_has_the_weather_and_an_observation_only_changed_weather() -> None:
     storm = msgspec.structs.replace(WEATHER, wind_mps=14.0, visibility_m=800.0)
-    told = brief("skipper")
-    assert '"weather":{"wind_mps":4.0,"wind_from_deg":220.0' in interface(told)
-    same = json.loads(observation_text(observe("skipper", 3), Inbox(), told))
-    other = json.loads(observation_text(observe("skipper", 3, weather=storm), Inbox(), told))
+    own_brief = brief("skipper")
+    assert '"weather":{"wind_mps":4.0,"wind_from_deg":220.0' in interface(own_brief)
+    same = json.loads(observation_text(observe("skipper", 3), Inbox(), own_brief))
+    other = json.loads(observation_text(observe("skipper", 3, weather=storm), Inbox(), own_brief))
     assert "weather" not in same
     assert (other["weather"]["wind_mps"], other["weather"]["visibility_m"]) == (14.0, 800.0)
 
@@ -441,7 +441,7 @@ def test_the_prompt_has_the_weather_and_an_observation_what_it_has_become() -> N
     ("text", "says"),
     [(" \n", "is empty"), ("You are $agnt", "nothing fills: agnt"), ("It costs $5", "begins no name")],
 )
-def test_a_prompt_that_cannot_be_filled_is_refused(text: str, says: str, tmp_path: Path):
+def test_an_invalid_or_unknown_prompt_is_rejected(text: str, says: str, tmp_path: Path):
     (tmp_path / "p.txt").write_text(text)
     with pytest.raises(UsageError, match=says):
         react(model="m", base_url="http://x", prompt=str(tmp_path / "p.txt"))
@@ -449,11 +449,11 @@ def test_a_prompt_that_cannot_be_filled_is_refused(text: str, says: str, tmp_pat
         react(model="m", base_url="http://x", prompt="P9")
 
 
-async def test_another_prompt_is_sent_and_its_hash_is_the_files(tmp_path: Path):
+async def test_a_prompt_from_a_file_is_sent_and_its_hash_is_in_the_fingerprint(tmp_path: Path):
     (tmp_path / "p.txt").write_text("Be brief, $agent.")
     options = {"model": "m", "base_url": "http://127.0.0.1:9/v1", "prompt": str(tmp_path / "p.txt")}
-    told = options_fingerprint(PluginHost().policy("react"), options)
-    assert told == {"react.prompt": f"p.txt sha256:{hashlib.sha256(b'Be brief, $agent.').hexdigest()}"}
+    fingerprint = options_fingerprint(PluginHost().policy("react"), options)
+    assert fingerprint == {"react.prompt": f"p.txt sha256:{hashlib.sha256(b'Be brief, $agent.').hexdigest()}"}
     with serve([Reply()]) as server:
         policy = react(**{**options, "base_url": server.url})
         await policy.reset(brief())

@@ -36,7 +36,7 @@ WEST = '{"thought": "west", "command": null, "messages": []}'
         EAST.replace("east", "<think> is a tag"),
     ],
 )
-def test_the_answer_is_told_from_what_is_around_it(text: str):
+def test_the_step_is_separated_from_the_text_around_it(text: str):
     thought = read_step(text, FORM).decision.thought
     assert thought
     assert "west" not in thought
@@ -63,18 +63,18 @@ def test_the_answer_is_told_from_what_is_around_it(text: str):
         ('{"messages": ' + "[" * 900 + "]" * 900 + "}", "not a step"),
     ],
 )
-def test_what_is_no_answer_is_said(text: str, says: str):
+def test_an_answer_without_a_valid_step_is_reported(text: str, says: str):
     with pytest.raises(StepError, match=says):
         read_step(text, FORM)
 
 
 @pytest.mark.parametrize("piece", ["{", '{"', '{"a":', '{"a":1} ', "{ ", '{"thought":"', "\\{", "<think>", "</think>"])
-def test_an_answer_of_a_million_braces_is_not_searched_for_ever(piece: str):
+def test_an_answer_of_a_million_braces_is_searched_in_linear_time(piece: str):
     """Under the suite's time limit: a search that grows with the square of the text would take hours."""
     with pytest.raises(StepError):
         step_text(piece * (2_000_000 // len(piece)))
 
 
-def test_reasoning_is_left_out_of_what_a_model_is_shown_again():
+def test_reasoning_is_removed_from_an_answer_that_the_model_receives_again():
     assert after_reasoning(f"<think>{WEST}</think>{EAST}") == EAST
     assert json.loads(after_reasoning(EAST))

@@ -68,7 +68,7 @@ UNLIKE = ("gpt-5.5", "qwen3-vl-flash", "gemma-3-4b")
 
 
 @pytest.mark.parametrize("column", COLUMNS)
-async def test_all_models_of_the_suite_are_sent_the_same_within_the_budget(column: str) -> None:
+async def test_all_models_of_the_suite_receive_the_same_requests_within_the_budget(column: str) -> None:
     rules = tuple(read_models().pictures.values())
     models = suite_models() if column == "bi-single" else UNLIKE
     assert {*UNLIKE} <= {*suite_models()}
@@ -84,7 +84,7 @@ async def test_all_models_of_the_suite_are_sent_the_same_within_the_budget(colum
             assert tokens + most_tokens(rules, [(1920, 1080)] * len(pictures)) + 2048 <= 16_384
 
 
-async def test_earlier_turns_fill_what_pictures_leave() -> None:
+async def test_earlier_turns_fill_the_budget_that_pictures_leave() -> None:
     """A driver without pictures keeps every turn. Two pictures at each boundary cost 5,400 tokens of the budget."""
     kept = {}
     for column, cameras in (("upr-star", 0), ("ufr-star", 2)):
@@ -94,7 +94,7 @@ async def test_earlier_turns_fill_what_pictures_leave() -> None:
     assert kept[2] < kept[0] == 2 * TICKS
 
 
-def test_a_suite_refuses_a_model_that_cannot_be_sent_the_same(tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_an_encoding_rejects_a_model_that_cannot_receive_its_requests(tmp_path) -> None:  # type: ignore[no-untyped-def]
     own = tmp_path / "models.toml"
     own.write_text(
         '[models.short]\nservice = "vllm"\nserved = "short"\ncontext = 8192\n'
@@ -123,7 +123,7 @@ def test_an_unknown_rule_for_pictures_is_named(tmp_path) -> None:  # type: ignor
     [("openai", 2448, 308), ("gemini", 1120, 1120), ("kimi", 2691, 361), ("qwen-vl", 2042, 258),
      ("internvl", 2306, 258), ("pixtral", 2340, 1056), ("gemma", 260, 260)],
 )  # fmt: skip
-def test_pictures_cost_what_their_families_count(family: str, full: int, small: int) -> None:
+def test_the_tokens_of_a_picture_follow_the_rule_of_the_model_family(family: str, full: int, small: int) -> None:
     """1920 x 1080 and 512 x 512 pixels; `openai` by the dataset that the table names, the others by their rules."""
     rule = read_models().pictures[family]
     assert (rule.count((1920, 1080)), rule.count((512, 512))) == (full, small)
@@ -202,6 +202,6 @@ def _example(schema: dict) -> object:  # type: ignore[type-arg]
     return {"string": "a", "number": 0.5, "integer": 1, "boolean": True}[kind]
 
 
-def test_a_picture_that_is_no_rule_is_refused() -> None:
+def test_an_unknown_kind_of_picture_rule_is_rejected() -> None:
     with pytest.raises(ValueError, match="patches"):
         PictureRule.model_validate({"rule": "squares"})

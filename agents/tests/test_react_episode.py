@@ -51,7 +51,9 @@ def _is_state(turn: dict) -> bool:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("client", ["direct", pytest.param("litellm", marks=pytest.mark.thorough)])
-def test_an_episode_survives_every_failure_and_tells_each(client: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_an_episode_survives_every_failure_and_reports_each(
+    client: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     if client == "litellm" and find_spec("litellm") is None:
         pytest.skip("litellm is an optional extra")
     monkeypatch.setenv("REACT_TEST_KEY", "a-key")

@@ -1,4 +1,4 @@
-"""The request-only player: what the requests of `react` say is read from them alone, and suffices to win."""
+"""The request-only player: it reads the facts from the requests of `react` alone, and these suffice to win."""
 
 import json
 from pathlib import Path
@@ -34,7 +34,7 @@ async def _first_request(column: str, agent: Any) -> tuple[str, dict[str, Any]]:
 
 
 @pytest.mark.parametrize("column", COLUMNS)
-async def test_the_brief_that_a_request_holds_is_the_agents(column: str) -> None:
+async def test_the_brief_read_from_a_request_is_the_brief_of_the_agent(column: str) -> None:
     """Ids, verbs with their arguments and bounds, messages with their fields, cells, regions and agents."""
     for agent in roles(column):
         true = brief_of(column, agent)
@@ -60,7 +60,7 @@ def _commands(resource: Any) -> tuple[Any, ...]:
     return resource.id, resource.type, resource.embodied, [camera.name for camera in resource.cameras], motions
 
 
-async def test_the_state_that_a_request_holds_is_the_observation() -> None:
+async def test_the_state_read_from_a_request_is_the_observation() -> None:
     (agent,) = roles("bi-single")
     true = observation("bi-single", agent, 0)
     system, state = await _first_request("bi-single", agent)
@@ -74,8 +74,8 @@ async def test_the_state_that_a_request_holds_is_the_observation() -> None:
         observation_from(state, [b"no picture"] * len(images), brief_from(system))
 
 
-async def test_events_of_two_boundaries_are_different_ones() -> None:
-    """Rules count an event once, by its id; with one id for all first events a team learnt of one rescue alone."""
+async def test_events_of_two_boundaries_have_different_ids() -> None:
+    """Rules count an event once, by its id. Regression: the first events of all boundaries had the same id."""
     (agent,) = roles("bi-single")
     system, _ = await _first_request("bi-single", agent)
     ids: list[str] = []
@@ -86,7 +86,7 @@ async def test_events_of_two_boundaries_are_different_ones() -> None:
     assert len(set(ids)) == 4
 
 
-def test_the_service_answers_over_http_and_names_what_it_cannot_read() -> None:
+def test_the_service_rejects_unreadable_requests_over_http() -> None:
     service = PlayerService(RequestPlayer())
     try:
         address = f"{service.url}/chat/completions"
@@ -101,7 +101,7 @@ def test_the_service_answers_over_http_and_names_what_it_cannot_read() -> None:
         httpx.post(address, json={})
 
 
-def test_true_boxes_are_those_of_the_class_and_the_withheld_share_is_drawn_by_picture_and_target() -> None:
+def test_true_boxes_are_those_of_the_class_and_a_repeatable_share_is_withheld() -> None:
     searcher = brief("scout[1]", "broadcast")
     shots = [picture((0.0, 0.0, 100.0), tick=tick) for tick in range(40)]
     boxes = tuple(
@@ -113,14 +113,14 @@ def test_true_boxes_are_those_of_the_class_and_the_withheld_share_is_drawn_by_pi
         truth = TrueBoxes(share)
         truth.keep(_frame(shot, boxes) for shot in shots)
         find = truth.detectors(searcher)["person_in_water"]
-        found = [find(shot, 0.0) for shot in shots]
-        assert found == [find(shot, 0.0) for shot in shots]
-        counts[share] = sum(map(len, found))
+        detections = [find(shot, 0.0) for shot in shots]
+        assert detections == [find(shot, 0.0) for shot in shots]
+        counts[share] = sum(map(len, detections))
     assert (counts[0.0], counts[1.0]) == (200, 0)
     assert counts[0.4] == pytest.approx(120, abs=25)
 
 
-def test_vehicles_in_a_row_are_a_queue_and_parked_or_scattered_ones_are_none() -> None:
+def test_vehicles_in_a_row_are_a_queue_and_parked_or_scattered_vehicles_are_not() -> None:
     shot = picture((0.0, 0.0, 100.0))
     row = [(0.40 + 0.035 * number, 0.50, 0.42 + 0.035 * number, 0.51) for number in range(5)]
     for classes, wanted in ((["car", "truck", "car", "delivery_van", "car"], 1), (["parked_car"] * 5, 0)):
@@ -145,7 +145,7 @@ def _frame(shot: Any, boxes: tuple[Box, ...]) -> FrameInfo:
     )  # fmt: skip
 
 
-def test_the_player_takes_the_encoding_of_the_suites_and_no_other_model() -> None:
+def test_the_player_uses_the_encoding_of_the_suites_and_ignores_another_model() -> None:
     options = ReaderOptions.model_validate({"model": "gpt-5.5"})
     assert (options.model, options.encoding, options.repairs, options.images) == ("request-player", "paper", 0, 2)
     with pytest.raises(ValueError, match="withheld"):

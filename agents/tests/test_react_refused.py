@@ -18,14 +18,14 @@ async def mind(url: str, **arguments: str) -> ReactPolicy:
 
 async def ended(policy: ReactPolicy, ticks: int) -> list[type[Exception] | None]:
     """Return the type of the error at each tick, or None."""
-    found: list[type[Exception] | None] = []
+    errors: list[type[Exception] | None] = []
     for tick in range(ticks):
         try:
             await policy.act(observe("scout[1]", tick), Inbox())
-            found.append(None)
+            errors.append(None)
         except (ReactError, InfrastructureError) as error:
-            found.append(type(error))
-    return found
+            errors.append(type(error))
+    return errors
 
 
 @pytest.mark.parametrize(
@@ -41,7 +41,7 @@ async def test_a_service_that_refuses_everything_ends_the_episode(refusal: Reply
         assert await ended(await mind(server.url), PATIENCE) == [ReactError] * (PATIENCE - 1) + [InfrastructureError]
 
 
-async def test_the_services_words_and_a_way_out_are_told():
+async def test_the_message_of_the_service_and_a_hint_are_reported():
     with serve([Reply(status=401, body='{"error": "the key has expired"}')]) as server:
         policy = await mind(server.url)
         for tick in range(PATIENCE - 1):
@@ -64,7 +64,7 @@ async def test_the_services_words_and_a_way_out_are_told():
         ("bad request", "schema=no", "vision=no"),
     ],
 )
-async def test_a_guess_is_made_only_where_the_service_says_nothing(says: str, hint: str, not_hint: str):
+async def test_a_suggested_option_does_not_contradict_the_message_of_the_service(says: str, hint: str, not_hint: str):
     with serve([Reply(status=400, body=json.dumps({"error": {"message": says}}))]) as server:
         policy = await mind(server.url)
         with pytest.raises(ReactError) as failure:
@@ -81,13 +81,13 @@ async def test_a_guess_is_made_only_where_the_service_says_nothing(says: str, hi
         Reply(body='{"choices": [{"message": {"refusal": "I will not"}}]}'),
     ],
 )  # fmt: skip
-async def test_whatever_the_model_says_begins_the_count_anew(word: Reply):
+async def test_any_answer_of_the_model_resets_the_count_of_failures(word: Reply):
     few = PATIENCE - 1
     with serve([*[Reply(status=500)] * few, word, *[Reply(status=500)] * few]) as server:
-        found = await ended(await mind(server.url, repairs="0"), 2 * few + 1)
-    assert InfrastructureError not in found
+        errors = await ended(await mind(server.url, repairs="0"), 2 * few + 1)
+    assert InfrastructureError not in errors
 
 
-async def test_slow_answers_are_the_models_own():
+async def test_slow_answers_are_failures_of_the_model_and_not_of_the_service():
     with serve([Reply(delay_s=3600.0)]) as server:
         assert await ended(await mind(server.url, deadline="0.3"), PATIENCE + 1) == [ReactError] * (PATIENCE + 1)

@@ -76,11 +76,11 @@ def registry_of(instance: Instance, tick: int) -> Registry:
         for entity in instance.entities
     }  # fmt: skip
     routes = {
-        one.asset: Route(
-            entity=one.asset, number=1, waypoints=((1.5, 2.5, 0.0), (120.0, -40.0, 0.0)), length_m=1.0, duration_s=1.0,
-            time_s=0.0,
+        route.asset: Route(
+            entity=route.asset, number=1, waypoints=((1.5, 2.5, 0.0), (120.0, -40.0, 0.0)), length_m=1.0,
+            duration_s=1.0, time_s=0.0,
         )
-        for one in instance.inspections
+        for route in instance.inspections
     }  # fmt: skip
     return msgspec.structs.replace(initial(instance), tick=tick, states=states, routes=routes)
 
@@ -93,12 +93,12 @@ def observation(column: str, agent: AgentSpec, tick: int) -> Observation:
 
 
 def pictures_of(instance: Instance, agent: AgentSpec, tick: int) -> tuple[Picture, ...]:
-    """One picture from each of the agent's cameras, some 60 m up for what flies, over a roof in the north-east; and the
+    """One picture from each of the agent's cameras, about 60 m up for aircraft, over a roof in the north-east; and the
     reference pictures of its role at boundary 0."""
     own = [entity for entity in instance.entities if entity.id in agent.controls]
     made = [_picture(entity, camera.name, tick) for entity in own for camera in entity.cameras]
     if tick == 0:
-        shown = [name for one in instance.reveals if one.role == agent.role for name in one.entities]
+        shown = [name for reveal in instance.reveals if reveal.role == agent.role for name in reveal.entities]
         pose = CameraPose(position=(0.0, 0.0, 0.0), heading_deg=0.0, tilt_deg=0.0, width=64, height=36)
         made += [
             Picture(frame=f"r0-{name}", entity=name, camera=REFERENCE, tick=0, time_s=0.0, pose=pose,
@@ -109,7 +109,7 @@ def pictures_of(instance: Instance, agent: AgentSpec, tick: int) -> tuple[Pictur
 
 
 def _picture(entity: Entity, camera: str, tick: int) -> Picture:
-    mount = next(one for one in entity.cameras if one.name == camera)
+    mount = next(spec for spec in entity.cameras if spec.name == camera)
     east, north, up = entity.position
     state = BodyState(
         id=entity.id, position=(east, north, up + 60.0 * (entity.number("band_high_m") is not None)),
@@ -127,7 +127,7 @@ def _picture(entity: Entity, camera: str, tick: int) -> Picture:
     )  # fmt: skip
 
 
-class Told:
+class SentRequest:
     """A request as a model reads it: the system text, and the last turn's state and images."""
 
     def __init__(self, request: dict) -> None:
@@ -141,17 +141,17 @@ class Told:
         self.known = json.loads(self.system.split("KNOWN FROM THE START\n", 1)[1].split("\n", 1)[0])
 
 
-_TOLD: dict[tuple[str, str], list[Told]] = {}
+_REQUESTS: dict[tuple[str, str], list[SentRequest]] = {}
 
 
-async def told(column: str, agent: AgentSpec) -> list[Told]:
+async def sent_requests(column: str, agent: AgentSpec) -> list[SentRequest]:
     """Return the requests to the agent's model at boundaries 0 and 3, which are made once for all tests."""
-    if (column, agent.id) not in _TOLD:
-        _TOLD[column, agent.id] = await _asked(column, agent)
-    return _TOLD[column, agent.id]
+    if (column, agent.id) not in _REQUESTS:
+        _REQUESTS[column, agent.id] = await _send_requests(column, agent)
+    return _REQUESTS[column, agent.id]
 
 
-async def _asked(column: str, agent: AgentSpec) -> list[Told]:
+async def _send_requests(column: str, agent: AgentSpec) -> list[SentRequest]:
     instance, city = placed(column)
     brief = brief_of(column, agent)
     projector = Projector(instance, 0, city)
@@ -161,11 +161,11 @@ async def _asked(column: str, agent: AgentSpec) -> list[Told]:
         for tick in (0, 3):
             seen = projector.observe(agent, registry_of(instance, tick))
             await policy.act(replace(seen, pictures=pictures_of(instance, agent, tick)), _inbox(brief, tick))
-    return [Told(request) for request in server.requests]
+    return [SentRequest(request) for request in server.requests]
 
 
 def _first_answer(brief: Brief) -> dict:
-    """A command, if the agent may give one, whose receipt comes later."""
+    """A command, with a later receipt, or no command if the agent has no resource."""
     if not brief.resources:
         return NOOP
     verb = next(verb for verb in brief.resources[0].verbs if verb.name == "stop" or len(verb.arguments) == 2)
@@ -182,56 +182,56 @@ def _inbox(brief: Brief, tick: int) -> Inbox:
         bytes=9, deliver_at=3,
     )  # fmt: skip
     held = brief.resources[0].id if brief.resources else "nothing"
-    asked = Receipt(
+    command_receipt = Receipt(
         request="c1-4", tick=1, sender=brief.agent, resource=held, status="rejected", reason="busy", detail="it"
     )
-    refused = Receipt(
+    message_receipt = Receipt(
         request="m3-2", tick=3, sender=brief.agent, resource="progress", status="rejected", reason="payload", by="bus"
     )
-    return Inbox(messages=(note,), receipts=(asked, refused))
+    return Inbox(messages=(note,), receipts=(command_receipt, message_receipt))
 
 
-def everybody(column: str) -> list[AgentSpec]:
+def agents_of(column: str) -> list[AgentSpec]:
     return list(placed(column)[0].agents)
 
 
 @pytest.mark.parametrize("column", COLUMNS)
 async def test_goal_role_task_and_rules_are_those_of_the_mission(column: str):
     instance, _ = placed(column)
-    for agent in everybody(column):
-        for request in await told(column, agent):
+    for agent in agents_of(column):
+        for request in await sent_requests(column, agent):
             assert f"You are `{agent.id}`, {agent.role} in a mission of {instance.budget.ticks} ticks" in request.system
             assert f"of {instance.clock.tick_s:g} s" in request.system
             assert instance.goal in request.system
             assert agent.prompt in request.system
-            named = {verb.name for one in instance.entities for verb in one.verbs}
+            named = {verb.name for entity in instance.entities for verb in entity.verbs}
             named |= {message.kind for message in instance.messages}
             assert set(_NAMED.findall(agent.prompt)) <= named  # every name in a prompt can be commanded or sent
             assert not re.search(r"-0\.0\b", request.whole)
             for entity in instance.entities:
-                for one in entity.interactions:
-                    assert f"within {one.within_m:g} m" in request.system
+                for interaction in entity.interactions:
+                    assert f"within {interaction.within_m:g} m" in request.system
             if any(rule.matching for rule in instance.rules):
                 assert "IoU ≥ 0.5" in request.system
             for limit in instance.limits:
                 assert f"at most {limit.most} of" in request.system
-            for one in instance.inspections:
-                assert f"within {one.within_m:g} m (horizontally)" in request.system
+            for route in instance.inspections:
+                assert f"within {route.within_m:g} m (horizontally)" in request.system
             assert "[east, north, elevation] in metres" in request.system
 
 
 @pytest.mark.parametrize("column", COLUMNS)
-def test_the_bounds_of_every_argument_are_those_that_the_kernel_clips_to(column: str):
-    """Both ends that the prompt names are admitted as they are, and what lies outside is clipped to them: the prompt
-    said 0 m for a car's `forward`, of which its engine takes no less than 0.1 m."""
+def test_the_bounds_of_every_argument_are_the_clipping_bounds_of_the_kernel(column: str):
+    """The kernel admits both bounds that the prompt names, and clips a value outside of them. Regression: the prompt
+    said 0 m for a car's `forward`, and its engine takes at least 0.1 m."""
     instance, city = placed(column)
     registry = registry_of(instance, 1)
     validator = CommandValidator(msgspec.structs.replace(instance, permits=(), limits=()), city)
     checked = 0
-    for agent in everybody(column):
-        told_of = interface(brief_of(column, agent))
+    for agent in agents_of(column):
+        interface_text = interface(brief_of(column, agent))
         for resource in brief_of(column, agent).resources:
-            section = told_of.split(f"- `{resource.id}`:", 1)[1].split("\n- `", 1)[0].split("\n\n", 1)[0]
+            section = interface_text.split(f"- `{resource.id}`:", 1)[1].split("\n- `", 1)[0].split("\n\n", 1)[0]
             for verb in resource.verbs:
                 lines = [line for line in section.splitlines() if line.strip().startswith(f"{verb.name}(")]
                 if verb.name == "takePhoto" and not resource.cameras:
@@ -239,43 +239,43 @@ def test_the_bounds_of_every_argument_are_those_that_the_kernel_clips_to(column:
                     continue
                 (line,) = lines
                 for spec in verb.arguments:
-                    found = re.search(rf"\b{spec.name}: (-?[\d.]+) to (-?[\d.]+)", line)
-                    if spec.unit == "name" or found is None:
+                    bounds = re.search(rf"\b{spec.name}: (-?[\d.]+) to (-?[\d.]+)", line)
+                    if spec.unit == "name" or bounds is None:
                         assert spec.minimum is None or spec.maximum is None or spec.unit == "name", (verb.name, spec)
                         continue
-                    for bound, beyond in ((float(found[1]), -7.0), (float(found[2]), 7.0)):
+                    for bound, beyond in ((float(bounds[1]), -7.0), (float(bounds[2]), 7.0)):
                         if verb.name in ("up", "down", "takeoff"):  # the band ends these, from where it stands
                             continue
-                        asked = Asked(agent.id, resource.id, verb.name, spec.name)
-                        assert _clipped(validator, registry, asked, bound) == (bound, False), asked
-                        assert _clipped(validator, registry, asked, bound + beyond) == (bound, True), asked
+                        argument = ArgumentId(agent.id, resource.id, verb.name, spec.name)
+                        assert _clipped(validator, registry, argument, bound) == (bound, False), argument
+                        assert _clipped(validator, registry, argument, bound + beyond) == (bound, True), argument
                         checked += 1
-    commands = any(agent.commands for agent in everybody(column))
+    commands = any(agent.commands for agent in agents_of(column))
     assert checked or not commands
 
 
-class Asked(NamedTuple):
+class ArgumentId(NamedTuple):
     agent: str
     resource: str
     verb: str
     argument: str
 
 
-def _clipped(validator: CommandValidator, registry: Registry, asked: Asked, value: float) -> tuple[float, bool]:
+def _clipped(validator: CommandValidator, registry: Registry, target: ArgumentId, value: float) -> tuple[float, bool]:
     """Return the value that the kernel admits for an argument, and True if the receipt reports a clipped value."""
-    entity = next(one for one in validator._instance.entities if one.id == asked.resource)
-    spec = next(one for one in entity.verbs if one.name == asked.verb)
+    entity = next(entity for entity in validator._instance.entities if entity.id == target.resource)
+    verb = next(verb for verb in entity.verbs if verb.name == target.verb)
     arguments = {
-        one.name: value if one.name == asked.argument else 50.0 for one in spec.arguments if one.unit != "name"
+        spec.name: value if spec.name == target.argument else 50.0 for spec in verb.arguments if spec.unit != "name"
     }
-    action = Action(verb=asked.verb, arguments=arguments, resource=asked.resource)
-    resolution = validator.resolve([(asked.agent, action)], registry, 1)
+    action = Action(verb=target.verb, arguments=arguments, resource=target.resource)
+    resolution = validator.resolve([(target.agent, action)], registry, 1)
     assert resolution.commands, resolution.receipts
     (command,) = resolution.commands
-    return float(command.arguments[asked.argument]), f"`{asked.argument}`" in resolution.clipped.get(command.id, "")
+    return float(command.arguments[target.argument]), f"`{target.argument}`" in resolution.clipped.get(command.id, "")
 
 
-def test_takeoff_tells_the_band_that_bounds_it():
+def test_the_text_of_takeoff_states_the_altitude_band():
     instance, _ = placed("ld-star")
     (agent,) = (each for each in instance.agents if each.role == "inspector")
     (line,) = (line for line in interface(brief_of("ld-star", agent)).splitlines() if "takeoff(" in line)
@@ -285,8 +285,8 @@ def test_takeoff_tells_the_band_that_bounds_it():
 @pytest.mark.parametrize("column", COLUMNS)
 async def test_places_classes_weather_and_message_limits_are_those_of_the_instance(column: str):
     instance, city = placed(column)
-    for agent in everybody(column):
-        request = (await told(column, agent))[-1]
+    for agent in agents_of(column):
+        request = (await sent_requests(column, agent))[-1]
         public = {region.name: region for region in instance.regions if not region.hidden}
         assert set(request.known["regions_east_north_m"]) == set(public)
         for name, corners in request.known["regions_east_north_m"].items():
@@ -307,75 +307,79 @@ async def test_places_classes_weather_and_message_limits_are_those_of_the_instan
 
 
 @pytest.mark.parametrize("column", COLUMNS)
-async def test_every_field_of_every_message_says_what_it_may_hold(column: str):
+async def test_every_message_field_states_its_range_unit_and_names(column: str):
     instance, _ = placed(column)
-    for agent in everybody(column):
+    for agent in agents_of(column):
         brief = brief_of(column, agent)
-        request = (await told(column, agent))[-1]
+        request = (await sent_requests(column, agent))[-1]
         section = request.system.split("YOU MAY SEND\n", 1)[1].split("\n\n", 1)[0]
         for message in sendable(brief):
-            (line,) = [one for one in section.splitlines() if one.startswith(f"- {message.kind} (")]
+            (line,) = [row for row in section.splitlines() if row.startswith(f"- {message.kind} (")]
             for field in message.fields:
-                found = re.search(rf"[{{;] ?{field.name}( \(may be left out\))?: ([^;}}]+)", line)
-                assert found is not None, (message.kind, field.name)
-                assert bool(found[1]) == field.optional
+                entry = re.search(rf"[{{;] ?{field.name}( \(may be left out\))?: ([^;}}]+)", line)
+                assert entry is not None, (message.kind, field.name)
+                assert bool(entry[1]) == field.optional
                 if field.minimum is not None:
-                    assert f"at least {field.minimum:g}" in found[2]
+                    assert f"at least {field.minimum:g}" in entry[2]
                 if field.maximum is not None:
-                    assert f"at most {field.maximum:g}" in found[2]
+                    assert f"at most {field.maximum:g}" in entry[2]
                 if field.unit:
-                    assert field.unit in found[2]
+                    assert field.unit in entry[2]
                 if field.name == "class":
-                    assert all(entity.type in found[2] for entity in instance.entities)
+                    assert all(entity.type in entry[2] for entity in instance.entities)
                 if field.name == "assignee":
-                    assert all(one.id in found[2] for one in instance.agents)
+                    assert all(spec.id in entry[2] for spec in instance.agents)
                 if field.name == "cell" and brief.cells:
-                    assert all(cell.name in found[2] for cell in brief.cells)
+                    assert all(cell.name in entry[2] for cell in brief.cells)
 
 
 @pytest.mark.parametrize("column", COLUMNS)
 async def test_an_observation_is_whole(column: str):
     """Entities, routes with their numbered waypoints, cells, messages, and receipts with verb and request."""
     instance, city = placed(column)
-    for agent in everybody(column):
+    for agent in agents_of(column):
         seen = Projector(instance, 0, city).observe(agent, registry_of(instance, 3))
         brief = brief_of(column, agent)
-        state = (await told(column, agent))[-1].state
-        shown = {one["id"]: one for one in state.get("entities", [])}
+        state = (await sent_requests(column, agent))[-1].state
+        shown = {entity["id"]: entity for entity in state.get("entities", [])}
         assert set(shown) == {view.id for view in seen.entities}
         for view in seen.entities:
-            one = shown[view.id]
+            entity = shown[view.id]
             if view.position is not None:
-                assert np.allclose(one["position"], view.position, atol=0.051)
+                assert np.allclose(entity["position"], view.position, atol=0.051)
             if view.route is not None:
-                assert [point["waypoint"] for point in one["route"]] == [1, 2]
-                assert np.allclose([point["position"] for point in one["route"]], view.route, atol=0.051)
+                assert [point["waypoint"] for point in entity["route"]] == [1, 2]
+                assert np.allclose([point["position"] for point in entity["route"]], view.route, atol=0.051)
             for name, amount in (view.resources or {}).items():
-                assert one["resources"][name] == pytest.approx(amount, abs=0.001)
+                assert entity["resources"][name] == pytest.approx(amount, abs=0.001)
         named = {*state.get("cells_searched", {}), *state.get("cells_unsearched", [])}
         assert named == {cell.name for cell in seen.cells}
         assert state["received"][0]["body"] == {"text": "hello"}
-        asked, refused = state["receipts"]
-        assert (asked["request"], asked["status"], asked["reason"]) == ("c1-4", "rejected", "busy")
-        assert (refused["message"], refused["reason"]) == ("progress", "payload")
+        command_receipt, message_receipt = state["receipts"]
+        assert (command_receipt["request"], command_receipt["status"], command_receipt["reason"]) == (
+            "c1-4",
+            "rejected",
+            "busy",
+        )
+        assert (message_receipt["message"], message_receipt["reason"]) == ("progress", "payload")
         if brief.resources:
-            assert asked["verb"] in {verb.name for verb in brief.resources[0].verbs}
+            assert command_receipt["verb"] in {verb.name for verb in brief.resources[0].verbs}
 
 
 @pytest.mark.parametrize("column", COLUMNS)
-async def test_each_picture_says_its_camera_and_the_ground_at_the_heights_known_there(column: str):
+async def test_each_picture_states_its_camera_and_its_ground_points_at_known_heights(column: str):
     instance, _ = placed(column)
-    for agent in everybody(column):
-        first, later = await told(column, agent)
+    for agent in agents_of(column):
+        first, later = await sent_requests(column, agent)
         for tick, request in ((0, first), (3, later)):
-            taken = pictures_of(instance, agent, tick)
-            listed = {one["frame"]: one for one in request.state.get("pictures", [])}
-            for picture in (one for one in taken if one.camera != REFERENCE):
+            pictures = pictures_of(instance, agent, tick)
+            listed = {shown["frame"]: shown for shown in request.state.get("pictures", [])}
+            for picture in (shot for shot in pictures if shot.camera != REFERENCE):
                 _check_picture(listed[picture.frame], picture, instance.scene.datum_m)
-            references = [one for one in listed.values() if one.get("reference")]
-            due = [name for one in instance.reveals if one.role == agent.role for name in one.entities]
-            assert [one["frame"] for one in references] == [f"r0-{name}" for name in due]  # at both boundaries
-            assert all(set(one) <= {"frame", "reference", "size_px", "images"} for one in references)
+            references = [shown for shown in listed.values() if shown.get("reference")]
+            due = [name for reveal in instance.reveals if reveal.role == agent.role for name in reveal.entities]
+            assert [shown["frame"] for shown in references] == [f"r0-{name}" for name in due]  # at both boundaries
+            assert all(set(shown) <= {"frame", "reference", "size_px", "images"} for shown in references)
             assert len(request.images) == len(listed)
 
 
@@ -402,12 +406,12 @@ def _check_picture(listed: dict, picture: Picture, level_m: float) -> None:
 
 
 @pytest.mark.parametrize("column", COLUMNS)
-async def test_nothing_hidden_is_in_any_request(column: str):
+async def test_no_request_contains_hidden_values(column: str):
     """No coordinate of a hidden place, and the same words for two instances that differ in hidden values alone."""
     instance, _ = placed(column)
     secret = [entity for entity in instance.entities if "position" in entity.hidden]
-    for agent in everybody(column):
-        for request in await told(column, agent):
+    for agent in agents_of(column):
+        for request in await sent_requests(column, agent):
             pairs = [(float(x), float(y)) for x, y in _PAIR.findall(request.whole)]
             assert pairs
             for entity in secret:
@@ -423,19 +427,21 @@ async def test_nothing_hidden_is_in_any_request(column: str):
 
 def _with_hidden_places_moved(instance: Instance) -> Instance:
     entities = [
-        msgspec.structs.replace(one, position=(one.position[0] + 13.7, one.position[1] - 9.3, one.position[2]))
-        if "position" in one.hidden
-        else one
-        for one in instance.entities
+        msgspec.structs.replace(
+            entity, position=(entity.position[0] + 13.7, entity.position[1] - 9.3, entity.position[2])
+        )
+        if "position" in entity.hidden
+        else entity
+        for entity in instance.entities
     ]
     return msgspec.structs.replace(instance, entities=tuple(entities))
 
 
 @pytest.mark.parametrize("column", ["cd-star", "cd-broadcast"])
-async def test_road_costs_are_told_where_they_are_promised(column: str):
+async def test_road_distances_are_in_the_request_of_missions_that_promise_them(column: str):
     instance, city = placed(column)
-    agent = everybody(column)[-1]
-    request = (await told(column, agent))[-1]
+    agent = agents_of(column)[-1]
+    request = (await sent_requests(column, agent))[-1]
     table = json.loads(request.system.split("ROADS (shortest ways when they are empty)\n", 1)[1].split("\n", 1)[0])
     places = {entity.id: entity.position for entity in instance.entities if entity.role == "target"}
     assert set(table["places"]) == set(places)
@@ -449,19 +455,19 @@ async def test_road_costs_are_told_where_they_are_promised(column: str):
 
 async def test_a_whole_picture_is_the_stored_file_and_a_tile_has_every_pixel():
     column = "bi-single"
-    (agent,) = everybody(column)
-    brief, taken = brief_of(column, agent), pictures_of(placed(column)[0], everybody(column)[0], 3)
-    noise = np.random.default_rng(0).integers(0, 255, taken[0].rgb.shape, np.uint8)
-    seen = Observation(agent=agent.id, tick=3, time_s=0.0, pictures=(replace(taken[0], rgb=noise),))
+    (agent,) = agents_of(column)
+    brief, pictures = brief_of(column, agent), pictures_of(placed(column)[0], agents_of(column)[0], 3)
+    noise = np.random.default_rng(0).integers(0, 255, pictures[0].rgb.shape, np.uint8)
+    seen = Observation(agent=agent.id, tick=3, time_s=0.0, pictures=(replace(pictures[0], rgb=noise),))
     with serve([Reply(NOOP)]) as server:
         policy = react(model="test-model", base_url=server.url, tiles="2")
         await policy.reset(brief)
         await policy.act(seen, Inbox())
-    request = Told(server.requests[0])
+    request = SentRequest(server.requests[0])
     files = [base64.b64decode(url.split(",", 1)[1]) for url in request.images]
-    assert files[0] == taken[0].jpeg
+    assert files[0] == pictures[0].jpeg
     sizes = [cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR).shape for data in files[1:]]
     assert sizes == [(540, 960, 3)] * 4
-    shows = [one["shows"] for one in request.state["pictures"][0]["images"]]
+    shows = [image["shows"] for image in request.state["pictures"][0]["images"]]
     assert shows[0] == [0.0, 0.0, 1.0, 1.0]
     assert shows[1:] == [[0.0, 0.0, 0.5, 0.5], [0.5, 0.0, 1.0, 0.5], [0.0, 0.5, 0.5, 1.0], [0.5, 0.5, 1.0, 1.0]]

@@ -62,7 +62,7 @@ class Script:
 
     def __init__(self, **replies: list[Reply]) -> None:
         self.replies = replies
-        self.asked: Counter[str] = Counter()
+        self.calls: Counter[str] = Counter()
         self.lock = threading.Lock()
 
     def __call__(self, request: dict[str, Any]) -> Reply:
@@ -70,8 +70,8 @@ class Script:
         assert match
         name = f"scout{match[1]}"
         with self.lock:
-            number = self.asked[name]
-            self.asked[name] += 1
+            number = self.calls[name]
+            self.calls[name] += 1
         replies = self.replies.get(name, [Reply()])
         return replies[min(number, len(replies) - 1)]
 
@@ -153,7 +153,7 @@ def test_the_record_can_be_listed_and_read(tmp_path, mission, capsys):
     assert run_command(["calls", str(mission)]) == 2
 
 
-def test_no_key_is_in_anything_that_is_left(tmp_path, mission):
+def test_no_stored_file_contains_the_key(tmp_path, mission):
     with serve(lambda request: Reply({**NOOP, "thought": f"your key is {KEY}"})) as server:
         report = play(mission, tmp_path / "a", server.url)
     assert read_trace(report.trace).boundaries
@@ -200,7 +200,7 @@ def test_a_missing_answer_is_an_error_and_never_a_call(tmp_path, mission):
     assert "has no answer for `scout[1]`, tick 4, call 0" in report.detail
 
 
-def test_what_was_asked_otherwise_is_named(tmp_path, mission):
+def test_replayed_calls_with_other_requests_are_reported(tmp_path, mission):
     with serve(looking()) as server:
         play(mission, tmp_path / "a", server.url)
     other = play(
@@ -233,14 +233,14 @@ def test_the_record_of_another_episode_is_refused(tmp_path, mission):
     assert not (tmp_path / "d").exists()
 
 
-def test_live_leaves_no_record_and_who_asks_nobody_neither(tmp_path, mission):
+def test_live_calls_and_policies_without_a_model_leave_no_record(tmp_path, mission):
     with serve([Reply()]) as server:
         play(mission, tmp_path / "a", server.url, calls="live")
     lingjing.run(mission, policy="random", overview=False, world="inline", out=tmp_path / "b")
     assert not list(tmp_path.glob("*/calls.sqlite"))
 
 
-def test_money_is_never_passed(tmp_path, mission):
+def test_the_limit_of_money_is_never_exceeded(tmp_path, mission):
     answer = completion(Reply()) | {"usage": {"prompt_tokens": 8_000, "completion_tokens": 0}}
     with serve([Reply(body=json.dumps(answer))]) as server:
         report = play(mission, tmp_path / "a", server.url, {"price_in": "10", "price_out": "10"}, max_cost=0.4)
@@ -264,7 +264,7 @@ def test_processes_of_one_command_share_the_limit(tmp_path, mission, capsys):
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("options", "error"),
     [
         ({"calls": "replay"}, "requires --calls-from"),
         ({"calls_from": "x"}, "not --calls record"),
@@ -275,12 +275,12 @@ def test_processes_of_one_command_share_the_limit(tmp_path, mission, capsys):
         ({"max_tokens": -1}, "must be greater than 0"),
     ],
 )
-def test_what_does_not_go_together_is_told(tmp_path, mission, given, said):
-    with pytest.raises(UsageError, match=said):
-        lingjing.run(mission, policy="random", out=tmp_path / "a", **given)
+def test_invalid_or_conflicting_options_are_reported(tmp_path, mission, options, error):
+    with pytest.raises(UsageError, match=error):
+        lingjing.run(mission, policy="random", out=tmp_path / "a", **options)
 
 
-def test_a_price_that_is_missing_where_money_is_capped_is_told_before_anything_starts(tmp_path, mission):
+def test_a_missing_price_under_a_limit_of_money_is_reported_before_the_first_call(tmp_path, mission):
     with serve([Reply()]) as server, pytest.raises(UsageError, match="the price of `mystery` is not known"):
         lingjing.run(
             mission, policy="react", policy_args={"model": "mystery", "base_url": server.url}, max_cost=1.0,

@@ -39,7 +39,7 @@ def test_a_block_is_where_the_queues_of_both_directions_meet(at):
     assert block.box[1] < block.box[3]
 
 
-def test_the_stripes_of_a_crossing_are_told_from_a_vehicle():
+def test_the_stripes_of_a_crossing_are_distinguished_from_a_vehicle():
     """A lane's piece, across and along: stripes lie along it, and a roof fills it."""
     lane = np.full((9, 20, 3), 90, np.uint8)
     stripes, roof = lane.copy(), lane.copy()
@@ -54,7 +54,7 @@ def test_a_queue_of_one_direction_is_no_block():
     assert find_blocks(np.zeros((POSE.height, POSE.width, 3), np.uint8), POSE, 0.0, LINE) == ()
 
 
-def test_a_queue_that_the_picture_cuts_off_asks_for_another_picture():
+def test_a_queue_cut_off_by_the_picture_is_an_uncertain_block():
     (block, *_) = find_blocks(street((OWN, 5.0, 63.0)), POSE, 0.0, LINE)
     assert not block.certain
     assert block.place[1] > 40.0
@@ -83,7 +83,7 @@ def test_boxes_of_vehicles_show_where_the_queues_of_both_directions_meet(at):
     assert math.dist(block.place, (1.65, at)) < 6.0
 
 
-def test_boxes_on_one_lane_or_beside_the_street_are_no_block_and_a_cut_off_queue_asks_for_another_picture():
+def test_boxes_on_one_lane_or_beside_the_street_are_no_block_and_a_cut_off_queue_is_uncertain():
     assert blocks_of_vehicles([], POSE, 0.0, LINE) == ()
     assert blocks_of_vehicles(boxed((OWN, -40.0, 6.0)), POSE, 0.0, LINE) == ()
     assert blocks_of_vehicles(boxed((OWN + 15.0, -50.0, 6.0), (OTHER + 15.0, -6.0, 46.0)), POSE, 0.0, LINE) == ()

@@ -93,7 +93,7 @@ async def test_a_plan_that_cannot_be_read_leaves_the_agent_without_one(bad: str)
     assert not {"plan", "step", "order"} & state(server.requests[-1]).keys()
 
 
-async def test_a_manager_can_have_the_plan_written_anew() -> None:
+async def test_a_manager_can_request_a_new_plan() -> None:
     def replan(request: dict[str, Any]) -> Reply:
         return Reply({**ORDER, "step": 99, "replan": True}) if asked(request) == "manager" else answer(request)
 

@@ -31,8 +31,8 @@ def test_new_ground_costs_nothing_and_ground_seen_before_costs_its_area() -> Non
     assert whole - budget.left_m2 == pytest.approx(0.25 * FOOTPRINT_M2, rel=0.01)
 
 
-def test_visited_cells_are_not_the_end_while_ground_is_left() -> None:
-    """Nine pictures visit all cells and show two thirds of the people: the count of cells ended the search there."""
+def test_the_search_goes_on_after_all_cells_are_visited_while_ground_is_unseen() -> None:
+    """Nine pictures visit all cells and show two thirds of the people. Regression: a full count ended the search."""
     budget = SearchBudget(brief(), 0)
     assert not budget.over(observe("scout[1]", 30, OVER_THE_MIDDLE, cells=seen(0.6)))
     assert budget.over(observe("scout[1]", 50, OVER_THE_MIDDLE, cells=seen(0.97)))
@@ -46,7 +46,7 @@ def test_a_picture_of_mostly_seen_ground_is_withheld_once_the_area_is_used() -> 
     assert budget.withheld(LOOK, observe("scout[1]", 9, OVER_THE_MIDDLE, cells=seen(0.4))) == ""
 
 
-def test_what_is_left_is_told_in_the_unit_that_bounds_it() -> None:
+def test_the_remaining_budget_is_stated_in_the_unit_of_its_limit() -> None:
     budget = SearchBudget(brief(), 2)
     shares = observe("scout[1]", 9, OVER_THE_MIDDLE, cells=seen(0.9))
     assert budget.members(shares) == {"ground_that_may_be_seen_again_m2": round(budget.left_m2)}

@@ -13,7 +13,7 @@ EAST = Weather(current_mps=1.0, current_to_deg=90.0)
 NORTH = Weather(current_mps=2.0, current_to_deg=0.0)
 
 
-def test_what_floats_drifts_with_each_current_for_as_long_as_it_runs():
+def test_a_floating_target_drifts_with_each_current_while_it_lasts():
     known = Sightings(EAST)
     seen = known.add(Sighting(0.0, 0.0, 0.0, 0.9))
     assert known.where(seen, 10.0) == pytest.approx((10.0, 0.0))
@@ -24,14 +24,14 @@ def test_what_floats_drifts_with_each_current_for_as_long_as_it_runs():
 
 
 @pytest.mark.parametrize(("kind", "moved"), [(PEOPLE, True), (FIRES, False)])
-def test_what_stands_stays_whatever_the_weather(kind, moved):
+def test_people_drift_with_the_current_and_fires_do_not(kind, moved):
     known = kind.sightings(brief("skipper"))
     seen = known.add(Sighting(0.0, 0.0, 0.0, 0.9))
     known.heed(NORTH, 0.0)
     assert (known.where(seen, 10.0) != (0.0, 0.0)) == moved
 
 
-def test_a_rescuer_goes_where_the_new_current_takes_somebody():
+def test_a_rescuer_predicts_the_drift_in_a_new_current():
     skipper = brief("skipper")
     ways = []
     for weather in (skipper.weather, NORTH):

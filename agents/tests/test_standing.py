@@ -39,7 +39,7 @@ def _view(blocks: tuple[tuple[float, ...], ...], waves_m: float = 0.0) -> Pictur
     return dataclasses.replace(shot, pose=pose, depth=depth.astype(np.float32))
 
 
-def test_houses_the_gap_between_them_and_a_car_are_told_to_a_metre() -> None:
+def test_houses_their_gap_and_a_car_are_described_within_a_metre() -> None:
     seen = standing(_view((*HOUSES, CAR)))
     assert seen is not None and (seen.ground_m, seen.left_out) == (pytest.approx(GROUND_M, abs=0.05), 0)
     true = sorted((*block[:4], round(GROUND_M + block[4])) for block in (*HOUSES, CAR))
@@ -55,7 +55,7 @@ def test_the_depths_that_the_player_reads_are_those_of_the_picture() -> None:
     assert np.mean(np.abs(read - shot.depth) > 1.0) < 0.03
 
 
-def test_lamps_are_told_as_places_and_hinder_the_walker_that_reads() -> None:
+def test_lamps_are_described_as_places_and_appear_in_the_depths_of_the_reader() -> None:
     lamps = ((10, -30, 10.6, -29.4, 6.0), (-30, 9, -29.4, 9.6, 6.0))
     shot = _view((*HOUSES, *lamps))
     seen = standing(shot)
@@ -69,7 +69,7 @@ def test_lamps_are_told_as_places_and_hinder_the_walker_that_reads() -> None:
     assert read[int(v), int(u)] == pytest.approx(96.0, abs=0.5)
 
 
-def test_more_things_than_are_told_are_counted_and_the_largest_are_kept() -> None:
+def test_objects_beyond_the_limit_are_counted_and_the_largest_are_kept() -> None:
     cars = tuple((x, y, x + 2, y + 5, 1.5) for x in range(-80, 80, 8) for y in (-44, -32, -20, 4, 14, 24))
     seen = standing(_view((*cars, (-70, -8, 70, 0, 8.0))))
     assert seen is not None and (len(seen.rectangles), seen.left_out) == (MOST, len(cars) + 1 - MOST)
@@ -83,13 +83,13 @@ def test_waves_have_no_ground_and_keep_the_table_of_depths() -> None:
     assert "standing" not in described and "depth_m" in described
 
 
-def test_bare_ground_says_nothing() -> None:
+def test_bare_ground_adds_no_description() -> None:
     described = in_words(_view(()), brief("scout[1]", "broadcast"))
     assert not {"standing", "depth_m"} & described.keys()
 
 
-def test_a_box_in_a_gap_of_which_the_picture_shows_nothing_is_as_high_as_the_things_beside_it() -> None:
-    """Behind a tower a gap of two metres is hidden: a rectangle for it had no top, and its agent lost the turn."""
+def test_a_rectangle_in_a_hidden_gap_is_as_high_as_its_highest_neighbour() -> None:
+    """A tower hides a gap of two metres. Regression: its rectangle had no top, and the agent lost its turn."""
     tops = np.full((6, 8), -np.inf)
     tops[:, :3], tops[:, 5:] = 40.0, 25.0
     assert _top_m(tops, (3, 0, 5, 6)) == 40.0

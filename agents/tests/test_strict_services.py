@@ -51,7 +51,7 @@ class ConstrainedModel:
         return written.decode()
 
 
-async def test_every_answer_within_the_schema_is_a_step_or_a_box_with_its_edges_disordered() -> None:
+async def test_every_answer_within_the_schema_is_a_step_or_has_a_box_with_disordered_edges() -> None:
     used, faults = 0, []
     with serve(ConstrainedModel()) as server:
         policy = react(model="m", base_url=server.url, repairs="0")
@@ -66,7 +66,7 @@ async def test_every_answer_within_the_schema_is_a_step_or_a_box_with_its_edges_
     assert all("x_min, y_min, x_max, y_max with min < max are due" in fault for fault in faults), faults
 
 
-async def test_the_schema_has_optional_fields_which_strict_modes_refuse() -> None:
+async def test_strict_mode_is_off_because_the_schema_has_optional_fields() -> None:
     """OpenAI's `strict` takes only schemas with all fields required: so the flag is sent as false."""
     with serve([Reply()]) as server:
         policy = react(model="m", base_url=server.url)

@@ -17,7 +17,7 @@ ASIDE = (0.1, 0.1, 0.12, 0.12)
 """A find far from the middle of the picture: the report has the UAV's position all the same."""
 
 
-def test_rows_are_flown_in_turn_from_both_sides() -> None:
+def test_rows_are_flown_in_alternating_directions() -> None:
     path = [cell.name for cell in lawn_mower(grid(3, 3))]
     rows = [path[:3], path[3:6], path[6:]]
     assert [[name.split("-")[1] for name in row] for row in rows] in (
@@ -28,7 +28,7 @@ def test_rows_are_flown_in_turn_from_both_sides() -> None:
     assert columns[0] == columns[1][::-1] == columns[2]
 
 
-async def test_each_cell_has_one_picture_and_nothing_follows(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_the_sweep_takes_one_picture_of_each_cell_and_then_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     kind = replace(PEOPLE, find=lambda rgb, pose, level: (FoundBox(box=ASIDE, confidence=0.9),))
     monkeypatch.setattr(sweep, "target_type_of", lambda brief: (kind, "person_in_water"))
     policy, here, shots, reports = SweepPolicy(), (306.0, -620.0, 1.1), [], []
@@ -77,7 +77,7 @@ async def test_a_coordinator_passes_reports_on_to_the_bodies_that_do_not_search(
     ]
 
 
-async def test_an_agent_without_cells_says_that_it_does_nothing() -> None:
+async def test_an_agent_without_cells_reports_that_it_does_nothing() -> None:
     policy = SweepPolicy()
     await policy.reset(brief(cells=()))
     first = await policy.act(observe("scout[1]", 0), Inbox())

@@ -65,7 +65,7 @@ def play(session: Session, mission: Path, out: Path, url: str, **changes: object
     return session.run(mission, **options)
 
 
-def test_calls_through_a_broker_are_those_of_the_policy_itself(
+def test_calls_through_a_broker_equal_the_calls_of_the_policy_without_walls(
     session: Session, walled: WalledServer, mission: Path, tmp_path: Path
 ) -> None:
     """The same requests, decisions, record and digest with and without walls; and the record replays behind walls."""
@@ -156,7 +156,7 @@ class Forger(Asker):
 
 
 @pytest.mark.parametrize(("name", "thought"), [("Asker", "yes"), ("Forger", "")])
-def test_a_foreign_policy_asks_the_broker_and_cannot_confuse_it(
+def test_a_foreign_policy_calls_the_broker_and_an_invalid_question_is_a_policy_error(
     session: Session, mission: Path, tmp_path: Path, name: str, thought: str
 ) -> None:
     file = tmp_path / "foreign.py"

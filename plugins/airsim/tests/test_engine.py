@@ -63,7 +63,7 @@ def test_the_engine_conforms(case: EngineCase, check: Callable[[EngineCase], Non
     check(case)
 
 
-def test_it_arrives_where_it_is_sent(plugin: Any, case: EngineCase) -> None:
+def test_an_aircraft_arrives_at_its_destination(plugin: Any, case: EngineCase) -> None:
     engine = plugin.ENGINE.factory()
     ready = engine.reset(EngineSpec(engine="airsim", instance=case.instance, owns=case.spec.owns), case.city, case.seed)
     assert [state.status for state in ready.states] == ["grounded", "grounded"]
@@ -84,7 +84,7 @@ def test_a_mission_is_won_with_airsims_vehicles(port: int, tmp_path: Path) -> No
     assert episode.report.success, episode.report.reason
 
 
-def test_no_airsim_is_named(plugin: Any, case: EngineCase) -> None:
+def test_an_unreachable_airsim_is_reported_with_its_address(plugin: Any, case: EngineCase) -> None:
     engine = plugin.ENGINE.factory()
     spec = EngineSpec(engine="airsim", instance=at_port(case, 1).instance, owns=case.spec.owns)
     with pytest.raises(InfrastructureError, match=r"AirSim at 127\.0\.0\.1 port 1"):
