@@ -1,4 +1,4 @@
-"""Shared by the tests of the language: a small whole mission to break, and the flag that rewrites golden files."""
+"""Fixtures of the language tests: a small mission without errors, and a mission compiled from its printed text."""
 
 from __future__ import annotations
 

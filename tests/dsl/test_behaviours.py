@@ -120,7 +120,7 @@ def test_an_asset_has_no_behaviour() -> None:
         "behaviour flee { from = dog, speed = secret * 1 m/s, within = 60 m }",
     ],
 )
-def test_a_public_target_does_not_move_by_a_hidden_value(line: str) -> None:
+def test_the_motion_of_a_public_target_must_not_depend_on_a_hidden_value(line: str) -> None:
     reported = errors(text(line))
     drawn = "secret" in line
     assert len(reported) == 1 and reported[0].startswith(
@@ -130,7 +130,7 @@ def test_a_public_target_does_not_move_by_a_hidden_value(line: str) -> None:
     assert drawn or errors(hidden.replace(", hare.position", "")) == []
 
 
-def test_a_way_through_a_public_target_is_closed_too() -> None:
+def test_a_public_target_must_not_react_to_a_hidden_follower_of_a_hidden_target() -> None:
     """A hidden body may follow a hidden one. A public one that follows the follower would show both."""
     follows = "behaviour follow { of = ghost, speed = 1 m/s, distance = 5 m }"
     hidden = f"target spy : stray {{ hidden position = (0 m, 50 m), {follows} }}"
@@ -141,7 +141,7 @@ def test_a_way_through_a_public_target_is_closed_too() -> None:
 @pytest.mark.parametrize(
     ("line", "reachable"), [("", False), ("follow 1 m/s", False), ("follow 30 m/s", True), ("flee 30 m/s", True)]
 )
-def test_proofs_let_a_body_come_as_far_as_it_can_and_no_farther(line: str, reachable: bool) -> None:
+def test_proofs_bound_the_distance_that_a_moving_target_can_cover(line: str, reachable: bool) -> None:
     kind, _, speed = line.partition(" ")
     ends = {"follow": f"follow {{ of = dog, speed = {speed}, distance = 1 m }}",
             "flee": f"flee {{ from = dog, speed = {speed}, within = 2 km }}"}  # fmt: skip
@@ -180,7 +180,7 @@ def refusal(document: object, path: Path, capsys: pytest.CaptureFixture[str]) ->
     return printed.out + printed.err
 
 
-def test_a_compiled_mission_is_held_to_the_rules_of_its_text(
+def test_a_compiled_mission_is_checked_by_the_rules_of_its_text(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A `mission.json` that was edited shows a hidden place by a motion, and is refused as its text is."""
@@ -194,7 +194,9 @@ def test_a_compiled_mission_is_held_to_the_rules_of_its_text(
     assert "LJ0401" in reported and "the motion of `hare`" in reported
 
 
-def test_a_compiled_mission_declassifies_what_its_text_must(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_compiled_mission_needs_the_declassifications_of_its_text(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     source = text(more='declassify end because "x"', success="distance_xy(ghost, dog[1]) < 5 m")
     document = compiled_document(source, tmp_path / "strays.ljs")
     document["declassified"] = []
@@ -211,6 +213,6 @@ def test_a_compiled_mission_declassifies_what_its_text_must(tmp_path: Path, caps
         ("dog[1].battery >= 0.2", ""),
     ],
 )
-def test_a_battery_is_a_share(condition: str, code: str) -> None:
+def test_a_battery_level_is_compared_with_a_share(condition: str, code: str) -> None:
     reported = errors(text(success=f"now > 30 s and ({condition})"))
     assert [each.partition(" ")[0] for each in reported] == ([code] if code else [])

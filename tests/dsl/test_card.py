@@ -99,7 +99,7 @@ def test_a_page_is_written_to_a_file(page: Callable[[str], str], tmp_path: Path)
         (["docs", "std.air", "--results", "x"], "a library has no traces and no results"),
     ],
 )
-def test_a_wrong_call_says_what_is_wrong(
+def test_a_wrong_argument_gives_a_message(
     arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run_command(arguments) == ExitCode.USAGE

@@ -130,7 +130,9 @@ def test_the_small_mission_is_good(small: str) -> None:
 
 
 @pytest.mark.parametrize(("code", "old", "new", "line", "column", "part"), CASES, ids=lambda value: str(value)[:24])
-def test_code(small: str, code: str, old: str, new: str, line: int, column: int, part: str) -> None:
+def test_a_faulty_text_gives_its_code_line_and_column(
+    small: str, code: str, old: str, new: str, line: int, column: int, part: str
+) -> None:
     assert small.count(old) >= 1
     diagnostics = compile_text(small.replace(old, new, 1)).diagnostics
     assert shown(diagnostics) == [(code, line, column)]
@@ -142,7 +144,7 @@ def test_every_code_has_an_example() -> None:
     assert {case[0] for case in CASES} | ELSEWHERE == set(CODES)
 
 
-def test_empty_file() -> None:
+def test_an_empty_file_gives_one_error() -> None:
     assert shown(compile_text(" \n\t\n").diagnostics) == [("LJ0007", 1, 1)]
 
 
@@ -157,11 +159,11 @@ def shown(diagnostics: tuple[Diagnostic, ...]) -> list[tuple[str, int, int]]:
 
 
 @pytest.mark.parametrize("name", ["α_max", "Δt", "海_east", "скорость", "ταχύτητα", "café", "ace_\u03bd"])
-def test_names_in_other_scripts_are_welcome(small: str, name: str) -> None:
+def test_names_in_other_scripts_are_permitted(small: str, name: str) -> None:
     assert compile_text(small.replace("  param altitude", f"  param {name} = 1\n  param altitude")).diagnostics == ()
 
 
-def test_a_look_alike_is_warned_of_once_and_offers_the_latin_name(small: str) -> None:
+def test_a_look_alike_letter_gives_one_warning_with_the_latin_name_as_its_fix(small: str) -> None:
     twice = small.replace("param altitude", "param he\u0456ght = 2 m\n  param altitude").replace(
         "speed <= 3 m/s", "speed <= he\u0456ght / 1 s"
     )
@@ -171,7 +173,7 @@ def test_a_look_alike_is_warned_of_once_and_offers_the_latin_name(small: str) ->
     assert [edit.text for edit in diagnostic.fix.edits] == ["height", "height"] and not diagnostic.fix.safe
 
 
-def test_a_single_mode_without_any_agent_lacks_one() -> None:
+def test_a_single_mode_without_an_agent_is_an_error() -> None:
     diagnostics = compile_text('ljs 1\nmission m "" {\n  mode single\n}\n').diagnostics
     assert {item.code for item in diagnostics} == {"LJ0106"} and "the mission has no agent" in [
         i.message for i in diagnostics

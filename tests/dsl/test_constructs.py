@@ -38,7 +38,7 @@ def fault(small: str, *lines: str) -> tuple[str, str]:
 # -- events
 
 
-def test_events_change_the_weather_and_who_is_there(small: str) -> None:
+def test_events_change_the_weather_and_the_targets_that_are_present(small: str) -> None:
     instance = made(
         small,
         "event squall at 20 tick { weather { visibility = 1 km } }",
@@ -71,14 +71,14 @@ def test_events_change_the_weather_and_who_is_there(small: str) -> None:
         ('event e at 1 tick { goal "no" }', "LJ0107"),
     ],
 )
-def test_faulty_events(small: str, line: str, code: str) -> None:
+def test_a_faulty_event_gives_its_code(small: str, line: str, code: str) -> None:
     assert fault(small, line)[0] == code
 
 
-# -- what binds
+# -- limits, permits, constraints, inspections
 
 
-def test_counted_budgets(small: str) -> None:
+def test_a_limit_counts_commands_and_messages(small: str) -> None:
     instance = made(small, "limit moves <= 2 * uavs counts uav.*, boat.moveTo, detection")
     (limit,) = instance.limits
     assert (limit.name, limit.most, limit.stage) == ("moves", 4, "")
@@ -102,7 +102,7 @@ def test_a_stage_has_limits_of_its_own(small: str) -> None:
     assert [(limit.name, limit.stage) for limit in instance.limits] == [("tries", "execute")]
 
 
-def test_permits(small: str) -> None:
+def test_a_permit_applies_to_one_verb_or_to_each_member_of_a_group(small: str) -> None:
     (permit,) = made(
         small,
         "permit boat.moveTo when exists r: matched(victim[1], r)",
@@ -112,7 +112,7 @@ def test_permits(small: str) -> None:
     assert [p.resource for p in made(small, "permit uav when now > 60 s").permits] == ["uav[1]", "uav[2]"]
 
 
-def test_constraints(small: str) -> None:
+def test_a_constraint_is_hard_or_soft_with_a_penalty(small: str) -> None:
     instance = made(
         small,
         "constraint hard fence per u in uav { always u in search }",
@@ -124,7 +124,7 @@ def test_constraints(small: str) -> None:
     ]
 
 
-def test_inspections(small: str) -> None:
+def test_an_inspection_has_its_asset_inspectors_distance_order_and_message(small: str) -> None:
     use = "use std.ground { car }"
     lines = (
         "asset van : car { position = (5 m, 5 m) }",
@@ -159,14 +159,14 @@ def test_inspections(small: str) -> None:
         ("adjudicate a() { when used(3) > 1 }", "LJ0201"),
     ],
 )
-def test_faulty_bounds(small: str, line: str, code: str) -> None:
+def test_a_faulty_limit_permit_constraint_or_inspection_gives_its_code(small: str, line: str, code: str) -> None:
     assert fault(small, line)[0] == code
 
 
 # -- numbers in rules
 
 
-def test_aggregates(small: str) -> None:
+def test_aggregates_in_rules_are_lowered_to_expressions(small: str) -> None:
     use = "use std.logistics { delivery_point }"
     mission = added(
         in_town(small),
@@ -199,7 +199,7 @@ def test_aggregates(small: str) -> None:
         ("param later = now", "LJ0304"),
     ],
 )
-def test_faulty_aggregates(small: str, line: str, code: str) -> None:
+def test_a_faulty_aggregate_gives_its_code(small: str, line: str, code: str) -> None:
     text = small.replace("  success when", f"  {line}\n  success when")
     assert compile_text(text).diagnostics[0].code == code
 
@@ -207,7 +207,7 @@ def test_faulty_aggregates(small: str, line: str, code: str) -> None:
 # -- regions, draws
 
 
-def test_regions(small: str) -> None:
+def test_regions_are_computed_from_lines_regions_roads_and_entities(small: str) -> None:
     instance = made(
         small,
         "region line  = buffer([(0 m, 0 m), (100 m, 0 m)], 10 m)",
@@ -241,7 +241,7 @@ def test_subset_draws_without_repeats_and_apart(small: str) -> None:
 # -- sweeps
 
 
-def test_sweeps(small: str) -> None:
+def test_a_sweep_has_its_parameters_values_and_condition(small: str) -> None:
     mission = added(
         small,
         "sweep team over uavs in 1..3, altitude in [60 m, 100 m] when mode == star",
@@ -267,14 +267,14 @@ def test_sweeps(small: str) -> None:
         ("sweep s over altitude in 40 m..10040 m", "LJ0503"),
     ],
 )
-def test_faulty_sweeps(small: str, line: str, code: str) -> None:
+def test_a_faulty_sweep_gives_its_code(small: str, line: str, code: str) -> None:
     assert fault(small, line)[0] == code
 
 
-# -- agents and their words
+# -- agents and their prompts
 
 
-def test_single_agents_shared_authority_and_allowances(small: str) -> None:
+def test_authority_can_be_shared_and_an_agent_can_have_its_own_budget(small: str) -> None:
     instance = made(
         small,
         "authority searcher, coordinator may command boat",
@@ -293,7 +293,7 @@ def test_the_mode_single_is_for_one_agent(small: str) -> None:
     assert "LJ0504" in {item.code for item in compile_text(text).diagnostics}
 
 
-def test_bus_and_budget(small: str) -> None:
+def test_an_instance_has_the_declared_message_bus_and_budget(small: str) -> None:
     text = small.replace("payload <= 4 kB }", "payload <= 4 kB, range <= 2 km, loss = 5 %, receipts = all }").replace(
         "policy <= 90 s }", "policy <= 90 s, tokens <= 1000 tokens, money <= 2 USD, messages <= 9 }"
     )
@@ -327,7 +327,7 @@ def test_prompts_are_filled(small: str) -> None:
         ("{}", "LJ0121"),
     ],
 )
-def test_faulty_holes(small: str, hole: str, code: str) -> None:
+def test_a_faulty_hole_in_a_text_gives_its_code(small: str, hole: str, code: str) -> None:
     assert [item.code for item in compile_text(small.replace("everybody", hole)).diagnostics] == [code]
 
 
@@ -342,7 +342,7 @@ def test_index_variables_fill_prompts_of_groups(small: str) -> None:
 # -- types, presets, actions
 
 
-def test_types_and_presets_begin_with_others() -> None:
+def test_types_and_presets_extend_others() -> None:
     text = """\
 ljs 1
 use std.air { quadrotor }
@@ -395,7 +395,7 @@ mission m "M" {
         ("camera nadir {", "camera nadir : nadir_uhd {", "LJ0101"),
     ],
 )
-def test_faulty_equipment(small: str, old: str, new: str, code: str) -> None:
+def test_a_faulty_action_or_preset_gives_its_code(small: str, old: str, new: str, code: str) -> None:
     assert [item.code for item in compile_text(small.replace(old, new)).diagnostics] == [code]
 
 
@@ -419,19 +419,19 @@ def test_faulty_equipment(small: str, old: str, new: str, code: str) -> None:
         ("agent spy as spy { budget { messages <= distance_xy(victim[1], boat) / 1 m } }", "`messages`"),
     ],
 )  # fmt: skip
-def test_leaks(small: str, line: str, way: str) -> None:
+def test_a_hidden_value_that_a_construct_uses_is_a_leak(small: str, line: str, way: str) -> None:
     text = small.replace("  success when", f"  {line}\n  success when")
     diagnostics = [item for item in compile_text(text).diagnostics if item.code == "LJ0401"]
     assert diagnostics and all(item.code == "LJ0401" for item in compile_text(text).diagnostics)
     assert any(way in item.message and "victim.position" in item.message for item in diagnostics)
 
 
-def test_the_instance_marks_what_is_revealed(small: str) -> None:
+def test_the_instance_lists_the_revealed_entities_and_their_role(small: str) -> None:
     (reveal,) = made(small, "reveal image(victim[2]) to searcher").reveals
     assert (reveal.entities, reveal.role) == (("victim[2]",), "searcher")
 
 
-def test_assets_of_all_six_kinds(small: str) -> None:
+def test_a_mission_can_have_assets_of_all_six_engines(small: str) -> None:
     line1 = "1 25544U 98067A   19343.69339541  .00001764  00000-0  38792-4 0  9991"
     line2 = "2 25544  51.6439 211.2001 0007417  17.6667  85.6398 15.50103472202482"
     use = "use std.air { fixed_wing }\nuse std.ground { car, robot_dog }\nuse std.orbit { satellite }"

@@ -21,7 +21,9 @@ def missions() -> list[corpus.Mission]:
 
 
 @pytest.mark.parametrize(("faults", "files"), [(1, 90), (3, 60), (10, 30)])
-def test_nine_of_ten_faults_are_found_and_few_others(missions: list[corpus.Mission], faults: int, files: int) -> None:
+def test_nine_of_ten_faults_are_found_with_few_spurious_errors(
+    missions: list[corpus.Mission], faults: int, files: int
+) -> None:
     outcome = corpus.Outcome()
     for planted, _ in corpus.corpus(missions, HELD_OUT, files, faults):
         corpus.judge(planted, outcome)
@@ -30,7 +32,7 @@ def test_nine_of_ten_faults_are_found_and_few_others(missions: list[corpus.Missi
     assert outcome.spurious_a_file <= 0.2, corpus.table(outcome, 0)
 
 
-def test_an_unbalanced_brace_is_found_where_it_is(missions: list[corpus.Mission]) -> None:
+def test_nine_of_ten_unbalanced_braces_are_found_near_their_line(missions: list[corpus.Mission]) -> None:
     outcome = corpus.Outcome()
     for planted, _ in corpus.corpus(missions, HELD_OUT, 60, 1, ("brace",)):
         corpus.judge(planted, outcome)
@@ -44,7 +46,7 @@ def test_a_seed_gives_the_same_files(missions: list[corpus.Mission]) -> None:
 
 
 @pytest.mark.parametrize("kind", sorted(corpus.KINDS))
-def test_each_kind_plants_its_own_fault(missions: list[corpus.Mission], kind: str) -> None:
+def test_each_kind_of_fault_changes_the_text_and_has_a_valid_line(missions: list[corpus.Mission], kind: str) -> None:
     for seed in range(5):
         fault = corpus.KINDS[kind](missions[0], random.Random(seed))
         if fault is None:

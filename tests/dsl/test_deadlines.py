@@ -86,7 +86,7 @@ def test_a_hidden_deadline_that_ends_the_episode_must_be_declassified(small: str
     assert times_of(text.replace("hidden deadline", "deadline")) == [100.0, 200.0, 300.0]
 
 
-def test_a_deadline_over_a_number_that_changes_is_an_error_of_validation(small: str) -> None:
+def test_a_deadline_over_a_field_that_the_type_lacks_is_an_error(small: str) -> None:
     text = with_deadline(small, "state people = 3", "1 s * v.people")
     errors = [item for item in compile_text(text).diagnostics if item.severity == "error"]
     assert errors, "the type has no state `people`"

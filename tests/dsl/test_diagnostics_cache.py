@@ -20,7 +20,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "cache" / "lingjing" / "missions"
 
 
-def test_the_second_time_gives_the_same_mission(small: str, folder: Path) -> None:
+def test_a_cached_mission_equals_the_compiled_one_and_damaged_entries_are_ignored(small: str, folder: Path) -> None:
     source = SourceText(small, "m.ljs")
     assert cache.cached_warnings(source) is None
     first = cache.compile_cached(source)
@@ -33,7 +33,7 @@ def test_the_second_time_gives_the_same_mission(small: str, folder: Path) -> Non
     assert cache.compile_cached(source) == first
 
 
-def test_errors_are_not_kept(small: str, folder: Path) -> None:
+def test_faulty_missions_are_not_cached(small: str, folder: Path) -> None:
     source = SourceText(small.replace("boat, v)", "boot, v)"), "m.ljs")
     assert cache.compile_cached(source).mission is None
     assert not folder.exists()
@@ -47,7 +47,9 @@ def test_another_text_path_or_compiler_is_another_entry(small: str, monkeypatch:
     assert cache.cached_warnings(SourceText(small, "m.ljs")) is None
 
 
-def test_a_changed_library_counts(small: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_changed_library_makes_a_cache_entry_invalid(
+    small: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from lingjing.dsl.checking import library
 
     std = tmp_path / "std"
@@ -83,14 +85,14 @@ def test_the_cache_can_be_turned_off(small: str, folder: Path, monkeypatch: pyte
     assert not folder.exists()
 
 
-def test_the_oldest_entries_go(small: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_number_of_cache_entries_is_limited(small: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cache, "MOST_ENTRIES", 3)
     for number in range(6):
         cache.compile_cached(SourceText(f"{small}# {number}\n", "m.ljs"))
     assert len(list(folder.iterdir())) == 3
 
 
-def test_writers_at_once_leave_a_whole_entry(small: str, tmp_path: Path, folder: Path) -> None:
+def test_simultaneous_writers_leave_one_complete_entry(small: str, tmp_path: Path, folder: Path) -> None:
     file = tmp_path / "m.ljs"
     file.write_text(small)
     script = "import sys; from lingjing.cli.main import main; sys.exit(main(['validate', sys.argv[1]]))"

@@ -58,7 +58,7 @@ def test_a_likely_fix_is_applied_only_on_request(ended: str, good: str, bad: str
     assert fixed.applied and fixed.compilation.diagnostics == ()
 
 
-def test_all_safe_fixes_at_once(ended: str) -> None:
+def test_all_safe_fixes_can_be_applied_at_once(ended: str) -> None:
     text = ended
     for good, bad in SAFE:
         text = text.replace(good, bad)

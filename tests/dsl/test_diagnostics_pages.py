@@ -39,7 +39,7 @@ def test_the_title_of_a_page_is_the_meaning_of_its_code(code: str) -> None:
 
 
 @pytest.mark.parametrize("code", sorted(CODES.keys() - OF_SEVERAL_FILES - NO_LJS))
-def test_an_example_has_exactly_this_error_and_the_mended_one_has_not(code: str) -> None:
+def test_the_example_of_a_page_has_exactly_its_error_and_the_corrected_one_has_none(code: str) -> None:
     blocks = list(BLOCK.finditer((PAGES / f"{code}.md").read_text()))
     broken = next(block for block in blocks if block["error"])
     mended = next((block for block in blocks if not block["error"]), None)
@@ -55,7 +55,7 @@ def test_an_example_has_exactly_this_error_and_the_mended_one_has_not(code: str)
 
 
 @pytest.mark.parametrize("code", sorted(OF_SEVERAL_FILES))
-def test_an_example_of_several_files(code: str, tmp_path: Path) -> None:
+def test_an_example_of_several_files_has_its_error_and_the_corrected_one_has_none(code: str, tmp_path: Path) -> None:
     (tmp_path / "example.ljs").write_text((PAGES / "example.ljs").read_text())
     blocks = list(BLOCK.finditer((PAGES / f"{code}.md").read_text()))
     for block in blocks:
@@ -71,7 +71,9 @@ def test_an_example_of_several_files(code: str, tmp_path: Path) -> None:
     assert compile_file(str(file)).diagnostics == ()
 
 
-def test_a_document_that_is_no_mission(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_example_documents_that_are_no_missions_have_their_error(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     blocks = re.findall(r"^```json( error)?\n(.*?)^```$", (PAGES / "LJ0009.md").read_text(), re.MULTILINE | re.DOTALL)
     ends = []
     for error, text in blocks:
@@ -82,7 +84,7 @@ def test_a_document_that_is_no_mission(tmp_path: Path, capsys: pytest.CaptureFix
     assert ends == [(True, ExitCode.MISSION), (False, ExitCode.OK)]
 
 
-def test_a_thousand_lines_that_are_no_mission() -> None:
+def test_the_example_of_a_thousand_faulty_lines_reports_the_limit_once() -> None:
     page = (PAGES / "LJ0008.md").read_text()
     match = re.search(r"^```text error (\d+) times\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
     assert match is not None
@@ -91,7 +93,7 @@ def test_a_thousand_lines_that_are_no_mission() -> None:
     assert "LJ0008" not in {item.code for item in compile_text(match[2]).diagnostics}
 
 
-def test_explain(capsys: pytest.CaptureFixture[str]) -> None:
+def test_explain_prints_the_page_of_a_code_or_lists_all_codes(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["explain", "LJ0101"]) == ExitCode.OK
     page = capsys.readouterr().out
     assert page == (PAGES / "LJ0101.md").read_text()

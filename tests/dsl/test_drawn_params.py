@@ -56,7 +56,7 @@ def places(instance: Instance) -> list[tuple[float, ...]]:
     return [entity.position for entity in instance.entities if entity.group == "victim"]
 
 
-def test_each_seed_draws_its_count_and_the_members_that_two_counts_share_have_equal_places() -> None:
+def test_each_seed_draws_a_count_and_the_count_changes_the_place_of_no_member() -> None:
     mission, fixed = compiled(text()), compiled(text("param victims = 5"))
     counts = set()
     for seed in range(20):
@@ -82,7 +82,9 @@ def test_a_setting_replaces_the_draw_within_its_range() -> None:
     ["param victims ~ integer(2, 5)", "param hidden victims ~ integer(2, 5)", "param victims ~ choice([2, 4])",
      "param least = 2 in 1..4\n  param victims ~ integer(least, 5)"],
 )  # fmt: skip
-def test_it_prints_as_it_was_written(param: str, printed_again: Callable[[str], tuple[object, object]]) -> None:
+def test_drawn_params_and_requirements_are_printed_as_they_were_written(
+    param: str, printed_again: Callable[[str], tuple[object, object]]
+) -> None:
     before, after = printed_again(text(param, 'require victims >= 2 because "two at least"'))
     assert before == after
 
@@ -148,7 +150,7 @@ def inputs(count: int) -> list[bytes]:
     return rows
 
 
-def test_agents_receive_the_same_whatever_the_hidden_count() -> None:
+def test_the_input_of_agents_does_not_depend_on_the_hidden_count() -> None:
     assert inputs(2) == inputs(4)
     briefs = []
     for count in (2, 4):
@@ -157,7 +159,7 @@ def test_agents_receive_the_same_whatever_the_hidden_count() -> None:
     assert briefs[0] != briefs[1], "without the guard the brief differs"
 
 
-def test_a_requirement_holds_in_every_seed_and_repeats_only_what_it_reads() -> None:
+def test_a_requirement_holds_for_every_seed_and_redraws_only_the_values_that_it_reads() -> None:
     rule = 'require forall v in victim: distance_xy(v, boat) >= 90 m because "the boat must travel"'
     params = "param victims ~ integer(2, 3)\n  param other ~ uniform(0, 1)"
     free, bound = compiled(text(params)), compiled(text(params, rule))
@@ -208,7 +210,7 @@ def test_a_proof_holds_for_every_value_of_the_draw(params: str, success: str, pr
     assert bool(errors) is proved and all(item.code.startswith("LJ06") for item in errors), errors
 
 
-def test_a_note_says_that_a_number_of_members_with_many_values_leaves_a_mission_unproved() -> None:
+def test_a_note_reports_that_a_member_count_with_too_many_values_prevents_proofs() -> None:
     (note,) = (item for item in compile_text(text("param victims ~ integer(0, 140)")).diagnostics)
     assert (note.code, note.severity) == ("LJ0615", "note")
     assert "`victim` depends on `victims`, which has too many values" in note.message
@@ -220,7 +222,7 @@ APART = 'require forall v in victim: distance_xy(v, buoy) >= 90 m because "x"'
 
 
 def test_a_requirement_over_hidden_values_repeats_no_public_draw() -> None:
-    """A public place that was drawn anew would tell something about the hidden ones."""
+    """A public place that was drawn anew would reveal something about the hidden ones."""
     params = "param victims ~ integer(2, 3)"
     free, bound = compiled(text(params, BUOY)), compiled(text(params, BUOY, APART))
     redrawn = 0

@@ -189,7 +189,9 @@ def test_words_of_expectations_are_names_of_policies() -> None:
         ('goal "x"', "LJ0107", "`goal` has no meaning in `expect`", "it stands in a mission"),
     ],
 )  # fmt: skip
-def test_an_error_is_one_and_names_the_way_out(block: str, code: str, message: str, hint: str) -> None:
+def test_a_faulty_expectation_gives_exactly_one_error_with_its_hint(
+    block: str, code: str, message: str, hint: str
+) -> None:
     assert first_error(block) == (code, message, hint)
 
 
@@ -198,7 +200,7 @@ def test_an_expectation_outside_of_its_block_is_an_error() -> None:
     assert (diagnostic.code, diagnostic.hint) == ("LJ0107", "it stands in `expect`")
 
 
-def test_a_faulty_expectation_keeps_the_others() -> None:
+def test_each_faulty_expectation_is_reported_at_its_line() -> None:
     diagnostics = compile_text(with_block("oracle wins wthin 3 ticks\nrandom loses with x = 1\n")).diagnostics
     assert [item.span.line for item in diagnostics] == [18, 19]
 

@@ -41,7 +41,7 @@ def test_every_shipped_file_is_formatted(file: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("line", "due"),
+    ("line", "expected"),
     [
         ("param  a=3 in 1 .. 10", "param a = 3 in 1..10\n"),
         ("region r=box( (0m,1 m) ,( -2m , 3  m ))", "region r = box((0 m, 1 m), (-2 m, 3 m))\n"),
@@ -57,8 +57,8 @@ def test_every_shipped_file_is_formatted(file: Path) -> None:
         ("agent a as b controls x [1],y{observes x.*,e . f}", "agent a as b controls x[1], y { observes x.*, e.f }\n"),
     ],
 )  # fmt: skip
-def test_spaces(line: str, due: str) -> None:
-    assert inside(line) == due
+def test_spaces_are_normalised(line: str, expected: str) -> None:
+    assert inside(line) == expected
 
 
 @pytest.mark.parametrize("line", ["use .boats", "use   .boats", "use .boats.tug{tug}"])
@@ -68,7 +68,7 @@ def test_a_relative_use_keeps_its_space(line: str) -> None:
     assert formatted(f"ljs 1\n{line}\n") == f"ljs 1\nuse {path}{named}\n"
 
 
-def test_the_authors_lines_stay() -> None:
+def test_line_breaks_of_the_author_are_kept() -> None:
     lines = "actions {\n  takeoff, land,\n  stop\n}\nclock { tick = 1 s, sync = 1 s }\n"
     assert inside(lines) == "actions {\n  takeoff, land\n  stop\n}\nclock { tick = 1 s, sync = 1 s }\n"
 
@@ -97,7 +97,7 @@ def test_comments_between_arguments_keep_their_lines() -> None:
     )  # fmt: skip
 
 
-def test_neighbouring_lines_are_not_lined_up() -> None:
+def test_neighbouring_lines_are_not_aligned() -> None:
     lines = (
         "param a    = 1 in 1..2\nparam long = 10 m in 1 m..20 m\n\nparam alone = 1\n"
         "relation competition a->b\nrelation guidance a->b"
@@ -108,7 +108,7 @@ def test_neighbouring_lines_are_not_lined_up() -> None:
     )
 
 
-def test_wide_blocks_open_and_wide_lists_wrap() -> None:
+def test_wide_blocks_are_opened_and_wide_lists_are_wrapped() -> None:
     points = ", ".join(f"({n}000.25 m, -{n}000.25 m)" for n in range(1, 9))
     text = inside(f"region r = polygon({points})\nasset a : b {{ position = at(1, [{points}]), heading = 3 deg }}")
     assert max(map(len, text.splitlines())) <= WIDTH
@@ -117,12 +117,12 @@ def test_wide_blocks_open_and_wide_lists_wrap() -> None:
     assert inside(text) == text
 
 
-def test_a_text_or_a_word_may_be_wider() -> None:
+def test_a_long_text_may_exceed_the_line_width() -> None:
     text = f'goal "{"x" * 200}"\n'
     assert inside(text) == text
 
 
-def test_only_comments_and_nothing() -> None:
+def test_empty_files_and_files_with_only_comments_are_formatted() -> None:
     assert formatted("\n\n # a\r\n\r\n\r\n#b  ") == "# a\n\n#b\n"
     assert formatted("") == ""
 
@@ -133,7 +133,7 @@ def test_long_texts_keep_their_lines() -> None:
     assert formatted(text.replace("\n", "\r\n")) == text
 
 
-def test_line_ends_become_one_kind_and_a_mark_goes() -> None:
+def test_line_ends_are_unified_and_a_byte_order_mark_is_removed() -> None:
     assert formatted("\ufeffljs 1\r\nuse std.air\r\r\nuse std.sea") == "ljs 1\nuse std.air\n\nuse std.sea\n"
 
 
@@ -143,7 +143,7 @@ def test_syntax_errors_are_listed_without_output() -> None:
     assert {d.code for d in outcome.diagnostics} >= {"LJ0003", "LJ0010"}
 
 
-def test_errors_of_meaning_do_not_matter() -> None:
+def test_semantic_errors_do_not_prevent_formatting() -> None:
     assert inside("clock { tick = 3 kg }") == "clock { tick = 3 kg }\n"
 
 
@@ -195,7 +195,7 @@ def _other_space(gap: str, chance: random.Random, *, breakable: bool) -> str:
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(name=st.sampled_from(sorted(TEXTS)), seed=st.integers(0, 2**32))
-def test_other_white_space_formats_to_the_same(name: str, seed: int) -> None:
+def test_the_result_does_not_depend_on_the_white_space_of_the_source(name: str, seed: int) -> None:
     assert formatted(perturbed(TEXTS[name], seed)) == formatted(TEXTS[name])
 
 
@@ -231,7 +231,7 @@ def test_comments_anywhere_are_kept_in_order_and_formatting_is_stable(name: str,
 
 @settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(name=st.sampled_from([n for n, t in sorted(TEXTS.items()) if _MISSION.search(t)]), seed=st.integers(0, 2**32))
-def test_the_mission_is_the_same(name: str, seed: int) -> None:
+def test_formatting_does_not_change_the_mission(name: str, seed: int) -> None:
     def mission(text: str) -> object:
         compiled = compile_text(text)
         assert compiled.mission is not None, compiled.diagnostics

@@ -113,7 +113,7 @@ def _spell(kind: str, chance: random.Random) -> str:
 
 
 @pytest.mark.parametrize("block", range(6))
-def test_sentences_of_the_grammar(block: int) -> None:
+def test_random_sentences_of_the_grammar_give_sound_results(block: int) -> None:
     for seed in range(block * 50, block * 50 + 50):
         chance = random.Random(seed)
         text = sentence(chance, chance.choice((10, 40, 150)))
@@ -123,7 +123,7 @@ def test_sentences_of_the_grammar(block: int) -> None:
 
 @CHECKED
 @given(st.binary(max_size=400))
-def test_any_bytes(data: bytes) -> None:
+def test_any_bytes_give_sound_results_or_a_usage_error(data: bytes) -> None:
     try:
         source = decode_source(data, "x.ljs")
     except UsageError as error:
@@ -134,13 +134,13 @@ def test_any_bytes(data: bytes) -> None:
 
 @CHECKED
 @given(st.text(alphabet=st.characters(), max_size=300))
-def test_any_text(text: str) -> None:
+def test_any_text_gives_sound_results(text: str) -> None:
     sound(timed(text))
 
 
 @CHECKED
 @given(st.data())
-def test_any_text_within_a_mission(data: st.DataObject) -> None:
+def test_any_text_inserted_into_a_mission_gives_sound_results(data: st.DataObject) -> None:
     small = (Path(__file__).parents[2] / "docs" / "errors" / "example.ljs").read_text()
     at = data.draw(st.integers(0, len(small)))
     end = data.draw(st.integers(at, min(len(small), at + 60)))
@@ -150,7 +150,7 @@ def test_any_text_within_a_mission(data: st.DataObject) -> None:
 
 @CHECKED
 @given(st.data())
-def test_flipped_bytes_of_a_mission(data: st.DataObject) -> None:
+def test_flipped_bytes_of_a_mission_give_sound_results_or_a_usage_error(data: st.DataObject) -> None:
     raw = bytearray((Path(__file__).parents[2] / "docs" / "errors" / "example.ljs").read_bytes())
     for _ in range(data.draw(st.integers(1, 8))):
         raw[data.draw(st.integers(0, len(raw) - 1))] = data.draw(st.integers(0, 255))
@@ -185,7 +185,7 @@ NESTED = {
 
 @pytest.mark.parametrize("kind", sorted(NESTED))
 @pytest.mark.parametrize("frame", ["param x = {}", "success when {}", "goal {}", "clock {{ tick = {} }}"])
-def test_ten_thousand_levels(kind: str, frame: str) -> None:
+def test_ten_thousand_levels_of_nesting_give_diagnostics_quickly(kind: str, frame: str) -> None:
     began = time.process_time()
     compilation = compile_text("ljs 1\nmission m {\n" + frame.format(NESTED[kind]) + "\n}\n")
     assert time.process_time() - began < SECONDS
@@ -208,12 +208,12 @@ def test_ten_thousand_levels(kind: str, frame: str) -> None:
     ],
     ids=lambda text: text[:8],
 )
-def test_numbers_beyond_reason(small: str, number: str) -> None:
+def test_extreme_numbers_give_sound_results_quickly(small: str, number: str) -> None:
     for unit in ("", " m"):
         sound(timed(small.replace("uavs = 2 in", f"uavs = {number}{unit} in")))
 
 
-def test_a_line_of_ten_megabytes() -> None:
+def test_a_line_of_ten_megabytes_is_refused_quickly() -> None:
     data = b"ljs 1 # " + b"x" * 10_000_000
     began = time.process_time()
     with pytest.raises(UsageError, match="line of"):
@@ -221,7 +221,7 @@ def test_a_line_of_ten_megabytes() -> None:
     assert time.process_time() - began < SECONDS
 
 
-def test_a_line_of_ten_megabytes_given_as_text_stays_in_bounds() -> None:
+def test_long_texts_from_a_program_compile_in_bounded_time_and_memory() -> None:
     """A text from a program may exceed the limits of files. Its compilation takes linear time and bounded memory."""
     began = time.process_time()
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -232,7 +232,7 @@ def test_a_line_of_ten_megabytes_given_as_text_stays_in_bounds() -> None:
     assert growth < 4e5, "kilobytes of the process at its highest"
 
 
-def test_import_cycles_end(tmp_path: Path, small: str) -> None:
+def test_import_cycles_end_in_diagnostics(tmp_path: Path, small: str) -> None:
     for name, other in (("a", "b"), ("b", "c"), ("c", "a")):
         (tmp_path / f"{name}.ljs").write_text(f"ljs 1\nuse .{other}\nasset kind_{name} {{ engine = vessel }}\n")
     main = tmp_path / "m.ljs"
@@ -256,13 +256,13 @@ def test_paths_cannot_leave_the_project(tmp_path: Path, small: str) -> None:
 
 
 @pytest.mark.parametrize("size", [10_000, 10_000_000, 10**15])
-def test_a_sweep_explosion_is_an_error(small: str, size: int) -> None:
+def test_a_sweep_with_too_many_values_is_an_error(small: str, size: int) -> None:
     line = f"  sweep s over uavs in 1..{size}, altitude in [40 m, 50 m, 60 m]\n"
     compilation = timed(small.replace("  region ", line + "  region ", 1))
     assert {"LJ0206", "LJ0503"} & {item.code for item in compilation.diagnostics}
 
 
-def test_newlines_tabs_and_a_mark_change_nothing(small: str) -> None:
+def test_newlines_tabs_and_a_byte_order_mark_do_not_change_the_mission(small: str) -> None:
     mission = compile_text(small).mission
     assert mission is not None
     lines = small.split("\n")
@@ -283,7 +283,7 @@ def test_names_are_kept_in_nfc(small: str) -> None:
     assert compilation.mission is not None and composed in {group.name for group in compilation.mission.groups}
 
 
-def test_chinese_names_are_names(small: str) -> None:
+def test_chinese_names_are_permitted(small: str) -> None:
     for name, chinese in (("boat", "救生艇"), ("search", "搜索区"), ("victim", "落水者")):
         small = re.sub(rf"\b{name}\b", chinese, small)
     compilation = compile_text(small)
@@ -294,18 +294,18 @@ def test_chinese_names_are_names(small: str) -> None:
     "control", [chr(code) for code in (0x61C, 0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A))]
 )
 @pytest.mark.parametrize("place", ["# a comment {}\n  goal", 'goal "Find {} everybody."\n #'])
-def test_controls_of_direction_are_flagged_everywhere(small: str, control: str, place: str) -> None:
+def test_bidirectional_control_characters_are_reported_everywhere(small: str, control: str, place: str) -> None:
     compilation = compile_text(small.replace("goal", place.replace("{}", control), 1))
     assert ("LJ0001", f"U+{ord(control):04X}") in {(item.code, item.message[:6]) for item in compilation.diagnostics}
 
 
-def test_zero_bytes_are_named(small: str) -> None:
+def test_zero_bytes_are_reported(small: str) -> None:
     (diagnostic,) = compile_text(small.replace("uavs = 2", "uavs = \x002")).diagnostics
     assert diagnostic.code == "LJ0001" and "U+0000" in diagnostic.message
 
 
 @pytest.mark.parametrize("filling", ["\n", "#\n", "\\n\\n\\n\n"], ids=["blank", "comments", "escapes"])
-def test_a_million_lines_of_nothing_take_little_memory(filling: str) -> None:
+def test_many_blank_or_comment_lines_take_little_memory(filling: str) -> None:
     """A repeated group of a pattern costs half a kilobyte per repetition: five gigabytes for ten million blank
     lines."""
     small = (Path(__file__).parents[2] / "docs" / "errors" / "example.ljs").read_text()

@@ -39,7 +39,7 @@ def test_the_golden_mission_reads_back_equal(ssr: Mission) -> None:
     assert msgspec.json.decode(msgspec.json.encode(ssr), type=Mission) == ssr
 
 
-def test_types_are_merged_so_that_the_graph_stands_alone(ssr: Mission) -> None:
+def test_properties_of_types_are_merged_into_the_groups(ssr: Mission) -> None:
     victim = next(group for group in ssr.groups if group.name == "victim")
     properties = {prop.name: prop for prop in victim.properties}
     assert victim.engine == "city"

@@ -32,7 +32,7 @@ LEAKS = [
 
 
 @pytest.mark.parametrize(("old", "new", "line", "way"), LEAKS)
-def test_leak(small: str, old: str, new: str, line: int, way: str) -> None:
+def test_a_hidden_value_in_a_visible_place_is_an_error(small: str, old: str, new: str, line: int, way: str) -> None:
     diagnostics = compile_text(small.replace(old, new, 1)).diagnostics
     assert [(item.code, item.span.line) for item in diagnostics] == [("LJ0401", line)]
     assert way in diagnostics[0].message
@@ -82,7 +82,9 @@ def test_an_entity_named_without_a_field_is_read_as_its_place(small: str, old: s
         ("position = (12.4 m, -51.8 m)", "position = (0 m, 0 m) + far.centre", "an observation"),
     ],
 )
-def test_a_value_may_be_hidden_further_down(small: str, old: str, new: str, sink: str) -> None:
+def test_a_leak_through_several_computed_values_is_reported_with_its_path(
+    small: str, old: str, new: str, sink: str
+) -> None:
     text = small.replace("  agent skipper", BUOY).replace("  grid cells", FAR).replace(old, new, 1)
     (leak,) = compile_text(text.replace("boat.*, events", "boat.position, events")).diagnostics
     assert leak.code == "LJ0401" and "`victim.position` → `buoy.position` → " in leak.message
@@ -102,7 +104,7 @@ def test_receipts_reveal_the_speed_of_an_asset(small: str) -> None:
     assert compile_text(hidden.replace("3 m/s }", "3 m/s, actions {} }")).diagnostics == ()
 
 
-def test_a_drift_shows_where_the_place_is_observed(small: str) -> None:
+def test_a_hidden_drift_leaks_where_the_position_is_observed(small: str) -> None:
     raft = "  target raft : person_in_water { position = (1 m, 2 m), hidden drift = 0.3 m/s }\n"
     text = small.replace("  asset boat", raft + "  asset boat")
     for channel in ("raft.*", "raft.position", "raft.velocity"):

@@ -66,7 +66,9 @@ mission cargo "One heavy order" {
 
 
 @pytest.mark.parametrize(("code", "old", "new", "line", "column", "part"), CASES, ids=lambda value: str(value)[:24])
-def test_code(small: str, code: str, old: str, new: str, line: int, column: int, part: str) -> None:
+def test_an_infeasible_mission_gives_its_code_line_column_and_numbers(
+    small: str, code: str, old: str, new: str, line: int, column: int, part: str
+) -> None:
     moved = small.replace("-51.8 m", "-151.8 m") if "= 20 s" in part else small
     assert moved.count(old) >= 1
     compilation = compile_text(moved.replace(old, new, 1))
@@ -76,7 +78,7 @@ def test_code(small: str, code: str, old: str, new: str, line: int, column: int,
     assert diagnostic.severity == "error" and compilation.mission is None
 
 
-def test_a_proof_of_another_mode_than_the_missions_own_is_a_warning(small: str) -> None:
+def test_a_proof_for_a_mode_other_than_the_default_is_a_warning(small: str) -> None:
     def severity(text: str) -> tuple[str, ...]:
         return tuple(item.severity for item in compile_text(text).diagnostics)
 
@@ -99,18 +101,18 @@ def test_stages_that_wait_for_each_other_are_a_warning(small: str) -> None:
     ("text", "code", "line", "part"),
     [(FAR, "LJ0603", 10, "360 s of flight, `uav` can fly for 240 s"), (CARGO, "LJ0604", 20, "50,000 kg")],
 )
-def test_codes_of_missions_of_their_own(text: str, code: str, line: int, part: str) -> None:
+def test_infeasible_flight_and_cargo_missions_give_their_codes(text: str, code: str, line: int, part: str) -> None:
     (diagnostic,) = compile_text(text).diagnostics
     assert (diagnostic.code, diagnostic.span.line) == (code, line)
     assert part in diagnostic.message
 
 
-def test_the_same_missions_are_good_once_mended() -> None:
+def test_corrected_flight_and_cargo_missions_have_no_errors() -> None:
     assert compile_text(FAR.replace("2 min", "10 min")).diagnostics == ()
     assert compile_text(CARGO.replace("50 t", "250 kg")).diagnostics == ()
 
 
-def test_every_code_is_here() -> None:
+def test_every_code_of_a_proof_has_an_example() -> None:
     assert {case[0] for case in CASES} | {"LJ0603", "LJ0604", "LJ0615"} == {
         code for code in CODES if code.startswith("LJ06")
     }

@@ -31,7 +31,7 @@ def codes(compilation: Compilation) -> list[tuple[str, int]]:
     return [(item.code, item.span.line) for item in compilation.diagnostics]
 
 
-def test_a_mission_has_what_its_base_has(project: Path) -> None:
+def test_a_derived_mission_has_the_declarations_of_its_base(project: Path) -> None:
     compilation = compiled(project, "")
     assert compilation.diagnostics == ()
     base = compile_file(str(project / "base.ljs")).mission
@@ -46,7 +46,7 @@ def test_a_mission_has_what_its_base_has(project: Path) -> None:
     assert compilation.mission.success == base.success
 
 
-def test_overrides_stand_where_the_overridden_stood_and_new_ones_at_the_end(project: Path) -> None:
+def test_an_override_keeps_the_position_of_the_original_and_additions_come_last(project: Path) -> None:
     compilation = compiled(project, "  override param uavs = 4 in 1..10\n  param extra = 1")
     assert compilation.diagnostics == ()
     assert compilation.mission is not None
@@ -63,7 +63,7 @@ def test_an_unreadable_override_is_reported_once(project: Path) -> None:
     assert codes(compilation) == [("LJ0010", 4), ("LJ0010", 5)]
 
 
-def test_settings_and_entities_keep_the_lines_that_are_not_named(project: Path) -> None:
+def test_an_override_keeps_the_lines_that_it_does_not_mention(project: Path) -> None:
     compilation = compiled(
         project, "  override weather { visibility = 2 km }\n  override asset boat { speed <= 5 m/s }"
     )
@@ -92,7 +92,7 @@ def test_a_base_may_have_a_base(project: Path) -> None:
     assert compilation.mission.parameters[-1].name == "more"
 
 
-def test_a_shipped_mission_may_be_extended_and_its_one_asset_be_a_group(tmp_path: Path) -> None:
+def test_a_mission_that_extends_a_shipped_one_can_turn_its_asset_into_a_group(tmp_path: Path) -> None:
     (tmp_path / "more.ljs").write_text(
         "ljs 1\nuse scenarios.vdn { vdn }\nmission more extends vdn {\n  override mode broadcast\n"
         "  override asset dog[1..3] { position = at(i, [(-60 m, 0 m)], spread 3 m) }\n"
@@ -140,7 +140,7 @@ def test_only_declarations_of_the_base_can_be_overridden(project: Path) -> None:
     assert compilation.diagnostics[0].hint == "did you mean `uavs`?"
 
 
-def test_an_override_that_breaks_the_base_is_reported_where_it_is_extended(project: Path) -> None:
+def test_an_override_that_breaks_the_base_is_reported_in_the_derived_mission(project: Path) -> None:
     compilation = compiled(project, "  override target victim[1..1] : person_in_water { position = (1 m, 2 m) }")
     assert compilation.diagnostics == ()
     compilation = compiled(
@@ -151,17 +151,17 @@ def test_an_override_that_breaks_the_base_is_reported_where_it_is_extended(proje
     assert compilation.diagnostics[0].related[0].span.line == 27
 
 
-def test_a_faulty_base_is_named_once(project: Path, small: str) -> None:
+def test_a_faulty_base_gives_one_error(project: Path, small: str) -> None:
     (project / "base.ljs").write_text(small.replace("tick = 10 s", "tick = 10 m"))
     compilation = compiled(project, "  param extra = 1")
     assert codes(compilation) == [("LJ0119", 3)]
 
 
-def test_an_unknown_base(project: Path) -> None:
+def test_an_unknown_base_is_an_error(project: Path) -> None:
     assert codes(compiled(project, "", head="use std.air")) == [("LJ0101", 3)]
 
 
-def test_a_circle_of_files_ends_in_a_diagnostic(project: Path) -> None:
+def test_a_cycle_of_files_ends_in_a_diagnostic(project: Path) -> None:
     (project / "one.ljs").write_text("ljs 1\nuse .two\nrecord a : other { }\n")
     (project / "two.ljs").write_text("ljs 1\nuse .one\nrecord b : other { }\n")
     compilation = compile_file(str(project / "one.ljs"))
@@ -211,14 +211,14 @@ def test_each_mission_of_a_chain_is_checked_once(project: Path, small: str, pars
     assert max(parsed.count(path) for path in set(parsed)) <= 2 + 8
 
 
-def test_a_chain_has_an_end(project: Path, small: str) -> None:
+def test_a_chain_of_missions_has_a_maximum_length(project: Path, small: str) -> None:
     diagnostics = compile_file(str(_chain(project, small, 9))).diagnostics
     assert [item.code for item in diagnostics] == ["LJ0120"] and "more than 8 in a row" in diagnostics[0].message
     assert [item.code for item in compile_file(str(_chain(project, small, 60))).diagnostics] == ["LJ0119"] * 2
 
 
 @pytest.mark.parametrize("faulty", [False, True])
-def test_a_file_that_many_lead_to_is_read_once(project: Path, parsed: list[str], *, faulty: bool) -> None:
+def test_a_file_that_many_files_use_is_read_once(project: Path, parsed: list[str], *, faulty: bool) -> None:
     """Two files that both use two files, and so on: 2^20 paths lead to the last ones."""
     for k in range(21):
         uses = f"use .a{k - 1}\nuse .b{k - 1}\n" if k else "nonsense\n" if faulty else ""
@@ -229,13 +229,15 @@ def test_a_file_that_many_lead_to_is_read_once(project: Path, parsed: list[str],
     assert len(parsed) == 41  # all but `b20`
 
 
-def test_missions_too_long_together(project: Path, small: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_chain_of_missions_has_a_maximum_total_length_of_text(
+    project: Path, small: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(inherit, "LONGEST_TEXT", 2_000)
     diagnostics = compile_file(str(_chain(project, f"{small}{' ' * 2_000}", 2))).diagnostics
     assert [item.code for item in diagnostics] == ["LJ0119"] and "2,000 characters" in diagnostics[0].related[0].message
 
 
-def test_neighbours_are_found_and_nothing_else(project: Path) -> None:
+def test_only_files_inside_the_folder_of_the_mission_can_be_used(project: Path) -> None:
     (project / "boats").mkdir()
     (project / "boats" / "tug.ljs").write_text("ljs 1\nasset tug { engine = vessel }\n")
     (project / "main.ljs").write_text("ljs 1\nuse .boats.tug { tug }\nrecord a : other { }\n")

@@ -27,7 +27,7 @@ ROOT = Path(__file__).parents[2]
         (b"x" * 10_000_000, "line of 10,000,000 characters"),
     ],
 )
-def test_unreadable_bytes(tmp_path: Path, data: bytes, part: str) -> None:
+def test_unreadable_bytes_are_a_usage_error(tmp_path: Path, data: bytes, part: str) -> None:
     file = tmp_path / "bad.ljs"
     file.write_bytes(data)
     with pytest.raises(UsageError, match=part) as caught:
@@ -36,7 +36,7 @@ def test_unreadable_bytes(tmp_path: Path, data: bytes, part: str) -> None:
     assert run_command(["validate", str(file)]) == ExitCode.USAGE
 
 
-def test_missing_file_and_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_file_and_a_folder_are_usage_errors(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(UsageError, match="does not exist"):
         compile_file(str(tmp_path / "none.ljs"))
     with pytest.raises(UsageError, match="is a folder"):
@@ -54,7 +54,7 @@ def test_one_unreadable_file_does_not_hide_the_others(tmp_path: Path, capsys: py
     assert "bad.ljs:2:" in capsys.readouterr().out
 
 
-def test_validate_is_quiet_when_all_is_well(capsys: pytest.CaptureFixture[str]) -> None:
+def test_validate_prints_nothing_for_valid_files(capsys: pytest.CaptureFixture[str]) -> None:
     library = sorted(str(file) for file in (ROOT / "scenarios" / "std").glob("*.ljs"))
     assert run_command(["validate", str(ROOT / "scenarios" / "ssr.ljs"), *library]) == ExitCode.OK
     assert capsys.readouterr().out == ""
@@ -70,7 +70,7 @@ def test_validate_shows_the_line_and_a_hint(tmp_path: Path, small: str, capsys: 
     assert "\x1b" not in out
 
 
-def test_validate_as_json(tmp_path: Path, small: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_validate_prints_diagnostics_as_json(tmp_path: Path, small: str, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "m.ljs"
     file.write_text(small.replace("boat, v)", "boot, v)"))
     assert run_command(["validate", "--output-format", "json", str(file)]) == ExitCode.MISSION
@@ -86,7 +86,7 @@ def test_validate_reads_standard_input(
     assert "<stdin>:34:" in capsys.readouterr().out
 
 
-def test_compile_writes_the_mission_whole(tmp_path: Path, small: str) -> None:
+def test_compile_writes_the_complete_mission(tmp_path: Path, small: str) -> None:
     source, out = tmp_path / "m.ljs", tmp_path / "m.json"
     source.write_text(small)
     assert run_command(["compile", str(source), "-o", str(out)]) == ExitCode.OK
@@ -105,7 +105,7 @@ def test_compile_of_a_faulty_mission_writes_nothing(
     assert not out.exists()
 
 
-def test_compile_to_where_nothing_can_be_written(tmp_path: Path, small: str) -> None:
+def test_compile_to_an_unwritable_place_is_a_usage_error(tmp_path: Path, small: str) -> None:
     source = tmp_path / "m.ljs"
     source.write_text(small)
     for target in (tmp_path, tmp_path / "none" / "m.json"):
@@ -117,13 +117,13 @@ def test_compile_emits_a_reset_scenario(capsys: pytest.CaptureFixture[str]) -> N
     assert json.loads(capsys.readouterr().out)["commandType"] == "resetScenario"
 
 
-def test_load_mission_of_a_document_and_of_a_library() -> None:
+def test_the_python_api_compiles_a_document_and_refuses_a_library() -> None:
     assert lingjing.compile(ROOT / "scenarios" / "reset" / "ssr-001.json").name == "ssr"
     with pytest.raises(UsageError, match="holds types and no mission"):
         lingjing.compile(ROOT / "scenarios" / "std" / "air.ljs")
 
 
-def test_load_mission_shows_every_error(tmp_path: Path, small: str) -> None:
+def test_the_python_api_reports_every_error(tmp_path: Path, small: str) -> None:
     file = tmp_path / "m.ljs"
     file.write_text(small.replace("boat, v)", "boot, v)").replace("10 s,", "10 m,"))
     with pytest.raises(MissionError) as caught:

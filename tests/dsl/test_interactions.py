@@ -78,13 +78,15 @@ def errors_of(text: str) -> list[tuple[str, int, int]]:
     return [(item.code, item.span.line, item.span.column) for item in compile_text(text).diagnostics]
 
 
-def test_the_bus_stop_is_good() -> None:
+def test_the_bus_stop_example_has_no_errors() -> None:
     assert compile_text(TYPES).diagnostics == ()
     assert compile_text(TYPES + MISSION).diagnostics == ()
 
 
 @pytest.mark.parametrize(("block", "code", "line", "column", "part"), OF_A_TYPE, ids=lambda value: str(value)[:30])
-def test_a_type_by_itself(block: str, code: str, line: int, column: int, part: str) -> None:
+def test_a_faulty_interaction_of_a_type_gives_one_error(
+    block: str, code: str, line: int, column: int, part: str
+) -> None:
     text = TYPES.replace(BOARD, f"interaction board {block}")
     (diagnostic,) = compile_text(text).diagnostics
     assert (diagnostic.code, diagnostic.span.line, diagnostic.span.column) == (code, line, column)
@@ -92,7 +94,9 @@ def test_a_type_by_itself(block: str, code: str, line: int, column: int, part: s
 
 
 @pytest.mark.parametrize(("moves", "code", "part"), IN_A_MISSION, ids=lambda value: str(value)[:30])
-def test_a_target_and_who_acts_on_it(moves: str, code: str, part: str) -> None:
+def test_an_interaction_that_does_not_fit_the_states_of_its_actor_gives_one_error(
+    moves: str, code: str, part: str
+) -> None:
     changed = f"interaction board {{ by = road, within = 20 m, {moves} }}"
     assert compile_text(TYPES.replace(BOARD, changed)).diagnostics == ()
     (diagnostic,) = compile_text(TYPES.replace(BOARD, changed) + MISSION).diagnostics
@@ -105,12 +109,12 @@ def test_an_unused_interaction_is_no_error() -> None:
     assert compile_text(TYPES.replace(BOARD, BOARD + also) + MISSION).diagnostics == ()
 
 
-def test_it_is_enough_that_one_asset_has_the_state() -> None:
+def test_one_asset_with_the_state_is_enough_for_an_interaction() -> None:
     more = "  asset taxi : car { position = (9 m, 0 m) }\n  agent other as other controls taxi { observes taxi.* }\n"
     assert compile_text(TYPES + MISSION.replace("  agent driver", f"{more}  agent driver")).diagnostics == ()
 
 
-def test_by_names_a_role_of_the_files_mission() -> None:
+def test_the_field_by_can_name_a_role_of_the_mission_in_the_file() -> None:
     types = TYPES.replace(BOARD, BOARD.replace("by = road", "by = driver"))
     compilation = compile_text(types + MISSION)
     assert compilation.mission is not None and compilation.diagnostics == ()
@@ -125,7 +129,7 @@ def test_by_names_a_role_of_the_files_mission() -> None:
     assert (stateless.code, "of a `driver` asset, which is no state of `bus`" in stateless.message) == ("LJ0126", True)
 
 
-def test_only_what_the_role_controls_may_act() -> None:
+def test_only_assets_that_the_named_role_controls_are_actors() -> None:
     taxi = "  asset taxi : coach { position = (9 m, 0 m) }\n  agent other as other controls taxi { observes taxi.* }\n"
     types = TYPES.replace(BOARD, BOARD.replace("by = road", "by = other"))
     compilation = compile_text(types + MISSION.replace("  agent driver", f"{taxi}  agent driver"))
@@ -164,7 +168,7 @@ def test_an_extending_type_declares_only_differences() -> None:
         ("arrivals = 0.1 Hz", "LJ0106", 8),
     ],
 )
-def test_a_state_is_a_number_under_its_own_name(line: str, code: str, column: int) -> None:
+def test_a_state_must_be_a_number_with_a_permitted_name(line: str, code: str, column: int) -> None:
     number = 7 if code == "LJ0106" else 9
     text = TYPES.replace("state people = 4\n", f"{line}\n").replace(f"\n  {BOARD}", "")
     assert errors_of(text) == [(code, number, column)]

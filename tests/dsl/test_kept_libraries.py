@@ -1,4 +1,4 @@
-"""The shipped tables of the standard library are what checking it gives, and a changed library is checked anew."""
+"""The shipped tables of the standard library equal the checked library, and a changed library is checked again."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_the_shipped_tables_are_those_of_the_libraries() -> None:
 
 
 @pytest.mark.parametrize("file", LIBRARIES, ids=lambda file: file.stem)
-def test_a_kept_library_is_the_checked_one(file: Path) -> None:
+def test_a_kept_library_equals_the_checked_one(file: Path) -> None:
     kept, (checked, _) = kept_library(str(file)), TOOL.checked(file, TOOL.Files())
     assert kept is not None and kept.path == checked.path and kept.uses == checked.uses
     assert list(kept.declared) == list(checked.declared)
@@ -36,7 +36,7 @@ def test_a_kept_library_is_the_checked_one(file: Path) -> None:
         assert msgspec.json.encode(kept.declared[name]) == msgspec.json.encode(declared)  # 1 == 1.0 in Python
 
 
-def test_a_changed_library_and_one_that_uses_it_are_checked_anew(
+def test_a_changed_library_and_one_that_uses_it_are_checked_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for file in LIBRARIES:
@@ -70,7 +70,7 @@ def _other_field(tables: bytes) -> bytes:
     "damage", [lambda _: b"", lambda tables: tables[:-100], lambda _: b"\x92\x91\x01\x80", _other_class, _other_field],
     ids=["empty", "truncated", "other form", "other class", "other field"],
 )  # fmt: skip
-def test_damaged_tables_and_those_of_other_classes_do_not_count(
+def test_damaged_tables_and_tables_of_other_classes_are_ignored(
     damage: Callable[[bytes], bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tables = Path(TOOL.FILE).read_bytes()
@@ -82,6 +82,6 @@ def test_damaged_tables_and_those_of_other_classes_do_not_count(
     assert kept_library(str(LIBRARIES[0])) is None
 
 
-def test_an_error_names_a_declaration_that_was_not_made() -> None:
+def test_a_suggestion_can_name_a_declaration_that_was_not_loaded() -> None:
     compilation = compile_text("ljs 2\nuse std.air { quadrotr }\n")
     assert "did you mean `quadrotor`?" in [item.hint for item in compilation.diagnostics]

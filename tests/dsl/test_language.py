@@ -73,7 +73,7 @@ def compiled(kind: str, text: str, folder: Path) -> Compilation:
 
 
 @pytest.mark.parametrize(("kind", "text"), BLOCKS, ids=lambda value: value.split("\n")[0][:40])
-def test_block(kind: str, text: str, tmp_path: Path) -> None:
+def test_a_block_of_the_page_compiles_or_has_the_error_that_it_names(kind: str, text: str, tmp_path: Path) -> None:
     compilation = compiled(kind, text, tmp_path)
     if kind.startswith("error"):
         assert {item.code for item in compilation.diagnostics} == {kind.split()[1]}

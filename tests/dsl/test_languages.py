@@ -46,12 +46,12 @@ def test_a_range_in_a_prompt_has_the_words_of_its_language() -> None:
         ('prompt zh "去。"', "there is no prompt to translate"),
     ],
 )
-def test_a_language_of_the_goal_is_that_of_every_prompt(small: str, prompts: str, message: str) -> None:
+def test_the_goal_and_every_prompt_must_have_the_same_languages(small: str, prompts: str, message: str) -> None:
     diagnostics = compile_text(spoken(small, 'goal zh "找到每一个人。"', prompts)).diagnostics
     assert [each.message for each in diagnostics if each.severity == "error"] == [message]
 
 
-def test_texts_of_other_languages_are_printed_again(small: str, tmp_path: Path) -> None:
+def test_printing_keeps_the_texts_of_other_languages(small: str, tmp_path: Path) -> None:
     source, printed = tmp_path / "source.ljs", tmp_path / "printed.ljs"
     source.write_text(spoken(small, 'goal zh "找到每一个人。"', 'prompt "Go."\n    prompt zh "去。"'), encoding="utf-8")
     assert run_command(["compile", str(source), "--emit", "ljs", "-o", str(printed)]) == 0
@@ -60,7 +60,7 @@ def test_texts_of_other_languages_are_printed_again(small: str, tmp_path: Path) 
     assert {agent.name: agent.prompts for agent in again.agents}["skipper"] == {"zh": "去。"}
 
 
-def test_run_tells_the_languages_that_a_mission_has(tmp_path: Path) -> None:
+def test_the_error_about_a_missing_language_lists_the_languages_of_the_mission(tmp_path: Path) -> None:
     with pytest.raises(lingjing.UsageError, match="mission 'queue' has no texts in 'zh'") as error:
         lingjing.run("queue", policy="idle", language="zh", overview=False, out=tmp_path / "run")
     assert error.value.hint and "it has en;" in error.value.hint
@@ -76,7 +76,7 @@ def test_run_tells_the_languages_that_a_mission_has(tmp_path: Path) -> None:
         ('override agent skipper as rescuer controls boat {\n observes boat.*, events\n prompt "Go." }', ("en",)),
     ],
 )
-def test_a_mission_that_extends_another_has_the_languages_that_fit_it(
+def test_a_derived_mission_has_only_the_languages_that_all_its_texts_have(
     inside: str, languages: tuple[str, ...], tmp_path: Path
 ) -> None:
     file = tmp_path / "own.ljs"

@@ -26,7 +26,7 @@ def acme(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return package
 
 
-def test_types_of_a_plug_in(acme: Path, small: str) -> None:
+def test_a_mission_can_use_the_types_of_a_plugin(acme: Path, small: str) -> None:
     (acme / "boats.ljs").write_text(
         "ljs 1\nasset catamaran {\n  engine = vessel\n  speed = 9 m/s\n  sail = 12 m^2\n"
         "  verb moveTo(x: length, y: length)\n}\n"
@@ -48,7 +48,7 @@ def test_a_faulty_library_is_reported_where_it_is_used(acme: Path, small: str) -
     assert diagnostic.related[0].span.path.endswith("boats.ljs")
 
 
-def test_libraries_that_use_each_other(acme: Path, small: str) -> None:
+def test_libraries_that_use_each_other_are_an_error(acme: Path, small: str) -> None:
     (acme / "one.ljs").write_text("ljs 1\nuse acme.two\n")
     (acme / "two.ljs").write_text("ljs 1\nuse acme.one\n")
     (diagnostic,) = compile_text(small.replace("use std.air", "use acme.one\nuse std.air")).diagnostics
@@ -77,7 +77,7 @@ def test_a_missing_library_causes_no_further_errors(small: str) -> None:
     assert [(item.code, item.span.line) for item in diagnostics] == [("LJ0118", 3)]
 
 
-def test_two_packages_with_one_name(acme: Path, small: str) -> None:
+def test_two_packages_with_one_name_are_an_error(acme: Path, small: str) -> None:
     other = acme.parent / "other-1.0.dist-info"
     other.mkdir()
     (other / "METADATA").write_text("Metadata-Version: 2.1\nName: other\nVersion: 1.0\n")

@@ -60,7 +60,7 @@ def nine() -> dict[str, Mission]:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_instances_of_five_seeds_in_every_mode(nine: dict[str, Mission], name: str) -> None:
+def test_five_seeds_give_five_different_instances_in_every_mode(nine: dict[str, Mission], name: str) -> None:
     compiled = nine[name]
     for mode in compiled.modes.allowed:
         made = [instantiate(compiled, seed=seed, mode=mode) for seed in range(5)]
@@ -79,7 +79,7 @@ def test_mission_json_is_stable(nine: dict[str, Mission], name: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "modes", "engines", "ticks", "seconds"), PAPER)
-def test_the_papers_tables(
+def test_modes_engines_and_budgets_are_those_of_the_paper(
     nine: dict[str, Mission], name: str, modes: set[str], engines: set[str], ticks: int, seconds: float
 ) -> None:
     compiled = nine[name]
@@ -90,13 +90,17 @@ def test_the_papers_tables(
 
 
 @pytest.mark.parametrize(("name", "interaction", "radius"), RADII)
-def test_the_papers_radii(nine: dict[str, Mission], name: str, interaction: str, radius: float) -> None:
+def test_interaction_radii_are_those_of_the_paper(
+    nine: dict[str, Mission], name: str, interaction: str, radius: float
+) -> None:
     acts = [act for entity in instantiate(nine[name]).entities for act in entity.interactions]
     assert {act.within_m for act in acts if act.name == interaction} == {float(radius)}
 
 
 @pytest.mark.parametrize(("name", "sweep", "param", "values"), SWEEPS)
-def test_the_papers_sweeps(nine: dict[str, Mission], name: str, sweep: str, param: str, values: list[float]) -> None:
+def test_sweeps_are_those_of_the_paper(
+    nine: dict[str, Mission], name: str, sweep: str, param: str, values: list[float]
+) -> None:
     declared = next(item for item in nine[name].sweeps if item.name == sweep)
     assert declared.parameters == (param,)
     assert [getattr(value, "value", None) for value in declared.values[0]] == pytest.approx(values)
@@ -104,7 +108,7 @@ def test_the_papers_sweeps(nine: dict[str, Mission], name: str, sweep: str, para
         assert instantiate(nine[name], settings={param: value}).settings[param] == value
 
 
-def test_action_clipping(nine: dict[str, Mission]) -> None:
+def test_actions_have_the_declared_argument_bounds(nine: dict[str, Mission]) -> None:
     def bounds(name: str, entity: str, verb: str) -> tuple[float | None, float | None]:
         owner = next(e for e in instantiate(nine[name]).entities if e.id == entity)
         argument = next(v for v in owner.verbs if v.name == verb).arguments[0]
@@ -115,7 +119,7 @@ def test_action_clipping(nine: dict[str, Mission]) -> None:
     assert bounds("idf", "dog[1]", "forward") == (0.0, 10.0)
 
 
-def test_budgets_of_subtasks_and_counted_ones(nine: dict[str, Mission]) -> None:
+def test_missions_have_the_declared_stage_budgets_and_counted_limits(nine: dict[str, Mission]) -> None:
     vdn = instantiate(nine["vdn"])
     assert {getattr(stage.ticks, "value", None) for stage in vdn.stages} == {40.0}
     cr = instantiate(nine["cr"], settings={"replans_most": 0})
@@ -124,7 +128,7 @@ def test_budgets_of_subtasks_and_counted_ones(nine: dict[str, Mission]) -> None:
     assert {item.resource for item in ld.limits[0].counts} == {"uav", "van"}
 
 
-def test_hidden_groups(nine: dict[str, Mission]) -> None:
+def test_each_mission_hides_the_positions_of_the_expected_groups(nine: dict[str, Mission]) -> None:
     hidden = {
         name: sorted({e.group for e in instantiate(compiled).entities if "position" in e.hidden})
         for name, compiled in nine.items()
@@ -135,7 +139,7 @@ def test_hidden_groups(nine: dict[str, Mission]) -> None:
     }  # fmt: skip
 
 
-def test_one_order_is_more_than_a_van_holds(nine: dict[str, Mission]) -> None:
+def test_one_order_exceeds_the_payload_of_a_van(nine: dict[str, Mission]) -> None:
     entities = instantiate(nine["cd"]).entities
     demands = [e.properties["demand_kg"] for e in entities if e.group == "point"]
     assert sorted(demands) == [100.0] * 19 + [250.0]
@@ -143,7 +147,7 @@ def test_one_order_is_more_than_a_van_holds(nine: dict[str, Mission]) -> None:
     assert {e.state for e in entities if e.group == "van"} == {(StateSpec(name="load", unit="kg"),)}
 
 
-def test_summaries(nine: dict[str, Mission], request: pytest.FixtureRequest) -> None:
+def test_summaries_equal_the_golden_file(nine: dict[str, Mission], request: pytest.FixtureRequest) -> None:
     text = "\n".join(summary(nine[name]) for name in NAMES)
     if request.config.getoption("--update", default=False):
         GOLDEN.write_text(text, encoding="utf-8")

@@ -58,7 +58,7 @@ def test_without_indentation_a_stray_brace_is_one_error(place: str) -> None:
     assert error.span.line == flat[: flat.index(place)].count("\n") + 1
 
 
-def test_blocks_by_colon_and_indentation_are_an_error_each_and_their_fixes_give_the_mission() -> None:
+def test_each_block_with_colon_and_indentation_is_an_error_and_the_fixes_give_the_mission() -> None:
     """The whole mission as a Python author writes it: no block of several lines has braces."""
     text = re.sub(r"\n *\}(?=\n)", "", re.sub(r" \{\n", ":\n", BASE))
     errors = compile_text(text).diagnostics
@@ -82,7 +82,7 @@ def errors_of(mistake: list[str]) -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize("mistake", OTHERS["mistakes"], ids=lambda mistake: mistake[0].replace(" ", "-"))
-def test_a_mistake_from_another_language_is_one_error_with_the_way_out(mistake: list[str]) -> None:
+def test_a_mistake_from_another_language_is_one_error_with_a_hint(mistake: list[str]) -> None:
     assert errors_of(mistake) == [(mistake[3], mistake[4])]
 
 

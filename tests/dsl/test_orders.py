@@ -55,13 +55,15 @@ def waits(source: str) -> set[tuple[str, str]]:
         (("relation dependency a -> b", "serial a, b"), {"ab"}),
     ],
 )
-def test_the_dependencies_of_an_order(orders: tuple[str, ...], pairs: set[str], printed_again: Printed) -> None:
+def test_an_order_of_stages_becomes_dependencies(
+    orders: tuple[str, ...], pairs: set[str], printed_again: Printed
+) -> None:
     assert waits(text(*orders)) == {(pair[0], pair[1]) for pair in pairs}
     before, after = printed_again(text(*orders))
     assert before == after
 
 
-def test_a_plain_dependency_stays_one_and_is_shared_as_one(printed_again: Printed) -> None:
+def test_a_plain_dependency_stays_plain_when_parallel_stages_share_it(printed_again: Printed) -> None:
     mission = compiled(source := text("relation dependency a -> b", "parallel b, c", "serial c, d"))
     kinds = {(relation.source, relation.target): relation.serial for relation in mission.relations}
     assert kinds == {("a", "b"): False, ("a", "c"): False, ("c", "d"): True, ("b", "d"): True}
@@ -85,7 +87,7 @@ def test_a_wrong_order_is_an_error(orders: tuple[str, ...], code: str, words: st
     assert [item.code for item in errors] == [code] and words in errors[0].message
 
 
-def test_a_circle_of_serial_stages_is_reported_at_its_statement() -> None:
+def test_a_cycle_of_serial_stages_is_reported_at_its_statement() -> None:
     source = text("serial a, b", "serial b, a")
     (item,) = [item for item in compile_text(source).diagnostics if item.code == "LJ0606"]
     assert item.severity == "warning" and source.splitlines()[item.span.line - 1].strip().startswith("serial")
@@ -103,7 +105,7 @@ def done(*orders: str, more: str = "", ticks: int = 6) -> tuple[dict[str, int], 
         return counted, str(play.published.evaluation.reason)
 
 
-def test_a_serial_stage_counts_after_the_one_before() -> None:
+def test_a_serial_stage_counts_after_the_previous_stage() -> None:
     free, _ = done()
     assert (free["a"], free["b"], free["d"], free["c"]) == (2, 0, 1, 0)
     counted, _ = done("serial a, b, d", "parallel b, c")
@@ -116,7 +118,7 @@ def test_members_wait_for_their_own_stage() -> None:
     assert counted["nboat[1]"] == counted["nboat[2]"] == 3
 
 
-def test_the_ticks_of_a_serial_stage_count_from_the_end_of_the_one_before() -> None:
+def test_the_ticks_of_a_serial_stage_count_from_the_end_of_the_previous_stage() -> None:
     late = ", ticks <= 1"
     assert done("serial a, d", more=late)[1] == ""
     assert done("serial a, b, d", more=late.replace("1", "2"))[1] == ""

@@ -75,7 +75,7 @@ def test_noticeable_consequences_of_hidden_values_are_listed(small: str) -> None
     ]
 
 
-def test_rules_are_said_in_words() -> None:
+def test_rules_are_described_in_words() -> None:
     text = page(lingjing.compile(ROOT / "scenarios" / "ssr.ljs"))
     sentence = "the overlap of `r.box` with the true box of `v` in `r.frame` is at least `0.5`"
     assert sentence in text

@@ -199,14 +199,14 @@ def test_a_group_may_be_empty_by_its_param(small: str) -> None:
         ('epoch = "yesterday"', 27, "`yesterday` is no epoch of a satellite"),
     ],
 )
-def test_satellites_that_cannot_fly(small: str, options: str, column: int, message: str) -> None:
+def test_a_satellite_with_faulty_orbital_data_is_an_error(small: str, options: str, column: int, message: str) -> None:
     text = small.replace("use std.sea", "use std.orbit { satellite }\nuse std.sea")
     text = text.replace("  asset boat", f"  asset eye : satellite {{ {options} }}\n  asset boat")
     diagnostics = [item for item in compile_text(text).diagnostics if message in item.message]
     assert [(item.code, item.span.line, item.span.column) for item in diagnostics] == [("LJ0507", 27, column)]
 
 
-def test_more_than_cameras_can_draw_is_refused(small: str) -> None:
+def test_more_entities_than_cameras_can_draw_are_refused(small: str) -> None:
     crowd = small.replace(
         "  asset boat", "  target rock[1..4100] : person_in_water { position = (0 m, 0 m) }\n  asset boat"
     )
@@ -326,7 +326,7 @@ OPTIONS = [
 ]
 
 
-def test_a_scene_has_exactly_the_errors_of_the_checker() -> None:
+def test_the_checker_and_the_planner_of_scenes_report_the_same_errors() -> None:
     """The planner of districts raises exactly where the options have a fault."""
     for kind, options, level in itertools.product(
         (kind for kind in builtin_scenes() if kind not in ("bay", "map")), OPTIONS, (0.0, -3.0)
@@ -447,7 +447,7 @@ def test_a_condition_over_an_empty_group_is_reported_at_success(small: str) -> N
     assert (diagnostic.code, diagnostic.span.line, diagnostic.span.column) == ("LJ0507", 38, 3), diagnostic
 
 
-def test_nothing_is_drawn_from_a_region_that_only_the_city_knows() -> None:
+def test_no_position_can_be_drawn_from_a_region_that_depends_on_the_city() -> None:
     text = TOWN.format("position ~ sites(quay)").replace("  asset", '  region quay = along(road("A"), 5 m)\n  asset')
     (diagnostic,) = compile_text(text).diagnostics
     assert (diagnostic.code, diagnostic.span.line) == ("LJ0507", 10), diagnostic

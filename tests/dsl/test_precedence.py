@@ -21,7 +21,7 @@ WON = "success when forall v in victim: rescued(v)"
         ("(not rescued(v) == true)", Unary, Binary),
     ],
 )
-def test_not_in_brackets_is_closed(condition, outer, inner):
+def test_the_operand_of_not_ends_at_its_own_brackets(condition, outer, inner):
     assert WON in SSR
     compiled = compile_text(SSR.replace(WON, f"success when forall v in victim: {condition}"))
     assert {item.code for item in compiled.diagnostics} <= {"LJ0510"}  # at the start, no victim is rescued

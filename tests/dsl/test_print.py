@@ -42,7 +42,7 @@ def test_text_to_json_to_text_to_json_is_stable(file: Path) -> None:
     assert [place for place in round_trip_losses(first, text) if place != "$.origin.document"] == []
 
 
-def test_types_come_back_from_the_libraries(small: str) -> None:
+def test_types_of_libraries_are_printed_as_imports(small: str) -> None:
     text = to_ljs(compiled(small))
     assert "use std.air { quadrotor }\n" in text
     assert "asset boat : lifeboat { position = (12.4 m, -51.8 m), heading = 30 deg, speed <= 3 m/s }\n" in text
@@ -90,7 +90,7 @@ def test_rules_keep_their_brackets(small: str) -> None:
 
 
 @given(value=st.floats(0, 1e12) | st.integers(0, 10**9).map(float), unit=st.sampled_from([*sorted(UNITS), "km/h", ""]))
-def test_a_number_in_its_unit_is_exactly_itself(value: float, unit: str) -> None:
+def test_a_printed_number_reads_back_as_exactly_the_same_value(value: float, unit: str) -> None:
     si = si_value(value, unit) if unit else value
     text = number_text(si, unit)
     number, _, shown = text.partition(" ")
@@ -98,7 +98,7 @@ def test_a_number_in_its_unit_is_exactly_itself(value: float, unit: str) -> None
     assert (si_value(float(number), unit) if unit else float(number)) == si
 
 
-def test_numbers_are_short() -> None:
+def test_numbers_are_printed_in_a_short_form() -> None:
     assert number_text(si_value(35, "min"), "min") == "35 min"
     assert number_text(si_value(0.3, "kn"), "kn") == "0.3 kn"
     assert number_text(2300.0, "km") == "2.3 km"
@@ -171,7 +171,7 @@ def test_texts_keep_every_character() -> None:
     assert compiled(to_ljs(mission)).goal == mission.goal
 
 
-def test_long_texts_come_back_over_lines(small: str) -> None:
+def test_long_texts_printed_over_several_lines_read_back_unchanged(small: str) -> None:
     lines = ["Look \\ down.", "", '  Twice "there".', "Speak."]
     mission = msgspec.structs.replace(PLAIN, goal="\n".join(lines))
     assert 'goal """\n' in to_ljs(mission)
@@ -179,7 +179,7 @@ def test_long_texts_come_back_over_lines(small: str) -> None:
         assert compiled(to_ljs(msgspec.structs.replace(PLAIN, goal=text))).goal == text, repr(text)
 
 
-def test_parts_without_a_text_are_named() -> None:
+def test_parts_that_cannot_be_printed_are_reported() -> None:
     mission = compiled(SMALLEST)
     assert unprintable_paths(mission) == ()
     documented = msgspec.structs.replace(

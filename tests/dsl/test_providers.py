@@ -20,7 +20,7 @@ def warned(text: str, *offered: str) -> list[tuple[str, int, int, str, str]]:
     ]
 
 
-def test_an_unknown_scene(small: str) -> None:
+def test_an_unknown_scene_gives_a_warning(small: str) -> None:
     line = small[: small.index("scene bay")].count("\n") + 1
     (diagnostic,) = warned(small.replace("scene bay", "scene baay"), "bay", "moon")
     assert diagnostic == ("warning", line, 9, "no scene called `baay` is installed", "did you mean `bay`?")
@@ -37,7 +37,7 @@ def test_an_unknown_engine_is_reported_once(small: str) -> None:
     assert [item[3] for item in warned(text)] == ["no engine called `airboat` is installed"]
 
 
-def test_a_map_that_is_not_there(small: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_map_gives_a_warning(small: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     line = small[: small.index("scene bay")].count("\n") + 1
     scene = small[small.index("scene bay") :].partition("\n")[0]
@@ -80,7 +80,7 @@ def test_the_built_in_names_are_those_that_are_installed() -> None:
     assert (host.scenes.keys(), host.engines.keys()) == (builtin_scenes().keys(), builtin_engines().keys())
 
 
-def test_validate_repeats_the_warning(
+def test_validate_repeats_the_warning_of_a_cached_mission(
     small: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))

@@ -32,7 +32,7 @@ def test_a_faulty_statement_causes_no_further_errors(small: str) -> None:
     assert {item.span.line for item in diagnostics} == {18}
 
 
-def test_what_a_faulty_block_holds_is_still_read(small: str) -> None:
+def test_the_content_of_a_block_with_a_faulty_head_is_still_checked(small: str) -> None:
     broken = small.replace("asset uav[1..uavs] : quadrotor {", "asset uav[1..uavs] quadrotor {").replace(
         "hfov = 84 deg, channels = [rgb]", "hfov = = 84 deg, channels = [rgb]"
     )
@@ -78,16 +78,18 @@ def test_without_indentation_an_unclosed_block_is_reported_at_its_brace(small: s
         ("channels = [rgb] }", "channels = [rgb] }}", "LJ0004", 23),
     ],
 )
-def test_an_unbalanced_brace_costs_no_other_block(small: str, old: str, new: str, code: str, line: int) -> None:
+def test_an_unbalanced_brace_causes_no_errors_in_other_blocks(
+    small: str, old: str, new: str, code: str, line: int
+) -> None:
     assert small.count(old) == 1
     assert codes(compile_text(small.replace(old, new)).diagnostics) == [(code, line)]
 
 
-def test_an_unclosed_text_does_not_swallow_the_block(small: str) -> None:
+def test_an_unclosed_text_causes_no_errors_in_the_rest_of_the_block(small: str) -> None:
     assert codes(compile_text(small.replace('"A small mission"', '"A small mission')).diagnostics) == [("LJ0002", 6)]
 
 
-def test_a_misspelt_keyword_keeps_what_it_declares(small: str) -> None:
+def test_a_statement_with_a_misspelt_keyword_still_declares_its_name(small: str) -> None:
     diagnostics = compile_text(small.replace("  asset boat", "  aset boat")).diagnostics
     assert codes(diagnostics) == [("LJ0011", 26)]
     assert diagnostics[0].fix is not None and diagnostics[0].fix.edits[0].text == "asset"

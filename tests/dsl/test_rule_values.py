@@ -44,7 +44,7 @@ def errors_of(compilation: Compilation) -> list[tuple[str, str]]:
         "now - r.sent <= 60 s",
     ],
 )
-def test_a_rule_reads_it_and_prints_as_it_was_written(
+def test_a_rule_that_reads_such_a_value_is_printed_as_it_was_written(
     small: str, condition: str, printed_again: Callable[[str], tuple[object, object]]
 ) -> None:
     assert errors(small, condition) == []
@@ -77,12 +77,12 @@ def test_a_rule_reads_it_and_prints_as_it_was_written(
         ("r.sended > 3 s", "LJ0102", "did you mean `sender`"),
     ],
 )
-def test_a_mistake_leads_to_the_right_form(small: str, condition: str, code: str, words: str) -> None:
+def test_a_mistake_gives_one_error_that_names_the_right_form(small: str, condition: str, code: str, words: str) -> None:
     ((actual, message),) = errors(small, condition)
     assert actual == code and words in message
 
 
-def test_a_share_is_known_in_a_run_only(small: str) -> None:
+def test_a_battery_level_can_be_read_in_rules_only(small: str) -> None:
     text = small.replace("weather {", "weather { turbulence = uav[1].battery, ", 1)
     ((code, message),) = errors_of(compile_text(text))
     assert code == "LJ0304" and message.endswith("use it in a rule")
@@ -115,7 +115,7 @@ def quantities(small: str, text: str, folder: Path) -> list[dict[str, object]]:
         ("r.sent > 60 s", "detection", "sent", {"detection"}),
     ],
 )
-def test_the_model_of_conditions_lists_its_causes(
+def test_the_list_of_conditions_names_the_causes_of_a_quantity(
     small: str, text: str, owner: str, name: str, causes: set[str], tmp_path: Path
 ) -> None:
     listed = quantities(small, text, tmp_path)
@@ -143,7 +143,7 @@ def test_a_value_of_a_hidden_body_is_hidden(small: str, text: str, tmp_path: Pat
         ("forall u in uav: distance(u, boat) <= 60 m", False),
     ],
 )
-def test_the_proofs_know_their_bounds(small: str, success: str, proved: bool) -> None:
+def test_proofs_use_the_bounds_of_battery_speed_distance_and_messages(small: str, success: str, proved: bool) -> None:
     text = small.replace("success when forall v in victim: rescued(v)", f"success when {success}", 1)
     codes = {code for code, _ in errors_of(compile_text(text))}
     assert bool(codes) is proved and all(code.startswith("LJ06") for code in codes), codes

@@ -23,7 +23,9 @@ def log_of(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> dict[str
     return log
 
 
-def test_a_file_with_errors(tmp_path: Path, small: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_with_errors_has_results_with_places_and_fixes(
+    tmp_path: Path, small: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     file = tmp_path / "a b.ljs"
     file.write_text(small.replace("  asset boat", "  asset baot").replace("visibility = 8 km", "visibilty = 8 km"))
     (run,) = log_of([str(file)], capsys)["runs"]
@@ -38,7 +40,7 @@ def test_a_file_with_errors(tmp_path: Path, small: str, capsys: pytest.CaptureFi
     assert len(second["relatedLocations"]) == 4
 
 
-def test_a_good_file_a_wrong_document_and_the_exit_codes(
+def test_a_good_file_has_no_results_and_a_faulty_document_has_results(
     tmp_path: Path, small: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     good, wrong = tmp_path / "good.ljs", tmp_path / "wrong.json"

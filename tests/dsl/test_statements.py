@@ -1,4 +1,4 @@
-"""The table of statements: it is complete, what is derived from it is up to date, and a new row works everywhere."""
+"""The table of statements: it is complete, the files derived from it are up to date, and a new row works everywhere."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SINGLE = {"goal", "capabilities", "scene", "clock", "budget", "weather", "comms"
 """Fields of a mission that hold one value; the checker reads them by name."""
 
 
-def test_what_is_derived_is_up_to_date() -> None:
+def test_files_derived_from_the_table_are_up_to_date() -> None:
     done = subprocess.run(
         [sys.executable, str(ROOT / "tools" / "statements.py"), "--check"], capture_output=True, text=True, check=False
     )
@@ -56,7 +56,7 @@ def test_each_part_of_a_mission_has_a_statement_that_is_checked_and_printed() ->
     assert {kind.paragraph for kind in STATEMENTS if kind.part} == set(PARAGRAPHS)
 
 
-def test_statements_stand_in_blocks_of_statements() -> None:
+def test_every_block_that_contains_statements_is_opened_by_a_statement() -> None:
     places = {place for kind in STATEMENTS for place in kind.within} - {FILE, TYPE}
     assert all(KINDS[place].opens_block for place in places)
 
@@ -69,7 +69,7 @@ def test_fields_of_patterns_are_fields_of_nodes() -> None:
 
 
 @pytest.mark.parametrize("keyword", KINDS)
-def test_each_example_is_that_statement(keyword: str) -> None:
+def test_each_example_is_parsed_as_its_statement(keyword: str) -> None:
     report = Reporter(SourceText(KINDS[keyword].example))
     (item,) = parse(report).items
     assert report.diagnostics == []

@@ -104,12 +104,12 @@ def test_an_engine_without_a_description_permits_every_word(small: str) -> None:
         assert [item for item in compile_text(changed).diagnostics if item.code != "LJ0505"] == []
 
 
-def test_a_body_of_another_engine_can_be_a_target() -> None:
+def test_a_target_of_another_engine_has_the_words_of_that_engine() -> None:
     words = status_words(GroupInfo("thing", "target", declaration("vessel"), {}))
     assert words == ("aground", "dormant", "idle", "moving")
 
 
-def test_a_declared_first_word_replaces_that_of_the_nature(small: str) -> None:
+def test_a_declared_initial_status_replaces_the_default_one(small: str) -> None:
     thaw = "interaction thaw { by = vessel, within = 9 m }"
     own = f"target hydrant {{ engine = city, status = frozen, {thaw} }}\nmission small"
     text = small.replace("mission small", own, 1)
@@ -126,6 +126,6 @@ def test_a_declared_first_word_replaces_that_of_the_nature(small: str) -> None:
         assert codes == ([] if good else ["LJ0109"]), (status, word, codes)
 
 
-def test_a_state_with_a_unit_is_no_fire() -> None:
+def test_a_heat_state_with_a_unit_does_not_make_a_target_a_fire() -> None:
     heat = {"heat": PropertyType(Type("quantity", BY_NAME["power"].dimension), state=True)}
     assert status_words(GroupInfo("thing", "target", declaration("city"), heat)) == ("dormant", "waiting")

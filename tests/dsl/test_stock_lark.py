@@ -118,25 +118,25 @@ def test_the_example_of_the_page_parses() -> None:
     assert documented()["tree"].data == "file"
 
 
-def test_shipped_files_are_accepted_by_both() -> None:
+def test_shipped_files_are_accepted_by_both_parsers() -> None:
     accepted, rejected = check_both(path.read_text(encoding="utf-8") for path in SHIPPED)
     assert (accepted, rejected) == (len(SHIPPED), 0) and accepted > 20
 
 
 @pytest.mark.parametrize("step", [5, pytest.param(1, marks=pytest.mark.thorough)])
-def test_the_texts_of_these_tests_are_judged_alike(step: int) -> None:
+def test_both_parsers_agree_on_the_texts_of_these_tests(step: int) -> None:
     """Each text alone and in a mission; every fifth text in `make test`."""
     accepted, rejected = check_both(islice(dict.fromkeys(literals()), 0, None, step))
     assert min(accepted, rejected) > 1000 / step
 
 
-def test_the_examples_of_the_documentation_are_judged_alike() -> None:
+def test_both_parsers_agree_on_the_examples_of_the_documentation() -> None:
     accepted, rejected = check_both(examples())
     assert accepted > 100 and rejected > 10
 
 
 @pytest.mark.parametrize("count", [120, pytest.param(520, marks=pytest.mark.thorough)])
-def test_mutations_are_judged_alike(small: str, count: int) -> None:
+def test_both_parsers_agree_on_mutations(small: str, count: int) -> None:
     """Of a small mission, of shipped files and of the texts of these tests in turn."""
     sources = (
         [small],
@@ -153,7 +153,7 @@ def test_mutations_are_judged_alike(small: str, count: int) -> None:
     assert accepted > count / 100 and rejected > count / 5, (accepted, rejected)
 
 
-def test_a_token_of_recovery_is_no_word_of_the_language() -> None:
+def test_the_error_token_of_the_parser_is_no_word_of_the_language() -> None:
     """`ERROR` stands in the grammar for the own parser's recovery alone: no text gives one."""
     assert own_tree("ERROR") == lark_tree("ERROR") is not None
     assert parse(Reporter(SourceText("param = 3 4\n"))).items, "the own parser goes on behind an error"

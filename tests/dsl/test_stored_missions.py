@@ -1,4 +1,4 @@
-"""Missions that were written for `ljs 1` go on compiling: stored copies of the shipped ones of the first release."""
+"""Missions that were written for `ljs 1` still compile: stored copies of the shipped ones of the first release."""
 
 from pathlib import Path
 
@@ -19,7 +19,7 @@ def test_there_are_stored_missions() -> None:
 
 
 @pytest.mark.parametrize("path", STORED, ids=lambda path: path.stem)
-def test_a_stored_mission_compiles_and_can_be_drawn(path: Path) -> None:
+def test_a_stored_mission_compiles_and_gives_an_instance(path: Path) -> None:
     mission = lingjing.compile(str(path))
     assert instantiate(mission, seed=1).entities
 
@@ -31,7 +31,7 @@ def test_a_stored_mission_has_at_most_the_warning_of_its_version(path: Path) -> 
 
 
 @pytest.mark.parametrize("path", STORED, ids=lambda path: path.stem)
-def test_an_upgraded_mission_is_the_same_and_declares_what_it_lets_agents_infer(path: Path) -> None:
+def test_an_upgrade_keeps_the_mission_and_adds_its_declassifications(path: Path) -> None:
     upgraded = upgrade_source(SourceText(path.read_text(), str(path)))
     assert upgraded.text is not None and upgraded.text.startswith("ljs 2\n")
     again = compile_text(upgraded.text)
@@ -41,7 +41,7 @@ def test_an_upgraded_mission_is_the_same_and_declares_what_it_lets_agents_infer(
     assert upgrade_source(SourceText(upgraded.text)).text == upgraded.text, "a second upgrade changes nothing"
 
 
-def test_a_file_with_errors_and_one_of_types_alone_are_upgraded_as_far_as_they_can() -> None:
+def test_a_faulty_file_is_not_upgraded_and_a_file_with_only_types_is_upgraded() -> None:
     broken = upgrade_source(SourceText('ljs 1\nmission m "M" { goal 3 }\n'))
     assert broken.text is None and broken.diagnostics
     types = "ljs 1\nasset a { engine = vessel, speed = 3 m/s }\n"

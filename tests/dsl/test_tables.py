@@ -48,7 +48,7 @@ def test_a_cold_check_imports_nothing_slow_of_the_standard_library(mission: str)
     assert done.stdout.strip() == "[]"
 
 
-def test_what_a_cold_check_hides_from_msgspec_can_be_imported_afterwards() -> None:
+def test_a_module_that_a_cold_check_hides_from_msgspec_can_be_imported_afterwards() -> None:
     script = (
         "import sys; from lingjing.cli.main import main;"
         "assert main(['validate', '--no-cache', sys.argv[1]]) == 0;"

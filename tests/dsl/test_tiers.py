@@ -104,7 +104,7 @@ def test_a_tier_sets_its_params_and_a_run_replaces_single_ones() -> None:
     assert mixed.weather.wind_mps == 3.0
 
 
-def test_readers_of_an_instance_meet_no_switch() -> None:
+def test_an_instance_contains_no_switch() -> None:
     assert not switches(instantiate(mission())) and not switches(instantiate(mission(), tier=1))
 
 
@@ -124,7 +124,9 @@ def test_places_along_a_line_lie_on_it_and_clear_of_its_ends() -> None:
 
 
 @pytest.mark.parametrize("form", ["ljs", "json"])
-def test_every_form_of_the_mission_keeps_them(form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_text_and_json_of_a_mission_keep_its_tier_and_switches(
+    form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     source, again = tmp_path / "m.ljs", tmp_path / "again.ljs"
     source.write_text(text(more="expect { oracle wins with tier = 1, light = false }"), encoding="utf-8")
     if form == "json":
@@ -154,7 +156,7 @@ def test_every_form_of_the_mission_keeps_them(form: str, tmp_path: Path, capsys:
         ("tier 1 { takeoff() }", "", ""),
     ],
 )
-def test_mistakes_in_a_tier(tier: str, code: str, message: str) -> None:
+def test_a_faulty_tier_is_an_error(tier: str, code: str, message: str) -> None:
     compilation = compile_text(text(tier))
     assert compilation.mission is None
     if code:
@@ -174,7 +176,7 @@ def test_mistakes_in_a_tier(tier: str, code: str, message: str) -> None:
         ("expect { oracle wins with tier = 2 }", "LJ0206", "the mission has no such tier"),
     ],
 )
-def test_mistakes_beside_a_tier(line: str, code: str, message: str) -> None:
+def test_a_faulty_limit_param_or_expectation_beside_a_tier_is_an_error(line: str, code: str, message: str) -> None:
     (diagnostic,) = compile_text(text(more=line)).diagnostics
     assert diagnostic.code == code and message in diagnostic.message
 
@@ -204,7 +206,7 @@ def test_an_unknown_tier_is_refused(tier: int, message: str, hint: str) -> None:
     assert caught.value.hint.startswith(hint)
 
 
-def test_the_switch_of_noise_is_reserved_and_the_message_names_what_there_is(
+def test_the_noise_switch_is_reserved_and_the_message_names_an_alternative(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     for value in ("true", "1"):
@@ -219,14 +221,14 @@ def test_the_switch_of_noise_is_reserved_and_the_message_names_what_there_is(
     assert made is not None and instantiate(made, settings={"noise": 1.0}).settings["noise"] == 1.0
 
 
-def test_a_mission_without_tiers_names_the_way_out(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_tier_of_a_mission_without_tiers_is_refused_with_a_hint(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["run", "queue", "--tier", "1", "--policy", "idle"]) == ExitCode.USAGE
     assert "mission 'queue' declares no tier 1\nhint: it can be played at tier 0; " in capsys.readouterr().err
     assert run_command(["run", "queue", "--tier", "x"]) == ExitCode.USAGE
     assert "--tier x: there is no such tier\nhint: tiers are 0 to 3" in capsys.readouterr().err
 
 
-def test_a_tier_with_an_error_of_its_own_is_found_without_playing_it() -> None:
+def test_an_error_that_only_a_tier_has_is_found_without_playing_the_tier() -> None:
     wrong = text(more="region far = box((0 m, 0 m), (5 m * victims, 5 m)), grid cells over far { shape = 2 by 2 }")
     assert compile_text(wrong).mission is not None
     narrow = wrong.replace("clear >= 20 m", "clear >= 500 m")
@@ -236,7 +238,7 @@ def test_a_tier_with_an_error_of_its_own_is_found_without_playing_it() -> None:
     )
 
 
-def test_a_run_says_its_tier_in_its_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_report_of_a_run_contains_its_tier(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source = tmp_path / "m.ljs"
     source.write_text(text().replace("ticks <= 60", "ticks <= 14"), encoding="utf-8")
     words = ["run", str(source), "--policy", "idle", "--world", "inline", "--tier", "1", "--set", "light=off"]
@@ -269,8 +271,10 @@ def test_each_switch_of_the_nine_missions_can_be_set_alone(name: str) -> None:
         assert alone != base and alone.settings[name] == 1.0
 
 
-def test_a_document_that_places_its_targets_has_as_many_in_every_tier(capsys: pytest.CaptureFixture[str]) -> None:
-    """Tier 1 of `upr` has two leaks, and the document says where its one leak is."""
+def test_a_document_that_places_its_targets_has_the_same_number_in_every_tier(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Tier 1 of `upr` has two leaks, and the document declares the place of one leak."""
     file = Path(lingjing.__file__).parents[1] / "scenarios" / "reset" / "upr-001.json"
     assert run_command(["validate", str(file)]) == ExitCode.OK
     note = "holds 1 in every tier; what tier 1 of mission 'upr' sets for 'leaks' is left out"
@@ -282,7 +286,7 @@ def test_a_document_that_places_its_targets_has_as_many_in_every_tier(capsys: py
         assert instance.settings["guidance_steps"] == (30.0 if tier else 20.0)
 
 
-def test_a_limit_of_no_claim_by_a_param_is_an_error() -> None:
+def test_a_limit_of_claims_that_a_param_sets_to_zero_is_an_error() -> None:
     made = mission(more="param claims = 1 in 0..5\n  limit positives <= claims counts claims")
     with pytest.raises(lingjing.LingjingError, match="a limit of 0 claims"):
         instantiate(made, settings={"claims": 0.0})

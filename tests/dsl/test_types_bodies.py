@@ -42,7 +42,7 @@ def test_mounts_and_parts_are_values_of_the_group(small: str) -> None:
     assert {"length_m", "width_m", "height_m", "colour"} <= names and "look" not in names
 
 
-def test_a_type_keeps_its_bases_look_unless_its_body_differs(small: str) -> None:
+def test_a_type_keeps_the_look_of_its_base_unless_its_body_differs(small: str) -> None:
     def look(extra: str) -> set[str]:
         text = f"target beacon : person_in_water {{\n{extra}\n}}\n"
         made = group_of(with_type(small, text))
@@ -53,7 +53,7 @@ def test_a_type_keeps_its_bases_look_unless_its_body_differs(small: str) -> None
     assert look("length = 2 m\nlook = car") == {"car"}
 
 
-def test_a_mission_may_give_measures_of_its_own(small: str) -> None:
+def test_an_entity_can_have_its_own_measures_and_colour(small: str) -> None:
     text = small.replace(
         "  target victim[1..3] : person_in_water {",
         "  target victim[1..3] : person_in_water {\n    height ~ uniform(1 m, 2 m)\n    colour = pink",
@@ -79,12 +79,12 @@ def test_a_colour_is_drawn_from_a_list(small: str) -> None:
     assert {entity.properties["colour"] for entity in drawn} == {"red", "blue"}
 
 
-def test_a_draw_within_the_bounds_is_taken(small: str) -> None:
+def test_a_draw_within_the_bounds_is_accepted(small: str) -> None:
     lines = "length ~ normal(2 m, 1 m, low >= 1 mm, high <= 3 m)\nmass ~ uniform(1 kg, 3 kg)\nwidth = 1 mm"
     assert group_of(with_type(small, f"target beacon : person_in_water {{\n{lines}\n}}\n")).properties
 
 
-def test_bodies_survive_the_way_back_to_text(small: str) -> None:
+def test_bodies_are_kept_when_a_mission_is_printed(small: str) -> None:
     text = with_type(small, BUOY)
     mission = compile_text(text).mission
     assert mission is not None
@@ -121,13 +121,13 @@ def test_bodies_survive_the_way_back_to_text(small: str) -> None:
         ("part a : box { length = 1 m, width = 1 m, height = 1 m, far = 1 m }", "LJ0108", ""),
     ],
 )  # fmt: skip
-def test_faults_of_a_body(small: str, line: str, code: str, message: str) -> None:
+def test_a_faulty_body_gives_one_error(small: str, line: str, code: str, message: str) -> None:
     text = with_type(small, f"target beacon : person_in_water {{\n  {line}\n}}\n")
     (diagnostic,) = compile_text(text).diagnostics
     assert (diagnostic.code, diagnostic.message if message else "") == (code, message)
 
 
-def test_a_part_and_a_mount_are_declared_once(small: str) -> None:
+def test_a_part_or_a_mount_that_is_declared_twice_is_an_error(small: str) -> None:
     part = "part a : box { length = 1 m, width = 1 m, height = 1 m }\n"
     mount = "mount front { ahead = 1 m, above = 1 m, tilt = 0 deg }\n"
     text = f"target beacon : person_in_water {{\n{part}{part}{mount}{mount}}}\n"
@@ -135,7 +135,7 @@ def test_a_part_and_a_mount_are_declared_once(small: str) -> None:
     assert [item.code for item in diagnostics] == ["LJ0104", "LJ0104"]
 
 
-def test_a_mission_has_no_mounts_of_its_own(small: str) -> None:
+def test_a_part_outside_of_a_type_is_an_error(small: str) -> None:
     text = small.replace("  success when", "  part a : box { length = 1 m, width = 1 m, height = 1 m }\n  success when")
     assert {item.code for item in compile_text(text).diagnostics} == {"LJ0107"}
 

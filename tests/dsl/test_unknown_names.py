@@ -50,7 +50,7 @@ def test_a_declaration_of_another_kind_is_not_taken_for_a_misspelt_one(small: st
     assert item.fix is None and len(item.related) == 1
 
 
-def test_a_role_is_not_renamed_to_a_word(small: str) -> None:
+def test_an_unknown_name_in_a_condition_gets_no_fix_to_a_similar_role(small: str) -> None:
     text = small.replace("as searcher controls", "as searching controls", 1).replace("searcher", "scout")
     condition = "boat.heading == searcing and boat.heading != searcing"
     changed = text.replace("  unlock rescue", f"  adjudicate odd(v: victim) {{ when {condition} }}\n  unlock rescue", 1)
@@ -73,7 +73,7 @@ def test_all_uses_of_a_misspelt_name_are_one_error_and_one_fix(small: str) -> No
     assert fix_source(SourceText(text), compile_source, unsafe=True).text == small
 
 
-def test_a_word_for_a_text_gets_its_quotes(small: str) -> None:
+def test_a_bare_word_in_place_of_a_text_gets_a_fix_with_quotes(small: str) -> None:
     rule = "  adjudicate sure(r: detection) {{ when r.cell == {} }}\n  unlock rescue"
     text = small.replace("  unlock rescue", rule.format("kiln"), 1)
     (item,) = compile_text(text).diagnostics
@@ -95,7 +95,7 @@ def test_an_interaction_belongs_to_the_type_of_the_entity(small: str, call: str,
     assert [item.message for item in compile_text(text).diagnostics] == [message]
 
 
-def test_a_rule_without_its_brackets_is_named_as_a_rule(small: str) -> None:
+def test_a_rule_without_brackets_gets_a_hint(small: str) -> None:
     text = small.replace("{ done when rescued(v) }", "{ done when rescued }", 1)
     (item,) = compile_text(text).diagnostics
     assert (item.code, item.hint) == ("LJ0101", "`rescued` is a rule: write `rescued(v)`")

@@ -17,7 +17,7 @@ from lingjing.testing.documents import decode
 HERE = Path(__file__).parent
 
 
-def test_a_file_of_version_1_is_the_mission_that_it_was() -> None:
+def test_a_file_of_version_1_compiles_to_the_stored_mission() -> None:
     stored = HERE / "golden" / "user_v1.mission.json"
     before = decode(stored.read_text(encoding="utf-8"), str(stored))
     now = lingjing.compile(HERE / "data" / "user_v1.ljs")

@@ -26,7 +26,7 @@ mission wide "A wide area" {
 ELEMENTS = 'tle1 = "1 25544U 98067A   26079.50000000  .00016717  00000-0  10270-3 0  9005"'
 
 
-def test_a_camera_for_the_air_in_orbit() -> None:
+def test_a_camera_for_aircraft_on_a_satellite_gives_a_warning() -> None:
     compilation = compile_text(TEXT)
     (diagnostic,) = compilation.diagnostics
     assert compilation.mission is not None and diagnostic.severity == "warning"
@@ -55,12 +55,12 @@ def test_fitting_and_unknown_pictures_give_no_warning(old: str, new: str) -> Non
     assert compile_text(TEXT.replace(old, new)).diagnostics == ()
 
 
-def test_the_preset_fits_a_small_district() -> None:
+def test_the_orbit_preset_fits_a_small_district() -> None:
     small = TEXT.replace("city { extent = 3 km, datum = sea level at -3 m }", "commercial { extent = 600 m }")
     assert compile_text(small.replace("nadir_hd { size", "orbit { size")).diagnostics == ()
     assert [item.code for item in compile_text(small).diagnostics] == ["LJ0506"]
 
 
-def test_elements_may_be_of_a_lower_orbit() -> None:
+def test_the_height_of_the_orbit_is_computed_from_the_elements() -> None:
     text = TEXT.replace("satellite { camera", f"satellite {{ {ELEMENTS}, camera")
     assert "from 160 km" in compile_text(text).diagnostics[0].message
