@@ -25,7 +25,9 @@ def results(path: Path) -> Path:
     return path
 
 
-def test_a_page_with_pictures_and_results(played: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_page_has_the_pictures_of_a_trace_and_the_results_of_a_suite(
+    played: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     table = results(tmp_path / "results.parquet")
     code = run_command(["docs", "ssr", "--trace", str(played), "--results", str(table), "-o", str(tmp_path / "pages")])
     assert code == 0
@@ -54,7 +56,7 @@ def test_a_page_with_pictures_and_results(played: Path, tmp_path: Path, capsys: 
         (("docs", "ssr", "--trace", "{trace}", "-o", "/proc/nowhere"), "/proc/nowhere"),
     ],
 )
-def test_what_cannot_be_written_is_said(
+def test_a_page_that_cannot_be_written_gives_a_message(
     arguments: tuple[str, ...], message: str, played: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     filled = [part.format(trace=played, out=tmp_path / "pages") for part in arguments]

@@ -16,7 +16,7 @@ def lingjing(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     return run_python(command)
 
 
-def test_text_and_json_go_round(tmp_path: Path) -> None:
+def test_a_mission_is_unchanged_from_json_to_text_and_back(tmp_path: Path) -> None:
     first, text, second = tmp_path / "a.json", tmp_path / "b.ljs", tmp_path / "c.json"
     assert lingjing("compile", mission_file("ssr"), "-o", first).returncode == 0
     done = lingjing("compile", first, "--emit", "ljs", "-o", text)
@@ -27,14 +27,14 @@ def test_text_and_json_go_round(tmp_path: Path) -> None:
     assert before == after
 
 
-def test_what_is_left_out_is_said(tmp_path: Path) -> None:
+def test_parts_that_the_text_leaves_out_are_reported(tmp_path: Path) -> None:
     done = lingjing("compile", mission_file("reset/ssr-001.json"), "--emit", "ljs")
     assert done.returncode == 0
     assert done.stdout.startswith("ljs 2\n")
     assert "note: $.origin.document cannot be written in .ljs and is left out" in done.stderr
 
 
-def test_the_object_that_is_added_is_said_and_can_be_left_out() -> None:
+def test_the_object_added_to_a_reset_scenario_is_reported_and_can_be_left_out() -> None:
     listing = mission_file("reset/ssr-001.json")
     done = lingjing("compile", listing, "--emit", "reset-scenario")
     assert done.stdout != listing.read_text() and "note: the object 'lingjing' was added" in done.stderr
@@ -43,7 +43,7 @@ def test_the_object_that_is_added_is_said_and_can_be_left_out() -> None:
     assert lingjing("compile", listing, "--plain").returncode == 2
 
 
-def test_compile_refuses_what_validate_refuses(tmp_path: Path) -> None:
+def test_other_commands_refuse_a_mission_that_validate_refuses(tmp_path: Path) -> None:
     """A document with an unwinnable mission: at three metres a second the boat does not reach a place 40 km away."""
     far = tmp_path / "far.json"
     listing = json.loads(mission_file("reset/ssr-001.json").read_text())

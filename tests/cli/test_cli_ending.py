@@ -88,7 +88,7 @@ def test_a_policy_that_cannot_be_built_is_named(init: str, short: Path, tmp_path
     assert re.search(r"boom \(p.py:\d+\)\nhint: ", done.stderr)
 
 
-def test_what_policies_print_stays_out_of_the_result(short: Path, tmp_path: Path) -> None:
+def test_output_of_policies_is_not_mixed_into_the_json_result(short: Path, tmp_path: Path) -> None:
     policy = write_policy(
         tmp_path, init="print('built')", reset="os.write(1, b'raw')", act="print('acted'); sys.stdout.close()"
     )
@@ -99,18 +99,20 @@ def test_what_policies_print_stays_out_of_the_result(short: Path, tmp_path: Path
         assert word in done.stderr
 
 
-def test_replaced_answers_are_told_with_the_first_failure(pictured: Path, tmp_path: Path) -> None:
+def test_replaced_answers_are_reported_with_the_first_failure(pictured: Path, tmp_path: Path) -> None:
     policy = write_policy(tmp_path, act="raise ValueError('no idea')")
     done = lingjing("run", pictured, "--policy", policy, "--json", "--no-overview", "-o", "out", cwd=tmp_path)
     assert done.returncode == 0
     expected = "12 of 12 policy answers were replaced by doing nothing (policy_error 12); the first was `scout[1]`: "
-    hopeless, warning = json.loads(done.stdout)["warnings"]
-    assert hopeless.startswith("this could not be won (LJ0601): `boat` cannot come within 50 m of")
+    infeasible, warning = json.loads(done.stdout)["warnings"]
+    assert infeasible.startswith("this could not be won (LJ0601): `boat` cannot come within 50 m of")
     assert re.fullmatch(re.escape(f"{expected}ValueError: no idea ") + r"\(p.py:\d+\)", warning)
-    assert done.stderr == f"warning: seed 0: {hopeless}\nwarning: seed 0: {warning}\n"
+    assert done.stderr == f"warning: seed 0: {infeasible}\nwarning: seed 0: {warning}\n"
 
 
-def test_a_thread_that_a_policy_leaves_behind_does_not_hold_the_command(short: Path, tmp_path: Path) -> None:
+def test_a_thread_that_a_policy_leaves_running_does_not_delay_the_end_of_the_command(
+    short: Path, tmp_path: Path
+) -> None:
     policy = write_policy(tmp_path, reset="asyncio.get_running_loop().run_in_executor(None, time.sleep, 600)")
     done = lingjing("run", short, "--policy", policy, "--json", "--no-overview", "-o", "out", cwd=tmp_path)
     assert (done.returncode, json.loads(done.stdout)["reason"]) == (0, "budget")
@@ -120,7 +122,7 @@ def test_a_thread_that_a_policy_leaves_behind_does_not_hold_the_command(short: P
     "closed",
     [*(pytest.param(closed, marks=pytest.mark.thorough) for closed in (">&-", "2>&-")), ">&- 2>&- <&-"],
 )
-def test_closed_streams_are_no_fault(closed: str, short: Path, tmp_path: Path) -> None:
+def test_closed_streams_cause_no_error(closed: str, short: Path, tmp_path: Path) -> None:
     script = f'"$@" {closed}'
     command = ["sh", "-c", script, "sh", *COMMAND, "run", str(short), "--policy", "random"]
     command += ["-o", "out", "--no-overview"]
@@ -151,7 +153,7 @@ def test_a_file_size_limit_leaves_a_readable_part(pictured: Path, tmp_path: Path
 
 
 def group_is_gone(leader: int) -> bool:
-    """Return whether no living process is a descendant of `leader` by session."""
+    """True if no living process belongs to the session of `leader`."""
     for entry in Path("/proc").iterdir():
         try:
             fields = (entry / "stat").read_text().rpartition(")")[2].split() if entry.name.isdigit() else None
@@ -163,7 +165,7 @@ def group_is_gone(leader: int) -> bool:
 
 
 def has_begun(part: Path) -> bool:
-    """Return whether the trace holds a boundary; before it, an interrupt leaves no report."""
+    """True if the trace holds a boundary: before it, an interrupt leaves no report."""
     try:
         return bool(read_trace(part).boundaries)
     except LingjingError:  # half of its header
@@ -196,7 +198,7 @@ def ended(
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, pytest.param(signal.SIGHUP, marks=pytest.mark.thorough)])
-def test_being_told_to_end_is_an_interrupt(number: signal.Signals, endless: Path, tmp_path: Path) -> None:
+def test_a_termination_signal_interrupts_the_run(number: signal.Signals, endless: Path, tmp_path: Path) -> None:
     process, out, err = ended(endless, (), tmp_path, 1, lambda process: process.send_signal(number))
     answer = json.loads(out)
     assert (process.returncode, answer["reason"]) == (130, INTERRUPTED)
@@ -205,7 +207,7 @@ def test_being_told_to_end_is_an_interrupt(number: signal.Signals, endless: Path
     assert read_trace(tmp_path / "out" / "trace.mcap.part").boundaries
 
 
-def test_an_impatient_control_c_is_an_interrupt_too(endless: Path, tmp_path: Path) -> None:
+def test_repeated_control_c_is_reported_as_one_interrupt(endless: Path, tmp_path: Path) -> None:
     def impatient(process: subprocess.Popen[str]) -> None:
         for _ in range(6):
             if process.poll() is None:
@@ -218,7 +220,7 @@ def test_an_impatient_control_c_is_an_interrupt_too(endless: Path, tmp_path: Pat
     assert err.count("\n") == 1
 
 
-def test_interrupting_several_at_a_time_reports_each(endless: Path, tmp_path: Path) -> None:
+def test_an_interrupt_of_parallel_episodes_reports_each_of_them(endless: Path, tmp_path: Path) -> None:
     process, out, err = ended(
         endless, ("--seeds", "0-3", "-j", "2"), tmp_path, 2, lambda process: os.killpg(process.pid, signal.SIGINT)
     )
@@ -232,13 +234,13 @@ def test_interrupting_several_at_a_time_reports_each(endless: Path, tmp_path: Pa
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["boats-broadcast-0-1", "boats-broadcast-1-1"]
 
 
-def test_killing_the_caller_of_several_leaves_nothing_running(endless: Path, tmp_path: Path) -> None:
+def test_killing_the_command_of_parallel_episodes_leaves_no_process(endless: Path, tmp_path: Path) -> None:
     process, out, _ = ended(endless, ("--seeds", "0-3", "-j", "2"), tmp_path, 2, lambda process: process.kill())
     assert (process.returncode, out) == (-signal.SIGKILL, "")
     assert not list(tmp_path.rglob("trace.mcap"))
 
 
-def test_compiling_to_a_device_writes_to_it(tmp_path: Path) -> None:
+def test_output_to_a_named_pipe_is_written_into_the_pipe(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     reader = subprocess.Popen(["cat", pipe], stdout=subprocess.PIPE, text=True)
@@ -289,7 +291,7 @@ def test_a_text_of_32_mb_is_read(tmp_path: Path, capsys) -> None:
     assert "error[LJ0106]" in capsys.readouterr().out
 
 
-def test_an_output_that_is_a_file_is_called_one(short: Path, tmp_path: Path, capsys) -> None:
+def test_an_output_folder_that_is_a_file_is_a_usage_error(short: Path, tmp_path: Path, capsys) -> None:
     (tmp_path / "taken").write_text("mine")
     assert run_command(["run", str(short), "-o", str(tmp_path / "taken")]) == 2
     assert "is a file, not a folder" in capsys.readouterr().err
@@ -313,7 +315,7 @@ def test_wrong_arguments_from_python_are_usage_errors(wrong, message, short: Pat
     assert os.listdir(tmp_path) == []
 
 
-def test_python_plays_a_class_inside_a_running_loop(pictured: Path, tmp_path: Path) -> None:
+def test_the_python_api_plays_a_policy_class_inside_a_running_event_loop(pictured: Path, tmp_path: Path) -> None:
     import asyncio
 
     import lingjing as package
@@ -344,7 +346,7 @@ def test_interrupted_episodes_count_in_no_rate() -> None:
     assert suite.tsr == 1.0
 
 
-def test_the_score_is_grouped_and_says_what_is_undefined() -> None:
+def test_the_scorecard_is_grouped_and_marks_undefined_metrics() -> None:
     stage = StageMetric(name="detect", done=1, required=3, cumulative=False)
     report = episode("budget", precision=None, recall=0.25, f1=None, kilobytes=5.688, reports=4, false_positives=1,
                      localisation_error_m=None, stages=(stage,))  # fmt: skip
@@ -373,7 +375,7 @@ print(code, hasattr(sys.modules.get("msgspec._core"), "Struct"))
 """
 
 
-def test_msgspec_is_loaded_whole_before_an_interrupt_is_heard(tmp_path: Path) -> None:
+def test_an_interrupt_takes_effect_after_msgspec_is_completely_loaded(tmp_path: Path) -> None:
     """A partial import crashed the process later, when a value was decoded."""
     command = [sys.executable, "-c", INTERRUPTED_WHILE_MSGSPEC_LOADS]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=600)

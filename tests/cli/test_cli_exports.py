@@ -96,7 +96,7 @@ def importable(name: str) -> bool:
     return importlib.util.find_spec(name) is not None
 
 
-def test_mujoco_reads_the_model_and_a_ray_meets_a_roof(city: Any, files: dict[str, Path]) -> None:
+def test_mujoco_reads_the_model_and_a_ray_hits_a_roof(city: Any, files: dict[str, Path]) -> None:
     mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
     model = mujoco.MjModel.from_xml_path(str(files["mjcf"]))
     data = mujoco.MjData(model)
@@ -104,10 +104,10 @@ def test_mujoco_reads_the_model_and_a_ray_meets_a_roof(city: Any, files: dict[st
     assert f"lat_0={city.origin[0]!r}" in files["mjcf"].read_text(encoding="utf-8")
     building = max(city.buildings, key=lambda each: each.top_m)
     inside = shapely.Polygon(building.polygon).representative_point()
-    met = np.array([-1], np.int32)
-    fall = mujoco.mj_ray(model, data, (inside.x, inside.y, 500.0), (0.0, 0.0, -1.0), None, 1, -1, met)
+    hit = np.array([-1], np.int32)
+    fall = mujoco.mj_ray(model, data, (inside.x, inside.y, 500.0), (0.0, 0.0, -1.0), None, 1, -1, hit)
     assert 500.0 - fall == pytest.approx(building.top_m, abs=0.01)
-    assert building.id in model.geom(int(met[0])).name
+    assert building.id in model.geom(int(hit[0])).name
 
 
 def test_trimesh_reads_the_gltf_with_y_up(city: Any, files: dict[str, Path]) -> None:
@@ -151,7 +151,7 @@ def test_csv_and_parquet_hold_the_tables(run: Path, tmp_path: Path) -> None:
     assert bodies.column("z_m").to_pylist() == [row.z_m for row in rows]
 
 
-def test_ways_are_geojson(run: Path, tmp_path: Path) -> None:
+def test_the_geojson_of_a_trace_has_the_ways_of_its_entities(run: Path, tmp_path: Path) -> None:
     target = tmp_path / "ways.geojson"
     assert run_command(["trace", "export", str(run), "--format", "geojson", "-o", str(target)]) == 0
     document = json.loads(target.read_text(encoding="utf-8"))
@@ -176,7 +176,9 @@ def files_of_at_most(size: int) -> Iterator[None]:
 
 
 @pytest.mark.parametrize("kind", ["glb", "geojson", "sumo", "mjcf"])
-def test_a_city_that_does_not_fit_leaves_nothing(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_city_export_that_exceeds_the_space_leaves_no_file(
+    kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     with files_of_at_most(4096):
         code = run_command(["scene", "export", "bi", "--format", kind, "-o", str(tmp_path / "city")])
     assert code == 2
@@ -185,7 +187,7 @@ def test_a_city_that_does_not_fit_leaves_nothing(kind: str, tmp_path: Path, caps
 
 
 @pytest.mark.parametrize("kind", ["csv", "parquet", "geojson"])
-def test_a_trace_that_does_not_fit_leaves_nothing(
+def test_a_trace_export_that_exceeds_the_space_leaves_no_file(
     kind: str, run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with files_of_at_most(512):
@@ -197,7 +199,7 @@ def test_a_trace_that_does_not_fit_leaves_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_wrong_words_are_one_message(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_wrong_argument_gives_one_message(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     target = str(tmp_path / "out")
     for words, message in (
         (["scene", "export", "bi", "--format", "gltf", "-o", target], "no format is called `gltf`"),

@@ -1,4 +1,4 @@
-"""The first messages that a user meets: a misspelt word, a file name in Python, an error, a printed value."""
+"""The first messages that a user sees: a misspelt word, a file name in Python, an error, a printed value."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ EXAMPLE = Path(__file__).parents[2] / "docs" / "errors" / "example.ljs"
         (["bench", "main", "--chek"], "--check"),
     ],
 )
-def test_a_slip_in_a_word_is_met_with_the_word(
+def test_a_misspelt_verb_or_option_gets_a_suggestion(
     arguments: list[str], suggestion: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as ended:
@@ -74,14 +74,14 @@ def test_a_slip_in_a_word_is_met_with_the_word(
         (["bench", "mian"], "error: there is no suite `mian`\nhint: did you mean `main`?\n"),
     ],
 )
-def test_a_slip_in_a_name_is_met_with_the_name_and_nothing_else(
+def test_a_misspelt_name_gives_exactly_one_error_and_its_hint(
     arguments: list[str], message: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
     assert run_command(arguments) == ExitCode.USAGE
     assert capfd.readouterr().err == message
 
 
-def test_a_word_that_is_near_to_none_proposes_none(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_word_similar_to_no_verb_or_option_gets_no_suggestion(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         run_command(["zzzzzzzz"])
     with pytest.raises(SystemExit):
@@ -89,7 +89,7 @@ def test_a_word_that_is_near_to_none_proposes_none(capsys: pytest.CaptureFixture
     assert "did you mean" not in capsys.readouterr().err
 
 
-def test_validate_says_on_a_terminal_that_all_is_well(
+def test_validate_reports_valid_files_on_a_terminal_only(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run_command(["validate", str(EXAMPLE)]) == ExitCode.OK
@@ -101,7 +101,7 @@ def test_validate_says_on_a_terminal_that_all_is_well(
 
 
 @pytest.mark.parametrize("as_path", [str, Path])
-def test_run_takes_a_file(tmp_path: Path, as_path: type[str | Path]) -> None:
+def test_the_python_api_runs_a_mission_file(tmp_path: Path, as_path: type[str | Path]) -> None:
     broken = tmp_path / "broken.ljs"
     broken.write_text(EXAMPLE.read_text().replace("  goal", "  gaol"))
     with pytest.raises(MissionError, match=r"broken\.ljs:7:3"):
@@ -110,7 +110,7 @@ def test_run_takes_a_file(tmp_path: Path, as_path: type[str | Path]) -> None:
         lingjing.run(as_path(EXAMPLE), policy="nobody")
 
 
-def test_run_names_what_is_no_mission() -> None:
+def test_the_python_api_refuses_to_run_a_value_that_is_no_mission() -> None:
     with pytest.raises(UsageError, match="expected a mission, not 'int'"):
         lingjing.run(3)  # type: ignore[arg-type]
 
@@ -123,7 +123,7 @@ def test_a_traceback_shows_the_hint() -> None:
     assert not hasattr(UsageError("without"), "__notes__")
 
 
-def test_printed_values_are_short() -> None:
+def test_missions_and_instances_have_a_short_repr() -> None:
     mission = lingjing.compile("ssr")
     assert repr(mission) == (
         "<Mission ssr 'Sea search and rescue': 14 parameters, 7 groups, 3 agents, 3 rules, star/broadcast>"

@@ -18,7 +18,7 @@ def fmt(*arguments: str | Path, stdin: str = "") -> subprocess.CompletedProcess[
     return run_python(command, input=stdin)
 
 
-def test_a_file_is_written_in_place_and_then_left(tmp_path: Path) -> None:
+def test_a_file_is_formatted_in_place_and_not_written_again(tmp_path: Path) -> None:
     file = tmp_path / "a.ljs"
     file.write_text(UGLY)
     done = fmt(file)
@@ -38,7 +38,7 @@ def test_check_writes_nothing(tmp_path: Path) -> None:
     assert fmt("--check", file).returncode == 0
 
 
-def test_diff_shows_and_writes_nothing(tmp_path: Path) -> None:
+def test_diff_prints_the_changes_and_writes_nothing(tmp_path: Path) -> None:
     file = tmp_path / "a.ljs"
     file.write_text(UGLY)
     done = fmt("--diff", file)
@@ -47,7 +47,7 @@ def test_diff_shows_and_writes_nothing(tmp_path: Path) -> None:
     assert file.read_text() == UGLY
 
 
-def test_line_ends_alone_are_a_change(tmp_path: Path) -> None:
+def test_a_file_that_differs_only_in_line_ends_is_reformatted(tmp_path: Path) -> None:
     file = tmp_path / "a.ljs"
     file.write_bytes(NEAT.replace("\n", "\r\n").encode())
     assert fmt("--check", file).returncode == 1
@@ -60,7 +60,7 @@ def test_standard_input_goes_to_standard_output() -> None:
     assert (done.returncode, done.stdout) == (0, NEAT)
 
 
-def test_a_file_with_syntax_errors_is_left_and_they_are_listed(tmp_path: Path) -> None:
+def test_a_file_with_syntax_errors_is_not_changed_and_its_errors_are_listed(tmp_path: Path) -> None:
     bad, good = tmp_path / "bad.ljs", tmp_path / "good.ljs"
     bad.write_text("ljs 1\nasset a { engine = }\n")
     good.write_text(UGLY)
@@ -70,7 +70,7 @@ def test_a_file_with_syntax_errors_is_left_and_they_are_listed(tmp_path: Path) -
     assert (bad.read_text(), good.read_text()) == ("ljs 1\nasset a { engine = }\n", NEAT)
 
 
-def test_what_cannot_be_read_is_a_usage_error_and_the_rest_is_done(tmp_path: Path) -> None:
+def test_an_unreadable_file_is_a_usage_error_and_the_others_are_formatted(tmp_path: Path) -> None:
     good = tmp_path / "good.ljs"
     good.write_text(UGLY)
     done = fmt(tmp_path / "none.ljs", good)
@@ -79,7 +79,7 @@ def test_what_cannot_be_read_is_a_usage_error_and_the_rest_is_done(tmp_path: Pat
     assert good.read_text() == NEAT
 
 
-def test_a_folder_means_its_missions(tmp_path: Path) -> None:
+def test_a_folder_argument_formats_the_missions_in_it(tmp_path: Path) -> None:
     (tmp_path / "sub").mkdir()
     (tmp_path / "sub" / "a.ljs").write_text(UGLY)
     (tmp_path / "notes.txt").write_text(UGLY)

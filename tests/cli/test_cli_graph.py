@@ -36,13 +36,13 @@ def test_mermaid_goes_to_standard_output(capsys: pytest.CaptureFixture[str]) -> 
         ("a.json", "json"), ("a", "mermaid"),
     ],
 )  # fmt: skip
-def test_the_name_chooses_the_format(tmp_path: Path, name: str, chosen: str) -> None:
+def test_the_file_suffix_chooses_the_format(tmp_path: Path, name: str, chosen: str) -> None:
     assert run_command(["graph", SSR, "-o", str(tmp_path / name)]) == ExitCode.OK
     assert (tmp_path / name).read_text(encoding="utf-8").startswith(STARTS[chosen])
     assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
-def test_the_option_wins_over_the_name(tmp_path: Path) -> None:
+def test_the_format_option_has_priority_over_the_file_suffix(tmp_path: Path) -> None:
     out = tmp_path / "a.svg"
     assert run_command(["graph", SSR, "--format", "dot", "-o", str(out)]) == ExitCode.OK
     assert out.read_text(encoding="utf-8").startswith(STARTS["dot"])
@@ -54,7 +54,7 @@ def test_each_format_goes_to_standard_output(chosen: str, capsys: pytest.Capture
     assert capsys.readouterr().out.startswith(STARTS[chosen])
 
 
-def test_a_mode_shows_only_what_is_there_in_it(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_graph_of_a_mode_has_only_the_agents_of_that_mode(capsys: pytest.CaptureFixture[str]) -> None:
     names_by_mode = {}
     for mode in ("star", "broadcast"):
         assert run_command(["graph", SSR, "--mode", mode, "--format", "json"]) == ExitCode.OK
@@ -81,7 +81,7 @@ def test_a_compiled_mission_draws_the_same_graph(tmp_path: Path, capsys: pytest.
         (["-o", "nowhere/at/all/graph.svg"], "cannot write `nowhere/at/all/graph.svg`"),
     ],
 )
-def test_a_mistake_is_one_message_with_a_way_out(
+def test_a_wrong_argument_gives_one_message_and_a_hint(
     arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run_command(["graph", SSR, *arguments]) == ExitCode.USAGE
@@ -122,7 +122,7 @@ def test_conditions_are_a_table_on_a_terminal_that_is_wide_enough(
 
 
 @pytest.mark.parametrize("arguments", [["--format", "json"], ["-o", "OUT.json"]])
-def test_conditions_are_json_by_format_and_by_name(
+def test_conditions_are_json_by_the_format_option_or_by_the_file_suffix(
     arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -141,7 +141,7 @@ def test_conditions_are_json_by_format_and_by_name(
         (["-o", "nowhere/at/all/conditions.txt"], "cannot write `nowhere/at/all/conditions.txt`"),
     ],
 )
-def test_a_mistake_with_conditions_is_one_message(
+def test_a_wrong_argument_with_conditions_gives_one_message(
     arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run_command(["graph", SSR, "--conditions", *arguments]) == ExitCode.USAGE

@@ -73,7 +73,7 @@ def runs(pid: int) -> bool:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("jobs", ["1", "2"])
-def test_a_ruined_process_costs_its_agent_a_turn_and_the_seeds_play_on(short: Path, jobs: str) -> None:
+def test_a_damaged_policy_process_costs_one_decision_and_all_seeds_are_played(short: Path, jobs: str) -> None:
     (short / "plan").write_text("settle leave\nclose\ndeepen\n")
     done = run(short, "--seeds", "0-3", "-j", jobs)
     assert done.returncode == 0, done.stderr
@@ -97,15 +97,15 @@ def descendants_of(pid: int) -> set[int]:
 
 
 @pytest.mark.parametrize(
-    ("deed", "message"),
+    ("damage", "message"),
     [
         ("vanish", ".part was removed, or its folder was, while"),
         ("cut", " was changed by another program while the episode was played: "),
         ("plant", " was changed by another program while the episode was played: Is a directory"),
     ],
 )
-def test_a_policy_that_meddles_with_the_output_ends_its_own_episode(short: Path, deed: str, message: str) -> None:
-    (short / "plan").write_text(f"{deed}\n")
+def test_a_policy_that_damages_the_output_aborts_only_its_own_episode(short: Path, damage: str, message: str) -> None:
+    (short / "plan").write_text(f"{damage}\n")
     done = run_python(line("--seeds", "0-1"), cwd=short)
     assert done.returncode == 3, done.stderr
     first, second = json.loads(done.stdout)["episodes"]

@@ -27,13 +27,13 @@ def test_plugins_lists_the_built_in_engines_and_the_agents_with_their_source(cap
     assert offers["scene", "bay"]["summary"]
 
 
-def test_plugins_prints_a_line_each(capsys) -> None:
+def test_plugins_prints_one_line_for_each_plugin(capsys) -> None:
     assert run_command(["plugins"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert any(line.split()[:3] == ["policy", "heuristic", "agents"] for line in lines)
 
 
-def test_plugins_lists_the_options_of_one_with_type_bounds_default_and_help(capsys) -> None:
+def test_plugins_lists_type_bounds_default_and_help_of_the_options_of_a_policy(capsys) -> None:
     assert run_command(["plugins", "react"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].split() == ["policy", "react", "agents"]
@@ -107,14 +107,14 @@ def test_a_new_agent_needs_a_python_name(name: str, tmp_path: Path, monkeypatch)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_new_in_a_folder_that_is_gone_is_a_usage_error(tmp_path: Path) -> None:
+def test_new_agent_in_a_missing_folder_is_a_usage_error(tmp_path: Path) -> None:
     from lingjing.cli.new import write_agent
 
     with pytest.raises(UsageError, match="cannot write"):
         write_agent("scout", tmp_path / "gone")
 
 
-def test_doctor_finds_this_machine_fit(capsys) -> None:
+def test_doctor_finds_no_problem_on_this_machine(capsys) -> None:
     assert run_command(["doctor", "--output-format", "json"]) == 0
     findings = json.loads(capsys.readouterr().out)
     assert {finding["name"]: finding["ok"] for finding in findings} == dict.fromkeys(
@@ -142,14 +142,14 @@ def test_doctor_finds_this_machine_fit(capsys) -> None:
     assert "OpenGL" in next(finding["found"] for finding in findings if finding["name"] == "rendering")
 
 
-def test_doctor_names_the_extras_that_are_not_here(monkeypatch) -> None:
+def test_doctor_lists_the_extras_that_are_not_installed(monkeypatch) -> None:
     monkeypatch.setattr(doctor, "find_spec", lambda name: None if name in ("rerun", "websockets") else name)
     finding = doctor.check_extras()
     assert finding.ok and finding.found.endswith("; not installed: foxglove, rerun")
     assert finding.advice.startswith("pip install 'rerun-sdk>=0.41' 'websockets>=14', or")
 
 
-def test_doctor_says_what_to_install(capsys, monkeypatch) -> None:
+def test_doctor_names_the_package_of_a_missing_system_library(capsys, monkeypatch) -> None:
     absent = libraries.SystemLibrary("libNoSuchThing.so.9", "libnosuchthing9", "a test")
     monkeypatch.setattr(libraries, "SYSTEM_LIBRARIES", (*libraries.SYSTEM_LIBRARIES, absent))
     monkeypatch.setattr(doctor, "CHECKS", (doctor.check_python, doctor.check_libraries))
@@ -168,7 +168,7 @@ def test_doctor_says_what_to_install(capsys, monkeypatch) -> None:
         ("import time; time.sleep(3600)", "no answer within 2 s"),
     ],
 )
-def test_a_probe_that_dies_is_a_finding(code: str, expected: str, monkeypatch) -> None:
+def test_a_probe_that_crashes_fails_or_hangs_is_a_finding(code: str, expected: str, monkeypatch) -> None:
     if "sleep" in code:
         monkeypatch.setattr(doctor, "PROBE_S", 2.0)
     finding = doctor._probe("rendering", code, "do this")
@@ -176,7 +176,7 @@ def test_a_probe_that_dies_is_a_finding(code: str, expected: str, monkeypatch) -
     assert expected in finding.found
 
 
-def test_doctor_says_where_digests_are_the_machines_own(monkeypatch) -> None:
+def test_doctor_warns_when_digests_may_differ_from_those_of_other_machines(monkeypatch) -> None:
     monkeypatch.setattr(doctor, "runtime_fingerprint", lambda: {"processor": "without avx2, fma", "libm": "no fma"})
     finding = doctor.check_processor()
     assert finding.ok  # missions can be played, and won
@@ -186,7 +186,7 @@ def test_doctor_says_where_digests_are_the_machines_own(monkeypatch) -> None:
     assert doctor.check_processor().found.startswith("this C library gives other results than glibc")
 
 
-def test_doctor_says_where_waits_for_a_processor_are_not_counted(monkeypatch) -> None:
+def test_doctor_warns_when_deadlines_can_only_be_wall_clock_time(monkeypatch) -> None:
     from lingjing.processes import deadlines
 
     monkeypatch.setattr(deadlines, "_threads", lambda pid: {})
@@ -196,7 +196,7 @@ def test_doctor_says_where_waits_for_a_processor_are_not_counted(monkeypatch) ->
     assert "raise `engine`" in finding.advice
 
 
-def test_libraries_can_be_probed_before_anything_is_installed() -> None:
+def test_the_check_of_system_libraries_needs_no_installed_package() -> None:
     code = "import sys; import lingjing.cli.libraries; print(sorted(m for m in sys.modules if 'msgspec' in m))"
     root = Path(libraries.__file__).parents[2]
     done = subprocess.run(

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.cli import main as door
+from lingjing.cli import main as entry_point
 from lingjing.errors import InfrastructureError, MissionError, UsageError
 from lingjing.testing import mission_file, run_command
 
@@ -41,8 +41,8 @@ def raising(error: BaseException) -> types.ModuleType:
 @pytest.fixture
 def run_verb(monkeypatch: pytest.MonkeyPatch):
     def arrange(error: BaseException) -> int:
-        monkeypatch.setattr(door, "import_module", lambda name: raising(error))
-        return door.main(["run"])
+        monkeypatch.setattr(entry_point, "import_module", lambda name: raising(error))
+        return entry_point.main(["run"])
 
     return arrange
 
@@ -53,16 +53,16 @@ def test_version_is_printed_alone() -> None:
     assert done.stdout.startswith("lingjing 0.")
 
 
-def test_no_verb_prints_the_verbs_and_is_a_usage_error() -> None:
+def test_a_command_without_a_verb_prints_the_verbs_and_is_a_usage_error() -> None:
     done = cli()
     assert done.returncode == 2
     assert done.stdout == ""
-    for verb in door.VERBS:
+    for verb in entry_point.VERBS:
         assert f"    {verb.name} " in done.stderr
 
 
-def test_help_of_every_verb_ends_well(capsys: pytest.CaptureFixture[str]) -> None:
-    for verb in door.VERBS:
+def test_help_of_every_verb_exits_with_code_0(capsys: pytest.CaptureFixture[str]) -> None:
+    for verb in entry_point.VERBS:
         with pytest.raises(SystemExit) as end:
             run_command([verb.name, "--help"])
         assert end.value.code == 0
@@ -107,14 +107,14 @@ def test_a_bug_gives_one_line_to_report(run_verb, capsys, monkeypatch) -> None:
     assert "Traceback" not in errors
 
 
-def test_the_traceback_can_be_asked_for(run_verb, capsys, monkeypatch) -> None:
+def test_an_environment_variable_turns_the_traceback_on(run_verb, capsys, monkeypatch) -> None:
     monkeypatch.setenv("LINGJING_TRACEBACK", "1")
     assert run_verb(ZeroDivisionError("oops")) == 70
     assert "Traceback" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("arguments", [("run", "--help"), ("plugins",), ("--version",)])
-def test_a_reader_that_goes_away_is_no_complaint(arguments: tuple[str, ...]) -> None:
+def test_a_closed_output_pipe_gives_no_message(arguments: tuple[str, ...]) -> None:
     reader, writer = os.pipe()
     os.close(reader)
     done = subprocess.run(
@@ -123,10 +123,10 @@ def test_a_reader_that_goes_away_is_no_complaint(arguments: tuple[str, ...]) -> 
         check=False,
     )  # fmt: skip
     os.close(writer)
-    assert (done.returncode, done.stderr) == (door.BROKEN_PIPE, "")
+    assert (done.returncode, done.stderr) == (entry_point.BROKEN_PIPE, "")
 
 
-def test_importing_the_package_is_light() -> None:
+def test_importing_the_package_loads_nothing_heavy() -> None:
     code = "import sys, lingjing; print(sorted(set(sys.argv[1:]) & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code, *HEAVY], capture_output=True, text=True, check=True, timeout=900)
     assert done.stdout.strip() == "[]"

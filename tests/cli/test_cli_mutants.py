@@ -65,7 +65,7 @@ def mutant(text: str, chance: random.Random) -> str:
     return "".join(words)
 
 
-def answers(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def check_every_verb(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Check that every verb exits with 0, 1 or 2, and prints an error unless it is 0."""
     for verb, *options in VERBS:
         code = run_command([verb, *options, str(file)])
@@ -75,21 +75,25 @@ def answers(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize("name", ["bi", "cd", "cr", "idf", "ld", "queue", "ssr", "ufr", "upr", "vdn"])
-def test_mutants_of_the_missions(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_mutants_of_the_missions_give_no_traceback(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     text = mission_file(name).read_text(encoding="utf-8")
     file = tmp_path / f"{name}.ljs"
     for seed in range(3):
         file.write_text(mutant(text, random.Random(f"{name} {seed}")), encoding="utf-8", newline="")
-        answers(file, capsys)
+        check_every_verb(file, capsys)
 
 
 @pytest.mark.parametrize("tail", ['"', '""', '"""', '"""\n"', '" """ "a', '"\\', '"a" "b"\n"', '"{', '"}\n"""'])
-def test_quotes_after_a_mission(tail: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_stray_quotes_after_a_mission_give_no_traceback(
+    tail: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     example = (Path(__file__).parents[2] / "docs" / "errors" / "example.ljs").read_text()
     file = tmp_path / "quotes.ljs"
     for text in (f"{example}{tail}", f"{example.rstrip()}{tail}\n"):
         file.write_text(text)
-        answers(file, capsys)
+        check_every_verb(file, capsys)
 
 
 LARGE = (
@@ -107,9 +111,11 @@ LARGE = (
 
 
 @pytest.mark.parametrize(("old", "new"), LARGE)
-def test_numbers_beyond_reason(old: str, new: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_extreme_numbers_give_no_traceback(
+    old: str, new: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     example = (Path(__file__).parents[2] / "docs" / "errors" / "example.ljs").read_text()
     assert old in example
     file = tmp_path / "large.ljs"
     file.write_text(example.replace(old, new))
-    answers(file, capsys)
+    check_every_verb(file, capsys)

@@ -60,7 +60,7 @@ def test_a_name_that_is_not_text_is_refused_by_every_verb(folder: bytes, argumen
     assert sorted(os.listdir(folder)) == before
 
 
-def test_the_python_api_refuses_such_a_name(folder: bytes) -> None:
+def test_the_python_api_refuses_a_name_that_is_not_text(folder: bytes) -> None:
     with pytest.raises(UsageError, match=r"the file `.*s\\xffr\.ljs` is not text in UTF-8"):
         lingjing.compile(os.fsdecode(os.path.join(folder, NOT_TEXT + b".ljs")))
 
@@ -85,7 +85,7 @@ def test_a_working_folder_that_was_removed_is_named(tmp_path: Path, verb: tuple[
 
 
 @pytest.mark.slow
-def test_variables_that_are_not_text_reach_episodes_of_their_own_process(tmp_path: Path) -> None:
+def test_environment_variables_that_are_not_text_reach_policies_in_parallel_processes(tmp_path: Path) -> None:
     shutil.copy(Path(__file__).with_name("boats.ljs"), tmp_path / "m.ljs")
     (tmp_path / "p.py").write_text(
         "import os\nfrom lingjing.plugins.policy import Decision\n"
@@ -110,7 +110,7 @@ def test_variables_that_are_not_text_reach_episodes_of_their_own_process(tmp_pat
         ("#" * (4 * 2**20 + 1), "` is not a suite: it is longer than 4 MB"),
     ],
 )
-def test_a_suite_beyond_reason_is_refused(tmp_path: Path, text: str, problem: str) -> None:
+def test_a_suite_file_that_is_too_long_or_too_deeply_nested_is_refused(tmp_path: Path, text: str, problem: str) -> None:
     (tmp_path / "s.toml").write_text(text)
     code, errors = run_in(str(tmp_path), "bench", "s.toml")
     assert code == 2, errors[-500:]

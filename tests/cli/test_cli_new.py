@@ -1,4 +1,4 @@
-"""`lingjing new mission` and `lingjing docs`."""
+"""`lingjing new mission`, `lingjing new agent` and `lingjing docs`."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_a_new_mission_runs_at_once(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "trace.mcap").is_file()
 
 
-def test_a_new_agent_says_how_to_play_it_and_to_test_it_and_passes(tmp_path: Path) -> None:
+def test_new_agent_prints_the_next_commands_and_the_agent_passes_its_own_test(tmp_path: Path) -> None:
     printed = lingjing("new", "agent", "scout", cwd=tmp_path).stdout.splitlines()
     assert printed == [
         "wrote scout.py",
@@ -58,7 +58,7 @@ def test_a_new_agent_says_how_to_play_it_and_to_test_it_and_passes(tmp_path: Pat
 
 
 @pytest.mark.slow
-def test_a_new_agent_finds_somebody_and_sends_the_boat(tmp_path: Path) -> None:
+def test_a_new_agent_finds_a_target_without_rejected_commands(tmp_path: Path) -> None:
     text = (Path(__file__).parents[2] / "scenarios" / "ssr.ljs").read_text(encoding="utf-8")
     (tmp_path / "ssr.ljs").write_text(text.replace("ticks <= 60", "ticks <= 20"), encoding="utf-8")
     assert "scout.py" in lingjing("new", "agent", "scout", cwd=tmp_path).stdout
@@ -73,7 +73,7 @@ def test_a_new_agent_finds_somebody_and_sends_the_boat(tmp_path: Path) -> None:
     assert (metrics["substitutions"], metrics["rejections"]) == (0, 0)
 
 
-def test_nothing_is_overwritten_and_names_are_checked(tmp_path: Path) -> None:
+def test_new_mission_overwrites_no_file_and_checks_the_name(tmp_path: Path) -> None:
     assert write_mission("水", tmp_path).name == "水.ljs"
     with pytest.raises(UsageError, match="already exists"):
         write_mission("水", tmp_path)
@@ -82,7 +82,7 @@ def test_nothing_is_overwritten_and_names_are_checked(tmp_path: Path) -> None:
             write_mission(name, tmp_path)
 
 
-def test_docs_go_to_a_file_or_to_the_screen(tmp_path: Path) -> None:
+def test_docs_are_written_to_a_file_or_to_standard_output(tmp_path: Path) -> None:
     shown = lingjing("docs", "ssr", cwd=tmp_path)
     assert (shown.returncode, shown.stderr) == (0, "")
     written = lingjing("docs", "ssr", "-o", "ssr.md", cwd=tmp_path)
@@ -91,7 +91,7 @@ def test_docs_go_to_a_file_or_to_the_screen(tmp_path: Path) -> None:
     assert shown.stdout.startswith("# Sea search and rescue\n")
 
 
-def test_docs_of_a_broken_mission_are_its_errors(tmp_path: Path) -> None:
+def test_docs_of_a_broken_mission_report_its_errors(tmp_path: Path) -> None:
     (tmp_path / "bad.ljs").write_text("ljs 1\nmission m {}\n")
     done = lingjing("docs", "bad.ljs", cwd=tmp_path)
     assert (done.returncode, done.stdout) == (1, "")

@@ -45,7 +45,7 @@ def site(package: Path) -> Path:
     return target
 
 
-def test_nothing_of_the_template_is_left_and_all_is_formatted(package: Path) -> None:
+def test_the_package_has_no_placeholders_and_its_missions_are_formatted(package: Path) -> None:
     files = [path for path in package.rglob("*") if path.is_file() and "__pycache__" not in path.parts]
     assert {path.suffix for path in files} <= {".py", ".ljs", ".toml", ".md", ".json"}
     for path in files:
@@ -56,18 +56,18 @@ def test_nothing_of_the_template_is_left_and_all_is_formatted(package: Path) -> 
     assert "class HoverCraftEngine(FleetEngine)" in (package / "lingjing_hover_craft" / "engine.py").read_text()
 
 
-def test_it_requires_the_distribution_that_is_installed(package: Path) -> None:
+def test_the_package_requires_the_installed_distribution(package: Path) -> None:
     project = tomllib.loads((package / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert project["dependencies"] == [name_of(CORE)] != ["lingjing"]
 
 
-def test_its_code_is_clean(package: Path) -> None:
+def test_the_code_of_the_package_passes_ruff(package: Path) -> None:
     call("-m", "ruff", "check", "--isolated", "--line-length", "120", "--select", "E,F,I,B,UP", package, cwd=package)
     call("-m", "ruff", "format", "--isolated", "--line-length", "120", "--check", package, cwd=package)
 
 
 @pytest.mark.slow
-def test_it_installs_is_found_and_plays_its_mission(package: Path, site: Path, tmp_path: Path) -> None:
+def test_the_package_installs_is_listed_and_plays_its_mission(package: Path, site: Path, tmp_path: Path) -> None:
     listed = call("-m", "lingjing.cli.main", "plugins", cwd=tmp_path, site=site)
     assert len(re.findall("hover_craft +hover_craft", listed)) == 2
     output = call("-m", "lingjing.cli.main", "plugins", "hover_craft", cwd=tmp_path, site=site)
@@ -84,7 +84,7 @@ def test_it_installs_is_found_and_plays_its_mission(package: Path, site: Path, t
 
 
 @pytest.mark.slow
-def test_its_own_tests_pass_and_catch_a_fault(package: Path, site: Path) -> None:
+def test_the_tests_of_the_package_pass_and_detect_a_fault(package: Path, site: Path) -> None:
     pytest_ = ("-m", "pytest", "-q", "-p", "no:cacheprovider", "-o", "asyncio_default_fixture_loop_scope=function")
     assert "21 passed" in call("-P", *pytest_, cwd=package, site=site)
     engine = site / "lingjing_hover_craft" / "engine.py"
@@ -98,19 +98,19 @@ def test_its_own_tests_pass_and_catch_a_fault(package: Path, site: Path) -> None
     assert "ConformanceError: `beacon[1]` at 0.0 s: heading 360.0 not in 0..360" in output
 
 
-def test_it_is_not_found_without_being_installed(package: Path, tmp_path: Path) -> None:
+def test_the_types_of_the_package_are_unknown_without_installation(package: Path, tmp_path: Path) -> None:
     output = call("-m", "lingjing.cli.main", "validate", package / "missions" / "tour.ljs", cwd=tmp_path, code=1)
     assert "hover_craft.vehicles" in output
 
 
 @pytest.mark.parametrize("name", ["two words", "mission", "1st", "", "../up", "std", "scenarios", "class", "水", "_x"])
-def test_a_name_that_is_none_is_refused(name: str) -> None:
+def test_an_invalid_package_name_is_refused(name: str) -> None:
     with pytest.raises(UsageError, match="cannot be the name") as mistake:
         plugin_name(name)
     assert mistake.value.hint
 
 
-def test_nothing_is_overwritten_and_no_name_is_taken_twice(tmp_path: Path) -> None:
+def test_new_engine_overwrites_no_folder_and_refuses_a_name_that_is_in_use(tmp_path: Path) -> None:
     (tmp_path / "mine").mkdir()
     assert write_package("engine", "mine", tmp_path / "mine") == tmp_path / "mine"
     with pytest.raises(UsageError, match="already exists"):

@@ -57,7 +57,7 @@ def test_every_kind_is_known_to_the_command() -> None:
 
 
 @pytest.mark.parametrize("kind", OWN)
-def test_nothing_of_the_template_is_left_and_all_is_clean(kind: str, packages: dict[str, Path]) -> None:
+def test_a_package_has_no_placeholders_and_passes_the_formatters_and_ruff(kind: str, packages: dict[str, Path]) -> None:
     files = [path for path in packages[kind].rglob("*") if path.is_file() and "__pycache__" not in path.parts]
     assert {"README.md", "pyproject.toml"} <= {path.name for path in files}
     for path in files:
@@ -72,7 +72,7 @@ def test_nothing_of_the_template_is_left_and_all_is_clean(kind: str, packages: d
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", OWN)
-def test_it_installs_is_listed_and_its_own_tests_pass(
+def test_a_package_installs_is_listed_and_passes_its_own_tests(
     kind: str, packages: dict[str, Path], site: Path, listed: list[str], tmp_path: Path
 ) -> None:
     assert len([line for line in listed if f"my_{kind}" in line]) == LISTED[kind]
@@ -82,7 +82,7 @@ def test_it_installs_is_listed_and_its_own_tests_pass(
 
 
 @pytest.mark.parametrize(
-    ("kind", "name", "says"),
+    ("kind", "name", "message"),
     [
         ("backbone", "direct", r"a plug-in called `direct` \(backbone\) exists already"),
         ("evaluator", "mission", "cannot be the name of an evaluator"),
@@ -91,11 +91,11 @@ def test_it_installs_is_listed_and_its_own_tests_pass(
         ("types", "std", "cannot be the name of a package of types"),
     ],
 )
-def test_a_name_that_is_taken_or_none_is_refused(kind: str, name: str, says: str, tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match=says):
+def test_a_name_that_is_in_use_or_reserved_is_refused(kind: str, name: str, message: str, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=message):
         write_package(kind, name, tmp_path / "new")
     assert not (tmp_path / "new").exists()
 
 
-def test_names_become_words() -> None:
+def test_a_name_with_capitals_and_a_hyphen_becomes_an_identifier() -> None:
     assert plugin_name("My-Scene", "scene") == "my_scene"

@@ -29,7 +29,7 @@ def test_pairs_keep_everything_after_the_first_equals_sign() -> None:
 
 
 @pytest.mark.parametrize("texts", [["novalue"], ["=3"], ["a=1", "a=2"]])
-def test_bad_pairs_name_themselves(texts: list[str]) -> None:
+def test_the_message_about_a_bad_pair_quotes_the_pair(texts: list[str]) -> None:
     with pytest.raises(UsageError, match=f"--set {texts[-1]}"):
         parse_pairs("--set", texts)
 
@@ -40,7 +40,7 @@ def test_settings_are_numbers_with_or_without_unit(text: str, value: float) -> N
 
 
 @pytest.mark.parametrize("text", ["high", "nan", "inf", "", "80 s", "80 parsec", "1e999", "1 2"])
-def test_settings_that_are_no_such_quantity_are_named(text: str) -> None:
+def test_the_message_about_a_setting_of_a_wrong_quantity_names_the_setting(text: str) -> None:
     with pytest.raises(UsageError, match=f"--set altitude={text}"):
         parse_settings({"altitude": text}, mission_with_altitude())
 
@@ -57,12 +57,12 @@ def test_bad_seed_ranges_are_usage_errors(text: str) -> None:
 
 
 @pytest.mark.parametrize(("text", "number"), [("0", 0), ("0007", 7), ("99", 99), ("0" * 5000 + "9", 9)])
-def test_whole_numbers_are_plain_digits_up_to_the_most(text: str, number: int) -> None:
+def test_a_whole_number_has_plain_digits_and_is_at_most_the_limit(text: str, number: int) -> None:
     assert whole_number(text, 99) == number
 
 
 @pytest.mark.parametrize("text", ["", "100", "-1", "+1", "1.0", "1_0", " 1", "1\n", "²", "٣", "9" * 5000])
-def test_what_is_no_such_number_is_none(text: str) -> None:
+def test_a_text_that_is_no_whole_number_in_the_range_gives_none(text: str) -> None:
     assert whole_number(text, 99) is None
 
 
@@ -78,7 +78,7 @@ def test_run_folders_are_never_shared(tmp_path: Path) -> None:
     assert sorted(path.name for path in claimed) == [f"ssr-star-7-{n}" for n in range(1, 9)]
 
 
-def test_a_folder_that_holds_something_is_not_taken(tmp_path: Path) -> None:
+def test_a_folder_that_is_not_empty_is_refused(tmp_path: Path) -> None:
     assert claim_folder(tmp_path / "new" / "deep").is_dir()
     (tmp_path / "new" / "deep" / "trace.mcap").touch()
     with pytest.raises(UsageError, match="not empty"):
@@ -100,14 +100,16 @@ def test_a_shipped_mission_is_found_by_name_from_anywhere(tmp_path: Path, monkey
     assert find_mission("ssr").is_file()
 
 
-def test_a_file_that_is_there_wins_over_a_shipped_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_existing_file_has_priority_over_a_shipped_mission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("ssr.ljs").write_text("ljs 1\n")
     assert find_mission("ssr.ljs") == Path("ssr.ljs")
 
 
 @pytest.mark.parametrize("word", ["no-such", "../ssr", "/nowhere/ssr.ljs", "scenarios", "std/../../pyproject.toml"])
-def test_a_missing_mission_lists_what_there_is(word: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_message_about_a_missing_mission_lists_the_shipped_missions(
+    word: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(UsageError) as caught:
         find_mission(word)

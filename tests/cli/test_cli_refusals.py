@@ -36,7 +36,7 @@ def refused(number: int, name: str | None = None) -> OSError:
         (RuntimeError("can't start new thread"), ExitCode.INFRASTRUCTURE, "the system cannot start more threads"),
     ],
 )
-def test_a_refusal_is_no_bug(
+def test_a_refusal_of_the_system_gives_its_exit_code_a_message_and_a_hint(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], error: Exception, code: int, words: str
 ) -> None:
     def fails(arguments: list[str]) -> int:
@@ -52,7 +52,7 @@ def test_a_refusal_is_no_bug(
 
 
 @pytest.mark.parametrize("error", [refused(errno.ENOENT, "a"), refused(errno.EBADF), ValueError("a"), RuntimeError()])
-def test_anything_else_stays_what_it_is(error: Exception) -> None:
+def test_other_errors_are_no_refusals_of_the_system(error: Exception) -> None:
     assert refusal_of(error) is None
 
 
@@ -66,7 +66,7 @@ def test_anything_else_stays_what_it_is(error: Exception) -> None:
         (errno.ENOENT, ""),
     ],
 )
-def test_an_error_without_a_hint_has_that_of_the_refusal_behind_it(number: int, hint: str) -> None:
+def test_an_error_without_a_hint_takes_the_hint_of_the_refusal_that_caused_it(number: int, hint: str) -> None:
     with pytest.raises(UsageError) as raised:
         try:
             raise refused(number, "a")
@@ -75,7 +75,7 @@ def test_an_error_without_a_hint_has_that_of_the_refusal_behind_it(number: int, 
     assert (hint in hint_of(raised.value)) if hint else (hint_of(raised.value) == "")
 
 
-def test_the_refusal_may_be_behind_other_errors() -> None:
+def test_the_hint_of_a_refusal_is_found_through_a_chain_of_causes() -> None:
     with pytest.raises(UsageError) as raised:
         try:
             try:
@@ -97,7 +97,7 @@ def test_an_error_keeps_its_own_hint() -> None:
     assert hint_of(raised.value) == raised.value.hint == "name another"
 
 
-def test_a_mission_that_the_disk_refuses_ends_with_a_hint(
+def test_a_mission_that_cannot_be_read_from_the_disk_gives_a_hint(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def refuses(file: object, path: str) -> bytes:

@@ -93,7 +93,7 @@ def run_here(
     return call
 
 
-def test_json_is_one_object_with_the_promised_keys(short: Path, tmp_path: Path) -> None:
+def test_json_output_is_one_object_with_the_documented_keys(short: Path, tmp_path: Path) -> None:
     """Without an overview the trace is the same, and so are the pictures that policies receive."""
     (tmp_path / "looks.py").write_text(LOOKS)
     policies = ("--policy", "random", "--policy-for", "scout[1]=./looks.py:Looks", "--policy-seed", 8)
@@ -115,7 +115,7 @@ def test_json_is_one_object_with_the_promised_keys(short: Path, tmp_path: Path) 
     assert [path.name for path in (tmp_path / "bare").iterdir()] == ["trace.mcap"]
 
 
-def test_the_policy_seed_alone_decides_what_a_policy_draws(tmp_path: Path) -> None:
+def test_only_the_policy_seed_decides_the_draws_of_a_policy(tmp_path: Path) -> None:
     """The instance's seed has no effect: `random` decides equally in two instances, and differently with another
     policy seed.
     """
@@ -134,7 +134,7 @@ def test_the_policy_seed_alone_decides_what_a_policy_draws(tmp_path: Path) -> No
     assert len(instances) == 2
 
 
-def test_several_seeds_on_a_warm_world_equal_single_ones_in_processes(tmp_path: Path) -> None:
+def test_seeds_played_in_one_world_equal_seeds_played_in_parallel_processes(tmp_path: Path) -> None:
     options = (BOATS, "--seeds", "0-1", "--policy", "random", "--json", "--no-overview")
     warm = lingjing_run(*options, "-o", "warm", cwd=tmp_path)
     apart = lingjing_run(*options, "-o", "apart", "-j", 2, cwd=tmp_path)
@@ -164,7 +164,7 @@ def test_piped_output_is_grouped_has_units_and_ends_with_the_trace(tmp_path: Pat
     assert read["communication"]["kilobytes"].endswith(" kB")
 
 
-def test_the_piped_groups_hold_every_metric_once_and_the_map_is_credited(capsys: pytest.CaptureFixture[str]) -> None:
+def test_piped_output_has_every_metric_once_and_the_attribution_of_the_map(capsys: pytest.CaptureFixture[str]) -> None:
     report = made_report(trace="gone/trace.mcap", attribution="© OpenStreetMap contributors, ODbL 1.0")
     names = [name for _, rows in plain(report) for name, _ in rows]
     assert len(names) == len(set(names))
@@ -205,7 +205,7 @@ def test_a_run_is_never_overwritten(run_here: Callable[..., Ended], tmp_path: Pa
         (("-o", "/proc/nowhere"), "/proc/nowhere"),
     ],
 )
-def test_wrong_arguments_name_themselves_and_leave_nothing(
+def test_wrong_arguments_are_named_in_the_message_and_leave_no_file(
     arguments: tuple[str, ...], message: str, short: Path, run_here: Callable[..., Ended], tmp_path: Path
 ) -> None:
     done = run_here(short, *arguments)
@@ -221,7 +221,7 @@ def test_wrong_arguments_name_themselves_and_leave_nothing(
     [(None, 2), (b"", 1), (b"\xff\xfe\x00", 2), (b"mission ssr {", 1), (b"x" * 10_000_000, 2)],
     ids=["missing", "empty", "not-utf8", "broken", "ten-megabytes-of-one-line"],
 )
-def test_wrong_missions_give_a_message_and_their_code(
+def test_wrong_missions_give_a_message_and_an_exit_code(
     content: bytes | None, code: int, run_here: Callable[..., Ended], tmp_path: Path
 ) -> None:
     if content is not None:
@@ -288,14 +288,14 @@ print(code, Path("pid").read_text() == str(os.getpid()))
 """
 
 
-def test_a_program_with_threads_plays_engines_in_itself_and_not_in_a_fork(tmp_path: Path) -> None:
+def test_a_program_with_threads_plays_a_policy_in_its_own_process_and_not_in_a_fork(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-c", THREADED, str(BOATS)], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     assert done.stdout.splitlines()[-1] == "0 True", done.stderr
 
 
-def test_what_is_left_of_an_aborted_episode_decides_what_is_advised(tmp_path: Path, capsys) -> None:
+def test_the_hint_for_an_aborted_episode_depends_on_whether_its_partial_trace_exists(tmp_path: Path, capsys) -> None:
     trace = tmp_path / "trace.mcap.part"
     missing = made_report(reason="infrastructure-abort", success=False, trace=str(trace))
     explain([missing])

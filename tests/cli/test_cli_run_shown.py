@@ -31,7 +31,7 @@ mission short "Three ticks" {
 """
 
 
-def test_the_page_shows_the_episode_and_stays(tmp_path: Path) -> None:
+def test_the_page_shows_the_episode_and_stays_until_an_interrupt(tmp_path: Path) -> None:
     (tmp_path / "short.ljs").write_text(MISSION)
     process = subprocess.Popen(
         [*RUN, "--watch=browser", "short.ljs", "--policy", "random", "-o", "out", "--no-overview", "--json"],
@@ -72,13 +72,15 @@ def test_the_page_shows_the_episode_and_stays(tmp_path: Path) -> None:
         (("--watch", "nowhere.ljs"), "nowhere.ljs"),
     ],
 )
-def test_wrong_use_is_told(tmp_path: Path, arguments: tuple[str, ...], message: str) -> None:
+def test_wrong_arguments_give_a_message_and_leave_no_file(
+    tmp_path: Path, arguments: tuple[str, ...], message: str
+) -> None:
     done = run_python([*RUN, *arguments], cwd=tmp_path, timeout=600)
     assert done.returncode == 2 and message in done.stderr and "Traceback" not in done.stderr
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_viewer_that_cannot_begin_is_told_and_nothing_is_played(tmp_path: Path) -> None:
+def test_a_viewer_that_cannot_start_is_reported_and_no_episode_is_played(tmp_path: Path) -> None:
     (tmp_path / "sitecustomize.py").write_text("import sys\nsys.modules['websockets.sync.server'] = None\n")
     done = subprocess.run(
         [*RUN, "ssr", "--watch=foxglove", "-o", "out"],

@@ -27,7 +27,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_a_map_becomes_a_city_and_a_second_time_it_is_known(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_map_is_built_into_a_city_and_the_second_build_is_cached(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     town().write(folder / "town.osm")
     assert run_command(["scene", "build", "town.osm", "-o", "city"]) == ExitCode.OK
     captured = capsys.readouterr()
@@ -44,7 +46,9 @@ def test_a_map_becomes_a_city_and_a_second_time_it_is_known(folder: Path, capsys
     assert "road.net.xml" in capsys.readouterr().out
 
 
-def test_without_a_folder_it_is_kept_in_the_cache(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_city_without_an_output_folder_is_stored_in_the_cache(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     town().write(folder / "town.osm")
     assert run_command(["scene", "build", "town.osm", "--seed", "3"]) == ExitCode.OK
     where = capsys.readouterr().out.splitlines()[0].removeprefix("built: ")
@@ -53,7 +57,7 @@ def test_without_a_folder_it_is_kept_in_the_cache(folder: Path, capsys: pytest.C
     assert capsys.readouterr().out.startswith(f"cached: {where}\n")
 
 
-def test_options_reach_the_city(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_options_of_the_build_change_the_city(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     town().write(folder / "town.osm")
     assert (
         run_command(["scene", "build", "town.osm", "--bbox", "121.495,31.1955,121.4999,31.1999", "-o", "a"])
@@ -88,7 +92,7 @@ def test_the_sources_of_heights_are_counted(folder: Path, capsys: pytest.Capture
     assert not (folder / "none").exists()
 
 
-def test_a_city_without_roads_says_so(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_city_without_roads_is_reported(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     made = Map()
     made.way(square(0, 0, 30), {"building": "yes"})
     made.write(folder / "houses.osm")
@@ -173,7 +177,7 @@ def test_a_picture_that_cannot_be_written_is_named(folder: Path, capsys: pytest.
     assert not list(folder.glob("*.partial")) + list(folder.glob(".*.partial"))
 
 
-def test_the_scene_of_a_mission_is_looked_at(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_scene_of_a_mission_is_described_and_drawn(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["scene", "info", "vdn", "--seed", "3"]) == ExitCode.OK
     assert capsys.readouterr().out.startswith("city      residential-")
     assert run_command(["scene", "draw", "vdn", "-o", "plan.png"]) == ExitCode.OK
@@ -189,7 +193,7 @@ class _InterruptedWhileLoading:
             raise ImportError("initialization failed") from KeyboardInterrupt()
 
 
-def test_an_interrupt_while_a_library_loads_is_one(
+def test_an_interrupt_while_a_library_loads_ends_the_command_as_interrupted(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     convert(town().write(folder / "town.osm"), folder / "town.osm.pbf")
@@ -202,7 +206,7 @@ def test_an_interrupt_while_a_library_loads_is_one(
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
-def test_a_killed_build_leaves_no_half_city(folder: Path, number: int) -> None:
+def test_a_killed_build_leaves_no_partial_city(folder: Path, number: int) -> None:
     town().write(folder / "town.osm")
     command = [sys.executable, "-m", "lingjing.cli.main", "scene", "build", "town.osm", "-o", "city"]
     for delay in (0.25, 0.5, 0.75):
@@ -269,7 +273,7 @@ mission stroll "A stroll" {
 """
 
 
-def test_people_on_a_map_without_roads_are_one_message_and_no_episode(
+def test_pedestrians_on_a_map_without_roads_give_one_message_and_no_episode(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     houses = Map(half_m=200.0)

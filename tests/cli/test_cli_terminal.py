@@ -137,7 +137,7 @@ def harmless(shown: str) -> bool:
     return not any(evil in shown for evil in EVIL) and not any("\x80" <= letter <= "\x9f" for letter in shown)
 
 
-def test_what_is_spelled_out_and_what_stays():
+def test_control_characters_are_escaped_and_other_text_is_unchanged():
     assert visible("a\tb\nc\r\nd é 中 👩\u200d🚀") == "a\tb\nc\nd é 中 👩\u200d🚀"
     assert visible("\x1b[2J\x07\x7f\x85\u202e\ufeff\U000e0041") == r"\x1b[2J\x07\u007f\u0085\u202e\ufeff\udb40\udc41"
     assert json.loads(visible(json.dumps("\x9b\u202e\U000e0041\x7f", ensure_ascii=False))) == "\x9b\u202e\U000e0041\x7f"
@@ -180,13 +180,13 @@ def here(tmp_path: Path) -> Path:
     ],
     ids=lambda arguments: " ".join(arguments).replace(LINE, "EVIL"),
 )
-def test_no_verb_hands_a_mission_or_a_name_through(arguments: tuple[str, ...], here: Path):
+def test_no_verb_prints_control_characters_of_a_mission_or_a_name(arguments: tuple[str, ...], here: Path):
     shown = on_terminal(*arguments, cwd=here)
     assert harmless(shown), shown
     assert shown
 
 
-def test_a_formatted_text_is_spelled_on_a_terminal_and_exact_in_a_pipe(here: Path):
+def test_formatted_text_is_escaped_on_a_terminal_and_exact_in_a_pipe(here: Path):
     comment = f"# {EVIL[0]} {EVIL[1]} {EVIL[3]}"  # others are errors of the language
     text = f'ljs 1\nmission tiny "T" {{\n  goal "Nothing."\n  {comment}\n}}\n'.encode()
     assert harmless(on_terminal("fmt", "-", cwd=here, stdin=text))
@@ -196,7 +196,7 @@ def test_a_formatted_text_is_spelled_on_a_terminal_and_exact_in_a_pipe(here: Pat
     assert comment.encode() in piped.stdout
 
 
-def test_colours_are_ours(here: Path):
+def test_colours_of_the_command_reach_the_terminal(here: Path):
     shown = on_terminal("validate", "inside.ljs", cwd=here)
     assert "\x1b[1;31merror" in shown
 
@@ -207,7 +207,7 @@ def short(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_nothing_that_a_policy_says_steers_the_terminal(here: Path):
+def test_output_of_a_policy_never_controls_the_terminal(here: Path):
     short(here)
     command = ("run", "short.ljs", "--policy", "./evil.py:Evil", "--no-overview")
     for option in (["--watch"], []):
@@ -227,7 +227,7 @@ def test_nothing_that_a_policy_says_steers_the_terminal(here: Path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("option", [("--no-overview", "--watch"), ("--no-overview",)], ids=["watch", "plain"])
-def test_nothing_that_a_policy_writes_past_its_streams_steers_the_terminal(option: tuple[str, ...], here: Path):
+def test_output_of_a_policy_that_bypasses_its_streams_never_controls_the_terminal(option: tuple[str, ...], here: Path):
     """The output passes through another process than the drawing one, so simultaneous output of both may be mixed."""
     short(here)
     (here / "past.py").write_text(PAST_STREAMS)
@@ -240,7 +240,7 @@ def test_nothing_that_a_policy_writes_past_its_streams_steers_the_terminal(optio
 
 
 @pytest.mark.slow
-def test_a_screen_whose_process_is_gone_is_given_back(here: Path):
+def test_the_screen_is_restored_after_a_policy_ends_its_process(here: Path):
     (here / "gone.py").write_text(
         "import os\n" + POLICY.replace("if observation.tick == 1:", "os._exit(0)\n        if 0:")
     )
@@ -251,7 +251,7 @@ def test_a_screen_whose_process_is_gone_is_given_back(here: Path):
     assert harmless(shown), shown
 
 
-def test_drawing_goes_through_one_console():
+def test_only_one_module_creates_a_console_of_rich():
     sources = {path: path.read_text(encoding="utf-8") for path in Path(lingjing.__file__).parent.rglob("*.py")}
     drawing = {
         path.name for path, text in sources.items() if re.search(r"\bConsole\(", text.replace("VisibleConsole(", ""))
@@ -259,7 +259,7 @@ def test_drawing_goes_through_one_console():
     assert not drawing - {"console.py"}
 
 
-def test_columns_stay_in_line_whatever_letters_a_name_has() -> None:
+def test_columns_are_aligned_for_wide_combining_and_control_characters() -> None:
     """Wide letters take two columns, combining accents none, and an escape takes the width of its text."""
     assert aligned([("名字", "1", "x"), ("e\u0301te", "2", ""), ("\x1b", "3", "z"), ("abcdef", "4", "")]) == [
         "名字    1  x",

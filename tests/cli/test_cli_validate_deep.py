@@ -72,7 +72,7 @@ def test_a_place_outside_of_the_scene_is_an_error_at_its_declaration(validate: R
     )
 
 
-def test_a_place_too_far_from_any_road_is_found_by_building_alone(tmp_path: Path, capsys: Capture) -> None:
+def test_a_place_too_far_from_any_road_is_found_only_by_building_the_city(tmp_path: Path, capsys: Capture) -> None:
     file = tmp_path / "yard.ljs"
     file.write_text(YARD)
     assert run_command(["validate", str(file)]) == ExitCode.OK
@@ -83,7 +83,7 @@ def test_a_place_too_far_from_any_road_is_found_by_building_alone(tmp_path: Path
     assert finding["message"].startswith("seeds 0-1: `place` cannot begin where it is declared")
 
 
-def test_bodies_that_the_city_moves_are_notes(capsys: Capture) -> None:
+def test_bodies_that_the_city_moves_are_reported_in_a_note(capsys: Capture) -> None:
     assert run_command(["validate", "queue", "--deep", "--seeds", "1"]) == ExitCode.OK
     assert capsys.readouterr().out.startswith("queue: note: seed 1: moved from their declared places")
 
@@ -97,7 +97,7 @@ def test_wrong_options_are_usage_errors(validate: Run, options: tuple[str, ...],
     assert code == ExitCode.USAGE and message in complaint
 
 
-def test_a_group_that_had_to_be_drawn_anew_is_a_note_with_its_seeds(tmp_path: Path, capsys: Capture) -> None:
+def test_a_group_that_was_drawn_again_is_reported_in_a_note_with_its_seeds(tmp_path: Path, capsys: Capture) -> None:
     text = BAY.replace("BOAT", "(10 m, -1350 m)").replace("emitted(rescue, victim)", "emitted(rescue, victim[1])")
     text = text.replace("target victim :", "target victim[1..5] :").replace("-700 m)))", "-700 m)), apart >= 170 m)")
     file = tmp_path / "crowded.ljs"

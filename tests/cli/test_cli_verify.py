@@ -16,12 +16,12 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_a_good_trace_is_one_line(whole: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_good_trace_gives_one_line(whole: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["verify", str(whole)]) == ExitCode.OK
     assert capsys.readouterr().out == f"{whole}: ok: 4 boundaries, 3 pictures, budget; sealed, not signed\n"
 
 
-def test_each_file_is_told_and_the_worst_decides(
+def test_each_file_is_reported_and_the_worst_one_decides_the_exit_code(
     whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "no.mcap").write_text("no trace")
@@ -43,7 +43,7 @@ def test_json_is_a_list(whole: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert entry["state"] == "ok" and entry["path"] == str(whole) and entry["signature"] == "none"
 
 
-def test_a_key_that_is_none_is_refused(whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_key_file_is_refused(whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["verify", "--key", str(tmp_path / "k"), str(whole)]) == ExitCode.USAGE
     assert "cannot read the key file" in capsys.readouterr().err
 

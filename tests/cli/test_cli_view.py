@@ -31,7 +31,7 @@ def view(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     return run_python([*VIEW, *map(str, arguments)], timeout=600)
 
 
-def test_one_file_is_written_whole(path: Path, tmp_path: Path) -> None:
+def test_the_page_is_written_as_one_file(path: Path, tmp_path: Path) -> None:
     out = tmp_path / "episode.html"
     done = view(path, "-o", out)
     assert (done.returncode, done.stdout) == (0, "") and f"wrote {out}" in done.stderr
@@ -39,7 +39,7 @@ def test_one_file_is_written_whole(path: Path, tmp_path: Path) -> None:
     assert view(path, "-o", "-", "--pictures", "0").stdout.startswith("<!doctype html>")
 
 
-def test_wrong_use_is_told(path: Path, tmp_path: Path) -> None:
+def test_wrong_arguments_give_a_message(path: Path, tmp_path: Path) -> None:
     for arguments, message in (
         ((path, "--port", "70000"), "--port 70000 is not a whole number from 0 to 65535"),
         ((path, "--pictures", "-1"), "--pictures"),
@@ -54,7 +54,7 @@ def test_wrong_use_is_told(path: Path, tmp_path: Path) -> None:
         assert "Traceback" not in done.stderr
 
 
-def test_metrics_count_a_file_once_under_whatever_names(path: Path, tmp_path: Path) -> None:
+def test_metrics_count_a_file_with_several_names_once(path: Path, tmp_path: Path) -> None:
     (tmp_path / "link.mcap").symlink_to(path)
     command = [sys.executable, "-m", "lingjing.cli.main", "metrics", path, tmp_path / "link.mcap", path]
     done = run_python([*map(str, command), "--output-format", "json"], timeout=600)
@@ -66,7 +66,7 @@ def test_metrics_count_a_file_once_under_whatever_names(path: Path, tmp_path: Pa
     ]
 
 
-def test_a_damaged_file_is_said_to_hold_a_part(path: Path, tmp_path: Path) -> None:
+def test_a_damaged_file_is_reported_as_a_partial_trace(path: Path, tmp_path: Path) -> None:
     cut = tmp_path / "trace.mcap"
     cut.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     of_folder = ("view", cut.parent, "-o", tmp_path / "y.html")
@@ -76,7 +76,7 @@ def test_a_damaged_file_is_said_to_hold_a_part(path: Path, tmp_path: Path) -> No
         assert done.returncode == 0 and f"note: {cut} " in done.stderr and "without an outcome" in done.stderr
 
 
-def test_no_output_replaces_a_trace_or_what_is_read(path: Path, tmp_path: Path) -> None:
+def test_no_output_replaces_a_trace_or_an_input_file(path: Path, tmp_path: Path) -> None:
     trace, other, mission = tmp_path / "trace.mcap", tmp_path / "other.mcap", tmp_path / "m.ljs"
     shutil.copy(path, trace)
     shutil.copy(path, other)
@@ -123,7 +123,7 @@ def test_the_server_answers_until_it_is_ended(path: Path, end: signal.Signals) -
     assert process.returncode == 0
 
 
-def test_other_viewers_get_their_files_and_wrong_use_is_told(path: Path, tmp_path: Path) -> None:
+def test_other_viewers_get_their_files_and_wrong_arguments_give_a_message(path: Path, tmp_path: Path) -> None:
     layout = tmp_path / "layout.json"
     assert view(path, "--foxglove", "-o", layout).returncode == 0 and '"configById"' in layout.read_text()
     for arguments, message in (

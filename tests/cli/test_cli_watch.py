@@ -67,14 +67,14 @@ def watched(trace: Trace, until: int, *, truth: bool = False) -> EpisodeState:
     return state
 
 
-def test_what_happens_by_itself_names_nobody_who_is_hidden_but_to_who_may_see_the_truth(trace: Trace) -> None:
+def test_events_name_hidden_targets_only_when_the_truth_is_shown(trace: Trace) -> None:
     front = TaskEvent(kind="weather", name="front", entities=(), time_s=10.0, values={"rain": 0.5})
-    come = TaskEvent(kind="appeared", name="late", entities=("victim[1]", "boat"), time_s=10.0)
-    for truth, who in ((False, "? boat"), (True, "victim[1] boat")):
+    appeared = TaskEvent(kind="appeared", name="late", entities=("victim[1]", "boat"), time_s=10.0)
+    for truth, names in ((False, "? boat"), (True, "victim[1] boat")):
         state = EpisodeState(trace.header.instance, truth=truth)
         (first, *_) = boundaries(trace, 0)
-        state.take(msgspec.structs.replace(first.record, task_events=(front, come)))
-        assert [line.text for line in state.events][:2] == ["weather front: rain 0.5", f"appeared late: {who}"]
+        state.take(msgspec.structs.replace(first.record, task_events=(front, appeared)))
+        assert [line.text for line in state.events][:2] == ["weather front: rain 0.5", f"appeared late: {names}"]
 
 
 def screen_text(
@@ -87,7 +87,7 @@ def screen_text(
     return ["".join(segment.text for segment in line) for line in lines]
 
 
-def test_hidden_targets_appear_when_they_are_found_unless_the_truth_is_asked_for(trace: Trace) -> None:
+def test_hidden_targets_are_visible_once_found_or_always_with_the_truth(trace: Trace) -> None:
     first = min(record.tick for record in trace.boundaries if record.events)
     assert list(watched(trace, first - 1).visible_targets()) == []
     assert {sight for *_, sight in watched(trace, first - 1, truth=True).visible_targets()} == {"truth"}
@@ -105,7 +105,7 @@ def test_the_state_is_that_of_the_last_boundary(trace: Trace) -> None:
     assert sum(done for _, done, _ in state.stage_counts()) == sum(len(r.stages) for r in trace.boundaries)
 
 
-def test_an_agent_shows_its_command_and_what_came_of_it(trace: Trace) -> None:
+def test_the_state_of_an_agent_has_its_command_and_status(trace: Trace) -> None:
     made = next(
         (record.tick, decided.agent, decided.decision.command)
         for record in trace.boundaries
@@ -178,19 +178,19 @@ def test_drawing_keeps_to_its_share_of_the_time(trace: Trace, city: City, monkey
     assert watching._spent_s <= SHARE * clock[0] + 3 * 0.05
 
 
-def test_without_a_terminal_it_is_refused_with_a_way_out(tmp_path: Path) -> None:
+def test_watch_without_a_terminal_is_refused_with_a_hint(tmp_path: Path) -> None:
     done = run_python([*RUN, "ssr", "--watch", "--policy", "random"], cwd=tmp_path)
     assert done.returncode == 2
     assert "error: --watch draws on the terminal" in done.stderr and "hint: remove --watch" in done.stderr
     assert "Traceback" not in done.stderr and done.stdout == "" and list(tmp_path.iterdir()) == []
 
 
-def test_several_at_a_time_cannot_be_watched(tmp_path: Path) -> None:
+def test_parallel_episodes_cannot_be_watched(tmp_path: Path) -> None:
     done = run_python([*RUN, "ssr", "--watch", "--seeds", "0-1", "-j", "2"], cwd=tmp_path)
     assert done.returncode == 2 and "one episode at a time" in done.stderr
 
 
-def test_a_dumb_terminal_gets_a_note_and_the_line(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+def test_a_dumb_terminal_gets_a_note_and_the_progress_line(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
     path = mission_file("ssr")
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     monkeypatch.setenv("TERM", "dumb")
@@ -268,7 +268,7 @@ class Noisy:
 """
 
 
-def test_a_watched_run_gives_the_terminal_back_with_what_was_said_meanwhile(tmp_path: Path) -> None:
+def test_a_watched_run_restores_the_terminal_and_then_prints_the_output_of_policies(tmp_path: Path) -> None:
     text = mission_file("ssr").read_text(encoding="utf-8").replace("ticks <= 60", "ticks <= 3")
     (tmp_path / "short.ljs").write_text(text.replace("(12.4 m, -1351.8 m)", "(270 m, -920 m)"), encoding="utf-8")
     (tmp_path / "noisy.py").write_text(NOISY)

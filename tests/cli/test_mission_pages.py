@@ -27,7 +27,7 @@ def test_every_mission_has_a_page_with_its_rules_and_radii(file: Path) -> None:
     assert f"({file.stem}-map.png)" in text and f"({file.stem}-graph.svg)" in text
 
 
-def test_the_index_leads_to_all_and_nothing_is_left_over() -> None:
+def test_the_index_links_to_every_page_and_every_picture_is_used() -> None:
     index = (PAGES / "README.md").read_text(encoding="utf-8")
     assert all(f"({file.stem}.md)" in index for file in MISSIONS)
     pages = [path.read_text(encoding="utf-8") for path in PAGES.glob("*.md")]

@@ -89,7 +89,7 @@ def within(line: str, *, at: str = "  success") -> str:
         ('goal "find {|}"', {"uavs", "victims"}, {"region"}),
     ],
 )  # fmt: skip
-def test_completion(line: str, offered: set[str], not_offered: set[str]) -> None:
+def test_completion_offers_words_that_fit_the_place(line: str, offered: set[str], not_offered: set[str]) -> None:
     if "|" not in line:
         return
     proposed = set(labels(within(line)))
@@ -97,7 +97,7 @@ def test_completion(line: str, offered: set[str], not_offered: set[str]) -> None
     assert not (not_offered & proposed)
 
 
-def test_completion_of_libraries() -> None:
+def test_completion_offers_libraries_and_their_declarations() -> None:
     assert {"std.air", "std.sea", "scenarios.ssr"} <= set(labels("ljs 1\nuse |"))
     assert {"bi", "ssr"} <= set(labels("ljs 1\nuse scenarios.|"))
     assert labels("ljs 1\nuse scenarios.ssr { | }") == ["ssr"]
@@ -106,7 +106,7 @@ def test_completion_of_libraries() -> None:
 
 
 @pytest.mark.parametrize("step", [149, pytest.param(37, marks=pytest.mark.thorough)])
-def test_completion_works_at_every_place_of_every_prefix(step: int) -> None:
+def test_completion_raises_no_error_at_places_of_whole_and_cut_texts(step: int) -> None:
     """At places in equal steps, and behind the first of each mark."""
     whole = Analysis(SSR, "<test>")
     for end in {*range(0, len(SSR), step), *(SSR.index(mark) + 1 for mark in '.:=<[({,"~')}:
@@ -124,7 +124,7 @@ def hovered(word: str, *, nth: int = 0, text: str = SSR) -> str:
 
 
 @pytest.mark.parametrize(
-    ("word", "due"),
+    ("word", "expected"),
     [
         ("altitude", "param, a length in `m`"),
         ("search =", "region"),
@@ -142,8 +142,8 @@ def hovered(word: str, *, nth: int = 0, text: str = SSR) -> str:
         ("band", "range of lengths"),
     ],
 )
-def test_hover(word: str, due: str) -> None:
-    assert due in hovered(word)
+def test_hover_explains_a_word_of_a_mission(word: str, expected: str) -> None:
+    assert expected in hovered(word)
 
 
 def test_hover_describes_the_property_of_the_enclosing_type() -> None:
@@ -170,7 +170,7 @@ def test_hover_shows_the_comment_above() -> None:
     assert "Vessels" not in hovered("lifeboat")
 
 
-def test_definitions_in_the_file_and_in_the_library() -> None:
+def test_definitions_are_found_in_the_file_and_in_the_library() -> None:
     analysis = Analysis(SSR, "<test>")
 
     def declared(word: str, nth: int = 0) -> tuple[str, int, int]:
@@ -208,7 +208,7 @@ def test_references_distinguish_local_names() -> None:
     ("word", "new"), [("uavs", "n"), ("victim[", "person"), ("searcher", "finder"), ("boat :", "ship"),
                       ("detection", "sighting"), ("matched", "hit"), ("locate ", "pin"), ("search =", "area")]
 )  # fmt: skip
-def test_renaming_changes_nothing_else(word: str, new: str) -> None:
+def test_renaming_a_name_and_back_restores_the_text(word: str, new: str) -> None:
     analysis = Analysis(SSR, "<test>")
     offset = SSR.index(word)
     old = word.strip(" [:=")
@@ -255,7 +255,7 @@ def test_outline_is_nested() -> None:
 
 
 @given(st.text(max_size=60), st.sampled_from(["utf-16", "utf-8", "utf-32"]))
-def test_positions_go_there_and_back(text: str, encoding: str) -> None:
+def test_an_offset_converted_to_a_position_and_back_is_unchanged(text: str, encoding: str) -> None:
     source = SourceText(text)
     positions = Positions(source, encoding)
     for offset in range(len(source.text) + 1):

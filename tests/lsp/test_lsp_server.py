@@ -31,15 +31,15 @@ class Editor(LanguageClient):
         super().__init__("test-editor", "1")
         self.published: dict[str, list[lsp.PublishDiagnosticsParams]] = {}
         self.capabilities = lsp.ServerCapabilities()
-        self.told = asyncio.Event()
+        self.received = asyncio.Event()
         self.text = ""
         self.version = 0
 
     async def diagnostics(self, *, beyond: int = 0, uri: str = URI) -> list[lsp.Diagnostic]:
         """The diagnostics after the first `beyond` publications."""
         while len(self.published.get(uri, [])) <= beyond:
-            self.told.clear()
-            await asyncio.wait_for(self.told.wait(), 600)
+            self.received.clear()
+            await asyncio.wait_for(self.received.wait(), 600)
         return list(self.published[uri][-1].diagnostics)
 
     def open(self, text: str, uri: str = URI) -> None:
@@ -74,7 +74,7 @@ async def editor() -> AsyncIterator[Editor]:
     @client.feature(lsp.TEXT_DOCUMENT_PUBLISH_DIAGNOSTICS)
     def published(params: lsp.PublishDiagnosticsParams) -> None:
         client.published.setdefault(params.uri, []).append(params)
-        client.told.set()
+        client.received.set()
 
     await client.start_io(sys.executable, "-m", "lingjing.cli.main", "lsp", "--stdio")
     started = await client.initialize_async(
@@ -90,7 +90,7 @@ async def editor() -> AsyncIterator[Editor]:
     await client.stop()
 
 
-async def test_errors_come_and_go_as_the_author_types(editor: Editor) -> None:
+async def test_errors_appear_and_disappear_as_the_author_types(editor: Editor) -> None:
     editor.open(SSR)
     assert await editor.diagnostics() == []
     where = place(SSR, "10 s, sync")
@@ -102,7 +102,7 @@ async def test_errors_come_and_go_as_the_author_types(editor: Editor) -> None:
     assert await editor.diagnostics(beyond=2) == []
 
 
-async def test_quick_typing_is_checked_once(editor: Editor) -> None:
+async def test_fast_typing_causes_fewer_checks_than_edits(editor: Editor) -> None:
     editor.open(SSR)
     await editor.diagnostics()
     for number in range(20):
@@ -114,7 +114,7 @@ async def test_quick_typing_is_checked_once(editor: Editor) -> None:
     assert len(editor.published[URI]) < 1 + 20  # fast typing does not cause a check per letter
 
 
-async def test_a_broken_file_still_answers(editor: Editor) -> None:
+async def test_the_server_answers_requests_about_a_broken_file(editor: Editor) -> None:
     broken = SSR.replace("clock {", "clock {{{ =").replace("} }\n", "\n") + "\nmission {"
     editor.open(broken)
     assert len(await editor.diagnostics()) >= 2
@@ -148,7 +148,7 @@ async def test_columns_are_utf16(editor: Editor) -> None:
     assert isinstance(location, lsp.Location) and location.range.start == place(text, "search =")
 
 
-async def test_completion_hover_definition_references(editor: Editor) -> None:
+async def test_completion_hover_definition_and_references_are_answered(editor: Editor) -> None:
     text = SSR.replace("  success", "  stage x { done when boat. }\n  success")
     editor.open(text)
     where = place(text, "boat. }")
@@ -167,7 +167,7 @@ async def test_completion_hover_definition_references(editor: Editor) -> None:
     assert places is not None and len(places) == SSR.count("uavs")
 
 
-async def test_signatures_tokens_folds_and_unit_hints(editor: Editor) -> None:
+async def test_signatures_semantic_tokens_folds_and_unit_hints_are_returned(editor: Editor) -> None:
     text = (
         "ljs 1\nuse std.air\nuse std.sea\n# a note\n# of two lines\nmission m {\n  param far = 3 km in 1 m..9 km\n"
         "  region r = circle((far, 5 m), far)\n  adjudicate near(v: victim) { when now > 3 s }\n"
@@ -216,7 +216,7 @@ async def test_signatures_tokens_folds_and_unit_hints(editor: Editor) -> None:
     assert expected <= set(words)
 
 
-async def test_rename_and_its_refusals(editor: Editor) -> None:
+async def test_a_rename_is_returned_or_refused_with_a_reason(editor: Editor) -> None:
     editor.open(SSR)
     edit = await editor.text_document_rename_async(lsp.RenameParams(DOCUMENT, place(SSR, "uavs "), "n"))
     assert edit is not None and edit.changes is not None
@@ -230,7 +230,7 @@ def _formatting() -> lsp.DocumentFormattingParams:
     return lsp.DocumentFormattingParams(DOCUMENT, lsp.FormattingOptions(tab_size=4, insert_spaces=False))
 
 
-async def test_formatting_and_code_actions(editor: Editor) -> None:
+async def test_formatting_and_code_actions_return_edits(editor: Editor) -> None:
     text = SSR.replace("  scene bay", "scene bay").replace("takeoff,", "takeof,")
     editor.open(text)
     (fault,) = await editor.diagnostics()
@@ -252,7 +252,7 @@ async def test_closing_removes_the_diagnostics(editor: Editor) -> None:
     assert await editor.diagnostics(beyond=1) == []
 
 
-async def test_a_library_that_changes_is_seen(editor: Editor, tmp_path: Path) -> None:
+async def test_a_library_without_errors_has_no_diagnostics(editor: Editor, tmp_path: Path) -> None:
     file = tmp_path / "lib.ljs"
     file.write_text("ljs 1\nasset tug { engine = vessel }\n")
     uri = file.as_uri()
@@ -270,7 +270,9 @@ def long_mission(lines: int) -> str:
 
 
 @pytest.mark.parametrize("lines", [1_000, pytest.param(10_000, marks=pytest.mark.thorough)])
-async def test_many_lines(editor: Editor, lines: int, record_property: pytest.RecordProperty) -> None:  # type: ignore[name-defined]
+async def test_a_long_mission_is_checked_and_its_timings_are_recorded(
+    editor: Editor, lines: int, record_property: pytest.RecordProperty
+) -> None:  # type: ignore[name-defined]
     text = long_mission(lines)
     started = time.monotonic()
     editor.open(text)
@@ -310,7 +312,7 @@ async def test_a_cancelled_request_does_not_harm_the_server(editor: Editor) -> N
     assert await editor.text_document_document_symbol_async(lsp.DocumentSymbolParams(DOCUMENT))
 
 
-async def test_shutdown_during_a_check_leaves_nothing(editor: Editor) -> None:
+async def test_shutdown_during_a_check_leaves_no_process(editor: Editor) -> None:
     editor.open(long_mission(1500))
     await asyncio.sleep(0.1)
     await asyncio.wait_for(editor.shutdown_async(None), 600)

@@ -33,13 +33,13 @@ def rules() -> dict[str, dict[str, object]]:
     return json.loads((EXTENSION / "syntaxes" / "ljs.tmLanguage.json").read_text(encoding="utf-8"))["repository"]
 
 
-def test_the_committed_grammar_is_what_the_tables_give(tool: ModuleType) -> None:
+def test_the_committed_grammar_is_up_to_date_with_the_tables(tool: ModuleType) -> None:
     committed = (EXTENSION / "syntaxes" / "ljs.tmLanguage.json").read_text(encoding="utf-8")
     assert committed == tool.text(), "run: python tools/textmate.py"
 
 
 @pytest.mark.parametrize("word", sorted(STATEMENTS))
-def test_every_statement_is_coloured_where_it_is_one(rules, word: str) -> None:
+def test_every_keyword_is_coloured_in_a_statement_and_not_as_a_property_name(rules, word: str) -> None:
     heads = [rules[name]["match"] for name in ("declaration", "statement")]
     assert any(regex.search(head, f"  {word} name") for head in heads)
     assert not any(regex.search(head, f"  {word} = 3") for head in heads)
@@ -52,12 +52,12 @@ def test_every_inner_word_is_coloured(rules, word: str) -> None:
 
 
 @pytest.mark.parametrize("unit", [*sorted(UNITS), "km/h", "m/s^2"])
-def test_every_unit_is_coloured_whole(rules, unit: str) -> None:
+def test_every_unit_is_coloured_completely(rules, unit: str) -> None:
     match = regex.search(rules["number"]["match"], f"= 3.5 {unit}, x")
     assert (match[1], match[2]) == ("3.5", unit)
 
 
-def test_functions_and_names(rules) -> None:
+def test_functions_distributions_declared_names_and_numbers_are_coloured(rules) -> None:
     for word in FUNCTIONS:
         assert regex.search(rules["function"]["patterns"][0]["match"], f"{word}(")
     for word in DISTRIBUTIONS:
