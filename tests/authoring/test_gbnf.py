@@ -59,7 +59,7 @@ def _named(body: str) -> str:
     return "".join(part if number % 2 else part.replace("-", "_") for number, part in enumerate(parts))
 
 
-def test_a_mission_in_the_formatter_s_layout_is_permitted(permits: Callable[[str], bool]) -> None:
+def test_the_grammar_permits_a_formatted_mission(permits: Callable[[str], bool]) -> None:
     assert permits(ACCEPTED)
 
 
@@ -70,5 +70,5 @@ def test_a_mission_in_the_formatter_s_layout_is_permitted(permits: Callable[[str
         (" : person_in_water", " person_in_water"), ('"Bring the boat."', "Bring the boat."),
     ],
 )  # fmt: skip
-def test_other_texts_are_not(permits: Callable[[str], bool], before: str, after: str) -> None:
+def test_the_grammar_rejects_faulty_texts(permits: Callable[[str], bool], before: str, after: str) -> None:
     assert before in ACCEPTED and not permits(ACCEPTED.replace(before, after))

@@ -1,4 +1,4 @@
-"""`lingjing generate`: composed missions validate, equal seeds give equal texts, and certificates tell the verdict."""
+"""`lingjing generate`: composed missions validate, equal seeds give equal texts, and certificates state the verdict."""
 
 from __future__ import annotations
 

@@ -84,7 +84,7 @@ def run(tmp_path: Path, capsys: Capture) -> Run:
     return Run(tmp_path, capsys)
 
 
-def test_expectations_that_hold(run: Run) -> None:
+def test_expectations_that_hold_pass(run: Run) -> None:
     block = """
         "policies.py:Mover" wins within 2 ticks for seeds 0..1
         idle loses at least 1 of 2
@@ -101,7 +101,7 @@ def test_expectations_that_hold(run: Run) -> None:
     assert lines[3].startswith("3 passed in ") and len(lines) == 4
 
 
-def test_a_failed_expectation_says_what_happened_and_how_to_watch_it(run: Run) -> None:
+def test_a_failed_expectation_reports_the_episode_and_the_command_to_watch_it(run: Run) -> None:
     code, lines, _ = run("idle wins for seeds 3..4 with far = 60 m, mode = star\nidle loses for seeds 0", "-x")
     assert code == ExitCode.MISSION
     assert lines[0].startswith("FAILED  m.ljs::idle wins for seeds 3..4 with far = 60 m, mode = star  (0 of 1 episodes")
@@ -112,7 +112,7 @@ def test_a_failed_expectation_says_what_happened_and_how_to_watch_it(run: Run) -
     assert lines[-1].startswith("1 failed in ")  # `-x`: the second was not run
 
 
-def test_what_cannot_be_evaluated_is_one_clear_error(run: Run) -> None:
+def test_an_expectation_that_cannot_be_evaluated_gives_one_clear_error(run: Run) -> None:
     block = (
         'orakel wins\n"absent.py:A" wins for seeds 0\ndraws spread over start for seeds 0..2\ninfeasible when far < 1 m'
     )
@@ -132,14 +132,14 @@ def test_a_broken_policy_is_an_infrastructure_failure(run: Run) -> None:
     assert lines[-1].startswith("1 aborted in ")
 
 
-def test_settings_that_are_not_refused_fail(run: Run) -> None:
+def test_settings_that_are_not_proved_infeasible_fail_the_expectation(run: Run) -> None:
     code, lines, _ = run("infeasible when far == 60 m")
     assert code == ExitCode.MISSION
     assert "2 of 2 such settings are not proved to be infeasible" in lines[0]
     assert "  it may be won: lingjing run m.ljs --mode star --set far=60 --policy oracle" in lines
 
 
-def test_selection_and_listing(run: Run) -> None:
+def test_an_expression_selects_the_checks_to_list_or_to_run(run: Run) -> None:
     block = "idle loses for seeds 0\noracle wins\ndraws spread over start"
     code, lines, _ = run(block, "--list", "-k", "(idle or draws) and not ORACLE")
     assert (code, lines) == (ExitCode.OK, ["m.ljs::idle loses for seeds 0", "m.ljs::draws spread over start"])
@@ -160,7 +160,7 @@ def test_nothing_to_run_is_a_usage_error(run: Run) -> None:
     assert code == ExitCode.USAGE and "no file has an expectation" in error and "has no block `expect`" in error
 
 
-def test_faulty_files_and_names(run: Run, tmp_path: Path, capsys: Capture) -> None:
+def test_faulty_files_and_wrong_arguments_give_their_exit_codes(run: Run, tmp_path: Path, capsys: Capture) -> None:
     code, lines, error = run("idle lses within 3", "--junit-xml", str(tmp_path / "r.xml"))
     assert code == ExitCode.MISSION and "did you mean `loses`?" in error and lines[-1].startswith("1 error in ")
     assert ET.parse(tmp_path / "r.xml").getroot().get("errors") == "1"
@@ -169,7 +169,7 @@ def test_faulty_files_and_names(run: Run, tmp_path: Path, capsys: Capture) -> No
         assert "hint: " in capsys.readouterr().err
 
 
-def test_shipped_names_work(capsys: Capture) -> None:
+def test_shipped_missions_are_found_by_name(capsys: Capture) -> None:
     assert run_command(["test", "ssr", "bi", "--list"]) == ExitCode.OK
     names = capsys.readouterr().out.splitlines()
     assert any(name.startswith("ssr::oracle wins") for name in names)
@@ -216,7 +216,7 @@ SCENARIOS = Path(__file__).parents[2] / "scenarios"
 @pytest.mark.parametrize(
     "file", [*SCENARIOS.glob("*.ljs"), *SCENARIOS.glob("examples/*.ljs")], ids=lambda file: file.stem
 )
-def test_shipped_missions_state_expectations_of_which_the_cheap_ones_hold(file: Path, capsys: Capture) -> None:
+def test_shipped_missions_have_expectations_and_the_cheap_ones_hold(file: Path, capsys: Capture) -> None:
     assert run_command(["test", str(file), "--list"]) == ExitCode.OK
     names = capsys.readouterr().out
     assert ("::oracle wins within " in names and "::idle loses" in names) or "::random loses" in names

@@ -70,7 +70,7 @@ def row(*, metrics: dict[str, object] | None = None, settings: dict[str, float] 
 # -- estimates
 
 
-def test_estimates_by_hand() -> None:
+def test_rates_and_intervals_equal_values_computed_by_hand() -> None:
     won = share([True, True, False, False])
     assert won.value == 50.0 and won.number == 4 and won.low == pytest.approx(15.0, abs=0.1)
     assert won.text(".0f") == "50 [15, 85]"
@@ -95,7 +95,7 @@ def test_a_pooled_rate_over_many_has_the_interval_of_the_bootstrap() -> None:
 # -- figures
 
 
-def test_the_main_figure_is_the_main_table(results: Callable[..., Path]) -> None:
+def test_the_main_figure_has_the_values_of_the_main_table(results: Callable[..., Path]) -> None:
     rows = [
         row(entrant=name, mode=mode, seed=seed, success=won)
         for name, won in (("a", True), ("b", False)) for mode in ("star", "broadcast") for seed in (0, 1)
@@ -108,7 +108,7 @@ def test_the_main_figure_is_the_main_table(results: Callable[..., Path]) -> None
 
 
 def test_entrants_have_the_same_order_in_drawings_and_tables(results: Callable[..., Path]) -> None:
-    """The second of them alone played the first column, which does not move it up."""
+    """Only the second entrant played the first column, which does not change the order."""
     rows = [
         row(entrant=name, entrant_place=place, mode=mode, seed=0, success=False, family="perception_miss")
         for place, (name, modes) in enumerate((("a", ("broadcast",)), ("b", ("star", "broadcast"))))
@@ -133,7 +133,7 @@ def test_modes_are_compared_on_seeds_that_were_played_in_both(results: Callable[
     assert entries(part.tables[1])["e, SSR star", "e, SSR broadcast"]["Only first won"] == "2"
 
 
-def test_a_sweep_needs_its_parameter_alone_to_differ(results: Callable[..., Path]) -> None:
+def test_a_sweep_contains_runs_in_which_only_its_parameter_differs(results: Callable[..., Path]) -> None:
     rows = [
         row(condition=f"{uavs} UAVs", settings={"uavs": uavs}, mode="broadcast", seed=seed, success=uavs > 1,
             baseline=uavs == 3)
@@ -189,7 +189,9 @@ def test_prompts_and_interventions_are_recognised_by_their_options(results: Call
     assert parts_of("ablations", evidence) == []
 
 
-def test_stages_failures_drift_and_signatures(results: Callable[..., Path]) -> None:
+def test_figures_of_stages_failures_drift_and_signatures_show_the_metrics_of_the_rows(
+    results: Callable[..., Path],
+) -> None:
     stages = (StageMetric(name="detect", done=3, required=3, cumulative=True),
               StageMetric(name="locate", done=2, required=3, cumulative=False))  # fmt: skip
     terciles = tuple(ActionCounts(actions=10, adherent=9 - third, following=9) for third in range(3))
@@ -235,7 +237,7 @@ def test_a_note_reports_episodes_that_were_won_without_a_stage(results: Callable
     assert mile.tables[0].notes[1].startswith("S2 and S3 are read from typed reports")
 
 
-def test_a_search_for_a_prompt_is_a_trajectory(tmp_path: Path) -> None:
+def test_the_table_of_a_prompt_search_has_a_line_for_each_revision(tmp_path: Path) -> None:
     folder = tmp_path / "P2.txt.search"
     folder.mkdir()
     (folder / "candidate-0.txt").write_text("start")
@@ -254,7 +256,7 @@ def test_a_search_for_a_prompt_is_a_trajectory(tmp_path: Path) -> None:
     assert len(cells) == 2 and part.notes[1] == "no prompt was given in round 2"
 
 
-def test_a_probe_and_its_pairs(tmp_path: Path) -> None:
+def test_the_appearance_figure_shows_a_probe_and_its_image_pairs(tmp_path: Path) -> None:
     answers = [ProbedFrame(detector="d", cls=PERSON, name=str(at), truth=at < 2, said=at < 2, twin_said=at < 1)
             for at in range(4)]  # fmt: skip
     (tmp_path / "probe").mkdir()
@@ -281,7 +283,7 @@ def test_a_probe_and_its_pairs(tmp_path: Path) -> None:
     assert pairs.notes == ("2 pairs, 0 edits rejected",)
 
 
-def test_traced_episodes_give_pictures(evidence: ReportEvidence) -> None:
+def test_traced_episodes_give_conversation_charts_and_frame_pictures(evidence: ReportEvidence) -> None:
     (shown,) = parts_of("conversations", evidence)
     assert [drawing.title.split(",")[0] for drawing in shown.drawings] == ["SSR star", "SSR broadcast"]
     ticks = [int(word) for word in words_of(shown) if word.isdecimal()]

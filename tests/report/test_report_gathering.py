@@ -1,4 +1,4 @@
-"""Places and evidence: which runs are found, which count once, and which are left out with a note."""
+"""Gathering of evidence: the runs at the places, duplicates that count once, and runs left out with a note."""
 
 from __future__ import annotations
 
@@ -64,7 +64,9 @@ def test_a_trace_that_is_found_twice_counts_once(runs: Path, tmp_path: Path) -> 
     assert "counted already" in result.left_out[0]
 
 
-def test_episodes_that_were_cut_short_are_in_no_rate_and_in_a_note(runs: Path, tmp_path: Path) -> None:
+def test_episodes_that_were_cut_short_are_excluded_from_rates_and_reported_in_a_note(
+    runs: Path, tmp_path: Path
+) -> None:
     cut = copied(runs, tmp_path / "cut" / "trace.mcap.part", keep=0.6)
     result = gather([runs, tmp_path])
     assert result.episodes == 2
@@ -170,7 +172,7 @@ def test_several_processes_give_the_same_evidence(runs: Path, evidence: ReportEv
     assert gather([runs], jobs=2) == evidence
 
 
-def test_the_differences_among_traces_are_the_conditions() -> None:
+def test_options_that_differ_among_traces_become_their_conditions() -> None:
     def played(seed: int, uavs: float, **args: object) -> object:
         options = PlayOptions(mission="ssr", policy="react", settings={"uavs": uavs, "victims": 3.0}, policy_args=args)
         return made_row(seed=seed, mode="broadcast", entrant="m", options=options)

@@ -1,4 +1,4 @@
-"""The page in a real browser: on a desk, on a phone, in print, light and dark."""
+"""The page in a real browser: on a desktop, on a phone, in print, light and dark."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.browser import browser, opened, skip_without_a_browser
 skip_without_a_browser()
 
 LEAST_PX = 8.5
-"""The smallest letters of a drawing that is not to be moved sideways."""
+"""Smallest permitted letters of a drawing, in pixels."""
 
 SMALLEST = """() => Math.min(...[...document.querySelectorAll('figure.panel svg')].flatMap(svg => {
     const scale = svg.getBoundingClientRect().width / svg.viewBox.baseVal.width;
@@ -45,7 +45,7 @@ def page_url(runs: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 @pytest.mark.parametrize("width", [390, 1280])
-def test_nothing_sticks_out_and_everything_can_be_read(chromium: Any, page_url: str, width: int) -> None:
+def test_the_page_fits_its_width_and_its_letters_are_large_enough(chromium: Any, page_url: str, width: int) -> None:
     with opened(chromium, page_url, viewport={"width": width, "height": 844}) as page:
         assert page.evaluate("document.documentElement.scrollWidth") <= width
         assert page.evaluate(SMALLEST) >= LEAST_PX
@@ -57,13 +57,13 @@ def test_nothing_sticks_out_and_everything_can_be_read(chromium: Any, page_url: 
         assert page.evaluate("document.querySelector('#maps').getBoundingClientRect().top") < 400
 
 
-def test_dark_and_print(chromium: Any, page_url: str) -> None:
+def test_dark_mode_and_print_have_their_own_colours_and_layout(chromium: Any, page_url: str) -> None:
     with opened(chromium, page_url, color_scheme="dark") as page:
         dark = page.evaluate(INK)
         page.emulate_media(media="print")
         assert page.evaluate(INK) != dark, "paper is white"
         assert page.locator("nav").is_hidden()
-        assert set(page.evaluate(KEPT)) == {"avoid"}, "what heads something stays with it"
+        assert set(page.evaluate(KEPT)) == {"avoid"}, "a heading stays on the page of its content"
         page.set_viewport_size({"width": 720, "height": 1000})
         assert page.evaluate("document.documentElement.scrollWidth") <= 720
         assert page.pdf(format="A4").startswith(b"%PDF")

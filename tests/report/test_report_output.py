@@ -1,4 +1,4 @@
-"""Pages and files: well-formed, escaped, the same bytes for the same runs; one message for what cannot be done."""
+"""Pages and files: well-formed, escaped, the same bytes for the same runs; one message for an impossible request."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_a_drawing_has_the_same_bytes_each_time(number: int) -> None:
     assert png_file(first) == png_file(second)
 
 
-def test_settings_of_the_reader_change_no_drawing() -> None:
+def test_matplotlib_settings_of_the_user_change_no_drawing() -> None:
     """A matplotlibrc file, a style that a program has chosen, or its own salt of ids."""
     from matplotlib import rc_context
 
@@ -88,7 +88,7 @@ def test_settings_of_the_reader_change_no_drawing() -> None:
         assert [svg_file(chart) for chart in charts()] == before
 
 
-def test_tooltips_say_the_values_of_marks() -> None:
+def test_tooltips_show_the_values_of_marks() -> None:
     """A pointer over a bar, a marker, a part or a cell shows its name, its value and its count."""
     lines, bars, parts, grid = map(tooltips_of, charts())
     assert lines[1:] == ["n: 66.67 [20.77, 93.85] % (n = 3)"] * 2 and len(bars) == 1
@@ -114,7 +114,7 @@ def test_drawings_of_one_page_share_no_ids_and_every_reference_is_resolved() -> 
 
 
 def test_a_page_chooses_the_colours_of_its_drawings() -> None:
-    """All colours are tones, which a page may show dark; a file has them as they are on white."""
+    """A page refers to colours as variables, which a dark page replaces; a file has the colours for white paper."""
     assert LIGHT.keys() == DARK.keys() and len(set(LIGHT.values())) == len(LIGHT)
     for chart in charts():
         page, file = inline_svg(chart, "a"), svg_file(chart)
@@ -136,7 +136,7 @@ def test_marks_stay_inside_of_their_drawing() -> None:
 
 
 @pytest.mark.parametrize("highest", [0.0, 1e-3, 0.7, 1.0, 43.0, 100.0, 12_345.0])
-def test_a_scale_begins_at_zero_and_holds_every_value(highest: float) -> None:
+def test_an_axis_begins_at_zero_and_covers_every_value(highest: float) -> None:
     series = [ChartSeries("a", (BoundedEstimate(highest, math.nan, math.nan, 1),) * 2, 0)]
     labels = [line for line in lines_of(line_chart("t", ["x", "y"], series, unit="m")) if line.endswith(" m")]
     numbers = [float(label.split()[0]) for label in labels]
@@ -174,7 +174,7 @@ def test_letters_of_other_scripts_are_written_or_reported(monkeypatch: pytest.Mo
         canvas.text(2.0, 14.0, chinese, size=12.0)
 
     drawing = Drawing(title="t", description="d", width=60.0, height=20.0, paint=paint)
-    assert text_width(chinese, 12.0) == 24.0, "as wide as they are anywhere, whatever fonts are here"
+    assert text_width(chinese, 12.0) == 24.0, "the width does not depend on the installed fonts"
     assert f">{chinese}</text>" in svg_file(drawing)
     if not boxed_letters(drawing):
         with Image.open(io.BytesIO(png_file(drawing))) as drawn:
@@ -184,7 +184,7 @@ def test_letters_of_other_scripts_are_written_or_reported(monkeypatch: pytest.Mo
     assert boxed_letters(drawing) == chinese
 
 
-def test_letters_that_the_usual_font_lacks_are_drawn_in_another_one(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_letters_that_the_usual_font_lacks_are_drawn_in_another_font(monkeypatch: pytest.MonkeyPatch) -> None:
     """Circled letters stand for Chinese ones: matplotlib ships a font that has them, and DejaVu Sans has none."""
     circled = "\u24b6\u24b7"
     other = str(Path(mpl.get_data_path()) / "fonts" / "ttf" / "STIXGeneral.ttf")
@@ -202,7 +202,7 @@ def test_letters_that_the_usual_font_lacks_are_drawn_in_another_one(monkeypatch:
     assert min(boxes) < 128 and min(letters) < 128 and boxes != letters
 
 
-def test_a_picture_is_inside_of_the_file() -> None:
+def test_a_picture_is_embedded_in_the_file() -> None:
     out = io.BytesIO()
     Image.new("RGB", (8, 6), "#123456").save(out, "PNG")
 
@@ -231,7 +231,7 @@ def test_a_sheet_has_all_drawings_of_a_figure() -> None:
     assert sheet_of(kind, [FigurePart()]) is None
 
 
-def test_a_sheet_of_wide_drawings_is_as_wide_as_they_are() -> None:
+def test_a_sheet_is_as_wide_as_its_wide_drawings() -> None:
     maps = tuple(
         Drawing(title="m", description="d", width=720.0, height=60.0, paint=lambda canvas: None, wide=True)
         for _ in range(3)
@@ -240,7 +240,7 @@ def test_a_sheet_of_wide_drawings_is_as_wide_as_they_are() -> None:
     assert sheet is not None and 720.0 < sheet.width < 800.0
 
 
-def test_bold_titles_of_a_sheet_end_where_it_does() -> None:
+def test_bold_titles_do_not_extend_beyond_the_edge_of_a_sheet() -> None:
     title = "SSR broadcast, seed 3, heuristic (uavs = 2, victims = 1): won"
     chart = bar_chart(title, [BarGroup("one", (ChartBar("x", 0, UNKNOWN),))])
     sheet = sheet_of(FIGURES[0], [FigurePart(heading=f"{title}, and so on", drawings=(chart,))])
@@ -256,7 +256,7 @@ def test_bold_titles_of_a_sheet_end_where_it_does() -> None:
         assert float(text.get("x", "nan")) + text_width(text.text or "", float(size), bold=True) <= sheet.width
 
 
-def test_matplotlib_is_loaded_for_a_report_alone() -> None:
+def test_importing_the_report_modules_does_not_load_matplotlib() -> None:
     script = (
         "import sys, lingjing, lingjing.report.figure_kinds, lingjing.cli.report; print('matplotlib' in sys.modules)"
     )
@@ -283,7 +283,7 @@ def test_the_page_is_one_file_that_lists_missing_figures(
     assert "oracle †" in page and "&lt;script&gt;" in page
 
 
-def test_hostile_names_of_rows_are_text(results: Callable[..., Path], tmp_path: Path) -> None:
+def test_hostile_names_of_rows_are_escaped(results: Callable[..., Path], tmp_path: Path) -> None:
     rows = [
         made_row(entrant=EVIL, condition=EVIL, baseline=True, group=EVIL, mode=mode) for mode in ("star", "broadcast")
     ]
@@ -293,7 +293,9 @@ def test_hostile_names_of_rows_are_text(results: Callable[..., Path], tmp_path: 
 
 
 @pytest.mark.parametrize("suffix", ["svg", "png"])
-def test_one_figure_by_its_name(suffix: str, runs: Path, tmp_path: Path) -> None:
+def test_one_figure_is_written_by_its_name_with_the_same_bytes_each_time(
+    suffix: str, runs: Path, tmp_path: Path
+) -> None:
     out = tmp_path / f"x.{suffix}"
     assert run_command(["report", str(runs), "--figure", "conversations", "-o", str(out)]) == ExitCode.OK
     before = out.read_bytes()
@@ -315,7 +317,9 @@ def test_the_list_and_the_page_of_documentation_name_every_figure(capsys: pytest
     assert rows == listed
 
 
-def test_an_impossible_request_is_one_message(runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_impossible_request_gives_one_message(
+    runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "empty").mkdir()
     place = str(runs)
     for arguments, message in (
