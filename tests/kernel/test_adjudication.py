@@ -33,7 +33,7 @@ FRAME = "f1-uav[1]-nadir"
 
 
 @pytest.mark.parametrize(("share", "hit"), [(0.5 + 1e-9, True), (0.51, True), (0.499, False), (1.0, True)])
-def test_boxes_match_from_one_half_on(share, hit):
+def test_boxes_match_at_an_intersection_over_union_of_one_half_or_more(share, hit):
     assert overlap(CENTRE_BOX, shifted(share)) == pytest.approx(share)
     events = judged(photographed(), kit.report(FRAME, box=shifted(share)))
     assert (("matched", "victim[1]", "m2-1") in events) is hit
@@ -57,7 +57,7 @@ def test_one_entity_is_matched_once_a_frame():
     assert [event for event in events if event[0] == "matched"] == [("matched", "victim[1]", "m2-1")]
 
 
-def test_one_report_matches_one_entity_the_one_it_fits_best():
+def test_a_report_matches_only_the_entity_with_the_best_overlap():
     both = kit.instance(victims=((100.0, 0.0), (105.0, 0.0)))
 
     class Two(kit.TruthCamera):
@@ -98,7 +98,7 @@ def test_without_a_report_nothing_is_unlocked_and_nothing_rescued():
     assert kernel.state.evaluation.reward == 0.0
 
 
-def test_a_lie_about_position_box_or_frame_changes_nothing():
+def test_a_false_report_causes_no_event_and_no_stage():
     """The policy reports a person in a picture that shows none."""
     kernel = kit.kernel(kit.instance(victims=((250.0, 250.0),)))
     kernel.reset()
@@ -117,12 +117,12 @@ def test_an_unlock_is_a_kernel_command_to_the_engine_that_owns_the_target():
 
 
 def test_an_unlock_that_its_engine_does_not_answer_is_sent_again():
-    class Deaf(kit.Shore):
+    class Unresponsive(kit.Shore):
         def submit(self, commands):
-            self.heard = getattr(self, "heard", 0) + len(commands)
-            return super().submit(commands) if self.heard > 1 else ()
+            self.received = getattr(self, "received", 0) + len(commands)
+            return super().submit(commands) if self.received > 1 else ()
 
-    kernel = photographed(plugin=kit.RescueEngines(shore=Deaf))
+    kernel = photographed(plugin=kit.RescueEngines(shore=Unresponsive))
     kernel.step(kit.decisions(scout_1=kit.report(FRAME)))
     records = [kernel.step(kit.decisions()).record for _ in range(3)]
     assert [[(r.request, r.status) for r in record.receipts] for record in records] == [
@@ -139,7 +139,7 @@ def test_an_event_is_latched_and_emitted_once():
     assert kinds == ["rescued"]
 
 
-def test_handoff_is_an_accepted_destination_that_means_the_target():
+def test_a_handoff_is_complete_when_a_destination_at_the_target_is_accepted():
     kernel = photographed(kit.instance("star"))
     kernel.step(kit.decisions(scout_1=kit.report(FRAME, position=(160.0, 0.0))))
     wrong = kernel.step(

@@ -26,7 +26,7 @@ def over(function, body):
 
 
 @pytest.mark.parametrize(("function", "expected"), [("sum", 67.0), ("min", -40.0), ("max", 100.0)])
-def test_a_number_over_a_group(function, expected):
+def test_sum_min_and_max_aggregate_over_a_group(function, expected):
     assert value(over(function, EAST)) == expected
 
 
@@ -35,18 +35,18 @@ def test_count_counts_where_the_condition_holds():
 
 
 @pytest.mark.parametrize(("function", "expected"), [("sum", 0.0), ("count", 0.0), ("min", None), ("max", None)])
-def test_over_nothing(function, expected):
+def test_sum_and_count_of_an_empty_group_are_zero_and_min_and_max_are_undefined(function, expected):
     assert value(over(function, EAST), victims=()) == expected
 
 
 @pytest.mark.parametrize(("name", "expected"), [("min", -2.0), ("max", 3.0)])
-def test_functions_of_numbers(name, expected):
+def test_min_max_and_abs_apply_to_numbers_only(name, expected):
     assert value(Call(function=name, arguments=(Number(value=3.0), Number(value=-2.0)))) == expected
     assert value(Call(function="abs", arguments=(Number(value=-2.0),))) == 2.0
     assert value(Call(function=name, arguments=(Number(value=3.0), Ref(name="boat", kind="entity")))) is None
 
 
-def test_a_mission_that_says_more_than_the_kernel_plays_does_not_start():
+def test_a_mission_with_features_that_the_kernel_does_not_implement_is_rejected():
     instance = msgspec.structs.replace(
         kit.instance(), regions=(Region(name="street", polygon=(), on_map=Number(value=1.0)),)
     )
@@ -59,7 +59,7 @@ def test_a_mission_that_says_more_than_the_kernel_plays_does_not_start():
         kit.kernel(inspected)
 
 
-def test_a_tick_is_as_long_in_rules_as_in_declarations_and_now_is_the_time():
+def test_rules_read_the_declared_tick_length_and_the_current_time():
     instance = kit.instance()
     at = Adjudicator(instance).context_at(initial(instance), initial(instance).states, 37.0)
     later = Binary(operator=">", left=Ref("now", "clock"), right=Binary("*", Number(value=3.0), Ref("tick", "clock")))
@@ -72,14 +72,14 @@ def test_a_tick_is_as_long_in_rules_as_in_declarations_and_now_is_the_time():
 
 
 @pytest.mark.parametrize(("low", "high", "there"), [(90.0, 110.0, True), (100.0, 110.0, True), (101.0, 110.0, False)])
-def test_a_number_lies_in_a_range_while_the_mission_runs(low, high, there):
+def test_the_operator_in_includes_the_lower_bound_of_a_range(low, high, there):
     inside = Binary(operator="in", left=EAST, right=Range(low=Number(value=low), high=Number(value=high)))
     assert value(over("count", inside)) == float(there)
 
 
-def test_a_member_that_is_not_there_makes_nothing_true():
-    nobody = Index(base=Ref(name="victim", kind="group"), index=Number(value=9.0))
-    done = Call(function="emitted", arguments=(Symbol(name="rescue"), nobody))
+def test_a_condition_on_a_missing_group_member_has_no_value():
+    missing = Index(base=Ref(name="victim", kind="group"), index=Number(value=9.0))
+    done = Call(function="emitted", arguments=(Symbol(name="rescue"), missing))
     instance = kit.instance()
     registry = initial(instance).with_events((TaskEvent(kind="rescue", entities=("victim[1]",), time_s=0.0),))
     at = Adjudicator(instance).context_at(registry, registry.states, 0.0)

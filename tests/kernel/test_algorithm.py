@@ -208,7 +208,7 @@ def test_line_20_the_loop_stops_at_the_tick_limit_and_when_done():
     assert (outcome.reason, outcome.success, outcome.ticks) == ("success", True, 0)
 
 
-def test_line_21_what_a_policy_sees_is_frozen():
+def test_line_21_observations_and_pictures_are_read_only():
     kernel = kit.kernel()
     kernel.reset()
     published = kernel.step(kit.decisions(scout_1=does("takePhoto")))
@@ -301,7 +301,7 @@ def test_line_26_a_missing_or_malformed_return_becomes_a_no_op_with_a_reason(act
     assert log.records[4].decisions[0].substituted == reason  # the episode goes on
 
 
-def test_line_26_what_a_call_without_a_decision_has_spent_is_kept():
+def test_line_26_the_usage_of_a_call_without_a_decision_is_recorded():
     def act(observation, inbox):
         raise NoDecisionError("nothing came", Usage(calls=3, prompt_tokens=70))
 
@@ -311,7 +311,7 @@ def test_line_26_what_a_call_without_a_decision_has_spent_is_kept():
     assert made.decision == Decision(usage=Usage(calls=3, prompt_tokens=70))
 
 
-def test_line_26_a_policy_that_claims_an_outage_has_failed():
+def test_line_26_an_outage_that_only_the_policy_reports_is_a_policy_error():
     """Without a probe that confirms an outage, the policy's exception is its own failure."""
 
     def act(observation, inbox):
@@ -386,7 +386,7 @@ def test_line_32_admitted_commands_reach_their_engine_before_it_advances():
     assert record.snapshots[-1].states[-1].position == pytest.approx((0.0, -50.0, 0.0))
 
 
-def test_line_33_the_engine_barrier_has_a_deadline():
+def test_line_33_an_engine_with_an_incoherent_time_aborts_the_episode():
     def advance(self, until, mirrors):
         return Boundary(engine=self.engine, time_s=until - 0.25, states=tuple(self.states.values()))
 
@@ -394,7 +394,7 @@ def test_line_33_the_engine_barrier_has_a_deadline():
     assert outcome.reason == "infrastructure-abort"  # an incoherent time; a hung process is the world's own test
 
 
-def test_lines_34_36_a_missing_admission_receipt_is_timed_out_and_no_abort():
+def test_lines_34_36_a_missing_admission_receipt_times_out_without_an_abort():
     kernel = kit.kernel()
     kernel.reset()
     record = kernel.step(kit.decisions(skipper=does("mute"))).record
@@ -543,7 +543,7 @@ def test_line_51_the_score_is_the_share_of_parts_that_hold():
     assert (published.evaluation.reward, published.evaluation.done) == (0.5, False)
 
 
-def test_line_52_the_record_holds_what_the_boundary_was_made_of():
+def test_line_52_the_record_holds_the_decisions_frames_and_digest_of_the_boundary():
     log = Log()
     kernel = kit.kernel(record=log.boundary)
     first = kernel.reset()
@@ -555,7 +555,7 @@ def test_line_52_the_record_holds_what_the_boundary_was_made_of():
     assert second.record.digest == next_digest(first.record.digest, second.record)
 
 
-def test_line_52_an_interrupt_while_the_record_is_written_tears_nothing():
+def test_line_52_an_interrupt_during_recording_leaves_state_and_record_consistent():
     log = Log()
 
     def interrupted(record, frames):
@@ -568,7 +568,7 @@ def test_line_52_an_interrupt_while_the_record_is_written_tears_nothing():
     assert kernel.state.digest == log.records[-1].digest
 
 
-def test_line_53_what_is_published_is_what_was_recorded():
+def test_line_53_the_published_observation_equals_the_recorded_one():
     kernel = kit.kernel()
     kernel.reset()
     published = kernel.step(kit.decisions(scout_1=does("takePhoto")))
@@ -577,7 +577,7 @@ def test_line_53_what_is_published_is_what_was_recorded():
     assert seen.frames == tuple(picture.frame for picture in published.observations["scout[1]"].pictures)
 
 
-def test_an_interrupt_while_an_episode_is_ended_tears_nothing():
+def test_an_interrupt_while_an_episode_ends_still_finishes_the_recording_once():
     class Interrupted(Log):
         def finish(self, outcome):
             os.kill(os.getpid(), signal.SIGINT)
@@ -597,7 +597,7 @@ def test_line_55_the_reason_is_success_failure_or_budget():
     assert [kind for kind, _ in log.endings] == ["finish"]
 
 
-def test_a_policy_that_cannot_take_its_brief_is_named_before_anything_is_recorded():
+def test_the_error_of_a_policy_that_fails_in_reset_names_its_agent():
     class Picky(Still):
         async def reset(self, brief):
             raise ValueError("no key")

@@ -9,7 +9,7 @@ STEPS = st.lists(st.tuples(st.integers(0, 8), st.dictionaries(st.integers(0, 12)
 
 
 @given(STEPS)
-def test_every_version_keeps_what_it_had_when_any_version_is_continued(steps):
+def test_extending_a_version_leaves_all_other_versions_unchanged(steps):
     versions: list[tuple[AppendOnlyMap, dict]] = [(AppendOnlyMap(), {})]
     for which, fresh in steps:
         ledger, model = versions[which % len(versions)]

@@ -70,7 +70,7 @@ class _JustDone(Future[tuple[int, float]]):
         raise TimeoutError
 
 
-def test_an_answer_at_the_last_moment_is_late_and_no_error_of_the_policy() -> None:
+def test_an_answer_just_after_the_deadline_is_a_timeout_and_no_policy_error() -> None:
     barrier = PolicyBarrier({}, 5.0)
     barrier._threads["a"] = AgentThread("a")
     assert barrier._wait("a", _JustDone(), 0.0).reason == "policy_timeout"
@@ -85,7 +85,7 @@ async def _lose_the_descriptor() -> int:
     return 5
 
 
-def test_a_thread_whose_loop_is_broken_ends_without_a_word(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_thread_with_a_broken_event_loop_ends_without_a_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
     """Python's own traceback would appear in the middle of a run's output."""
     caught: list[object] = []
     monkeypatch.setattr(threading, "excepthook", caught.append)
@@ -109,7 +109,7 @@ class _Accuser:
 
 
 @pytest.mark.parametrize("kind", [PolicyBarrier, SequentialPolicies])
-def test_the_word_of_a_policy_ends_no_episode_unless_it_is_confirmed(kind: type[PolicyBarrier]) -> None:
+def test_an_outage_that_a_policy_reports_ends_an_episode_only_if_confirmed(kind: type[PolicyBarrier]) -> None:
     inputs: dict[str, tuple[Any, Any]] = {"a": (None, None)}
     barrier = kind({"a": _Accuser()}, 600.0)
     (made,) = barrier.act(inputs)

@@ -32,7 +32,7 @@ def test_star_reaches_the_hub_first_and_the_recipient_one_boundary_later():
     assert (down.record.tick, read(down)) == (2, {"skipper": ["m2-1"]})
 
 
-def test_nothing_is_relayed_by_itself_under_star():
+def test_the_hub_of_a_star_does_not_relay_messages_automatically():
     kernel = kit.kernel(kit.instance("star"))
     kernel.reset()
     kernel.step(kit.decisions(scout_1=says("order", to=("skipper",), assignee="boat")))
@@ -86,7 +86,7 @@ GOOD = {
         ("detection", {"class": "x" * 5000}, "payload", "at most 4000"),
     ],
 )
-def test_an_envelope_is_refused_with_its_reason(kind, change, reason, word):
+def test_an_invalid_message_is_rejected_with_its_reason(kind, change, reason, word):
     body = {key: value for key, value in {**GOOD, **change}.items() if value is not None}
     edges, (receipt,) = MessageRouter(kit.instance()).expand(
         [("scout[1]", says(kind, **body).messages)], 1, frames=["f0"]
@@ -96,7 +96,7 @@ def test_an_envelope_is_refused_with_its_reason(kind, change, reason, word):
     assert bool(edges) is not bool(reason)
 
 
-def test_the_list_of_messages_is_finite():
+def test_messages_beyond_the_limit_per_call_are_rejected():
     many = says("order", assignee="boat").messages * (MESSAGES_PER_CALL + 2)
     edges, receipts = MessageRouter(kit.instance()).expand([("scout[1]", many)], 1, frames=())
     assert len(edges) == 2 * MESSAGES_PER_CALL
@@ -110,7 +110,7 @@ def test_an_unknown_sender_and_an_unknown_recipient_are_refused():
     assert (ghost.reason, lost.reason) == ("unknown_agent", "bad_recipient")
 
 
-def test_bytes_are_those_of_the_body_as_json():
+def test_the_size_of_a_message_is_that_of_its_body_as_json():
     edges, _ = MessageRouter(kit.instance()).expand([("scout[1]", says("order", assignee="boat").messages)], 1, ())
     assert {edge.bytes for edge in edges} == {len(b'{"assignee":"boat"}')}
 
@@ -120,7 +120,7 @@ def with_delay(ticks, delay, **changes):
     return msgspec.structs.replace(instance, comms=msgspec.structs.replace(instance.comms, delay_ticks=delay))
 
 
-def test_a_message_that_nobody_could_read_before_the_end_is_refused_as_expired():
+def test_a_message_due_after_the_last_boundary_is_rejected_as_expired():
     kernel = kit.kernel(with_delay(ticks=3, delay=2))
     kernel.reset()
     order = kit.decisions(scout_1=says("order", assignee="boat"))
@@ -137,7 +137,7 @@ def test_messages_of_the_last_tick_are_read_at_the_last_boundary():
     ]
 
 
-def test_a_report_is_adjudicated_when_it_is_sent_also_if_its_readers_wait_or_do_not_exist():
+def test_a_report_is_adjudicated_when_sent_even_with_delayed_or_no_recipients():
     alone = kit.instance()
     alone = msgspec.structs.replace(alone, agents=alone.agents[:1])
     for instance in (alone, with_delay(ticks=2, delay=5)):
@@ -150,7 +150,7 @@ def test_a_report_is_adjudicated_when_it_is_sent_also_if_its_readers_wait_or_do_
         assert record.messages == ()
 
 
-def test_a_message_to_oneself_or_to_a_hub_that_is_not_active_is_refused():
+def test_a_message_to_its_sender_or_to_an_inactive_hub_is_rejected():
     star = kit.instance("star")
     router = MessageRouter(star)
     _, (self_addressed,) = router.expand([("commander", says("order", ("commander",), assignee="b").messages)], 1, ())

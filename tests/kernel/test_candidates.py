@@ -26,7 +26,7 @@ def stepped(made, name="scout_1", **options):
 
 @pytest.mark.parametrize("value", [NAN, INF, -INF, 10**400, -(10**400), 1e308, -1.1e7, 2**63])
 @pytest.mark.parametrize("name", ["x", "z"])
-def test_an_unusable_number_in_a_command_is_refused_and_never_taken_for_one_left_out(name, value):
+def test_an_unusable_number_in_a_command_is_rejected_and_not_treated_as_missing(name, value):
     record = stepped(does("go", **{"x": 0.0, "y": 0.0, name: value}))
     (receipt,) = record.receipts
     assert (receipt.status, receipt.reason) == ("rejected", "bad_argument")
@@ -36,7 +36,7 @@ def test_an_unusable_number_in_a_command_is_refused_and_never_taken_for_one_left
 
 
 @pytest.mark.parametrize("value", [NAN, INF, 10**400, 1e308])
-def test_an_unusable_number_in_a_message_is_refused_and_the_command_beside_it_goes_on(value):
+def test_an_unusable_number_in_a_message_does_not_stop_the_command_of_the_same_decision(value):
     frame = "f1-uav[1]-nadir"
     record = stepped(together(does("go", x=0.0, y=0.0), kit.report(frame, position=(value, 0.0))))
     assert [(r.by, r.status, r.reason) for r in record.receipts] == [
@@ -61,7 +61,7 @@ def test_an_unusable_number_in_a_message_is_refused_and_the_command_beside_it_go
         Decision(command=Action(verb="v" * DECISION_BYTES)),
     ],
 )
-def test_what_does_not_fit_the_schema_becomes_a_substituted_no_op(made):
+def test_a_decision_that_does_not_fit_the_schema_becomes_a_substituted_no_op(made):
     record = stepped(made)
     assert [(r.status, r.reason) for r in record.receipts] == [("substituted", "malformed")]
     assert record.decisions[0].decision == Decision()
@@ -74,7 +74,7 @@ def test_a_value_that_contains_itself_is_malformed():
     assert stepped(Decision(command=Action(verb="go", arguments={"x": loop}))).decisions[0].substituted == "malformed"
 
 
-def test_numpy_values_are_taken_for_what_they_are():
+def test_numpy_values_are_converted_to_plain_values():
     record = stepped(does("go", x=np.float32(1.5), y=np.int64(2), z=np.float64(30.0)))
     assert record.commands[0].arguments == {"x": 1.5, "y": 2.0, "z": 30.0}
     where = stepped(says("order", assignee="boat", position=np.array([1.0, 2.0])))
@@ -89,12 +89,12 @@ def test_a_lone_surrogate_is_replaced_and_a_long_thought_is_cut():
     assert plain_copy(Decision(thought="grün 🛟")).thought == "grün 🛟"
 
 
-def test_a_decision_made_plain_stays_as_it_is():
+def test_plain_copy_is_idempotent():
     made = together(does("go", x=NAN, y=10**30), kit.report("f", position=(INF, -INF)))
     assert plain_copy(plain_copy(made)) == plain_copy(made)
 
 
-def test_a_subclass_of_a_decision_counts_as_one_and_an_extended_one_does_not():
+def test_a_subclass_of_decision_is_accepted_unless_it_adds_fields():
     class Same(Decision, frozen=True):
         pass
 
@@ -105,7 +105,7 @@ def test_a_subclass_of_a_decision_counts_as_one_and_an_extended_one_does_not():
     assert stepped(More()).decisions[0].substituted == "malformed"
 
 
-def test_an_object_that_a_policy_keeps_changes_nothing_afterwards():
+def test_a_policy_cannot_change_a_decision_after_returning_it():
     body = {"assignee": "boat"}
     kernel = kit.kernel()
     kernel.reset()
@@ -142,14 +142,14 @@ class WordlessError(Exception):
         (ValueError(), "ValueError"),
     ],
 )
-def test_whatever_a_policy_raises_is_its_own_failure(error, words, kind):
+def test_any_exception_of_a_policy_is_a_policy_error(error, words, kind):
     barrier = kind({"a": Raising(error)}, 5.0)
     (made,) = barrier.act({"a": (None, None)})
     barrier.close()
     assert (made.substituted, words in made.detail) == ("policy_error", True)
 
 
-def test_the_address_of_an_object_is_not_part_of_the_story():
+def test_the_address_of_an_object_is_removed_from_error_details():
     details = set()
     for _ in range(2):
         barrier = PolicyBarrier({"a": Raising(ValueError(object()))}, 5.0)
@@ -158,7 +158,7 @@ def test_the_address_of_an_object_is_not_part_of_the_story():
     assert details == {"ValueError: <object object at 0x…> (tests/kernel/test_candidates.py:126)"}
 
 
-def test_the_time_of_a_call_is_its_own_and_not_that_of_the_call_before_it():
+def test_the_wall_time_of_a_call_excludes_that_of_the_previous_call():
     class Sleeping(Raising):
         async def act(self, observation, inbox):
             await asyncio.sleep(self.error)

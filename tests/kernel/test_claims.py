@@ -1,4 +1,4 @@
-"""The limit of claims: what is a claim, what is free, what happens beyond the limit, and that no receipt shows it."""
+"""The limit of claims: claims and repeated claims, the behaviour beyond the limit, and receipts that do not show it."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_a_true_claim_counts_only_within_the_limit(most: int, guesses: int, matc
     assert kernel.state.registry.progress.used["positives"] == min(most, guesses + 1)
 
 
-def test_a_claim_that_is_passed_on_is_free() -> None:
+def test_a_claim_repeated_by_any_agent_counts_once() -> None:
     kernel = limited(2)
     for _ in range(3):
         kernel.step(decisions(scout_1=kit.report(FRAME, box=WRONG[0]), scout_2=kit.report(FRAME, box=WRONG[0])))
@@ -58,15 +58,15 @@ def test_one_box_with_another_position_is_another_claim() -> None:
     assert kernel.state.registry.progress.used["positives"] == 2
 
 
-def test_fields_that_no_rule_reads_make_no_other_claim() -> None:
+def test_reports_that_differ_only_in_fields_that_no_rule_reads_are_one_claim() -> None:
     kernel = limited(2)
     for confidence in (0.1, 0.5, 0.9):
         kernel.step(decisions(scout_1=kit.report(FRAME, box=WRONG[0], confidence=confidence)))
     assert kernel.state.registry.progress.used["positives"] == 1
 
 
-def test_no_receipt_and_no_message_differs_beyond_the_limit() -> None:
-    """Agents receive the same with a limit of 1 and with one of 50, as long as nothing of it is a true claim."""
+def test_receipts_and_messages_do_not_reveal_the_limit() -> None:
+    """Agents receive the same with a limit of 1 and with one of 50, as long as no report is a true claim."""
     seen = []
     for most in (1, 50):
         kernel = limited(most)
@@ -86,7 +86,7 @@ def test_a_message_without_a_box_is_no_claim() -> None:
     assert "matched" in events(kernel.step(decisions(scout_1=kit.report(FRAME))).record)
 
 
-def test_a_request_of_another_route_is_a_claim_by_its_place() -> None:
+def test_replan_requests_count_as_one_claim_per_position() -> None:
     check = InspectionSpec(
         name="check", asset="boat", by=("uav[1]",), within_m=5.0, replan="order", destination="uav[2]"
     )
@@ -98,7 +98,7 @@ def test_a_request_of_another_route_is_a_claim_by_its_place() -> None:
     assert routes == [[{"x": 1.0, "y": 1.0}], [{"x": 1.0, "y": 1.0}], [{"x": 2.0, "y": 2.0}], []]
 
 
-def test_each_boundary_has_its_own_claims() -> None:
+def test_the_claims_of_an_earlier_boundary_are_not_modified() -> None:
     kernel = limited(2)
     claims = []
     for box in WRONG[:3]:
@@ -177,7 +177,7 @@ def test_a_waypoint_counts_only_with_a_picture_that_shows_it(pictured: bool, lat
 @pytest.mark.parametrize(
     ("pictured", "east_m", "clear"), [(False, 20.0, True), (True, 20.0, False), (True, 20.1, True)]
 )
-def test_with_pictures_a_jam_between_two_waypoints_blocks_the_route_too(
+def test_a_jam_between_two_waypoints_blocks_the_route_if_pictures_are_required(
     pictured: bool, east_m: float, clear: bool
 ) -> None:
     kernel = limited(1)
@@ -196,7 +196,7 @@ def test_with_pictures_a_jam_between_two_waypoints_blocks_the_route_too(
     assert evaluate(Call("clear", (Symbol("check"),)), {}, at) is clear
 
 
-def test_a_limit_of_claims_is_read_like_any_other() -> None:
+def test_rules_read_the_number_of_used_claims() -> None:
     kernel = limited(4)
     kernel.step(decisions(scout_1=kit.report(FRAME, box=WRONG[0])))
     registry = kernel.state.registry

@@ -70,7 +70,7 @@ BAND = {"band_low_m": 0.0, "band_high_m": 120.0}
     [((0.0, 0.0, 30.0), 0.9), ((300.0, 0.0, 30.0), -3.5), ((100.0, 0.0, 70.0), 40.0), ((110.2, 0.0, 70.0), 40.0)],
     ids=["quay", "sea", "roof", "edge"],
 )
-def test_down_a_lot_ends_above_what_lies_below(player, instance_of, street, size_m, band, position, lowest):
+def test_a_large_descent_ends_above_the_surface_below(player, instance_of, street, size_m, band, position, lowest):
     """Regression: `down 100` was clipped to the band's 0 m, which the engine rejected as below the surface."""
     size = {"length_m": size_m, "width_m": size_m, "height_m": size_m / 2.0}
     entity = body("multirotor", "quadrotor", position, cruise_mps=12.0, endurance_s=2100.0, **size, **band)
@@ -89,7 +89,7 @@ def test_down_a_lot_ends_above_what_lies_below(player, instance_of, street, size
 @pytest.mark.parametrize("position", [(0.0, 0.0, 0.9), (0.0, 0.0, 30.0), (300.0, 0.0, -2.0), (100.0, 0.0, 40.2)])
 @pytest.mark.parametrize("verb", [spec.name for spec in verbs_of("multirotor")])
 @pytest.mark.parametrize("value", HUGE)
-def test_a_multirotor_refuses_no_clipped_number(instance_of, street, position, verb, value):
+def test_a_multirotor_accepts_every_clipped_number(instance_of, street, position, verb, value):
     entity = body("multirotor", "quadrotor", position, cruise_mps=12.0, endurance_s=1e9, **BAND)
     instance = instance_of([entity])
     engine = MultirotorEngine()
@@ -105,7 +105,7 @@ def test_a_multirotor_refuses_no_clipped_number(instance_of, street, position, v
 
 @pytest.mark.parametrize("value", HUGE)
 @pytest.mark.parametrize("x", [0.0, 100.0])
-def test_an_aeroplane_refuses_no_clipped_elevation(instance_of, street, value, x):
+def test_an_aeroplane_accepts_every_clipped_elevation(instance_of, street, value, x):
     entity = body(
         "plane", "fixed_wing", (0.0, 0.0, 300.0), endurance_s=1e6, cruise_mps=20.0, band_low_m=10.0, band_high_m=1000.0
     )
@@ -117,7 +117,7 @@ def test_an_aeroplane_refuses_no_clipped_elevation(instance_of, street, value, x
 
 
 @pytest.mark.parametrize("verb", ["forward", "left", "right"])
-def test_a_dog_refuses_no_clipped_number(instance_of, quay, verb):
+def test_a_robot_dog_accepts_every_clipped_number(instance_of, quay, verb):
     entity = body("quadruped", "robot_dog", (0.0, 0.0, 0.9))
     instance = instance_of([entity])
     engine = QuadrupedEngine()
@@ -134,7 +134,7 @@ def submitted(engine, verb, arguments):
     return receipt
 
 
-def test_the_altitude_of_a_takeoff_is_a_height_over_its_start_and_the_band_an_elevation(instance_of, street):
+def test_takeoff_altitudes_are_relative_to_the_start_and_the_band_is_an_elevation(instance_of, street):
     """From a roof at 40 m, in a band of 20 to 120 m, a takeoff may climb by 1 to 80 m."""
     entity = body("multirotor", "quadrotor", (100.0, 0.0, 40.2), band_low_m=20.0, band_high_m=120.0)
     instance = instance_of([entity])
@@ -143,7 +143,7 @@ def test_the_altitude_of_a_takeoff_is_a_height_over_its_start_and_the_band_an_el
     assert clipped(entity, street, instance, "takeoff", altitude=-400.0) == {"altitude": 1.0}
 
 
-def test_the_slowest_and_the_fastest_cruise_stand_in_one_place():
+def test_declared_speeds_are_clipped_to_the_speed_range_of_the_engine():
     """Proofs bound a body's speed by what its engine flies, and not by a declared speed that it does not hold."""
     plane, dog = (builtin_engines()[name].top_speed for name in ("plane", "quadruped"))
     assert [plane.held(mps) for mps in (20.0, 45.0, 300.0)] == [33.0, 45.0, 60.0]
@@ -151,7 +151,7 @@ def test_the_slowest_and_the_fastest_cruise_stand_in_one_place():
 
 
 @pytest.mark.parametrize(("engine", "kind"), [("road", "car"), ("multirotor", "quadrotor"), ("quadruped", "robot_dog")])
-def test_agents_are_given_the_least_values_that_the_engine_takes(instance_of, street, engine, kind):
+def test_briefs_state_the_minimum_values_that_the_engine_accepts(instance_of, street, engine, kind):
     """Regression: a prompt had 0 m for a car's `forward`, of which the engine accepts at least 0.1 m."""
     verbs = tuple(
         msgspec.structs.replace(verb, arguments=tuple(
@@ -206,7 +206,7 @@ class Down:
         return Decision(command=Action(verb="down", arguments={"distance": 500.0}))
 
 
-def test_an_agent_that_says_down_a_lot_descends(tmp_path):
+def test_an_agent_that_commands_a_large_descent_reaches_the_ground(tmp_path):
     file = tmp_path / "drop.ljs"
     file.write_text(MISSION)
     report = lingjing.run(file, policy=Down, world="inline", overview=False, out=tmp_path / "out")

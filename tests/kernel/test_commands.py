@@ -34,14 +34,14 @@ def refusals(record):
         (Decision(command=Action(verb="stop", tick=5)), "stale", "now is 0"),
     ],
 )
-def test_a_candidate_is_refused_with_reason_and_way_out(made, reason, word):
+def test_an_invalid_command_is_rejected_with_a_reason_and_the_valid_choices(made, reason, word):
     record = kernel_at_zero().step(kit.decisions(scout_1=made)).record
     assert refusals(record) == [("scout[1]", reason)]
     assert word in record.receipts[0].detail
     assert record.commands == ()
 
 
-def test_the_first_valid_request_wins_and_the_rest_are_told_who_did():
+def test_the_first_valid_request_wins_and_the_conflict_receipt_names_its_sender():
     record = (
         kernel_at_zero()
         .step(
@@ -68,7 +68,7 @@ def test_a_busy_resource_refuses_everything_but_stop():
     assert refusals(stopped) == []
 
 
-def test_a_refusal_advises_stop_only_where_the_resource_has_it():
+def test_a_busy_receipt_advises_stop_only_if_the_resource_has_this_verb():
     """Regression: the advice to use `stop` was given for an aeroplane, which has none."""
     instance = kit.instance()
     entities = tuple(
@@ -92,7 +92,7 @@ def test_a_rejection_by_the_engine_leaves_the_resource_free():
     assert kernel.state.registry.pending == {}
 
 
-def test_arguments_are_clipped_and_the_receipt_says_so():
+def test_arguments_are_clipped_and_the_receipt_reports_it():
     record = kernel_at_zero().step(kit.decisions(scout_1=does("hop", distance=80.0))).record
     assert record.commands[0].arguments == {"distance": 50.0}
     (receipt,) = record.receipts  # one receipt, from the engine, with the changed value
@@ -131,7 +131,7 @@ class Preempting(kit.PointMasses):
         return msgspec.structs.replace(boundary, receipts=early + boundary.receipts + ended)
 
 
-def test_the_end_of_a_pre_empted_request_does_not_release_the_one_that_took_over():
+def test_the_end_of_a_pre_empted_request_does_not_release_its_successor():
     kernel = kernel_at_zero(plugin=kit.RescueEngines(glider=Preempting))
     kernel.step(kit.decisions(skipper=does("go", x=0.0, y=390.0)))
     stopped = kernel.step(kit.decisions(skipper=does("stop"))).record
@@ -145,10 +145,10 @@ def test_the_end_of_a_pre_empted_request_does_not_release_the_one_that_took_over
 
 
 def test_a_stop_without_admission_receipt_leaves_the_old_request_pending():
-    class Deaf(kit.PointMasses):
+    class Unresponsive(kit.PointMasses):
         verbs_without_receipt = ("stop",)
 
-    kernel = kernel_at_zero(plugin=kit.RescueEngines(glider=Deaf))
+    kernel = kernel_at_zero(plugin=kit.RescueEngines(glider=Unresponsive))
     kernel.step(kit.decisions(skipper=does("go", x=0.0, y=390.0)))
     record = kernel.step(kit.decisions(skipper=does("stop"))).record
     assert [(r.request, r.status) for r in record.receipts] == [("c2-1", "timed_out")]
@@ -158,7 +158,7 @@ def test_a_stop_without_admission_receipt_leaves_the_old_request_pending():
 @pytest.mark.parametrize(
     ("status", "reason"), [("dead", "dead"), ("out_of_view", "not_in_view"), ("below_horizon", "not_in_view")]
 )
-def test_what_is_dead_or_does_not_see_its_region_takes_no_pictures(status, reason):
+def test_an_entity_that_is_dead_or_out_of_view_takes_no_pictures(status, reason):
     class Crashed(kit.PointMasses):
         def advance(self, until, mirrors):
             boundary = super().advance(until, mirrors)
@@ -171,7 +171,7 @@ def test_what_is_dead_or_does_not_see_its_region_takes_no_pictures(status, reaso
     assert (refusals(record), record.frames) == ([("scout[1]", reason)], ())
 
 
-def test_a_picture_that_comes_too_late_releases_its_resource():
+def test_a_picture_that_is_not_drawn_releases_its_resource():
     class Lazy(kit.TruthCamera):
         def capture(self, requests):
             return ()
@@ -183,7 +183,7 @@ def test_a_picture_that_comes_too_late_releases_its_resource():
     assert kernel.state.registry.pending == {}
 
 
-def test_an_agent_without_resources_is_told_so():
+def test_a_command_of_an_agent_without_resources_is_rejected_with_that_reason():
     kernel = kernel_at_zero(kit.instance("star"))
     record = kernel.step(kit.decisions(commander=does("go", x=0.0, y=0.0))).record
     assert refusals(record) == [("commander", "unknown_resource")]
@@ -195,7 +195,7 @@ def test_destinations_are_clipped_to_the_altitude_band():
     assert record.commands[0].arguments["z"] == 160.0
 
 
-def test_the_band_ends_a_climb_and_not_its_speed():
+def test_the_altitude_band_clips_the_distance_of_a_climb_and_not_its_rate():
     """A plug-in's verb may have arguments of other dimensions beside a length."""
     arguments = (ArgumentSpec(name="distance", unit="m", maximum=500.0), ArgumentSpec(name="rate", unit="m/s"))
     climb = VerbSpec(name="climb", motion="up", arguments=arguments)
@@ -231,7 +231,7 @@ def test_a_photo_needs_an_idle_resource_and_completes_in_its_boundary():
         (100.0, 100.0, ""),
     ],
 )
-def test_a_place_in_another_frame_is_refused_with_the_frame_that_holds(x, y, reason):
+def test_coordinates_of_another_frame_are_rejected_with_the_valid_frame_and_range(x, y, reason):
     class Narrow(kit.PointMasses):
         def admit(self, command):
             if abs(command.arguments.get("y", 0.0)) > 400:

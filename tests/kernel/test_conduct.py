@@ -46,7 +46,7 @@ def started(**changes):
 # -- permits
 
 
-def test_a_command_waits_for_its_permit_and_stop_does_not():
+def test_a_command_without_its_permit_is_rejected_and_stop_needs_none():
     kernel = started(permits=(PermitSpec(resource="boat", verb="go", condition=after(20.0)),))
     answers = [refused(kernel.step(decisions(skipper=does("go", x=10, y=0))), "skipper") for _ in range(3)]
     assert answers == [[("rejected", "not_permitted")], [("rejected", "not_permitted")], []]
@@ -54,7 +54,7 @@ def test_a_command_waits_for_its_permit_and_stop_does_not():
     assert refused(all_of_them.step(decisions(skipper=does("stop"))), "skipper") == []
 
 
-def test_a_permit_without_a_verb_is_for_all_of_them_and_for_that_resource_only():
+def test_a_permit_without_a_verb_applies_to_all_verbs_of_its_resource_only():
     kernel = started(permits=(PermitSpec(resource="boat", condition=ALWAYS_FALSE),))
     out = kernel.step(decisions(scout_1=does("go", x=1, y=1), skipper=does("hop", distance=1)))
     assert refused(out, "skipper") == [("rejected", "not_permitted")]
@@ -73,7 +73,7 @@ def test_a_limit_counts_admitted_commands_and_refuses_the_next():
     assert kernel.state.registry.progress.used == {"moves": 2}
 
 
-def test_what_is_refused_uses_nothing_up():
+def test_rejected_commands_do_not_count_towards_a_limit():
     limit = LimitSpec(name="moves", most=1, counts=(CountedSpec(kind="command", resource="boat", name="go"),))
     kernel = started(limits=(limit,))
     kernel.step(decisions(skipper=does("go", x="far", y=0)))
@@ -103,7 +103,7 @@ def test_a_limit_inside_a_stage_counts_while_the_stage_runs():
 # -- allowances
 
 
-def test_an_agent_without_tokens_is_not_asked_any_more():
+def test_the_policy_of_an_agent_without_tokens_is_not_called_any_more():
     base = kit.instance()
     agents = tuple(
         msgspec.structs.replace(entry, budget=Allowance(tokens=100)) if entry.id == "skipper" else entry
@@ -117,7 +117,7 @@ def test_an_agent_without_tokens_is_not_asked_any_more():
     assert list(kernel.exhausted()) == ["skipper"]
     observed_ticks = []
 
-    class Asked:
+    class Recording:
         async def reset(self, brief):
             pass
 
@@ -125,7 +125,7 @@ def test_an_agent_without_tokens_is_not_asked_any_more():
             observed_ticks.append(observation)
             return Decision()
 
-    barrier = PolicyBarrier({"skipper": Asked(), "scout[1]": Asked()}, 5.0)
+    barrier = PolicyBarrier({"skipper": Recording(), "scout[1]": Recording()}, 5.0)
     try:
         made = barrier.act({"skipper": (1, 2), "scout[1]": (3, 4)}, kernel.exhausted())
     finally:
@@ -165,7 +165,7 @@ def test_a_broken_hard_constraint_fails_the_episode_at_the_macro_step_it_was_bro
     assert out.evaluation.detail == "the constraint `leash` was broken at 1.5 s"
 
 
-def test_who_broke_a_hard_constraint_is_said_and_a_success_at_the_same_boundary_is_none():
+def test_a_broken_hard_constraint_names_its_entities_and_overrides_a_success():
     here = Constraint(name="early", kind="hard", condition=ALWAYS_FALSE, variable="u", domain="uav")
     kernel = kit.kernel(kit.instance(constraints=(here,), success=after(0.0)))
     ended = kernel.reset().evaluation
@@ -173,7 +173,7 @@ def test_who_broke_a_hard_constraint_is_said_and_a_success_at_the_same_boundary_
     assert ended.detail == "the constraint `early` was broken at 0 s by uav[1], at 0 s by uav[2]"
 
 
-def test_a_soft_constraint_costs_its_penalty_once_for_each_that_broke_it():
+def test_a_soft_constraint_costs_its_penalty_once_per_violating_entity():
     constraint = Constraint(
         name="early", kind="soft", condition=Binary(operator="<", left=NOW, right=Number(value=15.0)),
         variable="u", domain="uav", penalty=Number(value=0.2),
@@ -198,7 +198,7 @@ def test_a_late_stage_ends_the_episode_with_its_own_reason():
     assert ended[-1].detail == "the stage `soon` was not done in the 3 ticks it had (from tick 0 to tick 3)"
 
 
-def test_a_stage_that_is_done_in_its_last_tick_is_not_late_and_a_success_then_is_one():
+def test_a_stage_or_a_success_in_the_last_permitted_tick_is_not_late():
     stage = Stage(name="soon", condition=after(30.0), ticks=Number(value=3.0))
     kernel = started(stages=(stage,), relations=())
     assert [kernel.step(()).evaluation.reason for _ in range(4)] == [""] * 4
@@ -207,7 +207,7 @@ def test_a_stage_that_is_done_in_its_last_tick_is_not_late_and_a_success_then_is
     assert [kernel.step(()).evaluation.reason for _ in range(3)] == ["", "", "success"]
 
 
-def test_all_who_are_late_at_once_are_named():
+def test_all_stages_that_are_late_at_the_same_tick_are_named():
     each = Stage(name="find", condition=ALWAYS_FALSE, variable="v", domain="victim", ticks=Number(value=1.0))
     other = Stage(name="go", condition=ALWAYS_FALSE, ticks=Number(value=1.0))
     ended = started(stages=(each, other), relations=()).step(()).evaluation
@@ -218,7 +218,7 @@ def test_all_who_are_late_at_once_are_named():
 
 
 @pytest.mark.parametrize(("ticks", "reason"), [(2.0, "late"), (3.0, "late"), (4.0, "budget")])
-def test_a_stage_that_is_late_at_the_last_tick_is_what_ended_it(ticks, reason):
+def test_a_stage_that_is_late_at_the_last_tick_is_the_reason_of_the_end(ticks, reason):
     """The stage would also end a longer mission, even if success does not need it."""
     stage = Stage(name="bonus", condition=ALWAYS_FALSE, ticks=Number(value=ticks))
     kernel = kit.kernel(kit.instance(stages=(stage,), relations=(), ticks=3))
@@ -227,7 +227,7 @@ def test_a_stage_that_is_late_at_the_last_tick_is_what_ended_it(ticks, reason):
     assert outcome.detail.startswith("the stage `bonus`") == (reason == "late")
 
 
-def test_a_stage_counts_its_ticks_from_the_end_of_what_it_depends_on():
+def test_the_ticks_of_a_stage_count_from_the_end_of_its_dependency():
     stages = (
         Stage(name="first", condition=after(20.0)),
         Stage(name="second", condition=ALWAYS_FALSE, ticks=Number(value=2.0)),
@@ -236,7 +236,7 @@ def test_a_stage_counts_its_ticks_from_the_end_of_what_it_depends_on():
     assert [kernel.step(()).evaluation.reason for _ in range(4)] == ["", "", "", "late"]
 
 
-def test_weights_make_the_score():
+def test_the_score_is_weighted_by_stage():
     stages = (
         Stage(name="one", condition=after(10.0), weight=Number(value=3.0)),
         Stage(name="two", condition=after(20.0)),
@@ -245,7 +245,7 @@ def test_weights_make_the_score():
     assert [kernel.step(()).evaluation.reward for _ in range(2)] == [0.75, 1.0]
 
 
-def test_a_mission_that_is_won_lacks_nothing_even_with_a_stage_skipped():
+def test_a_successful_mission_has_full_reward_even_if_a_stage_is_skipped():
     stages = (
         Stage(name="skipped", condition=ALWAYS_FALSE, weight=Number(value=3.0)),
         Stage(name="last", condition=after(10.0)),
@@ -297,7 +297,7 @@ def inspecting(**changes):
     return kernel
 
 
-def test_the_route_is_asked_for_and_inspected_waypoint_by_waypoint():
+def test_the_kernel_requests_the_route_and_counts_each_inspected_waypoint():
     kernel = inspecting()
     out = kernel.step(decisions(scout_1=does("go", x=130, y=0)))
     assert next((command.verb, command.origin) for command in out.record.commands) == ("route", "kernel")
@@ -310,7 +310,7 @@ def test_the_route_is_asked_for_and_inspected_waypoint_by_waypoint():
 
 
 @pytest.mark.parametrize(("order", "seen"), [("strict", []), ("any", [1, 2])])
-def test_out_of_order_counts_only_where_any_order_is_declared(order, seen):
+def test_waypoints_out_of_order_count_only_if_any_order_is_declared(order, seen):
     kernel = inspecting(order=order, within_m=3.0)  # it has left the first waypoint before the first macro-step ends
     kernel.step(decisions(scout_1=does("go", x=160, y=0)))
     assert sorted(kernel.state.registry.progress.inspected["check"].seen) == seen
@@ -329,10 +329,10 @@ def test_a_replan_begins_the_inspection_again():
     assert evaluate(replans, {}, at) == 1.0
 
 
-# -- single mode, reference pictures, what appears later
+# -- single mode and reference pictures
 
 
-def test_in_single_mode_a_report_reaches_the_adjudicator_and_nobody_else():
+def test_in_single_mode_a_report_reaches_only_the_adjudicator():
     base = kit.instance()
     kernel = started(
         agents=base.agents[:1], comms=CommsSpec(mode="single", hub=None), relations=(), victims=((100.0, 0.0),)
@@ -343,7 +343,7 @@ def test_in_single_mode_a_report_reaches_the_adjudicator_and_nobody_else():
     assert {"matched", "reported"} <= {event.kind for event in out.record.events}
 
 
-def test_a_reference_picture_is_shown_once_to_its_role_without_the_place_and_nothing_may_be_reported_from_it():
+def test_a_reference_picture_goes_once_to_its_role_without_position_and_supports_no_report():
     kernel = kit.kernel(kit.instance(reveals=(RevealSpec(what="image", entities=("victim[1]",), role="searcher"),)))
     out = kernel.reset()
     (picture,) = out.observations["scout[1]"].pictures

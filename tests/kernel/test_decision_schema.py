@@ -152,7 +152,7 @@ def test_the_schema_accepts_what_the_kernel_admits_and_nothing_else(data):
 
 
 @pytest.mark.parametrize("agent", kit.instance("star").agents, ids=lambda agent: agent.id)
-def test_the_schema_is_one_of_draft_2020_12_and_the_same_each_time(agent):
+def test_the_schema_conforms_to_draft_2020_12_and_is_deterministic(agent):
     from jsonschema import Draft202012Validator
 
     brief = brief_of(kit.instance("star"), agent.id, ("person",))
@@ -161,7 +161,7 @@ def test_the_schema_is_one_of_draft_2020_12_and_the_same_each_time(agent):
     assert msgspec.json.encode(form.schema) == msgspec.json.encode(DecisionFormat(brief).schema)
 
 
-def test_every_fault_is_told_at_once_with_its_path():
+def test_all_faults_are_reported_at_once_with_their_paths():
     instance = kit.instance("star")
     form = DecisionFormat(brief_of(instance, instance.agents[0].id, ("person",)))
     answer = {
@@ -196,7 +196,7 @@ def test_every_fault_is_told_at_once_with_its_path():
         (5, "command: an object or null is due, this is the number 5"),
     ],
 )
-def test_a_command_that_is_none_says_what_could_stand_there(command, fault):
+def test_the_fault_of_an_invalid_command_names_the_valid_values(command, fault):
     instance = kit.instance("star")
     form = DecisionFormat(brief_of(instance, instance.agents[0].id, ("person",)))
     (message,) = form.faults(form.completed({"command": command}))

@@ -1,4 +1,4 @@
-"""The visibility of events: actions are visible, but not the worth of a report, nor hidden entities nearby."""
+"""The visibility of events: actions are visible; verdicts on reports and hidden entities nearby are not."""
 
 from pathlib import Path
 
@@ -35,44 +35,49 @@ def instance(audience=None, **changes):
     return msgspec.structs.replace(made, entities=entities, agents=agents)
 
 
-def told(of, task_events=(), judged=()):
+def visible_views(of, task_events=(), judged=()):
     """Return the visible events by agent."""
     announcements = EventVisibility(of)
     return {agent.id: announcements.visible_events(agent, task_events, judged, 4) for agent in of.agents}
 
 
-def listeners(views):
+def observers(views):
     return {agent for agent, seen in views.items() if seen}
 
 
-EVERYBODY = {"scout[1]", "scout[2]", "skipper", "commander"}
+ALL_AGENTS = {"scout[1]", "scout[2]", "skipper", "commander"}
 
 
-@pytest.mark.parametrize(("word", "who"), [("all", EVERYBODY), ("actor", {"skipper"}), ("none", set()), (None, set())])
-def test_an_interaction_with_somebody_hidden_is_told_as_its_type_says(word, who):
-    views = told(instance(word), (RESCUE,))
-    assert listeners(views) == who
+@pytest.mark.parametrize(
+    ("word", "agents"), [("all", ALL_AGENTS), ("actor", {"skipper"}), ("none", set()), (None, set())]
+)
+def test_an_interaction_with_a_hidden_entity_is_visible_as_its_type_declares(word, agents):
+    views = visible_views(instance(word), (RESCUE,))
+    assert observers(views) == agents
     assert all(view.entities == ("boat",) for seen in views.values() for view in seen), "the victim is not named"
 
 
-def test_what_is_done_to_somebody_in_plain_sight_is_told_to_all():
+def test_an_interaction_with_a_public_entity_is_visible_to_all_agents():
     plain = instance()
     plain = msgspec.structs.replace(
         plain, entities=tuple(msgspec.structs.replace(entity, hidden=()) for entity in plain.entities)
     )
-    views = told(plain, (RESCUE,))
-    assert listeners(views) == EVERYBODY
+    views = visible_views(plain, (RESCUE,))
+    assert observers(views) == ALL_AGENTS
     assert views["skipper"][0].entities == ("victim[1]", "boat")
 
 
-def test_a_collision_with_somebody_hidden_is_felt_by_who_collides():
-    assert listeners(told(instance(), (TaskEvent(kind="collided", entities=("uav[2]", "victim[1]"), time_s=1.0),))) == {
-        "scout[2]"
-    }
-    assert listeners(told(instance(), (TaskEvent(kind="arrived", entities=("uav[2]",), time_s=1.0),))) == EVERYBODY
+def test_a_collision_with_a_hidden_entity_is_visible_only_to_the_agent_of_the_other_body():
+    assert observers(
+        visible_views(instance(), (TaskEvent(kind="collided", entities=("uav[2]", "victim[1]"), time_s=1.0),))
+    ) == {"scout[2]"}
+    assert (
+        observers(visible_views(instance(), (TaskEvent(kind="arrived", entities=("uav[2]",), time_s=1.0),)))
+        == ALL_AGENTS
+    )
 
 
-def test_a_receipt_of_an_engine_names_nobody_who_is_hidden():
+def test_a_receipt_of_an_engine_names_no_hidden_entity():
     """A receipt of the kernel repeats the agent's own words, which do not confirm that a hidden entity exists."""
     projector = Projector(instance())
     hit = Receipt(request="c1", tick=3, sender="scout[2]", resource="uav[2]", status="rejected", by="glider",
@@ -84,12 +89,12 @@ def test_a_receipt_of_an_engine_names_nobody_who_is_hidden():
     assert projector.redacted(plain) is plain
 
 
-def test_numbers_do_not_count_what_was_not_told():
+def test_event_ids_do_not_count_invisible_events():
     """A gap in the ids would reveal an invisible event."""
     arrived = TaskEvent(kind="arrived", entities=("boat",), time_s=10.0)
     rules = (*kit.instance().rules, kit.rule("met", PAST))
     quiet, busy = (
-        told(instance("none", rules=rules), events, verdicts)
+        visible_views(instance("none", rules=rules), events, verdicts)
         for events, verdicts in (
             ((arrived,), (judged("met", 1),)),
             ((RESCUE, arrived, RESCUE), (judged("matched", 1), judged("met", 2))),
@@ -104,7 +109,7 @@ def judged(kind, number, *bindings):
 
 
 @pytest.mark.parametrize(
-    ("rule", "is_told"),
+    ("rule", "is_visible"),
     [
         (kit.rule("known", PAST), True),
         (kit.rule("known", PAST, ("c", "uav")), True),
@@ -121,19 +126,19 @@ def judged(kind, number, *bindings):
         ),
     ],
 )
-def test_a_rule_is_told_if_it_reads_nothing_hidden_and_no_message(rule, is_told):
+def test_an_event_is_visible_if_its_rule_reads_no_hidden_value_and_no_message(rule, is_visible):
     made = instance(rules=(*kit.instance().rules, rule))
-    assert listeners(told(made, judged=(judged("known", 1),))) == (EVERYBODY if is_told else set())
+    assert observers(visible_views(made, judged=(judged("known", 1),))) == (ALL_AGENTS if is_visible else set())
 
 
-@pytest.mark.parametrize(("condition", "domain", "is_told"), [(PAST, None, True), (kit.NEAR, "victim", False)])
-def test_a_broken_constraint_is_told_alike(condition, domain, is_told):
+@pytest.mark.parametrize(("condition", "domain", "is_visible"), [(PAST, None, True), (kit.NEAR, "victim", False)])
+def test_a_broken_constraint_is_visible_under_the_same_conditions(condition, domain, is_visible):
     keep = Constraint(name="keep", kind="soft", condition=condition, variable="v", domain=domain, penalty=Number(0.1))
-    views = told(instance(constraints=(keep,)), judged=(judged("keep", 1),))
-    assert listeners(views) == (EVERYBODY if is_told else set())
+    views = visible_views(instance(constraints=(keep,)), judged=(judged("keep", 1),))
+    assert observers(views) == (ALL_AGENTS if is_visible else set())
 
 
-def test_a_report_that_was_right_looks_like_one_that_was_wrong():
+def test_agents_cannot_distinguish_a_correct_report_from_a_wrong_one():
     """The same picture is reported correctly and wrongly. Until a body acts, no agent can distinguish the two."""
     inputs = []
     for box in (CENTRE_BOX, (0.0, 0.0, 0.1, 0.1)):
@@ -161,7 +166,7 @@ def locker(unlock: str, audience: str = "") -> tuple[Instance, EventVisibility]:
 
 
 @pytest.mark.parametrize(
-    ("unlock", "audience", "listening", "seen"),
+    ("unlock", "audience", "observing", "seen"),
     [
         ("now > 20 s", "", {"scout", "skipper"}, {"scout", "skipper"}),
         ("victim.position.east > 20 m", "", set(), set()),
@@ -169,13 +174,13 @@ def locker(unlock: str, audience: str = "") -> tuple[Instance, EventVisibility]:
         ("victim.position.east > 20 m", ", told = actor", {"skipper"}, {"skipper"}),
     ],
 )
-def test_an_unlock_over_a_hidden_value_shows_neither_in_events_nor_in_the_status_of_a_public_target(
-    unlock, audience, listening, seen
+def test_an_unlock_that_reads_a_hidden_value_is_visible_only_to_its_declared_audience(
+    unlock, audience, observing, seen
 ):
     made, visibility = locker(unlock, audience)
     opened = TaskEvent(kind="open", entities=("box", "boat"), time_s=30.0)
     views = {agent.id: visibility.visible_events(agent, (opened,), (), 3) for agent in made.agents}
-    assert listeners(views) == listening
+    assert observers(views) == observing
     box = next(entity for entity in made.entities if entity.id == "box")
     assert {agent.id for agent in made.agents if "status" not in visibility.withheld(agent, box)} == seen
     boat = next(entity for entity in made.entities if entity.id == "boat")
@@ -184,12 +189,12 @@ def test_an_unlock_over_a_hidden_value_shows_neither_in_events_nor_in_the_status
 
 @pytest.mark.parametrize("tier", [0, 1])
 @pytest.mark.parametrize("name", ["bi", "vdn", "ld", "idf", "upr", "ufr", "cr", "ssr", "cd"])
-def test_no_agent_of_a_shipped_mission_is_told_whether_a_report_matched(name: str, tier: int) -> None:
+def test_no_agent_of_a_shipped_mission_observes_whether_a_report_matched(name: str, tier: int) -> None:
     """Prompt P1 promises this for every column."""
     mission = lingjing.compile(mission_file(name))
     for mode in mission.modes.allowed:
         of = instantiate(mission, seed=1, mode=mode, tier=tier)
         kinds = {message.kind for message in of.messages}
         over = [rule for rule in of.rules if any(parameter.domain in kinds for parameter in rule.parameters)]
-        views = told(of, judged=tuple(judged(rule.name, 1) for rule in over))
-        assert listeners(views) == set(), [rule.name for rule in over]
+        views = visible_views(of, judged=tuple(judged(rule.name, 1) for rule in over))
+        assert observers(views) == set(), [rule.name for rule in over]

@@ -53,7 +53,7 @@ def test_a_null_fork_of_the_real_engines_ends_with_its_parents_digest(kernel):
     assert len({digest for digest, _ in parent}) == 4
 
 
-def test_a_fork_that_differs_goes_its_own_way_and_leaves_its_parent_alone(kernel):
+def test_forks_with_other_decisions_have_other_digests_than_their_parent(kernel):
     played(kernel, 0, 3)
     branch, control = kernel.fork(), kernel.fork()
     stop = (DecisionRecord(agent="skipper", decision=Decision(command=Action(verb="stop"))),)

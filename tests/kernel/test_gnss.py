@@ -124,7 +124,7 @@ def test_pictures_carry_the_measured_pose(tmp_path: Path) -> None:
         ("  agent", "  asset eye : satellite { gnss = f9p }\n  agent", "cannot carry `gnss`"),
     ],
 )
-def test_a_bad_declaration_is_one_clear_message(tmp_path: Path, line: str, other: str, message: str) -> None:
+def test_an_invalid_receiver_declaration_is_reported(tmp_path: Path, line: str, other: str, message: str) -> None:
     text = MISSION.replace("OBSERVED", "uav.gnss").replace(line, other, 1)
     text = text.replace("std.air { quadrotor }", "std.air { quadrotor }\nuse std.orbit { satellite }")
     text = text.replace("  agent", "  target yards : destination { position = (90 m, 90 m) }\n  agent", 1)

@@ -20,7 +20,7 @@ def moved(instance: Instance) -> Instance:
 
 
 @pytest.mark.parametrize("mode", ["star", "broadcast"])
-def test_hidden_positions_leave_boundary_zero_and_a_blind_tick_unchanged(mode):
+def test_hidden_positions_do_not_change_inputs_before_the_first_picture(mode):
     first = instantiate("ssr", seed=7, mode=mode)
     seen = []
     for instance in (first, moved(first)):

@@ -48,8 +48,8 @@ def body(**changes: object) -> BodyState:
     ],
 )
 def test_the_true_motion_is_in_the_axes_of_the_body(before: dict, after: dict, force: tuple, rate: tuple) -> None:
-    felt, turned = true_motion(body(**before), body(**after), 0.5)
-    assert felt == pytest.approx(force, abs=1e-9) and turned == pytest.approx(rate, abs=1e-9)
+    specific_force, angular_rate = true_motion(body(**before), body(**after), 0.5)
+    assert specific_force == pytest.approx(force, abs=1e-9) and angular_rate == pytest.approx(rate, abs=1e-9)
 
 
 def test_the_errors_have_the_sizes_of_the_data_sheet_and_depend_on_the_seed_alone(tmp_path: Path) -> None:
@@ -90,7 +90,7 @@ def test_agents_and_the_trace_have_the_readings_of_the_last_macro_step(tmp_path:
     assert moved
 
 
-def test_without_the_channel_nothing_is_felt(tmp_path: Path) -> None:
+def test_without_the_channel_no_inertial_readings_are_observed(tmp_path: Path) -> None:
     file = tmp_path / "inertial.ljs"
     file.write_text(MISSION.replace("uav.imu", "uav.*"), encoding="utf-8")
     trace = play(file, tmp_path, policy="idle", seed=2).trace
@@ -106,7 +106,7 @@ def test_without_the_channel_nothing_is_felt(tmp_path: Path) -> None:
         ("  agent", "  target yards : destination { position = (90 m, 90 m), imu = bmi088 }\n  agent", "a target"),
     ],
 )
-def test_a_bad_declaration_is_one_clear_message(line: str, other: str, message: str) -> None:
+def test_an_invalid_unit_declaration_is_reported_once(line: str, other: str, message: str) -> None:
     text = MISSION.replace(line, other, 1).replace(
         "use std", "use std.orbit { satellite }\nuse std.traffic { destination }\nuse std", 1
     )

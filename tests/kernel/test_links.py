@@ -12,8 +12,8 @@ FAR = (("uav[1]", "uav[2]"), ("boat", "uav[1]"))
 """The first scout reaches neither the other scout nor the skipper."""
 
 
-class Mute(kit.Shore):
-    """An engine that reports unreachable pairs from boundary `since` on."""
+class Unreachable(kit.Shore):
+    """An engine that reports unreachable pairs at every boundary."""
 
     pairs = FAR
 
@@ -24,11 +24,11 @@ class Mute(kit.Shore):
         return msgspec.structs.replace(super().advance(until, mirrors), unreachable_links=self.pairs)
 
 
-class HalfMute(Mute):
+class PartlyUnreachable(Unreachable):
     pairs = FAR[:1]
 
 
-def kernel_of(shore=Mute, mode="broadcast", **comms):
+def kernel_of(shore=Unreachable, mode="broadcast", **comms):
     instance = kit.instance(mode)
     instance = msgspec.structs.replace(instance, comms=msgspec.structs.replace(instance.comms, **comms))
     kernel = kit.kernel(instance, kit.RescueEngines(shore=shore))
@@ -43,15 +43,15 @@ def bus_receipts(published):
     return [(r.status, r.reason, r.detail) for r in published.record.receipts if r.by == "bus"]
 
 
-def test_who_is_out_of_range_does_not_read_it_and_the_sender_is_told():
-    kernel, _ = kernel_of(HalfMute)
+def test_a_recipient_out_of_range_gets_no_message_and_the_receipt_names_it():
+    kernel, _ = kernel_of(PartlyUnreachable)
     published = kernel.step(kit.decisions(scout_1=says("order", assignee="boat")))
     assert read(published) == {"skipper": ["m1-1"]}
     assert bus_receipts(published) == [("accepted", "out_of_range", "skipper; out of range: scout[2]")]
     assert published.record.unreachable_links == FAR[:1]
 
 
-def test_a_message_that_nobody_hears_is_refused():
+def test_a_message_with_all_recipients_out_of_range_is_rejected():
     kernel, _ = kernel_of()
     published = kernel.step(kit.decisions(scout_1=says("order", assignee="boat")))
     assert read(published) == {}
@@ -59,7 +59,7 @@ def test_a_message_that_nobody_hears_is_refused():
     assert published.record.messages == ()
 
 
-def test_a_report_that_nobody_hears_is_adjudicated_all_the_same():
+def test_a_report_with_all_recipients_out_of_range_is_adjudicated():
     kernel, _ = kernel_of()
     kernel.step(kit.decisions(scout_1=does("takePhoto")))
     published = kernel.step(kit.decisions(scout_1=kit.report("f1-uav[1]-nadir")))
@@ -68,13 +68,13 @@ def test_a_report_that_nobody_hears_is_adjudicated_all_the_same():
     assert [event.kind for event in published.record.events] == ["matched", "reported"]
 
 
-def test_under_star_a_coordinator_without_a_body_hears_everybody():
+def test_a_coordinator_without_a_body_is_never_out_of_range():
     kernel, _ = kernel_of(mode="star")
     published = kernel.step(kit.decisions(scout_1=says("order", assignee="boat")))
     assert read(published) == {"commander": ["m1-1"]}
 
 
-def test_what_counts_is_the_reach_at_the_boundary_where_it_was_said():
+def test_radio_range_is_evaluated_at_the_boundary_of_the_decision():
     """The links of the boundary at which agents decided apply, not those at the end of the tick."""
 
     class Fading(kit.Shore):
@@ -120,7 +120,7 @@ def test_losses_depend_on_the_seed_and_on_nothing_else():
     assert [[e for e in edges if e.sender == "scout[1]"] for edges, _ in both] == [list(e) for e, _ in expanded(0.3)]
 
 
-def test_a_message_that_is_taken_out_changes_nothing_of_the_others():
+def test_removing_a_message_does_not_change_other_messages():
     """Ids continue as if the message were there, and losses derive from ids."""
     instance = kit.instance()
     router = MessageRouter(msgspec.structs.replace(instance, comms=msgspec.structs.replace(instance.comms, loss=0.3)))
@@ -132,7 +132,7 @@ def test_a_message_that_is_taken_out_changes_nothing_of_the_others():
         assert answers == receipts[1:]
 
 
-def test_what_nobody_hears_is_found_under_the_id_that_the_bus_gave_it():
+def test_a_lost_report_keeps_the_id_that_the_bus_assigned():
     kernel, _ = kernel_of(kit.Shore, loss=1.0)
     kernel.removed_ids = frozenset({"m2-1"})
     kernel.step(kit.decisions(scout_1=does("takePhoto")))
@@ -144,7 +144,7 @@ def test_what_nobody_hears_is_found_under_the_id_that_the_bus_gave_it():
 @pytest.mark.parametrize(
     ("shown", "scout", "skipper"), [("own", ["c1-1"], []), ("all", ["c1-1"], ["c1-1"]), ("none", [], [])]
 )
-def test_whose_receipts_an_agent_sees(shown, scout, skipper):
+def test_the_receipts_setting_selects_the_receipts_in_an_inbox(shown, scout, skipper):
     kernel, _ = kernel_of(kit.Shore, receipts=shown)
     published = kernel.step(kit.decisions(scout_1=does("go", x=0.0, y=0.0)))
     seen = {name: sorted({r.request for r in inbox.receipts}) for name, inbox in published.inboxes.items()}
@@ -152,7 +152,7 @@ def test_whose_receipts_an_agent_sees(shown, scout, skipper):
     assert {r.request for r in published.record.receipts} == {"c1-1"}
 
 
-def test_unlocks_are_nobodys_to_see_even_when_all_receipts_are_shared():
+def test_receipts_of_unlocks_are_in_no_inbox_even_if_all_receipts_are_shared():
     kernel, _ = kernel_of(kit.Shore, receipts="all")
     kernel.step(kit.decisions(scout_1=does("takePhoto")))
     kernel.step(kit.decisions(scout_1=kit.report("f1-uav[1]-nadir")))

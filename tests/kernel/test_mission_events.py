@@ -39,7 +39,7 @@ def kinds(published, agent="skipper"):
     return [[(event.kind, event.entities) for event in output.observations[agent].events] for output in published]
 
 
-def test_the_weather_is_that_of_the_boundary_in_every_observation_and_its_record():
+def test_observations_and_records_hold_the_weather_of_their_boundary():
     published = played(3, FRONT)
     for agent in ("scout[1]", "skipper"):
         assert [output.observations[agent].weather for output in published] == [CALM, CALM, STORM, STORM]
@@ -57,7 +57,7 @@ def test_a_change_of_the_weather_is_a_task_event_of_its_boundary_and_a_line_of_t
     assert any(b"weather front: rain 0.5, visibility_m 800, wind_mps 14 at 20 s" in data for data in lines)
 
 
-def test_an_event_at_boundary_0_is_there_and_in_the_brief():
+def test_an_event_at_boundary_zero_is_in_the_brief_and_in_the_first_observation():
     now = msgspec.structs.replace(FRONT, tick=0)
     kernel = kit.kernel(instance(now))
     assert kernel.briefs()["skipper"].weather == STORM
@@ -66,7 +66,7 @@ def test_an_event_at_boundary_0_is_there_and_in_the_brief():
     assert start.observations["skipper"].weather == STORM
 
 
-def test_events_of_one_tick_each_leave_a_mark_of_what_they_change():
+def test_each_event_of_a_tick_records_only_its_own_changes():
     first = EventSpec(name="rain", tick=1, weather=Weather(wind_mps=4.0, rain=1.0))
     second = EventSpec(name="gale", tick=1, weather=Weather(wind_mps=20.0, rain=1.0))
     same = EventSpec(name="again", tick=1, weather=Weather(wind_mps=20.0, rain=1.0))
@@ -76,7 +76,7 @@ def test_events_of_one_tick_each_leave_a_mark_of_what_they_change():
     ]  # fmt: skip
 
 
-def test_who_comes_and_goes_leaves_a_mark_once():
+def test_appearing_and_vanishing_entities_are_recorded_once():
     come = EventSpec(name="late", tick=1, appear=("victim[2]",))
     again = EventSpec(name="twice", tick=2, appear=("victim[1]", "victim[2]"))
     go = EventSpec(name="gone", tick=3, vanish=("victim[2]",))
@@ -87,7 +87,7 @@ def test_who_comes_and_goes_leaves_a_mark_once():
     assert kinds(published) == [[], [("appeared", ("victim[2]",))], [], [("vanished", ("victim[2]",))]]
 
 
-def test_who_is_hidden_comes_and_goes_in_the_trace_alone():
+def test_hidden_entities_appear_and_vanish_in_the_trace_only():
     """Two missions that differ only in the time at which a hidden entity appears give all agents the same input."""
     both = [
         played(
@@ -107,7 +107,7 @@ def test_who_is_hidden_comes_and_goes_in_the_trace_alone():
     assert early == late
 
 
-def test_no_rule_takes_what_happens_by_itself_for_something_done():
+def test_rules_do_not_treat_timed_events_as_interactions():
     """An event and an interaction may have one name: an entity that has only appeared is not rescued."""
     come = EventSpec(name="rescue", tick=1, appear=("victim[2]",), weather=STORM)
     for kind, who in (("appeared", "victim[2]"), ("weather", "victim[2]")):
@@ -117,7 +117,7 @@ def test_no_rule_takes_what_happens_by_itself_for_something_done():
     assert kernel.state.registry.emitted == {}
 
 
-def test_older_records_still_read():
+def test_records_without_event_names_and_weather_are_readable():
     (record, *_) = (output.record for output in played(2, FRONT)[2:])
     plain = msgspec.json.decode(to_json(record))
     for event in plain["task_events"]:
@@ -130,7 +130,7 @@ def test_older_records_still_read():
     assert isinstance(back.observations[0], ObservationRecord)
 
 
-def test_agents_without_the_channel_of_events_still_feel_the_weather():
+def test_agents_without_an_events_channel_still_observe_the_weather():
     made = instance(FRONT)
     agents = tuple(
         msgspec.structs.replace(agent, observes=(ChannelSpec(source="entity", name="boat"),)) for agent in made.agents
@@ -142,7 +142,7 @@ def test_agents_without_the_channel_of_events_still_feel_the_weather():
 
 
 @pytest.mark.parametrize("where", ["", "event front at 1 tick "])
-def test_weather_that_comes_from_something_hidden_is_refused(where):
+def test_weather_that_depends_on_a_hidden_value_is_rejected(where):
     """Observations cannot carry a hidden value."""
     text = f"""
 ljs 1

@@ -159,7 +159,7 @@ def check_events(records):
 
 @settings(max_examples=15, deadline=None)
 @given(mode=st.sampled_from(["star", "broadcast"]), seed=st.integers(0, 2**32))
-def test_promises_hold_whatever_policies_decide(mode, seed):
+def test_invariants_hold_for_random_decisions(mode, seed):
     kernel, published = played(mode, Whim(seed))
     records = [output.record for output in published]
     for output in published:
@@ -169,7 +169,7 @@ def test_promises_hold_whatever_policies_decide(mode, seed):
     assert replayed(mode, records) == [record.digest for record in records]
 
 
-def test_the_random_decisions_reach_what_the_promises_are_about():
+def test_the_random_decisions_cover_the_cases_of_the_invariants():
     kernel, published = played("broadcast", Whim(1))
     receipts = [(receipt.status, receipt.reason) for output in published for receipt in output.record.receipts]
     reasons = {"busy", "conflict", "stale", "no_authority", "bad_argument", "bad_field", "preempted"}

@@ -19,7 +19,7 @@ def played(name: str, mode: str, seed: int = 1) -> Instance:
 
 
 @pytest.mark.parametrize(
-    ("name", "mode", "says"),
+    ("name", "mode", "expected"),
     [
         ("ssr", "broadcast", ("[IoU ≥ 0.5]", "`rescue` is done to a victim by `boat` within 50 m", "lies in `search`")),
         ("bi", "single", ("[IoU ≥ 0.5]", "the horizontal distance from `r.position` to `f` is at most `25 m`")),
@@ -62,9 +62,9 @@ def played(name: str, mode: str, seed: int = 1) -> Instance:
         ),
     ],
 )
-def test_the_rules_are_told_with_their_numbers(name: str, mode: str, says: tuple[str, ...]):
+def test_rule_sentences_state_the_numbers_of_the_rules(name: str, mode: str, expected: tuple[str, ...]):
     text = "\n".join(rule_sentences(played(name, mode)))
-    assert [part for part in says if part not in text] == []
+    assert [part for part in expected if part not in text] == []
 
 
 def test_a_changed_radius_changes_the_sentence():
@@ -76,7 +76,7 @@ def test_a_changed_radius_changes_the_sentence():
 
 
 @pytest.mark.parametrize("name", ["bi", "vdn", "ld", "idf", "upr", "ufr", "cr", "ssr"])
-def test_instances_that_differ_in_hidden_values_alone_are_told_the_same(name: str):
+def test_hidden_values_do_not_change_the_rule_sentences(name: str):
     mission = lingjing.compile(mission_file(name))
     texts = {rule_sentences(instantiate(mission, seed=seed)) for seed in range(4)}
     assert len(texts) == 1
@@ -92,12 +92,12 @@ def test_instances_that_differ_in_hidden_values_alone_are_told_the_same(name: st
         (Binary("*", Unary("-", Ref("a", "local")), Ref("b", "local")), "-a * b"),
     ],
 )
-def test_signs_and_not_are_of_what_is_in_their_brackets(condition: Expr, text: str) -> None:
+def test_operands_of_minus_and_not_keep_their_brackets(condition: Expr, text: str) -> None:
     assert InstanceText(kit.instance()).text(condition) == text
 
 
 @pytest.mark.parametrize("name", ["bi", "vdn", "ld", "idf", "upr", "ufr", "cr", "ssr", "cd"])
-def test_every_condition_of_the_hardened_missions_has_words(name: str):
+def test_every_condition_of_the_hardened_missions_is_written_as_a_sentence(name: str):
     mission = lingjing.compile(mission_file(name))
     for mode in mission.modes.allowed:
         rules = rule_sentences(instantiate(mission, seed=1, mode=mode, tier=1))

@@ -45,7 +45,7 @@ def events_of(ticks: int) -> dict[str, list[int]]:
     return ticks_of
 
 
-def test_senders_times_speeds_and_lines() -> None:
+def test_rules_read_senders_times_speeds_and_lines_of_sight() -> None:
     ticks = events_of(4)
     assert ticks["by_skipper"] == ticks["by_scout"] == [1, 2, 3, 4]
     assert ticks["early"] == [1, 1, 2, 2]

@@ -37,12 +37,12 @@ def reasons(policies: SequentialPolicies) -> list[str]:
     return [made.substituted for made in policies.act({"a": (None, None)})]  # type: ignore[dict-item]
 
 
-def test_a_callback_that_is_interrupted_is_no_way_round_the_limit() -> None:
+def test_a_policy_that_blocks_in_a_callback_is_still_interrupted_at_the_limit() -> None:
     """A loop only logs an exception in a callback and continues."""
     assert reasons(SequentialPolicies({"a": Slow(callback_s=1.0)}, 0.2)) == ["policy_timeout"]
 
 
-def test_late_answers_take_a_loop_each_and_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_late_answer_costs_exactly_one_event_loop(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[asyncio.AbstractEventLoop] = []
     new_loop = asyncio.new_event_loop
 

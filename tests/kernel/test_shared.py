@@ -17,7 +17,7 @@ POSE = CameraPose(
 INFO = FrameInfo(id="f1-uav-nadir", entity="uav", camera="nadir", tick=1, time_s=10.0, pose=POSE, channels=("rgb",))
 
 
-def test_a_picture_arrives_as_it_was_and_nobody_writes_into_it() -> None:
+def test_a_picture_arrives_unchanged_and_read_only() -> None:
     depth, semantic = np.arange(12, dtype=np.float32).reshape(3, 4), np.ones((3, 4), np.uint8)
     numbers = np.arange(12, dtype=np.uint16).reshape(3, 4)
     layout, memory = store_frame(StoredFrame(INFO, b"jpeg", depth, semantic, numbers))
@@ -30,7 +30,7 @@ def test_a_picture_arrives_as_it_was_and_nobody_writes_into_it() -> None:
             layer[0, 0] = 7
 
 
-def test_a_machine_without_another_descriptor_is_told() -> None:
+def test_a_lack_of_file_descriptors_is_an_infrastructure_error() -> None:
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (0, hard))
     try:

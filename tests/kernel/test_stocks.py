@@ -21,18 +21,18 @@ def state(**resources):
 @pytest.mark.parametrize(
     ("resources", "load"), [({}, 200.0), ({"load": 50.0}, 50.0), ({"load_kg": 0.0}, 0.0), ({"battery": 1.0}, 200.0)]
 )
-def test_the_engines_value_goes_before_the_declared_one(resources, load):
+def test_the_value_of_the_engine_overrides_the_declared_value(resources, load):
     assert current(VAN, state(**resources), "load_kg") == load
     assert stocks(VAN, state(**resources))["load"] == load
     assert current(VAN, state(**resources), "payload_kg") == 200.0
     assert current(VAN, state(), "colour") is None
 
 
-def test_a_property_that_is_no_state_is_not_taken_for_a_resource():
+def test_a_property_that_is_no_state_is_not_read_from_resources():
     assert current(VAN, state(payload=1.0), "payload_kg") == 200.0
 
 
-def test_what_is_hidden_or_internal_is_not_in_stock():
+def test_stocks_contain_no_hidden_and_no_internal_values():
     closed = msgspec.structs.replace(VAN, hidden=("load_kg",))
     assert stocks(VAN, state(**{"load": 1.0, "water@truck": 5.0, "battery": 0.5})) == {"load": 1.0, "battery": 0.5}
     assert stocks(closed, state(load=1.0, battery=0.5)) == {}, "a battery lasts as long as the load lets it"
@@ -70,20 +70,20 @@ def seen(*fields, source="entity", name="boat"):
     return first, kernel.step(()).observations["scout[1]"].entities
 
 
-def test_a_state_is_shown_by_its_name_and_nothing_else_with_it():
+def test_a_channel_of_one_state_shows_this_state_only():
     (before,), (view,) = seen("load_kg")
     assert (before.resources, view.resources) == ({"load": 200.0}, {"load": 190.0})
     assert (view.position, view.status, view.route, view.busy) == (None, None, None, None)
 
 
-def test_several_channels_add_up():
+def test_several_channels_of_an_entity_are_combined():
     _, (view,) = seen("position", "load_kg", "busy")
     assert view.resources == {"load": 190.0}
     assert view.position is not None
     assert view.busy is False
 
 
-def test_everything_is_shown_but_what_is_internal():
+def test_a_channel_of_all_fields_shows_everything_except_internal_accounts():
     _, (view,) = seen("*")
     assert view.resources == {"load": 190.0, "battery": 0.5}
     assert view.route == WAY
@@ -91,17 +91,17 @@ def test_everything_is_shown_but_what_is_internal():
     assert (stock.resources, stock.route) == ({"load": 190.0, "battery": 0.5}, None)
 
 
-def test_a_route_is_shown_from_when_there_is_one():
+def test_a_route_is_shown_as_soon_as_it_exists():
     (before,), (view,) = seen("route")
     assert (before.route, view.route, view.resources) == (None, WAY, None)
 
 
-def test_peers_show_what_their_channel_names():
+def test_peers_show_only_the_fields_of_their_channel():
     _, views = seen("position", source="peers", name="")
     assert {view.id: view.resources for view in views} == {"uav[2]": None, "boat": None}
 
 
-def test_a_privileged_policy_does_not_see_the_books_either():
+def test_a_privileged_policy_does_not_see_internal_accounts():
     kernel = kit.kernel(plugin=kit.RescueEngines(glider=Porter), privileged=frozenset({"scout[1]"}))
     kernel.reset()
     truth = kernel.step(()).observations["scout[1]"].privileged
@@ -121,7 +121,7 @@ def test_rules_sum_and_compare_current_states():
     assert kernel.step(()).evaluation.reason == "success"  # 190 and 190
 
 
-def test_stocks_that_an_engine_works_out_of_a_hidden_property_are_not_shown():
+def test_stocks_that_an_engine_derives_from_a_hidden_property_are_not_shown():
     """Watt-hours at the start derive from the hidden endurance; declared states stay visible."""
     closed = msgspec.structs.replace(VAN, hidden=("position", "endurance_s"))
     assert stocks(closed, state(load=1.0, battery_wh=120.0, battery=1.0)) == {"load": 1.0}

@@ -45,7 +45,7 @@ def rates(boundaries):
 SUCCESS = each(kit.called("reached", "v"))
 
 
-def test_two_of_three_targets_are_two_thirds_whatever_the_stages_weigh():
+def test_the_rate_counts_required_targets_whatever_the_weights_of_stages():
     """Detection has a weight but is not required."""
     stages = (
         Stage(name="detect", condition=after(0.0), variable="v", domain="victim"),
@@ -56,7 +56,7 @@ def test_two_of_three_targets_are_two_thirds_whatever_the_stages_weigh():
     assert boundaries[-1].evaluation.reward == pytest.approx((1 + 2 * 2 / 3) / 3)  # 0.778
 
 
-def test_all_that_is_delivered_is_delivered_whatever_else_success_asks():
+def test_the_rate_is_one_if_all_targets_are_reached_whatever_else_success_requires():
     """Twenty of twenty deliveries give 1, although a vehicle is elsewhere and the score is lower."""
     home = Binary("<=", Call("distance_xy", (Ref("boat", "entity"), Point((Number(0.0), Number(0.0))))), Number(1.0))
     success = kit.both(SUCCESS, Quantified("forall", "u", "uav", home))
@@ -65,7 +65,7 @@ def test_all_that_is_delivered_is_delivered_whatever_else_success_asks():
     assert boundaries[-1].evaluation.reward == pytest.approx(3 / 5)
 
 
-def test_a_penalty_and_a_broken_hard_constraint_leave_it_alone():
+def test_penalties_and_broken_hard_constraints_do_not_change_the_rate():
     soft = Constraint(name="late", kind="soft", condition=NEVER, penalty=Number(0.2))
     hard = Constraint(name="fence", kind="hard", condition=NEVER)
     for constraint, score in ((soft, 1 / 3 - 0.2), (hard, 1 / 3)):
@@ -75,7 +75,7 @@ def test_a_penalty_and_a_broken_hard_constraint_leave_it_alone():
     assert first.evaluation.reason != ""
 
 
-def test_a_mission_of_one_target_is_one_of_stages():
+def test_without_required_targets_stages_and_their_subjects_are_counted():
     stages = (
         Stage(name="one", condition=after(10.0), weight=Number(3.0)),
         Stage(name="two", condition=after(20.0)),
@@ -90,7 +90,7 @@ def test_without_stages_the_parts_of_success_are_counted():
     assert rates(played((0.0, 0.0), success=kit.both(after(0.0), after(100.0)))) == [0.5, 0.5]
 
 
-def test_what_is_won_is_complete_even_with_a_stage_skipped():
+def test_the_rate_of_a_successful_episode_is_one_even_if_a_stage_is_skipped():
     stages = (Stage(name="skipped", condition=NEVER),)
     boundaries = list(played((0.0, 0.0), success=after(10.0), stages=stages))
     assert rates(boundaries) == [0.0, 1.0]

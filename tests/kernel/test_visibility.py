@@ -20,7 +20,7 @@ def inputs(published):
 
 @settings(max_examples=25, deadline=None)
 @given(place=st.tuples(st.floats(-290, 290), st.floats(60, 290)), mode=st.sampled_from(["star", "broadcast"]))
-def test_hidden_positions_do_not_change_a_policy_input_before_a_sensor_does(place, mode):
+def test_hidden_positions_do_not_change_policy_inputs_without_a_picture(place, mode):
     first, second = (
         kit.kernel(kit.instance(mode)),
         kit.kernel(kit.instance(mode, victims=(place, place))),
@@ -31,7 +31,7 @@ def test_hidden_positions_do_not_change_a_policy_input_before_a_sensor_does(plac
     assert inputs(first.step(fly)) == inputs(second.step(fly))
 
 
-def test_a_sensor_makes_the_difference():
+def test_a_picture_changes_only_the_inputs_of_its_agent():
     first, second = kit.kernel(), kit.kernel(kit.instance(victims=((200.0, 200.0), (-100.0, 0.0))))
     for kernel in (first, second):
         kernel.reset()
@@ -54,7 +54,7 @@ def test_an_agent_sees_its_channels_and_nothing_else():
     ]
 
 
-def test_the_commanded_destination_is_telemetry_of_vessels_and_messages_do_not_set_it():
+def test_commands_set_the_assignment_of_a_vessel_and_messages_do_not():
     made = kit.instance()
     channel = ChannelSpec(source="entity", name="boat", fields=("assignment",))
     agents = tuple(
@@ -70,7 +70,7 @@ def test_the_commanded_destination_is_telemetry_of_vessels_and_messages_do_not_s
     assert sent.entities[0].assignment == (0.0, -90.0)
 
 
-def test_pictures_go_to_those_who_observe_the_camera():
+def test_pictures_go_to_the_agents_that_observe_the_camera():
     kernel = kit.kernel()
     kernel.reset()
     published = kernel.step(kit.decisions(scout_1=does("takePhoto")))
@@ -85,7 +85,7 @@ def test_pictures_go_to_those_who_observe_the_camera():
     ("fields", "pictures"),
     [(("position",), 0), (("position", "busy"), 0), (("nadir",), 1), (("*",), 1), (("other",), 0)],
 )
-def test_a_field_of_a_body_is_no_picture_and_a_camera_is_named(fields, pictures):
+def test_pictures_need_a_channel_that_names_the_camera_or_all_fields(fields, pictures):
     made = kit.instance()
     channel = ChannelSpec(source="entity", name="uav[1]", fields=fields)
     agents = tuple(
@@ -98,7 +98,7 @@ def test_a_field_of_a_body_is_no_picture_and_a_camera_is_named(fields, pictures)
     assert len(published.observations["scout[1]"].pictures) == 1
 
 
-def test_only_a_privileged_agent_receives_the_truth_and_the_trace_says_so():
+def test_only_a_privileged_agent_receives_the_truth_and_the_trace_records_it():
     kernel = kit.kernel(privileged=frozenset({"scout[1]"}))
     published = kernel.reset()
     assert published.observations["scout[2]"].privileged is None
@@ -153,7 +153,7 @@ def test_a_brief_holds_schema_peers_and_public_settings_but_no_target():
     assert "victim[" not in repr(brief)
 
 
-def test_what_a_policy_does_to_its_inputs_reaches_nobody_else():
+def test_a_policy_that_modifies_its_inputs_does_not_affect_the_episode():
     def played(spoil):
         kernel = kit.kernel(plugin=kit.RescueEngines(glider=Powered))
         kernel.briefs()["skipper"].settings.update(victims=99.0)
@@ -180,7 +180,7 @@ class Powered(kit.PointMasses):
         return msgspec.structs.replace(boundary, states=tuple(self.states.values()))
 
 
-def test_receipts_of_the_kernels_own_commands_are_nobodys_whatever_an_agent_is_called():
+def test_receipts_of_kernel_commands_are_not_received_by_an_agent_named_kernel():
     instance = kit.instance()
     named = msgspec.structs.replace(instance.agents[2], id="kernel", name="kernel")
     kernel = kit.kernel(msgspec.structs.replace(instance, agents=(*instance.agents[:2], named)))
@@ -192,7 +192,7 @@ def test_receipts_of_the_kernels_own_commands_are_nobodys_whatever_an_agent_is_c
     assert published.inboxes["kernel"].receipts == ()
 
 
-def test_blanked_pictures_are_not_part_of_what_was_seen():
+def test_the_hash_of_inputs_does_not_depend_on_blanked_pictures():
     there, elsewhere = kit.instance(), kit.instance(victims=((200.0, 200.0), (-100.0, 0.0)))
     seen = []
     for instance in (there, elsewhere):
@@ -202,7 +202,7 @@ def test_blanked_pictures_are_not_part_of_what_was_seen():
     assert seen[0] == seen[1]
 
 
-def test_a_policys_seed_says_nothing_about_the_instances():
+def test_the_seed_of_a_policy_is_independent_of_the_instance_seed():
     """Equal policy seeds give equal briefs whatever the instance's seed; no instance seed gives a brief's seed."""
     first = kit.kernel(policy_seed=5).briefs()
     other = kit.kernel(msgspec.structs.replace(kit.instance(), seed=123_456), policy_seed=5).briefs()
@@ -212,17 +212,17 @@ def test_a_policys_seed_says_nothing_about_the_instances():
     assert seeds.isdisjoint(brief.seed for brief in kit.kernel(policy_seed=6).briefs().values())
 
 
-def test_an_instances_seed_cannot_be_tried_out_from_a_brief():
+def test_the_instance_seed_cannot_be_found_from_a_brief_by_search():
     """A search over seeds finds at best the policy seed's own stream, never the instance's."""
     instance = msgspec.structs.replace(kit.instance(), seed=77)
     for agent, brief in kit.kernel(instance).briefs().items():
         paths = (f"{instance.mission}/policy/{agent}", f"policy/{agent}", agent)
         assert brief.seed not in {integer(77, path) for path in paths}
         tried = [seed for seed in range(2000) if brief.seed in {integer(seed, path) for path in paths}]
-        assert tried == [0], "the default policy seed, which everybody knows"
+        assert tried == [0], "the default policy seed, which is public"
 
 
-def test_a_brief_holds_the_cells_that_its_agent_observes_and_none_over_something_hidden():
+def test_a_brief_holds_the_observed_cells_but_no_hidden_cells():
     made = kit.instance()
     secret = msgspec.structs.replace(made.cells[0], name="near-1-1", grid="near", hidden=True)
     unobserved = msgspec.structs.replace(made.cells[0], name="idle-1-1", grid="idle")

@@ -64,7 +64,7 @@ def test_every_other_engine_sees_the_entities_and_then_the_movers(world):
     assert toys.Crowd.seen["toy_crowd_too"] == ["cat", "ant", "traffic/0", "traffic/1", "traffic/2"]
 
 
-def test_a_crowd_moves_who_follows_its_mirrors(world):
+def test_an_entity_that_reads_mirrors_depends_on_background_movers(world):
     def end(crowd):
         world.reset(crowded(crowd=crowd), toys.CITY)
         return world.step(1, ()).snapshots[-1].states[1]
@@ -72,7 +72,7 @@ def test_a_crowd_moves_who_follows_its_mirrors(world):
     assert end(3.0) != end(4.0)
 
 
-def test_routes_of_every_macro_step_and_the_latest_silence_are_reported(world):
+def test_routes_of_every_macro_step_and_the_latest_unreachable_links_are_reported(world):
     ready = world.reset(crowded(silence=1.0), toys.CITY)
     assert [(route.entity, route.number) for route in ready.routes] == [("cat", 1)]
     assert ready.unreachable_links == (("cat", "ant"),)
@@ -84,7 +84,7 @@ def test_routes_of_every_macro_step_and_the_latest_silence_are_reported(world):
 
 
 @pytest.mark.parametrize("instance", [crowded(silence=1.0), far_crowd(silence=1.0)], ids=["local", "remote"])
-def test_both_worlds_carry_the_same(world, instance):
+def test_movers_and_pictures_are_equal_in_the_inline_and_the_process_world(world, instance):
     def played(world):
         boundaries = [world.reset(instance, toys.CITY), *[world.step(tick, ()) for tick in (1, 2)]]
         now = boundaries[-1].snapshots[-1]
@@ -126,7 +126,7 @@ def test_two_engines_may_not_have_movers_of_one_id(world):
         world.step(1, ())
 
 
-def test_silence_about_nobody_is_an_abort(world):
+def test_an_unreachable_link_of_an_unknown_entity_is_an_abort(world):
     instance = toys.instance(toys.entity("dog", "toy_crowd"), crowd=1.0, silence=1.0)
     with pytest.raises(InfrastructureError, match="it reports `cat` as out of radio range, but no entity has this id"):
         world.reset(instance, toys.CITY)
@@ -139,7 +139,7 @@ def test_numbers_of_movers_become_plain(world):
     assert (mover.position, type(mover.position), type(mover.heading_deg)) == ((2.0, 1.0, 0.0), tuple, float)
 
 
-def test_an_engine_takes_part_for_an_entity_or_because_it_wants_to():
+def test_an_engine_is_selected_for_its_entities_or_at_its_own_request():
     host = PluginHost(entry_points=False, extra=(toys.plugin, toys.painter))
     ant = toys.entity("ant", "toy_a")
     assert select_engines(toys.instance(ant), host).local == ("toy_a",)
@@ -155,14 +155,14 @@ def test_a_reference_picture_needs_the_sensor_engine_as_a_camera_does():
     assert select_engines(msgspec.structs.replace(bare, reveals=(reveal,)), host).sensor is not None
 
 
-def test_an_engine_without_entities_plays_along(world):
+def test_an_engine_without_entities_takes_part_in_the_episode(world):
     world.reset(toys.instance(toys.entity("ant", "toy_a"), crowd=2.0), toys.CITY)
     boundary = world.step(1, ())
     assert [status.engine for status in boundary.engines] == ["toy_a", "toy_crowd"]
     assert len(boundary.snapshots[-1].ambient) == 2
 
 
-def test_looking_over_movers_is_linear_in_their_number():
+def test_the_cost_of_checking_movers_is_linear_in_their_number():
     """Measured in function calls; `benchmarks/world.py --only movers` measures the time."""
     few, many = calls_to_check(200), calls_to_check(2000)
     assert 0 < many <= 11 * few < 11 * 200 * 20  # Python 3.12 has fewer calls besides those for each mover
@@ -201,7 +201,7 @@ class Onlooker(kit.TruthCamera):
         return super().draw(request)
 
 
-def test_the_kernel_records_and_draws_the_background_and_its_digest_covers_it():
+def test_background_movers_are_recorded_drawn_and_part_of_the_digest():
     kernel = kit.kernel(plugin=kit.RescueEngines(shore=Busy, table=Onlooker))
     kernel.reset()
     record = kernel.step(kit.decisions(scout_1=does("takePhoto"))).record

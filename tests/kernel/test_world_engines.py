@@ -127,7 +127,7 @@ def test_both_worlds_and_a_fork_agree_to_the_last_bit_and_pixel(episode):
         world.close()
 
 
-def test_a_second_episode_on_warm_workers_is_the_first_again(episode):
+def test_a_repeated_episode_on_warm_workers_is_identical(episode):
     instance, city = episode
     world = open_world("process")
     runs = []

@@ -116,7 +116,9 @@ FAULTS = [
 
 
 @pytest.mark.parametrize(("fault", "where", "message"), FAULTS, ids=[f"{f}-{w}" for f, w, _ in FAULTS])
-def test_an_abort_leaves_its_trace_no_orphan_and_a_clean_next_episode(world, tmp_path, fault, where, message):
+def test_an_abort_leaves_a_partial_trace_no_process_and_an_unaffected_next_episode(
+    world, tmp_path, fault, where, message
+):
     before = children()
     good, _, whole = played(world, episode(), tmp_path / "good")
     assert (good.reason, good.ticks, whole) == ("budget", TICKS, True)
@@ -142,7 +144,7 @@ def test_an_abort_leaves_its_trace_no_orphan_and_a_clean_next_episode(world, tmp
     assert used != set(workers(world))  # the broken one was replaced
 
 
-def test_a_late_picture_is_absent_and_the_episode_ends_as_it_should(world, tmp_path, monkeypatch):
+def test_a_late_picture_is_absent_and_the_episode_ends_normally(world, tmp_path, monkeypatch):
     monkeypatch.setattr("lingjing.kernel.world.camera._PATIENCE", 10_000)
     released = tmp_path / "released"
 

@@ -31,7 +31,7 @@ def faulty(fault, at=0.55, **changes):
     )
 
 
-def test_times_come_from_integers():
+def test_times_are_computed_from_integer_steps():
     clock = Clock(tick_s=1.0, sync_s=0.1)
     assert macro_steps(clock) == 10
     assert macro_time_s(clock, 3, 10) == 3.0
@@ -43,7 +43,7 @@ def test_a_tick_that_is_no_multiple_of_sync_is_refused(world):
         world.reset(toys.trio(tick_s=1.0, sync_s=0.3), toys.CITY)
 
 
-def test_boundary_zero_and_the_steps_after_it(world):
+def test_reset_returns_boundary_zero_and_a_step_returns_every_macro_step(world):
     ready = world.reset(toys.trio(), toys.CITY)
     assert (ready.tick, ready.time_s, len(ready.snapshots)) == (0, 0.0, 1)
     assert [s.id for s in ready.snapshots[0].states] == ["cat", "ant", "bee", "ape"]
@@ -69,7 +69,7 @@ class Watcher(toys.Toy):
         return super().advance(until, mirrors)
 
 
-def test_engines_go_by_name_and_see_the_others_as_they_were_at_the_start(monkeypatch):
+def test_engines_advance_in_order_of_name_with_mirrors_from_the_start_of_the_step(monkeypatch):
     monkeypatch.setattr(toys, "Toy", Watcher)
     Watcher.log = []
     world = InlineWorld(host())
@@ -117,7 +117,7 @@ def test_a_missing_admission_is_reported_and_the_tick_goes_on(world, verb):
     assert boundary.time_s == 1.0
 
 
-def test_a_command_for_nobody_is_a_programmers_mistake(world):
+def test_a_command_for_an_unknown_entity_raises_value_error(world):
     world.reset(toys.trio(), toys.CITY)
     with pytest.raises(ValueError, match="`ghost`, which no engine owns"):
         world.step(1, [toys.command("c1-1", "ghost")])
@@ -159,7 +159,7 @@ def test_a_fault_at_reset_names_reset(world):
         world.reset(faulty("late_clock", 0.0), toys.CITY)
 
 
-def test_a_late_boundary_is_an_abort_that_names_the_slowest(world):
+def test_a_late_boundary_is_an_abort_that_names_the_slowest_engine(world):
     with pytest.raises(InfrastructureError, match=r"the slowest was engine `toy_.` of plug-in `toys`"):
         world.reset(toys.trio(engine_s=1e-9), toys.CITY)
 
@@ -171,7 +171,7 @@ def test_engine_values_become_plain(world):
     assert {type(v) for v in (*bee.position, bee.heading_deg, bee.pitch_deg)} == {float}
 
 
-def test_an_unknown_engine_is_the_users_mistake(world):
+def test_an_unknown_engine_is_a_usage_error(world):
     with pytest.raises(UsageError, match="no engine is called `warp`"):
         world.reset(toys.instance(toys.entity("ant", "warp")), toys.CITY)
 
@@ -184,7 +184,7 @@ def test_an_engine_that_does_not_close_is_a_warning():
     world.close()
 
 
-def test_seeds_and_episodes_are_independent(world):
+def test_episodes_of_equal_seeds_are_equal_and_those_of_other_seeds_differ(world):
     first = [world.reset(toys.trio(), toys.CITY), world.step(1, ())][1]
     again = [world.reset(toys.trio(), toys.CITY), world.step(1, ())][1]
     other = [world.reset(toys.trio(seed=8), toys.CITY), world.step(1, ())][1]
@@ -231,7 +231,7 @@ def test_a_wrong_array_names_the_layer(world):
         world.capture(0, [toys.request(0)], ready.snapshots[-1].states)
 
 
-def test_a_capture_without_a_camera_engine_says_so():
+def test_a_capture_without_a_camera_engine_is_a_usage_error():
     world = InlineWorld(host(toys.plugin))
     ready = world.reset(toys.trio(), toys.CITY)
     with pytest.raises(UsageError, match="no installed engine draws pictures"):
@@ -239,7 +239,7 @@ def test_a_capture_without_a_camera_engine_says_so():
     world.close()
 
 
-def test_no_fork_in_the_caller(world):
+def test_the_inline_world_rejects_a_fork(world):
     world.reset(toys.trio(), toys.CITY)
     with pytest.raises(UsageError) as caught:
         world.fork()
@@ -260,7 +260,7 @@ def test_remote_engines_are_coupled_like_any_other(world):
     assert [s.id for s in boundary.snapshots[-1].states] == ["ant", "far"]
 
 
-def test_waits_are_the_only_wall_clock_values(world):
+def test_only_the_waits_of_engines_depend_on_the_wall_clock(world):
     def played():
         world.reset(toys.trio(), toys.CITY)
         boundary = world.step(1, [toys.command("c1-1", "ant")])

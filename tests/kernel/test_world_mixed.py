@@ -33,7 +33,7 @@ def played(world, instance, ticks):
     return [replace(b, engines=tuple((s.engine, s.time_s, s.frame) for s in b.engines)) for b in boundaries]
 
 
-def test_one_thread_and_a_fork_that_goes_on_to_the_last_bit(world, city):
+def test_the_world_process_has_one_thread_and_its_fork_continues_bit_for_bit(world, city):
     """SUMO, MuJoCo and JSBSim in one process, as an episode uses them."""
     instance = mixed.instance()
     ready = world.reset(instance, city)
@@ -49,7 +49,7 @@ def test_one_thread_and_a_fork_that_goes_on_to_the_last_bit(world, city):
     twin.close()
 
 
-def test_another_process_and_a_warm_one_play_the_same(world, city):
+def test_a_warm_and_a_new_world_process_play_identically(world, city):
     instance = mixed.instance()
     runs = []
     for each in (world, world, open_world("process")):
@@ -59,7 +59,7 @@ def test_another_process_and_a_warm_one_play_the_same(world, city):
     assert runs[0] == runs[1] == runs[2]
 
 
-def test_a_van_brings_goods_and_its_engine_reads_the_citys_book(world, city):
+def test_a_van_delivers_goods_and_its_engine_reads_the_accounts_of_the_city(world, city):
     instance = mixed.instance(dogs=0, traffic=0)
     world.reset(instance, city)
     driven = played(world, instance, range(1, 8))
@@ -75,7 +75,7 @@ def _states(boundary):
     return {state.id: state for state in boundary.snapshots[-1].states}
 
 
-def test_a_thousand_background_movers_travel_once_a_tick(world, city):
+def test_background_movers_cross_the_process_border_once_per_tick(world, city):
     """Only the movers of the boundary cross the process border, not those of the fifty macro-steps before it."""
     instance = mixed.instance(uavs=0, dogs=0, traffic=40)
     world.reset(instance, city)

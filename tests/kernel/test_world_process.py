@@ -106,13 +106,13 @@ def with_remote(**changes):
 
 
 @pytest.mark.parametrize("instance", [toys.trio(), with_remote()], ids=["local", "remote"])
-def test_both_worlds_report_the_same(world, instance):
+def test_the_inline_and_the_process_world_report_the_same(world, instance):
     inline = opened("inline")
     assert played(inline, instance) == played(world, instance)
     inline.close()
 
 
-def test_only_remote_engines_need_no_world_process(world):
+def test_an_instance_with_only_remote_engines_needs_no_world_process(world):
     only = toys.instance(toys.entity("far", "toy_remote", 4.0))
     world.reset(only, toys.CITY)
     assert world.step(1, [toys.command("c1-1", "far")]).admissions[0].status == "accepted"
@@ -128,7 +128,7 @@ def test_the_next_episode_runs_on_the_same_workers(world):
     assert pids(world) == before
 
 
-def test_no_camera_no_camera_process(world):
+def test_an_instance_without_a_camera_starts_no_camera_process(world):
     world.reset(faulty("none", 99.0), toys.CITY)
     assert len(pids(world)) == 1
     with pytest.raises(UsageError, match="no installed engine draws pictures"):
@@ -136,7 +136,7 @@ def test_no_camera_no_camera_process(world):
 
 
 @starts_interpreters
-def test_the_world_process_is_lean_and_single_threaded(world):
+def test_the_world_process_has_one_thread_and_loads_no_graphics_libraries(world):
     world.reset(toys.trio(), toys.CITY)
     pid = pids(world)[0]
     assert len(os.listdir(f"/proc/{pid}/task")) == 1
@@ -175,7 +175,7 @@ def test_a_broken_engine_is_named_and_the_world_starts_afresh(world, fault, mess
 
 
 @starts_interpreters
-def test_the_last_words_of_a_dead_worker_are_shown(world):
+def test_the_error_of_a_killed_worker_shows_its_last_output(world):
     world.reset(faulty("kill"), toys.CITY)
     with pytest.raises(InfrastructureError, match="last words of the toy"):
         world.step(1, ())
@@ -223,7 +223,7 @@ def test_an_engine_that_writes_a_lot_does_not_block(world):
     assert world.step(1, ()).tick == 1
 
 
-def test_a_wrong_tick_is_a_programmers_mistake(world):
+def test_a_tick_out_of_sequence_raises_value_error(world):
     world.reset(toys.trio(), toys.CITY)
     with pytest.raises(ValueError, match="boundary 3 does not follow boundary 0"):
         world.step(3, ())
@@ -240,7 +240,7 @@ def test_a_worker_that_cannot_be_started_is_an_abort(world, monkeypatch):
 
 
 @starts_interpreters
-def test_a_worker_that_does_not_come_up_says_why(tmp_path):
+def test_the_error_of_a_worker_that_fails_to_start_gives_the_cause(tmp_path):
     (tmp_path / "msgspec.py").write_text('raise RuntimeError("a broken installation")\n')
     world = open_world("process", plugins=TOYS, paths=(str(tmp_path),), installed=False)
     with pytest.raises(InfrastructureError, match=r"(?s)process died \(exit code 1\); .*a broken installation"):
@@ -339,7 +339,7 @@ def test_large_pictures_arrive_bit_for_bit(world):
 
 
 @starts_interpreters
-def test_fifty_episodes_and_captures_leave_nothing_open(world):
+def test_fifty_episodes_and_captures_leave_no_descriptors_open(world):
     instance = toys.trio(tick_s=0.2)
     ready = world.reset(instance, toys.CITY)
     world.capture(0, [toys.request(0)], ready.snapshots[-1].states)
@@ -391,16 +391,16 @@ def test_a_fork_is_a_bit_exact_copy(world):
     twin.close()
 
 
-def test_branches_that_differ_do_not_touch_each_other(world):
+def test_forks_with_other_commands_do_not_affect_each_other(world):
     world.reset(toys.trio(), toys.CITY)
-    deferring_signals = opened("inline")
-    deferring_signals.reset(toys.trio(), toys.CITY)
+    inline = opened("inline")
+    inline.reset(toys.trio(), toys.CITY)
     twin = world.fork()
     grandchild = twin.fork()
     twin.step(1, [toys.command("c1-1", "ant")])
-    assert without_waits(world.step(1, ())) == without_waits(deferring_signals.step(1, ()))
+    assert without_waits(world.step(1, ())) == without_waits(inline.step(1, ()))
     assert grandchild.step(1, ()).events == ()
-    for each in (twin, grandchild, deferring_signals):
+    for each in (twin, grandchild, inline):
         each.close()
 
 
@@ -430,7 +430,7 @@ def test_closed_forks_are_reaped_while_the_original_lives(world):
     assert world.step(1, ()).tick == 1
 
 
-def test_a_fork_that_fails_leaves_the_original(world):
+def test_a_fork_that_fails_does_not_affect_the_original(world):
     world.reset(faulty("hang", 1.5, engine_s=2.0), toys.CITY)
     world.step(1, ())
     twin = world.fork()
@@ -457,7 +457,7 @@ def test_an_engine_with_threads_cannot_be_forked_and_plays_on(world):
     assert world.step(1, ()).tick == 1
 
 
-# Lives and deaths of the caller
+# The end of the caller
 
 
 @starts_interpreters
@@ -561,7 +561,7 @@ def test_no_worker_outlives_a_killed_caller_even_in_a_hung_engine():
     await_gone(workers)
 
 
-def test_a_caller_that_just_ends_leaves_nothing_behind():
+def test_a_caller_that_ends_without_closing_its_world_leaves_no_workers():
     process, workers = caller("world.step(1, ())")
     assert process.wait(900) == 0
     process.stdout.close()
@@ -569,7 +569,7 @@ def test_a_caller_that_just_ends_leaves_nothing_behind():
 
 
 @starts_interpreters
-def test_a_forgotten_world_ends_its_workers():
+def test_the_workers_of_a_garbage_collected_world_end():
     world = opened()
     world.reset(toys.trio(), toys.CITY)
     seen = pids(world)
@@ -579,7 +579,7 @@ def test_a_forgotten_world_ends_its_workers():
 
 
 @starts_interpreters
-def test_a_process_forked_by_the_caller_leaves_the_workers_alone(world):
+def test_closing_the_world_in_a_fork_of_the_caller_does_not_end_the_workers(world):
     world.reset(toys.trio(), toys.CITY)
     child = os.fork()
     if child == 0:

@@ -54,7 +54,7 @@ def body(name, **resources):
 
 
 @pytest.mark.parametrize("engine", ["road", "plane", "satellite", "vessel", "somebody_elses"])
-def test_what_an_engine_leaves_out_is_kept(engine):
+def test_states_that_an_engine_does_not_report_are_kept(engine):
     properties = {"water_kg": 5.0, "riders": 2.0, "load_kg": 8.0, "colour": "white"}
     named = (("water", "kg"), ("riders", ""), ("load", "kg"), ("colour", ""))
     state = tuple(StateSpec(name=name, unit=unit) for name, unit in named)
@@ -69,7 +69,7 @@ def test_what_an_engine_leaves_out_is_kept(engine):
     assert stocks.kept(whole) == {}
 
 
-def test_a_target_of_an_engine_that_leaves_its_states_out_keeps_them():
+def test_a_target_keeps_the_states_that_its_engine_does_not_report():
     target = kit.entity(
         "well", 0.0, 0.0, role="target", properties={"water_kg": 5.0}, state=(StateSpec(name="water", unit="kg"),)
     )
@@ -78,7 +78,7 @@ def test_a_target_of_an_engine_that_leaves_its_states_out_keeps_them():
     assert stocks.kept({"well": body("well", water=1.0)}) == {}
 
 
-def test_a_road_vehicle_has_what_it_declared_until_interactions_change_it(tmp_path):
+def test_a_road_vehicle_keeps_its_declared_states_until_interactions_change_them(tmp_path):
     mission = compile_text(BUS).mission
     assert mission is not None
     result = lingjing.run(mission, policy="random", out=tmp_path / "run", world="inline", overview=False)
@@ -92,7 +92,7 @@ def test_a_road_vehicle_has_what_it_declared_until_interactions_change_it(tmp_pa
     assert (result.reason, result.ticks) == ("success", 1)
 
 
-def test_by_a_role_an_episode_is_played_as_by_its_engine(tmp_path):
+def test_an_interaction_by_a_role_plays_like_one_by_the_engine_of_its_bodies(tmp_path):
     played = [
         lingjing.run(compile_text(text).mission, policy="random", out=tmp_path / name, world="inline", overview=False)
         for name, text in (("engine", BUS), ("role", BUS.replace("by = road", "by = driver")))

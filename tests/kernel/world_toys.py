@@ -191,10 +191,10 @@ class Toy:
 
 
 class Crowd(Toy):
-    """A toy with background movers, routes and silence; takes part without an entity when `settings["crowd"]` says so.
+    """A toy with background movers, routes and unreachable links.
 
-    Property or setting `crowd` is the number of movers; `crowd_fault` of an entity spoils the last of them from
-    `fault_at` on. It notes the ids of its mirrors in `seen`, as does each toy that is one.
+    The setting `crowd` is the number of movers; above 0 the toy takes part without entities. A fault `ambient_…` of an
+    entity corrupts the movers from `fault_at` on. By engine, `seen` holds the ids of the mirrors of such a toy.
     """
 
     seen: ClassVar[dict[str, list[str]]] = {}
