@@ -37,7 +37,7 @@ def play(world: World) -> Start:
 
 
 def driven(play: Start, *, crossing: bool) -> WorldRun:
-    """WorldRun a van that drives down the street; a dog may cross in front of it and stand in its lane for a while."""
+    """Play a van that drives down the street. A dog may cross in front of it and stand in its lane for a while."""
     played = play()
     played.tick(played.order("van", "setDestination", x=-20.0, y=-201.6), count=5)
     for metres, seconds in ((5.4, 9), (8.6, 14)):
@@ -71,8 +71,8 @@ def test_a_parked_truck_stops_a_dog(play: Start) -> None:
     assert played.now("dog").position[1] < played.now("truck").position[1] - 1.0
 
 
-def test_a_car_of_the_background_stops_a_dog_too(play: Start) -> None:
-    """Return a car that waits at a red light, and a dog beside it."""
+def test_a_background_car_stops_a_dog(play: Start) -> None:
+    """A dog walks into the side of a car that stands in the background traffic."""
     scout = play({"cars": 60})
     scout.tick(count=25)
     before, after = ({m.id: m for m in b.snapshots[-1].ambient} for b in scout.boundaries[-6:][::5])
@@ -109,7 +109,7 @@ def test_a_dog_climbs_the_kerb(play: Start) -> None:
 
 
 def flown(world: World, *gusts: EventSpec) -> WorldRun:
-    """WorldRun a UAV at 60 m that flies 250 m east in still air, except for the gusts."""
+    """Play a UAV at 60 m that flies 250 m east in still air, except for the gusts."""
     still = {"wind_mps": 0.0, "turbulence": 0.0}
     start = {"position": (-200.0, 60.0, 60.0)}
     instance, city = kit.staged(STREET, changed={"weather": still, "uav": start})
@@ -181,7 +181,7 @@ def test_goods_taken_on_at_the_warehouse_make_a_van_slower(play: Start) -> None:
 
 
 def test_a_command_to_one_engine_is_observed_by_agents_of_another(world: World) -> None:
-    """The dog's agent tells the van's driver to drive on or not. The driver observes only the van and this message."""
+    """A dog walks in front of a van or not. The driver observes the van and events, but not the dog."""
     inputs = []
     for walk in (True, False):
         kernel = Kernel(*kit.staged(STREET), world)

@@ -102,7 +102,7 @@ def test_a_body_flees_from_the_nearest_pursuer_until_it_is_far_enough(play: Play
 
 
 @pytest.mark.parametrize("pursuer", [(dog(-61.0),), (dog(-10.0, status="dormant"),), ()])
-def test_a_body_does_not_flee_from_what_is_far_or_absent(play: Play, pursuer: tuple[BodyState, ...]) -> None:
+def test_a_body_does_not_flee_from_a_distant_or_absent_pursuer(play: Play, pursuer: tuple[BodyState, ...]) -> None:
     assert {row["hare"] for row in way(play(roaming("hare", FLEES)), 20, *pursuer)} == {(0.0, 0.0, 0.0)}
 
 
@@ -124,7 +124,7 @@ def test_a_body_follows_at_its_distance(play: Play) -> None:
     assert played.state.velocity == (0.0, 0.0, 0.0)
 
 
-def test_a_wanderer_comes_about_and_never_leaves_its_region(play: Play) -> None:
+def test_a_wanderer_crosses_its_region_and_never_leaves_it(play: Play) -> None:
     rows = [row["hare"] for row in way(play(roaming("hare", WANDERS)), 400)]
     assert all(in_yard(x, y) for x, y, _ in rows)
     assert max(x for x, _, _ in rows) - min(x for x, _, _ in rows) > 60.0
@@ -136,7 +136,7 @@ def test_a_wanderer_that_begins_outside_goes_into_its_region_and_stays(play: Pla
     assert not inside[0] and all(inside[inside.index(True) :])
 
 
-def test_equal_seeds_give_equal_ways_whatever_the_other_bodies_draw(play: Play) -> None:
+def test_equal_seeds_give_equal_paths_whatever_other_bodies_exist(play: Play) -> None:
     def of_first(seed: int, *others: Entity) -> list[Vector]:
         return [row["hare[1]"] for row in way(play(roaming("hare[1]", WANDERS), *others, seed=seed), 100)]
 
@@ -144,7 +144,7 @@ def test_equal_seeds_give_equal_ways_whatever_the_other_bodies_draw(play: Play) 
 
 
 @pytest.mark.parametrize("pursuer_x", [55.0, 80.0])
-def test_a_swimmer_stays_in_the_water_and_out_of_what_stands_in_it(play: Play, quay: City, pursuer_x: float) -> None:
+def test_a_swimmer_stays_in_the_water_and_avoids_obstacles(play: Play, quay: City, pursuer_x: float) -> None:
     terrain, flees = Terrain(quay), msgspec.structs.replace(FLEES, distance_m=500.0)
     played = play(roaming("swan", flees, (60.0, 0.0, -3.5), on="water"), city=quay)
     rows = [row["swan"] for row in way(played, 200, dog(pursuer_x))]
@@ -161,7 +161,7 @@ def test_a_walker_stays_on_the_quay(play: Play, quay: City) -> None:
     assert math.dist(rows[-1][:2], (0.0, 0.0)) > 35.0
 
 
-def test_a_body_without_a_way_stays(play: Play, quay: City) -> None:
+def test_a_body_without_a_free_path_stays_in_place(play: Play, quay: City) -> None:
     played = play(roaming("hare", WANDERS, (300.0, 0.0, -3.5)), city=quay)  # a walker in the middle of the water
     assert {row["hare"] for row in way(played, 40)} == {(300.0, 0.0, -3.5)}
 

@@ -26,7 +26,7 @@ def shore() -> City:
 
 @pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
 @pytest.mark.parametrize("height", [30.0, 150.0, 900.0])
-def test_far_land_lies_before_the_water_under_it(height: float) -> None:
+def test_distant_land_is_drawn_over_the_water_under_it(height: float) -> None:
     engine = CameraEngine()
     ready(engine, instance(), shore())
     frame = look(engine, (-200.0, 0.0, height), "front", heading=270.0)
@@ -56,7 +56,7 @@ def test_distant_lands_show_the_map() -> None:
 
 
 @pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
-def test_a_body_at_a_camera_in_the_air_does_not_coarsen_depth() -> None:
+def test_a_body_at_a_high_camera_does_not_reduce_the_depth_resolution() -> None:
     engine = CameraEngine()
     ready(engine)
     renderer = engine._renderer
@@ -87,12 +87,12 @@ def test_tiles_without_grain_keep_their_place_and_mean_colour(monkeypatch: pytes
     assert np.abs(off).max() < 2.0
 
 
-def test_a_picture_that_does_not_reach_far_is_sharp_to_its_end() -> None:
+def test_a_picture_of_short_range_is_drawn_without_reduced_detail() -> None:
     assert blunt_from(FULL_M[0]) == (np.inf, np.inf)
     assert max(blunt_from(FULL_M[1])) < np.inf
 
 
-def test_a_prop_far_off_is_fewer_triangles_in_the_same_place() -> None:
+def test_a_distant_prop_has_fewer_triangles_in_the_same_place() -> None:
     car = Prop(id="c", cls="car", model="parked_car", position=(0.0, 0.0, 0.0))
     tree = Prop(id="t", cls="tree", model="tree", position=(9.0, 0.0, 0.0))
     batches = {batch.key.split("-")[0]: batch for batch in prop_batches(Pieces(props=(car, tree)))}
@@ -115,7 +115,7 @@ def test_a_river_ends_beyond_the_bounds_and_a_sea_does_not() -> None:
     assert np.abs(sea.waters[0][1].vertices["position"][:, 1]).max() > 0.9 * REACH_M
 
 
-def test_lands_and_ground_are_cut_into_cells_that_hold_them_whole() -> None:
+def test_lands_and_ground_are_split_into_cells_that_contain_all_their_triangles() -> None:
     town_ground = build_town_ground(shore())
     for part, ranges, boxes in (
         (town_ground.lands, town_ground.land_ranges, town_ground.land_boxes),

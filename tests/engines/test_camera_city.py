@@ -38,7 +38,7 @@ def engine() -> Iterator[CameraEngine]:
     made.close()
 
 
-def test_every_object_has_its_pixel_and_its_depth(engine: CameraEngine) -> None:
+def test_pixels_have_the_class_and_depth_of_the_object_that_they_show(engine: CameraEngine) -> None:
     ready(engine)
     frame, inland = look(engine, (0.0, -20.0, 120.0)), look(engine, (-45.0, 50.0, 120.0))
     for picture, east, north, up, cls in (
@@ -88,7 +88,7 @@ def test_a_building_with_a_courtyard_shows_its_ground(engine: CameraEngine) -> N
     assert seen_at(frame, 20.0, 0.0, 15.0)[0] == CLASSES["building"]
 
 
-def test_shadows_fall_away_from_the_sun_and_darken_only(engine: CameraEngine) -> None:
+def test_shadows_fall_away_from_the_sun(engine: CameraEngine) -> None:
     tower = Building(id="b", polygon=box(-10, -10, 10, 10), base_m=0.0, top_m=40.0)
     city = town(buildings=(tower,), props=(), roads=(), junctions=(), bridges=())
     ready(engine, city=city)
@@ -100,7 +100,7 @@ def test_shadows_fall_away_from_the_sun_and_darken_only(engine: CameraEngine) ->
     assert seen_at(frame, 0.0, -25.0, 0.0)[2].sum() < 0.75 * seen_at(frame, 0.0, 32.0, 0.0)[2].sum()
 
 
-def test_pictures_do_not_depend_on_what_was_drawn_before(engine: CameraEngine, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pictures_do_not_depend_on_earlier_pictures(engine: CameraEngine, monkeypatch: pytest.MonkeyPatch) -> None:
     spots = [((0.0, 0.0, 100.0), "nadir", 0.0), ((-200.0, -100.0, 30.0), "front", 20.0), ((0, -200, 60), "oblique", 0)]
     ready(engine)
     first = [look(engine, *spot) for spot in spots]
@@ -134,7 +134,7 @@ def test_a_fracture_opens_the_bridge_for_its_mission_only(engine: CameraEngine) 
     assert whole.rgb.tobytes() == mended.rgb.tobytes()
 
 
-def test_a_reference_building_is_its_entity(engine: CameraEngine) -> None:
+def test_a_reference_building_has_a_box_of_its_entity(engine: CameraEngine) -> None:
     target = entity("tower", "reference_building", (-225.0, 40.0, 0.0), properties={"colour": "red"})
     ready(engine, instance(target))
     frame = look(engine, (-225.0, 55.0, 100.0))
@@ -142,7 +142,7 @@ def test_a_reference_building_is_its_entity(engine: CameraEngine) -> None:
     assert seen_at(frame, -225.0 - 60.0, 55.0, 20.0)[0] == CLASSES["building"]
 
 
-def test_traffic_is_drawn_by_its_kind_and_leaves_with_its_boundary(engine: CameraEngine) -> None:
+def test_traffic_is_drawn_by_its_kind_and_only_at_its_boundary(engine: CameraEngine) -> None:
     ready(engine)
     car = BodyState(id="traffic/1", kind="car", position=(-60.0, 0.0, 0.0), heading_deg=90.0)
     frame = look(engine, (-60.0, 0.0, 40.0), mirrors=(car,))
@@ -161,7 +161,7 @@ def test_an_entity_before_its_appearance_is_not_drawn(engine: CameraEngine) -> N
     assert [b.entity for b in look(engine, (-60.0, 0.0, 40.0), mirrors=(at,), time_s=20.0).info.boxes] == ["car"]
 
 
-def test_a_dogs_eye_is_low_and_leans_with_it(engine: CameraEngine) -> None:
+def test_the_camera_of_a_robot_dog_is_low_and_tilts_with_the_body(engine: CameraEngine) -> None:
     dog = entity("dog", "robot_dog", (-60.0, 0.0, 0.32), cameras=mounts())
     ready(engine, instance(dog))
     level = look(engine, dog.position, "front", 90.0, viewer="dog").info.pose
@@ -170,14 +170,14 @@ def test_a_dogs_eye_is_low_and_leans_with_it(engine: CameraEngine) -> None:
     assert tilted.tilt_deg == level.tilt_deg - 8.0 and tilted.roll_deg == 5.0 and tilted.position[2] > level.position[2]
 
 
-def test_a_car_looks_over_its_bonnet_at_the_road(engine: CameraEngine) -> None:
+def test_the_front_camera_of_a_fire_truck_sees_the_road(engine: CameraEngine) -> None:
     car = entity("car", "fire_truck", (-200.0, 0.0, 0.0), cameras=mounts())
     ready(engine, instance(car))
     frame = look(engine, car.position, "front", 90.0, viewer="car")
     assert 2.0 < frame.info.pose.position[2] < 2.5 and share(frame, "road") > 0.1
 
 
-def test_from_orbit_the_city_is_seen_whole(engine: CameraEngine) -> None:
+def test_a_picture_from_orbit_shows_the_city_with_correct_depth(engine: CameraEngine) -> None:
     camera = msgspec.structs.replace(mounts()[0], hfov_deg=0.16)
     ready(engine, instance(entity("sat", "satellite", (0.0, 0.0, 550e3), cameras=(camera,))))
     frame = look(engine, (0.0, 0.0, 550e3), viewer="sat", pitch_deg=-90.0)
@@ -200,7 +200,7 @@ def test_the_horizon_is_level_whatever_the_heading(engine: CameraEngine) -> None
         assert abs(degrees(atan2(SIZE[1] / 2 - sky[0], focal)) - 10.0) < 1.0
 
 
-def test_shadows_end_with_their_map(engine: CameraEngine) -> None:
+def test_no_shadow_extends_beyond_the_shadow_map(engine: CameraEngine) -> None:
     weather = Weather(sun_azimuth_deg=215.0, sun_elevation_deg=12.0, cloud=0.0)
     frames = []
     for top_m in (150.0, 1.0):

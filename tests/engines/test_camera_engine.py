@@ -169,7 +169,7 @@ def test_projected_entity_lies_in_its_box(engine: CameraEngine) -> None:
                 assert y0 - 2 / 540 <= seen[1] / 540 <= y1 + 2 / 540
 
 
-def test_depth_of_the_sea_is_the_geometry_of_its_plane(engine: CameraEngine) -> None:
+def test_the_depth_of_the_sea_equals_the_distance_to_its_plane(engine: CameraEngine) -> None:
     frame = take(engine)
     assert frame.depth is not None and frame.semantic is not None
     sea = frame.depth[frame.semantic == CLASSES["water"]]
@@ -194,7 +194,7 @@ def test_sky_has_no_depth() -> None:
     assert np.isfinite(frame.depth[-1]).all() and np.array_equal(np.isinf(frame.depth), frame.semantic == 0)
 
 
-def test_what_is_out_of_sight_or_aboard_has_no_box(engine: CameraEngine) -> None:
+def test_an_entity_out_of_sight_or_aboard_has_no_box(engine: CameraEngine) -> None:
     episode = instance()
     engine.advance(10.0, states(episode, victim1={"position": (900.0, -900.0, LEVEL)}, victim2={"status": "safe"}))
     frame = take(engine)
@@ -202,7 +202,7 @@ def test_what_is_out_of_sight_or_aboard_has_no_box(engine: CameraEngine) -> None
     assert frame.semantic is not None and not (frame.semantic == CLASSES["person_in_water"]).any()
 
 
-def test_a_solid_hides_what_is_under_it(warm: CameraEngine) -> None:
+def test_a_solid_hides_entities_under_it(warm: CameraEngine) -> None:
     episode = instance()
     roof = Solid(id="roof", polygon=((105, -895), (115, -895), (115, -885), (105, -885)), base_m=0.0, top_m=0.5)
     open_water = City(id="w", origin=(0.0, 0.0), bounds=(-3000, -3000, 3000, 3000), datum_m=LEVEL,
@@ -214,7 +214,7 @@ def test_a_solid_hides_what_is_under_it(warm: CameraEngine) -> None:
     assert set(boxes(take(warm))) == {"boat", "victim[2]", "gizmo"}
 
 
-def test_partly_hidden_by_a_closer_entity(engine: CameraEngine) -> None:
+def test_an_entity_partly_hidden_by_a_closer_one_has_fewer_pixels(engine: CameraEngine) -> None:
     episode = instance()
     alone = {b.entity: b.pixels for b in take(engine).info.boxes}["victim[1]"]
     engine.advance(10.0, states(episode, boat={"position": (110.0, -891.0, LEVEL), "heading_deg": 0.0}))
@@ -232,7 +232,7 @@ def test_a_camera_does_not_see_its_own_body_but_that_of_others(engine: CameraEng
     assert "uav[2]" not in boxes(take(engine, viewer="uav[2]"))
 
 
-def test_grounded_on_the_apron_sees_concrete(engine: CameraEngine) -> None:
+def test_the_camera_of_a_grounded_aircraft_sees_the_concrete_of_the_apron(engine: CameraEngine) -> None:
     frame = take(engine, viewer="uav[2]")
     assert frame.semantic is not None and frame.depth is not None
     assert (frame.semantic == CLASSES["concrete"]).mean() > 0.9
@@ -260,7 +260,7 @@ def test_pictures_do_not_depend_on_earlier_ones(engine: CameraEngine) -> None:
     assert first.rgb.tobytes() != other.rgb.tobytes() and first.rgb.tobytes() != rough.rgb.tobytes()
 
 
-def test_a_sea_with_other_things_afloat_is_that_of_a_fresh_camera(engine: CameraEngine) -> None:
+def test_a_used_camera_draws_other_floating_props_like_a_new_one(engine: CameraEngine) -> None:
     episode = instance()
     other = city_of(msgspec.structs.replace(episode.scene, seed=4))
     assert other.props != city_of(episode.scene).props
@@ -311,7 +311,7 @@ def digest() -> str:
     return hashlib.sha256(b"".join(f.rgb.tobytes() + msgspec.json.encode(f.info) for f in frames)).hexdigest()
 
 
-def test_same_pictures_in_another_process_silent_at_exit() -> None:
+def test_another_process_draws_the_same_pictures_and_exits_silently() -> None:
     """The process has a hash seed of its own; this one has that of the tests."""
     root = str(Path(__file__).parents[2])
     code = f"import sys; sys.path.insert(0, {root!r}); import tests.engines.test_camera_engine as t; print(t.digest())"
@@ -329,7 +329,7 @@ def test_misuse_is_named(engine: CameraEngine) -> None:
     assert (receipt.status, receipt.reason, receipt.request) == ("rejected", "unknown_verb", "c1-1")
 
 
-def test_missing_egl_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_error_of_a_missing_egl_names_the_packages_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(**_: object) -> None:
         raise RuntimeError("libEGL.so.1: cannot open shared object file")
 
@@ -346,7 +346,7 @@ def test_conformance(check: Callable[[EngineCase], None]) -> None:
     check(EngineCase(plugin, episode, city_of(episode.scene), mirrors=tuple(states(episode))))
 
 
-def test_semantic_table() -> None:
+def test_the_semantic_table_maps_ids_to_classes() -> None:
     table = semantic_table(instance().entities)
     assert table[:256].tolist() == list(range(256))
     assert table[256:].tolist() == [18, 18, 17, 16, 16, 31]

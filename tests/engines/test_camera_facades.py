@@ -16,7 +16,7 @@ def building(use: str, levels: int = 5, seed: int = 1) -> Building:
 
 
 @pytest.mark.parametrize("use", USES)
-def test_a_door_stands_before_its_wall(use: str) -> None:
+def test_a_door_stands_in_front_of_its_wall(use: str) -> None:
     place = entrance(building(use), 9).vertices["position"]
     assert len(place) and place[:, 1].max() <= 1e-4 and place[:, 1].min() >= -1.6, "in front of the southern wall"
     assert place[:, 2].min() >= -1e-4 and 2.0 < place[:, 2].max() < 4.1
@@ -30,7 +30,7 @@ def test_only_a_shop_has_an_awning_and_only_offices_and_shops_a_sign() -> None:
     assert counts["commercial"] > counts["office"]
 
 
-def test_balconies_hang_on_blocks_of_flats_alone() -> None:
+def test_only_blocks_of_flats_have_balconies() -> None:
     made = balconies(building("residential"), 15.0, 3.0, 9)
     assert 0 < len(made) <= 2 * MOST_BALCONIES + 1
     place = np.concatenate([part.vertices["position"] for part in made])

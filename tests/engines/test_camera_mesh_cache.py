@@ -52,7 +52,7 @@ def bytes_of(mesh: TileMesh) -> tuple[object, ...]:
     return parts, mesh.coarse, mesh.boxes.tobytes(), mesh.low.tobytes(), mesh.high.tobytes()
 
 
-def test_a_tile_that_is_made_again_is_made_of_the_meshes_that_the_process_holds() -> None:
+def test_a_rebuilt_tile_reuses_the_meshes_cached_in_the_process() -> None:
     first = bytes_of(mesh())
     known = building.cache_info().hits
     assert bytes_of(mesh()) == first and building.cache_info().hits >= known + len(pieces().buildings)
@@ -61,7 +61,7 @@ def test_a_tile_that_is_made_again_is_made_of_the_meshes_that_the_process_holds(
     assert bytes_of(mesh()) == first
 
 
-def test_a_kept_texture_is_the_made_one_and_a_damaged_one_is_made_again(folder: Path) -> None:
+def test_a_cached_texture_is_identical_and_a_damaged_one_is_rebuilt(folder: Path) -> None:
     made: list[int] = []
 
     def make() -> npt.NDArray[np.uint8]:
@@ -79,7 +79,7 @@ def test_a_kept_texture_is_the_made_one_and_a_damaged_one_is_made_again(folder: 
     assert len(list(folder.iterdir())) == 2
 
 
-def test_a_texture_is_made_where_nothing_can_be_kept(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_texture_is_built_if_the_cache_cannot_be_written(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder.parent.write_bytes(b"no folder")
     # The name is unique to this test: the temporary folder belongs to the process, and other tests keep textures there.
     assert cached_array("nowhere", lambda: np.zeros((2, 2, 1), np.uint8)).shape == (2, 2, 1)
@@ -87,8 +87,8 @@ def test_a_texture_is_made_where_nothing_can_be_kept(folder: Path, monkeypatch: 
     assert cached_array("grain", lambda: np.ones((2, 2, 1), np.uint8)).all()
 
 
-def test_the_ground_of_a_known_city_is_read_and_not_drawn_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Another city is drawn."""
+def test_the_ground_of_a_known_city_is_read_from_the_cache(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The ground of another city is drawn."""
     noise = noise_texture()[::4, ::4, 0]
     island = Land(polygon=((0.0, 0.0), (90.0, 0.0), (90.0, 60.0), (0.0, 60.0)), top_m=4.0, surface="grass")
     city = msgspec.structs.replace(CITY, lands=(island,))
@@ -107,7 +107,7 @@ def test_the_ground_of_a_known_city_is_read_and_not_drawn_again(monkeypatch: pyt
             build_ground(msgspec.structs.replace(CITY, lands=(msgspec.structs.replace(island, polygon=other),)), noise)
 
 
-def test_a_kept_mesh_is_the_made_one_and_is_not_made_again(folder: Path) -> None:
+def test_a_cached_mesh_is_identical_and_is_not_rebuilt(folder: Path) -> None:
     make, made = counted()
     first = MeshCache(CITY).tile((0, -1), make)
     second = MeshCache(CITY).tile((0, -1), make)
@@ -117,7 +117,7 @@ def test_a_kept_mesh_is_the_made_one_and_is_not_made_again(folder: Path) -> None
     assert [path.name.endswith("-0_-1.mesh") for path in folder.iterdir()] == [True]
 
 
-def test_another_city_other_code_and_other_tiles_are_not_mixed_up(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_cache_distinguishes_cities_tiles_and_code_versions(monkeypatch: pytest.MonkeyPatch) -> None:
     make, made = counted()
     MeshCache(CITY).tile((0, 0), make)
     MeshCache(CITY).tile((0, 1), make)
@@ -152,7 +152,7 @@ def out_of_bounds(data: bytes) -> bytes:
     ],
     ids=["empty", "cut", "short", "flipped", "no mesh", "no parts", "no vertices", "index out of bounds"],
 )
-def test_a_damaged_file_is_made_anew(folder: Path, damage: Callable[[bytes], bytes]) -> None:
+def test_a_damaged_file_is_rebuilt(folder: Path, damage: Callable[[bytes], bytes]) -> None:
     make, made = counted()
     good = bytes_of(MeshCache(CITY).tile((0, 0), make))
     (file,) = folder.iterdir()
@@ -163,7 +163,7 @@ def test_a_damaged_file_is_made_anew(folder: Path, damage: Callable[[bytes], byt
     assert len(made) == 2, "the file was not written anew"
 
 
-def test_where_the_cache_is_off_nothing_is_read_or_kept(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_disabled_cache_is_neither_read_nor_written(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     make, made = counted()
     MeshCache(CITY).tile((0, 0), make)
     monkeypatch.setenv("LINGJING_NO_CACHE", "1")
@@ -174,7 +174,7 @@ def test_where_the_cache_is_off_nothing_is_read_or_kept(folder: Path, monkeypatc
     assert sorted(folder.iterdir()) == before
 
 
-def test_a_full_disk_costs_only_time(folder: Path) -> None:
+def test_a_full_disk_causes_no_error(folder: Path) -> None:
     make, made = counted()
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
@@ -189,7 +189,7 @@ def test_a_full_disk_costs_only_time(folder: Path) -> None:
     assert good == bytes_of(mesh())
 
 
-def test_a_folder_that_cannot_be_created_costs_only_time(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_that_cannot_be_created_causes_no_error(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder.parent.parent.mkdir(exist_ok=True)
     folder.parent.write_text("a file where the folder should be")
     monkeypatch.setattr("lingjing.data._temporary_cache", lambda: "")
@@ -198,7 +198,7 @@ def test_a_folder_that_cannot_be_created_costs_only_time(folder: Path, monkeypat
     assert len(made) == 1
 
 
-def test_many_writers_leave_one_whole_file(folder: Path) -> None:
+def test_concurrent_writers_leave_no_partial_file(folder: Path) -> None:
     good = bytes_of(mesh())
     children = []
     for _ in range(4):
@@ -219,7 +219,7 @@ def test_many_writers_leave_one_whole_file(folder: Path) -> None:
     assert list(folder.glob(".new-*")) == []
 
 
-def test_props_stand_as_each_alone_would() -> None:
+def test_batched_props_have_the_same_matrices_as_single_props() -> None:
     props = tuple(
         Prop(id=f"p{k}", cls="tree", model="tree", position=(3.1 * k, -7.7 * k, 0.3 * k), heading_deg=37.0 * k,
              scale=0.7 + 0.11 * k, floating=k % 2 == 0, options={"variant": k % 2})
@@ -239,7 +239,7 @@ def test_props_stand_as_each_alone_would() -> None:
 
 
 @pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
-def test_pictures_of_a_kept_city_are_those_of_a_made_one(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pictures_of_a_cached_city_equal_those_of_a_built_one(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def pictures() -> list[bytes]:
         camera = CameraEngine()
         ready(camera)

@@ -83,7 +83,7 @@ def test_every_type_of_the_library_has_a_look_and_a_class(name: str) -> None:
     assert entity_class(entity) == CLASSES[kind] != CLASSES["entity"]
 
 
-def test_a_type_of_its_own_has_the_look_it_declares() -> None:
+def test_a_user_defined_type_has_the_look_that_it_declares() -> None:
     taxi = thing("my_taxi", properties={"look": "car"})
     assert entity_parts(taxi, state(taxi), 0.0)[0].key.startswith("car-") and entity_class(taxi) == CLASSES["car"]
     blaze = thing("warehouse_fire", properties={"look": "building_fire"})
@@ -122,7 +122,7 @@ def test_the_smallest_body_has_faces_to_draw(shape: str, measure: float) -> None
         assert len(vertices) and np.isfinite(vertices).all()
 
 
-def test_parts_stand_where_the_type_puts_them_beside_its_look() -> None:
+def test_parts_of_a_type_are_drawn_at_their_declared_place_beside_its_look() -> None:
     crate = BodyPart(name="crate", shape="box", length_m=2.0, width_m=1.0, height_m=0.5, ahead_m=3.0, right_m=-1.0,
                      above_m=4.0, heading_deg=90.0, colour="blue")  # fmt: skip
     measures = {"length_m": 9.0, "width_m": 9.0, "height_m": 9.0}
@@ -137,7 +137,7 @@ def test_parts_stand_where_the_type_puts_them_beside_its_look() -> None:
     assert len(entity_parts(carried, state(carried), 0.0)) == 2
 
 
-def test_a_coloured_body_is_painted_and_what_is_no_body_is_not() -> None:
+def test_a_declared_colour_paints_a_vehicle_but_not_a_reference_building() -> None:
     plain, red = (declared_car(colour) for colour in ("", "red"))
     (was,), (now,) = (entity_parts(car, state(car), 0.0) for car in (plain, red))
     changed = (was.mesh[:, 6:9] != now.mesh[:, 6:9]).any(axis=1)
@@ -153,7 +153,7 @@ def declared_car(colour: str) -> Entity:
     return thing("car", properties={"colour": colour} if colour else {})
 
 
-def test_the_looks_that_a_mission_may_name_are_those_that_are_drawn() -> None:
+def test_missions_may_name_exactly_the_looks_that_are_drawn() -> None:
     assert sorted(MODELS) == sorted(appearance.MODELS)
 
 
@@ -174,7 +174,7 @@ def test_meshes_are_whole_and_small(name: str) -> None:
 @pytest.mark.parametrize(
     "kind", ["car", "delivery_van", "truck", "bus", "fire_truck", "motorcycle", "bicycle", "person"]
 )
-def test_traffic_is_as_large_as_engines_take_it_for(kind: str) -> None:
+def test_traffic_is_drawn_in_the_size_that_engines_use(kind: str) -> None:
     size = SIZES[kind]
     for number in range(6):
         (part,) = ambient_parts(BodyState(id=f"traffic/{number}", kind=kind, position=(0.0, 0.0, 0.0)), 0.0)
@@ -227,7 +227,7 @@ def test_effects_depend_on_the_id_the_time_and_nothing_else() -> None:
 
 
 @pytest.mark.parametrize("kind", ["building_fire", "fire_source", "pipeline_leak"])
-def test_only_flames_and_spray_are_the_targets_body(kind: str) -> None:
+def test_only_flames_and_spray_carry_the_id_of_the_target(kind: str) -> None:
     rows = looks(thing(kind, (0.0, 0.0, 1.0))).billboards
     body, cloud = rows[rows["id"] > 0], rows[rows["id"] == 0]
     assert len(body) > 20 and len(cloud) > 20
@@ -317,7 +317,7 @@ def test_rubble_fits_the_deck_that_it_fell_from() -> None:
     assert np.ptp(points[:, 1]) < 17.0
 
 
-def test_a_leak_knows_its_pipe() -> None:
+def test_a_leak_has_the_heading_and_radius_of_its_pipe() -> None:
     pipes = Pieces(pipes=(Pipe(id="p", path=((0, 0, 1.2), (0, 50, 1.2)), radius_m=0.25),))
     site = site_of(thing("pipeline_leak", (0.2, 20.0, 1.2)), [pipes], 0.0)
     assert site.heading_deg == pytest.approx(0.0) and site.radius_m == 0.25

@@ -112,7 +112,7 @@ def extent_m(frame: Frame, box: Box, away_m: float) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("above", [80.0, 110.0, 150.0])
-def test_a_burning_roof_shows_from_a_patrols_height(engine: CameraEngine, above: float) -> None:
+def test_a_building_fire_has_a_tight_box_from_patrol_height(engine: CameraEngine, above: float) -> None:
     frame = take(engine, "building_fire", above)
     box = box_of(frame)
     wide, high = extent_m(frame, box, above)
@@ -129,7 +129,7 @@ def pixels(frame: Frame, box: Box) -> np.ndarray:
 
 
 @pytest.mark.parametrize("away", [2.5, 8.0, 20.0])
-def test_a_fire_on_the_ground_shows_to_a_dog(engine: CameraEngine, away: float) -> None:
+def test_a_ground_fire_has_a_tight_box_in_the_picture_of_a_robot_dog(engine: CameraEngine, away: float) -> None:
     frame = take(engine, "fire_source", away_m=away)
     box = box_of(frame)
     wide, high = extent_m(frame, box, away)
@@ -146,7 +146,7 @@ def test_smoke_and_wet_ground_are_in_no_box(engine: CameraEngine) -> None:
 
 
 @pytest.mark.parametrize("above", [12.0, 30.0, 60.0])
-def test_a_leaks_box_is_its_spray(engine: CameraEngine, above: float) -> None:
+def test_the_box_of_a_leak_encloses_its_spray(engine: CameraEngine, above: float) -> None:
     frame = take(engine, "pipeline_leak", above)
     box = box_of(frame)
     long, short = sorted(extent_m(frame, box, above), reverse=True)
@@ -167,7 +167,7 @@ def test_a_fractures_box_spans_the_gap_and_the_deck(engine: CameraEngine, above:
     assert (gap > above + 5.0).mean() > 0.05, "through the gap one sees the water"
 
 
-def test_the_reference_building_is_its_box_in_its_colour(engine: CameraEngine) -> None:
+def test_the_reference_building_fills_its_box_in_its_colour(engine: CameraEngine) -> None:
     frame = take(engine, "reference_building", away_m=40.0)
     box = box_of(frame)
     assert box.box[2] - box.box[0] > 0.3 and box.pixels > 20_000

@@ -44,7 +44,7 @@ def state(kind: str) -> BodyState:
 
 
 @pytest.mark.parametrize("kind", SHINING)
-def test_lights_show_after_dark_and_change_nothing_before(kind: str) -> None:
+def test_lights_are_drawn_only_after_dark(kind: str) -> None:
     day, sunset, night = (effects_of(thing(kind), state(kind), 20.0, weather) for weather in (DAY, SUNSET, NIGHT))
     assert darkness(DAY) == darkness(SUNSET) == 0.0 and darkness(NIGHT) == 1.0
     assert np.array_equal(day.billboards, sunset.billboards) and np.array_equal(day.decals, sunset.decals)
@@ -62,7 +62,7 @@ def test_lamps_light_the_ground_below_them_after_dark() -> None:
     assert pools["half"][0, 0] > pools["half"][1, 0], "a higher lamp lights more ground"
 
 
-def test_headlights_light_the_road_ahead_and_only_of_what_is_driven() -> None:
+def test_only_vehicles_have_headlights_and_these_light_the_road_ahead() -> None:
     bodies = [(BodyState(id="a", position=(10.0, 0.0, 0.0), heading_deg=90.0), "car"), (state("person"), "person")]
     rows = road_light(bodies, NIGHT)
     assert len(road_light(bodies, DAY)) == 0 and len(rows) == 2

@@ -112,7 +112,7 @@ def test_sea_and_country_fill_a_frame_around_a_coastal_city(
 
 
 @drawn
-def test_a_slanting_frame_has_the_depth_of_the_plane_it_shows(
+def test_an_oblique_picture_has_the_depth_of_the_ground_plane(
     engine: CameraEngine, mission: Instance, coastal: City
 ) -> None:
     frame = photo(engine, coastal, preset(mission), (60e3, -90e3, HEIGHT_M), -78.9, -33.0)
@@ -123,7 +123,7 @@ def test_a_slanting_frame_has_the_depth_of_the_plane_it_shows(
 
 @drawn
 @pytest.mark.parametrize("kind", ["coastal", "inland"])
-def test_below_the_horizon_is_no_sky_and_above_it_nothing_else(
+def test_the_sky_fills_exactly_the_area_above_the_horizon(
     engine: CameraEngine, mission: Instance, coastal: City, kind: str
 ) -> None:
     camera = msgspec.structs.replace(preset(mission), hfov_deg=84.0)
@@ -139,7 +139,7 @@ def test_below_the_horizon_is_no_sky_and_above_it_nothing_else(
 
 
 @drawn
-def test_around_an_inland_city_is_country(engine: CameraEngine, mission: Instance) -> None:
+def test_an_inland_city_is_surrounded_by_countryside(engine: CameraEngine, mission: Instance) -> None:
     frame = photo(engine, town(), preset(mission))
     assert frame.semantic is not None
     aside = np.abs(rays(frame)[..., :2] * HEIGHT_M).max(axis=-1) > 1500.0
@@ -148,7 +148,7 @@ def test_around_an_inland_city_is_country(engine: CameraEngine, mission: Instanc
 
 
 @drawn
-def test_islands_lie_before_the_sea_from_orbit(engine: CameraEngine, mission: Instance) -> None:
+def test_islands_are_drawn_over_the_sea_from_orbit(engine: CameraEngine, mission: Instance) -> None:
     island = Land(polygon=box(-2000, -2000, 2000, 2000), top_m=20.0, surface="grass")
     sea = Water(polygon=box(-3000, -3000, 3000, 3000), level_m=-1.0)
     city = City(id="i", origin=(31.0, 121.5), bounds=(-3000.0, -3000.0, 3000.0, 3000.0), lands=(island,), waters=(sea,))
@@ -158,7 +158,9 @@ def test_islands_lie_before_the_sea_from_orbit(engine: CameraEngine, mission: In
 
 
 @drawn
-def test_high_up_and_in_orbit_pictures_repeat(engine: CameraEngine, mission: Instance, coastal: City) -> None:
+def test_pictures_from_high_altitude_and_from_orbit_are_repeatable(
+    engine: CameraEngine, mission: Instance, coastal: City
+) -> None:
     low = msgspec.structs.replace(mounts()[0], name="nadir")
     before = photo(engine, coastal, low, (0.0, 0.0, 400.0), 0.0)
     high = [photo(engine, coastal, preset(mission)) for _ in range(2)]
@@ -167,7 +169,7 @@ def test_high_up_and_in_orbit_pictures_repeat(engine: CameraEngine, mission: Ins
     assert np.array_equal(before.rgb, after.rgb) and np.array_equal(before.semantic, after.semantic)
 
 
-def test_a_land_goes_on_the_way_its_borders_run_out() -> None:
+def test_a_land_continues_beyond_the_bounds_in_the_direction_of_its_borders() -> None:
     coast = ((100.0, -5000.0), (200.0, -400.0), (200.0, 400.0), (0.0, 5000.0), (-4000.0, 5000.0), (-4000.0, -5000.0))
     sea = Water(polygon=box(-6000, -6000, 6000, 6000), level_m=-3.0)
     pier = Land(polygon=box(150, -50, 450, 50), top_m=0.0, surface="concrete")

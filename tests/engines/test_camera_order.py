@@ -33,12 +33,12 @@ def test_fragments_read_varyings_in_place_of_uniforms() -> None:
     assert "k_eye = u_eye;" in over and "k_sun = u_sun;" in over
 
 
-def test_lines_that_are_switched_off_are_left_out() -> None:
+def test_inactive_preprocessor_lines_are_removed() -> None:
     source = "#define A\n#ifdef A\none\n#ifdef B\ntwo\n#else\nthree\n#endif\n#else\nfour\n#endif\n"
     assert active(source) == "#define A\none\nthree\n"
 
 
-def test_a_source_holds_what_it_includes_once_and_the_switches_first() -> None:
+def test_a_shader_source_starts_with_its_defines_and_has_each_include_once() -> None:
     text = source("soil.frag", "WET", "JOINTED")
     assert text.startswith("#version 330\n#define WET\n#define JOINTED\n")
     assert "#include" not in text
@@ -62,7 +62,7 @@ def test_walls_that_face_eye_and_sun_come_first_and_near_ones_before_far_ones() 
     assert (np.diff(nearest) >= 0.0).all()
 
 
-def test_of_ranges_only_what_faces_the_eye_is_drawn() -> None:
+def test_only_the_walls_of_a_range_that_face_the_camera_are_drawn() -> None:
     part = walls(SQUARE, 0.0, 5.0, (0.5, 0.5, 0.5), 11)
     planes = planes_of(part)
     west = planes.among([(0, len(part.index))], (-20.0, 5.0, 2.0))
@@ -72,7 +72,7 @@ def test_of_ranges_only_what_faces_the_eye_is_drawn() -> None:
 
 @pytest.mark.parametrize("roll", [0.0, 25.0, -60.0])
 @pytest.mark.parametrize("tilt", [90.0, 40.0, 10.0, 0.0, -20.0])
-def test_the_sky_is_drawn_wherever_a_ray_rises(tilt: float, roll: float) -> None:
+def test_the_sky_is_drawn_at_every_pixel_with_a_rising_ray(tilt: float, roll: float) -> None:
     pose = CameraPose(position=(0.0, 0.0, 100.0), heading_deg=30.0, tilt_deg=tilt, roll_deg=roll, width=192, height=108)
     right, down, axis = (np.asarray(a) for a in camera_axes(pose))
     x, y = np.meshgrid(np.arange(192) + 0.5 - 96.0, np.arange(108) + 0.5 - 54.0)
@@ -88,7 +88,7 @@ def test_the_sky_is_drawn_wherever_a_ray_rises(tilt: float, roll: float) -> None
     assert left >= 0 and left + width <= 192 and top >= 0 and top + height <= 108
 
 
-def test_straight_down_has_no_sky_unless_from_high_above() -> None:
+def test_a_nadir_picture_has_no_sky_unless_from_a_great_height() -> None:
     low = CameraPose(position=(0.0, 0.0, 100.0), heading_deg=0.0, tilt_deg=90.0)
     high = CameraPose(position=(0.0, 0.0, 500_000.0), heading_deg=0.0, tilt_deg=90.0)
     assert sky_bounds(low, 0.0) is None

@@ -53,7 +53,7 @@ BAY = city_of(SceneSpec(kind="bay", datum_m=-3.5, seed=7))
 
 
 @pytest.mark.parametrize("height", [0.0, 0.2, 0.8, 2.0])
-def test_significant_wave_height_is_the_weathers(height: float) -> None:
+def test_the_significant_wave_height_is_that_of_the_weather(height: float) -> None:
     ocean = Ocean(Weather(wind_mps=5, wave_height_m=height, wave_period_s=5), 1)
     height_of_sea = np.mean([4.0 * ocean.surfaces(10.0 * k)[0].height.std() for k in range(6)])
     assert abs(height_of_sea - height) < 0.06 * height + 1e-9
@@ -100,7 +100,7 @@ def test_ground_keeps_the_citys_elevations() -> None:
     assert height_under(BAY, 306.6, -620.2) == 0.9 and height_under(BAY, 200.0, -900.0) == -3.5
 
 
-def test_shore_map_knows_land_and_sea() -> None:
+def test_the_shore_map_distinguishes_land_and_sea() -> None:
     shore = build_ground(BAY, noise_texture()[::4, ::4, 0]).shore
 
     def near(east: float, north: float) -> int:
@@ -109,7 +109,8 @@ def test_shore_map_knows_land_and_sea() -> None:
     assert near(300, -560) == 0 and near(0, -1300) == 255 and 0 < near(300, -700) < 255
 
 
-def test_the_edge_of_the_shore_map_shows_no_shore_because_pictures_repeat_it_beyond_the_bounds() -> None:
+def test_the_edge_of_the_shore_map_shows_no_shore() -> None:
+    """Pictures repeat the edge of the map beyond the bounds."""
     town = city_of(SceneSpec(kind="coastal", seed=11, options={"extent_m": 500.0}, datum_m=-3.0))
     near = build_ground(town, noise_texture()[::4, ::4, 0]).shore[..., 0]
     assert (near[1:-1, 1:-1] < 255).any()  # the town has a shore, and it leaves the bounds
@@ -153,7 +154,7 @@ def test_rotation_follows_the_compass_and_the_body() -> None:
 
 
 @given(st.floats(-300, 300), st.floats(-300, 300), st.floats(-3, 120))
-def test_culling_never_drops_what_projects_into_the_picture(x: float, y: float, z: float) -> None:
+def test_culling_never_drops_a_point_inside_the_picture(x: float, y: float, z: float) -> None:
     for tilt in (10.0, 45.0, 90.0):
         pose = CameraPose(position=(0, 0, 100), heading_deg=30.0, tilt_deg=tilt)
         seen = world_to_pixel(pose, (x, y, z))
@@ -194,7 +195,7 @@ def tools() -> Iterator[dict[str, ModuleType]]:
 
 
 def alike(made: np.ndarray, index: np.ndarray, file: Mapping[str, np.ndarray], name: str) -> None:
-    """Another processor may round a last digit otherwise, and so order or merge vertices otherwise."""
+    """Another processor may round a last digit differently, and so order or merge vertices differently."""
     vertices, triples = file[f"{name}/vertices"], file[f"{name}/index"]
     assert len(index) == len(triples)
     ours, theirs = (np.sort(rows[which][:, :3].astype(int), axis=0) for rows, which in
@@ -203,7 +204,7 @@ def alike(made: np.ndarray, index: np.ndarray, file: Mapping[str, np.ndarray], n
 
 
 @pytest.mark.parametrize("level", [0, 2])
-def test_the_tools_make_what_is_stored(tools: dict[str, ModuleType], level: int) -> None:
+def test_the_model_tools_reproduce_the_stored_models(tools: dict[str, ModuleType], level: int) -> None:
     with np.load(tools["vehicle_models"].FOLDER / "vehicles.npz") as file:
         made = tools["vehicle_models"].MADE
         assert {name.split("/")[0] for name in file.files} == set(made)
@@ -218,7 +219,7 @@ def test_the_tools_make_what_is_stored(tools: dict[str, ModuleType], level: int)
 
 
 @pytest.mark.parametrize("name", STORED)
-def test_levels_are_of_one_shape_and_ever_fewer_triangles(name: str) -> None:
+def test_levels_of_detail_have_the_same_size_and_fewer_triangles(name: str) -> None:
     for number in range(0, LOOKS[name].count, 7):
         fine, middle, coarse = vehicle(name, number).levels
         assert 2000 <= len(fine) // 3 <= 4000 and len(middle) < 0.7 * len(fine) and len(coarse) < 0.31 * len(fine)
@@ -286,7 +287,7 @@ def test_a_mesh_without_levels_is_drawn_as_it_is() -> None:
 
 
 @pytest.mark.parametrize("figure", figures())
-def test_people_have_levels_and_their_size(figure: str) -> None:
+def test_people_have_levels_of_detail_of_equal_size(figure: str) -> None:
     fine, middle, coarse = posed(figure, "stand-0", ())
     assert 2000 <= len(fine) // 3 <= 3000 and len(middle) < 0.7 * len(fine) and len(coarse) < 0.25 * len(fine)
     assert abs(fine[:, 2].min()) < 0.01 and 1.38 < fine[:, 2].max() < 1.9
@@ -295,7 +296,7 @@ def test_people_have_levels_and_their_size(figure: str) -> None:
 
 
 @pytest.mark.parametrize("pose", POSES)
-def test_poses_bend_joints_and_tear_nothing(tools: dict[str, ModuleType], pose: str) -> None:
+def test_poses_bend_joints_without_tearing_the_mesh(tools: dict[str, ModuleType], pose: str) -> None:
     for figure in ("jacket", "child"):
         rest, bent = (skin(figure, POSES[name], 0) for name in ("stand-0", pose))
         with np.load(tools["people_models"].FOLDER / "people.npz") as file:
@@ -344,7 +345,7 @@ def test_people_in_the_water_show_head_shoulders_and_arms() -> None:
             assert points[:, 2].min() < -0.4
 
 
-def test_things_without_an_entity_have_boxes_by_patch() -> None:
+def test_objects_without_an_entity_have_one_box_per_connected_patch() -> None:
     ids = np.full((60, 100), CLASSES["road"], np.uint16)
     ids[10:14, 20:30] = ids[10:14, 40:50] = CLASSES["car"]
     ids[40:46, 5:9], ids[50, 50] = CLASSES["buoy"], CLASSES["person"]

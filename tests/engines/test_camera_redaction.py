@@ -176,7 +176,7 @@ def test_contrast_is_a_root_mean_square_of_the_largest_difference() -> None:
     assert contrast(other, base) == 5.0 == contrast(base, other)
 
 
-def test_a_box_in_the_world_is_never_wider_than_its_part() -> None:
+def test_a_projected_box_is_clipped_to_the_picture() -> None:
     pose = CameraPose(position=(0.0, 0.0, 50.0), heading_deg=30.0, tilt_deg=60.0, width=480, height=270)
     part = projected_rect((-5.0, -5.0, 0.0, 5.0, 20.0, 3.0), pose)
     assert part is not None and 0 < part[2] < 480

@@ -115,11 +115,11 @@ def test_outlines_are_triangulated_whole(count: int, size: float) -> None:
     assert (area >= -1e-9).all() and np.isclose(area.sum(), whole - 4.0)
 
 
-def test_walls_look_outwards_and_a_tower_is_as_few_triangles_as_a_hut() -> None:
+def test_walls_face_outwards_and_have_the_same_triangle_count_at_any_height() -> None:
     low = Building(id="a", polygon=box(0, 0, 20, 10), base_m=0.0, top_m=3.9, levels=1)
     high = Building(id="b", polygon=box(0, 0, 20, 10)[::-1], base_m=0.0, top_m=300.0, levels=90)
-    for given_one in (low, high):
-        walls, _, _ = building(given_one, 11)
+    for house in (low, high):
+        walls, _, _ = building(house, 11)
         assert len(walls.index) == 24
         out = walls.vertices["position"][:, :2] - (10.0, 5.0)
         assert ((out * walls.vertices["normal"][:, :2]).sum(axis=1) > 0.0).all()
@@ -142,7 +142,7 @@ def test_bent_lanes_keep_their_width() -> None:
 
 
 @pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
-def test_a_wide_city_costs_what_is_near(tmp_path: Path) -> None:
+def test_a_picture_loads_the_same_tiles_in_a_wide_city_as_in_a_small_one(tmp_path: Path) -> None:
     def block(east: int, north: int) -> Building:
         return Building(id=f"b{east}_{north}", polygon=box(east + 10, north + 10, east + 60, north + 60), base_m=0.0,
                         top_m=12.0 + (east + north) % 40, levels=4)  # fmt: skip

@@ -43,7 +43,7 @@ def test_weather_changes_colours_and_nothing_else(engine: CameraEngine) -> None:
         assert np.array_equal(clear.depth[near], other.depth[near])
 
 
-def test_snow_covers_the_ground_with_effects_alone(engine: CameraEngine) -> None:
+def test_snow_covers_the_ground_only_with_weather_effects(engine: CameraEngine) -> None:
     frozen = Weather(visibility_m=20_000.0, cloud=0.1, ice=0.9)
     clear, bare = street(engine, CLEAR), street(engine, frozen)
     assert np.array_equal(clear.rgb, bare.rgb), "`ice` does nothing without `effects`"
@@ -111,7 +111,7 @@ def test_light_fades_without_steps() -> None:
     assert lights[0].dark == 0.0 and lights[-1].dark == 1.0 and not lights[0].lamps and lights[-1].lamps
 
 
-def test_looking_down_from_orbit_the_air_is_thin() -> None:
+def test_fog_is_thinner_for_a_camera_in_orbit() -> None:
     weather = Weather(visibility_m=5_000.0)
     low, high = light_of(weather, 100.0), light_of(weather, 550e3)
     assert high.fog * 550e3 < low.fog * 1600.0

@@ -22,15 +22,15 @@ def drift(player, instance_of, boat, uav, victim, open_sea):
     return start
 
 
-def afloat(east, velocity=(0.0, 0.0, 0.0), who="boat"):
-    return BodyState(id=who, position=(east, 0.0, -3.5), velocity=velocity, heading_deg=33.0)
+def afloat(east, velocity=(0.0, 0.0, 0.0), name="boat"):
+    return BodyState(id=name, position=(east, 0.0, -3.5), velocity=velocity, heading_deg=33.0)
 
 
 def unlock(play, name="rescue", target="victim[1]"):
     return play.command(target, f"unlock.{name}", origin="kernel")
 
 
-def test_drifts_with_the_current_at_its_own_speed(drift):
+def test_a_target_drifts_with_the_current_at_its_own_speed(drift):
     play = drift()
     play.run(600.0)
     x, y, _ = play.state.position
@@ -39,31 +39,31 @@ def test_drifts_with_the_current_at_its_own_speed(drift):
     assert play.state.status == "adrift"
 
 
-def test_follows_the_wind_where_there_is_no_current(drift):
+def test_a_target_drifts_with_the_wind_if_there_is_no_current(drift):
     play = drift(Weather(wind_mps=5.0, wind_from_deg=270.0))
     play.run(300.0)
     assert play.state.position[0] == approx(30.0, abs=10.0)
 
 
-def test_stays_where_nothing_moves_it(drift):
+def test_a_target_without_wind_and_current_stays_in_place(drift):
     play = drift(Weather())
     assert play.run(60.0).states[0].position == (0.0, 0.0, -3.5)
 
 
-def test_wanders_differently_by_seed_and_target(drift, victim):
+def test_the_drift_of_a_target_depends_on_seed_and_target(drift, victim):
     pair = [victim(1), victim(2, (0.0, 0.0, -3.5))]
     ends = [state.position for seed in (1, 2) for state in drift(seed=seed, victims=pair).run(100.0).states]
     assert len(set(ends)) == 4
 
 
-def test_bobs_with_the_sea(drift):
+def test_a_target_moves_vertically_with_the_waves(drift):
     play = drift()
     play.run(20.0)
     x, y, z = play.state.position
     assert z == approx(-3.5 + sea.elevation(sea.waves(CURRENT), x, y, 20.0))
 
 
-def test_is_not_washed_ashore(drift, quay, victim):
+def test_a_drifting_target_stays_in_the_water(drift, quay, victim):
     play = drift(
         Weather(current_mps=0.5, current_to_deg=90.0), quay, victims=[victim(1, (-45.0, 0.0, -3.5), drift_mps=0.5)]
     )
@@ -73,7 +73,7 @@ def test_is_not_washed_ashore(drift, quay, victim):
         assert not (abs(x) < 40.0 and abs(y) < 40.0)
 
 
-def test_nothing_happens_without_an_unlock(drift):
+def test_an_interaction_does_not_happen_without_an_unlock(drift):
     play = drift()
     play.run(20.0, (afloat(5.0),))
     assert play.events == []
@@ -120,14 +120,14 @@ def test_mirrors_are_extrapolated_to_the_end_of_the_interval(drift):
     assert play.events[0].values["distance_m"] == approx(49.5)
 
 
-def test_only_what_the_named_engine_owns_counts(drift):
+def test_only_bodies_of_the_named_engine_interact(drift):
     play = drift(Weather())
     unlock(play)
-    play.step((afloat(1.0, who="uav[1]"), afloat(60.0)))
+    play.step((afloat(1.0, name="uav[1]"), afloat(60.0)))
     assert play.events == []
 
 
-def test_the_rescued_are_taken_along(drift):
+def test_a_rescued_target_moves_with_its_rescuer(drift):
     play = drift()
     unlock(play)
     play.step((afloat(10.0),))

@@ -79,7 +79,7 @@ def test_an_asset_above_the_roofs_is_linked(silent):
     assert not silent(399.0, city, z=70.0)
 
 
-def test_a_near_miss_of_the_line_of_sight_costs_something(silent):
+def test_an_edge_close_to_the_line_of_sight_reduces_the_range(silent):
     """A grazing edge costs 6 dB, which halves the range."""
     assert edge_loss_db(0.0, 100.0, 100.0) == approx(6.0, abs=0.1)
     city = msgspec.structs.replace(DRY, buildings=(block(0.9, x=150.0),))  # as high as a dog's antenna
@@ -87,7 +87,7 @@ def test_a_near_miss_of_the_line_of_sight_costs_something(silent):
     assert not silent(190.0, msgspec.structs.replace(DRY, buildings=(block(0.9, x=95.0),)))
 
 
-def test_far_below_the_line_an_edge_costs_nothing():
+def test_an_edge_far_below_the_line_of_sight_causes_no_loss():
     assert edge_loss_db(-20.0, 100.0, 100.0) == 0.0
     losses = [edge_loss_db(over, 100.0, 300.0) for over in (-5.0, 0.0, 5.0, 20.0, 80.0)]
     assert losses == sorted(losses)
@@ -116,7 +116,7 @@ def test_missing_links_are_reported_at_every_boundary_and_updated_each_tick(play
     assert played.step(near).unreachable_links == ()
 
 
-def test_weather_that_turns_cuts_the_radio(player, instance_of):
+def test_a_change_to_fog_cuts_the_radio_link(player, instance_of):
     fog = EventSpec(name="fog", tick=1, weather=Weather(visibility_m=100.0))
     instance = commanded(instance_of, [dog(1, 0.0), dog(2, 350.0)], events=(fog,))
     played = player(CityEngine(), instance, DRY, "city")

@@ -125,7 +125,7 @@ def test_a_fire_goes_out_while_the_truck_stays_within_reach(play, x, reached):
     assert played.state.resources["heat"] == (0.0 if reached else 1.0)
 
 
-def test_a_fire_left_alone_burns_up_again_and_no_further(play):
+def test_a_fire_without_a_truck_recovers_to_its_full_heat(play):
     played = play(fire(), TRUCK)
     played.run(5.5, (at("truck", 10.0),))
     assert played.state.resources["heat"] == approx(0.5)
@@ -152,7 +152,7 @@ def test_a_type_declares_how_long_an_interaction_lasts(play):
     assert [event.time_s for event in slow.events] == [approx(30.5)]
 
 
-def test_a_leak_flows_until_it_is_sealed_and_keeps_what_was_done(play):
+def test_a_leak_flows_until_it_is_sealed_and_keeps_the_progress(play):
     played = play(leak(), DOG)
     played.run(3.0, (at("dog", 5.0),))
     assert (played.state.status, played.state.resources["flow"]) == ("leaking", approx(0.5))
@@ -163,7 +163,7 @@ def test_a_leak_flows_until_it_is_sealed_and_keeps_what_was_done(play):
     assert [event.kind for event in played.events] == ["seal"]
 
 
-def test_lasting_counts_for_one_actor_at_a_time(play):
+def test_an_interaction_restarts_when_another_actor_takes_over(play):
     door = target("door", act("receive", "road", 15.0, lasting_s=4.0, status="served"))
     played = play(door, van(1), van(2))
     for number in range(20):  # the actors alternate every two seconds
@@ -174,7 +174,7 @@ def test_lasting_counts_for_one_actor_at_a_time(play):
     assert played.state.status == "served"
 
 
-def test_an_order_that_no_van_holds_is_split_and_served_when_nothing_is_wanted(play):
+def test_an_order_larger_than_one_load_is_split_between_vans_until_it_is_complete(play):
     played = play(point(), depot(), van(1), van(2))
     played.step((at("van[1]", 30.0), at("van[2]", 30.001)))
     assert [(e.entities, e.values["amount_kg"], e.values["left_kg"]) for e in played.events] == [
@@ -204,7 +204,7 @@ def test_a_van_is_filled_at_the_warehouse_up_to_its_payload(play, x, filled):
     assert len([event for event in played.events if event.kind == "restock"]) == len(restocks)
 
 
-def test_the_nearest_of_two_vans_serves_and_equally_near_ones_go_by_declaration(play):
+def test_the_nearest_van_serves_and_ties_follow_the_order_of_declaration(play):
     near = play(point(demand=100.0), van(1), van(2))
     near.step((at("van[1]", 20.0), at("van[2]", -10.0)))
     assert near.events[0].entities == ("point[1]", "van[2]")
@@ -213,7 +213,7 @@ def test_the_nearest_of_two_vans_serves_and_equally_near_ones_go_by_declaration(
     assert same.events[0].entities == ("point[1]", "van[1]")
 
 
-def test_one_load_is_never_given_to_two_points_in_reach_at_once(play):
+def test_the_load_of_a_van_is_not_delivered_twice_to_two_points_in_reach(play):
     points = [point("point[1]", 150.0), point("point[2]", 150.0, x=10.0)]
     played = play(*points, van(1))
     played.run(3.0, (at("van[1]", 5.0),))
@@ -232,14 +232,14 @@ def test_a_stock_of_the_target_runs_out(play):
     assert (played.state.status, played.state.resources) == ("collected", {"content": 0.0, "cargo@boat": 200.0})
 
 
-def test_an_unlimited_gift_is_a_usage_error(instance_of):
+def test_an_interaction_that_gives_without_limit_is_a_usage_error(instance_of):
     spring = target("spring", act("fill", "road", 10.0, gives="load"))
     instance = instance_of([spring, van(1)])
     with pytest.raises(UsageError, match="`fill` of `spring` gives `van\\[1\\]` `load` without end"):
         CityEngine().reset(EngineSpec(engine="city", instance=instance, owns=("spring",)), DRY, 1)
 
 
-def test_a_jam_blocks_whatever_is_recorded_and_is_cleared_by_its_event(play):
+def test_a_recorded_jam_blocks_until_its_event_clears_it(play):
     jam = target("jam", act("record", "multirotor", 25.0, status="recorded"), blocks=True)
     clears = EventSpec(name="clears", tick=2, vanish=("jam",))
     played = play(jam, actor("uav", "multirotor"), events=(clears,))
@@ -264,7 +264,7 @@ def test_a_target_before_its_appearance_is_dormant(play):
 
 
 @pytest.mark.parametrize("status", ["dormant", "dead"])
-def test_an_actor_that_is_not_there_or_a_wreck_does_nothing(play, status):
+def test_a_dormant_or_dead_actor_does_not_interact(play, status):
     played = play(leak(), DOG)
     played.run(20.0, (at("dog", 0.0, status=status),))
     assert played.events == []
@@ -299,7 +299,7 @@ def test_a_queue_grows_and_shrinks_by_its_seed(play):
     assert play(shop(), DOG).state.status == "queueing"
 
 
-def test_a_broken_span_stays_broken_where_it_is(play, open_sea):
+def test_a_bridge_fracture_keeps_its_status_and_position(play, open_sea):
     span = target("span", act("inspect", "multirotor", 25.0), position=(0.0, 0.0, 12.0), on="bridge", width_m=8.0)
     played = play(span, actor("uav", "multirotor"), city=open_sea, weather=Weather(wave_height_m=1.0))
     played.run(2.0, (at("uav", 25.0),))
@@ -312,7 +312,7 @@ def test_a_type_may_name_its_first_status_word():
     assert entity_nature(target("goal")).word == "waiting"
 
 
-def test_a_turn_of_the_weather_turns_the_drift(play, open_sea):
+def test_a_change_of_the_current_changes_the_drift(play, open_sea):
     swimmer = target("swimmer", position=(0.0, 0.0, -3.5), drift_mps=1.0)
     turn = EventSpec(name="tide", tick=1, weather=Weather(current_mps=0.5, current_to_deg=270.0))
     weather = Weather(current_mps=0.5, current_to_deg=90.0)
@@ -324,7 +324,7 @@ def test_a_turn_of_the_weather_turns_the_drift(play, open_sea):
     assert played.state.position[0] == approx(east - 60.0, abs=35.0)
 
 
-def test_a_state_lives_until_something_declared_changes_it(play):
+def test_a_state_keeps_its_value_until_a_declared_interaction_changes_it(play):
     """Neither a name nor a unit matters: people without arrivals and departures are a stock, in numbers or by mass."""
     for state, up_to in (
         ("people", "seats"),
@@ -354,7 +354,7 @@ def test_people_who_board_leave_the_queue_and_it_keeps_growing(play):
     assert played.state.resources["people"] > 10.0
 
 
-def test_two_interactions_work_off_two_states_and_goods_leave_a_fire_alone(play):
+def test_interactions_of_one_target_reduce_only_their_own_states(play):
     depot = target(
         "depot",
         act("drop", "road", 10.0, takes="demand", source="load"),

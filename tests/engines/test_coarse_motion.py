@@ -27,7 +27,7 @@ def with_motion(instance: Instance, engine: str, motion: str) -> Instance:
     return msgspec.structs.replace(instance, engine_options={engine: {"motion": motion}})
 
 
-def test_a_coarse_drone_flies_as_far_and_uses_as_much(player, instance_of, uav, open_sea):  # type: ignore[no-untyped-def]
+def test_coarse_multirotor_motion_matches_full_motion_in_time_place_and_energy(player, instance_of, uav, open_sea):  # type: ignore[no-untyped-def]
     ends = {}
     for motion in ("full", "coarse"):
         instance = with_motion(instance_of([uav(position=(0.0, 0.0, 2.0))], BREEZE, 0.5), "multirotor", motion)
@@ -45,7 +45,7 @@ def test_a_coarse_drone_flies_as_far_and_uses_as_much(player, instance_of, uav, 
     assert ends["coarse"][1] == pytest.approx(ends["full"][1], rel=0.1)
 
 
-def test_a_coarse_drone_strikes_the_tower_and_the_water(player, instance_of, uav, quay):  # type: ignore[no-untyped-def]
+def test_coarse_multirotor_motion_collides_with_a_tower_and_rejects_a_place_under_water(player, instance_of, uav, quay):  # type: ignore[no-untyped-def]
     for goal, what in (((200.0, 0.0, 30.0), "tower"), ((-200.0, 0.0, -20.0), "water")):
         instance = with_motion(instance_of([uav(position=(0.0, 0.0, 30.0))], None, 0.5), "multirotor", "coarse")
         play = player(engine_of("multirotor"), instance, quay, "multirotor", 1)
@@ -57,7 +57,7 @@ def test_a_coarse_drone_strikes_the_tower_and_the_water(player, instance_of, uav
         assert [event.entities[1] for event in play.events if event.kind == "collided"] == [what]
 
 
-def test_a_coarse_boat_keeps_its_line(player, instance_of, boat, open_sea):  # type: ignore[no-untyped-def]
+def test_coarse_vessel_motion_matches_full_motion_in_time_and_place(player, instance_of, boat, open_sea):  # type: ignore[no-untyped-def]
     times = {}
     for motion in ("full", "coarse"):
         instance = with_motion(instance_of([boat()], BREEZE, 0.5), "vessel", motion)
@@ -71,7 +71,7 @@ def test_a_coarse_boat_keeps_its_line(player, instance_of, boat, open_sea):  # t
     assert times["coarse"] == pytest.approx(times["full"], rel=0.05)
 
 
-def test_coarse_targets_drift_as_far(player, instance_of, victim, open_sea):  # type: ignore[no-untyped-def]
+def test_coarse_targets_drift_as_far_as_in_full_motion(player, instance_of, victim, open_sea):  # type: ignore[no-untyped-def]
     places = {}
     for motion in ("full", "coarse"):
         play = player(
@@ -115,7 +115,7 @@ def driven(motion: str, traffic: float) -> tuple[float, int]:
         engine.close()
 
 
-def test_a_coarse_car_drives_as_long_and_hides_the_traffic() -> None:
+def test_a_coarse_car_drives_as_long_as_in_full_motion_and_shows_no_traffic() -> None:
     full, coarse = driven("full", 20.0), driven("coarse", 20.0)
     assert coarse[0] == pytest.approx(full[0], rel=0.15)
     assert full[1] > 10
@@ -123,7 +123,7 @@ def test_a_coarse_car_drives_as_long_and_hides_the_traffic() -> None:
 
 
 @pytest.mark.parametrize("engine", ["multirotor", "vessel", "city", "road"])
-def test_a_wrong_word_is_a_usage_error(engine: str, uav: Callable[..., object], instance_of, open_sea) -> None:  # type: ignore[no-untyped-def]
+def test_an_unknown_motion_is_a_usage_error(engine: str, uav: Callable[..., object], instance_of, open_sea) -> None:  # type: ignore[no-untyped-def]
     instance = with_motion(instance_of([uav()]), engine, "fast")
     spec = EngineSpec(engine=engine, instance=instance, owns=())
     city = grid() if engine == "road" else open_sea
@@ -131,5 +131,5 @@ def test_a_wrong_word_is_a_usage_error(engine: str, uav: Callable[..., object], 
         engine_of(engine).reset(spec, city, 1)
 
 
-def test_coarse_steps_repeat() -> None:
+def test_coarse_road_motion_is_repeatable() -> None:
     assert driven("coarse", 20.0) == driven("coarse", 20.0)

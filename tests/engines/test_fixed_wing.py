@@ -51,7 +51,7 @@ def test_an_aircraft_that_starts_in_the_air_flies(fly, height_m, status):
     assert play.state.status == status and not play.events
 
 
-def test_flies_to_its_destination_at_cruise_speed_and_circles_it(fly):
+def test_an_aeroplane_flies_to_its_destination_at_cruise_speed_and_circles_it(fly):
     play = fly()
     receipt = play.command("wing[1]", "setDestination", x=2000.0, y=1000.0, z=350.0)
     assert receipt.status == "accepted"
@@ -71,14 +71,14 @@ def test_flies_to_its_destination_at_cruise_speed_and_circles_it(fly):
 
 
 @pytest.mark.parametrize("goal", [(100.0, 0.0), (-150.0, 50.0), (0.0, -400.0), (0.0, 3.0)])
-def test_a_destination_inside_its_turning_circle_is_flown_over_all_the_same(fly, goal):
+def test_a_destination_inside_the_turning_circle_is_reached(fly, goal):
     play = fly()
     receipt = play.command("wing[1]", "setDestination", x=goal[0], y=goal[1], z=300.0)
     assert play.until_ended(receipt.request, 150.0).status == "completed"
     assert math.dist(play.state.position[:2], goal) < 65.0
 
 
-def test_circles_from_the_start_without_an_order(fly):
+def test_an_aeroplane_without_a_command_circles_from_the_start(fly):
     play = fly(wing(heading_deg=90.0))
     assert play.boundary.states[0].status == "loitering"
     assert math.hypot(*play.boundary.states[0].velocity) == approx(40.0, abs=0.5)
@@ -91,7 +91,7 @@ def test_circles_from_the_start_without_an_order(fly):
 
 
 @pytest.mark.parametrize("turbulence", [0.0, 0.2])
-def test_wind_does_not_carry_it_off_its_circle(fly, turbulence):
+def test_an_aeroplane_keeps_its_circle_in_wind(fly, turbulence):
     play = fly(weather=Weather(wind_mps=10.0, wind_from_deg=220.0, turbulence=turbulence))
     play.until_ended(play.command("wing[1]", "setDestination", x=800.0, y=800.0, z=300.0).request)
     play.run(60.0)
@@ -110,7 +110,7 @@ def test_a_parked_aircraft_is_launched_by_its_first_destination(fly, quay):
     assert play.events[-1].kind == "arrived"
 
 
-def test_stop_makes_it_circle_where_it_is(fly):
+def test_stop_makes_an_aeroplane_circle_at_its_position(fly):
     play = fly()
     first = play.command("wing[1]", "setDestination", x=0.0, y=5000.0, z=300.0)
     play.run(10.0)
@@ -126,14 +126,14 @@ def test_stop_makes_it_circle_where_it_is(fly):
     assert math.dist(play.state.position[:2], here[:2]) < 2.2 * guidance.circle_radius(40.0)
 
 
-def test_level_flight_lasts_as_long_as_the_mission_says(fly):
+def test_level_flight_uses_fuel_at_the_rate_of_the_declared_endurance(fly):
     play = fly(wing(endurance_s=3600.0))
     play.command("wing[1]", "setDestination", x=0.0, y=30_000.0, z=300.0)
     play.run(360.0)
     assert play.state.resources["fuel"] == approx(0.9, abs=0.01)
 
 
-def test_without_fuel_it_glides_down_and_is_done(fly):
+def test_an_aeroplane_without_fuel_glides_down_and_is_dead(fly):
     play = fly(wing(position=(0.0, 0.0, 120.0), endurance_s=20.0))
     receipt = play.command("wing[1]", "setDestination", x=0.0, y=1500.0, z=120.0)
     ended = play.until_ended(receipt.request)
@@ -171,7 +171,7 @@ def test_flying_into_a_tower_names_the_building(fly, quay):
     assert play.state.status == "dead"
 
 
-def test_a_body_in_its_way_is_hit_and_an_absent_one_is_not(fly):
+def test_an_aeroplane_collides_with_a_present_body_but_not_with_a_dormant_one(fly):
     bus = BodyState(id="traffic/3", kind="bus", position=(0.0, 300.0, 298.5), heading_deg=90.0)
     for status, hits in (("", [("wing[1]", "traffic/3")]), ("dormant", [])):
         play = fly()
@@ -180,7 +180,7 @@ def test_a_body_in_its_way_is_hit_and_an_absent_one_is_not(fly):
         assert [event.entities for event in play.events] == hits
 
 
-def test_two_that_meet_both_fall(fly):
+def test_two_aeroplanes_that_collide_are_both_dead(fly):
     play = fly(wing(1), wing(2, (24.0, 1200.0, 300.0), heading_deg=180.0))  # each drifts 12 m to its right
     play.command("wing[1]", "setDestination", x=0.0, y=4000.0, z=300.0)
     play.command("wing[2]", "setDestination", x=24.0, y=-4000.0, z=300.0)
@@ -206,7 +206,7 @@ def test_impossible_commands_are_refused_with_a_reason(fly, quay, verb, argument
     assert receipt.detail and receipt.by == "plane"
 
 
-def test_the_wind_changes_when_the_mission_says(fly):
+def test_the_wind_changes_at_the_tick_of_its_event(fly):
     storm = EventSpec(name="front", tick=2, weather=Weather(wind_mps=12.0, wind_from_deg=0.0))
     calm, windy = fly(), fly(events=(storm,))
     for play in (calm, windy):
@@ -218,7 +218,7 @@ def test_the_wind_changes_when_the_mission_says(fly):
     assert windy.state.position[1] < calm.state.position[1] - 100.0
 
 
-def test_the_same_flight_twice_and_cut_otherwise_is_the_same(fly):
+def test_a_flight_is_identical_when_repeated_and_with_other_macro_steps(fly):
     ends = []
     for sync_s in (0.5, 0.5, 0.25):
         play = fly(weather=Weather(wind_mps=6.0, turbulence=0.2), sync_s=sync_s)

@@ -53,7 +53,7 @@ class Looker:
 """
 
 
-def test_a_policy_and_the_trace_have_the_mask_without_hidden_entities(tmp_path: Path) -> None:
+def test_the_mask_for_policies_and_traces_omits_hidden_entities(tmp_path: Path) -> None:
     (tmp_path / "looker.py").write_text(LOOKER, encoding="utf-8")
     (tmp_path / "masks.ljs").write_text(MISSION, encoding="utf-8")
     trace = play(tmp_path / "masks.ljs", tmp_path, policy=f"{tmp_path / 'looker.py'}:Looker", seed=1).trace

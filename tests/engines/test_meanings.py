@@ -19,11 +19,11 @@ READ = re.compile(
     r'|"(\w+)" (?:not )?in (?:\w+\.)*properties'
 )
 UNITS = re.compile(r"(_low|_high)?_(m|mps2|mps|s|kg|hz|deg)$")
-THE_SCENES_OWN = {"building"}
+SCENE_PROPERTIES = {"building"}
 """Properties that only the scene writes, where it anchors an entity."""
 
 
-def test_every_property_that_an_engine_reads_is_on_the_page():
+def test_every_property_that_an_engine_reads_is_documented():
     page = (ROOT / "docs" / "language.md").read_text("utf-8")
     rows = re.findall(r"^\| ((?:state )?`.*?) \|", page, re.MULTILINE)
     documented = {word for row in rows for word in re.findall(r"`(\w+)`", row)} | {"radius", "arrivals", "departures"}
@@ -32,7 +32,7 @@ def test_every_property_that_an_engine_reads_is_on_the_page():
     code = "\n".join(path.read_text("utf-8") for package in packages for path in sorted(package.rglob("*.py")))
     read = {next(filter(None, groups)) for groups in READ.findall(code)}
     assert len(read) > 12
-    assert {UNITS.sub("", name) for name in read} - THE_SCENES_OWN - documented == set()
+    assert {UNITS.sub("", name) for name in read} - SCENE_PROPERTIES - documented == set()
 
 
 @pytest.mark.parametrize(

@@ -35,7 +35,7 @@ def wind(speed, turbulence=0.0):
 
 
 @pytest.mark.parametrize(("speed", "turbulence"), [(0.0, 0.0), (4.0, 0.1), (10.0, 0.1)])
-def test_arrives_within_two_metres_and_holds_in_wind(fly, speed, turbulence):
+def test_a_multirotor_arrives_within_two_metres_and_holds_its_position_in_wind(fly, speed, turbulence):
     play = fly(wind(speed, turbulence))
     receipt = play.command("uav[1]", "setDestination", x=150.0, y=80.0, z=60.0)
     assert receipt.status == "accepted"
@@ -70,7 +70,7 @@ def test_a_vehicle_without_a_command_hovers_again_after_the_gale(fly, uav, insta
     assert math.dist(play.state.position, (0.0, 0.0, 80.0)) < 0.5
 
 
-def test_flies_263_metres_at_cruise_speed_without_overshoot(fly):
+def test_a_multirotor_flies_263_metres_at_cruise_speed_without_overshoot(fly):
     play = fly(wind(4.0), position=(0.0, 0.0, 100.0))
     receipt = play.command("uav[1]", "setDestination", x=263.0, y=0.0, z=100.0)
     assert 20.0 < play.until_ended(receipt.request).time_s < 35.0
@@ -83,7 +83,7 @@ def test_flies_263_metres_at_cruise_speed_without_overshoot(fly):
     assert max(abs(boundary.states[0].position[1]) for boundary in play.history) < 2.0
 
 
-def test_takeoff_from_the_ground_and_word_for_each_phase(fly, quay):
+def test_takeoff_has_a_status_word_for_each_phase(fly, quay):
     play = fly(city=quay)
     assert play.state.status == "grounded"
     receipt = play.command("uav[1]", "takeoff")
@@ -95,7 +95,7 @@ def test_takeoff_from_the_ground_and_word_for_each_phase(fly, quay):
     assert play.command("uav[1]", "takeoff").reason == "airborne"
 
 
-def test_a_destination_from_the_ground_climbs_first(fly, quay):
+def test_a_flight_from_the_ground_climbs_first(fly, quay):
     play = fly(city=quay)
     play.command("uav[1]", "setDestination", x=0.0, y=200.0, z=50.0)
     play.run(40.0)
@@ -115,9 +115,7 @@ def test_a_destination_from_the_ground_climbs_first(fly, quay):
         ("down", (0.0, 0.0, -20.0)),
     ],
 )
-def test_moves_are_metres_in_the_headings_frame_and_keep_the_heading(
-    fly, uav, instance_of, player, open_sea, verb, moved
-):
+def test_moves_are_metres_relative_to_the_heading_and_keep_it(fly, uav, instance_of, player, open_sea, verb, moved):
     entity = msgspec.structs.replace(uav(position=(10.0, 20.0, 80.0)), heading_deg=90.0)
     play = player(MultirotorEngine(), instance_of([entity]), open_sea, "multirotor")
     receipt = play.command("uav[1]", verb, distance=20.0)
@@ -153,7 +151,7 @@ def test_wind_costs_energy_on_a_round_trip(fly):
     assert spent[1] > 1.1 * spent[0]
 
 
-def test_hovering_lasts_as_long_as_the_mission_says(fly):
+def test_hovering_uses_the_battery_at_the_rate_of_the_declared_endurance(fly):
     play = fly(position=(0.0, 0.0, 100.0), endurance_s=600.0)
     full = play.state.resources["battery_wh"]
     assert full == pytest.approx(hover_power() * 600.0 / 3600.0)
@@ -161,7 +159,7 @@ def test_hovering_lasts_as_long_as_the_mission_says(fly):
     assert play.state.resources["battery"] == pytest.approx(0.9, abs=0.005)
 
 
-def test_an_empty_battery_brings_it_down_and_ends_it(fly):
+def test_a_multirotor_with_an_empty_battery_descends_and_is_dead(fly):
     play = fly(position=(0.0, 0.0, 30.0), endurance_s=20.0)
     receipt = play.command("uav[1]", "setDestination", x=100.0, y=0.0, z=30.0)
     play.run(10.0)
@@ -197,7 +195,7 @@ def test_flying_into_a_tower_is_a_collision_and_a_fall(fly, quay):
     assert play.command("uav[1]", "stop").reason == "dead"
 
 
-def test_two_that_meet_in_the_air_both_fall(player, instance_of, uav, open_sea):
+def test_two_multirotors_that_collide_are_both_dead(player, instance_of, uav, open_sea):
     pair = [uav(1, (0.0, 0.0, 50.0)), uav(2, (100.0, 0.0, 50.0)), uav(3, (50.0, 10.0, 50.0))]
     play = player(MultirotorEngine(), instance_of(pair), open_sea, "multirotor")
     play.command("uav[1]", "setDestination", x=100.0, y=0.0, z=50.0)
@@ -207,7 +205,7 @@ def test_two_that_meet_in_the_air_both_fall(player, instance_of, uav, open_sea):
     assert [state.status for state in play.boundary.states] == ["dead", "dead", "hovering"]
 
 
-def test_it_comes_down_on_a_roof_and_not_through_it(fly, quay):
+def test_a_multirotor_with_an_empty_battery_lands_on_the_roof_below(fly, quay):
     play = fly(city=quay, position=(100.0, 0.0, 90.0), endurance_s=5.0)
     play.run(40.0)
     assert play.state.status == "dead"
@@ -235,7 +233,7 @@ def test_impossible_commands_are_refused_with_a_reason(fly, quay, verb, argument
     assert receipt.by == "multirotor"
 
 
-def test_strafing_on_the_ground_and_foreign_vehicles_are_refused(fly, quay):
+def test_moves_on_the_ground_and_unknown_vehicles_are_rejected(fly, quay):
     play = fly(city=quay)
     assert play.command("uav[1]", "forward", distance=5.0).reason == "grounded"
     assert play.command("uav[2]", "takeoff").reason == "unknown_resource"
@@ -264,7 +262,7 @@ def test_position_is_the_integral_of_velocity_over_two_kilometres(fly):
     assert math.dist(reckoned, play.state.position) < 0.01
 
 
-def test_how_an_episode_is_cut_into_steps_changes_nothing(fly):
+def test_the_length_of_macro_steps_does_not_change_a_flight(fly):
     ends = []
     for sync_s in (0.1, 0.5):
         play = fly(wind(4.0, 0.2), sync_s=sync_s)
@@ -273,7 +271,7 @@ def test_how_an_episode_is_cut_into_steps_changes_nothing(fly):
     assert ends[0] == ends[1]
 
 
-def test_a_step_off_the_control_grid_is_answered_for_its_own_time(fly):
+def test_a_macro_step_between_control_steps_reports_the_state_at_its_own_time(fly):
     play = fly(position=(0.0, 0.0, 50.0), sync_s=0.25)
     play.command("uav[1]", "setDestination", x=100.0, y=0.0, z=50.0)
     play.run(6.25)
@@ -312,7 +310,7 @@ def flight():
     return hashlib.sha256(msgspec.msgpack.encode(play.history)).hexdigest()
 
 
-def test_bit_equal_over_two_processes():
+def test_flights_in_two_processes_are_bit_equal():
     digests = []
     for hash_seed in ("1", "2"):
         done = subprocess.run(
@@ -365,7 +363,7 @@ def test_a_courtyard_is_free_to_fly_in(fly, street):
     assert play.until_ended(receipt.request).status == "completed"
 
 
-def test_it_starts_from_a_roof_and_comes_down_on_one_softly(fly, street):
+def test_a_multirotor_takes_off_from_a_roof_and_lands_on_one_without_a_collision(fly, street):
     play = fly(city=street, position=(100.0, 0.0, 60.1))
     assert play.state.status == "grounded"
     assert play.until_ended(play.command("uav[1]", "takeoff").request).status == "completed"
@@ -393,7 +391,7 @@ def truck(position, **more):
     return BodyState(id="traffic/17", kind="truck", position=position, heading_deg=90.0, **more)
 
 
-def test_a_truck_in_its_way_is_hit_where_it_will_be(fly, quay):
+def test_a_multirotor_collides_with_a_truck_on_its_path(fly, quay):
     play = fly(city=quay, position=(0.0, 0.0, 3.0))
     play.command("uav[1]", "setDestination", x=30.0, y=0.0, z=3.0)
     for step in range(20):  # it comes from the east at 5 m/s
@@ -404,7 +402,7 @@ def test_a_truck_in_its_way_is_hit_where_it_will_be(fly, quay):
 @pytest.mark.parametrize(
     "body", [truck((20.0, 0.0, -3.5)), truck((20.0, 5.0, 0.9)), truck((20.0, 0.0, 0.9), status="dormant")]
 )
-def test_a_truck_below_beside_or_not_there_is_not(fly, quay, body):
+def test_a_multirotor_does_not_collide_with_a_truck_below_beside_or_dormant(fly, quay, body):
     play = fly(city=quay, position=(0.0, 0.0, 3.0))
     play.command("uav[1]", "setDestination", x=30.0, y=0.0, z=3.5)
     play.run(30.0, [body])
@@ -420,7 +418,7 @@ def test_a_truck_below_beside_or_not_there_is_not(fly, quay, body):
         ("target", {}, 0.0, False),
     ],
 )
-def test_a_strangers_asset_is_a_body_and_a_target_of_no_known_type_is_none(
+def test_assets_of_unknown_types_are_obstacles_and_targets_of_unknown_types_are_not(
     player, instance_of, uav, open_sea, role, sizes, aside_m, hit
 ):
     crane = Entity(
@@ -450,7 +448,7 @@ BLIMP = {"length_m": 20.0, "width_m": 8.0, "height_m": 8.0, "origin": "middle"}
         ({"shape": "none"}, 0.0, 0.0, False),
     ],
 )
-def test_two_of_a_fleet_meet_as_large_as_they_are(player, instance_of, uav, open_sea, more, aside_m, above_m, hit):
+def test_collisions_in_a_fleet_use_the_declared_sizes(player, instance_of, uav, open_sea, more, aside_m, above_m, hit):
     blimp = uav(index=1, position=(20.0, aside_m, 60.0))
     blimp = msgspec.structs.replace(blimp, properties={**blimp.properties, **BLIMP, **more})
     small = uav(index=2, position=(0.0, 0.0, 60.0 + above_m))
@@ -462,7 +460,7 @@ def test_two_of_a_fleet_meet_as_large_as_they_are(player, instance_of, uav, open
     assert events == (crash if hit else [("arrived", ("uav[2]",))])
 
 
-def test_one_that_is_parked_is_hit_by_one_that_flies(player, instance_of, uav, quay):
+def test_a_flying_multirotor_collides_with_a_parked_one(player, instance_of, uav, quay):
     parked = uav(index=1, position=(20.0, 0.0, 1.1), **{**BLIMP, "height_m": 12.0, "origin": "base"})
     flier = uav(index=2, position=(0.0, 0.0, 8.0))
     play = player(MultirotorEngine(), instance_of([parked, flier]), quay, "multirotor", 5)
@@ -474,7 +472,7 @@ def test_one_that_is_parked_is_hit_by_one_that_flies(player, instance_of, uav, q
     assert {state.status for state in play.boundary.states} == {"dead"}
 
 
-def test_a_wide_body_touches_the_building_beside_its_way(fly, street):
+def test_a_wide_multirotor_collides_with_a_building_beside_its_path(fly, street):
     assert [event.kind for event in _past_the_tower(fly(city=street, position=(60.0, 16.0, 30.0))).events] == [
         "arrived"
     ]
@@ -508,7 +506,7 @@ def test_gusts_cost_energy(player, instance_of, uav, open_sea):
     assert mean(wind(8.0, 0.4)) > 1.01 * mean(wind(8.0))
 
 
-def test_the_wind_changes_when_the_mission_says_and_not_before(player, instance_of, uav, open_sea):
+def test_the_wind_changes_at_the_tick_of_its_event_and_not_before(player, instance_of, uav, open_sea):
     front = EventSpec(name="front", tick=3, weather=wind(14.0, 0.2))
     calm, quiet = energy(player, instance_of, uav, open_sea, wind(0.0))
     stormy, storm = energy(player, instance_of, uav, open_sea, wind(0.0), (front,))
@@ -532,7 +530,7 @@ def test_a_load_reduces_speed_and_endurance(player, instance_of, uav, open_sea):
     assert heavy[1] > 1.3 * light[1]
 
 
-def test_the_load_follows_the_accounts_and_an_overload_is_refused(player, instance_of, uav, open_sea):
+def test_the_load_follows_the_accounts_of_other_engines_and_an_overload_is_rejected(player, instance_of, uav, open_sea):
     entity = msgspec.structs.replace(uav(position=(0.0, 0.0, -3.0), load_kg=0.2), state=(LOAD,))
     play = player(MultirotorEngine(), instance_of([entity]), open_sea, "multirotor")
     depot = BodyState(id="depot", position=(0.0, 0.0, 0.0), resources={"load@uav[1]": 0.5, "load@uav[2]": 9.0})
@@ -567,7 +565,7 @@ def test_a_set_point_flies_at_a_velocity_until_the_next_one_and_zero_holds_the_p
     assert math.dist(play.state.position, place) < 0.3 and play.state.status == "hovering"
 
 
-def test_a_set_point_takes_off_and_land_ends_on_the_ground_ready_for_more(fly, quay):
+def test_set_points_take_off_again_after_a_landing(fly, quay):
     play = fly(city=quay)
     assert play.state.status == "grounded"
     assert steer(play, 3.0, 0.0, 0.0).reason == "grounded"
@@ -584,14 +582,14 @@ def test_a_set_point_takes_off_and_land_ends_on_the_ground_ready_for_more(fly, q
     assert not [event for event in play.events if event.kind == "collided"]
 
 
-def test_landing_on_water_ends_the_vehicle(fly):
+def test_a_multirotor_that_lands_on_water_is_dead(fly):
     play = fly(position=(0.0, 0.0, 20.0))
     play.command("uav[1]", "land")
     play.run(30.0)
     assert play.state.status == "dead"
 
 
-def test_a_set_point_beside_a_request_is_busy_and_stop_ends_the_set_point(fly):
+def test_a_set_point_during_a_request_is_rejected_and_stop_ends_a_set_point(fly):
     play = fly(position=(0.0, 0.0, 50.0))
     play.command("uav[1]", "setDestination", x=100.0, y=0.0, z=50.0)
     assert steer(play, 1.0, 0.0, 0.0).reason == "busy"

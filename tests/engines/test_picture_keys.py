@@ -114,7 +114,9 @@ def test_changes_out_of_sight_are_no_part_of_the_key(engine: CameraEngine, scene
         assert key(engine, "nadir", {**scene, changed.id: changed}) == before
 
 
-def test_a_shadow_in_sight_is_part_of_it_though_its_body_is_not(engine: CameraEngine, scene: States) -> None:
+def test_a_visible_shadow_is_part_of_the_key_even_if_its_body_is_out_of_sight(
+    engine: CameraEngine, scene: States
+) -> None:
     high_m, sun = 40.0, WEATHERS["noon"].sun_elevation_deg
     south_m = high_m / math.tan(math.radians(sun))
     states = {**scene, "uav": state("uav", -60.0, 20.0, 15.0), "wing": state("wing", -60.0, 20.0 - south_m, high_m)}
@@ -123,7 +125,7 @@ def test_a_shadow_in_sight_is_part_of_it_though_its_body_is_not(engine: CameraEn
     assert key(engine, "nadir", states) != key(engine, "nadir", beside)
 
 
-def test_the_camera_keeps_the_contract_of_keys(engine: CameraEngine) -> None:
+def test_the_camera_conforms_to_the_contract_of_picture_keys(engine: CameraEngine) -> None:
     assert isinstance(engine, KeyedPictures)
     others = (entity(name, kind, (0.0, 0.0, 0.0)) for name, kind in OTHERS)
     check_capture(EngineCase(PluginHost().engine("camera"), instance(*others), town()))

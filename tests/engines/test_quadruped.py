@@ -72,7 +72,7 @@ def ended(session, request: str, mirrors=(), limit_s: float = 60.0):
     raise AssertionError(f"{request} did not end: {session.boundary.states}")
 
 
-def test_walks_ten_metres_north(play):
+def test_a_robot_dog_walks_ten_metres_north(play):
     session = play(city_of())
     assert session.state.status == "standing"
     assert 0.25 < session.state.position[2] < 0.36
@@ -89,7 +89,7 @@ def test_walks_ten_metres_north(play):
 
 
 @pytest.mark.parametrize(("verb", "angle", "heading"), [("left", 90.0, 330.0), ("right", 170.0, 230.0)])
-def test_turns_on_the_spot(play, verb, angle, heading):
+def test_a_robot_dog_turns_on_the_spot(play, verb, angle, heading):
     session = play(city_of(), dog(x=5.0, heading=60.0))
     receipt = session.command("dog[1]", verb, angle=angle)
     session.run(0.6)
@@ -99,7 +99,7 @@ def test_turns_on_the_spot(play, verb, angle, heading):
     assert session.state.position[:2] == pytest.approx((5.0, 0.0), abs=0.1)
 
 
-def test_stop_preempts_and_comes_to_rest(play):
+def test_stop_pre_empts_a_walk_and_the_dog_comes_to_rest(play):
     session = play(city_of())
     walk = session.command("dog[1]", "forward", distance=50.0)
     session.run(3.0)
@@ -148,7 +148,7 @@ APPROACHES = [
         pytest.param(slope(15.0), 4.0 * math.tan(math.radians(15.0)), id="slope"),
     ],
 )
-def test_climbs_from_every_approach(play, city, top, heading, back):
+def test_a_robot_dog_climbs_kerbs_stairs_and_slopes_from_every_approach(play, city, top, heading, back):
     session = play(city, dog(x=-back, y=-0.5 * (6.0 + back) * math.tan(math.radians(90.0 - heading)), heading=heading))
     receipt = session.command("dog[1]", "forward", distance=10.0 + back)
     assert ended(session, receipt.request, limit_s=90.0).status == "completed"
@@ -181,7 +181,7 @@ def turned(city: City, angle_deg: float) -> City:
     ],
 )
 @pytest.mark.parametrize(("city", "top"), [(stairs(0.14), 0.7), (slope(20.0), 4.0 * math.tan(math.radians(20.0)))])
-def test_climbs_more_than_it_has_to(play, city, top, heading, turn):
+def test_a_robot_dog_climbs_more_than_the_documented_limits(play, city, top, heading, turn):
     """The margin: steps and slopes above the documented 12 cm and 15 degrees, in every direction."""
     aside, angle = -3.0 * math.tan(math.radians(90.0 - heading)), math.radians(turn)
     start = dog(x=aside * math.sin(angle), y=aside * math.cos(angle), heading=(heading + turn) % 360.0)
@@ -192,7 +192,7 @@ def test_climbs_more_than_it_has_to(play, city, top, heading, turn):
 
 
 @pytest.mark.parametrize("start", [0.0, 0.04, 0.08, 0.12])
-def test_no_edge_is_stepped_over_between_two_looks(play, start):
+def test_no_edge_is_missed_between_two_samples_of_the_terrain(play, start):
     """A rib narrower than the distance between two samples slows the dog before it, wherever the samples are."""
     rib = Solid(id="rib", polygon=rectangle(6.0, -6.0, 6.08, 6.0), base_m=-0.2, top_m=0.1)
     session = play(city_of(solids=(rib,)), dog(x=start, heading=90.0))
@@ -205,7 +205,7 @@ def test_no_edge_is_stepped_over_between_two_looks(play, start):
     assert max(before) < 1.1
 
 
-def test_a_walk_that_meets_a_riser_pushes_and_steps_back_by_another_length_each_time():
+def test_a_walk_blocked_by_a_riser_steps_back_by_a_different_length_each_time():
     """A retry of the same length would meet the riser in the same phase of the gait, for ever."""
     there = dog_model.DogState((0.0, 0.0, 0.3), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
     walk = tasks.WalkTask(x=0.0, y=0.0, yaw=0.0, length=10.0, cruise=1.5, climbing=True)
@@ -216,7 +216,7 @@ def test_a_walk_that_meets_a_riser_pushes_and_steps_back_by_another_length_each_
     assert [length for _, length in runs_s[:8:2]] == pytest.approx([1.4] * 4, abs=2.5 * tasks.PERIOD_S)
 
 
-def test_walls_hold_and_are_named(play):
+def test_a_wall_stops_a_dog_and_is_named(play):
     house = Building(id="house-3", polygon=((4.0, -4.0), (9.0, -6.0), (11.0, 5.0), (4.0, 4.0)), base_m=0.0, top_m=12.0)
     session = play(city_of(buildings=(house,)), dog(heading=90.0))
     receipt = session.command("dog[1]", "forward", distance=20.0)
@@ -229,7 +229,7 @@ def test_walls_hold_and_are_named(play):
     assert 0.5 < hit.values["speed_mps"] < 2.0
 
 
-def test_a_parked_truck_stops_it_until_it_leaves(play):
+def test_a_parked_truck_stops_a_dog_until_the_truck_leaves(play):
     session = play(city_of(), dog(heading=90.0))
     receipt = session.command("dog[1]", "forward", distance=12.0)
     session.run(5.0, [truck(6.0, 0.0, heading=0.0)])
@@ -248,7 +248,7 @@ def test_a_truck_that_stays_is_named(play):
     assert ("dog[1]", "traffic/7") in {event.entities for event in session.events if event.kind == "collided"}
 
 
-def test_a_truck_that_hits_it_knocks_it_over_and_it_gets_up(play):
+def test_a_dog_hit_by_a_truck_falls_and_gets_up(play):
     session = play(city_of(), dog(heading=0.0))
     while session.time_s < 4.0:
         session.step([truck(-14.0 + 7.0 * session.time_s, 0.0, speed=7.0)])
@@ -264,7 +264,7 @@ def test_a_truck_that_hits_it_knocks_it_over_and_it_gets_up(play):
     assert ended(session, receipt.request).status == "completed"
 
 
-def test_water_and_edges_end_the_way(play):
+def test_water_and_drops_end_a_walk(play):
     river = Water(polygon=rectangle(6.0, -50.0, 12.0, 50.0), level_m=-1.0)
     session = play(city_of(waters=(river,)), dog(heading=90.0))
     receipt = session.command("dog[1]", "forward", distance=9.0)
@@ -286,7 +286,7 @@ def test_water_and_edges_end_the_way(play):
     assert session.state.position[2] > 2.2
 
 
-def test_three_dogs_share_a_world(play):
+def test_dogs_in_one_simulation_block_each_other(play):
     session = play(city_of(), dog(1, y=0.0, heading=90.0), dog(2, y=2.0, heading=90.0), dog(3, x=5.0, heading=270.0))
     meet = session.command("dog[1]", "forward", distance=8.0)
     free = session.command("dog[2]", "forward", distance=8.0)
@@ -297,7 +297,7 @@ def test_three_dogs_share_a_world(play):
     assert ("dog[1]", "dog[3]") in {event.entities for event in session.events}
 
 
-def test_the_world_follows_a_long_walk(play):
+def test_the_simulated_terrain_follows_a_long_walk(play):
     """New models are built on the way: the wall 150 m away is not in the first one, and stops the dog at the end."""
     wall = Solid(id="wall", polygon=rectangle(-5.0, 150.0, 5.0, 151.0), base_m=0.0, top_m=3.0)
     kerbs = tuple(
@@ -314,7 +314,7 @@ def test_the_world_follows_a_long_walk(play):
 
 
 @pytest.mark.parametrize("endurance", [8.1, 8.2, 8.3, 20.0])
-def test_the_battery_pays_for_walking_and_ends_it(play, endurance):
+def test_walking_uses_the_battery_and_ends_when_it_is_empty(play, endurance):
     session = play(city_of(), dog(properties={"endurance_s": endurance}))
     receipt = session.command("dog[1]", "forward", distance=100.0)
     end = ended(session, receipt.request)
@@ -328,7 +328,7 @@ def test_the_battery_pays_for_walking_and_ends_it(play, endurance):
     assert session.state.position[2] < 0.14  # its belly is on the ground, in whatever stride the motors lost power
 
 
-def test_a_load_slows_it_and_costs_more(play):
+def test_a_load_slows_a_dog_and_increases_its_energy_use(play):
     def walk(load: float):
         carrier = dog(properties={"load_kg": 0.0, "payload_kg": 8.0}, state=(StateSpec(name="load", unit="kg"),))
         session = play(city_of(), carrier)

@@ -106,7 +106,7 @@ def test_a_fork_goes_on_bit_for_bit(instance_of):
     assert theirs == digest(engine, 6.3, 40.3)
 
 
-def test_another_process_answers_the_same(instance_of):
+def test_another_process_gives_the_same_boundaries(instance_of):
     instance = three(instance_of)
     here = digest(begin(instance), 0.0, 12.0)
     for seed in ("0", "77"):
@@ -120,7 +120,7 @@ def test_another_process_answers_the_same(instance_of):
         assert done.stdout.decode().strip() == here
 
 
-def test_the_cut_of_the_intervals_does_not_matter(instance_of):
+def test_the_length_of_macro_steps_does_not_change_the_motion(instance_of):
     def end(step_s: float) -> list[BodyState]:
         engine = begin(three(instance_of))
         for k in range(round(6.0 / step_s)):
@@ -130,7 +130,7 @@ def test_the_cut_of_the_intervals_does_not_matter(instance_of):
     assert end(0.1) == end(0.5) == end(2.0)
 
 
-def test_resets_leave_nothing_behind(instance_of):
+def test_repeated_resets_do_not_increase_memory(instance_of):
     engine, instance = QuadrupedEngine(), three(instance_of)
     spec, city = EngineSpec(engine="quadruped", instance=instance, owns=("dog[1]", "dog[2]", "dog[3]")), yard()
 

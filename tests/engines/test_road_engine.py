@@ -215,7 +215,7 @@ def where(state: BodyState) -> tuple[float, float]:
 # -- standing
 
 
-def test_vehicles_stand_where_the_mission_puts_them(play: Start, city: City) -> None:
+def test_vehicles_start_at_their_declared_positions(play: Start, city: City) -> None:
     played = play([vehicle(), vehicle("truck", "fire_truck", (201.65, 310.0), 0.0)], city)
     van, truck = played.boundary.states
     assert math.dist(where(van), (100.0, -1.65)) < 0.01
@@ -227,7 +227,7 @@ def test_vehicles_stand_where_the_mission_puts_them(play: Start, city: City) -> 
     assert math.dist(where(played.state), (100.0, -1.65)) < 0.01
 
 
-def test_a_vehicle_off_the_road_is_put_on_the_lane_that_leads_its_way(play: Start, city: City) -> None:
+def test_a_vehicle_off_the_road_is_placed_on_the_lane_of_its_heading(play: Start, city: City) -> None:
     west = play([vehicle(position=(300.0, 6.0), heading_deg=270.0)], city).state
     assert where(west) == pytest.approx((300.0, 1.65), abs=0.05)
     east = play([vehicle(position=(300.0, 6.0), heading_deg=90.0)], city).state
@@ -266,7 +266,7 @@ def test_set_destination_arrives_and_stays(play: Start, city: City) -> None:
     assert played.state.resources["odometer_m"] == pytest.approx(played.routes[0].length_m, abs=8.0)
 
 
-def test_a_place_just_behind_is_reached_by_coming_back(play: Start, city: City) -> None:
+def test_a_destination_just_behind_a_vehicle_is_reached_by_a_detour(play: Start, city: City) -> None:
     played = play([vehicle(position=(300.0, -1.65))], city)
     receipt = played.command("setDestination", x=285.0, y=-1.65)
     assert receipt.status == "accepted"
@@ -275,7 +275,7 @@ def test_a_place_just_behind_is_reached_by_coming_back(play: Start, city: City) 
     assert played.state.resources["odometer_m"] > 700.0
 
 
-def test_a_place_where_it_stands_already_is_an_arrival(play: Start, city: City) -> None:
+def test_a_destination_at_the_position_of_the_vehicle_is_an_arrival(play: Start, city: City) -> None:
     played = play([vehicle()], city)
     receipt = played.command("setDestination", x=101.0, y=-1.65)
     assert played.until_ended(receipt.request, 30.0).status == "completed"
@@ -307,7 +307,7 @@ def test_turns_happen_at_the_next_junction(play: Start, city: City, verb: str, h
     assert 10.0 < abs(where(played.state)[axis] - 400.0) < 45.0
 
 
-def test_a_turn_that_is_not_there_is_refused_with_those_that_are(play: Start, city: City) -> None:
+def test_an_impossible_turn_is_rejected_with_the_possible_turns(play: Start, city: City) -> None:
     receipt = play([vehicle()], city).command("right")  # on the southern rim, eastwards
     assert (receipt.status, receipt.reason) == ("rejected", "no_turn")
     assert "left and straight on" in receipt.detail or "straight on and left" in receipt.detail
@@ -347,7 +347,7 @@ def test_stop_brakes_comfortably_and_preempts(play: Start, city: City) -> None:
         ("fly", {}, "unknown_verb"),
     ],
 )
-def test_commands_that_cannot_be_are_refused(
+def test_impossible_commands_are_refused_with_a_reason(
     play: Start, city: City, verb: str, arguments: dict[str, float], reason: str
 ) -> None:
     receipt = play([vehicle()], city).command(verb, **arguments)
@@ -368,7 +368,7 @@ def test_a_short_forward_covers_its_distance_and_keeps_its_lane(play: Start, dis
     assert abs(north) < 0.1
 
 
-def test_forward_ends_where_the_road_does(play: Start, city: City) -> None:
+def test_forward_beyond_the_end_of_the_road_is_rejected(play: Start, city: City) -> None:
     played = play([vehicle(position=(201.65, 700.0), heading_deg=0.0)], city)
     receipt = played.command("forward", distance=300.0)
     assert (receipt.status, receipt.reason) == ("rejected", "unreachable")
@@ -420,7 +420,7 @@ def test_replan_leads_around_the_place_named(play: Start, city: City) -> None:
     assert min(math.dist(where(b.states[0]), (500.0, 0.0)) for b in played.history) > 90.0
 
 
-def test_replan_on_the_way_changes_the_way(play: Start, city: City) -> None:
+def test_replan_while_driving_changes_the_path(play: Start, city: City) -> None:
     played = play([vehicle()], city)
     drive = played.command("setDestination", x=700.0, y=0.0)
     played.run(8.0)
@@ -540,20 +540,20 @@ def test_blue_lights_are_faster_in_the_same_traffic(play: Start) -> None:
     assert blue < 0.9 * plain
 
 
-def test_a_payload_makes_it_slower(play: Start, city: City) -> None:
+def test_a_loaded_vehicle_is_slower(play: Start, city: City) -> None:
     empty = trip(play, city, vehicle(kind="delivery_van"))
     loaded = trip(play, city, vehicle(kind="delivery_van", load_kg=400.0))
     assert loaded > 1.08 * empty
 
 
-def test_goods_given_by_others_are_carried(play: Start, city: City) -> None:
+def test_the_load_follows_the_accounts_of_other_engines(play: Start, city: City) -> None:
     played = play([vehicle(load_kg=150.0), other("shop", "delivery_point", "city")], city)
     shop = BodyState(id="shop", position=(0.0, 0.0, 0.0), resources={"load_kg@van": -100.0, "load_kg@bus": 7.0})
     played.step(lambda _: (shop,))
     assert played.state.resources["load_kg"] == 50.0
 
 
-def test_lane_changes_are_motion(play: Start) -> None:
+def test_lane_changes_are_continuous_motion(play: Start) -> None:
     played = play([vehicle(position=(20.0, -4.95))], grid(lanes=2), traffic=60, sync_s=0.1)
     played.command("setDestination", x=400.0, y=798.0)
     last: dict[str, BodyState] = {}
@@ -591,7 +591,7 @@ def test_a_vehicle_that_blocks_others_makes_room(play: Start, city: City) -> Non
     assert played.until_ended(again.request, 300.0).status == "completed"
 
 
-def test_several_arrive_at_one_place(play: Start, city: City) -> None:
+def test_several_vehicles_arrive_at_one_destination(play: Start, city: City) -> None:
     names = ("a", "b", "c")
     vans = [vehicle(name, "delivery_van", (100.0 - 10.0 * number, -1.65)) for number, name in enumerate(names)]
     played = play(vans, city)
@@ -624,7 +624,7 @@ def test_an_arrived_vehicle_leaves_the_lane(play: Start, city: City) -> None:
 
 
 @pytest.mark.parametrize("leaves", ["first", "second"])
-def test_two_sent_to_one_place_leave_it_in_either_order(play: Start, city: City, leaves: str) -> None:
+def test_two_vehicles_at_one_destination_can_leave_in_either_order(play: Start, city: City, leaves: str) -> None:
     vans = [vehicle(name, "delivery_van", (x, -1.65)) for name, x in (("first", 100.0), ("second", 90.0))]
     played = play(vans, city)
     requests = [played.command("setDestination", van.id, x=350.0, y=-1.65).request for van in vans]
@@ -638,7 +638,7 @@ def test_two_sent_to_one_place_leave_it_in_either_order(play: Start, city: City,
     assert not any(event.kind == "collided" for event in played.events)
 
 
-def test_a_vehicle_halted_beside_a_parked_one_moves_up(play: Start, city: City) -> None:
+def test_a_vehicle_stopped_beside_a_parked_one_does_not_block_it(play: Start, city: City) -> None:
     played = play([vehicle("first"), vehicle("second", position=(60.0, -1.65))], city)
     played.until_ended(played.command("setDestination", "first", x=300.0, y=-1.65).request)
     played.command("setDestination", "second", x=700.0, y=-1.65)
@@ -679,7 +679,7 @@ def test_a_vehicle_parked_at_its_destination_stays(play: Start, city: City) -> N
     assert played.state.resources["odometer_m"] == odometer
 
 
-def test_there_is_no_kerb_on_a_bridge(play: Start, city: City) -> None:
+def test_a_vehicle_on_a_bridge_does_not_pull_over(play: Start, city: City) -> None:
     lane = Lane(id="10-20_0", shape=((200.0, -1.65, 0.0), (400.0, -1.65, 0.0)), width_m=3.3)
     bridge = msgspec.structs.replace(city, roads=(Road(id="10-20", lanes=(lane,), bridge=True),))
     played = play([vehicle("van", position=(20.0, -1.65)), vehicle("late", position=(10.0, -1.65))], bridge)
@@ -690,7 +690,7 @@ def test_there_is_no_kerb_on_a_bridge(play: Start, city: City) -> None:
     assert played.until_ended(behind).status == "completed"
 
 
-# -- meeting others
+# -- other bodies
 
 
 def test_a_car_brakes_for_a_dog_and_drives_on(play: Start, city: City) -> None:
@@ -718,7 +718,9 @@ def test_a_car_brakes_for_a_dog_and_drives_on(play: Start, city: City) -> None:
 
 
 @pytest.mark.parametrize("reaches_s", [8.0, 10.5, 11.0, 11.5, 12.5])
-def test_a_dog_that_walks_on_without_looking_is_seen_in_time(play: Start, city: City, reaches_s: float) -> None:
+def test_a_car_brakes_in_time_for_a_dog_that_crosses_without_stopping(
+    play: Start, city: City, reaches_s: float
+) -> None:
     played = play([vehicle(position=(20.0, -1.65)), other("dog", "robot_dog", "quadruped")], city, sync_s=0.5)
     drive = played.command("setDestination", x=350.0, y=-1.65)
 
@@ -757,7 +759,7 @@ def outline(car: BodyState) -> shapely.Polygon:
     return shapely.affinity.translate(turned, *car.position[:2])
 
 
-def test_a_parked_truck_is_not_driven_through(play: Start, city: City) -> None:
+def test_a_car_stops_behind_a_parked_truck_of_another_engine(play: Start, city: City) -> None:
     played = play([vehicle(), other("lorry", "truck", "elsewhere")], city, sync_s=0.5)
     lorry = BodyState(id="lorry", position=(170.0, -1.65, 0.0), heading_deg=90.0)
     played.command("setDestination", x=350.0, y=-1.65)
@@ -777,7 +779,7 @@ def test_aircraft_and_vessels_are_no_obstacles(play: Start, city: City) -> None:
     assert ended.time_s < 35.0
 
 
-def test_a_dog_under_the_wheels_is_a_collision_once(play: Start, city: City) -> None:
+def test_a_car_that_hits_a_dog_reports_one_collision(play: Start, city: City) -> None:
     played = play([vehicle(), other("dog", "robot_dog", "quadruped")], city, sync_s=0.1)
     played.command("setDestination", x=350.0, y=-1.65)
 
@@ -839,7 +841,7 @@ print(module.run_busy())
 """
 
 
-def test_processes_and_restarts_agree() -> None:
+def test_new_processes_and_restarts_give_equal_digests() -> None:
     here = run_busy()
     assert run_busy() == here
     assert run_busy(seed=4) != here
@@ -860,7 +862,7 @@ def test_a_second_simulation_in_a_process_is_refused(play: Start, city: City) ->
     assert second.step().states[0].id == "van"
 
 
-def test_a_city_without_roads_says_so(city: City) -> None:
+def test_a_city_without_a_road_network_is_an_infrastructure_error(city: City) -> None:
     with pytest.raises(InfrastructureError, match="has no roads for van"):
         Play(mission([vehicle()]), msgspec.structs.replace(city, network=""))
     with pytest.raises(InfrastructureError, match="does not exist"):

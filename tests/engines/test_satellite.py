@@ -1,4 +1,4 @@
-"""The satellite engine: published SGP4 results, the Earth's rotation, passes, views, and orbits made to pass."""
+"""The satellite engine: published SGP4 results, the Earth's rotation, passes, views, and generated orbits."""
 
 import math
 
@@ -71,7 +71,7 @@ def test_sidereal_time_is_that_of_the_almanac():
     assert math.degrees(sidereal(instant("1987-04-10T19:21:00Z"))) == approx(128.7378734, abs=1e-6)
 
 
-def test_the_station_flies_at_its_height_and_comes_round_in_its_period():
+def test_the_iss_has_its_published_altitude_and_period():
     orbit = from_lines("iss", *ISS)
     heights, north = [], []
     for minute in range(200):
@@ -102,7 +102,7 @@ def test_a_point_above_a_place_is_at_its_zenith():
 @pytest.mark.parametrize(
     "origin", [(31.0, 121.5), (-33.9, 18.4), (0.0, 0.0), (60.2, 24.9), (78.2, 15.6), (85.0, -40.0)]
 )
-def test_one_without_elements_passes_over_the_origin_at_half_time(watch, origin):
+def test_a_satellite_without_elements_passes_over_the_origin_at_half_time(watch, origin):
     play = watch(origin=origin)
     play.run(300.0)  # of 600 s
     x, y, z = play.state.position
@@ -130,7 +130,7 @@ def test_a_pass_is_announced_lasts_minutes_and_ends(watch):
         assert state.status != "in_view" or state.resources["elevation_deg"] >= 30.0
 
 
-def test_several_without_elements_share_out_the_episode(watch):
+def test_the_passes_of_several_satellites_without_elements_are_spread_over_the_episode(watch):
     play = watch(satellite(1), satellite(2))
     play.run(600.0)
     begins = {event.entities[0]: event.time_s for event in play.events if event.kind == "in_view"}
@@ -164,7 +164,7 @@ def test_pictures_are_refused_out_of_view_and_taken_in_view(watch):
     assert play.command("moon", "takePhoto").reason == "unknown_resource"
 
 
-def test_its_camera_looks_at_the_middle_of_the_regions(watch):
+def test_the_camera_of_a_satellite_points_at_the_middle_of_the_regions(watch):
     area = Region(name="a", polygon=((0.0, -1000.0), (2000.0, -1000.0), (2000.0, 1000.0), (0.0, 1000.0)))
     play = watch(regions=(area,))
     camera = CameraSpec(
@@ -178,7 +178,7 @@ def test_its_camera_looks_at_the_middle_of_the_regions(watch):
         assert depth == approx(play.state.resources["range_m"], rel=1e-3)
 
 
-def test_elements_are_flown_from_their_epoch_or_from_a_date(watch):
+def test_an_orbit_starts_at_the_epoch_of_its_elements_or_at_a_declared_date(watch):
     plain = watch(satellite(tle1=ISS[0], tle2=ISS[1]))
     dated = watch(satellite(tle1=ISS[0], tle2=ISS[1], epoch="2019-12-09T16:38:29.363424Z"))
     assert math.dist(plain.state.position, dated.state.position) < 1.0
@@ -188,7 +188,7 @@ def test_elements_are_flown_from_their_epoch_or_from_a_date(watch):
     assert -90.0 < plain.state.resources["elevation_deg"] < 0.0
 
 
-def test_the_next_pass_of_the_station_is_where_its_elevation_says(watch):
+def test_the_predicted_pass_of_the_iss_agrees_with_its_elevation(watch):
     play = watch(satellite(tle1=ISS[0], tle2=ISS[1], swath_m=4_000_000.0), origin=(40.0, -74.0), sync_s=10.0)
     wait = play.state.resources["next_pass_s"]
     assert 600.0 < wait < 86_400.0
@@ -213,7 +213,7 @@ def test_invalid_elements_and_dates_are_named(watch, wrong, words):
     assert caught.value.hint
 
 
-def test_the_division_into_intervals_does_not_matter(watch):
+def test_the_length_of_macro_steps_does_not_change_the_orbit(watch):
     whole, half = watch(sync_s=1.0), watch(sync_s=0.5)
     whole.run(250.0)
     half.run(250.0)

@@ -44,19 +44,19 @@ def drawn(cache: Path, *before: str, limit: int | None = None) -> subprocess.Com
 @drawing
 @can_mount
 @pytest.mark.thorough
-def test_a_full_cache_disk_kills_no_camera(tmp_path: Path) -> None:
+def test_a_camera_draws_with_a_full_cache_disk(tmp_path: Path) -> None:
     done = drawn(tmp_path, *FULL_DISK)
     assert (done.returncode, done.stdout) == (0, "(270, 480, 3)\n"), (done.returncode, done.stderr)
 
 
 @drawing
 @pytest.mark.slow
-def test_a_limit_on_the_size_of_files_kills_no_camera(tmp_path: Path) -> None:
+def test_a_camera_draws_under_a_limit_on_the_size_of_files(tmp_path: Path) -> None:
     done = drawn(tmp_path, limit=64 * 1024)
     assert (done.returncode, done.stdout) == (0, "(270, 480, 3)\n"), (done.returncode, done.stderr)
 
 
-def test_the_index_is_reserved_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_all_blocks_of_the_index_are_allocated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     for name in ("MESA_SHADER_CACHE_DIR", "MESA_SHADER_CACHE_DISABLE"):
         monkeypatch.setenv(name, "")

@@ -33,6 +33,6 @@ def test_the_listed_words_are_those_of_the_code(engine: str) -> None:
     assert words is not None and sorted(words) == sorted(get_args(STATUSES[engine]))
 
 
-def test_every_engine_with_bodies_lists_its_words_but_the_city() -> None:
+def test_every_engine_with_bodies_except_the_city_lists_its_status_words() -> None:
     described = {name for name, kind in builtin_engines().items() if kind.words is not None}
     assert described == STATUSES.keys() == builtin_engines().keys() - {"city", "camera", "remote"}

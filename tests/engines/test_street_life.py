@@ -118,13 +118,15 @@ def test_vehicles_keep_their_lanes_on_a_network_with_sidewalks(street: Callable[
     assert played.until_ended(receipt.request, 300.0).status == "completed"
 
 
-def test_without_options_nobody_is_there(street: Callable[..., Play]) -> None:
+def test_without_options_the_street_has_no_people_and_no_signals(street: Callable[..., Play]) -> None:
     played = street()
     played.run(5.0)
     assert all(not boundary.ambient for boundary in played.history)
 
 
-def test_a_boat_on_the_shore_is_a_collision_where_the_scene_asks_for_it(player, instance_of, boat, open_sea) -> None:
+def test_a_boat_driven_ashore_collides_only_if_the_scene_enables_collisions(
+    player, instance_of, boat, open_sea
+) -> None:
     shore = Land(polygon=((-50.0, 40.0), (50.0, 40.0), (50.0, 200.0), (-50.0, 200.0)), top_m=2.0)
     gale = Weather(wind_mps=40.0, wind_from_deg=180.0)
 

@@ -28,7 +28,7 @@ def plane(state):
     return state.position[:2]
 
 
-def test_makes_thirty_metres_a_tick_once_under_way(sail):
+def test_a_vessel_makes_thirty_metres_per_tick_at_full_speed(sail):
     play = sail()
     play.command("boat", "moveTo", x=0.0, y=500.0)
     first = plane(play.run(10.0).states[0])
@@ -45,7 +45,7 @@ def test_top_speed_is_through_the_water(sail):
 
 
 @pytest.mark.parametrize("weather", [Weather(), ROUGH], ids=["calm", "rough"])
-def test_keeps_the_line_and_completes_within_five_metres(sail, weather):
+def test_a_vessel_keeps_its_line_and_arrives_within_six_metres(sail, weather):
     play = sail(weather)
     play.run(10.0)
     start = plane(play.state)
@@ -64,7 +64,7 @@ def test_keeps_the_line_and_completes_within_five_metres(sail, weather):
 
 
 @pytest.mark.parametrize("weather", [Weather(), ROUGH], ids=["calm", "rough"])
-def test_keeps_its_station_afterwards(sail, weather):
+def test_a_vessel_keeps_its_station_after_arrival(sail, weather):
     play = sail(weather)
     play.until_ended(play.command("boat", "moveTo", x=60.0, y=0.0).request, 200.0)
     play.run(60.0)
@@ -79,7 +79,7 @@ def test_a_boat_without_orders_stays(sail):
     assert math.dist(plane(play.state), (0.0, 0.0)) < 10.0
 
 
-def test_reports_progress_at_decision_boundaries(sail):
+def test_progress_is_reported_at_decision_boundaries(sail):
     play = sail()
     play.command("boat", "moveTo", x=0.0, y=300.0)
     play.run(30.0)
@@ -124,7 +124,7 @@ def test_a_place_outside_of_the_scene_is_not_called_land(sail, quay):
     assert details[9000.0].endswith("lies outside of the scene's waters")
 
 
-def test_stops_before_land_on_its_way(sail, quay):
+def test_a_vessel_stops_before_land_on_its_path(sail, quay):
     play = sail(city=quay, position=(0.0, -150.0, -3.5))
     receipt = play.command("boat", "moveTo", x=0.0, y=150.0)
     ended = play.until_ended(receipt.request)
@@ -134,7 +134,7 @@ def test_stops_before_land_on_its_way(sail, quay):
     assert play.state.status == "idle"
 
 
-def test_a_hull_put_on_land_is_aground_and_says_so(sail, quay):
+def test_a_vessel_placed_on_land_is_aground(sail, quay):
     play = sail(city=quay)
     assert play.state.status == "aground"
     assert play.command("boat", "moveTo", x=0.0, y=-100.0).reason == "aground"
@@ -147,7 +147,7 @@ def test_land_under_water_is_no_obstacle(sail, quay):
     assert play.until_ended(play.command("boat", "moveTo", x=0.0, y=75.0).request).status == "completed"
 
 
-def test_rides_the_waves_and_lies_still_without(sail):
+def test_a_vessel_moves_with_the_waves_and_lies_still_without_waves(sail):
     calm = sail()
     calm.run(10.0)
     assert {b.states[0].position[2] for b in calm.history} == {-3.5}
@@ -170,7 +170,7 @@ def test_vertical_velocity_is_the_rate_of_the_height(sail):
         assert rate == approx(mean, abs=0.03)
 
 
-def test_head_seas_and_head_wind_slow_it_down(sail):
+def test_head_seas_and_head_wind_slow_a_vessel_down(sail):
     speeds = []
     for towards in (300.0, 120.0):
         play = sail(Weather(wind_mps=10.0, wind_from_deg=300.0, wave_height_m=0.8))
@@ -182,7 +182,7 @@ def test_head_seas_and_head_wind_slow_it_down(sail):
     assert speeds[0] > 2.5
 
 
-def test_the_sea_has_the_height_it_is_given():
+def test_the_sea_has_its_declared_significant_wave_height():
     waves = sea.waves(ROUGH)
     assert 4 <= len(waves) <= 6
     assert waves[0].amplitude_m == max(wave.amplitude_m for wave in waves)
@@ -193,7 +193,7 @@ def test_the_sea_has_the_height_it_is_given():
     assert sea.waves(Weather()) == ()
 
 
-def test_the_seas_derivatives_are_those_of_its_height():
+def test_slope_and_rise_of_the_sea_are_derivatives_of_its_elevation():
     waves = sea.waves(ROUGH)
     x, y, t, step = 31.0, -77.0, 12.3, 1e-4
     east, north = sea.slope(waves, x, y, t)
@@ -203,7 +203,7 @@ def test_the_seas_derivatives_are_those_of_its_height():
     assert sea.rise(waves, x, y, t) == approx(rise, rel=1e-5)
 
 
-def test_sails_under_a_bridge_and_stops_before_its_pier(sail, open_sea):
+def test_a_vessel_passes_under_a_bridge_and_stops_before_its_pier(sail, open_sea):
     path = ((-100.0, 100.0, 8.0), (100.0, 100.0, 8.0))
     bridged = msgspec.structs.replace(open_sea, bridges=(Bridge(id="span", path=path, width_m=9.0),))
     between = sail(city=bridged, position=(0.0, 0.0, -3.5))
@@ -222,7 +222,7 @@ def test_a_building_in_the_water_is_in_the_way(sail, open_sea):
     assert play.command("boat", "moveTo", x=0.0, y=85.0).reason == "unreachable"
 
 
-def test_the_sea_and_the_current_change_when_the_mission_says(player, instance_of, boat, open_sea):
+def test_sea_and_current_change_at_the_tick_of_their_event(player, instance_of, boat, open_sea):
     events = (EventSpec(name="front", tick=2, weather=ROUGH),)
     instance = msgspec.structs.replace(instance_of([boat()], Weather()), events=events)
     play = player(VesselEngine(), instance, open_sea, "vessel")
@@ -233,7 +233,7 @@ def test_the_sea_and_the_current_change_when_the_mission_says(player, instance_o
     assert math.dist(plane(play.state), (0.0, 0.0)) > 0.3
 
 
-def test_a_load_makes_it_slower(player, instance_of, boat, open_sea):
+def test_a_loaded_vessel_is_slower(player, instance_of, boat, open_sea):
     speeds = []
     for load_kg in (0.0, 1600.0):
         entity = boat()

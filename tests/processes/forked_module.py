@@ -1,4 +1,4 @@
-"""A module that a fork server runs like `python -m`: `told` prints its surroundings, `worlds` plays on workers."""
+"""A module that a fork server runs like `python -m`: `environment` prints its environment, `worlds` uses workers."""
 
 import itertools
 import json
@@ -16,7 +16,7 @@ def client() -> Any:
     return ForkServerClient(int(sys.argv[-1]))
 
 
-def told() -> None:
+def environment() -> None:
     import numpy as np
 
     print(
@@ -91,4 +91,4 @@ def keeping() -> None:
 
 
 if __name__ == "__main__":
-    {"told": told, "worlds": worlds, "lingering": lingering, "keeping": keeping}[sys.argv[1]]()
+    {"environment": environment, "worlds": worlds, "lingering": lingering, "keeping": keeping}[sys.argv[1]]()

@@ -1,5 +1,5 @@
-"""The channel between two processes: packets whole and in order, in the stream or in memory, from one that is not
-trusted too."""
+"""The channel between two processes: complete packets in order, in the stream or in memory, also from an untrusted
+process."""
 
 import os
 import socket
@@ -51,7 +51,7 @@ def test_a_packet_that_the_socket_cannot_hold_is_received_while_it_is_sent(ends:
     sender.join()
 
 
-def test_memory_waits_for_no_reader_until_the_socket_is_full(ends: tuple[Channel, Channel]) -> None:
+def test_sending_memory_does_not_wait_for_the_reader_until_the_socket_is_full(ends: tuple[Channel, Channel]) -> None:
     ours, theirs = ends
     ours.send_in_memory(b"x" * 10_000_000)
     count = 1
@@ -83,7 +83,7 @@ def test_several_processes_may_send_memory_through_one_socket(ends: tuple[Channe
         other.close()
 
 
-def test_a_packet_that_is_late_in_part_is_read_whole_afterwards() -> None:
+def test_a_packet_that_arrives_in_parts_is_read_completely_after_timeouts() -> None:
     ours, theirs = socket.socketpair()
     channel = Channel(ours)
     header = HEADER.pack(6, 0, False)
@@ -103,7 +103,7 @@ def test_a_packet_that_is_late_in_part_is_read_whole_afterwards() -> None:
 
 
 @pytest.mark.parametrize("in_memory", [False, True])
-def test_a_process_that_is_not_trusted_sends_little_and_no_memory(in_memory: bool) -> None:
+def test_an_untrusted_process_may_send_only_small_packets_and_no_memory(in_memory: bool) -> None:
     ours, theirs = socket.socketpair()
     channel, other = Channel(ours, most_bytes=100), Channel(theirs)
     other.send(b"x" * 100)
@@ -152,7 +152,7 @@ def test_a_descriptor_that_is_no_memory_ends_the_channel(ends: tuple[Channel, Ch
     os.close(writing)
 
 
-def test_as_many_descriptors_pass_as_linux_passes(ends: tuple[Channel, Channel]) -> None:
+def test_a_packet_can_carry_the_maximum_number_of_descriptors_of_linux(ends: tuple[Channel, Channel]) -> None:
     ours, theirs = ends
     reading, writing = os.pipe()
     ours.send(b"many", (reading,) * MAX_DESCRIPTORS)

@@ -25,7 +25,7 @@ pytestmark = pytest.mark.skipif(not deadlines.is_counted(), reason="this kernel 
 
 @pytest.fixture
 def crowd():
-    """Queue a process up: it shares one processor with three that spin, of which each gets as much as it does."""
+    """Let a process share one processor with three spinning processes, each of which gets as much time as it does."""
     one = {min(os.sched_getaffinity(0))}
     started = []
 
@@ -61,7 +61,7 @@ def faulty(fault, *, engine_s=ENGINE_S):
     return toys.instance(toys.entity("ant", "toy_a", 1.0), bee, engine_s=engine_s)
 
 
-def test_what_an_engine_waits_for_a_processor_is_not_its_own(world, crowd):
+def test_the_wait_of_an_engine_for_a_processor_does_not_count(world, crowd):
     """It computes for eight tenths of a second in ten macro-steps, with a quarter of a processor: three on the wall."""
     world.reset(faulty("burn"), toys.CITY)
     pid = world._workers.world.pid
@@ -73,7 +73,7 @@ def test_what_an_engine_waits_for_a_processor_is_not_its_own(world, crowd):
     assert 10 * toys.BURNS_S["burn"] <= spent  # and what it ran was counted
 
 
-def test_a_spinning_engine_in_a_queue_is_killed(world, crowd):
+def test_a_spinning_engine_on_a_shared_processor_is_killed(world, crowd):
     world.reset(faulty("spin", engine_s=0.3), toys.CITY)
     crowd(world._workers.world.pid)
     with pytest.raises(InfrastructureError, match=r"`toy_b` .*\(advance\) did not answer within 0.3 s") as caught:
@@ -91,7 +91,7 @@ def test_a_stopped_worker_is_killed(world, crowd):
     assert caught.value.cause == "world-process"
 
 
-def test_a_picture_in_a_queue_is_not_late(world, crowd):
+def test_a_picture_drawn_on_a_shared_processor_is_not_late(world, crowd):
     ant = toys.entity("ant", "toy_a", cameras=(toys.camera(),), fault="burn_much", fault_at=0.0, fault_in="camera")
     ready = world.reset(toys.instance(ant, capture_s=ENGINE_S), toys.CITY)
     camera = world._workers.camera.worker.pid
@@ -101,8 +101,8 @@ def test_a_picture_in_a_queue_is_not_late(world, crowd):
     assert not [answer for answer in answers if isinstance(answer, Absent)]
 
 
-def test_a_wait_that_goes_on_counts_before_it_is_over(monkeypatch):
-    """The counters move when a wait ends. Until then a runnable thread that does not run is what there is to see."""
+def test_a_wait_for_a_processor_is_recognised_before_it_ends(monkeypatch):
+    """The counters change when a wait ends. Until then the only sign of it is a runnable thread that does not run."""
     looks = iter([(5, 0), *[(5, 0)] * 6, (6, 10**18)])
     seen = [(5, 0)]
 
@@ -120,7 +120,7 @@ def test_a_wait_that_goes_on_counts_before_it_is_over(monkeypatch):
     assert len(lefts) == 50  # it has waited for a processor during the whole time
 
 
-def test_a_sleeper_is_late():
+def test_the_sleep_of_a_process_counts():
     sleeper = subprocess.Popen(["sleep", "3600"])
     try:
         own = deadlines.OwnDeadline(sleeper.pid, 0.1)
@@ -133,20 +133,22 @@ def test_a_sleeper_is_late():
 
 
 @pytest.mark.parametrize("fault", ["hang", "spin"])
-def test_the_engine_that_was_slow_is_blamed(world, fault):
-    """`toy_a` computes through nearly all of the time; `toy_b` is where it ran out."""
+def test_the_error_names_the_engine_that_used_the_time(world, fault):
+    """`toy_a` uses nearly all of the time; the deadline passes during `toy_b`."""
     instance = toys.instance(
         toys.entity("ant", "toy_a", 1.0, fault="burn_more", fault_at=0.05),
         toys.entity("bee", "toy_b", 2.0, fault=fault, fault_at=0.95),
         engine_s=3.0,
     )
     world.reset(instance, toys.CITY)
-    said = r"engine `toy_a` .*took \S+ of 3 s, so that engine `toy_b` \(advance\) had no time left; the world process"
-    with pytest.raises(InfrastructureError, match=said):
+    message = (
+        r"engine `toy_a` .*took \S+ of 3 s, so that engine `toy_b` \(advance\) had no time left; the world process"
+    )
+    with pytest.raises(InfrastructureError, match=message):
         world.step(1, ())
 
 
-def test_making_the_camera_ready_is_part_of_no_budget(kind):
+def test_the_preparation_of_the_camera_counts_towards_no_budget(kind):
     ant = toys.entity("ant", "toy_a", cameras=(toys.camera(),), fault="slow_reset", fault_in="camera")
     world = open_world(kind, plugins=TOYS, installed=False)
     try:
@@ -156,7 +158,7 @@ def test_making_the_camera_ready_is_part_of_no_budget(kind):
         world.close()
 
 
-def test_a_slow_remote_engine_is_blamed_and_nobody_else(world, monkeypatch):
+def test_the_error_names_only_the_slow_remote_engine(world, monkeypatch):
     """The time of the caller's own engines does not count for the world process, which is called in between."""
     usual = toys.Toy.advance
 
@@ -172,15 +174,15 @@ def test_a_slow_remote_engine_is_blamed_and_nobody_else(world, monkeypatch):
         world.step(1, ())
 
 
-def test_in_the_caller_the_engine_that_was_slow_is_named():
+def test_the_error_names_the_slow_engine_of_the_inline_world():
     world = open_world("inline", plugins=TOYS, installed=False)
     world.reset(faulty("burn", engine_s=0.5), toys.CITY)
     with pytest.raises(InfrastructureError, match=r"of 0.5 s .*; the slowest was engine `toy_b` .*with"):
         world.step(1, ())
 
 
-def test_in_the_caller_too_a_wait_is_nobodys(crowd):
-    """A script of its own, because the crowd joins the process that hosts the engines."""
+def test_the_wait_for_a_processor_does_not_count_in_the_inline_world(crowd):
+    """The engines run in a separate process, because the crowd shares the processor of the process that hosts them."""
     here = Path(__file__).parents[2]
     code = f"""
 import sys
@@ -200,7 +202,7 @@ print(world.step(1, ()).tick)
     assert process.communicate("go\n")[0] == "1\n"
 
 
-def test_a_kernel_that_does_not_count_leaves_the_wall_clock(monkeypatch):
+def test_without_run_queue_counters_the_deadline_uses_the_wall_clock(monkeypatch):
     monkeypatch.setattr(deadlines, "_threads", lambda pid: {})
     assert not deadlines.is_counted()
     own = deadlines.OwnDeadline(os.getpid(), 0.02, watched=True)
@@ -209,7 +211,7 @@ def test_a_kernel_that_does_not_count_leaves_the_wall_clock(monkeypatch):
     assert own.spent_s() >= 0.02
 
 
-def test_a_threads_own_clock_does_not_run_backwards_and_survives_a_fork():
+def test_the_clock_of_a_thread_counts_computation_before_and_after_a_fork():
     before = deadlines.own_now_s()
     toys.burn(0.02)
     assert deadlines.own_now_s() - before >= 0.019

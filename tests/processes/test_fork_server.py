@@ -32,9 +32,9 @@ def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[ForkServer]:
         yield server
 
 
-def started(server: ForkServer, folder: Path, *arguments: str, given: str = "") -> tuple[ForkedProcess, Path]:
+def started(server: ForkServer, folder: Path, *arguments: str, stdin: str = "") -> tuple[ForkedProcess, Path]:
     output = folder / f"out-{len(list(folder.iterdir()))}"
-    (folder / "in").write_text(given)
+    (folder / "in").write_text(stdin)
     with (folder / "in").open() as read, output.open("w") as written, (folder / "err").open("w") as errors:
         process = server.run_module(MODULE, arguments, (read.fileno(), written.fileno(), errors.fileno()))
     return process, output
@@ -46,21 +46,21 @@ def first_line(output: Path) -> str:
     return output.read_text().splitlines()[0]
 
 
-def test_a_module_finds_what_python_would_have_given_it(
+def test_a_forked_module_has_the_environment_of_a_new_interpreter(
     server: ForkServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("MARK", "set after the server was started")
     monkeypatch.setenv("OMP_NUM_THREADS", "3")
     monkeypatch.chdir(tmp_path)
-    found = []
+    environments = []
     for _ in range(2):
-        process, output = started(server, tmp_path, "told", "-x", "y z", given="a line")
+        process, output = started(server, tmp_path, "environment", "-x", "y z", stdin="a line")
         assert process.wait(600) == 7
         assert process.poll() == 7
         process.close()
-        found.append(json.loads(output.read_text()))
+        environments.append(json.loads(output.read_text()))
         assert (tmp_path / "err").read_text() == "an aside\n"
-    first, second = found
+    first, second = environments
     assert first["arguments"] == ["-x", "y z"]
     assert first["folder"] == str(tmp_path) not in first["path"]  # a file there would hide an installed package
     assert (first["mark"], first["threads_of_openmp"]) == ("set after the server was started", "3")
@@ -87,7 +87,7 @@ def test_worlds_of_forked_workers_are_those_of_started_ones(server: ForkServer, 
     assert is_running(cameras.pop())
 
 
-def test_many_episodes_leave_nothing_open(server: ForkServer, tmp_path: Path) -> None:
+def test_many_episodes_leave_no_process_and_no_descriptor_open(server: ForkServer, tmp_path: Path) -> None:
     def play() -> None:
         process, _ = started(server, tmp_path, "worlds")
         assert process.wait(600) == 0, (tmp_path / "err").read_text()
@@ -99,8 +99,8 @@ def test_many_episodes_leave_nothing_open(server: ForkServer, tmp_path: Path) ->
         play()
     assert open_descriptors() == ours
     at_rest = (1, {"[pidfd]": 1, "socket": 3})  # the camera process; its end, the listener of its end, and the caller
-    while (found := held(server.pid)) != at_rest:  # waits until the test's time limit if a descriptor stays open
-        assert found[0] >= 1
+    while (counts := held(server.pid)) != at_rest:  # waits until the test's time limit if a descriptor stays open
+        assert counts[0] >= 1
         time.sleep(0.02)
 
 
@@ -115,7 +115,7 @@ def held(pid: int) -> tuple[int, dict[str, int]]:
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
-def test_a_killed_module_takes_its_world_along_and_tells_its_end(
+def test_a_killed_module_ends_its_world_and_reports_its_signal(
     server: ForkServer, tmp_path: Path, number: signal.Signals
 ) -> None:
     process, output = started(server, tmp_path, "lingering")
@@ -132,15 +132,15 @@ def test_a_killed_module_takes_its_world_along_and_tells_its_end(
         assert again.wait(600) == -signal.SIGKILL
 
 
-def test_a_killed_world_is_told_as_ever(server: ForkServer, tmp_path: Path) -> None:
+def test_the_end_of_a_killed_world_is_reported_to_its_module(server: ForkServer, tmp_path: Path) -> None:
     process, output = started(server, tmp_path, "lingering")
     os.kill(json.loads(first_line(output))[0], signal.SIGKILL)
     assert process.wait(600) == 3
     assert output.read_text().splitlines()[1].startswith("the world process died (SIGKILL)")
 
 
-def test_a_stopped_world_goes_with_the_module_that_asked_for_it(server: ForkServer, tmp_path: Path) -> None:
-    """It cannot see the end of its socket; the server sees the end of who asked."""
+def test_a_stopped_world_ends_with_the_module_that_requested_it(server: ForkServer, tmp_path: Path) -> None:
+    """A stopped world cannot see the end of its socket; the server sees the end of the module."""
     process, output = started(server, tmp_path, "lingering")
     world, camera = json.loads(first_line(output))
     for pid in (world, camera):
@@ -150,17 +150,17 @@ def test_a_stopped_world_goes_with_the_module_that_asked_for_it(server: ForkServ
     await_gone([world])
 
 
-def test_a_killed_server_takes_everything_along(server: ForkServer, tmp_path: Path) -> None:
+def test_all_processes_end_with_a_killed_server(server: ForkServer, tmp_path: Path) -> None:
     process, output = started(server, tmp_path, "lingering")
     workers = json.loads(first_line(output))
     os.kill(server.pid, signal.SIGKILL)
     assert process.wait(600) == ForkedProcess.LOST
     await_gone([*workers, process.pid])
     with pytest.raises(InfrastructureError, match="the process that starts others has ended"):
-        started(server, tmp_path, "told")
+        started(server, tmp_path, "environment")
 
 
-def test_nobody_outlives_a_killed_caller(tmp_path: Path) -> None:
+def test_no_process_outlives_a_killed_caller(tmp_path: Path) -> None:
     code = f"""
         import sys
         sys.path.insert(0, {ROOT!r})
@@ -182,14 +182,14 @@ def test_nobody_outlives_a_killed_caller(tmp_path: Path) -> None:
     await_gone(pids)
 
 
-def test_what_a_terminal_sends_does_not_reach_it(server: ForkServer, tmp_path: Path) -> None:
+def test_an_interrupt_signal_does_not_end_the_server(server: ForkServer, tmp_path: Path) -> None:
     for _ in range(2):
-        process, _ = started(server, tmp_path, "told")
+        process, _ = started(server, tmp_path, "environment")
         assert process.wait(600) == 7
         os.kill(server.pid, signal.SIGINT)
 
 
-def test_with_a_second_thread_nothing_is_forked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_server_with_a_second_thread_forks_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(tmp_path))
     (tmp_path / "threaded.py").write_text(
         "import threading, time\nthreading.Thread(target=time.sleep, args=(600,)).start()"
@@ -198,13 +198,13 @@ def test_with_a_second_thread_nothing_is_forked(tmp_path: Path, monkeypatch: pyt
         ForkServer(["threaded"]) as server,
         pytest.raises(InfrastructureError, match="has ended, or cannot start more"),
     ):
-        started(server, tmp_path, "told")
+        started(server, tmp_path, "environment")
 
 
-def test_a_server_whose_caller_ends_while_it_imports_ends_without_a_word(
+def test_a_server_terminated_during_an_import_ends_without_output(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The bug: the signal of the caller's end met an import, and the exception of its handler a traceback."""
+    """Regression: the signal of the caller's end interrupted an import, and a traceback was printed."""
     (tmp_path / "lasting.py").write_text("import signal\nprint('importing', flush=True)\nsignal.pause()\n")
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), ROOT]))
     ends = socket.socketpair()
@@ -220,8 +220,8 @@ def test_a_server_whose_caller_ends_while_it_imports_ends_without_a_word(
         end.close()
 
 
-def test_the_signal_of_the_callers_end_breaks_off_no_ending() -> None:
-    """A second signal, and one that comes after the socket was closed, found the server at ending its forks."""
+def test_a_second_termination_signal_does_not_interrupt_the_shutdown() -> None:
+    """Regression: a second signal, or one after the socket was closed, interrupted the end of the forks."""
     before = signal.getsignal(signal.SIGTERM)
     try:
         with pytest.raises(fork_server._CallerEndedError):
@@ -232,7 +232,7 @@ def test_the_signal_of_the_callers_end_breaks_off_no_ending() -> None:
 
 
 @pytest.mark.parametrize(
-    ("raised", "said"),
+    ("raised", "last_line"),
     [
         (
             "OSError(5, 'Input/output error', 'a')",
@@ -242,7 +242,7 @@ def test_the_signal_of_the_callers_end_breaks_off_no_ending() -> None:
         ("ValueError('no')", "ValueError: no"),
     ],
 )
-def test_a_fork_that_cannot_begin_says_why(raised: str, said: str) -> None:
+def test_the_error_of_a_fork_that_cannot_begin_is_printed(raised: str, last_line: str) -> None:
     program = f"""
 from lingjing.errors import UsageError
 from lingjing.processes.becoming import end_after
@@ -252,7 +252,7 @@ end_after(work)
 """
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 1
-    assert done.stderr.splitlines()[-1] == said
+    assert done.stderr.splitlines()[-1] == last_line
     assert ("Traceback" in done.stderr) == raised.startswith("ValueError")
 
 

@@ -35,7 +35,7 @@ def started(client: ForkServerClient, function: str, layer: str = "") -> tuple[F
     return process, seen
 
 
-def test_a_process_of_a_layer_has_what_the_layer_has_imported(server: ForkServer) -> None:
+def test_a_process_of_a_layer_has_the_modules_that_the_layer_imported(server: ForkServer) -> None:
     with closing(server.client()) as client:
         seen = [started(client, "report", layer)[1] for layer in ("", "more", "more", "unknown")]
     assert [each["has_more"] for each in seen] == [False, True, True, False]
@@ -43,7 +43,7 @@ def test_a_process_of_a_layer_has_what_the_layer_has_imported(server: ForkServer
     assert seen[1]["parent"] == seen[2]["parent"] != server.pid
 
 
-def test_a_layer_has_what_was_called_before_it_and_what_is_called_in_layers(server: ForkServer) -> None:
+def test_a_layer_has_the_effects_of_earlier_calls_and_of_calls_in_layers(server: ForkServer) -> None:
     server.call(f"{FUNCTIONS}:note", "before")
     with closing(server.client()) as client:
         assert started(client, "report", "more")[1]["called"] == ["before"]
@@ -53,7 +53,7 @@ def test_a_layer_has_what_was_called_before_it_and_what_is_called_in_layers(serv
         assert started(client, "report")[1]["called"] == ["before", "here", "everywhere"]
 
 
-def test_a_killed_layer_takes_its_processes_along_and_another_takes_its_place(server: ForkServer) -> None:
+def test_a_killed_layer_ends_its_processes_and_is_replaced(server: ForkServer) -> None:
     with closing(server.client()) as client:
         process, first = started(client, "linger", "more")
         os.kill(first["parent"], signal.SIGKILL)
@@ -64,7 +64,7 @@ def test_a_killed_layer_takes_its_processes_along_and_another_takes_its_place(se
     assert is_running(server.pid)
 
 
-def test_a_killed_server_takes_its_layers_along(server: ForkServer) -> None:
+def test_layers_end_with_a_killed_server(server: ForkServer) -> None:
     with closing(server.client()) as client:
         _, seen = started(client, "linger", "more")
     os.kill(server.pid, signal.SIGKILL)

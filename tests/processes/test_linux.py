@@ -35,7 +35,7 @@ def calls(path: Path) -> Iterator[str]:
                 yield "fork"
 
 
-def test_forks_and_the_framing_of_messages_stand_in_one_package() -> None:
+def test_only_one_package_forks_and_frames_messages() -> None:
     files = [file for tree in ("lingjing", "agents/lingjing_agents") for file in (ROOT / tree).rglob("*.py")]
     elsewhere = {
         f"{file.relative_to(ROOT)}: {name}"
@@ -61,12 +61,12 @@ def test_a_process_with_a_second_thread_is_not_forked() -> None:
     assert caught.value.count >= 2
 
 
-def test_a_fork_answers_with_bytes_or_with_none_if_it_raises() -> None:
+def test_run_in_fork_returns_bytes_or_empty_bytes_after_an_exception() -> None:
     assert run_in_fork(lambda: b"answer") == b"answer"
     assert run_in_fork(lambda: bytes([1 // 0])) == b""
 
 
-def test_the_stream_of_random_goes_on_in_a_copy_that_keeps_it() -> None:
+def test_a_fork_continues_the_random_stream_only_if_requested() -> None:
     def drawn(keep: bool) -> bytes:
         assert thread_count() == 1  # a fork has the calling thread alone
         state = random.getstate()

@@ -14,7 +14,7 @@ class Pieces(OutputPipe):
         self.sizes.append(len(data))
 
 
-def test_the_end_of_the_output_stays_when_its_writers_are_gone() -> None:
+def test_the_tail_of_the_output_remains_after_its_writers_have_closed() -> None:
     reading, writing = os.pipe()
     tail = OutputTail(reading)
     for number in range(3000):
@@ -29,7 +29,7 @@ def test_the_end_of_the_output_stays_when_its_writers_are_gone() -> None:
     assert 16_384 <= len(tail.text()) < 17_000
 
 
-def test_a_writer_that_never_stops_does_not_hold_up_its_reader() -> None:
+def test_a_continuous_writer_does_not_block_its_reader() -> None:
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
     written = os.write(writing, bytes(65_536))

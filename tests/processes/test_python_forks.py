@@ -102,7 +102,7 @@ def test_episodes_have_the_digest_of_an_interpreter(tmp_path: Path) -> None:
     assert json.loads(fork.stdout)["digest"] == json.loads(true.stdout)["digest"]
 
 
-def test_a_worker_is_a_fork_unless_a_test_asks_for_an_interpreter() -> None:
+def test_a_worker_is_a_fork_unless_a_test_requests_an_interpreter() -> None:
     for is_true in (False, True):
         with true_starts() if is_true else forked_starts(), ForkServer(["json"]) as server:
             words = _command_line(server.pid)
@@ -116,7 +116,7 @@ def _command_line(pid: int) -> list[str]:
     return line.rstrip("\0").split("\0")
 
 
-def test_the_end_of_the_process_that_asked_ends_a_fork(tmp_path: Path) -> None:
+def test_a_fork_ends_with_the_process_that_requested_it(tmp_path: Path) -> None:
     code = (
         "import os, sys, time\nfrom tools.python_forks import run_python\n"
         "inner = 'import os, sys, time; print(os.getpid(), file=open(sys.argv[1], \"w\")); time.sleep(3600)'\n"

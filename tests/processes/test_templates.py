@@ -77,7 +77,7 @@ def test_without_a_template_the_server_starts_the_process(server: ForkServer, cl
     assert (seen["template"], seen["parent"], seen["argument"]) == (0, server.pid, "x")
 
 
-def test_a_killed_template_takes_its_processes_along_and_is_not_made_again(
+def test_a_killed_template_ends_its_processes_and_is_not_recreated(
     server: ForkServer, client: ForkServerClient
 ) -> None:
     process, seen = started(client, "linger")
