@@ -1,4 +1,4 @@
-"""A planted fault, and the state that a command leaves which met it."""
+"""A planted fault, and the state that a command with this fault leaves."""
 
 from __future__ import annotations
 

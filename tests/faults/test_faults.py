@@ -27,7 +27,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are w
 
 
 @pytest.mark.faults
-def test_two_thousand_planted_faults_end_as_they_should() -> None:
+def test_two_thousand_planted_faults_are_handled_correctly() -> None:
     done = planted("--cases", os.environ.get("FAULTS", "2000"), "--seed", os.environ.get("SEED", "1"), shown=True)
     assert done.returncode == 0, "the wrong cases are printed above"
 
@@ -40,7 +40,7 @@ def test_a_clock_in_2200_changes_nothing_but_the_date(tmp_path: Path, target: st
     assert trace.complete and trace.header.started_wall.startswith("2200-01-01")
 
 
-def test_a_case_is_played_again_by_its_line() -> None:
+def test_the_line_of_a_case_replays_it() -> None:
     case = Injection("trip", "open", "command/trace.container:__init__", 1, "ENOSPC")
     done = planted(*case.line.split()[3:])
     assert done.returncode == 0, done.stdout + done.stderr
@@ -116,7 +116,7 @@ WARNING = "warning: seed 0: 3 of 3 policy answers were replaced by doing nothing
         ({"digest": "wanted"}, "", None),
     ],
 )
-def test_a_loss_counts_where_output_report_and_trace_have_it(
+def test_lost_turns_are_accepted_only_if_output_report_and_trace_state_them(
     tmp_path: Path, lost: EpisodeReport, changes: dict[str, object], errors: str, fault: str | None
 ) -> None:
     output = msgspec.json.encode(msgspec.structs.replace(lost, **changes)).decode()
@@ -133,7 +133,7 @@ FULL_DISK = ("unshare", "--mount", "sh", "-c", 'mount -t tmpfs -o size=48k none 
     or subprocess.run(["unshare", "--mount", "true"], capture_output=True, check=False).returncode != 0,
     reason="mounting a small disk needs root",
 )
-def test_an_episode_on_a_full_disk_says_so(tmp_path: Path) -> None:
+def test_an_episode_on_a_full_disk_ends_with_an_error_and_a_hint(tmp_path: Path) -> None:
     here = Path(__file__).parent
     line = [*FULL_DISK, sys.executable, "-m", "lingjing.cli.main", "run", str(here / "trip.ljs"), "--no-overview"]
     line += ["--policy", f"{here / 'trip.py'}:Sail", "-o", "out"]

@@ -12,5 +12,5 @@ from tests.faults.planted import assert_all_end_well
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="processes are watched through /proc")
-def test_faults_of_episodes_in_one_process_end_as_they_should() -> None:
+def test_faults_of_episodes_in_one_process_are_handled_correctly() -> None:
     assert_all_end_well(90, "trip", "chat")

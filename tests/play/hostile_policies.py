@@ -1,4 +1,4 @@
-"""Policies that attack what they play in, one kind of attack each, for tests of their processes."""
+"""Policies that attack their own process and its host, one kind of attack each, for tests of policy processes."""
 
 import asyncio
 import ctypes

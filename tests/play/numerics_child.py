@@ -1,4 +1,4 @@
-"""Plays two short episodes and prints what came of them; a test starts it on several processors' terms.
+"""Plays two short episodes and prints their results. A test starts it with the settings of several processors.
 
 `numerics_child.py WORLD [unpinned]`: a dog, a van and a UAV with fixed commands, then a heuristic that reads pictures.
 """

@@ -1,4 +1,4 @@
-"""Episodes as coroutines: the same digests as `run`, two at a time, and an end of a cancelled one."""
+"""Episodes as coroutines: the digests of `run`, two episodes at a time, and the trace of a cancelled one."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.mark.usefixtures("workers_are_interpreters_once")
-async def test_two_episodes_at_a_time_are_those_of_run(tmp_path: Path) -> None:
+async def test_concurrent_episodes_have_the_digest_of_run(tmp_path: Path) -> None:
     mission = shortened("ssr", 3)
     alone = lingjing.run(mission, seed=1, policy="random", overview=False, out=tmp_path / "alone")
     beats = 0
@@ -60,7 +60,7 @@ async def test_a_cancelled_episode_closes_its_trace(tmp_path: Path) -> None:
     assert 0 < len(ticks) < 60
 
 
-async def test_errors_are_those_of_run() -> None:
+async def test_arun_raises_the_same_errors_as_run() -> None:
     with pytest.raises(UsageError, match="no mode 'loud'"):
         await lingjing.arun("ssr", mode="loud")
     with pytest.raises(TypeError, match="unexpected keyword argument 'speed'"):

@@ -1,4 +1,4 @@
-"""The reason for the end of an episode stands in its outcome, its result and the printed summary."""
+"""The reason for the end of an episode is in its outcome, its result and the printed summary."""
 
 from __future__ import annotations
 
@@ -35,16 +35,16 @@ mission raft "A raft" {
 """
 
 
-def test_a_success_at_the_start_is_said_and_one_that_never_holds_is_none(tmp_path: Path) -> None:
-    for most, reason, ticks, said in (("4 kg", "success", 0, (WON_AT_START,)), ("0 kg", "budget", 2, ())):
+def test_only_a_success_at_the_start_causes_a_warning(tmp_path: Path) -> None:
+    for most, reason, ticks, expected in (("4 kg", "success", 0, (WON_AT_START,)), ("0 kg", "budget", 2, ())):
         mission = compile_text(MISSION.replace("MOST", most)).mission
         assert mission is not None
         folder = tmp_path / most
         result = lingjing.run(mission, policy="random", out=folder, world="inline", overview=False)
         assert (result.reason, result.ticks) == (reason, ticks)
-        assert tuple(line for line in result.warnings if line == WON_AT_START) == said
+        assert tuple(line for line in result.warnings if line == WON_AT_START) == expected
         outcome = read_trace(result.trace).outcome
-        assert outcome is not None and outcome.detail == "".join(said)
+        assert outcome is not None and outcome.detail == "".join(expected)
 
 
 @pytest.mark.parametrize(

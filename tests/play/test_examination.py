@@ -95,7 +95,7 @@ def test_the_episodes_of_a_run_share_an_examination(policy: Path, tmp_path: Path
     assert digests[0] == digests[1]
 
 
-def test_an_examination_is_used_again_for_equal_options_alone(policy: Path, server: ForkServerClient) -> None:
+def test_an_examination_is_reused_only_for_equal_options(policy: Path, server: ForkServerClient) -> None:
     first = examined(policy, server, word="sesame")
     assert examined(policy, server, word="sesame") == first
     assert imports(policy.parent) == 1

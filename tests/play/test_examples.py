@@ -1,4 +1,4 @@
-"""Missions of `scenarios/examples`: the oracle wins them with what they show."""
+"""Missions of `scenarios/examples`: the oracle wins each with the feature that it demonstrates."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def played(name: str, folder: Path, seed: int = 0, policy: str = "oracle") -> Pl
 
 
 @pytest.mark.slow
-def test_a_post_counts_with_a_free_line_of_sight_and_a_battery_above_its_reserve(tmp_path: Path) -> None:
+def test_overwatch_is_won_with_a_line_of_sight_and_a_battery_above_its_reserve(tmp_path: Path) -> None:
     trace = played("overwatch", tmp_path).trace
     assert trace.outcome is not None and trace.outcome.success
     kinds = [event.kind for boundary in trace.boundaries for event in boundary.events]

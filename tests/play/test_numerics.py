@@ -40,7 +40,7 @@ PROCESSORS = (
 
 
 def python(*arguments: str, check: bool = True, **settings: str) -> subprocess.CompletedProcess[str]:
-    """A fresh process in which these settings decide what is chosen, and nothing that a test has set before."""
+    """Run Python with these settings, without the numeric settings of this process."""
     names = {*numerics.pins(), *settings, "GLIBC_TUNABLES"}
     environment = {name: value for name, value in os.environ.items() if name not in names} | settings
     return subprocess.run([sys.executable, *arguments], env=environment, capture_output=True, text=True, check=check)
@@ -67,21 +67,21 @@ needs_glibc = pytest.mark.skipif(
     "settings",
     [pytest.param(PROCESSORS[0], id="old"), pytest.param(PROCESSORS[1], id="new", marks=pytest.mark.thorough)],
 )
-def test_one_digest_on_every_processor(settings):
+def test_the_digest_is_the_same_on_every_processor(settings):
     """A dog, a van and a UAV with commands, and UAVs that look for what pictures show: the same to the last bit, and
     every process really ran the pinned code."""
     assert plain()["reasons"] == ["budget", "budget"]
-    found = played("process", **settings)
-    assert found == plain()
-    for processes in found["processes"]:
+    result = played("process", **settings)
+    assert result == plain()
+    for processes in result["processes"]:
         assert set(processes) == {"caller", "world", "camera"}
         for table in processes.values():
             assert table["numpy"] == "X86_V3"
-            blas = [said for name, said in table.items() if name.startswith("openblas")]
+            blas = [value for name, value in table.items() if name.startswith("openblas")]
             assert set(blas) == {"Haswell, 1 thread"}
-    heuristic = found["processes"][1]["caller"]
+    heuristic = result["processes"][1]["caller"]
     assert heuristic["opencv"] == "SSE4.1 SSE4.2 AVX FP16 AVX2, IPP AVX2"
-    assert found["withdrawn"] == [[], []]
+    assert result["withdrawn"] == [[], []]
 
 
 @needs_avx2
@@ -113,7 +113,7 @@ print(hashlib.sha256(value.tobytes()).hexdigest())
 
 
 @needs_avx2
-def test_without_the_pins_a_network_answers_otherwise():
+def test_without_pins_the_output_of_a_network_depends_on_the_processor():
     """The output of a perceptron of the dog's size in 32 bits differs in its last bit, which a walk amplifies.
 
     (The dog's own perceptron is summed in 64 bits, so that episodes of its engine do not differ.)
@@ -134,8 +134,8 @@ def test_without_the_pins_an_episode_has_another_digest():
     pinned, free = (played("process", "short", *more, **without_fma) for more in ((), ("unpinned",)))
     assert pinned["digests"] == plain()["digests"][:1]
     assert free["digests"] != pinned["digests"]
-    (said,) = pinned["withdrawn"]
-    assert said == ["caller: the C library computes without FMA"]
+    (withdrawn,) = pinned["withdrawn"]
+    assert withdrawn == ["caller: the C library computes without FMA"]
     assert {line.partition(":")[0] for line in free["withdrawn"][0]} == {"caller", "world", "camera"}
 
 
@@ -151,7 +151,7 @@ print(*result.withdrawn, *result.warnings, sep="\\n")
 
 
 @needs_avx2
-def test_the_promise_is_withdrawn_by_name_where_numpy_was_there_first(tmp_path):
+def test_an_import_of_numpy_before_the_pins_withdraws_the_promise_of_equal_digests(tmp_path):
     lines = python("-c", _NUMPY_FIRST, str(tmp_path / "run"), OPENBLAS_CORETYPE="Nehalem").stdout.splitlines()
     named = [line for line in lines if line.startswith("caller: openblas of numpy runs Nehalem, ")]
     assert len(named) == 1
@@ -160,7 +160,7 @@ def test_the_promise_is_withdrawn_by_name_where_numpy_was_there_first(tmp_path):
 
 
 @needs_avx2
-def test_pin_says_whether_it_came_in_time():
+def test_pin_returns_whether_it_took_effect_before_numpy():
     code = (
         "import lingjing; print(lingjing.pin()); import numpy; "
         "print(lingjing.pin(), lingjing.numerics.runtime_fingerprint())"
@@ -190,7 +190,7 @@ print(codes)
 
 
 @needs_avx2
-def test_the_stored_episode_comes_out_as_stored_and_another_is_reported_with_the_known_differences(tmp_path):
+def test_doctor_confirms_the_stored_digest_and_reports_differences_from_another(tmp_path):
     """Compare one episode with the stored digest, with another one and with a file that is missing."""
     stored = msgspec.json.decode(selfcheck.STORED.read_bytes(), type=selfcheck.Computed)
     other = msgspec.structs.replace(stored, digest="0" * 64, versions={**stored.versions, "mujoco": "2.9"})
@@ -209,7 +209,7 @@ def test_the_stored_episode_comes_out_as_stored_and_another_is_reported_with_the
     assert done.stdout.splitlines()[-1] == "[0, 3, 3]"
 
 
-def test_pins_name_only_what_the_processor_has():
+def test_pins_name_only_features_of_the_processor():
     """numpy warns of groups that are not there, OpenCV writes of them to standard error."""
     assert numerics.pins(AVX2)["NPY_DISABLE_CPU_FEATURES"] == numerics.pins(AVX2)["OPENCV_CPU_DISABLE"] == ""
     assert numerics.pins(SKYLAKE)["NPY_DISABLE_CPU_FEATURES"] == "X86_V4"
@@ -227,12 +227,12 @@ def numpy_version_anew():
     numerics._numpy_version.cache_clear()
 
 
-def test_numpy_before_its_groups_were_renamed(monkeypatch, numpy_version_anew):
+def test_pins_use_the_former_feature_names_for_numpy_1(monkeypatch, numpy_version_anew):
     monkeypatch.setattr(numerics, "_version", lambda name: "1.26.4")
     assert numerics.pins(SKYLAKE)["NPY_DISABLE_CPU_FEATURES"] == "AVX512F AVX512CD AVX512_SKX"
 
 
-def test_metadata_that_may_not_be_read_is_named(monkeypatch, numpy_version_anew):
+def test_unreadable_metadata_of_numpy_is_a_usage_error(monkeypatch, numpy_version_anew):
     """Python 3.11 returns None for it, Python from 3.12 on raises `KeyError`."""
     monkeypatch.setattr(numerics.importlib.metadata, "version", lambda name: None)
     with pytest.raises(UsageError, match="the metadata of the package `numpy` cannot be read"):
@@ -247,7 +247,7 @@ def test_metadata_that_may_not_be_read_is_named(monkeypatch, numpy_version_anew)
     assert "pip show -f numpy" in raised.value.hint
 
 
-def test_nothing_of_a_users_setting_is_left_in_a_worker():
+def test_the_environment_of_a_worker_overrides_numeric_settings_of_the_user():
     mine = {"OPENBLAS_CORETYPE": "Nehalem", "NPY_ENABLE_CPU_FEATURES": "X86_V4", "PATH": "/bin",
             "GLIBC_TUNABLES": "glibc.malloc.check=1:glibc.cpu.hwcaps=-FMA"}  # fmt: skip
     pinned = numerics.worker_environment(mine)
@@ -262,7 +262,7 @@ GOOD = {"processor": "avx2, fma", "libm": "fma", "numpy": "X86_V3", "openblas of
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "messages"),
     [
         ({}, ()),
         ({"opencv": "SSE4.1 AVX2, IPP AVX2"}, ()),
@@ -276,19 +276,19 @@ GOOD = {"processor": "avx2, fma", "libm": "fma", "numpy": "X86_V3", "openblas of
         ({"libm": "0123456789abcdef"}, ()),
     ],
 )
-def test_deviations_are_named(change, said):
-    assert numerics.deviations({**GOOD, **change}) == said
+def test_deviations_are_named(change, messages):
+    assert numerics.deviations({**GOOD, **change}) == messages
 
 
-def test_what_a_policy_puts_in_a_librarys_place_is_told(monkeypatch):
+def test_a_library_replaced_by_a_policy_is_reported(monkeypatch):
     monkeypatch.setitem(sys.modules, "cv2", object())
     table = numerics.runtime_fingerprint()
     assert table["opencv"] == "what cannot be told (AttributeError)"
-    assert any(said.startswith("OpenCV runs what cannot be told") for said in numerics.deviations(table))
+    assert any(message.startswith("OpenCV runs what cannot be told") for message in numerics.deviations(table))
 
 
 def test_another_library_than_openblas_is_named():
-    table = {name: said for name, said in GOOD.items() if not name.startswith("openblas")}
+    table = {name: value for name, value in GOOD.items() if not name.startswith("openblas")}
     assert numerics.deviations(table) == ("numpy computes with another library than OpenBLAS",)
     assert numerics.withdrawn({"caller": table, "world": GOOD}) == (
         "caller: numpy computes with another library than OpenBLAS",
@@ -303,6 +303,6 @@ print("lingjing.numerics" in sys.modules)
 """
 
 
-def test_a_check_loads_nothing_of_this():
+def test_validate_does_not_load_the_numerics_module():
     """`lingjing validate` plays nothing, and pins nothing."""
     assert python("-c", _VALIDATE, str(selfcheck.MISSION)).stdout.splitlines()[-1] == "False"

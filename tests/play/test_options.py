@@ -24,7 +24,7 @@ def test_python_takes_every_option_but_the_mission_by_name() -> None:
     assert set(Changes.__annotations__) | {"mission"} == set(PlayOptions.__struct_fields__)
 
 
-def test_options_travel_as_json() -> None:
+def test_options_round_trip_through_json() -> None:
     whole = PlayOptions(
         mission="ssr", policy="oracle", policies_for={"rescuer": "random"}, policy_args={"k": "v"}, seed=5,
         policy_seed=6, mode="star", settings={"uavs": 2.0}, world="inline", blank_pictures=True, overview=False,
@@ -48,7 +48,7 @@ def test_policies_given_as_objects_have_names_in_the_options() -> None:
 
 
 @pytest.mark.parametrize("name", ["policies_for", "policy_args", "engine_args", "settings"])
-def test_what_is_no_mapping_is_refused_with_what_is_due(name: str) -> None:
+def test_an_option_that_must_be_a_mapping_rejects_other_values(name: str) -> None:
     with pytest.raises(UsageError, match=f"{name}: an object is due, this is the number 3"):
         lingjing.run(EXAMPLE, **{name: 3})
 
@@ -69,10 +69,10 @@ def test_an_engine_that_lacks_a_required_option_is_refused_before_the_episode(tm
     assert not (tmp_path / "run").exists()
 
 
-def test_a_file_of_options_tells_all_its_faults() -> None:
-    with pytest.raises(UsageError) as told:
+def test_all_faults_of_an_options_file_are_reported() -> None:
+    with pytest.raises(UsageError) as caught:
         read_options(b'{"seed": -4, "polcy": "x", "world": "moon", "settings": {"uavs": "two"}}', "o.json")
-    assert str(told.value).splitlines() == [
+    assert str(caught.value).splitlines() == [
         "o.json: seed: at least 0 is due, this is -4",
         "o.json: settings.uavs: a number is due, this is the text 'two'",
         "o.json: world: inline or process is due, this is the text 'moon'",
@@ -84,16 +84,16 @@ def test_a_file_of_options_tells_all_its_faults() -> None:
         read_options(b"{", "o.json")
 
 
-def test_the_command_line_tells_all_its_faults(capsys: pytest.CaptureFixture[str]) -> None:
+def test_all_faults_of_the_command_line_are_reported(capsys: pytest.CaptureFixture[str]) -> None:
     wrong = ["--policy-for", "x", "--seed", "z", "--set", "a", "--set", "b", "--jobs", "0", "--policy-seed", "-1"]
     assert run_command(["run", "ssrx", *wrong]) == ExitCode.USAGE
-    said = capsys.readouterr().err
-    assert said.startswith("error: -j 0")
+    errors = capsys.readouterr().err
+    assert errors.startswith("error: -j 0")
     for fault in ("there is no mission `ssrx`", "--policy-for x", "--set a:", "--set b:", "`z` is not a seed"):
-        assert fault in said
+        assert fault in errors
 
 
-def test_the_command_line_counts_before_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_line_overrides_an_options_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "o.json"
     file.write_text('{"mission": "ssr", "mode": "single", "seed": 3}')
     assert run_command(["run", "--options", str(file)]) == ExitCode.USAGE
@@ -131,10 +131,10 @@ WRONG = {
 }
 
 
-def test_python_tells_the_faults_of_every_layer(tmp_path: Path) -> None:
-    with pytest.raises(UsageError) as told:
+def test_python_reports_the_faults_of_every_layer(tmp_path: Path) -> None:
+    with pytest.raises(UsageError) as caught:
         lingjing.run(EXAMPLE, out=tmp_path / "run", seed=-1, **WRONG)
-    lines = str(told.value).splitlines()
+    lines = str(caught.value).splitlines()
     assert len(lines) == len(FIVE_LAYERS) + 1 and lines[0] == "seed: at least 0 is due, this is -1"
     for fault in FIVE_LAYERS:
         assert any(fault in line for line in lines), fault
@@ -142,7 +142,7 @@ def test_python_tells_the_faults_of_every_layer(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("from_file", [True, False])
-def test_the_command_line_tells_the_faults_of_every_layer(
+def test_the_command_line_reports_the_faults_of_every_layer(
     from_file: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "o.json"
@@ -154,7 +154,7 @@ def test_the_command_line_tells_the_faults_of_every_layer(
     words = [] if from_file else [*words, "--evaluator", "judge"]
     common = ["--options", str(file), "-j", "none", "--world", "moon", "-o", str(tmp_path / "full")]
     assert run_command(["run", str(EXAMPLE), *common, *words]) == ExitCode.USAGE
-    said = capsys.readouterr().err
+    errors = capsys.readouterr().err
     others = (
         "there is no field 'sede'; did you mean 'seed'?",
         "-j none: must be a whole number",
@@ -162,29 +162,29 @@ def test_the_command_line_tells_the_faults_of_every_layer(
         "is not empty",
     )
     for fault in (*FIVE_LAYERS, *others):
-        assert fault in said
-    assert len(said.splitlines()) == len(FIVE_LAYERS) + len(others) + 1  # the last is the one hint for all options
+        assert fault in errors
+    assert len(errors.splitlines()) == len(FIVE_LAYERS) + len(others) + 1  # the last is the one hint for all options
 
 
 def test_a_faulty_mission_does_not_hide_the_faults_of_options(tmp_path: Path) -> None:
     mission = tmp_path / "m.ljs"
     mission.write_text("ljs 1\nmission m { goal 3 }\n")
-    with pytest.raises(UsageError) as told:
+    with pytest.raises(UsageError) as caught:
         lingjing.run(mission, policy="nobody", evaluators=["judge"])
     for fault in ("goal", "no policy is called `nobody`", "no evaluator is called `judge`"):
-        assert fault in str(told.value)
+        assert fault in str(caught.value)
 
 
-def test_what_only_follows_from_another_fault_is_not_told(tmp_path: Path) -> None:
-    """Its role is there in the mode that was meant, its option may be of the policy that was."""
-    with pytest.raises(UsageError) as told:
+def test_faults_that_follow_from_another_fault_are_not_reported(tmp_path: Path) -> None:
+    """The role may exist in the intended mode, and the option may belong to the intended policy."""
+    with pytest.raises(UsageError) as caught:
         lingjing.run(EXAMPLE, mode="sta", policies_for={"coordinator": "random"}, policy="nobody", policy_args={"a": 1})
-    lines = str(told.value).splitlines()
+    lines = str(caught.value).splitlines()
     assert len(lines) == 2
     assert "no mode 'sta'" in lines[0] and "no policy is called `nobody`" in lines[1]
 
 
-def test_swapped_pictures_leave_the_episode_as_it_is(tmp_path: Path) -> None:
+def test_swapped_pictures_do_not_change_the_digest(tmp_path: Path) -> None:
     """The second world plays the neighbouring seed beside it, and ends with it."""
     mission = write_mission(tmp_path, 1, 2, 600.0)
     digests = []

@@ -1,4 +1,4 @@
-"""Episodes that are forked from one process: those of fresh processes, bit for bit, and strangers to one another."""
+"""Episodes that are forked from one process: bit for bit equal to those of fresh processes, and isolated."""
 
 from __future__ import annotations
 
@@ -115,17 +115,17 @@ def processes() -> Iterator[EpisodeProcesses]:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("workers_are_interpreters_once")
-def test_forked_episodes_are_those_of_fresh_processes_and_know_nothing_of_one_another(
+def test_forked_episodes_equal_those_of_fresh_processes_and_are_isolated(
     processes: EpisodeProcesses, tmp_path: Path
 ) -> None:
-    given = tasks(tmp_path, player(tmp_path), (3, 4, 3))
-    played = {task.folder: report for task, report in processes.play(given, jobs=1)}
-    first, other, again = (played[task.folder] for task in given)
-    told = [(report.digest, report.frames_digest, report.reason) for report in (first, other, again)]
+    episodes = tasks(tmp_path, player(tmp_path), (3, 4, 3))
+    played = {task.folder: report for task, report in processes.play(episodes, jobs=1)}
+    first, other, again = (played[task.folder] for task in episodes)
+    results = [(report.digest, report.frames_digest, report.reason) for report in (first, other, again)]
     assert first.frames_digest
-    assert told[0] == told[2] != told[1]
+    assert results[0] == results[2] != results[1]
     assert first.withdrawn == ()
-    assert fresh(given[1]) == told[1]
+    assert fresh(episodes[1]) == results[1]
     assert not (tmp_path / "tainted").exists()
     users = sorted(len(path.read_text().split()) for path in tmp_path.glob("holder-*"))
     assert users == [1, 2], "the worlds of one instance are forks of one holder"
@@ -137,7 +137,7 @@ def test_forked_episodes_are_those_of_fresh_processes_and_know_nothing_of_one_an
     assert not servers & set(loaded), "a policy was loaded in the process that episodes are forked from"
 
 
-def test_what_an_episode_needs_is_there_before_the_fork(tmp_path: Path) -> None:
+def test_the_server_imports_and_prepares_everything_before_the_fork(tmp_path: Path) -> None:
     """The server imports and makes everything once, or each episode does: asyncio, protobuf and schemas took 0.15 s."""
     script = f"""
 import sys
@@ -163,8 +163,8 @@ except Begun:
     print(sorted(name for name in ours if not name.startswith("lingjing.kernel.world")))  # those are the workers'
     print(schema_text.cache_info().misses - made)
 """
-    told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert told.stdout.splitlines() == ["[]", "[]", "0"], told.stderr
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == ["[]", "[]", "0"], done.stderr
 
 
 @pytest.mark.usefixtures("workers_are_interpreters_once")
@@ -182,9 +182,9 @@ def test_a_killed_holder_is_an_abort_of_its_episode_and_the_next_has_a_world_of_
 
 
 @pytest.mark.usefixtures("workers_are_interpreters_once")
-def test_an_instance_that_comes_once_is_not_held(processes: EpisodeProcesses, tmp_path: Path) -> None:
-    given = [task._replace(repeated=False) for task in tasks(tmp_path, player(tmp_path), (5,))]
-    ((_, report),) = processes.play(given, jobs=1)
+def test_an_instance_that_is_played_once_has_no_holder(processes: EpisodeProcesses, tmp_path: Path) -> None:
+    episodes = [task._replace(repeated=False) for task in tasks(tmp_path, player(tmp_path), (5,))]
+    ((_, report),) = processes.play(episodes, jobs=1)
     assert report.reason == "budget"
     assert not list(tmp_path.glob("holder-*"))
 
@@ -203,7 +203,7 @@ def test_a_killed_server_is_an_abort_of_its_episode_and_the_next_is_played(tmp_p
     await_gone(servers)
 
 
-def test_the_error_of_a_child_has_its_words_and_its_hint_apart(tmp_path: Path) -> None:
+def test_the_error_of_a_child_keeps_message_and_hint_apart(tmp_path: Path) -> None:
     (task,) = tasks(tmp_path, "heuristic", (3,))
     wrong = task._replace(options=replace(task.options, calls="replay", calls_from="words\nhint: of a name"))
     with pytest.raises(UsageError) as caught:

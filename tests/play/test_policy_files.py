@@ -65,7 +65,7 @@ def test_a_class_in_a_file_is_a_policy_whose_name_has_no_folder(host, write) -> 
     assert build_policy(plugin, {"height": "120"}).height == 120.0
 
 
-def test_the_class_may_be_left_out_if_there_is_one(host, write) -> None:
+def test_the_class_may_be_omitted_if_the_file_has_only_one(host, write) -> None:
     assert load_policy(str(write(GOOD)), host).name == "mine.py:Scout"
     both = write(GOOD + GOOD.replace("Scout", "Other"))
     assert "Scout, Other" in refused(str(both), host).hint
@@ -76,7 +76,7 @@ def test_privileged_is_declared_by_the_class(host, write) -> None:
     assert load_policy(f"{write(text)}:Scout", host).privileged is True
 
 
-def test_what_a_class_declares_is_inherited(host, write) -> None:
+def test_declarations_of_a_class_are_inherited(host, write) -> None:
     """A policy that extends an oracle of one's own plays as an oracle, and takes the options of what it extends."""
     text = """
 from lingjing.plugins.options import PluginOptions
@@ -124,7 +124,7 @@ def test_a_missing_class_suggests_the_nearest(host, write) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("x = 1\nimport no_such_package_anywhere\n", "mine.py:2: ModuleNotFoundError"),
         ("x = 1\ny = 2\n\nclass Scout\n", "mine.py:4: expected ':'"),
@@ -132,8 +132,8 @@ def test_a_missing_class_suggests_the_nearest(host, write) -> None:
         ("raise SystemExit(3)\n", "mine.py:1: SystemExit"),
     ],
 )
-def test_a_fault_in_the_file_gives_its_line(host, write, text, said) -> None:
-    assert said in str(refused(f"{write(text)}:Scout", host))
+def test_a_fault_in_the_file_gives_its_line(host, write, text, message) -> None:
+    assert message in str(refused(f"{write(text)}:Scout", host))
 
 
 def test_bytes_that_are_no_text_are_refused(host, tmp_path) -> None:
@@ -142,7 +142,7 @@ def test_bytes_that_are_no_text_are_refused(host, tmp_path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("class Scout: ...\n", "no method `reset`"),
         (GOOD.replace("async def act", "async def perform"), "no method `act`"),
@@ -150,8 +150,8 @@ def test_bytes_that_are_no_text_are_refused(host, tmp_path) -> None:
         ("Scout = 3\n", "not a class"),
     ],
 )
-def test_a_class_without_the_two_methods_is_refused(host, write, text, said) -> None:
-    assert said in str(refused(f"{write(text)}:Scout", host))
+def test_a_class_without_the_two_methods_is_refused(host, write, text, message) -> None:
+    assert message in str(refused(f"{write(text)}:Scout", host))
 
 
 def test_arguments_that_the_policy_does_not_take_are_named(host, write) -> None:
@@ -200,22 +200,22 @@ def test_arguments_go_to_the_policies_that_take_them():
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("def lost(trace): return True\n1 / 0\n", "mine.py:2: ZeroDivisionError: division by zero"),
         ("def lost(trace: return True\n", "mine.py:1: "),
         ("def won(trace): return True\n", "` has no function `lost`"),
     ],
 )
-def test_a_mistake_in_a_file_with_a_function_is_told_with_its_line(write, text: str, said: str) -> None:
+def test_an_error_in_a_file_with_a_function_is_reported(write, text: str, message: str) -> None:
     path = write("def lost(trace): return trace > 2\n", "good.py")
     assert function_of(f"{path}:lost", "predicate")(3)
     with pytest.raises(UsageError) as caught:
         function_of(f"{write(text)}:lost", "predicate")
-    assert said in str(caught.value)
+    assert message in str(caught.value)
 
 
-def test_a_file_that_may_not_be_looked_at_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_without_read_permission_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuses(path: Path) -> bool:
         raise PermissionError(13, "Permission denied", str(path))
 

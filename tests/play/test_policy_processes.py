@@ -99,7 +99,7 @@ class Played:
     left: list[str]
 
     def of(self, attack: str) -> list[DecisionRecord]:
-        policies = {one.agent: one.policy.rpartition(":")[2] for one in self.trace.header.bindings}
+        policies = {binding.agent: binding.policy.rpartition(":")[2] for binding in self.trace.header.bindings}
         made = [record for boundary in self.trace.boundaries for record in boundary.decisions]
         return [record for record in made if policies[record.agent] == attack]
 
@@ -123,15 +123,15 @@ def marked(mark: str, **others: str) -> dict[str, str]:
 
 def marked_processes(mark: str) -> list[str]:
     """The command lines of processes that have inherited the mark."""
-    found = []
+    command_lines = []
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit() and int(entry.name) != os.getpid():
             try:
                 if mark.encode() in (entry / "environ").read_bytes():
-                    found.append((entry / "cmdline").read_text().replace("\0", " "))
+                    command_lines.append((entry / "cmdline").read_text().replace("\0", " "))
             except OSError:
                 continue
-    return found
+    return command_lines
 
 
 def play(folder: Path, attacks: Sequence[str], ticks: int, policy_s: float) -> Played:
@@ -155,7 +155,7 @@ def delayed(tmp_path_factory: pytest.TempPathFactory) -> Played:
 
 
 @pytest.mark.parametrize("attack", WORDS)
-def test_an_attack_costs_its_own_agent_the_turn_at_most(attacked: Played, attack: str) -> None:
+def test_an_attack_costs_at_most_the_turn_of_its_own_agent(attacked: Played, attack: str) -> None:
     reason, words = WORDS[attack]
     for record in attacked.of(attack):
         assert record.substituted == reason
@@ -175,7 +175,7 @@ def test_the_other_agents_are_unaffected(attacked: Played, delayed: Played) -> N
         assert thoughts == [f"turn {number} in {played.folder}" for number in (1, 2)]
 
 
-def test_the_episode_ends_with_its_trace_and_nothing_is_left(attacked: Played, delayed: Played) -> None:
+def test_an_attacked_episode_ends_with_a_complete_trace_and_no_process(attacked: Played, delayed: Played) -> None:
     for played in (attacked, delayed):
         assert played.code == 0
         assert played.trace.complete and played.trace.outcome is not None
@@ -183,7 +183,7 @@ def test_the_episode_ends_with_its_trace_and_nothing_is_left(attacked: Played, d
         assert played.left == []
 
 
-def test_what_policies_print_is_spelled_out_and_bounded(attacked: Played) -> None:
+def test_the_output_of_policies_is_escaped_and_limited(attacked: Played) -> None:
     assert "\x1b" not in attacked.errors
     assert "\\x1b[2Jyyy" in attacked.errors
     assert "bytes: the rest is left out]" in attacked.errors
@@ -276,7 +276,7 @@ def interrupted(folder: Path, attack: str) -> tuple[subprocess.Popen[str], str]:
 
 
 def _has_begun(part: Path) -> bool:
-    """True if the first boundary is written: from then on the policies are asked."""
+    """True if the first boundary is written: from then on the policies are called."""
     try:
         return bool(read_trace(part).boundaries)
     except LingjingError:
@@ -315,7 +315,7 @@ with ending_at_second_interrupt():
 
 
 def test_the_second_interrupt_ends_everything_at_once() -> None:
-    """Whatever the first one has begun; the same signal twice within a moment is one."""
+    """It does so whatever the first one has begun. Two equal signals within a moment may arrive as one."""
     mark = uuid.uuid4().hex
     process = subprocess.Popen([sys.executable, "-c", TWICE], env=marked(mark), stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None and process.stdout.readline() == "begun\n"
@@ -330,8 +330,8 @@ def test_the_second_interrupt_ends_everything_at_once() -> None:
     assert marked_processes(mark) == []
 
 
-def test_python_plays_in_its_own_process(tmp_path: Path) -> None:
-    """As `--world inline` does: what a policy does there is the caller's."""
+def test_run_in_python_plays_policies_in_the_process_of_the_caller(tmp_path: Path) -> None:
+    """As with `--world inline`, the policies act in the process of the caller."""
     seen = []
 
     class Here:
@@ -371,10 +371,10 @@ class Drawing:
     ],
     ids=["none", "own", "random", "numpy", "generator"],
 )
-def test_python_marks_the_use_of_a_global_generator(
+def test_run_in_python_reports_the_use_of_a_global_random_generator(
     draw: Callable[[], object], names: tuple[str, ...], tmp_path: Path
 ) -> None:
-    """And does not touch the caller's generators itself."""
+    """`run` itself does not draw from the generators of the caller."""
     mission = lingjing.compile(write_mission(tmp_path, 1, 1, 60.0))
     report = lingjing.run(mission, policy=lambda: Drawing(draw), out=tmp_path / "out", overview=False)
     outcome = read_trace(tmp_path / "out" / "trace.mcap").outcome
@@ -383,7 +383,7 @@ def test_python_marks_the_use_of_a_global_generator(
 
 
 @pytest.mark.parametrize("draw", [random.random, np.random.random])
-def test_python_marks_a_draw_while_a_policy_is_built(draw: Callable[[], float], tmp_path: Path) -> None:
+def test_run_in_python_reports_a_random_draw_while_a_policy_is_built(draw: Callable[[], float], tmp_path: Path) -> None:
     def build() -> Drawing:
         draw()
         return Drawing(lambda: None)
@@ -393,7 +393,9 @@ def test_python_marks_a_draw_while_a_policy_is_built(draw: Callable[[], float], 
     assert report.ambient_random == ("skipper[1]",)
 
 
-def test_a_folder_is_that_of_the_start_wherever_a_policy_goes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_output_folder_does_not_follow_a_policy_that_changes_the_working_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "start").mkdir()
     mission = lingjing.compile(write_mission(tmp_path, 1, 2, 60.0))
     monkeypatch.chdir(tmp_path / "start")
@@ -402,7 +404,7 @@ def test_a_folder_is_that_of_the_start_wherever_a_policy_goes(tmp_path: Path, mo
     assert read_trace(tmp_path / "start" / "out" / "trace.mcap").complete
 
 
-def test_a_generator_that_is_being_loaded_is_not_there_yet(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_partly_loaded_numpy_generator_does_not_count_as_a_draw(monkeypatch: pytest.MonkeyPatch) -> None:
     """numpy loads its generators when they are first used, perhaps in the thread of another policy."""
     monkeypatch.setitem(sys.modules, "numpy.random", ModuleType("numpy.random"))
     before = generator_states()

@@ -89,7 +89,7 @@ def test_notebooks_show_a_line_a_table_and_pictures() -> None:
 
 
 @pytest.mark.usefixtures("folder")
-def test_what_cannot_be_drawn_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_picture_that_cannot_be_drawn_is_replaced_by_its_error(monkeypatch: pytest.MonkeyPatch) -> None:
     def full(_: object) -> bytes:
         raise lingjing.UsageError("no space left on the device")
 
@@ -101,7 +101,7 @@ def test_what_cannot_be_drawn_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("folder")
-def test_an_episode_plays_inline_without_reaching_its_page() -> None:
+def test_an_inline_episode_is_isolated_from_its_page() -> None:
     html = lingjing.show("runs/first", height_px=300)._repr_html_()
     assert html.startswith('<iframe sandbox="allow-scripts" style="width:100%;height:300px;')
     assert 'srcdoc="&lt;!doctype' in html
@@ -117,7 +117,7 @@ def test_a_former_name_warns() -> None:
         assert lingjing.read_trace is lingjing.read  # type: ignore[attr-defined]
 
 
-def test_the_package_of_suites_can_be_called_in_any_order_of_imports() -> None:
+def test_lingjing_bench_is_callable_in_any_order_of_imports() -> None:
     assert callable(lingjing.bench)
     assert next(iter(inspect.signature(lingjing.bench).parameters)) == "suite"
     package = importlib.import_module("lingjing.bench.suite")  # sets the attribute `bench` to the package
