@@ -44,8 +44,8 @@ Capture = pytest.CaptureFixture[str]
 def test_the_joint_error_of_all_looks_is_five_per_cent() -> None:
     assert 0.0499 < pass_probability(PLAN, RATE) <= 0.05
     earlier = (PLAN[0], Look(PLAN[1].played - 1, PLAN[1].wins))
-    assert pass_probability(earlier, RATE) > 0.05, "the second look comes as early as it may"
-    assert pass_probability((PLAN[0], Look(153, 3)), RATE) > 0.07, "two looks that are valid alone are not together"
+    assert pass_probability(earlier, RATE) > 0.05, "the second look comes as early as the error allows"
+    assert pass_probability((PLAN[0], Look(153, 3)), RATE) > 0.07, "two looks can be valid alone and not together"
     assert pass_probability(PLAN, 0.0) == 1.0
 
 
@@ -105,10 +105,10 @@ def test_the_matrix_covers_every_column_and_its_classes_exist(plan: SuitePlan) -
     assert {cell.player.name for cell in plan.cells if cell.player.blank_pictures} == {
         "blind", "flooder", "event-reader", "clock-reader",
     }  # fmt: skip
-    assert all(cell.player.foreign for cell in plan.cells), "walls stand around them as around any entrant"
+    assert all(cell.player.foreign for cell in plan.cells), "adversaries run behind walls like any entrant"
 
 
-def test_hours_grow_with_pairs_and_looks() -> None:
+def test_hours_grow_with_looks_and_fall_with_jobs() -> None:
     first, least, most = hours(read_matrix(), PLAN, 3, 1)
     assert 0 < first < least < most
     assert hours(read_matrix(), PLAN, 3, 2) == (first / 2, least / 2, most / 2)
@@ -143,7 +143,7 @@ def seeds_of(run: AdversaryRun) -> list[tuple[str, int]]:
     return [(task.options.policy.rpartition(":")[2], task.options.seed) for task in run.run.executor.tasks]
 
 
-def test_the_worst_is_chosen_on_some_seeds_and_tested_on_others(run_of: RunOf) -> None:
+def test_the_worst_adversary_is_chosen_on_public_seeds_and_tested_on_fresh_seeds(run_of: RunOf) -> None:
     run = run_of(lambda name, seed: name == "Flooder" and seed == 0)
     run.select()
     assert (run.worst("upr-star") or run.cells[0]).player.name == "flooder"
@@ -157,14 +157,14 @@ def test_the_worst_is_chosen_on_some_seeds_and_tested_on_others(run_of: RunOf) -
     assert "| upr-star | flooder | 0 of 3 | passed | blind 0/2, flooder 1/2 |" in result_lines([result])
 
 
-def test_it_stops_with_the_win_that_fails_the_column_and_continues_after_an_interrupt(run_of: RunOf) -> None:
+def test_a_run_stops_when_the_column_has_failed_and_continues_after_an_interrupt(run_of: RunOf) -> None:
     def wins(name: str, seed: int) -> bool:
-        if seed == FIRST_FRESH + 2 and "pause" in mood:
-            mood.clear()
+        if seed == FIRST_FRESH + 2 and pauses:
+            pauses.clear()
             raise KeyboardInterrupt
         return name == "Flooder" and seed != FIRST_FRESH + 1
 
-    mood = ["pause"]
+    pauses = ["before the third fresh seed"]
     run = run_of(wins)
     run.select()
     with pytest.raises(KeyboardInterrupt):
@@ -179,7 +179,7 @@ def test_it_stops_with_the_win_that_fails_the_column_and_continues_after_an_inte
     assert (again.results()[0].won, again.results()[0].verdict) == (2, Verdict.FAILED)
 
 
-def test_an_episode_that_is_lost_counts_as_a_win(run_of: RunOf) -> None:
+def test_a_lost_episode_counts_as_a_win_of_the_adversary(run_of: RunOf) -> None:
     run = run_of(lambda name, seed: False)
     run.select()
     run.test()
@@ -189,7 +189,7 @@ def test_an_episode_that_is_lost_counts_as_a_win(run_of: RunOf) -> None:
     assert (run.results()[0].won, run.results()[0].verdict) == (1, Verdict.OPEN)
 
 
-def test_the_salt_is_secret_and_stays(tmp_path: Path) -> None:
+def test_the_salt_file_is_private_and_keeps_its_content(tmp_path: Path) -> None:
     file = make_salt(tmp_path)
     assert stat.S_IMODE(file.stat().st_mode) == 0o600
     before = file.read_text()
@@ -198,7 +198,7 @@ def test_the_salt_is_secret_and_stays(tmp_path: Path) -> None:
         make_salt(tmp_path / "absent")
 
 
-def test_a_salt_that_has_drawn_rows_is_not_made_anew(tmp_path: Path) -> None:
+def test_a_missing_salt_that_has_drawn_rows_is_not_replaced(tmp_path: Path) -> None:
     public, sealed = made_row(), msgspec.structs.replace(made_row(), split_sha256="ab" * 32)
     assert make_salt(tmp_path, [public]).exists()
     make_salt(tmp_path).unlink()
@@ -207,7 +207,7 @@ def test_a_salt_that_has_drawn_rows_is_not_made_anew(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_wrong_names_are_told() -> None:
+def test_unknown_names_and_empty_selections_are_usage_errors() -> None:
     with pytest.raises(UsageError, match="--columns upr: the matrix has no such name") as error:
         chosen(read_matrix(), ["upr"], [])
     assert "upr-star" in str(error.value.hint)
@@ -219,7 +219,7 @@ def test_wrong_names_are_told() -> None:
         chosen(read_matrix(), ["bi-single"], ["deaf"])
 
 
-def test_a_faulty_matrix_is_told(tmp_path: Path) -> None:
+def test_errors_of_a_matrix_are_reported(tmp_path: Path) -> None:
     file = tmp_path / "m.toml"
     file.write_text('suite = 1\nname = "m"\n[[adversaries]]\nname = "a"\npolicy = "a.b"\ncolumns = []\nguard = "g"\n')
     with pytest.raises(UsageError, match=r"adversaries\.0\.policy: .*adversaries\.0\.columns: "):
@@ -242,7 +242,7 @@ def test_the_command_prints_pairs_and_hours_and_plays_nothing(capsys: Capture) -
     ("options", "won", "code"),
     [(["--quick"], False, ExitCode.UNDECIDED), ([], True, ExitCode.MISSION), ([], False, ExitCode.OK)],
 )
-def test_the_exit_code_tells_the_verdict(
+def test_the_exit_code_depends_on_the_verdict(
     options: list[str], won: bool, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     executor = AnsweringExecutor(lambda task: answered(task, success=won, scr=1.0 if won else 0.0))

@@ -55,7 +55,7 @@ def named(agent: str, faculty: str, boundary: int | None = None) -> NamedFault:
 # -- the file
 
 
-def test_the_file_reads_back_in_one_order(tmp_path: Path) -> None:
+def test_the_planted_file_reads_back_and_has_a_fixed_order(tmp_path: Path) -> None:
     some = [episode("one", FAULT, seed=2), episode("none"), episode("two", FAULT, OTHER)]
     path = tmp_path / "planted.jsonl"
     path.write_bytes(encode_planted(some))
@@ -87,7 +87,7 @@ def test_a_setting_that_the_mission_does_not_have_is_named(tmp_path: Path, capsy
     assert read_planted(out) == ()
 
 
-def test_the_shipped_episodes_are_what_they_are_said_to_be() -> None:
+def test_the_shipped_episodes_match_their_kinds_and_the_shipped_file() -> None:
     suite, episodes = read_attribution_suite(SHIPPED)
     assert suite.name == "planted"
     assert len({planted.name for planted in episodes}) == len(episodes)
@@ -102,7 +102,7 @@ def test_the_shipped_episodes_are_what_they_are_said_to_be() -> None:
     assert encode_planted(episodes) == (SHIPPED.parent / suite.planted).read_bytes()
 
 
-def test_it_is_no_suite_of_the_usual_form(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_planted_suite_is_not_among_the_ordinary_suites(capsys: pytest.CaptureFixture[str]) -> None:
     assert attribution_suites() == ("planted",)
     assert "planted" not in shipped_suites()
     assert run_command(["bench", "list"]) == ExitCode.OK
@@ -131,7 +131,7 @@ def test_agent_and_faculty_must_both_be_right() -> None:
     assert not answer(both, named("skipper", "execution")).names_all
 
 
-def test_the_table_by_hand() -> None:
+def test_the_tables_match_a_count_by_hand() -> None:
     rows = [
         answer(episode("one", FAULT, seed=1), named("scout[1]", "perception", 8)),
         answer(episode("one", FAULT, seed=2), named("scout[1]", "perception", 9)),
@@ -182,12 +182,14 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> EpisodeReport:
     )  # fmt: skip
 
 
-def test_labels_are_not_in_what_a_method_gets(report: EpisodeReport, tmp_path: Path) -> None:
+def test_a_method_that_only_reads_receives_no_labels_and_its_answers_are_kept(
+    report: EpisodeReport, tmp_path: Path
+) -> None:
     seen: dict[str, object] = {}
     beside: dict[str, set[str]] = {}
     whole = read_trace(report.trace)
 
-    def looks(name: str) -> AttributionMethod:
+    def reader(name: str) -> AttributionMethod:
         def ask(trace: Trace) -> list[NamedFault]:
             seen[name] = trace.header.bindings[0].arguments
             assert read_trace(trace.path).header == trace.header
@@ -201,12 +203,12 @@ def test_labels_are_not_in_what_a_method_gets(report: EpisodeReport, tmp_path: P
     def raises(trace: Trace) -> list[NamedFault]:
         raise RuntimeError("no idea")
 
-    methods = {"reads": looks("reads"), "again": looks("again"), "raises": AttributionMethod(raises)}
+    methods = {"reads": reader("reads"), "again": reader("again"), "raises": AttributionMethod(raises)}
     planted = msgspec.structs.replace(episode("one", OTHER), digest=report.digest)
     other = msgspec.structs.replace(planted, seed=2, digest="another")
     executor = Stored(report)
     left = tmp_path / "out" / "episode-0"
-    left.mkdir(parents=True)  # by a command that was killed
+    left.mkdir(parents=True)  # a folder that a killed command has left
     rows = AttributionRun(tmp_path / "out", methods, executor, lambda line: None).run([planted, other])
     assert seen["reads"] == {}
     assert beside["reads"] == {"trace.mcap"}
@@ -220,7 +222,9 @@ def test_labels_are_not_in_what_a_method_gets(report: EpisodeReport, tmp_path: P
     assert executor.played == 2  # answers are kept
 
 
-def test_an_episode_that_was_cut_short_is_not_counted_and_played_again(report: EpisodeReport, tmp_path: Path) -> None:
+def test_an_episode_that_was_cut_short_is_not_counted_and_is_played_again(
+    report: EpisodeReport, tmp_path: Path
+) -> None:
     planted = msgspec.structs.replace(episode("one", OTHER), digest=report.digest)
     methods = {"one": AttributionMethod(lambda trace: [named("skipper[1]", "execution", 2)])}
     lost = Stored(msgspec.structs.replace(report, reason="infrastructure-abort", digest=""))
@@ -235,12 +239,12 @@ def test_an_episode_that_was_cut_short_is_not_counted_and_played_again(report: E
         assert row.standing == "answered"
 
 
-def test_a_mission_that_is_not_among_the_planted_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_mission_without_planted_episodes_is_a_usage_error(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["bench", "planted", "--check", "--missions", "ssx"]) == ExitCode.USAGE
     assert "no episode of the suite matches" in capsys.readouterr().err
 
 
-def test_a_method_in_a_file(tmp_path: Path) -> None:
+def test_a_method_is_loaded_from_a_file_and_wrong_names_are_usage_errors(tmp_path: Path) -> None:
     path = tmp_path / "mine.py"
     path.write_text("def first(trace):\n    return [('a', 'handoff', 4), ('b', 'routing', None)]\n")
     method = find_method(f"{path}:first")
@@ -252,7 +256,7 @@ def test_a_method_in_a_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_occasions_are_where_faculties_were_used(tmp_path: Path) -> None:
+def test_occasions_are_faults_at_used_faculties_and_such_a_fault_changes_the_episode(tmp_path: Path) -> None:
     place = tmp_path / "whole"
     harbour = Path(__file__).parents[1] / "causal" / "shrink" / "harbour.ljs"
     settings = {"people": 1.0, "boats": 1.0}
@@ -269,7 +273,7 @@ def test_occasions_are_where_faculties_were_used(tmp_path: Path) -> None:
     assert first_change(whole, whole) == (None, ())
 
 
-def test_what_was_not_played_is_left_out(tmp_path: Path) -> None:
+def test_planting_without_plays_gives_no_episodes_and_tolerates_a_truncated_log(tmp_path: Path) -> None:
     (tmp_path / "tried.jsonl").write_bytes(b'{"cut')
     plan = PlantingPlan("oracle", [1], plays=0)
     column = next(item for item in columns(shipped_missions()) if item.name == "ssr-star")
@@ -297,7 +301,7 @@ class Lost:
             yield task, msgspec.structs.replace(self.report, success=not faults, digest=f"{drawn} {faults}")
 
 
-def test_decoys_are_made_of_several_seeds_and_no_episode_twice(
+def test_planted_episodes_come_from_several_seeds_and_none_is_planted_twice(
     report: EpisodeReport, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     executor = Lost(report)
@@ -315,7 +319,9 @@ def test_decoys_are_made_of_several_seeds_and_no_episode_twice(
 
 @pytest.mark.study
 @pytest.mark.parametrize("planted", read_planted(SHIPPED.with_name("planted.jsonl")), ids=lambda item: item.name)
-def test_each_shipped_episode_is_lost_with_its_fault_and_won_without(planted: PlantedEpisode, tmp_path: Path) -> None:
+def test_each_shipped_episode_ends_as_stored_and_is_won_without_its_faults(
+    planted: PlantedEpisode, tmp_path: Path
+) -> None:
     options = msgspec.structs.asdict(planted.options())
     with_fault = run(options.pop("mission"), out=tmp_path / "given", **options)
     digest = last_digest(read_trace(with_fault.trace), planted.digest_version)

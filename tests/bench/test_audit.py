@@ -205,7 +205,7 @@ def lingjing_policies():
 """A plug-in with a policy that does nothing, and a module that patches the evaluator."""
 
 
-def test_a_plugin_that_patches_the_evaluator_is_kept_out_and_found(
+def test_walls_stop_a_plugin_that_patches_the_evaluator_and_an_audit_detects_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     site = tmp_path / "site"
@@ -241,7 +241,7 @@ def test_a_plugin_that_patches_the_evaluator_is_kept_out_and_found(
     assert audited(tmp_path / "walled", capsys)[0] == ExitCode.OK
 
 
-def test_marks_follow_the_rows_and_edits_lose_them(
+def test_audit_marks_survive_a_merge_and_edited_rows_lose_them(
     results: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert audited(results, capsys)[0] == ExitCode.OK
@@ -256,25 +256,27 @@ def test_marks_follow_the_rows_and_edits_lose_them(
     assert "audited: 3 of 6 rows" in page and "idle §" in page
 
 
-def test_a_damaged_audit_is_one_message(results: Path) -> None:
+def test_a_damaged_audit_file_gives_one_error_message(results: Path) -> None:
     audit_file(results).write_text("{")
     with pytest.raises(UsageError, match="cannot read the audit"):
         read_audit(results)
 
 
 @pytest.mark.parametrize("share", ["0.01", "0", "2"])
-def test_a_sample_has_at_least_a_twentieth(results: Path, share: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_share_below_a_twentieth_or_above_one_is_a_usage_error(
+    results: Path, share: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert run_command(["bench", "audit", str(results), "--share", share]) == ExitCode.USAGE
     assert "must be between 0.05 and 1" in capsys.readouterr().err
 
 
-def test_the_sample_is_at_least_a_twentieth_and_one() -> None:
+def test_the_sample_has_at_least_a_twentieth_of_the_rows_and_at_least_one_row() -> None:
     auditor = Auditor(Path(), "code", seed=3)
     for count, drawn in ((1, 1), (6, 1), (20, 1), (21, 2), (100, 5)):
         assert len(auditor._sample([made_row(seed=seed) for seed in range(count)])) == drawn
 
 
-def test_a_success_without_all_subtasks_is_refused_everywhere() -> None:
+def test_a_success_without_all_subtasks_is_rejected_by_row_checks_and_by_merging() -> None:
     row = made_row(success=True, scr=0.5)
     assert list(row_faults(row)) == ["it counts as a success with a subtask completion rate of 0.50"]
     with pytest.raises(UsageError, match=r"the row of .* is refused: it counts as a success"):
@@ -283,13 +285,13 @@ def test_a_success_without_all_subtasks_is_refused_everywhere() -> None:
     assert list(row_faults(other)) == [], "another evaluator may have its own idea of success"
 
 
-def test_versions_of_the_benchmark_stay_apart() -> None:
+def test_rows_of_two_benchmark_versions_cannot_be_merged() -> None:
     rows = [made_row(seed=0, benchmark="a"), made_row(seed=1, benchmark="b")]
     with pytest.raises(UsageError, match="the results have more than one version of the benchmark"):
         merge_rows([(Path("a"), row) for row in rows], other_code=True)
 
 
-def test_the_version_follows_missions_and_nothing_around_them(tmp_path: Path) -> None:
+def test_the_benchmark_version_changes_with_the_text_of_a_mission(tmp_path: Path) -> None:
     mission = tmp_path / "trip.ljs"
     mission.write_text(TRIP)
     first = benchmark_version([mission])
@@ -298,7 +300,7 @@ def test_the_version_follows_missions_and_nothing_around_them(tmp_path: Path) ->
     assert benchmark_version([mission]) != first
 
 
-def test_comments_and_docstrings_are_no_part_of_the_version() -> None:
+def test_comments_and_docstrings_do_not_change_the_benchmark_version() -> None:
     from lingjing.bench.version import _meaning
 
     plain = b"def judge(a):\n    return a > 1\n"
@@ -323,7 +325,7 @@ def test_an_edit_changes_the_hash_of_a_row() -> None:
     assert row_sha256(row) != row_sha256(msgspec.structs.replace(row, wall_s=row.wall_s + 1))
 
 
-def test_the_hash_of_the_code_follows_each_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_hash_of_the_code_changes_with_each_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A file is changed without another size, added, renamed and removed; compiled files and data do not count."""
     monkeypatch.setattr(lingjing, "__path__", [str(tmp_path)])
     (tmp_path / "part").mkdir()

@@ -15,7 +15,7 @@ from tests.play.report_kit import made_report
 
 
 @pytest.mark.slow
-def test_a_small_suite_is_played_for_real(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_small_suite_is_played_with_real_engines(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     suite = tmp_path / "small.toml"
     suite.write_text(SMALL.replace('"bi", "cd"', '"trip.ljs", "tour.ljs"').replace("seeds = 2", "seeds = [3]"))
     (tmp_path / "trip.ljs").write_text(TRIP)
@@ -84,7 +84,7 @@ def test_a_policy_that_ends_its_process_loses_its_turns(tmp_path: Path, capsys: 
         (("table", "."), "`.` holds no results of a suite"),
     ],
 )
-def test_nonsense_is_a_usage_error(
+def test_wrong_arguments_are_usage_errors(
     arguments: tuple[str, ...], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
@@ -105,7 +105,7 @@ def test_the_word_play_may_be_left_out_and_help_names_the_actions(capsys: pytest
     assert "reference" in capsys.readouterr().out
 
 
-def test_a_check_of_a_part_tells_the_episodes_of_that_part(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_check_of_a_shard_reports_the_episodes_of_that_shard(capsys: pytest.CaptureFixture[str]) -> None:
     counts = []
     for part in ("1/3", "2/3", "3/3"):
         assert (
@@ -117,7 +117,7 @@ def test_a_check_of_a_part_tells_the_episodes_of_that_part(capsys: pytest.Captur
     assert sum(counts) == 28 and max(counts) < 28
 
 
-def test_a_suite_with_lost_episodes_says_why(capsys: pytest.CaptureFixture[str]) -> None:
+def test_lost_episodes_are_reported_with_the_reason_of_the_first(capsys: pytest.CaptureFixture[str]) -> None:
     report = made_report(mission="ssr", mode="star", seed=7, detail="the camera died", hint="see `dmesg`")
     rows = [made_row(standing="lost", report=report), made_row(standing="lost", report=made_report(seed=8))]
     assert report_lost(rows) == 3
@@ -126,7 +126,7 @@ def test_a_suite_with_lost_episodes_says_why(capsys: pytest.CaptureFixture[str])
     assert report_lost([]) == 0
 
 
-def test_a_model_takes_the_place_of_the_entrants_under_the_suites_options(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_model_replaces_the_entrants_and_uses_the_options_of_the_suite(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["bench", "main-lite", "--models", "qwen3-vl-8b", "--check"]) == 0
     errors = capsys.readouterr().err
     assert "1 entrant in 5 columns, 30 seeds: 150 episodes" in errors

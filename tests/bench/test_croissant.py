@@ -84,7 +84,7 @@ def test_mlcroissant_loads_the_frames(written: Path) -> None:
     ("places", "message"), [(["nowhere"], "holds no results.parquet"), (["results", "results"], "describes one")]
 )
 @pytest.mark.slow
-def test_what_has_no_card(
+def test_a_croissant_card_needs_exactly_one_results_folder(
     results: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], places: list[str], message: str
 ) -> None:
     monkeypatch.chdir(results.parent)

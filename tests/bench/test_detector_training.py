@@ -28,7 +28,7 @@ def tool() -> ModuleType:
     return module
 
 
-def test_the_gradients_are_those_of_the_loss(tool: ModuleType) -> None:
+def test_the_gradients_match_finite_differences_of_the_loss(tool: ModuleType) -> None:
     dice = np.random.Generator(np.random.PCG64(1))
     student = tool.Student(dice)
     pictures = dice.integers(0, 256, (2, 24, 24, 3)).astype(np.uint8)
@@ -95,6 +95,6 @@ def test_the_same_set_gives_the_same_bytes(tool: ModuleType, tmp_path: Path) -> 
     write_set(tmp_path / "set", [class_set(frames, FIRE, 0.2)], {f.name: pictures[f.tick] for f in frames}.__getitem__)
     reports = [tool.train_class(tmp_path / "set", FIRE, 3, tmp_path / name) for name in ("one", "two")]
     assert reports[0] == reports[1]
-    item, two = ((tmp_path / name / f"{FIRE}.npz").read_bytes() for name in ("one", "two"))
-    assert item == two
+    first, second = ((tmp_path / name / f"{FIRE}.npz").read_bytes() for name in ("one", "two"))
+    assert first == second
     assert reports[0]["frames"] == 4 and reports[0]["seeds"] == [2000, 2001]

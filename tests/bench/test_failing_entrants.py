@@ -118,7 +118,7 @@ DETAILS = {
     "ResetBlames": r"the policy of `skipper` failed in `reset`: InfrastructureError: the network is gone",
     "SecondImport": r"policy `.*second.py` could not be loaded: its process ended \(exit code 6\)",
 }
-"""The entrants that keep their episodes from beginning, and the details of their rows."""
+"""The entrants that prevent the start of their episodes, and the details of their rows."""
 
 
 @pytest.fixture
@@ -251,7 +251,7 @@ class Stops(Strikes):
 STRIKES = ("Interrupts", "InterruptsEarly", "Kills", "KillsWorld")
 
 
-def test_who_ends_its_own_episode_gains_no_second_try(folder: Path) -> None:
+def test_an_entrant_that_ends_its_own_episode_gains_nothing_by_the_second_try(folder: Path) -> None:
     """Each episode is played again, none is left out, and the worst case counts the second try as a failure."""
     (folder / "striking.py").write_text(STRIKING)
     suite = 'suite = 1\nname = "trips"\nmissions = ["trip.ljs"]\nseeds = 1\n'
@@ -299,7 +299,7 @@ mark.touch()
 """
 
 
-def test_an_entrant_is_marked_by_each_policy_that_sees_the_truth(folder: Path) -> None:
+def test_an_entrant_with_any_policy_that_sees_the_truth_is_marked_as_privileged(folder: Path) -> None:
     """Also by a policy for a single role, and by one that declares it after the suite was read."""
     (folder / "later.py").write_text(LATER_PRIVILEGED)
     (folder / "suite.toml").write_text(
@@ -317,7 +317,7 @@ def _ending(row: SuiteRow) -> tuple[str, bool]:
     return row.report.reason, row.report.success
 
 
-def test_a_file_that_only_ever_fails_is_told_before_anything_is_played(
+def test_a_policy_file_that_cannot_be_loaded_is_reported_before_any_episode(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (folder / "read").touch()
@@ -329,7 +329,9 @@ def test_a_file_that_only_ever_fails_is_told_before_anything_is_played(
     assert not (folder / "out").exists()
 
 
-def test_of_several_seeds_one_that_does_not_begin_is_lost(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_later_seed_that_does_not_begin_is_lost_and_the_other_seeds_count(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     command = ["run", "trip.ljs", "--policy", "entrants.py:SecondReset", "--no-overview"]
     assert run_command([*command, "--seeds", "1-2", "-o", "out"]) == ExitCode.USAGE
     shown = capsys.readouterr()

@@ -22,7 +22,7 @@ from tests.bench.frame_kit import POSE, made_frame
 PERSON = "person_in_water"
 BOX = (0.25, 0.25, 0.5, 0.75)
 SCENE = {1: BOX, 2: BOX, 3: None, 4: None}
-"""Frames by number: where a target is, if one is."""
+"""The box of the target in each frame by number; None for a frame without a target."""
 
 
 def drawn(number: int, *, photo: bool = False, box: tuple[float, float, float, float] | None = BOX) -> np.ndarray:
@@ -82,7 +82,7 @@ def good() -> dict[str, np.ndarray | bytes]:
     return {f"e{n}": drawn(n, photo=True, box=box) for n, box in SCENE.items()}
 
 
-def test_edits_that_keep_what_is_there_become_twins(made: Path) -> None:
+def test_edits_that_keep_the_scene_become_twins(made: Path) -> None:
     assert refused(made, **good()) == {}
     twins = read_twins(made.parent / "twins")
     assert len(twins.taken) == 4
@@ -98,20 +98,20 @@ def test_edits_that_keep_what_is_there_become_twins(made: Path) -> None:
         ({"e3": np.random.default_rng(5).integers(0, 255, (48, 64, 3)).astype(np.uint8)}, {3: "view"}),
     ],
 )
-def test_edits_that_changed_more_than_the_looks_are_refused_with_the_reason(
+def test_edits_that_change_more_than_the_appearance_are_rejected_with_the_reason(
     made: Path, edited: dict[str, np.ndarray | bytes], reasons: dict[int, str]
 ) -> None:
     assert refused(made, **{**good(), **edited}) == reasons
 
 
-def test_an_edit_that_changed_nothing_and_one_that_is_not_there_are_refused(made: Path) -> None:
+def test_unchanged_and_missing_edits_are_rejected(made: Path) -> None:
     from lingjing.testing import decode_jpeg
 
     same = decode_jpeg(encode_jpeg(drawn(1)))
     assert refused(made, **{**good(), "e1": same, "e3": None}) == {1: "unchanged", 3: "missing"}  # type: ignore[arg-type]
 
 
-def test_a_list_of_rejections_counts_with_its_reasons_and_must_name_frames(made: Path, capsys) -> None:  # type: ignore[no-untyped-def]
+def test_a_list_of_rejections_is_applied_with_its_reasons_and_must_name_frames_of_the_set(made: Path, capsys) -> None:  # type: ignore[no-untyped-def]
     folder = edit(made, {n: drawn(n, photo=True, box=box) for n, box in SCENE.items()})
     name = read_class(made, PERSON)[0].frame.name
     listed = made.parent / "refused.csv"
@@ -127,7 +127,7 @@ def test_a_list_of_rejections_counts_with_its_reasons_and_must_name_frames(made:
     assert not (made.parent / "more").exists()
 
 
-def test_a_twin_that_has_changed_since_is_told(made: Path) -> None:
+def test_a_changed_twin_and_a_wrong_file_of_twins_are_reported(made: Path) -> None:
     refused(made, **good())
     folder = made.parent / "twins"
     twin = read_twins(folder).taken[0]
@@ -139,15 +139,15 @@ def test_a_twin_that_has_changed_since_is_told(made: Path) -> None:
         read_twins(folder)
 
 
-def said(n: int, truth: bool, frame: bool, twin: bool | None = None) -> ProbedFrame:
+def probed_frame(n: int, truth: bool, frame: bool, twin: bool | None = None) -> ProbedFrame:
     return ProbedFrame(detector="d", cls=PERSON, name=str(n), truth=truth, said=frame, twin_said=twin)
 
 
-def test_f1_is_counted_as_the_paper_says() -> None:
+def test_f1_is_computed_from_confusion_counts_as_in_the_paper() -> None:
     """Frames: TP 3, FN 1, FP 1, TN 3 → 6/8. Twins: TP 1, FN 3, FP 0, TN 4 → 2/5."""
     answers = [
-        *(said(n, True, n < 3, n < 1) for n in range(4)),
-        *(said(n, False, n == 4, False) for n in range(4, 8)),
+        *(probed_frame(n, True, n < 3, n < 1) for n in range(4)),
+        *(probed_frame(n, False, n == 4, False) for n in range(4, 8)),
     ]
     cell = probe_cell(answers)
     assert cell.frames == Confusion(true_positives=3, false_positives=1, false_negatives=1, true_negatives=3)
@@ -158,13 +158,13 @@ def test_f1_is_counted_as_the_paper_says() -> None:
     assert cell.f1_bounds.low < 6 / 8 < cell.f1_bounds.high
 
 
-def test_only_pairs_count_where_there_are_twins() -> None:
-    cell = probe_cell([said(1, True, True, True), said(2, True, False, None)])
+def test_only_frames_with_a_twin_count_if_there_are_twins() -> None:
+    cell = probe_cell([probed_frame(1, True, True, True), probed_frame(2, True, False, None)])
     assert (cell.pairs, cell.counted, cell.f1, cell.twin_f1, cell.difference) == (1, 1, 1.0, 1.0, 0.0)
 
 
-def test_without_twins_there_is_no_difference_and_over_nothing_no_f1() -> None:
-    cell = probe_cell([said(1, False, False)])
+def test_the_difference_is_absent_without_twins_and_f1_is_absent_without_positives() -> None:
+    cell = probe_cell([probed_frame(1, False, False)])
     assert (cell.pairs, cell.f1, cell.twins, cell.difference) == (0, None, None, None)
     assert math.isnan(cell.f1_bounds.low)
     (line,) = probe_table([cell]).lines
@@ -188,7 +188,7 @@ class Bright:
         return FrameAnswer(yes, ((0.25, 0.25, 0.5, 0.75), (0.0, 0.0, 0.1, 0.1)) if yes else ())
 
 
-def test_a_detector_is_asked_of_frames_and_twins_and_its_boxes_are_judged(made: Path) -> None:
+def test_a_detector_answers_frames_and_twins_and_its_boxes_are_scored(made: Path) -> None:
     edits = good() | {"e2": drawn(2, photo=True) // 8}
     refused(made, **edits)
     folder = made.parent / "twins"
@@ -203,7 +203,7 @@ def test_a_detector_is_asked_of_frames_and_twins_and_its_boxes_are_judged(made: 
     assert (cell.precision, cell.recall, cell.unanswered) == (0.5, 1.0, 1)
 
 
-def test_the_verb_asks_the_shipped_detectors_and_writes_what_they_said(made: Path, tmp_path: Path, capsys) -> None:  # type: ignore[no-untyped-def]
+def test_the_command_runs_a_shipped_detector_and_writes_its_answers(made: Path, tmp_path: Path, capsys) -> None:  # type: ignore[no-untyped-def]
     out = tmp_path / "probe"
     assert run_command(["frames", "probe", str(made), "--detector", "colours", "-o", str(out)]) == ExitCode.OK
     assert "| colours |" in capsys.readouterr().out
@@ -227,6 +227,6 @@ def test_the_verb_asks_the_shipped_detectors_and_writes_what_they_said(made: Pat
         (["--twins", "."], "holds no twins"),
     ],
 )
-def test_what_the_probe_refuses(made: Path, capsys, options: list[str], message: str) -> None:  # type: ignore[no-untyped-def]
+def test_wrong_probe_options_are_usage_errors(made: Path, capsys, options: list[str], message: str) -> None:  # type: ignore[no-untyped-def]
     assert run_command(["frames", "probe", str(made), *options]) == ExitCode.USAGE
     assert message in capsys.readouterr().err

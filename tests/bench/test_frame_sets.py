@@ -38,7 +38,7 @@ def files(folder: Path) -> dict[str, str]:
     return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
 
 
-def test_a_traces_frames_have_its_true_boxes_and_who_was_wrong_about_them(episode: Path) -> None:
+def test_labelled_frames_have_the_true_boxes_of_the_trace_and_unique_names(episode: Path) -> None:
     trace = read_trace(episode)
     frames = list(labelled_frames(trace))
     assert [frame.frame for frame in frames] == list(trace.frames)
@@ -54,7 +54,7 @@ def test_an_episode_that_was_cut_short_is_refused(episode: Path, tmp_path: Path)
         list(labelled_frames(read_trace(tmp_path / "trace.mcap")))
 
 
-def test_as_many_with_a_target_as_without_and_hard_ones_first() -> None:
+def test_a_balanced_set_has_equally_many_positives_and_negatives_and_prefers_hard_negatives() -> None:
     shown = [made_frame(number, boxes=(VICTIM,)) for number in range(4)]
     hard = [made_frame(10, reported=(PERSON,)), made_frame(11, boxes=(BOAT,))]
     plain = [made_frame(number) for number in range(20, 30)]
@@ -66,30 +66,30 @@ def test_as_many_with_a_target_as_without_and_hard_ones_first() -> None:
     assert (made.spare_positives, made.spare_negatives, made.faint) == (0, 8, 1)
 
 
-def test_where_few_frames_show_nothing_those_with_a_target_are_fewer_too() -> None:
+def test_positive_frames_are_reduced_to_the_number_of_negative_frames() -> None:
     made = class_set([made_frame(n, boxes=(VICTIM,)) for n in range(5)] + [made_frame(9)], PERSON)
     assert sorted(item.present for item in made.frames) == [False, True]
     assert made.spare_positives == 4
 
 
-def test_every_frame_is_taken_where_balance_is_not_asked_for() -> None:
+def test_an_unbalanced_set_keeps_every_frame_that_is_not_faint() -> None:
     frames = [made_frame(1, boxes=(VICTIM,)), *(made_frame(n) for n in range(2, 9)), made_frame(9, faint=(PERSON,))]
     made = class_set(frames, PERSON, balanced=False)
     assert Counter(item.present for item in made.frames) == {True: 1, False: 7}
     assert (made.spare_negatives, made.faint) == (0, 1)
 
 
-def test_shares_of_seeds_are_rounded_up_and_not_by_a_hair() -> None:
+def test_rounding_up_validation_seeds_ignores_floating_point_errors() -> None:
     assert len(validation_seeds(range(100), 0.07)) == 7
     assert len(validation_seeds(range(100), 0.071)) == 8
 
 
-def test_a_frame_counts_for_classes_that_its_mission_has() -> None:
+def test_frames_of_missions_without_the_class_are_not_used_as_negatives() -> None:
     other = made_frame(1, targets=("fire",))
     assert class_set([made_frame(2, boxes=(VICTIM,)), other], PERSON).frames == ()
 
 
-def test_seeds_of_the_validation_are_none_of_training_and_each_split_is_balanced() -> None:
+def test_training_and_validation_seeds_are_disjoint_and_each_split_is_balanced() -> None:
     frames = [
         made_frame(n, seed, boxes=(VICTIM,) if n % 3 == 0 else ()) for seed in range(2000, 2005) for n in range(9)
     ]
@@ -103,14 +103,14 @@ def test_seeds_of_the_validation_are_none_of_training_and_each_split_is_balanced
     ]  # fmt: skip
 
 
-def test_of_many_each_seed_gives_one_in_turn_whatever_the_order() -> None:
+def test_a_limited_set_takes_frames_from_the_seeds_in_turn_for_any_input_order() -> None:
     frames = [made_frame(n, seed, boxes=(VICTIM,) if n < 6 else ()) for seed in (2000, 2001, 2002) for n in range(12)]
     made = class_set(frames, PERSON, most=3)
     assert Counter(item.frame.seed for item in made.frames if item.present) == {2000: 1, 2001: 1, 2002: 1}
     assert class_set(frames[::-1], PERSON, most=3) == made
 
 
-def test_shares_of_seeds_are_rounded_up_and_one_seed_is_for_training() -> None:
+def test_validation_seeds_are_rounded_up_and_at_least_one_seed_is_for_training() -> None:
     assert validation_seeds([5], 0.5) == frozenset()
     assert validation_seeds([1, 2], 0.2) == {2}
     assert validation_seeds(range(10), 0.2) == {8, 9}
@@ -133,14 +133,14 @@ def test_a_set_reads_back_as_it_was_written(written: Path) -> None:
     assert all(read_picture(written, PERSON, item) for item in frames)
 
 
-def test_a_picture_that_is_another_one_is_told(written: Path) -> None:
+def test_an_edited_picture_of_a_set_is_reported(written: Path) -> None:
     set_frame = read_class(written, PERSON)[0]
     (written / PERSON / set_frame.split / set_frame.frame.name).write_bytes(b"edited")
     with pytest.raises(UsageError, match="not the exported picture"):
         read_picture(written, PERSON, set_frame)
 
 
-def test_coco_is_read_by_its_own_tools(written: Path) -> None:
+def test_pycocotools_reads_and_evaluates_the_coco_file(written: Path) -> None:
     pytest.importorskip("pycocotools", reason="COCO's own reader is not installed")
     from pycocotools.coco import COCO
     from pycocotools.cocoeval import COCOeval
@@ -164,7 +164,7 @@ def test_coco_is_read_by_its_own_tools(written: Path) -> None:
     assert judged.stats[1] == pytest.approx(1.0)
 
 
-def test_the_image_folder_has_a_line_for_every_picture_and_the_card_a_configuration_for_every_split(
+def test_the_image_folder_lists_every_picture_and_the_card_configures_every_split(
     written: Path,
 ) -> None:
     for split in ("train", "validation"):
@@ -179,7 +179,7 @@ def test_the_image_folder_has_a_line_for_every_picture_and_the_card_a_configurat
     assert "| `person_in_water` | validation | 2 | 2 | 0 | 2 | ssr | 2002 |" in card
 
 
-def test_nothing_is_left_of_a_set_whose_picture_is_not_what_its_trace_speaks_of(tmp_path: Path) -> None:
+def test_a_set_with_a_picture_that_does_not_match_its_hash_leaves_no_files(tmp_path: Path) -> None:
     frames = [made_frame(1, boxes=(VICTIM,)), made_frame(2)]
     with pytest.raises(UsageError, match="does not match the hash in its trace"):
         write_set(tmp_path / "set", [class_set(frames, PERSON)], lambda name: b"other")
@@ -187,7 +187,7 @@ def test_nothing_is_left_of_a_set_whose_picture_is_not_what_its_trace_speaks_of(
 
 
 @pytest.mark.parametrize("name", ["../evil.jpg", "/tmp/evil.jpg", "", "..", ".hidden", "a/b.jpg", "a\0.jpg"])
-def test_no_name_of_a_trace_leads_out_of_the_folder(name: str, tmp_path: Path) -> None:
+def test_a_name_from_a_trace_cannot_lead_out_of_the_folder(name: str, tmp_path: Path) -> None:
     """Names of classes and missions come from traces, which are not trusted."""
     frames = [made_frame(1, boxes=(VICTIM,), name=name), made_frame(2)]
     with pytest.raises(UsageError, match="cannot be a file"):
@@ -208,7 +208,7 @@ def test_a_set_that_names_files_elsewhere_is_not_read(tmp_path: Path) -> None:
         read_class(tmp_path / "set", PERSON)
 
 
-def test_a_mission_of_a_trace_names_no_folder(episode: Path) -> None:
+def test_frame_names_omit_the_folder_part_of_the_missions_name(episode: Path) -> None:
     trace = read_trace(episode)
     instance = replace(trace.header.instance, mission="../../x")
     other = Trace(trace.path, replace(trace.header, instance=instance), trace.boundaries, trace.outcome, True)
@@ -222,7 +222,7 @@ def test_a_set_is_never_written_over_another(written: Path) -> None:
     assert files(written) == before
 
 
-def test_the_verb_writes_the_same_bytes_whatever_the_order_and_number_of_names(episode: Path, tmp_path: Path) -> None:
+def test_the_command_writes_the_same_bytes_if_a_trace_is_named_twice(episode: Path, tmp_path: Path) -> None:
     every = ["--held-out", "none"]
     assert run_command(["frames", "export", str(episode), "-o", str(tmp_path / "one"), *every]) == ExitCode.OK
     assert (
@@ -244,7 +244,9 @@ def test_the_verb_writes_the_same_bytes_whatever_the_order_and_number_of_names(e
         (["--play", "ssr", "--seeds", "100-101"], "seed 100 is reserved for evaluations"),
     ],
 )
-def test_what_is_refused(episode: Path, tmp_path: Path, capsys, options: list[str], message: str) -> None:  # type: ignore[no-untyped-def]
+def test_wrong_export_options_are_usage_errors(
+    episode: Path, tmp_path: Path, capsys, options: list[str], message: str
+) -> None:  # type: ignore[no-untyped-def]
     out = tmp_path / "set"
     assert run_command(["frames", "export", str(episode), "-o", str(out), *options]) == ExitCode.USAGE
     assert message in capsys.readouterr().err
@@ -257,7 +259,7 @@ def test_places_without_a_trace_are_named(tmp_path: Path) -> None:
             found_traces([place])
 
 
-def test_instance_masks_lie_beside_the_pictures_without_hidden_targets(tmp_path: Path) -> None:
+def test_the_recorded_instance_mask_is_exported_with_each_picture(tmp_path: Path) -> None:
     text = """
 ljs 2
 use std.air { quadrotor }

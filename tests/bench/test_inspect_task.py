@@ -57,7 +57,7 @@ def test_the_evaluated_model_plays_and_the_log_has_its_calls_and_the_engines_sco
     assert {name for score in again.results.scores for name in score.metrics} >= {"mean", "stderr"}
 
 
-def test_any_agent_answers_and_what_fails_in_it_is_told(mission: str, tmp_path: Path) -> None:
+def test_any_inspect_agent_can_answer_and_a_failed_call_is_repeated(mission: str, tmp_path: Path) -> None:
     from inspect_ai.agent import Agent, AgentState, agent
     from inspect_ai.model import ModelOutput
 

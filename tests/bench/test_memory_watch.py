@@ -30,18 +30,20 @@ def child() -> Iterator[int]:
     os.close(held)
 
 
-def test_the_memory_of_descendants_counts(child: int) -> None:
+def test_the_memory_of_descendants_is_included(child: int) -> None:
     assert memory_watch.tree_mb(child) >= CHILD_MB
     assert memory_watch.tree_mb(os.getpid()) >= memory_watch.tree_mb(child), "the child is one of this process's"
     assert memory_watch.tree_mb(2**22 + 1) == 0.0, "a process that has ended counts nothing"
 
 
-def test_the_peak_stays_and_is_told_for_each_episode(child: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_peak_memory_is_kept_and_reported_in_total_and_per_episode(
+    child: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(memory_watch, "FIRST_S", 0.01)
     watch = memory_watch.MemoryWatch()
     assert watch.in_words(4) == "", "nothing was measured yet"
     with watch.watching():
-        until = time.monotonic() + 120.0  # a loaded machine looks late
+        until = time.monotonic() + 120.0  # a loaded machine measures late
         while watch.peak_mb == 0.0 and time.monotonic() < until:
             time.sleep(0.01)
     assert watch.peak_mb >= CHILD_MB

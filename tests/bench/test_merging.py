@@ -24,7 +24,7 @@ def written(folder: Path, name: str, *rows: SuiteRow) -> Path:
     return file
 
 
-def test_shards_are_joined_each_episode_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_merged_shards_hold_each_episode_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rows = [made_row(seed=seed) for seed in range(6)]
     parts = [written(tmp_path, "a", *rows[:4]), written(tmp_path, "b", *rows[2:])]
     out = tmp_path / "all.parquet"
@@ -35,14 +35,14 @@ def test_shards_are_joined_each_episode_once(tmp_path: Path, capsys: pytest.Capt
     assert "already exists" in capsys.readouterr().err
 
 
-def test_rows_of_two_tiers_stand_in_no_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_rows_of_two_tiers_cannot_share_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     paper = written(tmp_path, "paper", made_row(entrant="a"))
     harder = written(tmp_path, "harder", made_row(entrant="b", options=PlayOptions(mission="ssr", policy="p", tier=1)))
     assert run_command(["bench", "table", str(paper), str(harder)]) == ExitCode.USAGE
     assert "the rows of `ssr` have the tiers 0 and 1, which no table compares" in capsys.readouterr().err
 
 
-def test_rows_of_two_languages_stand_in_no_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_rows_of_two_languages_cannot_share_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     english = written(tmp_path, "english", made_row(entrant="a"))
     spoken = PlayOptions(mission="ssr", policy="p", language="zh")
     chinese = written(tmp_path, "chinese", made_row(entrant="b", options=spoken))
@@ -63,13 +63,13 @@ def test_rows_of_two_languages_stand_in_no_table(tmp_path: Path, capsys: pytest.
         ),
     ],
 )
-def test_what_does_not_fit_together_is_refused(changes: dict[str, object], message: str, tmp_path: Path) -> None:
+def test_incompatible_results_cannot_be_merged(changes: dict[str, object], message: str, tmp_path: Path) -> None:
     places = [written(tmp_path, "a", made_row()), written(tmp_path, "b", made_row(**changes))]  # type: ignore[arg-type]
     with pytest.raises(UsageError, match=message):
         merge_results(places)
 
 
-def test_places_that_drew_other_numbers_are_told_apart_from_those_that_do_not_repeat(tmp_path: Path) -> None:
+def test_the_hint_distinguishes_different_salts_from_nondeterminism(tmp_path: Path) -> None:
     first = written(tmp_path, "a", made_row(policy_seed=1, salt_sha256="s"))
     for seed, message in ((1, "is not deterministic"), (2, "different salts")):
         other = written(tmp_path, f"b{seed}", made_row(success=False, policy_seed=seed))
@@ -78,12 +78,12 @@ def test_places_that_drew_other_numbers_are_told_apart_from_those_that_do_not_re
         assert message in refused.value.hint
 
 
-def test_rows_of_other_code_are_put_together_if_that_is_wanted(tmp_path: Path) -> None:
+def test_rows_of_other_code_are_merged_on_request(tmp_path: Path) -> None:
     places = [written(tmp_path, "a", made_row()), written(tmp_path, "b", made_row(code="d", entrant="f"))]
     assert len(merge_results(places, other_code=True)) == 2
 
 
-def test_an_episode_that_another_place_played_to_its_end_is_not_lost(tmp_path: Path) -> None:
+def test_an_episode_that_another_folder_counted_is_not_lost(tmp_path: Path) -> None:
     lost = made_row(success=False, standing="lost", tries=3)
     for order in (1, -1):
         places = [written(tmp_path, "a", lost), written(tmp_path, "b", made_row())][::order]
@@ -92,7 +92,7 @@ def test_an_episode_that_another_place_played_to_its_end_is_not_lost(tmp_path: P
     assert [row.standing for row in merge_results(places)] == ["counted"]
 
 
-def test_an_episode_that_two_places_counted_on_different_tries_counts_once_in_any_order(tmp_path: Path) -> None:
+def test_an_episode_counted_on_different_tries_is_merged_once_in_any_order(tmp_path: Path) -> None:
     """One place needed a second try: the rows of both places belong to one episode, which counts once."""
     places = [
         written(tmp_path, "a", made_row(wall_s=2.0), made_row(seed=1, standing="aborted", success=False)),
@@ -113,7 +113,7 @@ def entrant(name: str, won: int, **changes: object) -> list[SuiteRow]:
     ]
 
 
-def test_who_ties_shares_a_place() -> None:
+def test_entrants_with_equal_rates_share_a_place() -> None:
     rows = [made_row(entrant=name, seed=seed, success=seed < won) for name, won in
             (("a", 1), ("b", 3), ("c", 1), ("d", 0)) for seed in range(4)]  # fmt: skip
     page = leaderboard(rows)
@@ -121,7 +121,7 @@ def test_who_ties_shares_a_place() -> None:
     assert places == [("1", "b"), ("2", "a"), ("2", "c"), ("4", "d")]
 
 
-def test_entrants_are_ranked_if_they_have_played_everything() -> None:
+def test_only_unprivileged_entrants_with_all_columns_are_ranked() -> None:
     rows = [*entrant("weak", 3), *entrant("strong", 9), *entrant("told", 12, privileged=True)]
     rows += [row for row in entrant("half", 12) if row.mission == "bi"]
     assert [name for name, _ in ranking(rows)] == ["told", "strong", "weak", "half"]
@@ -141,7 +141,7 @@ def test_the_page_holds_no_foreign_markup_and_loads_nothing() -> None:
     assert "default-src 'none'" in page and "http" not in page.replace("http-equiv", "")
 
 
-def test_the_card_says_what_was_run_and_escapes_it() -> None:
+def test_the_card_describes_the_study_and_escapes_texts() -> None:
     metrics = blank_metrics(cost_usd=0.25)
     rows = [*entrant("[x](javascript:1) <b>", 5, metrics=metrics), made_row(seed=40, standing="lost", success=False)]
     attributed = msgspec.structs.replace(rows[0].report, attribution="© OpenStreetMap contributors")
@@ -155,7 +155,7 @@ def test_the_card_says_what_was_run_and_escapes_it() -> None:
     assert "| `entrant`, `mission`" in card and "| communication | `messages` |" in card
 
 
-def test_pages_are_written_by_the_verb(tmp_path: Path) -> None:
+def test_the_command_writes_the_leaderboard_and_the_card(tmp_path: Path) -> None:
     file = written(tmp_path, "a", *entrant("e", 5))
     for action, name in (("leaderboard", "board.html"), ("card", "README.md")):
         assert run_command(["bench", action, str(file), "-o", str(tmp_path / name)]) == 0

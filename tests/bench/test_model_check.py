@@ -29,7 +29,7 @@ def check(server: ChatServer, *more: str) -> int:
 
 
 @pytest.mark.slow
-def test_each_column_gets_one_real_request_and_the_faults_are_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_each_column_receives_one_real_request_and_faults_are_reported(capsys: pytest.CaptureFixture[str]) -> None:
     with serve(service) as server:
         assert check(server, "--columns", "bi-single", "cd-star") == ExitCode.OK
         assert len(server.requests) == 4, "two about the picture, one in each column"
@@ -44,7 +44,7 @@ def test_each_column_gets_one_real_request_and_the_faults_are_told(capsys: pytes
 
 
 @pytest.mark.slow
-def test_a_context_below_the_first_request_is_refused_before_play_with_the_numbers(
+def test_a_context_shorter_than_the_first_request_is_rejected_before_play(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with serve([Reply(NOOP)]) as server:
@@ -74,7 +74,7 @@ def test_a_context_below_the_first_request_is_refused_before_play_with_the_numbe
         ("There is none.", UNREADABLE),
     ],
 )
-def test_the_convention_of_a_box_is_told_in_words(answer: str, convention: str) -> None:
+def test_the_convention_of_a_box_is_recognised(answer: str, convention: str) -> None:
     assert convention_of(answer) == convention
 
 
@@ -86,7 +86,7 @@ def test_the_convention_of_a_box_is_told_in_words(answer: str, convention: str) 
         (("models", "check", "gpt-5.5", "--columns", "bi-star"), "there is no column `bi-star`"),
     ],
 )
-def test_what_cannot_be_checked_is_told(
+def test_models_and_columns_that_cannot_be_checked_are_usage_errors(
     arguments: tuple[str, ...], words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run_command([*arguments]) == ExitCode.USAGE

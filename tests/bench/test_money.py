@@ -63,19 +63,21 @@ def test_the_bound_counts_every_decision_with_the_repairs_of_the_options(suite: 
     assert estimate.most.cost_usd == pytest.approx(tokens / 1e6)
     suite.write_text(PAID.replace('model = "gpt-5.5"', 'model = "gpt-5.5"\nargs = { encoding = "paper" }'))
     (estimate,) = estimated(suite, range(10))
-    assert estimate.most.calls == pytest.approx(estimate.full.calls) == 10 * 60, "the suites' encoding asks once"
+    assert estimate.most.calls == pytest.approx(estimate.full.calls) == 10 * 60, (
+        "the encoding of the suites calls once for each decision"
+    )
     assert estimate.most.prompt_tokens == 600 * (16_384 - 2_048) and estimate.most.completion_tokens == 600 * 2_048
     assert estimate.usual.calls <= estimate.full.calls
     assert estimate.full.prompt_tokens < estimate.most.prompt_tokens
 
 
-def test_an_entrant_without_a_model_in_it_calls_nothing(suite: Path) -> None:
+def test_an_entrant_whose_decider_is_no_model_has_no_calls_and_no_cost(suite: Path) -> None:
     suite.write_text(PAID.replace('model = "gpt-5.5"', 'model = "gpt-5.5"\nargs = { decider = "sweep" }'))
     (estimate,) = estimated(suite)
     assert (estimate.usual.calls, estimate.most.calls, estimate.most.cost_usd) == (0, 0, 0)
 
 
-def test_what_episodes_of_the_cell_have_cost_is_the_better_estimate(suite: Path) -> None:
+def test_the_costs_of_played_episodes_of_a_cell_replace_its_estimate(suite: Path) -> None:
     rows = [
         made_row(entrant="GPT-5.5", mission="bi", mode="single", seed=seed, metrics={"cost_usd": cost, "calls": 7})
         for seed, cost in enumerate((0.5, 1.5))
@@ -84,7 +86,7 @@ def test_what_episodes_of_the_cell_have_cost_is_the_better_estimate(suite: Path)
     assert (estimate.usual.cost_usd, estimate.usual.calls) == (2.0, 14)
 
 
-def test_an_unmeasured_mission_is_reckoned_with_the_means_and_named(
+def test_an_unmeasured_mission_is_estimated_with_the_means_of_others_and_named(
     suite: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (suite.parent / "short.ljs").write_text(TRIP)
@@ -115,7 +117,7 @@ def test_earlier_rows_of_the_folder_replace_the_estimate(suite: Path, capsys: py
         ("price_in = 0, price_out = 0", False, (0.0, 0.0)),
     ],
 )
-def test_prices_are_the_models_unless_the_suite_says_otherwise(
+def test_prices_of_a_suite_override_the_prices_of_the_model(
     args: str, paid: bool, prices: tuple[float, float], suite: Path
 ) -> None:
     suite.write_text(PAID.replace('model = "gpt-5.5"', f'model = "gpt-5.5"\nargs = {{ {args} }}'))
@@ -124,7 +126,7 @@ def test_prices_are_the_models_unless_the_suite_says_otherwise(
     assert not is_paid(plan_of(suite).players[1])
 
 
-def test_it_does_not_start_without_a_limit_a_key_or_a_price(
+def test_a_paid_suite_does_not_start_without_a_key_a_limit_or_a_price(
     suite: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = suite.parent / "out"
@@ -159,7 +161,7 @@ def spending(cost: float) -> AnsweringExecutor:
     return AnsweringExecutor(answer)
 
 
-def test_no_episode_begins_once_the_limit_is_reached_and_a_higher_one_goes_on(suite: Path) -> None:
+def test_no_episode_begins_above_the_cost_limit_and_a_higher_limit_continues(suite: Path) -> None:
     folder = suite.parent / "out"
 
     def play(limit: float) -> SuiteRun:
@@ -177,10 +179,10 @@ def test_no_episode_begins_once_the_limit_is_reached_and_a_higher_one_goes_on(su
     assert not run.is_out_of_money and run.spent() == 6.0
     assert len(read_results(folder)) == 12
     kept = {row.entrant for row in read_results(folder) if row.report.trace}
-    assert kept == {"GPT-5.5"}, "what was paid for stays, the rest goes"
+    assert kept == {"GPT-5.5"}, "runs that cost money are kept, others are removed"
 
 
-def test_an_episode_that_the_limit_ended_is_no_row_and_no_try(suite: Path) -> None:
+def test_an_episode_ended_by_the_limit_gives_no_row_and_counts_as_no_try(suite: Path) -> None:
     plan = plan_of(suite)
     ended = AnsweringExecutor(lambda task: answered(task, reason=ABORTED, detail="money: the limit of $1 is reached"))
     with open_results(suite.parent / "out") as results:
@@ -190,7 +192,7 @@ def test_an_episode_that_the_limit_ended_is_no_row_and_no_try(suite: Path) -> No
         assert [item.tries for item in run.due((0,), plan.cells)] == [1, 1]
 
 
-def test_a_missing_record_stops_the_suite_with_its_words(suite: Path) -> None:
+def test_a_missing_record_of_calls_stops_the_suite_with_its_message(suite: Path) -> None:
     plan = plan_of(suite)
     missing = AnsweringExecutor(
         lambda task: answered(task, reason=ABORTED, detail="calls: nothing is recorded of tick 3")
@@ -207,7 +209,7 @@ def test_a_missing_record_stops_the_suite_with_its_words(suite: Path) -> None:
     )
 
 
-def test_episodes_without_a_record_are_told_before_any_is_replayed(
+def test_episodes_without_a_record_of_calls_are_reported_before_any_replay(
     suite: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     recorded = tmp_path / "recorded"
@@ -230,7 +232,7 @@ def test_episodes_without_a_record_are_told_before_any_is_replayed(
         (("--calls", "replay", "--calls-from", "nowhere"), "`nowhere` is not the results folder of a suite"),
     ],
 )
-def test_what_cannot_be_replayed_is_said(
+def test_incomplete_replay_options_are_usage_errors(
     arguments: tuple[str, ...], message: str, suite: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run_command(["bench", str(suite), *arguments]) == ExitCode.USAGE

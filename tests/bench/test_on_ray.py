@@ -58,7 +58,7 @@ def same(rows: list[SuiteRow]) -> dict[object, tuple[object, ...]]:
     }  # fmt: skip
 
 
-def test_the_same_rows_whoever_plays(address: str, tmp_path: Path) -> None:
+def test_ray_and_the_local_executor_give_the_same_rows(address: str, tmp_path: Path) -> None:
     suite = tmp_path / "small.toml"
     suite.write_text(SUITE)
     for name, more in (("local", ("-j", "2")), ("ray", ("--executor", "ray", "--ray-address", address))):
@@ -136,7 +136,7 @@ def _workers_playing(folder: Path) -> list[int]:
     return [holder] if holder else []
 
 
-def test_a_node_that_does_not_see_the_folder_or_has_other_code_says_so(tmp_path: Path) -> None:
+def test_a_node_without_the_folder_or_with_other_code_reports_an_error(tmp_path: Path) -> None:
     (tmp_path / "lock").touch()
     options = PlayOptions(mission="bi")
     for lock, code, message in (
@@ -148,7 +148,7 @@ def test_a_node_that_does_not_see_the_folder_or_has_other_code_says_so(tmp_path:
     assert not (tmp_path / "run").exists()
 
 
-def test_what_all_episodes_would_meet_is_raised_with_its_words(address: str, tmp_path: Path) -> None:
+def test_an_error_common_to_all_episodes_is_raised_with_its_message(address: str, tmp_path: Path) -> None:
     (tmp_path / "lock").touch()
     executor = RayExecutor(tmp_path / "lock", address)
     task = EpisodeTask(PlayOptions(mission="bi", policy="nobody"), tmp_path / "run")
@@ -156,7 +156,7 @@ def test_what_all_episodes_would_meet_is_raised_with_its_words(address: str, tmp
         list(executor.play([task]))
 
 
-def test_without_a_cluster_it_says_how_to_start_one(tmp_path: Path) -> None:
+def test_a_missing_ray_cluster_is_a_usage_error(tmp_path: Path) -> None:
     import ray
 
     ray.shutdown()

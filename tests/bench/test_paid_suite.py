@@ -34,7 +34,7 @@ args = { model = "test-model", base_url = "URL", price_in = 10, price_out = 20, 
 
 
 @pytest.mark.slow
-def test_money_is_counted_its_limit_holds_and_the_record_replays(
+def test_costs_are_counted_the_limit_holds_and_recorded_calls_replay(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "short.ljs").write_text(TRIP)
@@ -113,8 +113,8 @@ def talkative(model: Callable[[dict[str, Any]], Reply]) -> Callable[[dict[str, A
 
 
 class CountingService:
-    """A service that bills as a provider does: text by a real tokenizer, pictures by the family's rule, and beginnings
-    that it has read before at the price of cached tokens."""
+    """A service that bills as a provider does: text by a real tokenizer, pictures by the rule of the model family, and
+    prefixes of earlier requests at the price of cached tokens."""
 
     def __init__(self, model: Callable[[dict[str, Any]], Reply]) -> None:
         self._model = model
@@ -122,7 +122,7 @@ class CountingService:
         self._rule = read_models().pictures["openai"]
 
     def __call__(self, request: dict[str, Any]) -> Reply:
-        reply, counted, cached, beginning = self._model(request), 0, 0, ""
+        reply, counted, cached, prefix = self._model(request), 0, 0, ""
         for message in request["messages"]:
             content = message["content"]
             parts = [{"type": "text", "text": content}] if isinstance(content, str) else content
@@ -132,9 +132,9 @@ class CountingService:
                 else:
                     data = base64.b64decode(part["image_url"]["url"].split(",", 1)[1])
                     counted += self._rule.count(jpeg_size(data))
-            beginning += json.dumps(message)
-            cached = counted if beginning in self._read else cached
-            self._read.add(beginning)
+            prefix += json.dumps(message)
+            cached = counted if prefix in self._read else cached
+            self._read.add(prefix)
         body = completion(reply)
         answer = tokens(body["choices"][0]["message"]["content"])
         body["usage"] = {

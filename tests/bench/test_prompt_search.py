@@ -29,12 +29,12 @@ HOLES = "has holes that nothing fills: x"
 
 
 class Reviser:
-    """A reviser that returns its texts in order, and stores its requests and the calls that it was made with."""
+    """A reviser that returns its texts in order, and stores its requests and its model calls."""
 
     def __init__(self, *texts: str) -> None:
         self.texts = list(texts)
-        self.asked: list[tuple[str, str, int]] = []
-        self.told: list[str] = []
+        self.requests: list[tuple[str, str, int]] = []
+        self.failures: list[str] = []
         self.tried: list[TriedPrompt] = []
         self.calls: ModelCalls | None = None
 
@@ -43,8 +43,8 @@ class Reviser:
         return self
 
     def revise(self, prompt: str, results: str, failures: Sequence[str], tried: Sequence[TriedPrompt]) -> Revision:
-        self.asked.append((prompt, results, len(failures)))
-        self.told, self.tried = list(failures), list(tried)
+        self.requests.append((prompt, results, len(failures)))
+        self.failures, self.tried = list(failures), list(tried)
         text = self.texts.pop(0)
         return Revision(text, "asked", "answered", fault="" if text else "is cut off")
 
@@ -81,12 +81,12 @@ def search(folder: Path, reviser: Reviser, **changes: object) -> PromptSearch:
     return PromptSearch(folder, option="prompt", reviser=reviser, **{**defaults, **changes})  # type: ignore[arg-type]
 
 
-def test_the_best_is_kept_and_revised_and_an_equal_one_does_not_take_its_place(tmp_path: Path, played: list):
+def test_the_best_prompt_is_revised_and_an_equal_prompt_does_not_replace_it(tmp_path: Path, played: list):
     reviser = Reviser("worse", "better", "equal")
     best = search(tmp_path / "s", reviser).run("first", 3)
     assert (best.text, best.number, best.tsr) == ("better", 2, pytest.approx(2 / 3))
-    assert [prompt for prompt, _, _ in reviser.asked] == ["first", "first", "better"]
-    assert [failures for _, _, failures in reviser.asked] == [3, 3, 1]
+    assert [prompt for prompt, _, _ in reviser.requests] == ["first", "first", "better"]
+    assert [failures for _, _, failures in reviser.requests] == [3, 3, 1]
     assert (tmp_path / "s" / "candidate-2.txt").read_text() == "better"
     assert (tmp_path / "s" / "revision-1-answered.txt").read_text() == "answered"
 
@@ -99,10 +99,10 @@ def test_an_aborted_episode_is_played_again_with_its_seed(tmp_path: Path, played
 def test_the_reviser_reads_the_traces_of_failed_episodes(tmp_path: Path, played: list):
     reviser = Reviser("better")
     search(tmp_path, reviser).run("worse", 1)
-    assert reviser.told == [f"failed in {tmp_path}/candidate-0-{seed}/trace.mcap" for seed in (1, 2, 3)]
+    assert reviser.failures == [f"failed in {tmp_path}/candidate-0-{seed}/trace.mcap" for seed in (1, 2, 3)]
 
 
-def test_a_stopped_search_goes_on_and_plays_nothing_twice(tmp_path: Path, played: list):
+def test_a_stopped_search_continues_and_plays_no_episode_twice(tmp_path: Path, played: list):
     with pytest.raises(IndexError):  # the reviser is gone after the first revision
         search(tmp_path, Reviser("worse")).run("first", 2)
     before = len(played)
@@ -129,25 +129,25 @@ def test_a_folder_of_another_search_is_refused(tmp_path: Path, played: list):
         search(tmp_path, Reviser()).run("first", 1)
 
 
-def test_what_a_killed_episode_has_left_is_taken_away(tmp_path: Path, played: list):
+def test_files_left_by_a_killed_episode_are_removed(tmp_path: Path, played: list):
     (tmp_path / "candidate-0-2").mkdir()
     (tmp_path / "candidate-0-2" / "trace.mcap.part").write_bytes(b"cut short")
     search(tmp_path, Reviser("worse")).run("first", 1)  # the player rejects a folder that exists
 
 
-def test_candidates_are_compared_on_the_same_episodes_or_not_at_all(tmp_path: Path, played: list):
+def test_a_search_stops_if_an_episode_of_a_candidate_cannot_be_played(tmp_path: Path, played: list):
     with pytest.raises(InfrastructureError, match="candidate 1 could not be played, the first is seed 2: the camera"):
         search(tmp_path, Reviser("aborting")).run("first", 1)
     assert played.count(("aborting", 2)) == 3
 
 
-def test_a_search_ends_when_nothing_fails_any_more(tmp_path: Path, played: list):
+def test_a_search_ends_when_every_episode_is_won(tmp_path: Path, played: list):
     reviser = Reviser("all")
     assert search(tmp_path, reviser).run("first", 4).text == "all"
-    assert len(reviser.asked) == 1
+    assert len(reviser.requests) == 1
 
 
-def test_money_is_counted_over_episodes_and_revisions_and_ends_the_search(tmp_path: Path, played: list):
+def test_the_cost_limit_covers_episodes_and_revisions_and_ends_the_search(tmp_path: Path, played: list):
     capped = PlayOptions(mission="m", policy="react", max_cost=1.0)
     with pytest.raises(UsageError, match="money: the limit") as failure:
         search(tmp_path, Reviser("dear"), options=capped).run("first", 1)
@@ -165,7 +165,7 @@ def test_money_is_counted_over_episodes_and_revisions_and_ends_the_search(tmp_pa
         reviser.calls.begin(request)
 
 
-def test_a_revision_that_is_no_prompt_is_not_played(tmp_path: Path, played: list):
+def test_an_invalid_revision_is_not_played(tmp_path: Path, played: list):
     def check(text: str) -> None:
         raise ValueError(HOLES)
 
@@ -178,7 +178,7 @@ def test_a_revision_that_is_no_prompt_is_not_played(tmp_path: Path, played: list
     ]
 
 
-def test_a_round_whose_answer_is_no_prompt_is_over_and_the_next_one_is_told(tmp_path: Path, played: list):
+def test_a_round_without_a_prompt_ends_and_the_next_revision_receives_its_result(tmp_path: Path, played: list):
     lines: list[str] = []
     reviser = Reviser("worse", "", "better")
     best = search(tmp_path, reviser, tell=lambda item: lines.append(item.line)).run("first", 3)
@@ -199,7 +199,7 @@ def test_seeds_of_the_evaluation_are_refused(capsys: pytest.CaptureFixture[str])
     assert "150 is both" in capsys.readouterr().err
 
 
-def test_a_paid_search_says_what_it_costs_and_starts_with_a_limit_alone(
+def test_a_paid_search_reports_its_cost_and_starts_only_with_a_limit(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setenv("OPENAI_API_KEY", "sk-something-long-enough")

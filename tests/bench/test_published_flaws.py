@@ -119,7 +119,9 @@ def check_way(unwalled: Played, walled: Played, way: str) -> None:
 # -- 1: no isolation between agent and evaluator
 
 
-def test_1_a_patched_evaluator_wins_in_its_own_process_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_1_a_policy_in_the_process_of_the_evaluator_can_patch_its_score(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(MissionEvaluator, "evaluate", MissionEvaluator.evaluate)  # the patch ends with this test
     (tmp_path / "trip.ljs").write_text(TRIP)
     report = lingjing.run(
@@ -129,7 +131,7 @@ def test_1_a_patched_evaluator_wins_in_its_own_process_alone(tmp_path: Path, mon
 
 
 @linux
-def test_1_a_process_of_its_own_leaves_the_patch_without_effect(unwalled: Played, walled: Played) -> None:
+def test_1_a_patch_in_a_separate_policy_process_has_no_effect(unwalled: Played, walled: Played) -> None:
     """The patch is made in both runs; the evaluator is in another process, with and without walls."""
     for played in (unwalled, walled):
         assert played.results["patch_the_evaluator"] == "won: patched"
@@ -144,7 +146,7 @@ def test_2_a_file_with_answers_beside_the_policy_is_not_readable(unwalled: Playe
     check_way(unwalled, walled, "read_the_answers")
 
 
-def test_2_public_seeds_are_answers_and_a_sealed_split_has_none() -> None:
+def test_2_public_seeds_reveal_the_instance_and_a_sealed_split_does_not() -> None:
     mission = compiled("upr")
     for seed, is_known in ((5, True), (2**61 + 5, False)):  # a seed as a salt draws it
         drawn = instantiate(mission, seed=seed, tier=1)
@@ -169,7 +171,7 @@ class Bomb:
 
 @pytest.fixture
 def owned(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The file that the payload makes, in a working folder of its own. Both kinds of payload are shown to work."""
+    """The file that the payload makes, in a separate working folder. Both kinds of payload work in a naive harness."""
     monkeypatch.chdir(tmp_path)
     file = tmp_path / "owned"
     for harness in (lambda: eval(PAYLOAD), lambda: pickle.loads(pickle.dumps(Bomb()))):
@@ -218,7 +220,7 @@ def test_3_no_input_is_evaluated(owned: Path, line: list[str], capsys: Capture) 
     assert not owned.exists()
 
 
-def test_3_what_policies_send_is_not_evaluated(owned: Path) -> None:
+def test_3_text_sent_by_policies_is_not_evaluated(owned: Path) -> None:
     kernel = kit.kernel()
     kernel.reset()
     kernel.step(
@@ -257,7 +259,7 @@ def naive_judge(transcript: str) -> bool:
     return "mark this episode as success" in transcript
 
 
-def test_4_text_never_decides() -> None:
+def test_4_text_changes_neither_events_nor_scores() -> None:
     """There is no model judge: the same actions with a plea in every text field give the same events and score."""
 
     def played(text: str) -> list[object]:
@@ -310,13 +312,13 @@ def matched(*reports: object) -> bool:
 
 
 @pytest.mark.parametrize("label", NEAR)
-def test_5_a_label_that_is_near_the_right_one_matches_nothing(label: str) -> None:
+def test_5_a_label_similar_to_the_right_label_does_not_match(label: str) -> None:
     assert naive_match("person", label)
     assert not matched(kit.report(FRAME, cls=label))
 
 
 @pytest.mark.parametrize("frame", ["F1-UAV[1]-NADIR", f"{FRAME} ", f"{FRAME},f2-uav[1]-nadir"])
-def test_5_a_frame_that_is_near_the_right_one_matches_nothing(frame: str) -> None:
+def test_5_a_frame_id_similar_to_the_right_id_does_not_match(frame: str) -> None:
     assert naive_match(FRAME, frame)
     assert not matched(kit.report(frame))
 
@@ -377,7 +379,7 @@ def test_6_a_row_that_contradicts_itself_is_refused(changes: dict[str, object], 
         ("<= 51.5 m }", "<= -1 m }", "LJ0612"),
     ],
 )
-def test_6_limits_and_weights_without_sense_do_not_compile(
+def test_6_invalid_limits_and_weights_do_not_compile(
     tmp_path: Path, old: str, new: str, code: str, capsys: Capture
 ) -> None:
     (tmp_path / "trip.ljs").write_text(TRIP.replace(old, new))
@@ -394,7 +396,7 @@ def test_6_no_shipped_mission_is_won_at_the_start(capsys: Capture) -> None:
 
 
 @linux
-def test_7_a_printed_report_is_no_result(unwalled: Played, walled: Played) -> None:
+def test_7_a_printed_report_is_not_accepted_as_a_result(unwalled: Played, walled: Played) -> None:
     """A harness that reads the result from the output of the policy's process believes this line."""
     line = json.dumps({"success": True, "reason": "success", "scr": 1.0})
     assert json.loads(line)["success"]
@@ -404,7 +406,7 @@ def test_7_a_printed_report_is_no_result(unwalled: Played, walled: Played) -> No
 
 
 @linux
-def test_7_rows_traces_and_judges_are_out_of_reach(unwalled: Played, walled: Played) -> None:
+def test_7_a_policy_behind_walls_cannot_change_rows_traces_or_the_evaluator(unwalled: Played, walled: Played) -> None:
     for way in ("add_a_row", "edit_the_trace", "change_the_installed_judge"):
         check_way(unwalled, walled, way)
     assert any(row.report.success for row in read_results(unwalled.folder)), "without walls the forged row counts"
@@ -424,5 +426,7 @@ def test_7_an_audit_does_not_confirm_a_forged_row(unwalled: Played, capsys: Capt
 
 @linux
 @pytest.mark.parametrize("way", ["take_the_key", "read_the_home", "call_the_network"])
-def test_8_keys_the_home_and_the_network_are_out_of_reach(unwalled: Played, walled: Played, way: str) -> None:
+def test_8_a_policy_behind_walls_cannot_reach_keys_the_home_or_the_network(
+    unwalled: Played, walled: Played, way: str
+) -> None:
     check_way(unwalled, walled, way)

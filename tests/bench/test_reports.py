@@ -51,7 +51,7 @@ def test_aborted_episodes_are_left_out_of_every_mean() -> None:
     assert suite.reason == "budget 1, infrastructure-abort 1, success 1"
 
 
-def test_no_counted_episode_has_no_rate() -> None:
+def test_the_success_rate_is_absent_without_counted_episodes() -> None:
     assert summarise([report(0, success=False, reason=ABORTED)], seeds="0", folder="runs").tsr is None
 
 
@@ -72,27 +72,29 @@ def tasks(count: int, folder: Path) -> list[EpisodeTask]:
     ]
 
 
-def test_children_answer_each_for_its_task(child, tmp_path: Path) -> None:
+def test_each_child_process_answers_for_its_own_task(child, tmp_path: Path) -> None:
     child(ECHO)
     answers = {task.options.seed: answer.seed for task, answer in play_apart(tasks(5, tmp_path), jobs=2)}
     assert answers == {n: n for n in range(5)}
 
 
 @pytest.mark.parametrize(("code", "kind"), [(2, UsageError), (3, InfrastructureError)])
-def test_a_child_that_fails_speaks_for_itself(child, tmp_path: Path, code: int, kind: type[Exception]) -> None:
+def test_an_error_of_a_child_process_is_raised_with_its_message(
+    child, tmp_path: Path, code: int, kind: type[Exception]
+) -> None:
     child(f"import sys; print('error: no policy is called x', file=sys.stderr); sys.exit({code})")
     with pytest.raises(kind, match=r"^no policy is called x"):
         list(play_apart(tasks(1, tmp_path), jobs=1))
 
 
 @pytest.mark.parametrize("code", ["pass", "print('{')"])
-def test_a_child_without_a_result_is_an_abort(child, tmp_path: Path, code: str) -> None:
+def test_a_child_process_without_a_result_aborts_its_episode(child, tmp_path: Path, code: str) -> None:
     child(code)
     ((_, report),) = play_apart(tasks(1, tmp_path), jobs=1)
     assert (report.reason, report.detail) == (ABORTED, "its process ended without a result (exit code 0)")
 
 
-def test_a_killed_child_is_an_abort_of_its_episode_alone(child, tmp_path: Path) -> None:
+def test_a_killed_child_process_aborts_only_its_episode(child, tmp_path: Path) -> None:
     child(
         ECHO.replace(
             "print(",
@@ -111,7 +113,7 @@ def test_a_killed_child_is_an_abort_of_its_episode_alone(child, tmp_path: Path) 
     assert reports[0].trace == str(tmp_path / "0" / "trace.mcap.part")
 
 
-def test_no_child_is_left_behind(child, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupt_leaves_no_child_process_running(child, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     child("import time; time.sleep(600)")
     started: list[subprocess.Popen[bytes]] = []
     real = parallel.EpisodeProcesses.start
@@ -139,7 +141,7 @@ def test_no_child_is_left_behind(child, tmp_path: Path, monkeypatch: pytest.Monk
     assert all(process.poll() is not None for process in started)
 
 
-def test_an_episode_is_told_its_options_and_its_row_keeps_the_policy_seed(child, tmp_path: Path) -> None:
+def test_a_child_process_receives_its_options_and_a_lost_episode_keeps_its_policy_seed(child, tmp_path: Path) -> None:
     child("import sys; sys.stderr.write(sys.stdin.read()); sys.exit(2)")
     task = EpisodeTask(PlayOptions(mission="m.ljs", settings={"uavs": 2.0}, policy_seed=77), tmp_path / "run")
     with pytest.raises(UsageError) as error:

@@ -16,7 +16,7 @@ PAGE = (Path(lingjing.__file__).parents[1] / "docs" / "scale.md").read_text(enco
 ROWS = re.findall(r"^\| `(\w+)` (\w+) \| (\d+) \| (\d+) \| (\d+) \| ([\d.]+) \| ([\d.]+) \|$", PAGE, re.MULTILINE)
 
 
-def test_its_sums_are_those_of_its_table() -> None:
+def test_the_sums_of_the_page_match_its_table() -> None:
     decisions, pictures, cpu, megabytes = (sum(float(row[at]) for row in ROWS) for at in (3, 4, 5, 6))
     assert f"| all | | {decisions:,.0f} | {pictures:.0f} | {cpu:.1f} | {megabytes:.1f} |" in PAGE
     hours = 14_400 * cpu / len(ROWS) / 3600
@@ -27,7 +27,7 @@ def test_its_sums_are_those_of_its_table() -> None:
     assert f"| {decisions / cpu * 8:.0f} | 590 | 59,000 |" in PAGE and 585 < decisions / cpu * 64 < 595
 
 
-def test_its_columns_and_bounds_are_the_suites() -> None:
+def test_the_columns_and_the_upper_bound_match_the_shipped_suite() -> None:
     plan = read_plan(find_suite("main"), PluginHost())
     columns = {(cell.column.mission, cell.column.mode) for cell in plan.cells}
     assert {(row[0], row[1]) for row in ROWS} == columns

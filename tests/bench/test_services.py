@@ -39,7 +39,7 @@ def plan(tmp_path_factory: pytest.TempPathFactory) -> SuitePlan:
 
 @dataclass
 class World:
-    """A service of the entrant `oracle` that is down until a time, and a clock that sleeping alone moves."""
+    """A service of the entrant `oracle` that is down until a time, and a clock that only `sleep` advances."""
 
     up_at_s: float
     now_s: float = 0.0
@@ -73,7 +73,7 @@ def play(plan: SuitePlan, folder: Path, world: World, *, retry: bool = False, **
     return executor
 
 
-def test_one_outage_costs_one_try_and_the_others_go_on(plan: SuitePlan, tmp_path: Path) -> None:
+def test_an_outage_costs_one_try_and_other_entrants_continue(plan: SuitePlan, tmp_path: Path) -> None:
     world = World(up_at_s=100.0)
     executor = play(plan, tmp_path / "a", world)
     rows = read_results(tmp_path / "a")
@@ -88,7 +88,7 @@ def test_one_outage_costs_one_try_and_the_others_go_on(plan: SuitePlan, tmp_path
     assert world.lines[-1] == "the service of oracle answers again"
 
 
-def test_it_gives_up_at_the_limit_and_the_same_command_continues(plan: SuitePlan, tmp_path: Path) -> None:
+def test_a_suite_stops_at_the_wait_limit_and_the_same_command_continues(plan: SuitePlan, tmp_path: Path) -> None:
     world = World(up_at_s=10_000.0)
     with pytest.raises(InfrastructureError, match=r"no service answered for 2 min, and 6 episodes are left") as raised:
         play(plan, tmp_path / "a", world, longest_wait_s=120.0)
@@ -98,7 +98,9 @@ def test_it_gives_up_at_the_limit_and_the_same_command_continues(plan: SuitePlan
     assert collections.Counter(row.standing for row in read_results(tmp_path / "a")) == {"counted": 12, "aborted": 1}
 
 
-def test_without_a_wait_the_third_abort_is_lost_and_one_option_plays_it_again(plan: SuitePlan, tmp_path: Path) -> None:
+def test_without_waiting_an_episode_is_lost_after_three_aborts_and_a_retry_plays_it_again(
+    plan: SuitePlan, tmp_path: Path
+) -> None:
     world = World(up_at_s=1.0)
     play(plan, tmp_path / "a", world, longest_wait_s=0.0)
     rows = read_results(tmp_path / "a")
@@ -113,7 +115,7 @@ def test_without_a_wait_the_third_abort_is_lost_and_one_option_plays_it_again(pl
     assert {row.tries for row in rows if row.entrant == "oracle" and row.standing == "counted"} == {7}
 
 
-def test_a_service_is_asked_by_the_probe_of_its_policy(tmp_path: Path) -> None:
+def test_a_service_is_checked_by_the_probe_of_its_policy(tmp_path: Path) -> None:
     file = tmp_path / "paid.toml"
     args = '{ model = "mine", base_url = "http://127.0.0.1:9/v1" }'
     file.write_text(SMALL.replace('policy = "oracle"', f'policy = "react"\nargs = {args}'))
@@ -123,6 +125,6 @@ def test_a_service_is_asked_by_the_probe_of_its_policy(tmp_path: Path) -> None:
     assert probe_entrant(other) == ""
 
 
-def test_wrong_minutes_are_a_usage_error(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_negative_wait_is_a_usage_error(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["bench", "reference", "--wait", "-1", "--check"]) == ExitCode.USAGE
     assert "--wait -1: must be a number of minutes, 0 or more" in capsys.readouterr().err

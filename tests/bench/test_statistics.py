@@ -20,7 +20,7 @@ from lingjing.bench.statistics import (
 )  # fmt: skip
 
 
-def test_wilsons_interval_is_the_published_one() -> None:
+def test_wilson_interval_matches_published_values() -> None:
     """Brown, Cai and DasGupta (2001); 8 of 10: 0.4902 to 0.9433."""
     assert wilson(8, 10) == pytest.approx((0.4901625, 0.9433178), abs=1e-6)
     assert wilson(0, 10)[0] == 0.0 and wilson(10, 10)[1] == 1.0
@@ -28,7 +28,7 @@ def test_wilsons_interval_is_the_published_one() -> None:
     assert all(math.isnan(end) for end in wilson(0, 0))
 
 
-def test_wilsons_interval_covers_as_it_says() -> None:
+def test_wilson_interval_covers_the_true_rate_in_about_95_percent_of_draws() -> None:
     draws = random.Random(3)
     held = 0
     for _ in range(2000):
@@ -50,14 +50,14 @@ def test_the_bootstrap_is_repeatable_and_near_the_normal_interval() -> None:
     assert math.isnan(bootstrap([]).low)
 
 
-def test_the_macro_average_is_over_modes_first() -> None:
+def test_the_macro_average_averages_modes_before_missions() -> None:
     columns = {("ufr", "star"): {0: 1.0, 1: 1.0}, ("ufr", "broadcast"): {0: 0.0, 1: 0.0}, ("bi", "single"): {0: 1.0}}
     assert macro_average(columns) == 0.75
     low, high = macro_bounds({name: dict.fromkeys(range(50), 0.0) | {0: 1.0} for name in columns})
     assert 0.0 <= low < 0.02 < high < 0.1
 
 
-def test_mcnemar_is_the_exact_binomial_over_pairs_that_differ() -> None:
+def test_mcnemar_and_holm_match_values_computed_by_hand() -> None:
     first = {seed: seed < 12 for seed in range(20)}
     second = {seed: seed < 2 or seed == 19 for seed in range(25)}
     test = mcnemar(first, second)
@@ -68,7 +68,7 @@ def test_mcnemar_is_the_exact_binomial_over_pairs_that_differ() -> None:
     assert holm([]) == []
 
 
-def test_wilsons_interval_is_the_closed_form() -> None:
+def test_wilson_interval_equals_its_closed_form() -> None:
     """SciPy's interval equals the formula of Wilson (1927) that computed it before, so published tables stay equal."""
     z = 1.959963984540054  # the standard normal quantile at 0.975
     drawn = np.random.default_rng(1)
@@ -87,7 +87,7 @@ def test_mcnemars_test_is_the_exact_binomial_over_pairs_that_differ() -> None:
     for played in drawn.integers(1, 120, 60):
         shares = drawn.random(2)
         first, second = ({seed: bool(drawn.random() < share) for seed in range(played)} for share in shares)
-        second.pop(0)  # one that only the first has played
+        second.pop(0)  # an instance that only the first has played
         only = sum(first[seed] > second[seed] for seed in second), sum(first[seed] < second[seed] for seed in second)
         differing = sum(only)
         tail = sum(math.comb(differing, count) for count in range(min(only) + 1)) / 2**differing
@@ -107,7 +107,7 @@ def test_the_bootstrap_is_scipys_percentile_bootstrap_of_the_mean(kind: str) -> 
     assert bootstrap(list(values)) == pytest.approx((low, high), abs=0.12 * (high - low))
 
 
-def test_the_macro_average_weighs_missions_alike_and_its_interval_draws_the_seeds_of_a_mission_together() -> None:
+def test_the_macro_average_weights_missions_equally_and_resamples_seeds_jointly_over_modes() -> None:
     """The mean of VDN and of the mean of two modes; modes that always agree vary as much as one of them does."""
     drawn = np.random.default_rng(4)
     won = {seed: float(drawn.random() < 0.4) for seed in range(60)}
@@ -134,8 +134,7 @@ def test_the_smallest_difference_is_detected_in_four_of_five_draws() -> None:
     assert math.isnan(smallest_difference(5)), "five pairs show nothing"
 
 
-def test_the_trend_is_that_of_all_orders_of_each_instance() -> None:
-    """Against the enumeration of all orders."""
+def test_the_trend_test_matches_the_enumeration_of_all_orders() -> None:
     outcomes = [(True, True, False), (True, False, False), (False, True, True), (True, False, False)]
     observed = sum(level for row in outcomes for level, won in enumerate(row) if won)
     totals = [
@@ -145,7 +144,7 @@ def test_the_trend_is_that_of_all_orders_of_each_instance() -> None:
     assert trend(outcomes) == pytest.approx(sum(total <= observed for total in totals) / len(totals))
 
 
-def test_a_falling_rate_has_a_small_p_and_a_flat_one_has_none() -> None:
+def test_a_falling_rate_has_a_small_p_value_and_a_rising_or_flat_rate_has_p_1() -> None:
     falling = [(True, True, True, False, False, False)] * 4
     assert trend(falling) == pytest.approx(1 / 20**4)
     assert trend([tuple(reversed(row)) for row in falling]) == pytest.approx(1.0)
@@ -162,7 +161,7 @@ def test_the_trend_keeps_its_level() -> None:
     assert rejected / 1000 <= 0.065
 
 
-def test_newcombes_interval_is_the_published_one() -> None:
+def test_newcombe_interval_matches_published_values() -> None:
     """Newcombe (1998), example (a): 56 of 70 less 48 of 80 is 0.20, with 0.0524 to 0.3339."""
     assert difference_bounds((56, 70), (48, 80)) == pytest.approx((0.0524, 0.3339), abs=1e-4)
     assert difference_bounds((10, 10), (0, 20)) == pytest.approx((0.6791, 1.0), abs=1e-4), "example (g)"

@@ -19,7 +19,7 @@ PAGE = (Path(lingjing.__file__).parents[1] / "docs" / "studies.md").read_text(en
 ROWS = re.findall(r"^\| `(\w+)` \| (.*?) \| `(--set .*?)` \|$", PAGE, flags=re.MULTILINE)
 
 
-def test_its_commands_are_understood(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_the_commands_of_the_page_are_valid(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)
     played: list[int] = []
     monkeypatch.setattr(SuiteRun, "play", lambda self, episodes: played.append(len(episodes)))
@@ -29,26 +29,26 @@ def test_its_commands_are_understood(monkeypatch: pytest.MonkeyPatch, tmp_path: 
     assert played == [100 * len(columns(shipped_missions())), 2 * 2 * 20, 4 * 5]
 
 
-def test_its_suite_is_right(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_suite_of_the_page_is_valid(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (block,) = re.findall(r"^```toml\n(.*?)^```", PAGE, flags=re.MULTILINE | re.DOTALL)
     (tmp_path / "altitude.toml").write_text(block)
     assert run_command(["bench", str(tmp_path / "altitude.toml"), "--check"]) == 0
     assert "2 entrants in 2 columns, 20 seeds: 80 episodes" in capsys.readouterr().err
 
 
-def test_it_names_every_suite_with_its_size() -> None:
+def test_the_page_lists_every_suite_with_its_size() -> None:
     sizes = dict(re.findall(r"^\| `([\w-]+)` \| .* \| ([\d,]+) \|$", PAGE, flags=re.MULTILINE))
     plans = {name: read_plan(find_suite(name), PluginHost()) for name in shipped_suites()}
     assert sizes == {name: f"{len(plan.cells) * len(plan.suite.seeds):,}" for name, plan in plans.items()}
 
 
-def test_it_names_every_table() -> None:
+def test_the_page_lists_every_table() -> None:
     named = re.findall(r"^\| `(\w+)` \| [^|]+ \|$", PAGE, flags=re.MULTILINE)
     assert tuple(named) == tuple(TABLES) == bench.KINDS
 
 
 @pytest.mark.parametrize(("name", "values", "by_hand"), ROWS, ids=[row[0] for row in ROWS])
-def test_its_table_is_what_missions_declare(name: str, values: str, by_hand: str) -> None:
+def test_the_table_of_sweeps_matches_the_missions(name: str, values: str, by_hand: str) -> None:
     mission = lingjing.compile(name)
     pairs = parse_pairs("--set", [word for word in shlex.split(by_hand) if word != "--set"])
     set_by_hand = parse_settings(pairs, mission)
@@ -59,5 +59,5 @@ def test_its_table_is_what_missions_declare(name: str, values: str, by_hand: str
         assert value in {column.settings[key] for column in swept if key in column.settings}
 
 
-def test_no_sweep_is_left_out() -> None:
+def test_the_table_lists_every_mission_with_sweeps() -> None:
     assert {row[0] for row in ROWS} == {path.stem for path in shipped_missions() if lingjing.compile(str(path)).sweeps}

@@ -20,7 +20,7 @@ from tests.bench.suite_kit import SMALL, read_plan
 
 
 class Models:
-    """A plug-in with one model, which the policy `scripted` plays."""
+    """A plug-in with one model of the policy `scripted`."""
 
     @hookimpl
     def lingjing_models(self):
@@ -46,7 +46,7 @@ def faults(text: str, folder: Path, host: PluginHost) -> list[str]:
     return [line.removeprefix(f"{folder / 'suite.toml'}: ") for line in lines]
 
 
-def test_a_suite_means_entrants_times_columns(tmp_path: Path, host: PluginHost) -> None:
+def test_the_cells_of_a_suite_are_its_entrants_times_its_columns(tmp_path: Path, host: PluginHost) -> None:
     plan = planned(SMALL, tmp_path, host)
     assert [(cell.player.name, cell.column.name) for cell in plan.cells] == [
         ("oracle", "bi-single-tier1"), ("random", "bi-single-tier1"), ("oracle", "cd-star-tier1"),
@@ -90,7 +90,7 @@ def test_a_tier_that_a_mission_lacks_is_an_error(tmp_path: Path, host: PluginHos
     assert any(each.startswith(fault) for each in lines), lines
 
 
-def test_five_mistakes_are_five_lines_with_their_paths(tmp_path: Path, host: PluginHost) -> None:
+def test_five_errors_are_reported_on_five_lines_with_their_paths(tmp_path: Path, host: PluginHost) -> None:
     text = SMALL.replace('"cd"]', '"cdd"]').replace("seeds = 2", 'seeds = "5-2"').replace('"random"', '"randam"')
     text = text.replace('"modes"]', '"mode"]') + '\n[[conditions]]\nname = "x"\nmodes = ["broadcats"]\n'
     lines = faults(text, tmp_path, host)
@@ -101,9 +101,9 @@ def test_five_mistakes_are_five_lines_with_their_paths(tmp_path: Path, host: Plu
     assert "missions[1]: there is no mission `cdd`; did you mean `cd`?" in lines
 
 
-def test_a_mistake_hides_no_other(tmp_path: Path, host: PluginHost) -> None:
+def test_an_error_does_not_hide_other_errors(tmp_path: Path, host: PluginHost) -> None:
     """No seeds, an entrant that plays nowhere, a condition without entrants, one in no mode and two without
-    a name: what is wrong with their options is told all the same."""
+    a name: the errors of their options are reported too."""
     text = (
         SMALL.replace("seeds = 2\n", "args = { skript = 1 }\n")
         + """
@@ -142,12 +142,12 @@ args = { memory = 4 }
     ]  # fmt: skip
 
 
-def test_a_name_that_is_no_word_is_told_what_it_may_be(tmp_path: Path, host: PluginHost) -> None:
+def test_an_invalid_suite_name_is_reported_with_the_valid_pattern(tmp_path: Path, host: PluginHost) -> None:
     (line,) = faults(SMALL.replace('name = "small"', 'name = "../Small"'), tmp_path, host)
     assert line == "name: is '../Small', a text that matches ^[a-z0-9][a-z0-9-]{0,39}$ is due"
 
 
-def test_an_option_is_not_called_unknown_where_an_entrant_is(tmp_path: Path, host: PluginHost) -> None:
+def test_an_option_is_not_reported_as_unknown_if_an_entrant_is_unknown(tmp_path: Path, host: PluginHost) -> None:
     text = SMALL.replace('"random"', '"randam"').replace("seeds = 2\n", "seeds = 2\nargs = { script = 1 }\n")
     assert [line.partition(":")[0] for line in faults(text, tmp_path, host)] == ["entrants[1].policy"]
 
@@ -198,7 +198,9 @@ def test_an_option_is_not_called_unknown_where_an_entrant_is(tmp_path: Path, hos
         ),
     ],
 )
-def test_a_mistake_is_named_with_what_was_meant(wrong: str, message: str, tmp_path: Path, host: PluginHost) -> None:
+def test_an_error_in_an_entrant_or_a_condition_is_one_line_with_its_path(
+    wrong: str, message: str, tmp_path: Path, host: PluginHost
+) -> None:
     lines = faults(f"{SMALL}\n{wrong}\n", tmp_path, host)
     assert len(lines) == 1
     assert lines[0].startswith(message)
@@ -223,13 +225,15 @@ def test_a_mistake_is_named_with_what_was_meant(wrong: str, message: str, tmp_pa
         ('["bi", "cd"]', '["bi", "bi"]', "missions[1]: `bi` is listed twice"),
     ],
 )
-def test_a_wrong_head_is_told(old: str, new: str, message: str, tmp_path: Path, host: PluginHost) -> None:
+def test_an_error_in_the_head_of_a_suite_is_one_line_with_its_path(
+    old: str, new: str, message: str, tmp_path: Path, host: PluginHost
+) -> None:
     lines = faults(SMALL.replace(old, new), tmp_path, host)
     assert len(lines) == 1
     assert lines[0].startswith(message)
 
 
-def test_another_form_hides_no_other_fault(tmp_path: Path, host: PluginHost) -> None:
+def test_an_unsupported_form_number_does_not_hide_other_errors(tmp_path: Path, host: PluginHost) -> None:
     text = SMALL.replace("suite = 1", "suite = 2").replace("seeds = 2", "seeds = 0").replace('"random"', '"randam"')
     lines = faults(text.replace('["bi", "cd"]', '["bi", "cdd"]'), tmp_path, host)
     assert [line.partition(":")[0] for line in lines] == ["suite", "seeds", "missions[1]", "entrants[1].policy"]
@@ -243,14 +247,14 @@ def test_seeds_are_a_number_a_range_or_a_list(
     assert planned(SMALL.replace("seeds = 2", f"seeds = {written}"), tmp_path, host).suite.seeds == seeds
 
 
-def test_what_is_no_toml_is_said(tmp_path: Path, host: PluginHost) -> None:
+def test_invalid_toml_and_unknown_suites_are_usage_errors(tmp_path: Path, host: PluginHost) -> None:
     with pytest.raises(UsageError, match=r"is not TOML: .*line 1"):
         planned("suite = = 1", tmp_path, host)
     with pytest.raises(UsageError, match="there is no suite `smal`"):
         find_suite("smal")
 
 
-def test_a_mission_with_errors_and_a_policy_file_beside_the_suite(tmp_path: Path, host: PluginHost) -> None:
+def test_a_mission_and_a_policy_file_are_read_from_the_folder_of_the_suite(tmp_path: Path, host: PluginHost) -> None:
     (tmp_path / "mine.ljs").write_text("ljs 1\nmission mine {\n")
     (tmp_path / "mine.py").write_text(
         "class Mine:\n    async def reset(self, b): ...\n    async def act(self, o, i): ...\n"
@@ -262,7 +266,9 @@ def test_a_mission_with_errors_and_a_policy_file_beside_the_suite(tmp_path: Path
     assert plan.players[1].declared.name == "mine.py:Mine"
 
 
-def test_arguments_go_to_who_takes_them_the_nearest_counts(tmp_path: Path, host: PluginHost) -> None:
+def test_arguments_reach_the_policies_that_accept_them_and_conditions_override_entrants(
+    tmp_path: Path, host: PluginHost
+) -> None:
     text = SMALL + (
         '\n[[entrants]]\nmodel = "large-1"\n[[conditions]]\nname = "a"\nargs = { script = "y.json" }\n'
         '[[conditions]]\nname = "b"\nbaseline = true\nentrants = ["large-1"]\nmissions = ["cd"]\nmodes = ["star"]\n'
@@ -279,7 +285,7 @@ def test_arguments_go_to_who_takes_them_the_nearest_counts(tmp_path: Path, host:
     assert (options.policy, options.seed, options.policy_seed, options.settings) == ("scripted", 7, 11, {"points": 5.0})
 
 
-def test_other_policies_may_play_any_suite(tmp_path: Path, host: PluginHost) -> None:
+def test_policies_of_the_command_replace_the_entrants_of_a_suite(tmp_path: Path, host: PluginHost) -> None:
     text = (
         SMALL.replace('policy = "random"', 'model = "nobody-has-this"') + "\n[[conditions]]\nname = 'a'\nargs = {x = 1}"
     )
@@ -287,14 +293,14 @@ def test_other_policies_may_play_any_suite(tmp_path: Path, host: PluginHost) -> 
     assert [player.name for player in plan.players] == ["random"]
 
 
-def test_sweeps_are_what_missions_declare(tmp_path: Path, host: PluginHost) -> None:
+def test_sweeps_give_one_condition_for_each_declared_value(tmp_path: Path, host: PluginHost) -> None:
     plan = planned(SMALL.replace("seeds = 2", "seeds = 2\nsweeps = true"), tmp_path, host)
     assert [cell.condition for cell in plan.cells if cell.player.name == "oracle"] == [
         "points=5", "points=10", "points=15", "points=20",
     ]  # fmt: skip
 
 
-def test_the_schema_is_the_committed_one_and_takes_every_shipped_suite() -> None:
+def test_the_committed_schema_is_current_and_accepts_every_shipped_suite() -> None:
     committed = Path(__file__).parents[2].joinpath("schemas", "suite.schema.json").read_bytes()
     assert committed == json_schema(), "run `python -m lingjing.bench.suite`"
     validator = jsonschema.Draft202012Validator(msgspec.json.decode(committed))
@@ -307,7 +313,7 @@ def test_the_schema_is_the_committed_one_and_takes_every_shipped_suite() -> None
 
 
 @pytest.mark.parametrize("name", shipped_suites())
-def test_every_shipped_suite_is_right_and_called_as_its_file(name: str) -> None:
+def test_every_shipped_suite_is_valid_and_named_like_its_file(name: str) -> None:
     plan = read_plan(find_suite(name), PluginHost())
     assert plan.suite.name == name
     assert plan.suite.title and plan.suite.about
@@ -350,7 +356,7 @@ HARMFUL = {
 }
 
 
-def test_a_file_that_harms_its_process_is_a_fault_of_its_entrant(
+def test_a_policy_file_that_harms_its_process_is_reported_as_an_error_of_its_entrant(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each file damages its own process; the suite is read to its end, and no process is left."""
@@ -382,7 +388,7 @@ def test_a_file_that_harms_its_process_is_a_fault_of_its_entrant(
     assert len(lines) == len(HARMFUL) + 2 + 1  # and a hint
 
 
-def test_options_of_a_file_are_shared_and_checked_as_any(tmp_path: Path, host: PluginHost) -> None:
+def test_options_of_a_policy_file_are_passed_and_checked_like_others(tmp_path: Path, host: PluginHost) -> None:
     (tmp_path / "mine.py").write_text(DECLARES.format(name="Mine"))
     text = SMALL + '\n[[entrants]]\npolicy = "mine.py"\n[[conditions]]\nname = "fast"\nargs = { speed = 9.0 }\n'
     cells = planned(text, tmp_path, host).cells

@@ -72,19 +72,19 @@ def aborting(*times: str) -> AnsweringExecutor:
     return AnsweringExecutor(answer)
 
 
-def test_every_episode_is_played_once_seed_by_seed_and_matched(plan: SuitePlan, tmp_path: Path) -> None:
+def test_every_episode_is_played_once_in_the_order_of_seeds(plan: SuitePlan, tmp_path: Path) -> None:
     executor = AnsweringExecutor()
     play(plan, tmp_path / "a", executor)
     assert [task.options.seed for task in executor.tasks] == [0] * 6 + [1] * 6
     rows = read_results(tmp_path / "a")
     assert len(rows) == 12 and {row.standing for row in rows} == {"counted"}
-    assert not list((tmp_path / "a" / "runs").iterdir()), "what is not kept is gone"
+    assert not list((tmp_path / "a" / "runs").iterdir()), "runs that are not kept are removed"
     again = AnsweringExecutor()
     play(plan, tmp_path / "a", again)
     assert again.tasks == []
 
 
-def test_results_are_read_while_their_parts_are_put_together(
+def test_results_are_readable_while_their_parts_are_compacted(
     plan: SuitePlan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     play(plan, tmp_path / "a", AnsweringExecutor())
@@ -103,7 +103,7 @@ def test_results_are_read_while_their_parts_are_put_together(
         assert {row.key for row in read_results(other)} == {row.key for row in whole}
 
 
-def test_an_abort_is_played_again_with_its_seed_and_kept_in_view(plan: SuitePlan, tmp_path: Path) -> None:
+def test_an_aborted_episode_is_played_again_with_its_seed_and_its_row_is_kept(plan: SuitePlan, tmp_path: Path) -> None:
     executor = aborting("engine `road` died")
     play(plan, tmp_path / "a", executor)
     rows = read_results(tmp_path / "a")
@@ -114,7 +114,7 @@ def test_an_abort_is_played_again_with_its_seed_and_kept_in_view(plan: SuitePlan
     assert all(first[task.folder] == task.options for task in executor.tasks[12:]), "the same seed, the same draws"
 
 
-def test_the_third_abort_is_lost_and_listed(plan: SuitePlan, tmp_path: Path, capsys) -> None:
+def test_an_episode_is_lost_after_three_aborts_and_listed(plan: SuitePlan, tmp_path: Path, capsys) -> None:
     executor = aborting("one", "two", "three", "never")
     play(plan, tmp_path / "a", executor)
     lost = [row for row in read_results(tmp_path / "a") if row.standing == "lost"]
@@ -140,7 +140,7 @@ def _countdown():
     return Countdown(1, ())
 
 
-def test_an_episode_that_was_interrupted_is_played_anew(plan: SuitePlan, tmp_path: Path) -> None:
+def test_an_interrupted_episode_is_played_again(plan: SuitePlan, tmp_path: Path) -> None:
     play(plan, tmp_path / "a", AnsweringExecutor(lambda task: answered(task, reason=INTERRUPTED)))
     assert read_results(tmp_path / "a") == []
     executor = AnsweringExecutor()
@@ -148,7 +148,7 @@ def test_an_episode_that_was_interrupted_is_played_anew(plan: SuitePlan, tmp_pat
     assert len(executor.tasks) == len(read_results(tmp_path / "a")) == 12
 
 
-def test_shards_are_disjoint_and_together_everything(plan: SuitePlan, tmp_path: Path) -> None:
+def test_shards_are_disjoint_and_cover_all_episodes(plan: SuitePlan, tmp_path: Path) -> None:
     with open_results(tmp_path / "a") as results:
         run = SuiteRun(plan, results, "code", AnsweringExecutor())
         whole = run.due(range(40), plan.cells)
@@ -159,14 +159,14 @@ def test_shards_are_disjoint_and_together_everything(plan: SuitePlan, tmp_path: 
     assert all(0.7 < 3 * len(part) / len(whole) < 1.3 for part in parts)
 
 
-def test_policy_seeds_come_from_the_suites_own_salt(plan: SuitePlan, tmp_path: Path) -> None:
+def test_policy_seeds_are_drawn_from_the_salt_of_the_results_folder(plan: SuitePlan, tmp_path: Path) -> None:
     def drawn(folder: Path) -> dict[tuple[object, ...], int]:
         if not folder.exists():
             play(plan, folder, AnsweringExecutor())
         return {row.key: row.policy_seed for row in read_results(folder)}
 
     first, other = drawn(tmp_path / "a"), drawn(tmp_path / "b")
-    assert len({*first.values(), *other.values()}) == 24, "one of its own for every row of every suite"
+    assert len({*first.values(), *other.values()}) == 24, "each row of each suite has its own seed"
     (tmp_path / "c").mkdir()
     shutil.copy(tmp_path / "a" / "salt", tmp_path / "c" / "salt")
     assert drawn(tmp_path / "a") == first
@@ -177,7 +177,7 @@ def test_policy_seeds_come_from_the_suites_own_salt(plan: SuitePlan, tmp_path: P
     assert (tmp_path / "a" / "salt").read_text().strip() not in str(fingerprints)
 
 
-def test_rows_of_other_code_other_options_or_another_suite_stop_it(plan: SuitePlan, tmp_path: Path) -> None:
+def test_rows_of_other_code_options_or_suites_stop_the_suite(plan: SuitePlan, tmp_path: Path) -> None:
     play(plan, tmp_path / "a", AnsweringExecutor())
     before = (tmp_path / "a" / "results.parquet").read_bytes()
     with pytest.raises(
@@ -197,7 +197,7 @@ def test_rows_of_other_code_other_options_or_another_suite_stop_it(plan: SuitePl
 
 
 @pytest.mark.parametrize("name", ["x.partial", "²³.parquet", "99999999.parquet", "junk"])
-def test_files_of_strangers_among_the_parts_hide_no_row(tmp_path: Path, name: str) -> None:
+def test_foreign_files_among_the_parts_hide_no_row(tmp_path: Path, name: str) -> None:
     with open_results(tmp_path) as results:
         results.add(made_row(seed=0))
         part = (tmp_path / "parts" / "00000001.parquet").read_bytes()
@@ -212,7 +212,7 @@ def test_files_of_strangers_among_the_parts_hide_no_row(tmp_path: Path, name: st
     assert sorted(row.seed for row in read_results(tmp_path)) == [0, 1, 2]
 
 
-def test_a_broken_part_is_named_with_the_way_out_and_costs_no_other_row(tmp_path: Path) -> None:
+def test_a_broken_part_is_reported_with_a_remedy_and_no_other_row_is_lost(tmp_path: Path) -> None:
     with open_results(tmp_path) as results:
         results.add(made_row(seed=0))
     broken = tmp_path / "parts" / "00000007.parquet"
@@ -225,7 +225,7 @@ def test_a_broken_part_is_named_with_the_way_out_and_costs_no_other_row(tmp_path
         assert [row.seed for row in results.rows] == [0]
 
 
-def test_rows_outlive_the_removal_of_their_parts_while_a_suite_is_played(tmp_path: Path) -> None:
+def test_rows_survive_the_removal_of_their_files_while_a_suite_is_played(tmp_path: Path) -> None:
     with open_results(tmp_path) as results:
         results.add(made_row(seed=0))
         results.compact()
@@ -255,7 +255,7 @@ def test_two_commands_do_not_share_a_folder(tmp_path: Path) -> None:
         pass
 
 
-def test_a_folder_that_vanishes_is_said_and_not_made_again(plan: SuitePlan, tmp_path: Path) -> None:
+def test_a_removed_results_folder_is_reported_and_not_created_again(plan: SuitePlan, tmp_path: Path) -> None:
     def answer(task: EpisodeTask) -> EpisodeReport:
         if task.options.seed == 1:
             shutil.rmtree(tmp_path / "a")
@@ -283,7 +283,7 @@ with open_results(Path(sys.argv[1])) as results:
 """
 
 
-def test_a_full_disk_is_said_once_and_leaves_only_whole_rows(tmp_path: Path) -> None:
+def test_a_full_disk_is_reported_once_and_leaves_only_complete_rows(tmp_path: Path) -> None:
     """The system refuses to let the file grow, like a full disk."""
     done = subprocess.run([sys.executable, "-c", FULL, str(tmp_path / "a")], capture_output=True, text=True, check=True,
                           cwd=Path(__file__).parents[2])  # fmt: skip
@@ -310,7 +310,7 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
-def test_killed_again_and_again_it_plays_everything_once(tmp_path: Path) -> None:
+def test_a_suite_that_is_killed_several_times_plays_every_episode_once(tmp_path: Path) -> None:
     """After a kill at any moment, reported rows are stored, missing ones are played by the next command, and no row is
     doubled.
     """
@@ -339,7 +339,7 @@ def test_killed_again_and_again_it_plays_everything_once(tmp_path: Path) -> None
     assert again.stdout == done.stdout and again.stdout.count("| random | 100 | 100 | 100 | 100 |") == 1
 
 
-def test_parts_become_one_file_and_a_kill_between_doubles_nothing(
+def test_parts_become_one_file_and_a_kill_in_between_duplicates_no_row(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(folders, "MOST_PARTS", 5)
@@ -358,7 +358,7 @@ def test_parts_become_one_file_and_a_kill_between_doubles_nothing(
     assert [path.name for path in (tmp_path / "parts").iterdir()] == []
 
 
-def test_rows_read_back_whole_and_can_be_queried(tmp_path: Path) -> None:
+def test_rows_read_back_completely_from_parquet_and_can_be_queried(tmp_path: Path) -> None:
     import pyarrow.compute as compute
     import pyarrow.parquet as parquet
 
@@ -387,7 +387,7 @@ def test_rows_read_back_whole_and_can_be_queried(tmp_path: Path) -> None:
         ("half", "holds no results of a suite"),
     ],
 )
-def test_what_holds_no_results_is_said(content: bytes | str, message: str, tmp_path: Path, capsys) -> None:
+def test_a_file_without_valid_results_is_reported(content: bytes | str, message: str, tmp_path: Path, capsys) -> None:
     import pyarrow as pa
     import pyarrow.parquet as parquet
 
@@ -409,7 +409,7 @@ def test_what_holds_no_results_is_said(content: bytes | str, message: str, tmp_p
     assert ("lingjing report FOLDER/runs" in captured.err) == (content == "report")
 
 
-def test_results_are_read_while_they_are_played(tmp_path: Path) -> None:
+def test_results_are_readable_while_a_suite_is_played(tmp_path: Path) -> None:
     with open_results(tmp_path) as results:
         results.add(made_row())
         assert len(read_results(tmp_path)) == 1
@@ -417,7 +417,7 @@ def test_results_are_read_while_they_are_played(tmp_path: Path) -> None:
         read_results(tmp_path / "parts")
 
 
-def test_an_own_seed_row_keeps_its_options(plan: SuitePlan, tmp_path: Path) -> None:
+def test_a_row_keeps_the_options_and_the_trace_of_its_episode(plan: SuitePlan, tmp_path: Path) -> None:
     play(plan, tmp_path / "a", AnsweringExecutor(), keep=True)
     row = read_results(tmp_path / "a")[0]
     assert msgspec.structs.replace(row.options, seed=5) != row.options

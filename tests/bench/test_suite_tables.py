@@ -78,7 +78,7 @@ def test_the_main_table_has_the_papers_columns_average_and_marks() -> None:
     assert columns_of(rows) == (("vdn", "single"), ("ssr", "star"), ("ssr", "broadcast"))
 
 
-def test_what_is_lost_or_aborted_is_in_no_rate_and_is_said() -> None:
+def test_lost_and_aborted_episodes_are_in_no_rate_and_are_noted() -> None:
     rows = [
         *column("a", "ssr", "star", 10), made_row(entrant="a", seed=10, success=False, standing="lost", tries=3),
         made_row(entrant="a", seed=11, success=False, standing="aborted"),
@@ -161,7 +161,7 @@ def test_conditions_are_compared_with_the_baseline_and_stages_are_cumulative() -
     assert make_tables(column("q", "ssr", "star", 7), ["conditions"]) == ()
 
 
-def test_pairs_are_the_same_instances_and_each_family_is_corrected_by_itself() -> None:
+def test_paired_tests_use_common_instances_and_correct_each_family_separately() -> None:
     rows = [*column("a", "ssr", "star", 9), *column("b", "ssr", "star", 0, of=8), *column("c", "bi", "single", 3)]
     rows += column("a", "ssr", "broadcast", 1)
     (table,) = make_tables(rows, ["paired"], "Study")
@@ -173,7 +173,7 @@ def test_pairs_are_the_same_instances_and_each_family_is_corrected_by_itself() -
 
 
 @pytest.mark.parametrize("kind", TABLES)
-def test_every_kind_is_made_of_one_row_and_of_none(kind: str) -> None:
+def test_every_kind_of_table_accepts_few_rows_and_no_rows(kind: str) -> None:
     assert make_tables([], [kind]) == ()
     for table in make_tables([made_row(), made_row(mode="broadcast"), made_row(entrant="f")], [kind]):
         assert all(len(line.cells) == len(table.heads) for line in table.lines)
@@ -226,27 +226,27 @@ def test_markdown_and_latex_hold_no_foreign_markup() -> None:
 
 
 @pytest.mark.parametrize("name", ["[2] x", "*x"])
-def test_no_name_is_an_argument_of_the_line_break_before_it(name: str) -> None:
+def test_a_latex_name_is_not_read_as_an_argument_of_the_line_break_before_it(name: str) -> None:
     table = ResultTable("t", "T", ("a",), ("b",), (ResultLine("", (name,), (ResultCell("1", 1.0),)),))
     assert f"\n{{}}{name} & 1 \\\\" in to_latex(table)
 
 
-def test_csv_reads_back_and_begins_no_formula() -> None:
+def test_csv_reads_back_and_no_cell_begins_a_formula() -> None:
     head, row = csv.reader(io.StringIO(to_csv(TABLE)))
     assert head == ["group", "Entrant", "UFR^s", "<b>"]
     assert row[1] == "'=HYPERLINK(1)" and row[3] == "12.4"
     assert "\x1b" not in to_csv(TABLE)
 
 
-def test_a_head_of_csv_begins_no_formula() -> None:
+def test_no_csv_header_begins_a_formula() -> None:
     table = ResultTable("t", "T", ("+a",), ("=HYPERLINK(1)",), (ResultLine("", ("x",), (ResultCell("1", 1.0),)),))
     assert next(csv.reader(io.StringIO(to_csv(table)))) == ["group", "'+a", "'=HYPERLINK(1)"]
 
 
-# -- what is said while it is played
+# -- progress while a suite is played
 
 
-def test_the_time_and_the_money_left_are_those_of_each_kind_of_episode() -> None:
+def test_the_remaining_time_and_cost_use_the_means_of_each_kind_of_episode() -> None:
     countdown = Countdown(2, ["quick", "quick", "slow", "new"])
     assert math.isnan(countdown.left_s) and math.isnan(countdown.left_usd)
     countdown.done("quick", 10.0, 1.0)
@@ -255,7 +255,7 @@ def test_the_time_and_the_money_left_are_those_of_each_kind_of_episode() -> None
     assert countdown.left_usd == 1.0 + 3.0 + 2.0
 
 
-def test_the_bar_says_what_is_done_and_left() -> None:
+def test_the_progress_bar_shows_done_and_remaining_episodes() -> None:
     countdown = Countdown(1, ["a"] * 20)
     assert bench._bar(0, 20, countdown) == "[..........] 0/20, ? left:"
     countdown.learn("a", 195.0, 0.16)
@@ -264,7 +264,7 @@ def test_the_bar_says_what_is_done_and_left() -> None:
     assert blank_metrics().cost_usd == 0.0
 
 
-def test_behaviour_has_the_papers_signatures_and_rates_of_actions_are_pooled() -> None:
+def test_the_behaviour_table_has_the_papers_columns_and_pools_rates_of_actions() -> None:
     """Five agents that act twice have five actions with a predecessor, one that acts 90 times has 89: of these 94 five
     are repeated. Weighted by actions it would be ten of a hundred."""
     few = {"coverage": 0.9, "first_discovery_tick": 12, "redundant_revisits": 0.1, "idle_fraction": 0.12,
@@ -343,7 +343,7 @@ def test_drift_is_pooled_over_actions_by_tercile() -> None:
     assert rows_of_texts[5] == (("e", "Late"), rows_of_texts[2][1])
 
 
-def test_entrants_without_a_heading_stand_under_nobody_elses() -> None:
+def test_entrants_without_a_group_are_listed_before_the_first_heading() -> None:
     rows = [*column("m", "bi", "single", 1, group="Models"), *column("p", "bi", "single", 1)]
     (table,) = make_tables(rows, ["success"])
     for text in (to_markdown(table), to_latex(table), to_html(table)):
@@ -352,7 +352,7 @@ def test_entrants_without_a_heading_stand_under_nobody_elses() -> None:
     assert [line.split(" | ")[0].strip("| ") for line in body[:3]] == ["p", "*Models*", "m"]
 
 
-def test_values_that_read_alike_are_marked_alike() -> None:
+def test_values_that_are_displayed_alike_are_marked_alike() -> None:
     cells = best_of([ResultCell("0", 0.33), ResultCell("0", 0.0), ResultCell("2", 2.0)], lower=True)
     assert [cell.mark for cell in cells] == ["best", "best", "second"]
 
@@ -370,7 +370,7 @@ def test_last_mile_delivery_has_its_five_stages() -> None:
     ]  # fmt: skip
 
 
-def test_a_table_says_whose_answers_were_replaced() -> None:
+def test_a_table_names_the_entrants_with_replaced_answers() -> None:
     rows = [made_row(metrics={"substitutions": 2}), made_row(seed=1, metrics={"substitutions": 1})]
     rows += [made_row(entrant="f"), made_row(entrant="g", standing="aborted", metrics={"substitutions": 9})]
     (table,) = make_tables(rows, ["success"])
@@ -382,7 +382,7 @@ def control_row(entrant: str, seed: int, *, success: bool, mission: str = "ssr",
     return made_row(entrant=entrant, seed=seed, success=success, mission=mission, options=base)
 
 
-def test_the_controls_stand_beside_the_player_with_withheld_boxes() -> None:
+def test_the_controls_table_compares_controls_with_a_player_with_withheld_boxes() -> None:
     rows = []
     for seed in range(4):
         for level, share in enumerate((0.0, 0.5, 1.0)):
@@ -411,7 +411,7 @@ def at_tier_1(entrant: str, *, success: bool, blank_pictures: bool = False, **me
     return made_row(entrant=entrant, success=success, options=options, metrics=metrics)
 
 
-def test_above_tier_0_precision_and_the_chance_level_stand_beside_the_rates() -> None:
+def test_above_tier_0_the_table_also_has_precision_and_the_chance_level() -> None:
     rows = [
         at_tier_1("sees", success=True, reports=4, detections=3, false_positives=1),
         at_tier_1("guesses", success=False, blank_pictures=True),
@@ -428,7 +428,7 @@ def test_above_tier_0_precision_and_the_chance_level_stand_beside_the_rates() ->
     assert alone.lines[-1].cells[0].text == "–"
 
 
-def test_tier_0_has_rates_alone_and_says_how_it_compares_with_the_paper() -> None:
+def test_the_table_of_tier_0_has_only_rates_and_a_note_on_the_paper() -> None:
     (table,) = make_tables([made_row()], ["success"])
     assert len(table.lines) == 1
     assert "tier 0 is comparable with the paper by protocol and never by number" in table.notes

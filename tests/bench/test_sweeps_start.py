@@ -18,7 +18,7 @@ LAST = {column.mission: column for sweeps in (False, True) for column in columns
 GROUPS = {"cd": {"point": 20, "van": 5}, "ufr": {"fire": 6, "uav": 5}, "ssr": {"victim": 3, "uav": 3}}
 
 
-def test_every_shipped_mission_is_among_them() -> None:
+def test_the_tested_columns_cover_every_shipped_mission() -> None:
     assert LAST.keys() == {path.stem for path in shipped_missions()}
 
 
@@ -33,7 +33,7 @@ IN_EVERY_RUN = ("bi", "ssr")
         for mission, column in LAST.items()
     ],
 )
-def test_it_starts(column: Column) -> None:
+def test_a_shipped_mission_starts(column: Column) -> None:
     game = SteppedEpisodes(lingjing.compile(str(column.path)), column.mode, column.settings, "random", "inline")
     try:
         instance = game.instance(3)

@@ -34,7 +34,7 @@ def cells(rows: list[SuiteRow], kind: str = "success") -> dict[str, tuple[tuple[
     return {line.label[0]: tuple((cell.text, cell.mark) for cell in line.cells) for line in table.lines}
 
 
-def test_who_loses_episodes_is_neither_bold_nor_ranked_and_shows_its_cases() -> None:
+def test_an_entrant_with_lost_episodes_is_not_ranked_and_has_a_best_and_a_worst_case() -> None:
     fair = won("fair", 9, 10)
     sly = [*won("sly", 9, 9), ended("sly", 9, "lost", "an engine died", "", tries=3)]
     cells_by_entrant = cells([*fair, *sly])
@@ -49,7 +49,7 @@ def test_who_loses_episodes_is_neither_bold_nor_ranked_and_shows_its_cases() -> 
     assert r"\ddag" in to_latex(table)
 
 
-def test_the_others_are_compared_without_it() -> None:
+def test_other_entrants_are_compared_without_an_entrant_with_lost_episodes() -> None:
     rows = [*won("a", 9, 10), *won("b", 4, 10), *won("sly", 9, 9), ended("sly", 9, "lost", tries=3)]
     assert [cells(rows)[name][0][1] for name in ("a", "b", "sly ‡")] == ["best", "second", ""]
     (paired,) = make_tables(rows, ("paired",))
@@ -62,7 +62,7 @@ def test_an_entrant_that_has_only_lost_episodes_is_listed() -> None:
     assert ">sly ‡<" in leaderboard(rows)
 
 
-def test_a_win_after_the_own_service_was_gone_is_a_failure_in_the_worst_case() -> None:
+def test_a_win_after_an_outage_of_the_entrants_service_is_a_failure_in_the_worst_case() -> None:
     rows = [*won("a", 9, 10), *won("sly", 10, 10), ended("sly", 3, "aborted", ended_unix_s=1e9)]
     assert unresolved_entrants(rows) == {"sly"}
     assert cells(rows)["sly ‡"][0] == ("100 (90..100)", "")
@@ -79,14 +79,16 @@ def test_a_win_after_the_own_service_was_gone_is_a_failure_in_the_worst_case() -
         ({"entrant": "a"}, True),
     ],
 )
-def test_several_entrants_at_once_show_that_it_was_the_infrastructure(other: dict[str, object], is_open: bool) -> None:
+def test_an_abort_is_resolved_if_another_entrant_has_the_same_cause_at_the_same_time(
+    other: dict[str, object], is_open: bool
+) -> None:
     entrant = str(other.pop("entrant"))
     aborted = [ended("sly", 3, "aborted", ended_unix_s=1e9), ended(entrant, 4, "aborted", **other)]
     assert ("sly" in unresolved_entrants([*won("a", 9, 10), *won("sly", 10, 10), *aborted])) is is_open
 
 
 @pytest.mark.parametrize("cause", [cause for cause in get_args(AbortCause) if cause])
-def test_a_win_after_a_process_or_the_trace_was_taken_away_is_a_failure_in_the_worst_case(cause: AbortCause) -> None:
+def test_a_win_after_an_abort_of_any_cause_is_a_failure_in_the_worst_case(cause: AbortCause) -> None:
     aborted = ended("sly", 3, "aborted", "any words", cause, ended_unix_s=1e9)
     another = ended("a", 4, "aborted", "engine `uav` failed in step: it died", "", ended_unix_s=1e9)
     rows = [*won("a", 9, 10), *won("sly", 10, 10), aborted, another]
@@ -94,13 +96,13 @@ def test_a_win_after_a_process_or_the_trace_was_taken_away_is_a_failure_in_the_w
     assert cells(rows)["sly ‡"][0] == ("100 (90..100)", "")
 
 
-def test_the_words_of_an_abort_decide_nothing() -> None:
+def test_the_message_of_an_abort_does_not_make_it_unresolved() -> None:
     rows = [*won("a", 9, 10), ended("a", 3, "aborted", GONE, "")]
     assert open_rows(rows) == []
 
 
 @pytest.mark.parametrize("causes", [("service", "trace"), ("world-process", "camera-process")])
-def test_other_causes_at_the_same_time_excuse_nothing(causes: tuple[AbortCause, AbortCause]) -> None:
+def test_an_abort_is_unresolved_if_another_entrant_has_a_different_cause(causes: tuple[AbortCause, AbortCause]) -> None:
     mine, theirs = causes
     aborted = [
         ended(name, 3, "aborted", GONE, cause, ended_unix_s=1e9) for name, cause in (("sly", mine), ("a", theirs))
@@ -108,13 +110,13 @@ def test_other_causes_at_the_same_time_excuse_nothing(causes: tuple[AbortCause, 
     assert unresolved_entrants([*won("a", 9, 10), *won("sly", 10, 10), *aborted]) == {"sly", "a"}
 
 
-def test_a_row_of_before_has_no_cause() -> None:
+def test_an_older_row_without_a_cause_is_resolved() -> None:
     written = msgspec.json.decode(msgspec.json.encode(ended("sly", 3, "aborted")))
     del written["report"]["cause"]
     row = msgspec.json.decode(msgspec.json.encode(written), type=SuiteRow)
     assert row.report.cause == "" and open_rows([row]) == []
 
 
-def test_an_abort_of_an_engine_leaves_nothing_open() -> None:
+def test_an_abort_by_an_engine_is_resolved() -> None:
     rows = [*won("a", 9, 10), ended("a", 3, "aborted", "engine `uav` failed in step: it died", "")]
     assert open_rows(rows) == []

@@ -88,7 +88,7 @@ def order(executor: AnsweringExecutor) -> list[tuple[str, int]]:
 # -- the program
 
 
-def test_the_shipped_program_is_that_of_the_studies() -> None:
+def test_the_shipped_program_has_the_planned_studies_columns_and_tiers() -> None:
     file = read_program()
     planned = plan_program(file, PluginHost())
     studies = {plan.name: plan for plan in planned}
@@ -115,13 +115,13 @@ def test_the_shipped_program_is_that_of_the_studies() -> None:
             assert not player.blank_pictures or plan.sees[player.name] == "nothing"
 
 
-def test_all_errors_of_a_program_are_told_at_once(place: Path, capsys: Capture) -> None:
+def test_all_errors_of_a_program_are_reported_at_once(place: Path, capsys: Capture) -> None:
     text = PROGRAM.replace("rounds = [1, 2]", "rounds = [2, 1]").replace("seeds = 3", "seeds = 0")
     text = text.replace('policy = "idle", sees = "nothing"', 'policy = "idel", sees = "nothin", speed = 1')
     (place / "tiny.toml").write_text(text.replace('[[parts]]\nname = "redrawn"', '[[parts]]\nname = "adversaries"'))
     assert run_command(command(place, "--check")) == ExitCode.USAGE
     errors = capsys.readouterr().err
-    assert "tuple should have" not in errors, "a part with a fault does not lack"
+    assert "tuple should have" not in errors, "a part with an error is not reported as missing"
     for part in (
         "rounds: must grow", "parts[0].seeds: is 0", "parts[0].entrants[1].sees: ", "did you mean `nothing`?",
         "parts[0].entrants[1].speed: ", "parts[1].name: `adversaries` is the name of the study",
@@ -130,7 +130,7 @@ def test_all_errors_of_a_program_are_told_at_once(place: Path, capsys: Capture) 
     assert not (place / "out").exists()
 
 
-def test_names_of_missions_policies_and_tiers_are_told_at_once(place: Path, capsys: Capture) -> None:
+def test_wrong_policies_tiers_and_modes_of_a_program_are_reported(place: Path, capsys: Capture) -> None:
     (place / "trip.ljs").write_text(TRIP)
     text = PROGRAM.replace('policy = "idle"', 'policy = "idel"').replace('compares = "redrawn"', 'compares = "modes"')
     (place / "tiny.toml").write_text(text)
@@ -160,7 +160,7 @@ def test_names_of_missions_policies_and_tiers_are_told_at_once(place: Path, caps
         (("-o", "/proc/studies"), "cannot write to `/proc/studies`"),
     ],
 )
-def test_nonsense_is_a_usage_error(place: Path, more: tuple[str, ...], message: str, capsys: Capture) -> None:
+def test_wrong_options_are_usage_errors(place: Path, more: tuple[str, ...], message: str, capsys: Capture) -> None:
     assert run_command(command(place, *more)) == ExitCode.USAGE
     assert message in capsys.readouterr().err
     assert not (place / "out").exists()
@@ -190,7 +190,7 @@ def test_a_round_is_over_in_every_study_before_the_next_begins(place: Path, task
     assert len(tasks.tasks) == 14, "the same command plays nothing twice"
 
 
-def test_the_limit_and_the_parts_select(place: Path, tasks: AnsweringExecutor, capsys: Capture) -> None:
+def test_the_options_limit_and_parts_select_episodes(place: Path, tasks: AnsweringExecutor, capsys: Capture) -> None:
     assert run_command(command(place, "--limit", "2", "--parts", "redrawn")) == ExitCode.OK
     assert order(tasks) == [("redrawn-tier1", 0), ("redrawn-tier1", 1)]
     assert run_command(command(place, "--limit", "1")) == ExitCode.OK
@@ -201,9 +201,7 @@ def test_the_limit_and_the_parts_select(place: Path, tasks: AnsweringExecutor, c
     }  # fmt: skip
 
 
-def test_single_entrants_and_single_studies_are_played_first(
-    place: Path, tasks: AnsweringExecutor, capsys: Capture
-) -> None:
+def test_selected_entrants_and_studies_are_played_first(place: Path, tasks: AnsweringExecutor, capsys: Capture) -> None:
     chosen = ("--entrants", "oracle", "--parts", "reference-tier1")
     assert run_command(command(place, "--check", *chosen)) == ExitCode.OK
     assert "reference-tier1: 1 entrant in 1 column: 3 episodes, 3 to play" in capsys.readouterr().err
@@ -217,7 +215,7 @@ def test_single_entrants_and_single_studies_are_played_first(
     assert len(tasks.tasks) == 14 == len({task.folder for task in tasks.tasks})
 
 
-def test_no_episode_begins_after_the_hours(
+def test_no_episode_begins_after_the_time_limit(
     place: Path, tasks: AnsweringExecutor, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     now = [0.0]
@@ -240,7 +238,7 @@ def test_no_episode_begins_after_the_hours(
     assert "11 episodes played, none is left" in capsys.readouterr().err
 
 
-def test_hours_are_said_beforehand_and_learn_from_the_rows(
+def test_a_check_estimates_hours_and_corrects_them_from_played_rows(
     place: Path, tasks: AnsweringExecutor, capsys: Capture
 ) -> None:
     (place / "tiny.toml").write_text(PROGRAM.replace("[[parts]]", '[seconds]\n"trip-broadcast" = 3600\n[[parts]]', 1))
@@ -268,7 +266,7 @@ def test_runs_of_policies_with_free_calls_are_not_kept(place: Path, tasks: Answe
 # -- stops
 
 
-def test_an_interrupt_keeps_what_was_played(place: Path, tasks: AnsweringExecutor, capsys: Capture) -> None:
+def test_an_interrupt_keeps_the_played_episodes(place: Path, tasks: AnsweringExecutor, capsys: Capture) -> None:
     answer = tasks.answer
 
     def interrupted(task: EpisodeTask) -> object:
@@ -287,7 +285,7 @@ def test_an_interrupt_keeps_what_was_played(place: Path, tasks: AnsweringExecuto
     assert sum(len(seeds_of(cell.seeds)) for cell in record.cells) == 14
 
 
-def test_a_full_disk_is_one_message(
+def test_a_full_disk_gives_one_message_and_the_same_command_continues(
     place: Path, tasks: AnsweringExecutor, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     def full(file: Path, content: bytes) -> None:
@@ -304,7 +302,7 @@ def test_a_full_disk_is_one_message(
     assert "12 episodes played, none is left" in capsys.readouterr().err
 
 
-def test_a_lost_episode_is_in_no_rate_and_in_the_exit_code(
+def test_a_lost_episode_is_in_no_rate_and_sets_the_exit_code(
     place: Path, tasks: AnsweringExecutor, capsys: Capture
 ) -> None:
     answer = tasks.answer
@@ -349,7 +347,7 @@ def test_a_killed_command_continues(place: Path) -> None:
     while not list(parts.glob("*.parquet")) and first.poll() is None and time.monotonic() < deadline:
         time.sleep(0.02)
     first.kill()
-    assert first.wait() == -signal.SIGKILL, "it was killed before its end"
+    assert first.wait() == -signal.SIGKILL, "the command was killed before its end"
     again = run_python(line)
     assert again.returncode == 0, again.stderr
     done = int(re.search(r"^(\d+) episodes to play", again.stderr, re.M)[1])  # type: ignore[index]
@@ -438,7 +436,7 @@ def test_a_record_has_a_line_for_each_cell_in_order(place: Path, tasks: Answerin
         (lambda text: "[]", "is not a record of the studies"),
     ],
 )
-def test_a_wrong_record_is_one_message(
+def test_a_wrong_record_gives_one_error_message(
     place: Path, tasks: AnsweringExecutor, change: Callable[[str], str], message: str
 ) -> None:
     assert run_command(command(place)) == ExitCode.OK
@@ -474,7 +472,7 @@ def made_record(**changes: object) -> ValidityRecord:
     return converted({**plain, **changes}, ValidityRecord)
 
 
-def test_tables_show_both_tiers_intervals_and_what_was_not_played() -> None:
+def test_tables_show_both_tiers_intervals_and_unplayed_columns() -> None:
     text = tables(made_record())
     assert "No row of a real model is here yet" in text
     assert "Tier 0 is comparable with the paper by protocol and never by number" in text

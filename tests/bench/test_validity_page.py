@@ -21,7 +21,7 @@ ROOT = Path(lingjing.__file__).parents[1]
 PAGE = (ROOT / validity.PAGE).read_text(encoding="utf-8")
 
 
-def test_it_shows_the_stored_record() -> None:
+def test_the_page_shows_the_stored_record() -> None:
     record = validity.stored_record()
     assert validity.page_with(PAGE, record) == PAGE, "write it: python -m benchmarks.validity --write"
     assert (validity.NOTHING in PAGE) is (record is None)
@@ -44,7 +44,7 @@ def test_each_class_of_flaws_has_its_tests() -> None:
     assert all_tests == {prefix for _, prefix in listed}
 
 
-def test_its_smallest_differences_are_computed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_smallest_differences_on_the_page_are_those_of_the_command(capsys: pytest.CaptureFixture[str]) -> None:
     points = []
     for suite, of in (("reference", "20 of one column"), ("main", "100 of one column"), ("main", "the 1200 episodes")):
         assert run_command(["bench", suite, "--check"]) == ExitCode.OK
@@ -53,7 +53,7 @@ def test_its_smallest_differences_are_computed(capsys: pytest.CaptureFixture[str
     assert f"{few} points with 20 seeds of a column, {many} with 100, {whole} over the 1,200 episodes" in PAGE
 
 
-def test_its_commands_are_understood(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_commands_of_the_page_are_valid(capsys: pytest.CaptureFixture[str]) -> None:
     parts = re.findall(r"`lingjing bench validity --parts ([\w ]+)`", PAGE)
     assert parts
     for names in parts:
@@ -177,7 +177,7 @@ def test_stored_rows_are_replaced_as_a_whole(
         ({"split_sha256": "0" * 64}, "or of several salts"),
     ],
 )
-def test_rows_that_no_command_puts_together_do_not_reach_the_pages(
+def test_rows_of_another_suite_benchmark_or_salt_do_not_reach_the_pages(
     root: Path, folder: Path, capsys: pytest.CaptureFixture[str], changes: dict[str, Any], message: str
 ) -> None:
     first, *rows = read_results(folder / "reference-tier0")
@@ -211,7 +211,7 @@ def test_rows_that_contradict_themselves_do_not_reach_the_pages(
     assert (root / validity.PAGE).read_text() == PAGE
 
 
-def test_a_missing_record_and_a_folder_without_studies_are_one_message(
+def test_a_missing_record_and_a_folder_without_studies_give_one_message_each(
     root: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert validity.main([]) == 2
