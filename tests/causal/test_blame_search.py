@@ -20,8 +20,8 @@ WAY, ORDER, LATE = ("waypoint", "skipper", 4), ("execution", "scout[1]", 9), ("h
 
 
 class MadeUp:
-    """A host with an episode that is won if all of `needed` are replaced at their boundaries. Each shows only where
-    those before it are replaced, and an agent goes on as it began for three boundaries."""
+    """A host with an episode that is won if all of `needed` are replaced at their boundaries. Each departs only if
+    those before it are replaced, and an agent repeats its departure at three boundaries."""
 
     cpu_s = driven_s = camera_s = unused_s = 0.0
     pictures = 0
@@ -30,23 +30,23 @@ class MadeUp:
     def __init__(self, *needed: tuple[str, str, int]) -> None:
         header = Header(instance=kit.instance(), bindings=(), fingerprint={})
         self.trace = Trace(Path("made-up.mcap"), header, (), None, False)
-        self.needed, self.played, self.asked = needed, 0, [""]
+        self.needed, self.played, self.purposes = needed, 0, [""]
         self.plans: list[BranchPlan] = []
-        self.said_ahead: set[BranchPlan] = set()
+        self.announced: set[BranchPlan] = set()
 
     def departures(self) -> dict[tuple[str, str], tuple[int, ...]]:
         faculty, agent, tick = self.needed[0]
         return {(faculty, agent): tuple(range(tick, tick + 3))}
 
-    def play(self, plans: Sequence[BranchPlan], what: str, ahead: Sequence[BranchPlan]) -> tuple[BranchResult, ...]:
+    def play(self, plans: Sequence[BranchPlan], purpose: str, ahead: Sequence[BranchPlan]) -> tuple[BranchResult, ...]:
         self.played += len(plans)
-        self.asked += [what] * len(plans)
+        self.purposes += [purpose] * len(plans)
         self.plans += [*plans]
-        self.said_ahead.update(ahead)
+        self.announced.update(ahead)
         return tuple(map(self._result, plans))
 
     def _result(self, plan: BranchPlan) -> BranchResult:
-        """Branches that change nothing are the episode itself."""
+        """Return the result of a branch; without a change it is that of the episode."""
         spans = {(part.faculty, part.agent): (part.first, part.last) for part in plan.substitutions}
         replaced: list[ReplacedPart] = []
         for faculty, agent, tick in self.needed:
@@ -73,7 +73,7 @@ def causes(result: Blame) -> list[list[tuple[str, str, int, bool]]]:
     ]
 
 
-def test_one_fault_is_named_where_it_began() -> None:
+def test_a_single_fault_is_named_with_its_first_boundary() -> None:
     result = searched(MadeUp(WAY))
     assert causes(result) == [[(*WAY, False)]]
     assert result.complete and result.repairs[0].causes[0].replaced == 1
@@ -87,14 +87,14 @@ class Slow(MadeUp):
         return replace(result, ticks=30 - len(result.replaced))
 
 
-def test_a_repair_is_told_with_the_end_of_the_branch_that_replaces_just_that() -> None:
+def test_a_repair_reports_the_ticks_of_the_branch_that_replaces_only_its_causes() -> None:
     (repair,) = searched(Slow(WAY)).repairs
     assert (repair.causes[0].replaced, repair.ticks) == (1, 29)
     (two,) = searched(Slow(WAY, ORDER)).repairs
     assert (sum(cause.replaced for cause in two.causes), two.ticks) == (2, 28)
 
 
-def test_a_fault_that_another_one_hides_is_named_beside_it() -> None:
+def test_a_fault_masked_by_another_fault_is_named_in_the_same_repair() -> None:
     result = searched(MadeUp(WAY, ORDER))
     assert causes(result) == [[(*WAY, False), (*ORDER, True)]]
     assert result.complete and result.departed == 1
@@ -104,16 +104,16 @@ def test_a_fault_that_another_one_hides_is_named_beside_it() -> None:
     )
 
 
-def test_faults_that_hide_each_other_in_a_row_are_found_one_after_the_other() -> None:
+def test_a_chain_of_faults_that_mask_each_other_is_found() -> None:
     host = MadeUp(WAY, ORDER, LATE)
     result = searched(host)
     assert causes(result) == [[(*WAY, False), (*ORDER, True), (*LATE, True)]]
-    assert host.asked.count("all at once") == 3
+    assert host.purposes.count("all at once") == 3
 
 
-def test_what_goes_wrong_earlier_where_another_fault_is_mended_is_replaced_from_there() -> None:
+def test_a_fault_that_appears_earlier_after_a_repair_is_replaced_from_that_boundary() -> None:
     class Sooner(MadeUp):
-        """In the trace the second departs too, three boundaries later."""
+        """In the trace the second pair departs too, three boundaries later."""
 
         def departures(self) -> dict[tuple[str, str], tuple[int, ...]]:
             return super().departures() | {ORDER[:2]: (12, 13, 14)}
@@ -121,12 +121,12 @@ def test_what_goes_wrong_earlier_where_another_fault_is_mended_is_replaced_from_
     host = Sooner(WAY, ORDER)
     result = searched(host)
     assert causes(result) == [[(*WAY, False), (*ORDER, False)]]
-    assert result.complete and host.asked.count("all at once") == 2
+    assert result.complete and host.purposes.count("all at once") == 2
 
 
-def test_of_two_repairs_that_are_equally_small_the_earlier_one_comes_first() -> None:
+def test_the_earlier_of_two_equally_small_repairs_comes_first() -> None:
     class Either(MadeUp):
-        """Won where any of them is replaced."""
+        """Won if any of the pairs is replaced."""
 
         def departures(self) -> dict[tuple[str, str], tuple[int, ...]]:
             return {(faculty, agent): (tick,) for faculty, agent, tick in self.needed}
@@ -143,7 +143,7 @@ def test_of_two_repairs_that_are_equally_small_the_earlier_one_comes_first() -> 
     assert causes(searched(Either(ORDER, WAY))) == [[(*WAY, False)], [(*ORDER, False)]]
 
 
-def test_the_repair_of_who_went_wrong_once_comes_before_that_of_who_did_again_and_again() -> None:
+def test_a_repair_of_a_pair_with_few_departures_comes_before_one_with_many() -> None:
     """For equally small repairs: with many departures a repair by chance is more likely."""
 
     class Both(MadeUp):
@@ -167,9 +167,9 @@ def test_the_repair_of_who_went_wrong_once_comes_before_that_of_who_did_again_an
     ]
 
 
-def test_what_repairs_from_later_on_only_comes_last_and_is_told_so() -> None:
+def test_a_repair_that_works_only_from_a_later_start_comes_last_and_is_marked() -> None:
     class Two(Spoiled):
-        """It is also won where the execution of a scout is replaced, however early, at two boundaries."""
+        """The episode is also won if the execution of a scout is replaced at both boundaries, 3 and 4."""
 
         def departures(self) -> dict[tuple[str, str], tuple[int, ...]]:
             return {**super().departures(), ("execution", "scout[2]"): (3, 4)}
@@ -192,8 +192,8 @@ def test_what_repairs_from_later_on_only_comes_last_and_is_told_so() -> None:
     assert blame_text(result).count("not if its earlier departures are replaced too") == 1
 
 
-def test_an_agent_of_its_own_way_went_wrong_where_the_departures_began_that_lead_to_the_last_repair() -> None:
-    """It flies its own ways from the beginning and commands nothing at 19 either; what it did at 20 to 22 was right."""
+def test_a_cause_is_dated_to_the_start_of_the_run_of_departures_that_its_repair_replaces() -> None:
+    """The agent has its own waypoints all the time and no command at 19; its decisions at 20 to 22 are right."""
 
     class OwnWay(MadeUp):
         agreements = {("execution", "skipper"): (20, 21, 22)}
@@ -217,8 +217,8 @@ def test_an_agent_of_its_own_way_went_wrong_where_the_departures_began_that_lead
 
 
 @pytest.mark.parametrize("others", [(), (WAY,)])
-def test_what_is_named_wins_if_just_that_is_replaced(others: tuple[tuple[str, str, int], ...]) -> None:
-    """Its reference starts again where the agent departed, and at first agrees with the agent there."""
+def test_a_branch_that_replaces_only_the_named_windows_wins(others: tuple[tuple[str, str, int], ...]) -> None:
+    """The reference starts again where the agent departed, and at first agrees with the agent."""
 
     class Anew(MadeUp):
         ticks = (9, 12, 20, 24)
@@ -250,7 +250,7 @@ def test_what_is_named_wins_if_just_that_is_replaced(others: tuple[tuple[str, st
 
 
 class Spoiled(MadeUp):
-    """An agent with its own strategy, which succeeds until its fault. Substituted from before, it loses."""
+    """An agent with its own strategy, which succeeds until its fault. A replacement from before the fault loses."""
 
     def departures(self) -> dict[tuple[str, str], tuple[int, ...]]:
         return {(faculty, agent): (1, 11, *range(20, 60, 4)) for faculty, agent, _ in self.needed}
@@ -277,41 +277,41 @@ def test_a_pair_that_repairs_only_from_a_later_boundary_on_is_found() -> None:
     result = searched(host)
     (cause,) = result.repairs[0].causes
     assert (cause.boundary, cause.first, cause.last, cause.replaced) == (20, 20, 20, 1)
-    assert result.complete and host.asked.count("later starts") == 1 and "all at once" not in host.asked
+    assert result.complete and host.purposes.count("later starts") == 1 and "all at once" not in host.purposes
     assert [share.share for share in result.shares] == [1.0]
 
 
-def test_an_agent_that_decided_as_its_reference_before_is_replaced_later_only_if_nothing_else_repairs() -> None:
+def test_an_agent_that_agreed_before_its_departures_is_not_replaced_alone_from_later_starts() -> None:
     host = Spoiled(WAY)
     host.agreements = {("waypoint", "skipper"): (0, 15)}
     assert searched(host).repairs[0].causes[0].first == 20
-    assert "later starts" not in host.asked and host.asked.count("all at once") == 2
+    assert "later starts" not in host.purposes and host.purposes.count("all at once") == 2
 
 
-def test_later_starts_leave_half_of_the_budget_and_say_so() -> None:
+def test_later_starts_leave_half_of_the_budget_and_report_its_exhaustion() -> None:
     class Hopeless(Spoiled):
         def _result(self, plan: BranchPlan) -> BranchResult:
             return replace_success(super()._result(plan))
 
     host = Hopeless(WAY, ORDER)
     result = searched(host, branches=11)
-    assert host.asked.count("later starts") == 4 and result.exhausted
+    assert host.purposes.count("later starts") == 4 and result.exhausted
     whole = Hopeless(WAY, ORDER)
-    assert not searched(whole).exhausted and whole.asked.count("later starts") == 2 * LATER - 2
+    assert not searched(whole).exhausted and whole.purposes.count("later starts") == 2 * LATER - 2
 
 
-def test_all_at_once_may_have_to_begin_later_too() -> None:
+def test_the_replacement_of_all_pairs_at_once_can_begin_later() -> None:
     host = Spoiled(WAY, ORDER)
     host.agreements = {(faculty, agent): (15,) for faculty, agent, _ in (WAY, ORDER)}
     result = searched(host, branches=80)
     assert causes(result) == [[("execution", "scout[1]", 20, False), ("waypoint", "skipper", 20, False)]]
-    assert result.complete and host.asked.count("all at once") == 2
+    assert result.complete and host.purposes.count("all at once") == 2
     text = blame_text(result)
     assert "score 0.00; replacing everything from the first departures on does not win" in text
     assert "replaced too" not in text  # the replacement of exactly these two from there on was never tried
 
 
-def test_what_no_replacement_wins_is_said() -> None:
+def test_an_episode_that_no_replacement_wins_has_no_repairs() -> None:
     class Lost(MadeUp):
         def _result(self, plan: BranchPlan) -> BranchResult:
             return replace_success(super()._result(plan))
@@ -319,7 +319,7 @@ def test_what_no_replacement_wins_is_said() -> None:
     host = Lost(WAY, ORDER)
     result = searched(host)
     assert result.repairs == () and not result.exhausted
-    assert host.asked.count("all at once") == 3  # the last from the middle of the departures on
+    assert host.purposes.count("all at once") == 3  # the last from the middle of the departures on
     assert searched(Lost(WAY, ORDER), branches=3).exhausted
     placebos = searched(Lost(WAY, ORDER), placebos=3).placebos
     assert placebos is not None and placebos.uninvolved == 3  # although a repair by chance remains possible
@@ -340,7 +340,7 @@ def test_late_answers_in_branches_are_reported_with_their_dependence_on_the_mach
     assert "(policy_timeout); their answers were replaced by doing nothing\nlate answers depend on" in text
 
 
-def test_a_budget_of_one_branch_says_that_nothing_was_replaced() -> None:
+def test_a_budget_of_one_branch_is_reported_as_too_small() -> None:
     result = searched(MadeUp(WAY), branches=1)
     assert (result.branches, result.tried, result.exhausted) == (1, 0, True)
     assert "Nothing was replaced: --branches is too small." in blame_text(result)
@@ -349,11 +349,11 @@ def test_a_budget_of_one_branch_says_that_nothing_was_replaced() -> None:
     assert "placebos: none was played" in blame_text(some)
 
 
-def test_all_pairs_of_ten_were_tried_and_of_eleven_not() -> None:
-    """Forty-five sets of two are tried, which are all of ten."""
+def test_the_search_is_complete_for_ten_pairs_and_incomplete_for_eleven() -> None:
+    """At most 45 sets of two are tried: all pairs of ten."""
 
     class Needs(MadeUp):
-        """Won where both of two that show from the start are replaced."""
+        """Won if two certain agents, which depart from the start, are both replaced."""
 
         def __init__(self, shown: int) -> None:
             super().__init__(*(("waypoint", f"scout[{number}]", 4) for number in range(shown)))
@@ -376,18 +376,18 @@ def test_all_pairs_of_ten_were_tried_and_of_eleven_not() -> None:
 
 
 def replace_success(result: BranchResult) -> BranchResult:
-    """The branch as one that is lost for a reason that no faculty shows."""
+    """Return the branch as a lost one, with a cause that is in no faculty."""
     return BranchResult(reason="budget", replaced=result.replaced, departed=result.departed)
 
 
-def test_what_is_certain_to_be_asked_is_said_ahead() -> None:
+def test_branches_that_are_certain_to_be_needed_are_announced_ahead() -> None:
     host = MadeUp(WAY, ORDER)
     searched(host)
-    requests = list(zip(host.plans, host.asked[1:], strict=True))
-    shares = [plan for plan, what in requests if what == "shares"]
-    narrowing = [plan for plan, what in requests if what == "which boundaries"]
-    assert set(shares) <= host.said_ahead
-    unforeseen = set(narrowing[1:]) - host.said_ahead
+    requests = list(zip(host.plans, host.purposes[1:], strict=True))
+    shares = [plan for plan, purpose in requests if purpose == "shares"]
+    narrowing = [plan for plan, purpose in requests if purpose == "which boundaries"]
+    assert set(shares) <= host.announced
+    unforeseen = set(narrowing[1:]) - host.announced
     assert len(narrowing) > 3 and len(unforeseen) == 1  # its end depends on the replacements at its beginning
 
 
@@ -398,22 +398,22 @@ class Innocent(MadeUp):
         return {**super().departures(), ("execution", "scout[2]"): (2, 3)}
 
 
-def test_without_shares_the_same_is_named_with_fewer_branches() -> None:
+def test_without_shares_the_repairs_are_equal_and_need_fewer_branches() -> None:
     whole, short = Innocent(WAY), Innocent(WAY)
     result = searched(whole)
     assert searched(short, shares=False) == replace(result, shares=(), branches=short.played)
-    assert short.played < whole.played and "shares" not in short.asked and len(result.shares) == 2
+    assert short.played < whole.played and "shares" not in short.purposes and len(result.shares) == 2
 
 
-def test_a_budget_that_just_suffices_does() -> None:
-    """There are places for two placebos, so no budget is due for more, whatever was asked for."""
+def test_an_exactly_sufficient_budget_is_not_exhausted() -> None:
+    """There are places for two placebos, so more placebos in the options need no larger budget."""
     whole = searched(Innocent(WAY), placebos=8)
     assert whole.placebos is not None and whole.placebos.uninvolved == 2
     assert not searched(Innocent(WAY), branches=whole.branches, placebos=8).exhausted
     assert searched(Innocent(WAY), branches=whole.branches - 1, placebos=8).exhausted
 
 
-def test_among_how_many_pairs_shares_are_is_said() -> None:
+def test_the_text_reports_how_many_pairs_the_shares_cover() -> None:
     class Crowd(MadeUp):
         """Four others depart from their references too."""
 

@@ -77,7 +77,7 @@ def states_at(trace: Trace, tick: int) -> dict[str, BodyState]:
     return {state.id: state for state in snapshot.states + snapshot.ambient}
 
 
-def test_a_picture_is_drawn_once_and_only_where_something_in_it_moved(
+def test_a_picture_is_rendered_once_and_only_if_a_visible_body_moved(
     search: Trace, pictures: BranchPictures, drawn: list[str]
 ) -> None:
     frame = next(iter(search.frames.values()))
@@ -105,7 +105,9 @@ def test_a_picture_is_drawn_once_and_only_where_something_in_it_moved(
     assert drawn == [frame.id]
 
 
-def test_where_nobody_looks_at_pixels_none_are_handed_on(search: Trace, pictures: BranchPictures) -> None:
+def test_a_request_without_pixels_returns_the_same_labels_and_no_pixels(
+    search: Trace, pictures: BranchPictures
+) -> None:
     frame = next(iter(search.frames.values()))
     states = states_at(search, frame.tick)
     place = (*frame.pose.position[:2], states["boat"].position[2])
@@ -121,7 +123,7 @@ def test_where_nobody_looks_at_pixels_none_are_handed_on(search: Trace, pictures
         assert again is not None and (again.info, again.jpeg) == (whole.info, whole.jpeg)
 
 
-def test_a_camera_that_has_ended_is_told(search: Trace) -> None:
+def test_an_ended_camera_process_is_reported(search: Trace) -> None:
     host = PluginHost()
     camera = SharedCamera(search, rebuilt_city(search, host), host)
     os.kill(camera._process, signal.SIGKILL)
@@ -131,7 +133,7 @@ def test_a_camera_that_has_ended_is_told(search: Trace) -> None:
         camera.capture(frame.tick, [request_of(frame)], list(states_at(search, frame.tick).values()))
 
 
-def test_the_picture_that_was_asked_for_longest_ago_is_forgotten_first(search: Trace) -> None:
+def test_the_least_recently_used_picture_is_evicted_first(search: Trace) -> None:
     frame = next(iter(search.frames.values()))
     held = StoredFrame(frame, bytes(1000))
     memory = PictureMemory(room=2500)
@@ -142,7 +144,7 @@ def test_the_picture_that_was_asked_for_longest_ago_is_forgotten_first(search: T
     assert [memory.find(key) is not None for key in (b"a", b"b", b"c")] == [True, False, True]
 
 
-def test_packed_pictures_take_no_more_memory_than_they_hold() -> None:
+def test_packed_pictures_use_less_than_twice_the_memory_of_their_data() -> None:
     """In a separate process, where the allocator holds no free blocks from earlier tests."""
     ran = subprocess.run([sys.executable, "-c", PACKED], capture_output=True, text=True, check=True)
     held, grown = map(int, ran.stdout.split())
@@ -168,5 +170,5 @@ for _ in range(40):
     packed += [_PackedArray.of(farther)]
     classes = (farther > 1.0).astype(np.uint8)
     packed += [_PackedArray.of(classes)]
-print(sum(len(one.data) for one in packed), resident() - before)
+print(sum(len(array.data) for array in packed), resident() - before)
 """

@@ -15,9 +15,9 @@ from lingjing.causal.interventions import BranchPlan
 from lingjing.processes.channel import Channel
 
 ENDLESS = 90
-"""A branch that leaves from here never ends."""
+"""The boundary of branches that never end."""
 SILENT = 80
-"""And one from here says nothing."""
+"""The boundary of branches that end without a result."""
 
 
 class Branches:
@@ -65,7 +65,7 @@ def played(queue: BranchQueue, plans: list[int], ahead: tuple[int, ...] = ()) ->
 
 
 @pytest.mark.parametrize("jobs", [1, 2, 5])
-def test_each_plan_has_its_result_however_many_run_at_once(branches: Branches, jobs: int) -> None:
+def test_each_plan_has_its_result_for_any_number_of_jobs(branches: Branches, jobs: int) -> None:
     queue = BranchQueue(branches.begin, jobs)
     assert [result.ticks for result in played(queue, [3, 1, 2, 1])] == [3, 1, 2, 1]
     assert [result.ticks for result in played(queue, [1])] == [1]
@@ -89,7 +89,7 @@ def test_a_branch_that_was_begun_ahead_is_played_once(branches: Branches) -> Non
     queue.close()
 
 
-def test_what_is_of_no_use_any_more_is_ended_and_makes_room(branches: Branches) -> None:
+def test_branches_that_are_no_longer_needed_are_ended_and_free_their_workers(branches: Branches) -> None:
     queue = BranchQueue(branches.begin, 2)
     played(queue, [1], ahead=(ENDLESS,))
     assert [result.ticks for result in played(queue, [2, 3])] == [2, 3]
@@ -98,7 +98,7 @@ def test_what_is_of_no_use_any_more_is_ended_and_makes_room(branches: Branches) 
     queue.close()
 
 
-def test_a_branch_that_ends_without_a_word_is_said_to_have_failed(branches: Branches) -> None:
+def test_a_branch_that_ends_without_a_result_is_reported_as_failed(branches: Branches) -> None:
     queue = BranchQueue(branches.begin, 2)
     (result,) = played(queue, [SILENT])
     assert "without a result" in result.failed

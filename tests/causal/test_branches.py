@@ -63,7 +63,7 @@ def onset(trace: Trace) -> int:
     )
 
 
-def test_a_null_fork_is_the_episode_from_wherever_it_leaves(host: BranchHost, lost: Trace) -> None:
+def test_a_null_fork_from_any_boundary_equals_the_episode(host: BranchHost, lost: Trace) -> None:
     before = lost.path.read_bytes()
     last = len(lost.boundaries) - 1
     for result in host.play([BranchPlan(at=at) for at in (0, 7, last - 1, last)]):
@@ -73,13 +73,13 @@ def test_a_null_fork_is_the_episode_from_wherever_it_leaves(host: BranchHost, lo
     assert lost.path.read_bytes() == before
 
 
-def test_departures_are_those_of_the_fault_alone(host: BranchHost, lost: Trace) -> None:
+def test_only_the_planted_fault_departs_from_the_reference(host: BranchHost, lost: Trace) -> None:
     departures = host.departures()
     assert list(departures) == [("waypoint", "skipper")]
     assert departures["waypoint", "skipper"][0] == onset(lost)
 
 
-def test_the_truth_repairs_only_who_erred_and_only_in_time(host: BranchHost, lost: Trace) -> None:
+def test_only_an_early_replacement_of_the_faulty_agent_wins(host: BranchHost, lost: Trace) -> None:
     at = onset(lost)
     plans = [
         BranchPlan(at=at, substitutions=(of("waypoint", "skipper", at),)),
@@ -93,7 +93,9 @@ def test_the_truth_repairs_only_who_erred_and_only_in_time(host: BranchHost, los
     assert not late.success
 
 
-def test_it_is_written_as_a_trace_that_is_equal_up_to_there(host: BranchHost, lost: Trace, tmp_path: Path) -> None:
+def test_a_branch_is_written_as_a_trace_that_equals_the_episode_up_to_its_start(
+    host: BranchHost, lost: Trace, tmp_path: Path
+) -> None:
     at = onset(lost)
     plan = BranchPlan(at=at, substitutions=(of("waypoint", "skipper", at),), out=str(tmp_path / "branch"))
     (result,) = host.play([plan])
@@ -111,7 +113,7 @@ def test_it_is_written_as_a_trace_that_is_equal_up_to_there(host: BranchHost, lo
         host.play([plan])
 
 
-def test_pixels_come_where_a_branch_is_written_and_change_nothing(host: BranchHost, tmp_path: Path) -> None:
+def test_pixels_of_a_written_branch_do_not_change_its_digest(host: BranchHost, tmp_path: Path) -> None:
     look = Decision(command=Action(verb="takePhoto"))
     plan = BranchPlan(at=0, replacements=(("scout[1]", 0, look),), out=str(tmp_path / "branch"))
     written, unwritten = host.play([plan, replace(plan, out="")])
@@ -121,7 +123,7 @@ def test_pixels_come_where_a_branch_is_written_and_change_nothing(host: BranchHo
     assert branch.picture("f1-uav[1]-nadir").rgb.shape == (1080, 1920, 3)
 
 
-def test_messages_change_on_their_way_and_nothing_else_does(host: BranchHost, lost: Trace, tmp_path: Path) -> None:
+def test_a_change_of_a_message_affects_only_this_message(host: BranchHost, lost: Trace, tmp_path: Path) -> None:
     edges = [edge for record in lost.boundaries for edge in record.messages]
     edge = next(message for message in edges if message.category == "report" and "position" in message.body)
     body = {"position": (1.0, 2.0, 3.0)}
@@ -182,14 +184,14 @@ def test_blame_names_agent_faculty_and_boundary(lost: Trace) -> None:
 
 
 @pytest.mark.thorough
-def test_blame_is_the_same_however_many_run_at_once(lost: Trace) -> None:
+def test_the_result_of_blame_does_not_depend_on_the_number_of_jobs(lost: Trace) -> None:
     options = BlameOptions(placebos=3, files=(f"{ERRING}:Astray",))
     results = [without_cost(blame(lost, replace(options, jobs=jobs))) for jobs in (1, 3)]
     assert results[0] == results[1]
 
 
-@pytest.mark.study  # opens a host of its own for one branch
-def test_a_budget_that_does_not_suffice_is_said(lost: Trace) -> None:
+@pytest.mark.study  # opens a separate host for one branch
+def test_an_insufficient_budget_is_reported(lost: Trace) -> None:
     result = blame(lost, BlameOptions(branches=1, files=(f"{ERRING}:Astray",)))
     assert result.branches == 1 and result.exhausted and result.repairs == ()
     assert "Nothing was replaced" in blame_text(result)
@@ -199,7 +201,7 @@ def test_a_budget_that_does_not_suffice_is_said(lost: Trace) -> None:
     ("policy", "words"),
     [("Moody", "policy of `scout[1]` makes another decision"), ("Threaded", "run 3 more threads")],
 )
-def test_what_cannot_be_run_again_says_so(policy: str, words: str, tmp_path: Path) -> None:
+def test_irreproducible_and_threaded_policies_are_usage_errors(policy: str, words: str, tmp_path: Path) -> None:
     trace = played(tmp_path / "episode", policy, ticks=4.0)
     options = BranchOptions(trace=str(trace.path), files=(f"{ERRING}:{policy}",), referenced=())
     with pytest.raises(UsageError) as caught, BranchHost(trace, options) as host:
@@ -207,7 +209,7 @@ def test_what_cannot_be_run_again_says_so(policy: str, words: str, tmp_path: Pat
     assert words in str(caught.value)
 
 
-def test_no_message_is_tried_of_an_episode_whose_null_fork_is_another(lost: Trace) -> None:
+def test_no_message_is_measured_if_the_null_fork_differs_from_the_episode(lost: Trace) -> None:
     others = {"rescuer": f"{ERRING}:Wavering"}
     values = message_values(lost, BranchOptions(trace=str(lost.path), files=(f"{ERRING}:Astray",), policies=others))
     assert (values.null, values.messages, values.branches) == (NullFork(identical=False, boundary=1), (), 1)
@@ -225,7 +227,7 @@ def of_idle(idle: Trace, policy: str) -> BranchOptions:
     return BranchOptions(trace=str(idle.path), files=files, policies={"rescuer": f"{ERRING}:{policy}"}, jobs=2)
 
 
-def test_policies_that_fail_in_a_branch_are_told(idle: Trace) -> None:
+def test_policies_that_fail_in_a_branch_are_reported(idle: Trace) -> None:
     plan = BranchPlan(at=1, substitutions=(of("execution", "skipper", 1, 1),))
     with BranchHost(idle, of_idle(idle, "Brittle")) as host:
         (result,) = host.play([plan])
@@ -233,14 +235,14 @@ def test_policies_that_fail_in_a_branch_are_told(idle: Trace) -> None:
     assert "replaced by doing nothing: 2 answers (policy_error)" in branch_text(idle, plan, result)
 
 
-def test_a_policy_that_ends_the_process_is_told_with_its_exit_code(idle: Trace) -> None:
+def test_a_policy_that_ends_its_process_is_reported_with_the_exit_code(idle: Trace) -> None:
     ended = pytest.raises(InfrastructureError, match=r"has ended \(exit code 7\)")
     with ended as caught, BranchHost(idle, of_idle(idle, "Leaving")) as host:
         host.play([BranchPlan(at=2)])
     assert "a policy or an engine that runs in it may have ended it" in caught.value.hint
 
 
-def test_a_branch_that_fails_is_told_at_once_and_ends_the_others(idle: Trace) -> None:
+def test_a_failed_branch_is_reported_at_once_and_ends_the_other_branches(idle: Trace) -> None:
     with BranchHost(idle, of_idle(idle, "Vanishing")) as host:
         with pytest.raises(InfrastructureError, match="cut short: the process of the branch ended without a result"):
             host.play([BranchPlan(at=2), BranchPlan(at=0)])
@@ -249,26 +251,26 @@ def test_a_branch_that_fails_is_told_at_once_and_ends_the_others(idle: Trace) ->
         wait_for(host._process.pid, [])
 
 
-def test_what_policies_print_is_printed_once(idle: Trace, capfd: pytest.CaptureFixture[str]) -> None:
+def test_output_of_policies_is_printed_once_to_standard_error(idle: Trace, capfd: pytest.CaptureFixture[str]) -> None:
     with BranchHost(idle, of_idle(idle, "Printing")) as host:
         host.play([BranchPlan(at=3)])
     output = capfd.readouterr()
     assert output.out == "" and [output.err.count(f"skipper at {tick}\n") for tick in range(4)] == [1, 1, 1, 1]
 
 
-def test_a_branch_of_a_cut_trace_says_up_to_where_it_was_compared(idle: Trace) -> None:
+def test_a_branch_of_a_truncated_trace_is_reported_with_its_last_compared_boundary(idle: Trace) -> None:
     cut = Trace(idle.path, idle.header, idle.boundaries[:3], None, False, idle.places)
     assert "equal to boundary 2, where the trace ends;" in branch_text(cut, BranchPlan(at=1), BranchResult())
 
 
-def test_a_message_is_changed_in_one_way(lost: Trace) -> None:
+def test_two_changes_of_one_message_are_a_usage_error(lost: Trace) -> None:
     edge = next(edge for record in lost.boundaries for edge in record.messages)
     changes = MessageChange(message=edge.id, act="drop"), MessageChange(message=edge.id, act="delay", ticks=1)
     with pytest.raises(UsageError, match=f"`{edge.id}` is changed twice"):
         check(BranchPlan(at=0, messages=changes), lost)
 
 
-def test_what_shows_only_after_the_trace_ends_can_be_replaced_in_a_branch_that_lasts_longer(lost: Trace) -> None:
+def test_a_replacement_can_begin_after_the_end_of_the_trace_and_within_the_tick_budget(lost: Trace) -> None:
     budget = lost.header.instance.budget.ticks
     short = Trace(lost.path, lost.header, lost.boundaries[:11], lost.outcome, True, lost.places)
     for first in (11, budget):
@@ -279,7 +281,7 @@ def test_what_shows_only_after_the_trace_ends_can_be_replaced_in_a_branch_that_l
         check(BranchPlan(at=3, substitutions=(of("execution", "skipper", budget + 1),)), short)
 
 
-def test_nobody_but_the_reference_sees_the_truth(idle: Trace, tmp_path: Path) -> None:
+def test_only_the_reference_receives_the_truth(idle: Trace, tmp_path: Path) -> None:
     trace = idle
     options = BranchOptions(trace=str(trace.path), files=(f"{ERRING}:Unseeing",))
     plan = BranchPlan(at=1, substitutions=(of("execution", "skipper", 1),), out=str(tmp_path / "branch"))
@@ -291,7 +293,7 @@ def test_nobody_but_the_reference_sees_the_truth(idle: Trace, tmp_path: Path) ->
     assert not any(seen.privileged for record in branch.boundaries for seen in record.observations)
 
 
-def test_no_process_outlives_its_caller(lost: Trace) -> None:
+def test_no_process_outlives_a_killed_driver(lost: Trace) -> None:
     options = BranchOptions(trace=str(lost.path), files=(f"{ERRING}:Astray",), referenced=())
     with true_starts():
         host = BranchHost(lost, options)
@@ -303,7 +305,7 @@ def test_no_process_outlives_its_caller(lost: Trace) -> None:
     host.close()
 
 
-def test_a_boundary_that_is_killed_while_it_is_held_is_told(idle: Trace) -> None:
+def test_a_killed_process_of_a_held_boundary_is_reported(idle: Trace) -> None:
     with true_starts(), BranchHost(idle, of_idle(idle, "Unseeing")) as host:
         host.play([BranchPlan(at=2)])
         driver = host._process.pid
@@ -362,7 +364,7 @@ def members(group: int) -> list[int]:
         (["--at", "3", "-o", "trace.mcap"], "`trace.mcap` is a file, not a folder"),
     ],
 )
-def test_mistakes_are_told_in_one_message(
+def test_wrong_fork_options_give_one_message(
     options: list[str], words: str, lost: Trace, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(lost.path.parent)
@@ -372,13 +374,15 @@ def test_mistakes_are_told_in_one_message(
     assert words in message and message.count("error:") == 1
 
 
-def test_what_no_message_is_measured_by_is_no_option_of_its_value(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_value_command_has_no_reference_option(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit, match="2"):
         run_command(["value", "trace.mcap", "--reference", "random"])
     assert "unrecognized arguments: --reference" in capsys.readouterr().err
 
 
-def test_the_command_says_what_came_of_it(lost: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_fork_command_reports_both_outcomes_and_the_replacements(
+    lost: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     at = onset(lost)
     windows = ["--substitute", f"waypoint:skipper@{at}-", "--substitute", f"execution:skipper@{at - 2}-{at - 1}"]
     options = ["--policy", f"{ERRING}:Astray", *windows, "-o", str(tmp_path / "out")]
@@ -390,7 +394,7 @@ def test_the_command_says_what_came_of_it(lost: Trace, tmp_path: Path, capsys: p
     assert run_command(["verify", str(tmp_path / "out" / "trace.mcap")]) == ExitCode.OK
 
 
-def test_a_trace_from_before_verbs_said_how_they_move_is_refused(lost: Trace) -> None:
+def test_an_older_trace_without_motions_of_verbs_is_rejected(lost: Trace) -> None:
     """Without motions, policies and faculties would take every command for a standstill."""
     instance = lost.header.instance
     silent = tuple(
@@ -402,7 +406,7 @@ def test_a_trace_from_before_verbs_said_how_they_move_is_refused(lost: Trace) ->
         blame(older, BlameOptions(files=(f"{ERRING}:Astray",)))
 
 
-def test_an_episode_that_was_cut_short_is_blamed_on_nobody(lost: Trace) -> None:
+def test_blame_rejects_an_episode_that_was_cut_short(lost: Trace) -> None:
     cut = Trace(lost.path, lost.header, lost.boundaries[:4], None, False, lost.places)
     with pytest.raises(UsageError, match="was cut short"):
         blame(cut)

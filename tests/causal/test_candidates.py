@@ -42,7 +42,7 @@ def test_a_control_from_a_file_is_played_within_the_folder(tmp_path: Path, monke
     assert [path.resolve().parent for path in played] == [folder]
 
 
-def test_a_mission_that_nobody_can_win_is_told_from_no_mission(tmp_path: Path) -> None:
+def test_an_unwinnable_mission_is_distinguished_from_an_invalid_mission(tmp_path: Path) -> None:
     text = (Path(__file__).parents[2] / "scenarios" / "ssr.ljs").read_text(encoding="utf-8")
     player = CandidatePlayer(
         trace=Trace(Path("made-up.mcap"), Header(instance=kit.instance(), bindings=(), fingerprint={}), (), None,

@@ -19,19 +19,19 @@ def finder(needed: set[int], tried: list[tuple[int, ...]]):
 
 
 @pytest.mark.parametrize("needed", [{3}, {0, 15}, {4, 5, 6}, set(range(16)), {7, 2, 11, 13}])
-def test_what_is_needed_is_left(needed: set[int]) -> None:
+def test_only_the_needed_parts_remain(needed: set[int]) -> None:
     tried: list[tuple[int, ...]] = []
     assert set(minimize(range(16), finder(needed, tried))) == needed
     assert len(tried) <= 16 * 16 + 3 * 16  # the bound of the paper
 
 
-def test_nothing_is_left_where_nothing_is_needed() -> None:
+def test_no_part_remains_if_none_is_needed() -> None:
     tried: list[tuple[int, ...]] = []
     assert minimize(range(8), finder(set(), tried)) == ()
     assert tried == [()]
 
 
-def test_no_single_part_can_be_left_out_of_the_rest() -> None:
+def test_no_single_part_of_the_result_can_be_removed() -> None:
     def fails(candidate: set[int]) -> bool:  # not monotone: 1 needs 2, and 3 spoils it unless 4 is there
         return 1 in candidate and 2 in candidate and (3 not in candidate or 4 in candidate)
 

@@ -67,7 +67,7 @@ CASES: tuple[tuple[Faculty, str, Decision, Decision], ...] = (
 
 
 @pytest.mark.parametrize(("faculty", "agent", "wrong", "right"), CASES)
-def test_a_fault_is_put_right_by_its_own_faculty_alone(
+def test_a_fault_is_corrected_only_by_its_own_faculty(
     sea: Instance, faculty: Faculty, agent: str, wrong: Decision, right: Decision
 ) -> None:
     at = scene(sea, agent)
@@ -79,7 +79,7 @@ def test_a_fault_is_put_right_by_its_own_faculty_alone(
 
 
 @pytest.mark.parametrize(("faculty", "agent", "wrong", "right"), CASES)
-def test_what_is_right_is_said_of_parts_that_there_are(
+def test_only_existing_parts_of_a_decision_are_reported_as_right(
     sea: Instance, faculty: Faculty, agent: str, wrong: Decision, right: Decision
 ) -> None:
     at = scene(sea, agent)
@@ -92,27 +92,27 @@ def test_what_is_right_is_said_of_parts_that_there_are(
     assert right_parts(right, Decision(), at) == reports  # without a reference, only what a picture shows
 
 
-def test_what_agrees_within_the_tolerances_is_left_as_it_is(sea: Instance) -> None:
+def test_parts_that_agree_within_the_tolerances_are_not_replaced(sea: Instance) -> None:
     at = scene(sea, SCOUT)
     mine = Decision(command=fly(9.0), messages=(report((0.42, 0.4, 0.6, 0.6), (109.0, 200.0, 0.0)),))
     right = Decision(command=fly(0.0), messages=(report(),))
     assert all(replace_faculty(name, mine, right, at) is mine for name in NAMES)
 
 
-def test_a_wrong_place_is_put_right_wherever_it_is_repeated(sea: Instance) -> None:
+def test_a_wrong_position_is_corrected_in_every_message(sea: Instance) -> None:
     mine = Decision(messages=(report(place=FALSE_PLACE), order(place=FALSE_PLACE)))
     after = replace_faculty("localisation", mine, Decision(), scene(sea, SCOUT))
     assert [message.body["position"] for message in after.messages] == [TRUE_PLACE, TRUE_PLACE]
 
 
-def test_agents_have_the_faculties_that_their_roles_are_declared_to(sea: Instance) -> None:
+def test_agents_have_the_faculties_of_their_roles(sea: Instance) -> None:
     has = {agent.id: faculties_of(sea, agent) for agent in sea.agents}
     assert has["scout[1]"] == ("perception", "localisation", "waypoint", "handoff", "execution")
     assert has["skipper"] == ("waypoint", "handoff", "execution")
     assert has["commander"] == ("handoff",)
 
 
-def test_every_shipped_mission_has_faculties_and_walkers_and_drivers_route() -> None:
+def test_every_shipped_mission_has_faculties_and_walkers_and_drivers_have_routing() -> None:
     moving: dict[str, set[Faculty]] = {}
     for path in shipped_missions():
         mission = lingjing.compile(path)
@@ -123,7 +123,7 @@ def test_every_shipped_mission_has_faculties_and_walkers_and_drivers_route() -> 
     assert moving["ssr"] == {"waypoint"} and moving["upr"] >= {"routing", "waypoint"} and "routing" in moving["cd"]
 
 
-def test_the_page_has_the_table() -> None:
+def test_the_page_on_attribution_has_the_table_of_faculties() -> None:
     rows = [f"| `{row.name}` | {row.meaning} | {row.record} | {row.truth} |" for row in FACULTIES]
     between = PAGE.read_text(encoding="utf-8").partition("<!-- faculties -->\n")[2].partition("<!-- end")[0]
     assert between.splitlines()[2:] == rows
@@ -135,7 +135,7 @@ def game(*winning: set[str]) -> Any:
     return lambda sets: [float(any(group <= {agent for _, agent in some} for group in winning)) for some in sets]
 
 
-def test_shares_of_games_worked_out_by_hand() -> None:
+def test_shapley_shares_match_games_computed_by_hand() -> None:
     players: list[tuple[Faculty, str]] = [("waypoint", "a"), ("waypoint", "b"), ("waypoint", "c")]
     either = shapley_shares(players, game({"a"}, {"b"}), exact=True, seed=0)
     assert [(share.agent, share.share) for share in either] == [("a", 0.5), ("b", 0.5), ("c", 0.0)]

@@ -9,8 +9,8 @@ from lingjing.causal.failure import failure_of
 HERE = Path(__file__).parent / "shrink"
 
 
-def test_stages_are_late_by_their_own_bound_and_not_by_the_words_of_the_ending(tmp_path: Path) -> None:
-    """The ending reads "the stage execute was not done in the 2 ticks it had": `done` is not among the late."""
+def test_late_stages_are_found_by_their_own_bound_and_not_by_the_text_of_the_detail(tmp_path: Path) -> None:
+    """The ending reads "the stage execute was not done in the 2 ticks it had": the stage `done` is not late."""
     stage = "stage execute per p in person { done when saved(p) }"
     text = (HERE / "harbour.ljs").read_text()
     assert stage in text

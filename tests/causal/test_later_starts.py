@@ -16,7 +16,7 @@ from lingjing.causal.later_starts import later_starts
         ((0, 3, 5, 7, 9, 13, 14, 15, 16), (2, 4, 6, 8, 10, 11), [13, 3, 5, 7]),
     ],
 )
-def test_where_departures_begin_anew_comes_first(
+def test_starts_of_runs_of_departures_come_before_middle_and_quarters(
     departed: tuple[int, ...], agreed: tuple[int, ...], expected: list[int]
 ) -> None:
     assert later_starts(departed, agreed) == expected

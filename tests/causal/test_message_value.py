@@ -32,7 +32,7 @@ STAR = episode(
 BROADCAST = episode("broadcast", message("m2-1", "detection", "to all", swayed=None))
 
 
-def test_a_row_is_of_one_kind_and_way_in_one_mode() -> None:
+def test_a_row_holds_one_kind_and_one_hop_in_one_mode() -> None:
     rows = {(row.mode, row.hop): row for row in by_kind([STAR, BROADCAST])}
     assert len(rows) == 3
     assert rows["star", "to hub"] == KindValue(
@@ -42,7 +42,7 @@ def test_a_row_is_of_one_kind_and_way_in_one_mode() -> None:
     assert rows["star", "from hub"].moot == rows["broadcast", "to all"].moot == 1
 
 
-def test_modes_are_means_over_episodes() -> None:
+def test_values_of_modes_are_means_over_episodes() -> None:
     silent = episode("broadcast")
     assert by_mode([STAR, BROADCAST, silent]) == (
         ModeValue(mode="broadcast", episodes=2, won=2, messages=0.5, value=0.0, decisive=0.0, moot=1.0, ticks=30.0),
@@ -50,14 +50,14 @@ def test_modes_are_means_over_episodes() -> None:
     )
 
 
-def test_modes_of_which_not_all_was_tried_are_told_so() -> None:
+def test_unmeasured_messages_are_counted_and_noted_in_the_text() -> None:
     short = msgspec.structs.replace(STAR, left_out=5)
     assert "per episode, over the measured messages:" in value_text([short, BROADCAST])
     assert "per episode:" in value_text([STAR, BROADCAST])
     assert [row.left_out for row in by_mode([short, STAR, BROADCAST])] == [0.0, 2.5]
 
 
-def test_an_episode_that_its_null_fork_is_not_is_in_no_table() -> None:
+def test_an_episode_that_differs_from_its_null_fork_is_in_no_table() -> None:
     moody = msgspec.structs.replace(BROADCAST, null=NullFork(identical=False, boundary=7), messages=(), branches=1)
     assert by_mode([STAR, moody]) == by_mode([STAR])
     assert value_text([moody]) == (
@@ -67,14 +67,14 @@ def test_an_episode_that_its_null_fork_is_not_is_in_no_table() -> None:
     )
 
 
-def test_policies_that_failed_in_branches_are_told() -> None:
+def test_policies_that_failed_in_branches_are_reported() -> None:
     text = value_text([msgspec.structs.replace(STAR, unanswered={"policy_timeout": 2})])
     assert "(policy_timeout); their answers were replaced by doing nothing\n  late answers depend" in text
     branches = [BranchResult(unanswered={"policy_timeout": 3}), BranchResult(unanswered={"policy_error": 1})]
     assert failed_answers(branches, frozenset({"policy_error"})) == {"policy_timeout": 1}
 
 
-def test_it_is_told_what_decided() -> None:
+def test_decisive_messages_are_listed() -> None:
     text = value_text([STAR, BROADCAST])
     assert "star.mcap: star, won after 30 ticks, score 1.00; 3 messages, 4 branches, 4 s CPU" in text
     assert text.endswith(

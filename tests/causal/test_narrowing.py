@@ -13,7 +13,7 @@ LAST = 99
 
 
 def answered(narrowing: Narrowing, question: Windows, needed: dict[AgentFaculty, tuple[int, int]]) -> None:
-    """Each pair is replaced at every boundary of its window, others at all; needed ones must be."""
+    """Answer a question: a window replaces all its boundaries, and the branch wins if these include the needed ones."""
     windows = {pair: (first, LAST if last is None else last) for pair, first, last in question}
     won = all(first <= needed[pair][0] and needed[pair][1] <= last for pair, (first, last) in windows.items())
     everywhere = {pair: windows.get(pair, (0, LAST)) for pair in needed}
@@ -32,8 +32,8 @@ def test_the_smallest_window_is_found(needed: tuple[int, int]) -> None:
     assert questions <= 10
 
 
-def test_the_last_boundary_that_repairs_is_found_where_the_first_replaces_little() -> None:
-    """An agent that was put right at once departs no more; in the episode it departed again and again."""
+def test_a_window_is_found_if_the_full_replacement_changes_few_boundaries() -> None:
+    """An agent that is corrected early departs no more; in the episode it departed several times."""
     narrowing = Narrowing({WAY: [19, 23, 24, 45]}, {WAY: [19]})
     while (question := narrowing.question()) is not None:
         ((_, first, last),) = question
@@ -45,8 +45,8 @@ def test_the_last_boundary_that_repairs_is_found_where_the_first_replaces_little
     assert narrowing.spans() == {WAY: ReplacedSpan(24, [24, 26])}
 
 
-def test_a_window_begins_where_it_was_tried_and_not_where_something_is_replaced_first() -> None:
-    """A reference that begins anew where its agent had departed may agree with it at first."""
+def test_a_window_begins_at_the_tried_start_and_not_at_the_first_replaced_boundary() -> None:
+    """A reference that starts again where its agent had departed can agree with it at first."""
     narrowing = Narrowing({WAY: [4, 9, 12]}, {WAY: [4, 12]})
     while (question := narrowing.question()) is not None:
         ((_, first, last),) = question
@@ -55,7 +55,7 @@ def test_a_window_begins_where_it_was_tried_and_not_where_something_is_replaced_
     assert narrowing.spans() == {WAY: ReplacedSpan(9, [12])}
 
 
-def test_pair_after_pair_is_narrowed_within_the_windows_of_those_before() -> None:
+def test_pairs_are_narrowed_in_order_within_the_windows_of_earlier_pairs() -> None:
     needed = {SIGHT: (2, 3), WAY: (8, 8)}
     narrowing = Narrowing({SIGHT: [1, 2, 3, 5], WAY: [7, 8, 9]}, {SIGHT: [1, 2, 3, 5], WAY: [7, 8, 9]})
     while (question := narrowing.question()) is not None:
@@ -65,7 +65,7 @@ def test_pair_after_pair_is_narrowed_within_the_windows_of_those_before() -> Non
     assert [(spans[pair].first, spans[pair].replaced[-1]) for pair in (SIGHT, WAY)] == [(2, 3), (8, 8)]
 
 
-def test_what_is_asked_next_was_among_the_guesses_where_it_can_be_foreseen() -> None:
+def test_a_predictable_next_question_is_among_the_guesses() -> None:
     needed = {WAY: (17, 22)}
     narrowing, foreseen, questions = Narrowing({WAY: range(32)}, {WAY: range(32)}), 0, 0
     while (question := narrowing.question()) is not None:
@@ -73,10 +73,10 @@ def test_what_is_asked_next_was_among_the_guesses_where_it_can_be_foreseen() -> 
         answered(narrowing, question, needed)
         following = narrowing.question()
         foreseen, questions = foreseen + (following in guesses), questions + (following is not None)
-    assert questions - foreseen <= 1  # the first end depends on what the last beginning replaces
+    assert questions - foreseen <= 1  # the first end depends on the boundaries that the last start replaces
     assert list(narrowing.guesses()) == []
 
 
-def test_what_was_never_replaced_asks_nothing() -> None:
+def test_a_pair_without_replaced_boundaries_has_no_question() -> None:
     narrowing = Narrowing({WAY: [4]}, {WAY: []})
     assert narrowing.question() is None and narrowing.spans() == {WAY: ReplacedSpan(4, ())}

@@ -26,7 +26,7 @@ def walk(tmp_path_factory: pytest.TempPathFactory) -> Trace:
     return read_trace(run(short, policy="random", seed=1, out=folder, world="inline", overview=False).trace)
 
 
-def test_it_is_the_picture_that_the_trace_holds(walk: Trace) -> None:
+def test_a_redrawn_picture_equals_the_picture_of_the_trace(walk: Trace) -> None:
     frames = [frame for frame in walk.frames.values() if frame.camera == "front"]
     assert len(frames) >= 2
     wanted = [(frame.entity, "front", walk.boundaries[frame.tick]) for frame in frames]
@@ -35,7 +35,7 @@ def test_it_is_the_picture_that_the_trace_holds(walk: Trace) -> None:
     assert [picture.info.boxes for picture in again] == [frame.boxes for frame in frames]
 
 
-def test_a_camera_through_which_nobody_looked_is_shown_all_the_same(walk: Trace) -> None:
+def test_a_picture_of_an_unused_camera_is_drawn_after_the_episode(walk: Trace) -> None:
     frames = best_frames([walk])
     assert [shown.info.camera for shown in sort_by_camera(frames)] == ["front", "reference"]
     assert unrecorded_frames(walk, frames, redraw) == []
@@ -45,12 +45,12 @@ def test_a_camera_through_which_nobody_looked_is_shown_all_the_same(walk: Trace)
     assert "drawn after the episode" not in next(frame for frame in frames if frame.info.camera == "front").caption
 
 
-def test_a_city_that_is_gone_gives_no_pictures(walk: Trace) -> None:
+def test_no_pictures_are_drawn_if_the_city_differs_from_that_of_the_trace(walk: Trace) -> None:
     other = Trace(walk.path, replace(walk.header, city_sha256="0"), walk.boundaries, walk.outcome, True, walk.places)
     assert unrecorded_frames(other, [], redraw) == []
 
 
-def test_a_page_shows_the_camera_that_nobody_used(walk: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_mission_page_shows_an_unused_camera(walk: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     blind = tuple(replace(record, frames=()) for record in walk.boundaries)
     bare = Trace(walk.path, walk.header, blind, walk.outcome, True, walk.places)
     monkeypatch.setattr(missionpage, "_trace", lambda path, mission: bare)

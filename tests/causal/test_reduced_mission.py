@@ -34,7 +34,7 @@ def comparable(instance: Instance) -> Instance:
 
 
 @pytest.mark.parametrize("column", COLUMNS, ids=[column.name for column in COLUMNS])
-def test_the_whole_mission_draws_what_was_drawn(column: Column) -> None:
+def test_the_mission_with_all_parts_gives_the_same_instance_for_any_seed(column: Column) -> None:
     mission = lingjing.compile(column.path)
     instance = instantiate(mission, seed=SEED, mode=column.mode)
     whole = ReducibleMission(mission, instance)
@@ -52,7 +52,7 @@ def ssr() -> tuple[Mission, Instance]:
     return mission, instantiate(mission, seed=SEED, mode="broadcast")
 
 
-def test_what_is_left_stays_where_it_was(ssr: tuple[Mission, Instance]) -> None:
+def test_remaining_entities_keep_their_positions(ssr: tuple[Mission, Instance]) -> None:
     mission, instance = ssr
     whole = ReducibleMission(mission, instance)
     removed = {RemovablePart("target", "victim[2]"), RemovablePart("agent", "scout[1]")}
@@ -69,7 +69,7 @@ def test_what_is_left_stays_where_it_was(ssr: tuple[Mission, Instance]) -> None:
     assert "one of 2 UAVs" in left.agents[0].prompt  # the parameter that counts them was lowered with them
 
 
-def test_a_body_that_another_may_command_stays_without_its_agent(ssr: tuple[Mission, Instance]) -> None:
+def test_a_body_that_another_agent_may_command_stays_without_its_agent(ssr: tuple[Mission, Instance]) -> None:
     whole = ReducibleMission(*ssr)
     reduced = whole.keeping([part for part in whole.parts if part.name != "skipper"], 40)
     left = drawn(to_ljs(reduced.mission), "broadcast")
@@ -83,7 +83,7 @@ def test_messages_of_required_assignments_are_kept(ssr: tuple[Mission, Instance]
     assert kinds == ["detection", "progress"]
 
 
-def test_what_cannot_be_said_without_a_part_is_no_mission(ssr: tuple[Mission, Instance]) -> None:
+def test_a_mission_without_a_required_message_does_not_compile(ssr: tuple[Mission, Instance]) -> None:
     whole = ReducibleMission(*ssr)
     without_reports = whole.keeping([part for part in whole.parts if part.name != "detection"], 40)
     compiled = compile_text(to_ljs(without_reports.mission))

@@ -50,7 +50,7 @@ def differs(trace: Trace) -> tuple[int, str, str]:
     return result.difference.boundary, result.difference.engine, result.difference.field
 
 
-def test_it_is_confirmed_with_pictures_of_the_trace_and_drawn(search: Trace) -> None:
+def test_an_unchanged_trace_is_confirmed_with_recorded_and_with_rendered_pictures(search: Trace) -> None:
     assert search.frames
     result = replay(search, world="inline")
     assert result.difference is None and result.confirmed == len(search.boundaries) == result.boundaries
@@ -72,8 +72,8 @@ def test_a_forged_state_is_named_with_its_engine(search: Trace) -> None:
     assert (tick, engine) == (5, owner) and field.endswith("states[boat].position[0]")
 
 
-def test_what_the_record_lacks_is_named(search: Trace) -> None:
-    """A field that only the replayed boundary has: the name of what a map of names holds."""
+def test_a_field_that_is_missing_in_the_record_is_named(search: Trace) -> None:
+    """Only the replayed boundary has the field, a key of a mapping."""
     record = search.boundaries[5]
     last = record.snapshots[-1]
     empty = tuple(replace(state, resources={}) if state.resources else state for state in last.states)
@@ -85,14 +85,14 @@ def test_what_the_record_lacks_is_named(search: Trace) -> None:
     assert (tick, engine) == (5, owner) and f"states[{first.id}].resources." in field
 
 
-def test_a_forged_decision_leads_elsewhere(search: Trace) -> None:
+def test_a_forged_decision_gives_a_difference_at_its_boundary(search: Trace) -> None:
     record = search.boundaries[2]
     stop = Decision(command=Action(verb="stop"))
     changed = forged(search, 2, decisions=tuple(replace(made, decision=stop) for made in record.decisions))
     assert differs(changed)[0] == 2
 
 
-def test_forged_scores_boxes_and_outcomes_are_the_kernels_to_deny(search: Trace) -> None:
+def test_forged_rewards_outcomes_and_boxes_are_detected(search: Trace) -> None:
     assert differs(forged(search, 3, reward=0.9)) == (3, "kernel", "reward")
     assert search.outcome is not None
     won = replace(search.outcome, reason="success", success=True)
@@ -112,7 +112,7 @@ def differs_at_the_end(trace: Trace) -> str:
     return result.difference.field
 
 
-def test_an_edited_command_is_named_by_the_body_that_it_moved(search: Trace) -> None:
+def test_an_edited_command_is_detected_by_the_state_of_its_body(search: Trace) -> None:
     """With recorded and with recomputed digests."""
     tick = next(record.tick for record in search.boundaries if any(_sent(made) for made in record.decisions))
     decisions = tuple(_elsewhere(made) for made in search.boundaries[tick].decisions)
@@ -140,13 +140,13 @@ def _elsewhere(made: DecisionRecord) -> DecisionRecord:
     )
 
 
-def test_decisions_of_others_than_the_agents_are_named(search: Trace) -> None:
+def test_foreign_reordered_and_duplicate_decisions_are_detected(search: Trace) -> None:
     first, *others = search.boundaries[3].decisions
     for decisions in ((replace(first, agent="nobody"), *others), (*others, first), (first, first, *others)):
         assert differs(forged(search, 3, decisions=decisions)) == (3, "kernel", "decisions")
 
 
-def test_decisions_that_were_taken_out_are_missed(search: Trace) -> None:
+def test_removed_and_added_decisions_are_detected(search: Trace) -> None:
     """Also if they had no effect, so that everything else is equal."""
     for agent in {made.agent for made in search.boundaries[3].decisions}:
         left = tuple(made for made in search.boundaries[3].decisions if made.agent != agent)
@@ -154,7 +154,7 @@ def test_decisions_that_were_taken_out_are_missed(search: Trace) -> None:
     assert differs(forged(search, 0, decisions=search.boundaries[3].decisions)) == (0, "kernel", "decisions")
 
 
-def test_boundaries_that_are_missing_or_there_twice_are_named(search: Trace) -> None:
+def test_missing_and_duplicate_boundaries_are_detected(search: Trace) -> None:
     records = search.boundaries
     for some in (records[:5] + records[6:], records[:5] + records[4:], records[1:]):
         other = replay(Trace(search.path, search.header, some, search.outcome, True, search.places), world="inline")
@@ -162,7 +162,7 @@ def test_boundaries_that_are_missing_or_there_twice_are_named(search: Trace) -> 
         assert (other.difference.engine, other.difference.field) == ("kernel", "tick")
 
 
-def test_another_weather_another_seer_and_lost_pictures_are_named(search: Trace) -> None:
+def test_changed_weather_missing_bindings_and_missing_pictures_are_detected(search: Trace) -> None:
     header = search.header
     weather = replace(header.instance.weather, wind_mps=header.instance.weather.wind_mps + 1.0)
     headers = {
@@ -176,21 +176,21 @@ def test_another_weather_another_seer_and_lost_pictures_are_named(search: Trace)
     assert differs(forged(search, seen.tick, frames=()))[0] == seen.tick
 
 
-def test_a_trace_of_another_version_says_so_even_if_it_is_confirmed(search: Trace) -> None:
+def test_other_library_versions_are_reported_even_if_the_trace_is_confirmed(search: Trace) -> None:
     header = replace(search.header, fingerprint={**search.header.fingerprint, "jsbsim": "0.0.1"})
     result = replay(Trace(search.path, header, search.boundaries, search.outcome, True, search.places), world="inline")
     assert result.difference is None
     assert "confirmed, although recorded with other libraries: jsbsim 0.0.1 (here " in sentence(result)
 
 
-def test_a_file_that_is_cut_anywhere_is_run_as_far_as_it_reads(search: Trace, tmp_path: Path) -> None:
+def test_a_truncated_file_is_replayed_to_its_last_readable_boundary(search: Trace, tmp_path: Path) -> None:
     whole, part = search.path.read_bytes(), tmp_path / "trace.mcap"
     part.write_bytes(whole[: 6 * len(whole) // 10])
     result = replay(read_trace(part), world="inline")
     assert result.difference is None and 1 < result.confirmed == result.boundaries < len(search.boundaries)
 
 
-def test_another_instance_is_not_this_episode(search: Trace) -> None:
+def test_a_changed_instance_differs_at_the_first_boundary(search: Trace) -> None:
     instance = search.header.instance
     moved = tuple(
         replace(entity, position=(entity.position[0] + 1.0, *entity.position[1:])) if entity.id == "boat" else entity
@@ -210,7 +210,7 @@ def test_a_partial_trace_is_run_to_its_last_boundary(search: Trace) -> None:
         replay(Trace(search.path, search.header, (), None, False), world="inline")
 
 
-def test_a_city_that_is_gone_is_said(search: Trace) -> None:
+def test_a_city_with_another_hash_is_a_usage_error(search: Trace) -> None:
     header = replace(search.header, city_sha256="0")
     with pytest.raises(UsageError, match="the result differs from the city"):
         replay(Trace(search.path, header, search.boundaries, None, False), world="inline")
@@ -232,7 +232,9 @@ mission mapped "In a town" {
 """
 
 
-def test_a_city_of_a_map_is_built_again_from_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_city_from_a_map_is_rebuilt_and_a_changed_or_missing_map_is_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     town().write(tmp_path / "town.osm")
@@ -313,7 +315,9 @@ def test_the_registry_of_every_boundary_follows_from_the_records(search: Trace) 
     assert here.progress == there.progress and here.sightings == there.sightings and here.emitted == there.emitted
 
 
-def test_the_verb_says_so(search: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_reports_a_confirmed_trace_and_an_unreadable_trace(
+    search: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     call = ["replay", "--world", "inline"]
     assert run_command([*call, str(search.path)]) == ExitCode.OK
     assert f"confirmed: {len(search.boundaries)} boundaries" in capsys.readouterr().out

@@ -86,7 +86,7 @@ def test_replaced_pictures_of_a_sealed_trace_differ_on_the_same_renderer(
     assert f"camera: frames[{first.id}].pixels" in output and "pixels differ on the same renderer" in output
 
 
-def test_the_tolerance_decides_on_another_renderer(inspected: Trace, tmp_path: Path) -> None:
+def test_pictures_of_another_renderer_are_compared_with_a_tolerance(inspected: Trace, tmp_path: Path) -> None:
     near = repainted(inspected, tmp_path / "near.mcap", dotted, renderer="another")
     result = replay(near, world="inline", draw=True)
     assert result.difference is None and result.confirmed == result.boundaries
@@ -96,14 +96,16 @@ def test_the_tolerance_decides_on_another_renderer(inspected: Trace, tmp_path: P
     assert other is not None and other.engine == "camera" and f"the tolerance is {LEVELS_MOST:g}" in other.replayed
 
 
-def test_the_same_pictures_have_no_difference_and_a_lost_one_has(inspected: Trace) -> None:
+def test_equal_pictures_have_no_difference_and_a_missing_picture_is_reported(inspected: Trace) -> None:
     frame = recorded_frame(inspected, next(iter(inspected.frames)))
     assert picture_difference(inspected, frame) == ""
     lost = Trace(inspected.path, inspected.header, inspected.boundaries, inspected.outcome, True, {})
     assert "the picture" in picture_difference(lost, frame) and "is missing in" in picture_difference(lost, frame)
 
 
-def test_a_stored_picture_that_is_not_the_hashed_one_differs_on_any_renderer(inspected: Trace, tmp_path: Path) -> None:
+def test_a_stored_picture_that_does_not_match_its_hash_differs_on_any_renderer(
+    inspected: Trace, tmp_path: Path
+) -> None:
     forged = repainted(inspected, tmp_path / "trace.mcap", lambda rgb: rgb, renderer="another")
     records = tuple(
         replace(record, frames=tuple(replace(frame, sha256="0" * 64) for frame in record.frames))
@@ -114,7 +116,7 @@ def test_a_stored_picture_that_is_not_the_hashed_one_differs_on_any_renderer(ins
     assert "does not match the recorded hash" in picture_difference(lying, frame)
 
 
-def test_another_renderers_boxes_are_the_traces_within_the_tolerance(inspected: Trace) -> None:
+def test_boxes_of_another_renderer_are_compared_with_a_tolerance(inspected: Trace) -> None:
     frame = recorded_frame(inspected, next(iter(inspected.frames)))
     (box, *rest) = frame.info.boxes
     counted = replace(box, pixels=box.pixels + 1)
@@ -130,7 +132,7 @@ def test_another_renderers_boxes_are_the_traces_within_the_tolerance(inspected: 
     assert "visible in only one" in picture_difference(inspected, drawn(*rest))
 
 
-def test_the_worst_block_counts_whatever_the_size() -> None:
+def test_the_worst_block_decides_for_any_picture_size() -> None:
     for shape in ((40, 50, 3), (5, 3, 3), (BLOCK, BLOCK, 3)):
         black = np.zeros(shape, np.uint8)
         other = black.copy()

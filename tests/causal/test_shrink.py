@@ -36,7 +36,7 @@ def lost(tmp_path_factory: pytest.TempPathFactory) -> Trace:
 
 
 @pytest.mark.thorough
-def test_the_smallest_mission_fails_the_same_way_also_after_a_budget_has_run_out(
+def test_shrinking_continues_after_its_budget_and_the_smallest_mission_fails_alike(
     lost: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     small = tmp_path / "small.ljs"
@@ -52,7 +52,9 @@ def test_the_smallest_mission_fails_the_same_way_also_after_a_budget_has_run_out
     assert run_command(call) == ExitCode.USAGE, "a stored verdict stands, and nothing is played again"
     assert "fails differently when it is played again" in capsys.readouterr().err
     log.write_text(verdicts)
-    assert run_command([*call, "-j", "2", "--output-format", "json"]) == ExitCode.OK, "it goes on with the best so far"
+    assert run_command([*call, "-j", "2", "--output-format", "json"]) == ExitCode.OK, (
+        "it continues with the smallest mission so far"
+    )
     captured = capsys.readouterr()
     result = json.loads(captured.out)
     assert result["ticks"] < first["ticks"] or len(result["kept"]) < len(first["kept"])
@@ -75,7 +77,7 @@ def test_the_smallest_mission_fails_the_same_way_also_after_a_budget_has_run_out
     assert "nothing is overwritten" in capsys.readouterr().err
 
 
-def test_a_place_that_cannot_be_written_is_told_before_anything_is_played(
+def test_an_unwritable_output_is_reported_before_any_episode(
     lost: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     call = ["shrink", str(lost.path), "--mission", str(HARBOUR), "--policy-file", str(SKIPPERS)]
@@ -85,7 +87,7 @@ def test_a_place_that_cannot_be_written_is_told_before_anything_is_played(
 
 
 @pytest.mark.parametrize(("body", "words"), [("1 / 0", "ZeroDivisionError"), ("exit(3)", "SystemExit: 3")])
-def test_a_question_that_fails_is_its_authors(
+def test_an_error_in_a_user_predicate_is_reported_with_its_option(
     body: str, words: str, lost: Trace, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "check.py").write_text(f"def failing(trace):\n    return {body}\n")
@@ -96,7 +98,7 @@ def test_a_question_that_fails_is_its_authors(
     assert f"--same-if {predicate}: {words}" in message and not (tmp_path / "small.ljs").exists()
 
 
-def test_a_policy_that_raises_is_the_failure(tmp_path: Path) -> None:
+def test_an_exception_of_a_policy_is_part_of_the_failure_signature(tmp_path: Path) -> None:
     broken = played(tmp_path / "broken", f"{SKIPPERS}:Broken")
     signature = failure_of(broken)
     assert signature is not None
@@ -113,7 +115,7 @@ def test_a_policy_that_raises_is_the_failure(tmp_path: Path) -> None:
         (None, "has no outcome"),
     ],
 )
-def test_what_shows_no_failure_is_refused(
+def test_a_trace_without_a_failure_is_rejected(
     lost: Trace, tmp_path: Path, outcome: dict[str, object] | None, complaint: str
 ) -> None:
     assert lost.outcome is not None
@@ -124,7 +126,7 @@ def test_what_shows_no_failure_is_refused(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_is_not_to_be_had_is_said(lost: Trace, tmp_path: Path) -> None:
+def test_a_missing_mission_or_policy_file_and_a_false_predicate_are_reported(lost: Trace, tmp_path: Path) -> None:
     small = tmp_path / "small.ljs"
     with pytest.raises(UsageError, match="is not shipped") as missing:
         shrink(lost, small)
@@ -137,7 +139,7 @@ def test_what_is_not_to_be_had_is_said(lost: Trace, tmp_path: Path) -> None:
         shrink(lost, small, ShrinkOptions(mission=str(HARBOUR), predicate=lambda trace: False))
 
 
-def test_how_alike_failures_must_be() -> None:
+def test_failure_signatures_are_compared_by_family_clauses_or_reason() -> None:
     signature = FailureSignature(reason="budget", unmet=("saved(p)",), family="handoff_break")
     other = msgspec.structs.replace(signature, family="perception_miss")
     assert signature.part("family") != other.part("family")
