@@ -152,11 +152,11 @@ def slow(site: Site, monkeypatch: pytest.MonkeyPatch) -> Callable[[], str]:
     monkeypatch.chdir(site.folder)
     site.add("spins", SLOW)
 
-    def found() -> str:
+    def fault_of_next_command() -> str:
         monkeypatch.setenv(discovery.KNOWN, "{}")
         return faults_of(PluginHost()).get("spins", "")
 
-    return found
+    return fault_of_next_command
 
 
 def test_only_the_first_command_waits_for_a_plugin_that_never_returns(
@@ -184,7 +184,7 @@ def test_a_plugin_that_never_returned_is_tried_again_once_it_was_changed(
 
 
 @pytest.mark.parametrize("change", ["expired", "deadline", "broken", "off"])
-def test_a_kept_fault_does_not_outlive_its_reasons(
+def test_a_cached_fault_is_not_used_after_its_conditions_changed(
     site: Site, slow: Callable[[], str], change: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tries = [slow()]
@@ -201,14 +201,14 @@ def test_a_kept_fault_does_not_outlive_its_reasons(
     assert all(tries) and not any(fault.endswith(discovery.TRIED_EARLIER) for fault in tries)
 
 
-def test_a_trial_is_not_repeated_by_the_processes_that_are_started(site: Site, monkeypatch) -> None:
+def test_child_processes_do_not_repeat_a_trial(site: Site, monkeypatch) -> None:
     site.add("raises", "open('tried', 'a').write('x'); raise RuntimeError('no licence')")
     monkeypatch.chdir(site.folder)
     PluginHost()
     PluginHost()
     code = "from lingjing.plugins.host import PluginHost; print(*PluginHost().faults)"
-    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert "no licence" in said
+    output = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert "no licence" in output
     assert (site.folder / "tried").read_text() == "x"
 
 
@@ -253,7 +253,7 @@ def test_a_prepared_host_holds_no_foreign_plugin(site: Site, monkeypatch: pytest
     assert {"heuristic", "stranger"} <= both.policies.keys() and Path("loaded").exists()
 
 
-def test_what_a_plugin_prints_does_not_reach_standard_output(site: Site, capsys) -> None:
+def test_output_of_a_plugin_goes_to_standard_error(site: Site, capsys) -> None:
     site.add("chatty", OFFER.format(name="chatty") + "\nprint('hello')\n")
     assert "chatty" in PluginHost().policies
     assert capsys.readouterr() == ("", "hello\n")
@@ -266,12 +266,12 @@ def test_a_distribution_without_metadata_is_named(site: Site) -> None:
     assert (fault.plugin, fault.distribution) == ("nameless", "lingjing_nameless-1.0.dist-info (no version)")
 
 
-def test_metadata_of_strangers_that_is_broken_elsewhere_is_no_matter(site: Site) -> None:
+def test_broken_entry_points_of_other_groups_are_ignored(site: Site) -> None:
     site.add("other", None, entry_points=b"[console_scripts]\nno equals sign\n")
     assert find_entries(PLUGINS).broken == ()
 
 
-def test_no_plugin_takes_the_place_of_ours(site: Site) -> None:
+def test_a_foreign_plugin_cannot_replace_a_plugin_of_the_project(site: Site) -> None:
     site.add("builtin", "raise RuntimeError('loaded')", value="impostor")
     site.add("first", OFFER.format(name="heuristic").replace("@hookimpl", "@hookimpl(trylast=True)"))
     host = PluginHost()
@@ -283,7 +283,7 @@ def test_no_plugin_takes_the_place_of_ours(site: Site) -> None:
     }
 
 
-def test_a_name_that_two_strangers_offer_is_an_error_where_it_is_used(site: Site) -> None:
+def test_a_name_offered_by_two_foreign_plugins_is_an_error_when_it_is_used(site: Site) -> None:
     site.add("one", OFFER.format(name="twin"))
     site.add("two", OFFER.format(name="twin"))
     host = PluginHost()
@@ -292,21 +292,21 @@ def test_a_name_that_two_strangers_offer_is_an_error_where_it_is_used(site: Site
         host.policy("twin")
 
 
-def test_a_name_that_is_not_there_points_to_what_does_not_load(site: Site) -> None:
+def test_an_unknown_name_gives_a_hint_to_plugins_that_do_not_load(site: Site) -> None:
     site.add("raises", "raise RuntimeError('no licence')")
     with pytest.raises(UsageError, match="no policy is called `scout`") as caught:
         PluginHost().policy("scout")
     assert "says why `raises` is not loaded" in caught.value.hint
 
 
-def test_an_engine_whose_wish_fails_takes_no_part(site: Site, instance_of, uav) -> None:
+def test_an_engine_with_a_failing_wanted_function_is_left_out(site: Site, instance_of, uav) -> None:
     code = "\n@hookimpl\ndef lingjing_engines():\n    return [EnginePlugin('odd', object, wanted=lambda one: 1 / 0)]\n"
     site.add("good", OFFER.format(name="good") + code)
     with pytest.warns(RuntimeWarning, match="engine `odd` is left out: its `wanted` failed: ZeroDivisionError"):
         assert select_engines(instance_of([uav()]), PluginHost()).local == ("multirotor",)
 
 
-def test_the_broken_description_of_one_plugin_hides_no_other(site: Site, capsys) -> None:
+def test_a_broken_kinds_file_of_one_plugin_does_not_hide_other_kinds(site: Site, capsys) -> None:
     site.add("bad", None, value="bad.plugin")
     (site.folder / "bad").mkdir()
     (site.folder / "bad" / "kinds.json").write_text('{"engines": [{"name": "hover", "nonsense": 1}]}')
@@ -314,10 +314,10 @@ def test_the_broken_description_of_one_plugin_hides_no_other(site: Site, capsys)
     with pytest.raises(PluginError, match="bad"):
         engine_kind("hover")
     assert run_command(["plugins"]) == 2
-    assert "plug-in `bad`: " in (said := capsys.readouterr().err) and "kinds.json does not describe kinds" in said
+    assert "plug-in `bad`: " in (output := capsys.readouterr().err) and "kinds.json does not describe kinds" in output
 
 
-def test_without_the_core_there_is_one_error_and_without_the_agents_the_rest_works(site: Site, monkeypatch) -> None:
+def test_a_missing_core_is_an_error_and_without_the_agents_the_rest_works(site: Site, monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "lingjing_agents.plugin", None)
     host = PluginHost()
     assert "multirotor" in host.engines and faults_of(host)["agents"].startswith("does not load: ModuleNotFoundError")
@@ -327,7 +327,7 @@ def test_without_the_core_there_is_one_error_and_without_the_agents_the_rest_wor
 
 
 @pytest.mark.slow
-def test_a_run_that_uses_no_broken_plugin_plays_and_names_it(site: Site, tmp_path: Path) -> None:
+def test_a_run_plays_without_broken_plugins_and_warns_about_each(site: Site, tmp_path: Path) -> None:
     for name in ("raises", "ends", "scribbles"):
         site.add(name, FAULTS[name][0])
     mission = Path(__file__).parents[1] / "cli" / "boats.ljs"
@@ -359,7 +359,7 @@ def test_a_hook_that_fails_leaves_the_policy_of_its_plugin_in_place(site: Site) 
         ("", "offers nothing"),
     ],
 )
-def test_a_hook_that_is_not_one_is_named(site: Site, code: str, reason: str) -> None:
+def test_a_wrong_or_missing_hook_is_named(site: Site, code: str, reason: str) -> None:
     site.add("vain", f"from lingjing.plugins.hookspecs import hookimpl\n{code}\n")
     (fault,) = PluginHost().faults
     assert fault.plugin == "vain" and reason in fault.reason

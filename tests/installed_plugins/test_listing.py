@@ -48,7 +48,7 @@ def test_a_traceback_is_shown_on_request(
     assert "Traceback (most recent call last)" in capsys.readouterr().err
 
 
-def test_a_newer_contract_has_one_remedy(site: Site, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_plugin_for_a_newer_contract_gives_one_hint(site: Site, capsys: pytest.CaptureFixture[str]) -> None:
     code = (
         "from lingjing.plugins.hookspecs import hookimpl\n@hookimpl\ndef lingjing_api_version():\n    return '99.0'\n"
     )

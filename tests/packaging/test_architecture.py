@@ -1,4 +1,4 @@
-"""The page that walks through the code names what is there, and every package's docstring names all its modules."""
+"""The page on the architecture names only existing definitions, and the docstring of a package all its modules."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def is_defined(path: Path, dotted: str) -> bool:
     return node is not None
 
 
-def test_a_place_that_is_not_there_is_noticed() -> None:
+def test_a_reference_to_a_missing_definition_is_detected() -> None:
     step = ROOT / "lingjing/kernel/step.py"
     assert is_defined(step, "Kernel.step")
     assert not is_defined(step, "Kernel.leap")
@@ -48,7 +48,7 @@ def test_a_place_that_is_not_there_is_noticed() -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_a_page_names_what_is_there(page: Path) -> None:
+def test_a_page_names_only_existing_definitions(page: Path) -> None:
     places = PLACE.findall(page.read_text(encoding="utf-8"))
     assert len(places) >= 6
     wrong = [f"{path}:{name}" for path, name in places if not is_defined(ROOT / path, name)]

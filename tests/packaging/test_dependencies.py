@@ -63,7 +63,7 @@ def declared(pyproject: Path, *extras: str) -> set[str]:
 
 
 def test_the_core_declares_what_it_imports_and_nothing_else() -> None:
-    run_as_programs = {"eclipse-sumo", "graphviz-pure"}  # netconvert, and what lays graphs out
+    run_as_programs = {"eclipse-sumo", "graphviz-pure"}  # netconvert, and the layout of graphs
     requirements = declared(
         ROOT / "pyproject.toml",
         "bench",

@@ -43,7 +43,7 @@ def test_the_imports_are_counted() -> None:
     ]
 
 
-def test_limits_fall_and_do_not_rise() -> None:
+def test_limits_are_lowered_and_never_raised() -> None:
     limits = {"tests/dsl": 3, "tests/kernel": 2}
     assert internals.above({"tests/dsl": 3}, limits) == []
     (message,) = internals.above({"tests/dsl": 4, "tests/kernel": 2}, limits)

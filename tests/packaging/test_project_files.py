@@ -25,12 +25,12 @@ def test_the_citation_is_of_this_version_and_names_no_person() -> None:
 
 
 @pytest.mark.parametrize("path", [*TEXTS, *FORMS, ROOT / ".github" / "PULL_REQUEST_TEMPLATE.md"], ids=lambda p: p.name)
-def test_no_address_is_invented(path: Path) -> None:
+def test_project_files_contain_no_addresses(path: Path) -> None:
     assert re.findall(r"https?://\S+|[\w.]+@[\w-]+\.\w+", path.read_text(encoding="utf-8")) == []
 
 
 @pytest.mark.parametrize("path", [path for path in FORMS if path.stem != "config"], ids=lambda p: p.stem)
-def test_a_form_has_what_the_host_of_a_repository_asks_for(path: Path) -> None:
+def test_an_issue_form_has_the_fields_that_the_repository_host_requires(path: Path) -> None:
     form = yaml.safe_load(path.read_text(encoding="utf-8"))
     assert {"name", "description", "body"} <= set(form)
     fields = [field for field in form["body"] if field["type"] != "markdown"]

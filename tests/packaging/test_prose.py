@@ -47,7 +47,7 @@ def test_other_openings_are_accepted(text: str) -> None:
     assert list(prose.findings(f'"""{text}"""\n', Path("a.py"))) == []
 
 
-def test_no_count_rises_above_its_limit_and_an_update_raises_none() -> None:
+def test_counts_above_a_limit_are_reported_and_an_update_raises_no_limit() -> None:
     limits = {"lingjing/dsl": {"headless": 2, "names": 1}}
     assert prose.above({"lingjing/dsl": {"headless": 2}}, limits) == []
     (message,) = prose.above({"lingjing/dsl": {"headless": 3}}, limits)

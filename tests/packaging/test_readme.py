@@ -26,17 +26,17 @@ def blocks(language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", README, flags=re.MULTILINE | re.DOTALL)
 
 
-def test_it_is_short() -> None:
+def test_the_readme_is_short() -> None:
     assert len(README.split()) < 500
 
 
-def test_the_excerpt_stands_in_the_mission() -> None:
+def test_the_lines_of_the_excerpt_are_in_the_mission() -> None:
     (excerpt,) = blocks("ljs")
     lines = set(SSR.splitlines())
     assert [line for line in excerpt.splitlines() if line not in lines] == []
 
 
-def test_its_table_counts_the_stored_episodes() -> None:
+def test_the_table_counts_the_stored_episodes() -> None:
     record = validity.stored_record()
     if record is not None:
         assert validity.readme_with(README, record) == README, "write it: python -m benchmarks.validity --write"
@@ -71,7 +71,7 @@ def test_the_table_of_both_tiers_fits() -> None:
     assert "no model has played yet" in changed and validity.readme_with(changed, record) == changed
 
 
-def test_its_make_targets_exist() -> None:
+def test_the_make_targets_exist() -> None:
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     targets = set(re.findall(r"`?\bmake (\w+)", README))
     assert targets >= {"demo", "test", "bench", "study"}
@@ -79,7 +79,7 @@ def test_its_make_targets_exist() -> None:
         assert re.search(rf"^{target}:", makefile, flags=re.MULTILINE), target
 
 
-def test_its_commands_are_understood(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_commands_are_valid(monkeypatch: pytest.MonkeyPatch) -> None:
     commands = [
         shlex.split(command)[1:]
         for block in blocks("sh")
@@ -101,7 +101,7 @@ def test_its_commands_are_understood(monkeypatch: pytest.MonkeyPatch) -> None:
     assert seen == ["run", "run", "new", "run", "new", "run", "run", "bench"]
 
 
-def test_its_error_message_is_what_one_gets(tmp_path: Path) -> None:
+def test_the_error_message_is_that_of_the_program(tmp_path: Path) -> None:
     (shown,) = blocks("console")
     command, _, output = shown.partition("\n")
     assert command == "$ lingjing validate ssr.ljs"
@@ -113,7 +113,7 @@ def test_its_error_message_is_what_one_gets(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_its_python_runs(tmp_path: Path) -> None:
+def test_the_python_code_runs(tmp_path: Path) -> None:
     (code,) = blocks("python")
     (tmp_path / "scenarios").mkdir()
     (tmp_path / "scenarios" / "ssr.ljs").write_text(SSR.replace("ticks <= 60", "ticks <= 12"), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The set-up script: it does its work once, says what is missing, and leaves nothing half-made that looks whole."""
+"""The set-up script: it installs once, reports what is missing, and marks no incomplete environment as complete."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def environment(tmp_path: Path):
 
 @pytest.fixture
 def created(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An environment is only a link to this interpreter: quick."""
+    """Replaces the creation of an environment by a link to this interpreter, which is quick."""
 
     def create(environment) -> None:
         environment.python.parent.mkdir(parents=True, exist_ok=True)
@@ -52,14 +52,14 @@ def created(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def pips(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, ...]]:
-    """The pip steps that were run; they are only written down."""
+    """The arguments of pip; nothing is installed."""
     seen: list[tuple[str, ...]] = []
     monkeypatch.setattr(setup, "pip", lambda environment, arguments: seen.append(arguments))
     return seen
 
 
-def test_what_pip_check_says_of_the_environment_is_explained_and_nothing_else_is_said() -> None:
-    """Of the environment that the tests run in, which `make setup` made."""
+def test_every_complaint_of_pip_check_is_explained_in_the_contributing_guide() -> None:
+    """In the environment of these tests, which `make setup` has made."""
     command = [sys.executable, "-m", "pip", "--disable-pip-version-check", "check"]
     complaints = subprocess.run(command, capture_output=True, text=True, check=False).stdout.splitlines()
     explained = setup.names(setup.WITHOUT_DEPENDENCIES)
@@ -69,7 +69,7 @@ def test_what_pip_check_says_of_the_environment_is_explained_and_nothing_else_is
         assert name in (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 
 
-def test_the_end_says_what_pip_check_will_say(environment, created, pips, tmp_path: Path, capsys) -> None:
+def test_setup_announces_the_complaints_of_pip_check(environment, created, pips, tmp_path: Path, capsys) -> None:
     listed = tmp_path / "nodeps.txt"
     listed.write_text("# only its files\nbig-one==1.2\n")
     setup.ensure(replace(environment, without_dependencies=(listed,)))
@@ -103,9 +103,7 @@ def test_distributions_of_an_earlier_name_are_removed_first(environment, pips, m
     assert setup.MAIN_ENVIRONMENT.replaced == ("lingjing", "lingjing-agents")
 
 
-def test_a_real_environment_is_made_again_without_its_interpreter_and_a_failure_leaves_no_stamp(
-    environment, capfd
-) -> None:
+def test_an_environment_without_interpreter_is_recreated_and_a_failure_leaves_no_stamp(environment, capfd) -> None:
     """A virtual environment with pip, which takes seconds to make, in the folder of one that lost its interpreter."""
     left = environment.folder / "lib" / "left.txt"
     for folder in (environment.python.parent, left.parent):
@@ -146,7 +144,7 @@ def test_an_interrupt_leaves_no_stamp(environment, created, monkeypatch) -> None
     assert not environment.ready()
 
 
-def test_missing_libraries_are_one_line_for_who_is_not_root(monkeypatch, capsys) -> None:
+def test_missing_libraries_give_one_install_command_to_an_unprivileged_user(monkeypatch, capsys) -> None:
     absent = setup.missing_libraries.__globals__["SystemLibrary"]("libNoSuch.so.1", "libnosuch1", "a test")
     monkeypatch.setattr(setup, "missing_libraries", lambda: (absent,))
     monkeypatch.setattr(os, "geteuid", lambda: 1000)
@@ -159,7 +157,9 @@ def test_missing_libraries_are_one_line_for_who_is_not_root(monkeypatch, capsys)
 
 
 @pytest.mark.parametrize(("is_ready", "made"), [(True, []), (False, ["playing.stamp"])])
-def test_the_first_mission_waits_for_no_development_tools(monkeypatch, is_ready: bool, made: list[str]) -> None:
+def test_the_playing_environment_is_installed_without_development_tools(
+    monkeypatch, is_ready: bool, made: list[str]
+) -> None:
     seen: list[str] = []
     monkeypatch.setattr(sys, "argv", ["setup.py", "--playing"])
     monkeypatch.setattr(setup, "ensure_libraries", lambda: None)
@@ -172,7 +172,7 @@ def test_the_first_mission_waits_for_no_development_tools(monkeypatch, is_ready:
     assert "[dev]" not in installed and "quadruped,road" in installed
 
 
-def test_the_project_is_set_up_by_now() -> None:
+def test_setup_of_this_project_succeeds_without_output() -> None:
     done = subprocess.run(
         [sys.executable, str(ROOT / "tools" / "setup.py")],
         capture_output=True, text=True, check=True, timeout=900,
@@ -188,7 +188,7 @@ def _hold(started, requested, ended) -> None:
         ended.set()
 
 
-def test_two_at_once_are_one_after_the_other(monkeypatch) -> None:
+def test_two_setups_run_one_after_the_other(monkeypatch) -> None:
     context = multiprocessing.get_context("fork")
     started, requested, ended = context.Event(), context.Event(), context.Event()
     other = context.Process(target=_hold, args=(started, requested, ended))
@@ -196,11 +196,11 @@ def test_two_at_once_are_one_after_the_other(monkeypatch) -> None:
     assert started.wait(600)
     lines = []
 
-    def tell(line: str, file: object) -> None:
+    def record(line: str, file: object) -> None:
         lines.append(line)
         requested.set()
 
-    monkeypatch.setattr(setup, "print", tell, raising=False)
+    monkeypatch.setattr(setup, "print", record, raising=False)
     with setup.locked():
         assert ended.is_set()
     other.join()

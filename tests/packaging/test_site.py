@@ -31,7 +31,7 @@ def test_every_page_is_in_the_navigation_once() -> None:
     )
 
 
-def test_the_list_for_language_models_is_that_of_the_pages() -> None:
+def test_the_list_for_language_models_is_current() -> None:
     assert (ROOT / "llms.txt").read_text(encoding="utf-8") == llms.text(), "run `python tools/llms.py`"
 
 
@@ -133,7 +133,7 @@ def test_every_block_of_every_page_is_run_or_left_out_with_a_reason() -> None:
     assert all((DOCS / name).is_file() and reason for name, reason in page_examples.OTHERS.items())
 
 
-def test_fences_of_a_page_are_all_read() -> None:
+def test_all_fenced_blocks_of_a_page_are_read() -> None:
     """A fence that is not read, such as one that is not closed as it is opened, would be passed over."""
     for page in sorted(DOCS.rglob("*.md")):
         text = page.read_text(encoding="utf-8")
@@ -162,7 +162,7 @@ def test_lists_and_tables_begin_after_an_empty_line() -> None:
     assert faulty == []
 
 
-def test_indented_blocks_and_lines_of_a_console_are_commands(tmp_path: Path) -> None:
+def test_commands_are_read_from_indented_console_blocks(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text(
         "- item\n\n    ```console\n    $ echo 1 > a\n    cat a\n    ```\n\n    ```text\n    1\n    ```\n",
@@ -190,13 +190,13 @@ def test_a_page_without_examples_is_no_error(tmp_path: Path) -> None:
         ("<!-- background -->\n```sh\necho the port is used; exit 2\n```", "exit code 2:\nthe port is used"),
     ],
 )
-def test_a_block_that_does_not_do_what_the_page_says_is_named(tmp_path: Path, block: str, message: str) -> None:
+def test_a_block_that_contradicts_its_page_is_reported_with_its_place(tmp_path: Path, block: str, message: str) -> None:
     text = failure(tmp_path, f"# A page\n\n{block}\n")
     assert message in text
     assert "page.md:" in text
 
 
-def test_what_a_page_installs_stays_in_its_own_environment(tmp_path: Path) -> None:
+def test_packages_installed_by_a_page_stay_in_its_own_environment(tmp_path: Path) -> None:
     programs = page_examples.own_environment(tmp_path / "environment")
     assert (programs / "lingjing").read_text(encoding="utf-8").startswith(f"#!{programs}/python\n")
     packages = next((tmp_path / "environment").glob("lib/python*/site-packages"))

